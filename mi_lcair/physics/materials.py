@@ -223,7 +223,7 @@ def _toml_entries(name, file):
         if is_json(path):
             return [_fitted(str(path), report) for report in bands.values()]
         return [
-            _spectral(f"{where}, {SPECTRAL}", name, entry, Path(path).parent)
+            _spectral(f"{where}, {SPECTRAL}", name, Path(path).parent, *_cached(path, entry))
             if band == SPECTRAL
             else _entry(where, name, band, dict(entry), str(path))
             for band, entry in bands.items()
@@ -366,7 +366,15 @@ def _entry(where, name, band, keys, file):
     return Material(name, band, model, parameters, form, source=keys.get("source", file))
 
 
-def _spectral(where, name, entry, folder):
+def _cached(path, entry):
+    """The keys of an entry and the revisions of the files that they name, as a cache's key."""
+    files = [Path(path).parent / text for text in entry.values() if isinstance(text, str)]
+    keys = tuple((key, tuple(v) if isinstance(v, list) else v) for key, v in entry.items())
+    return keys, tuple(revision(file) for file in files if file.is_file())
+
+
+@lru_cache(maxsize=32)
+def _spectral(where, name, folder, keys, revisions):
     """The Material of an entry [NAME.spectral]; its band are the limits of its rows."""
     from mi_lcair.physics.spectra.parameters import spectral_parameters
 
@@ -376,7 +384,7 @@ def _spectral(where, name, entry, folder):
             raise InputError(f"shape '{path}': holds {len(reports)} fits; give the file of one")
         return reports[0]
 
-    spectrum = spectral_parameters(where, entry, folder, fit)
+    spectrum = spectral_parameters(where, dict(keys), folder, fit)
     first, last = spectrum.wavelengths_um[[0, -1]]
     weights = np.gradient(spectrum.wavelengths_um)
     values = spectrum.averaged(spectrum.wavelengths_um, weights)

@@ -307,6 +307,7 @@ def checked(loaded: mi.Scene, path: Path | None, parameters: dict[str, str]) -> 
         # The void around bundled scenes is meant
         is_bundled = path is not None and path.parent == scenes.FOLDER
         of_nothing = [] if is_bundled else reflections_of_nothing(loaded, emitters)
+        of_bins = tracer.paths.remarks()
     if emitters.band is None:
         raise InputError(
             f"{where}: no thermal emitter names a band; "
@@ -318,7 +319,12 @@ def checked(loaded: mi.Scene, path: Path | None, parameters: dict[str, str]) -> 
         band=emitters.band,
         groups=emitters.labels,
         parameters=parameters,
-        notes=[*remarks_on_materials(loaded), *suns_below_the_horizon(loaded), *of_nothing],
+        notes=[
+            *remarks_on_materials(loaded),
+            *suns_below_the_horizon(loaded),
+            *of_nothing,
+            *of_bins,
+        ],
         sensors=list(loaded.sensors()),
         path=path,
     )

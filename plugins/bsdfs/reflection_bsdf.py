@@ -73,6 +73,7 @@ class ReflectionBSDF(mi.BSDF):
     derived = None
     derivations = ()
     notes: tuple[str, ...] = ()  # remarks on the material's spectrum
+    spectrum = None  # parameters over wavelength; `parameters` are then those of the mean
     least_share = 0.0  # least probability of the floor and of the lobe, see `explore`
 
     def __init_subclass__(cls):
@@ -106,6 +107,11 @@ class ReflectionBSDF(mi.BSDF):
                 "use kirchhoff or a measured table"
             )
         self.set_lobe(given["lobe"])
+        if self.spectrum is not None and (self.emissivity != "kirchhoff" or given["form"]):
+            raise InputError(
+                f"material '{self.material}': depends on wavelength; its form is that of its entry "
+                "and its emissivity 1 - HDR, so that `form` and `emissivity` must be left out"
+            )
 
     def read_surface(self, props, plugin: str) -> tuple[tuple[float, ...], str]:
         """Values of the parameters and the form, from a material or from numbers.
@@ -134,12 +140,13 @@ class ReflectionBSDF(mi.BSDF):
         return entry.values, entry.form
 
     def averaged(self, entry, of_band, temperature):
-        """A spectral material with the parameters of its average in a band; sets `notes`."""
+        """A spectral material with parameters of its mean in a band; sets `notes`, `spectrum`.
+
+        temperature: of the radiation for which it is constant in the band [K]; None for none.
+        """
         if temperature is None:
-            raise InputError(
-                f"material '{entry.name}': depends on wavelength; give `average_K`, the "
-                "temperature of the radiation for which it is averaged in the band"
-            )
+            self.notes, self.spectrum = entry.spectrum.remarks, entry.spectrum
+            return entry
         self.notes = *entry.spectrum.remarks, entry.spectrum.remark_on_average(of_band, temperature)
         return entry.averaged(of_band, temperature)
 
@@ -181,12 +188,15 @@ class ReflectionBSDF(mi.BSDF):
     @property
     def reflection(self) -> tuple:
         """What decides how it reflects and emits; equal for equal surfaces."""
-        return self.model.name, *self.values, self.form, self.emissivity, self.lobe
+        of_model = self.model.name, *self.values, self.form, self.emissivity, self.lobe
+        return of_model if self.spectrum is None else (*of_model, id(self.spectrum))
 
     def sources(self):
         return tuple(self.parameters.values())
 
     def traverse(self, cb):
+        if self.spectrum is not None:
+            return  # the parameters of the mean only decide where paths go
         for name, value in self.parameters.items():
             cb.put(name, value, mi.ParamFlags.Differentiable)
 
@@ -360,18 +370,25 @@ def tables(model: reflection.ReflectionModel, values: tuple, form: str) -> tuple
     Float64 = dr.float64_array_t(mi.Float)
     S = model.surface(*(Float64(number) for number in values), form=form)
 
+    return S.cast(mi.Float), tabulated(lambda theta: model.lobe_HDR(S, theta))
+
+
+def tabulated(reflectance) -> mi.Float:
+    """Table of a function of theta_r [rad], a Float64 array, at even steps of sqrt(cos)."""
+    Float64 = dr.float64_array_t(mi.Float)
+
     def quadratures(t):
-        return model.lobe_HDR(S, dr.acos(dr.square(t)))
+        return reflectance(dr.acos(dr.square(t)))
 
     coarse = quadratures(dr.linspace(Float64, 0, 1, STEPS // STEPS_PER_QUADRATURE + 1))
     fine = quadratures(dr.arange(Float64, STEPS_AT_HORIZON) / STEPS)
     node = dr.arange(mi.UInt32, STEPS + 1)
-    lobe = dr.select(
+    table = dr.select(
         node < STEPS_AT_HORIZON,
         gather(fine, dr.minimum(node, STEPS_AT_HORIZON - 1)),
         refine(coarse, STEPS_PER_QUADRATURE),
     )
-    return S.cast(mi.Float), mi.Float(lobe)
+    return mi.Float(table)
 
 
 # Scenes repeat a material on many shapes. What it needs is therefore computed once for equal

@@ -8,6 +8,7 @@ import mitsuba as mi
 import numpy as np
 from mitsuba.python.ad.integrators.common import RBIntegrator
 
+from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.bsdfs.reflection_bsdf import ReflectionBSDF
@@ -16,6 +17,7 @@ from mi_lcair.plugins.derivatives import attached, derivations, deriving, flatte
 from mi_lcair.plugins.emission.draw_table import UnmetSources
 from mi_lcair.plugins.emission.emissivity import Table
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
+from mi_lcair.plugins.paths.by_bin import ByBin, is_spectral
 from mi_lcair.plugins.paths.launch import Launch, ParallelRays, Paths
 from mi_lcair.plugins.paths.offsets import rounding_error
 from mi_lcair.plugins.paths.recording import Recorded
@@ -29,6 +31,17 @@ from mi_lcair.plugins.recorders.last_counts import LastCounts
 from mi_lcair.plugins.recorders.recorder import Recorders
 from mi_lcair.plugins.recorders.unmet_source import UnmetSource
 from mi_lcair.plugins.scene_state import SceneState
+
+# What a scene with spectral materials cannot do, and what works in its place
+WITHOUT_AREAS = (
+    "spectra, and radiation through air, do not work yet with materials that depend on wavelength; "
+    "in-band signatures, images and trends without air do; or give the materials `average_K`, "
+    "which makes them constant in the band"
+)
+WITHOUT_DERIVATIVES = (
+    "derivatives do not work with materials that depend on wavelength; give these `average_K`, "
+    "which makes them constant in the band"
+)
 
 
 class PathTracer(RBIntegrator):
@@ -56,6 +69,12 @@ class PathTracer(RBIntegrator):
         if settings.closure == "ambient":
             ambient = mi.Float(in_band_radiance(emitters.band, settings.ambient_temperature))
         most, samples = settings.max_bounces, settings.emitter_sampling
+        paths = Walk(scene, emitters, most, samples, ambient, explored)
+        if any(is_spectral(shape.bsdf()) for shape in scene.shapes()):
+            if by_spectrum:
+                raise InputError(WITHOUT_AREAS)
+            T = None if ambient is None else settings.ambient_temperature
+            paths.by_bin = ByBin(scene, emitters.band, T)
         of_tables = max(
             (
                 part.relative_error
@@ -72,8 +91,8 @@ class PathTracer(RBIntegrator):
             emitter_sampling=samples,
             closure=settings.closure,
             ambient_radiance=ambient,
-            paths=Walk(scene, emitters, most, samples, ambient, explored),
-            systematic_error=hypot(rounding_error(most), of_tables),
+            paths=paths,
+            systematic_error=hypot(rounding_error(most), of_tables, paths.binning_error),
             recorded=Recorded(state),
             is_complete=True,
         )
@@ -85,6 +104,8 @@ class PathTracer(RBIntegrator):
 
     def check_differentiable(self) -> None:
         """Raise InputError for a parameter whose derivative a replay would not give."""
+        if self.paths.by_bin is not None:
+            raise InputError(WITHOUT_DERIVATIVES)
         for bsdf in {shape.bsdf() for shape in self.scene.shapes()}:
             if is_plume(bsdf) and attached([bsdf.transmittance]):
                 bsdf.check_derivative("plume: transmittance", self.emitters.draws)
@@ -157,6 +178,8 @@ class PathTracer(RBIntegrator):
         Sums
             Sums over the points of each randomisation.
         """
+        if self.paths.by_bin is not None and channels is not None and channels.tables is not None:
+            raise InputError(WITHOUT_DERIVATIVES)
         with dr.suspend_grad():
             paths = launch.paths_from(sensor.sampler())
             rays = ParallelRays.of(sensor) if rays is None else rays
@@ -165,8 +188,9 @@ class PathTracer(RBIntegrator):
             arguments = paths, rays or sensor, block_size(launch), channels
             if facets is not None or self.closure == "tail":
                 blocks, tail = self.whole_sums(*arguments, facets, launch)
-            elif rays is None:
-                # A recording would not see that a sensor of another kind has changed
+            elif rays is None or self.paths.by_bin is not None:
+                # A recording would not see that a sensor of another kind has changed, and it does
+                # not have the tables of the bins
                 blocks, tail = self.block_sums(*arguments), None
             else:
                 blocks, tail = self.recorded(self, *arguments), None

@@ -14,6 +14,7 @@ from mi_lcair.plugins.bsdfs.plume import is_passed
 from mi_lcair.plugins.derivatives import value_along
 from mi_lcair.plugins.emission.emitter_table import MOST_PASSED, EmitterTable
 from mi_lcair.plugins.emission.samples import DrawnDirection
+from mi_lcair.plugins.paths.by_bin import ByBin
 from mi_lcair.plugins.recorders.recorder import Emission, Recorders, Reflection
 
 # Where no direction is drawn, it is not a number, and its slopes times 0 would not be 0.
@@ -36,7 +37,9 @@ class PathState:
     lobe or from the sensor. Such a direction has no density, and cannot be drawn toward an emitter.
     passed: surfaces passed since the last reflection. length: length of the rays before those.
     latent: throughput of a latent path, of which `throughput` is 0: that with a weight of 1 where
-    the surface reflects nothing. 0 for other paths; None where nothing is explored.
+    the surface reflects nothing. 0 for other paths; None where nothing is explored. by_bin:
+    throughputs of the bins of wavelength, see `ByBin`; None in a scene without spectral materials.
+    factors: those of the last emission by bin.
     """
 
     ray: mi.Ray3f
@@ -48,6 +51,8 @@ class PathState:
     passed: mi.UInt32
     length: mi.Float
     latent: mi.Spectrum | None
+    by_bin: dr.Local | None = None
+    factors: dr.Local | None = None
 
 
 @dataclass(frozen=True)
@@ -101,6 +106,7 @@ class Walk:
     shares_hits: whether emitters that a ray can hit are also drawn. ambient_radiance: radiance of
     any surface after one more reflection [W m^-2 sr^-1]; None: the path ends before. explored: for
     the pointer to a BSDF, a positive number if it is explored; None if none is, see `exploring`.
+    by_bin: tables of spectral materials; None if the scene has none.
     """
 
     def __init__(
@@ -112,7 +118,22 @@ class Walk:
         self.shares_hits: bool = emitter_sampling and emitters.draws
         self.ambient_radiance: mi.Float | None = ambient_radiance
         self.explored: mi.UInt32 | None = explored
+        self.by_bin: ByBin | None = None
         self.control = None  # control variate of a replay, see `Control`
+
+    @property
+    def binning_error(self) -> float:
+        """Relative error of a radiance that the bins of wavelength cause."""
+        return 0.0 if self.by_bin is None else self.by_bin.binning_error
+
+    def remarks(self) -> list[str]:
+        """Remarks on the bins of wavelength, for when a scene is loaded."""
+        if self.by_bin is None:
+            return []
+        return [
+            f"materials by wavelength: {self.by_bin.count} bins; they cause a relative error of "
+            f"{self.binning_error:.1e}, without the air"
+        ]
 
     @dr.syntax
     def walk(self, mode, sampler, ray, adjoint, active, recorders: Recorders):
@@ -217,6 +238,8 @@ class Walk:
             passed=mi.UInt32(0),
             length=mi.Float(0),
             latent=None if self.explored is None else mi.Spectrum(0),
+            by_bin=None if self.by_bin is None else self.by_bin.ones(),
+            factors=None if self.by_bin is None else self.by_bin.ones(),
         )
 
     def hit(self, path: PathState, most, active) -> tuple[Hit, mi.Bool]:
@@ -259,15 +282,22 @@ class Walk:
         with dr.resume_grad(when=not primal):
             emitted = hit.emitter.eval(si, hit.active)
             Le = path.throughput * share * emitted
+        parts, by_bin = emitters.parts(hit.emitter, si.prim_index, path.ray.d, hit.active), None
+        if self.by_bin is not None:
+            emits = self.by_bin.emits(hit.emitter, hit.bsdf, si.wi, hit.active & ~beyond)
+            if self.ambient_radiance is not None:
+                emitted = dr.select(beyond, self.ambient_radiance, emitted)
+            by_bin = self.by_bin.radiance(path, emitted, hit.emitter, parts, emits, beyond=beyond)
+            parts, Le = by_bin.parts, path.throughput * share * by_bin.radiance
         latent = None if path.latent is None else path.latent * share * dr.detach(emitted)
         if self.ambient_radiance is not None:
-            ambient = dr.select(si.is_valid(), path.throughput * self.ambient_radiance, 0)
+            ambient = self.ambient_radiance if by_bin is None else by_bin.radiance
+            ambient = dr.select(si.is_valid(), path.throughput * ambient, 0)
             Le = dr.select(beyond, ambient, Le)
             if latent is not None:
                 ambient = dr.select(si.is_valid(), path.latent * self.ambient_radiance, 0)
                 latent = dr.select(beyond, ambient, latent)
         weight = dr.select(beyond, 0, path.throughput[0] * share)
-        parts = emitters.parts(hit.emitter, si.prim_index, path.ray.d, hit.active)
         emission = Emission(Le[0], path.bounce, beyond, hit.emitter, parts, weight, si)
         recorders.emission(replace(emission, latent=first(latent)))
         # The sun is no surface. It is seen where the ray escapes, and through the sky.
@@ -280,9 +310,11 @@ class Walk:
                 if latent is not None:
                     latent_sun = path.latent * share * dr.detach(of_sun)
                     latent = latent + latent_sun
+                sun, whole = emitters.sun_pointer, [(si.prim_index, mi.Float(1))]
+                if self.by_bin is not None:
+                    of_sun = self.by_bin.radiance(path, of_sun, sun, whole).radiance
                 of_sun *= path.throughput * share
                 Le += of_sun
-            sun, whole = emitters.sun_pointer, [(si.prim_index, mi.Float(1))]
             emission = Emission(of_sun[0], path.bounce, beyond, sun, whole, mi.Float(0), None)
             recorders.emission(replace(emission, latent=first(latent_sun)))
         return Le, latent
@@ -293,6 +325,8 @@ class Walk:
         if not self.emitters.draws:
             numbers = sampler.next_1d(), sampler.next_2d()
             bs, weight = bsdf.sample(ctx, si, *numbers, hit.goes_on)
+            if self.by_bin is not None:
+                self.by_bin.reflect(path.by_bin, hit, bs, weight)
             becomes_latent = self.becomes_latent(path, hit, bs, weight)
             return Scattering(numbers, bs, weight, None, mi.Spectrum(0), None, becomes_latent)
         # A delta lobe does not reflect light from a drawn direction. Beyond the last reflection
@@ -312,11 +346,18 @@ class Walk:
             # value of 0 may have a derivative.
             if primal:
                 draws &= drawn.may_radiate & ((dr.max(f) != 0) | self.is_explored(hit))
-            direct = self.emitters.trace(self.scene, si, drawn, draws, recorders.needs_drawn_hit)
+            with_hit = recorders.needs_drawn_hit or self.by_bin is not None
+            direct = self.emitters.trace(self.scene, si, drawn, draws, with_hit)
             # A point source or a parallel beam cannot be hit by a reflected ray, so its whole
             # radiance belongs to the drawn direction
             share = dr.select(drawn.ds.delta, 1, mis_weight(drawn.ds.pdf, pdf)) / drawn.ds.pdf
             radiance = direct.radiance(si)
+            parts = self.emitters.parts(
+                direct.emitter, direct.hit.prim_index, drawn.ds.d, direct.counts
+            )
+            if self.by_bin is not None:
+                by_bin = self.by_bin.drawn(path, hit, direct, to, f, radiance, parts)
+                parts, f, radiance = by_bin.parts, mi.Spectrum(1), by_bin.radiance
             brought = path.throughput * f * radiance * share
             brought = dr.select(direct.counts, brought, 0)
         before = path.throughput * dr.detach(dr.select(direct.counts, radiance * share, 0))
@@ -333,9 +374,7 @@ class Walk:
                 bounce=path.bounce + 1,
                 beyond=path.bounce >= most,
                 emitter=direct.emitter,
-                parts=self.emitters.parts(
-                    direct.emitter, direct.hit.prim_index, drawn.ds.d, direct.counts
-                ),
+                parts=parts,
                 weight=dr.select(direct.counts, weight_of_source, 0),
                 hit=direct.hit,
                 drawn_to=dr.select(direct.counts, to, UPWARD),
@@ -343,6 +382,8 @@ class Walk:
                 latent=first(latent),
             )
         )
+        if self.by_bin is not None:
+            self.by_bin.reflect(path.by_bin, hit, bs, weight)
         becomes_latent = self.becomes_latent(path, hit, bs, weight)
         return Scattering(numbers, bs, weight, drawn, brought, latent, becomes_latent)
 

