@@ -5,6 +5,7 @@ from os import PathLike
 import mitsuba as mi
 
 from mi_lcair.errors import InputError
+from mi_lcair.motions.pose import declare
 from mi_lcair.rendering.scene import LOBE_OF, Scene
 from mi_lcair.rendering.scene import load as load_scene
 from mi_lcair.sensitivity.parameters import chosen, set_values
@@ -12,7 +13,13 @@ from mi_lcair.startup.threads import exclusively
 
 
 @exclusively
-def load(scene: str | PathLike[str] | mi.Scene, /, **parameters: object) -> Scene:
+def load(
+    scene: str | PathLike[str] | mi.Scene,
+    /,
+    *,
+    motions: str | PathLike[str] | None = None,
+    **parameters: object,
+) -> Scene:
     """Load a scene XML or a bundled scene, or take over a scene that Mitsuba has loaded.
 
     Parameters
@@ -21,6 +28,8 @@ def load(scene: str | PathLike[str] | mi.Scene, /, **parameters: object) -> Scen
         Path of the file, or of the folder that `mi-lcair import` wrote; a name that `mi-lcair
         scenes` lists; or a scene that Mitsuba's functions load_file, load_dict or load_string
         returned. Its integrator must be `bounce_path`.
+    motions : path-like, optional
+        TOML file with motions of its own, see `mi_lcair.motions.declared`.
     **parameters
         Values of the scene's $-parameters, and of parameters that `mi_lcair.parameters` lists, such
         as `self.temperature` or `model.yaw_deg`. "lobe.MATERIAL" sets the lobe of one material, as
@@ -40,6 +49,8 @@ def load(scene: str | PathLike[str] | mi.Scene, /, **parameters: object) -> Scen
     values = {n: v for n, v in parameters.items() if "." in n and not n.startswith(LOBE_OF)}
     in_file = {name: value for name, value in parameters.items() if name not in values}
     loaded = load_scene(scene, **in_file)
+    if motions is not None:
+        declare(loaded, motions)
     chosen(loaded, list(values))  # names before numbers
     set_values(loaded, {name: number(name, value) for name, value in values.items()})
     loaded.parameters.update({name: str(value) for name, value in values.items()})

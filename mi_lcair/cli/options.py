@@ -43,6 +43,8 @@ class SceneOptions:
         Whether results are printed as JSON.
     solution : str or None
         Solution's file, and behind a colon a state.
+    motions : Path or None
+        TOML file with motions.
     """
 
     scene: str
@@ -52,6 +54,7 @@ class SceneOptions:
     threads: int | None
     json: bool
     solution: str | None = None
+    motions: Path | None = None
 
     def __post_init__(self):
         scenes.file_of(self.scene)  # before the renderer is imported, which takes its time
@@ -71,7 +74,7 @@ class SceneOptions:
         Without `with_sensors`, remarks on the scene's sensors are left out.
         """
         prepare_renderer(self.variant, self.threads)
-        scene = mi_lcair.load(self.scene, **self.parameters)
+        scene = mi_lcair.load(self.scene, motions=self.motions, **self.parameters)
         if self.solution:
             self.apply_solution(scene)
         for remark in scene.remarks if with_sensors else scene.notes:
@@ -357,12 +360,13 @@ def loading_options(command):
     )
     @seed_option()
     @solution_option
+    @file_option("--motions", "Declare motions of meshes, which -D then sets, FILE.toml.")
     @renderer_options
     @json_option
     @wraps(command)
-    def with_scene(scene, parameters, seed, variant, threads, json, solution, **arguments):
+    def with_scene(scene, parameters, seed, variant, threads, json, solution, motions, **arguments):
         options = SceneOptions(
-            scene, dict(parameters), {"seed": seed}, variant, threads, json, solution
+            scene, dict(parameters), {"seed": seed}, variant, threads, json, solution, motions
         )
         return command(options=options, **arguments)
 

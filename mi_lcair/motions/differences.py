@@ -14,7 +14,7 @@ import numpy as np
 
 from mi_lcair.motions.motion import Motion
 from mi_lcair.motions.pose import known_motions, moved, value_of
-from mi_lcair.motions.starts import meshes_of_model, radiances, starts_in
+from mi_lcair.motions.starts import meshes_of_model, moves_in_view, radiances, starts_in
 from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.plugins.paths.offsets import rounding_error
 from mi_lcair.rendering.measurands import Measurands
@@ -31,6 +31,9 @@ TURN_STEP_DEG, SHIFT_STEP, SIZE_STEP = 0.5, 0.005, 0.005
 LASTING = 0.75
 # Smallest change of a derivative, as a fraction of it, that is a kink or depends on the step
 NOTICED = 0.05
+MOST_DOUBLINGS = 4  # of the default step
+FINE = 3e-3  # error as a fraction of the derivative for which no longer step is tried
+WORTH = 0.7  # ratio of the errors of two steps from which on the longer one is taken
 SIGNIFICANT = 3.0  # standard errors
 
 
@@ -128,9 +131,13 @@ class Differences:
             return TURN_STEP_DEG
         return self.scale * (SHIFT_STEP if self.motion.unit == "m" else SIZE_STEP)
 
+    def poses(self, offsets) -> list[dict[str, float]]:
+        """Values of the motion at distances from its present value."""
+        return [{self.name: self.value + offset} for offset in offsets]
+
     def totals(self, offsets, method: str, paths: int) -> list[Totals]:
         """Renders with the motion at distances from its present value."""
-        poses = [{self.name: self.value + offset} for offset in offsets]
+        poses = self.poses(offsets)
         aims = [self.aim] * len(poses)
         if method == ATTACHED:
             aims = starts_in(self.scene, self.camera, poses)
@@ -144,12 +151,13 @@ class Differences:
     def at(self, step: float | None = None) -> Difference:
         """The derivative from renders at +- step, in units of the motion; None chooses it."""
         h = self.default_step() if step is None else step
-        room = min(self.motion.upper - self.value, self.value - self.motion.lower)
-        h = min(h, room)
+        h = min(h, self.motion.upper - self.value, self.value - self.motion.lower)
         kinds = [ATTACHED, ON_FILM] if self.can_attach else [ON_FILM]
         pilots = {kind: self.pilot(h, kind) for kind in kinds}
         method = min(kinds, key=lambda kind: pilots[kind].noise)
         pilot = pilots[method]
+        if step is None:
+            h, pilot = self.longer_step(h, pilot, method)
         is_kink = pilot.verdict == "kink"
         ends = self.totals([h, -h, *([0] if is_kink else [])], method, self.sampling.paths)
         high, low = map(self.rows, ends[:2])
@@ -178,6 +186,23 @@ class Differences:
             ends=tuple(ends[:2]),
         )
 
+    def longer_step(self, h: float, pilot: "Pilot", method: str) -> tuple[float, "Pilot"]:
+        """A step with less error than `h`, and its pilot.
+
+        Where paths meet or miss what moves, the noise falls as the step grows. The step is doubled
+        as long as the error that the renders with all paths are expected to have falls to WORTH.
+        """
+        fewer = np.sqrt(PILOT_PATHS / self.sampling.paths)
+        for _ in range(MOST_DOUBLINGS):
+            error = hypot(fewer * pilot.noise, pilot.truncation)
+            if pilot.verdict != "smooth" or error < FINE * abs(pilot.slope(3, 1)[0]):
+                break
+            longer = self.pilot(2 * h, method)
+            if hypot(fewer * longer.noise, longer.truncation) > WORTH * error:
+                break
+            h, pilot = 2 * h, longer
+        return h, pilot
+
     def pilot(self, h: float, method: str) -> "Pilot":
         """Renders with few paths at five values, for one kind of differences."""
         offsets = np.array([-2, -1, 0, 1, 2]) * h
@@ -191,9 +216,11 @@ class Differences:
         """Standard error of a difference below which none is stated.
 
         All randomisations may agree on how many of their points lie on a facet, or on one side of
-        an edge of the film. Their scatter is then 0, see `Totals.edge_error`.
+        an edge that moves over the film. Their scatter is then 0, see `Totals.edge_error`.
         """
         if method == ON_FILM:
+            if self.can_attach and not moves_in_view(self.scene, self.camera, self.poses([h, -h])):
+                return 0.0
             errors = [float(total.edge_error(self.channel)[0]) for total in ends]
             return hypot(*errors) / (2 * h)
         radiance = np.concatenate([radiances(mesh) for mesh in meshes_of_model(self.scene)])

@@ -3,23 +3,25 @@
 ======================================= ===========================================================
 model.yaw_deg, .pitch_deg, .roll_deg    attitude of the model: turns about the axes z, -y and x
                                         through the origin of the scene's file, roll first [deg]
-GROUP.yaw_deg, .pitch_deg, .roll_deg    the same turns of one group, about its middle [deg]
-GROUP.x_m, .y_m, .z_m                   shift of a group along the axes of the scene [m]
 GROUP.size                              factor of the size of a group, about its middle
+GROUP.yaw_deg, .pitch_deg, .roll_deg    the same turns of one group, about its middle [deg]
+GROUP.x_m, .y_m, .z_m                   shift of a group [m]
+own names                               see `mi_lcair.motions.declared`
 ======================================= ===========================================================
 
-The middle of a group is that of its bounding box. The size of a group acts first, then its turns
-and its shifts, and then the attitude of the model.
+The motions of a group act in the axes of the model: x toward the nose, y to the left, z up. They
+act in the order of the table, own ones first, and the attitude of the model acts last. The middle
+of a group is that of its bounding box in these axes.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.plugins.emission.triangles import is_faceted, vertex_positions
+from mi_lcair.plugins.emission.triangles import is_faceted
 from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of, is_thermal
 from mi_lcair.rendering.loading.files import survey_values
 
@@ -28,7 +30,7 @@ MODEL = "model"
 TURNS = {"roll_deg": (0, 1.0), "pitch_deg": (1, -1.0), "yaw_deg": (2, 1.0)}
 SHIFTS = {"x_m": 0, "y_m": 1, "z_m": 2}
 RESERVED = (MODEL, "observer", "sun")  # owners of motions that are no groups of meshes
-LARGEST_SHIFT, SMALLEST_SIZE, LARGEST_SIZE = 1e6, 1e-3, 1e3
+FULL_TURN_DEG, LARGEST_SHIFT_M, SIZES = 360.0, 1e6, (1e-3, 1e3)
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,8 @@ class Motion:
     """A motion: a name, and how its value moves the vertices of some meshes.
 
     unit: "deg", "m" or "1". rest: its value in the loaded scene. lower, upper: its bounds. shapes:
-    the meshes. moved: vertices (n, 3) [m] for vertices and a value, Float64.
+    the meshes. moved: function of vertices (n, 3) [m] and of the value. displacement: instead, the
+    displacement of the vertices of each mesh for a value of 1, (n, 3) [m].
     """
 
     name: str
@@ -45,12 +48,14 @@ class Motion:
     lower: float
     upper: float
     shapes: tuple[mi.Shape, ...]
-    moved: Callable[[np.ndarray, float], np.ndarray]
+    moved: Callable[[np.ndarray, float], np.ndarray] | None = None
+    displacement: dict[mi.Shape, np.ndarray] = field(default_factory=dict)
 
-    @property
-    def is_attitude(self) -> bool:
-        """Whether it is a part of the attitude of the model."""
-        return self.name.partition(".")[0] == MODEL
+    def vertices(self, shape: mi.Shape, before: np.ndarray, value: float) -> np.ndarray:
+        """Vertices of a mesh [m], (n, 3), from those before the motion."""
+        if self.moved is not None:
+            return self.moved(before, value)
+        return before + value * self.displacement[shape]
 
 
 def turned(vertices: np.ndarray, degrees: float, turn: str, middle: np.ndarray) -> np.ndarray:
@@ -71,87 +76,75 @@ def scaled(vertices: np.ndarray, size: float, middle: np.ndarray) -> np.ndarray:
     return middle + size * (vertices - middle)
 
 
-def motions_of(scene, loaded: dict) -> dict[str, Motion]:
-    """The motions of a scene by name.
+def model_shapes(scene) -> list[mi.Shape]:
+    """The shapes of a scene's model, without sky and terrain."""
+    return [shape for shape in scene.mi.shapes() if facet_type_of(shape.emitter()) == "model"]
 
-    scene: a Scene. loaded: vertices (n, 3) of the loaded scene, for the meshes that have been moved
-    since. A group whose name is one of RESERVED has no motions, nor has one with a shape that is no
-    mesh.
-    """
-    model = [shape for shape in scene.mi.shapes() if facet_type_of(shape.emitter()) == "model"]
+
+def groups_of_meshes(scene) -> dict[str, list[mi.Shape]]:
+    """The meshes of each group of the model that consists of meshes, by name of the group."""
     groups = {}
-    for shape in model:
+    for shape in model_shapes(scene):
         if is_thermal(shape.emitter()):
             groups.setdefault(shape.emitter().group, []).append(shape)
-    origin = -np.array(scene.origin)
-    motions = turns(MODEL, model, origin, attitude(scene)) if all(map(is_faceted, model)) else []
-    for group, shapes in sorted(groups.items()):
-        if group in RESERVED or not all(map(is_faceted, shapes)):
+    return {group: groups[group] for group in sorted(groups) if all(map(is_faceted, groups[group]))}
+
+
+def attitude_of(scene) -> list[Motion]:
+    """The turns of a scene's model; none if a part of it is no mesh.
+
+    They rest at the $-parameters of the same names with which the scene was loaded.
+    """
+    shapes, rest = model_shapes(scene), {}
+    if not all(map(is_faceted, shapes)):
+        return []
+    if scene.path is not None:
+        values = survey_values(scene.path, scene.parameters)
+        rest = {turn: float(values[turn]) for turn in TURNS if turn in values}
+    return turns(MODEL, shapes, -np.array(scene.origin), rest)
+
+
+def motions_of_groups(scene, points: dict) -> list[Motion]:
+    """The motions of the groups of a scene.
+
+    A group whose name is one of RESERVED has none. points: vertices (n, 3) of each mesh in the axes
+    of the model [m].
+    """
+    motions = []
+    for group, shapes in groups_of_meshes(scene).items():
+        if group in RESERVED:
             continue
-        points = np.concatenate([loaded.get(s, vertex_positions(s)) for s in shapes])
-        middle = (points.min(axis=0) + points.max(axis=0)).astype(float) / 2
-        size = partial(scaled, middle=middle)
-        bounds = 1.0, SMALLEST_SIZE, LARGEST_SIZE
-        motions.append(Motion(f"{group}.size", "1", *bounds, tuple(shapes), size))
+        of_group = np.concatenate([points[shape] for shape in shapes])
+        middle = (of_group.min(axis=0) + of_group.max(axis=0)) / 2
+        size, each = partial(scaled, middle=middle), tuple(shapes)
+        motions.append(Motion(f"{group}.size", "1", 1.0, *SIZES, each, size))
         motions += turns(group, shapes, middle, {})
+        bounds = 0.0, -LARGEST_SHIFT_M, LARGEST_SHIFT_M
         motions += [
-            Motion(
-                f"{group}.{name}",
-                "m",
-                0.0,
-                -LARGEST_SHIFT,
-                LARGEST_SHIFT,
-                tuple(shapes),
-                partial(shifted, axis=axis),
-            )
+            Motion(f"{group}.{name}", "m", *bounds, each, partial(shifted, axis=axis))
             for name, axis in SHIFTS.items()
         ]
-    return {motion.name: motion for motion in motions}
-
-
-def attitude(scene) -> dict[str, float]:
-    """The attitude in which a scene was loaded, from the $-parameters of its file [deg]."""
-    if scene.path is None:
-        return {}
-    values = survey_values(scene.path, scene.parameters)
-    return {turn: float(values[turn]) for turn in TURNS if turn in values}
+    return motions
 
 
 def turns(owner: str, shapes, middle: np.ndarray, rest: dict[str, float]) -> list[Motion]:
     """The turns of some meshes about a point, in the order in which they act."""
+    bounds, each = (-FULL_TURN_DEG, FULL_TURN_DEG), tuple(shapes)
     return [
         Motion(
             f"{owner}.{turn}",
             "deg",
             rest.get(turn, 0.0),
-            -360.0,
-            360.0,
-            tuple(shapes),
+            *bounds,
+            each,
             partial(turned, turn=turn, middle=middle),
         )
         for turn in TURNS
     ]
 
 
-def moved_vertices(vertices: np.ndarray, motions: list[Motion], values: dict) -> np.ndarray:
-    """Vertices of a mesh for values of its motions, Float64.
-
-    Parameters
-    ----------
-    vertices : ndarray, shape (n, 3)
-        Those of the loaded scene [m].
-    motions : list of Motion
-        Those of the mesh, in the order in which they act.
-    values : dict of str to float
-        Values by name, of those that are not at rest.
-    """
-    attitude = [motion for motion in motions if motion.is_attitude]
-    for motion in motions:
-        if motion.name in values and not motion.is_attitude:
-            vertices = motion.moved(vertices, values[motion.name])
-    if any(motion.name in values for motion in attitude):
-        for motion in reversed(attitude):
-            vertices = motion.moved(vertices, -motion.rest)
-        for motion in attitude:
-            vertices = motion.moved(vertices, values.get(motion.name, motion.rest))
+def in_axes_of_model(vertices: np.ndarray, attitude: list[Motion]) -> np.ndarray:
+    """Vertices of the loaded scene (n, 3) in the axes of the model, before its attitude."""
+    for motion in reversed(attitude):
+        vertices = motion.moved(vertices, -motion.rest)
     return vertices

@@ -2,50 +2,91 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.motions.motion import Motion, motions_of, moved_vertices
+from mi_lcair.errors import InputError
+from mi_lcair.motions.declared import declared_motions, read_motions
+from mi_lcair.motions.motion import (
+    Motion,
+    attitude_of,
+    in_axes_of_model,
+    model_shapes,
+    motions_of_groups,
+)
 from mi_lcair.plugins.derivatives import held, own_memory, same_variables
-from mi_lcair.plugins.emission.triangles import points, set_vertices, vertex_buffer
+from mi_lcair.plugins.emission.triangles import is_faceted, points, set_vertices, vertex_buffer
 
-MOVED = "pose"  # key of `Scene.moved`
+POSE, DECLARED = "pose", "declared"  # keys of `Scene.moved`
 
 
 class Pose:
-    """What motions have changed in a scene.
+    """The motions of a scene, their values, and what they have changed.
 
-    values: of the motions that are not at rest. loaded: the vertices of moved meshes in the loaded
-    scene, mi.Float. present: those that the values gave.
+    loaded: the vertices of the model's meshes in the loaded scene, mi.Float. present: those that
+    the values gave. attitude: the turns of the model. motions: all motions by name, in the order in
+    which they act. values: of the motions that are not at rest.
     """
 
-    def __init__(self):
-        self.values, self.loaded, self.present = {}, {}, {}
+    def __init__(self, scene):
+        meshes = [shape for shape in model_shapes(scene) if is_faceted(shape)]
+        self.loaded = dict(zip(meshes, held([vertex_buffer(mesh) for mesh in meshes])))
+        self.present, self.values = dict(self.loaded), {}
+        self.attitude = attitude_of(scene)
+        of_meshes = {mesh: self.in_axes_of_model(mesh) for mesh in meshes}
+        motions = declared_motions(scene, scene.moved.get(DECLARED, {}), of_meshes)
+        motions += [*motions_of_groups(scene, of_meshes), *self.attitude]
+        self.motions = {}
+        for motion in motions:
+            if motion.name in self.motions:
+                raise InputError(f"motion '{motion.name}' is declared, and is a motion of a group")
+            self.motions[motion.name] = motion
 
     @staticmethod
     def of(scene) -> "Pose":
         """The pose of a scene; a new one if a caller has changed the vertices since."""
-        pose = scene.moved.get(MOVED)
+        pose = scene.moved.get(POSE)
         if pose is None or not pose.holds:
-            pose = scene.moved[MOVED] = Pose()
+            pose = scene.moved[POSE] = Pose(scene)
         return pose
 
     @property
     def holds(self) -> bool:
-        """Whether the moved meshes have the vertices that the values gave."""
-        present = [vertex_buffer(shape) for shape in self.present]
+        """Whether the meshes have the vertices that the values gave."""
+        present = [vertex_buffer(mesh) for mesh in self.present]
         return same_variables(present, list(self.present.values()))
 
-    @property
-    def loaded_points(self) -> dict:
-        """Vertices (n, 3) of the moved meshes in the loaded scene [m]."""
-        return {shape: points(array) for shape, array in self.loaded.items()}
+    def in_axes_of_model(self, mesh) -> np.ndarray:
+        """Vertices (n, 3) of a mesh of the loaded scene in the axes of the model [m], Float64."""
+        return in_axes_of_model(points(self.loaded[mesh]).astype(float), self.attitude)
+
+    def buffer(self, mesh) -> mi.Float:
+        """The vertices of a mesh for the present values; if all are at rest, those loaded."""
+        of_mesh = [motion for motion in self.motions.values() if mesh in motion.shapes]
+        if not any(motion.name in self.values for motion in of_mesh):
+            return self.loaded[mesh]
+        vertices = self.in_axes_of_model(mesh)
+        for motion in of_mesh:
+            if motion.name in self.values or motion in self.attitude:
+                value = self.values.get(motion.name, motion.rest)
+                vertices = motion.vertices(mesh, vertices, value)
+        array = mi.Float(np.ravel(vertices))
+        own_memory([array])
+        return array
+
+
+def declare(scene, file: str | Path) -> None:
+    """Give a scene the motions of a TOML file; raises InputError for what cannot be used."""
+    scene.moved[DECLARED] = read_motions(file)
+    scene.moved.pop(POSE, None)
+    Pose.of(scene)
 
 
 def known_motions(scene) -> dict[str, Motion]:
     """The motions of a scene by name."""
-    return motions_of(scene, Pose.of(scene).loaded_points)
+    return Pose.of(scene).motions
 
 
 def value_of(scene, motion: Motion) -> float:
@@ -59,32 +100,18 @@ def set_motions(scene, values: Mapping[str, float]) -> None:
     The vertices follow in Float64 from those of the loaded scene. Meshes whose motions are all at
     rest get the loaded vertices back, bit for bit.
     """
-    if not values:
-        return
-    motions, pose = known_motions(scene), Pose.of(scene)
-    touched = {shape for name in values for shape in motions[name].shapes}
+    pose = Pose.of(scene)
+    changed = [mesh for mesh in pose.loaded if any(mesh in pose.motions[n].shapes for n in values)]
     pose.values |= values
-    pose.values = {n: value for n, value in pose.values.items() if value != motions[n].rest}
-    arrays = {}
-    for shape in touched:
-        of_shape = [motion for motion in motions.values() if shape in motion.shapes]
-        pose.loaded.setdefault(shape, *held([vertex_buffer(shape)]))
-        if any(motion.name in pose.values for motion in of_shape):
-            vertices = points(pose.loaded[shape]).astype(float)
-            array = mi.Float(np.ravel(moved_vertices(vertices, of_shape, pose.values)))
-            own_memory([array])
-        else:
-            array = pose.loaded[shape]
-        arrays[shape] = array
-    set_vertices(scene.mi, arrays)
-    pose.present |= {shape: held([vertex_buffer(shape)])[0] for shape in touched}
+    pose.values = {n: value for n, value in pose.values.items() if value != pose.motions[n].rest}
+    set_vertices(scene.mi, {mesh: pose.buffer(mesh) for mesh in changed})
+    pose.present |= dict(zip(changed, held([vertex_buffer(mesh) for mesh in changed])))
 
 
 @contextmanager
 def moved(scene, values: Mapping[str, float]) -> Iterator[None]:
     """Context manager in which motions have other values; the vertices are restored exactly."""
-    motions = known_motions(scene)
-    before = {name: value_of(scene, motions[name]) for name in values}
+    before = {name: value_of(scene, known_motions(scene)[name]) for name in values}
     set_motions(scene, values)
     try:
         yield

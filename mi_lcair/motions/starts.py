@@ -3,21 +3,22 @@
 import mitsuba as mi
 import numpy as np
 
+from mi_lcair.motions.motion import model_shapes
 from mi_lcair.motions.pose import moved
 from mi_lcair.plugins.emission.radiance_bound import radiance_bound
 from mi_lcair.plugins.emission.triangles import Choice, is_faceted, triangle_corners
-from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of
 from mi_lcair.plugins.paths.facet_starts import FacetStarts
-from mi_lcair.rendering.window import window
+from mi_lcair.rendering.window import window, window_size
 
 # Shares of the paths that begin on facets by their projected area, because a cold facet may reflect
 # much, by projected area times radiance, and by the change of the latter between the poses
 SHARES = 0.3, 0.3, 0.4
+TINY = 1e-6  # parts of the window, and of its area, below which nothing moves or is seen
 
 
 def meshes_of_model(scene) -> list[mi.Shape] | None:
     """The meshes of a scene's model; None if a part of the model is no mesh."""
-    model = [shape for shape in scene.mi.shapes() if facet_type_of(shape.emitter()) == "model"]
+    model = model_shapes(scene)
     return model if model and all(map(is_faceted, model)) else None
 
 
@@ -45,6 +46,17 @@ def starts_in(scene, sensor, poses: list[dict]) -> list[FacetStarts]:
     parts = area, area * radiance, np.ptp(areas, axis=0) * radiance
     choice = Choice(sum(k * part / part.sum() for k, part in zip(SHARES, parts) if part.any()))
     return [FacetStarts.at(meshes, of_pose, choice) for of_pose in outlines]
+
+
+def moves_in_view(scene, sensor, poses: list[dict]) -> bool:
+    """Whether a triangle that a sensor can see differs between two poses; others as above."""
+    outlines = []
+    for pose in poses:
+        with moved(scene, pose):
+            of_pose, visible = zip(*(outline(mesh, sensor) for mesh in meshes_of_model(scene)))
+        shown = np.concatenate(visible) > TINY * np.prod(window_size(sensor))
+        outlines.append(np.concatenate(of_pose) * shown[:, None, None])
+    return bool(np.abs(outlines[0] - outlines[1]).max() > TINY)
 
 
 def outline(mesh: mi.Shape, sensor) -> tuple[np.ndarray, np.ndarray]:

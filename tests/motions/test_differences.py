@@ -7,8 +7,10 @@ projected area.
 import mitsuba as mi
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 import mi_lcair
+from mi_lcair.motions.motion import TURNS, turned
 from mi_lcair.sensitivity.parameters import changed
 
 L = 5.670374419e-8 * 300.0**4 / np.pi
@@ -31,8 +33,6 @@ def mesh(name: str, corners, triangles):
 
 def convex_hull(name: str, points):
     """The mesh of a convex hull, its triangles turned outward."""
-    from scipy.spatial import ConvexHull
-
     hull, triangles = ConvexHull(points), []
     for simplex, equation in zip(hull.simplices, hull.equations):
         a, b, c = points[simplex]
@@ -101,3 +101,73 @@ def test_a_shift_is_no_change():
     for name in ("cube.y_m", "cube.z_m"):
         found = derivative(scene_of(convex_hull("cube", CUBE)), name)
         assert abs(found.derivative) <= 3 * found.error and found.error > 0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_random_hulls(seed):
+    """Any turn of any convex body, against its projected area in Float64."""
+    rng = np.random.default_rng(seed)
+    points = 0.5 * rng.normal(size=(12, 3))
+    scene = scene_of(convex_hull("body", points), window=4)
+    turn = list(TURNS)[seed % 3]
+    hull = ConvexHull(points)
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+
+    def intensity(angle: float) -> float:
+        corners = turned(points, angle, turn, middle)[hull.simplices]
+        sides = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        return L * np.abs(sides @ VIEW).sum() / 4  # front and back project on the same area
+
+    found = derivative(scene, f"body.{turn}")
+    exact = (intensity(0.01) - intensity(-0.01)) / 0.02
+    of_step = (intensity(found.step) - intensity(-found.step)) / (2 * found.step)
+    assert abs(found.derivative - of_step) < 4 * found.error + 1e-4 * abs(exact)
+    assert 0 < found.error < 0.02 * abs(exact) + 1e-3 * intensity(0)
+
+
+def view_of_wall(depth: float, width: float, height: float, gap: float = 0.0) -> float:
+    """Area times view factor from a floor to a wall that stands upright behind a gap [m^2].
+
+    The factor of a point at (x, y) is known in closed form. Gauss points integrate it over the
+    floor, dense near the wall.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(200)
+    t, wt = (nodes + 1) / 2, weights / 2
+    x, y = np.meshgrid(gap + depth * t**2, width * t, indexing="ij")
+    far = np.hypot(x, height)
+    sides = [np.arctan(s / x) - x / far * np.arctan(s / far) for s in (y, width - y)]
+    return depth * width * (wt * 2 * t) @ (sum(sides) / (2 * np.pi)) @ wt
+
+
+WALL = 5.670374419e-8 * 800.0**4 / np.pi
+
+
+@pytest.mark.slow
+def test_gap_of_two_plates():
+    """The plate moves away from the reflector; nothing that the sensor sees moves."""
+    scene = mi_lcair.load("two_plates", **{"plate.x_m": -0.02})
+    h = 1e-5
+    low, high = (view_of_wall(0.2, 0.1, 0.2, 0.02 + s * h) for s in (-1, 1))
+    exact = WALL * (high - low) / (2 * h)
+    found = derivative(scene, "plate.x_m", 2**16)
+    assert abs(found.derivative + exact) < 4 * found.error < 0.06 * abs(exact)
+
+
+@pytest.mark.slow
+def test_height_of_a_wall(tmp_path):
+    """A declared motion: the wall of the open box stays on the floor and grows."""
+    wall = mi_lcair.load("open_box").mi.shapes()[1]
+    buffers = mi.traverse(wall)
+    tall = buffers["vertex_positions"].numpy().reshape(-1, 3) * [1, 1, 2]
+    buffers["vertex_positions"] = mi.Float(tall.ravel().astype(np.float32))
+    buffers.update()
+    wall.write_ply(str(tmp_path / "tall.ply"))
+    file = tmp_path / "motions.toml"
+    file.write_text(
+        f'[motions]\n"wall.height" = {{groups = ["wall"], displaced = "{tmp_path}/tall.ply"}}\n'
+    )
+    found = derivative(mi_lcair.load("open_box", motions=file), "wall.height", 2**16)
+    h, factor = 1e-5, np.cos(np.pi / 4) * 0.5 * WALL
+    low, high = (view_of_wall(0.1, 0.2, 0.1 * (1 + s * h)) for s in (-1, 1))
+    exact = factor * (high - low) / (2 * h)
+    assert abs(found.derivative - exact) < 4 * found.error < 0.06 * exact

@@ -1,0 +1,118 @@
+"""Motions that a user declares in the table [motions] of a TOML file.
+
+    [motions]
+    "exhaust.radius" = {groups = ["hot_parts"], scale = [0, 1, 1], each = true}
+    "wing.flap" = {groups = ["self"], displaced = "flap_down.ply"}
+
+With `scale`, a vertex moves by value x scale x (vertex - middle), component by component. The
+middle is that of the groups or, with `each`, of each connected part. With `displaced`, it moves by
+value x (vertex of that file - vertex). Both are in the axes of the model.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import mitsuba as mi
+import numpy as np
+
+from mi_lcair.errors import InputError, unknown
+from mi_lcair.files import check_file, parse_toml, read_text
+from mi_lcair.models3d.welding import weld
+from mi_lcair.motions.motion import Motion, groups_of_meshes
+from mi_lcair.plugins.emission.triangles import triangle_vertices, vertex_positions
+from mi_lcair.toml_table import filled
+
+LARGEST = 1e3  # bound of the value of a declared motion, which is 0 in the loaded scene
+
+
+@dataclass(frozen=True)
+class Declared:
+    """A table of [motions]; groups: their names. The others: see above."""
+
+    groups: tuple[str, ...]
+    scale: tuple[float, ...] = ()
+    each: bool = False
+    displaced: str = ""
+
+
+def read_motions(file: str | Path) -> dict[str, Declared]:
+    """The motions of a TOML file by name; raises InputError for what cannot be used."""
+    tables = parse_toml(read_text(file, f"motions {file}"), f"motions {file}")
+    if list(tables) != ["motions"] or not isinstance(tables["motions"], dict):
+        raise InputError(f"motions {file}: must have one table, [motions]")
+    declared = {}
+    for name, values in tables["motions"].items():
+        where = f"motions {file}: '{name}'"
+        motion = declared[name] = filled(Declared, values, where)
+        if "." not in name:
+            raise InputError(f"{where} must be of the form OWNER.NAME, such as exhaust.radius")
+        if bool(motion.scale) == bool(motion.displaced):
+            raise InputError(f"{where} needs either scale = [x, y, z] or displaced = FILE.ply")
+        if motion.scale and len(motion.scale) != 3:
+            raise InputError(f"{where}: scale has {len(motion.scale)} numbers; give 3")
+    return declared
+
+
+def declared_motions(scene, declared: dict[str, Declared], points: dict) -> list[Motion]:
+    """The declared motions of a scene.
+
+    points: vertices (n, 3) of each mesh in the axes of the model [m]. Raises InputError for unknown
+    groups, for a file with other triangles, and for a motion that moves nothing.
+    """
+    groups, motions = groups_of_meshes(scene), []
+    for name, motion in declared.items():
+        for group in motion.groups:
+            if group not in groups:
+                raise unknown(f"group of meshes of {scene.name}", group, groups)
+        shapes = [shape for group in motion.groups for shape in groups[group]]
+        if motion.displaced:
+            displacement = displaced(name, motion.displaced, shapes, points)
+        else:
+            displacement = stretched(motion, shapes, points)
+        if not any(moved.any() for moved in displacement.values()):
+            raise InputError(f"motion '{name}' moves no vertex; check its groups and its scale")
+        bounds = 0.0, -LARGEST, LARGEST
+        motions.append(Motion(name, "1", *bounds, tuple(shapes), displacement=displacement))
+    return motions
+
+
+def stretched(motion: Declared, shapes, points: dict) -> dict:
+    """Displacements scale x (vertex - middle) of the vertices of each mesh, (n, 3) [m]."""
+    whole, displacement = np.concatenate([points[shape] for shape in shapes]), {}
+    for shape in shapes:
+        vertices, middle = points[shape], (whole.min(axis=0) + whole.max(axis=0)) / 2
+        if motion.each:
+            middle = middles_of_parts(vertices, triangle_vertices(shape))
+        displacement[shape] = np.array(motion.scale) * (vertices - middle)
+    return displacement
+
+
+def middles_of_parts(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """For each vertex (n, 3), the middle of the bounding box of its connected part, (n, 3)."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    welded = weld(vertices)
+    ends = np.concatenate([welded[triangles[:, [0, 1]]], welded[triangles[:, [1, 2]]]])
+    links = coo_array((np.ones(len(ends), bool), ends.T), shape=(len(vertices),) * 2)
+    _, part = connected_components(links, directed=False)
+    _, part = np.unique(part[welded], return_inverse=True)
+    count = part.max() + 1
+    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    np.minimum.at(low, part, vertices)
+    np.maximum.at(high, part, vertices)
+    return ((low + high) / 2)[part]
+
+
+def displaced(name: str, file: str, shapes, points: dict) -> dict:
+    """Displacements of the vertices of a mesh to those of a PLY file, (n, 3) [m]."""
+    check_file(Path(file))
+    if not Path(file).is_file():
+        raise InputError(f"motion '{name}': there is no file {file}")
+    other = mi.load_dict({"type": "ply", "filename": file, "face_normals": True})
+    if len(shapes) != 1 or not np.array_equal(*map(triangle_vertices, (other, shapes[0]))):
+        raise InputError(
+            f"motion '{name}': {file} must have the triangles of the one mesh that it moves, with "
+            "other vertices"
+        )
+    return {shapes[0]: vertex_positions(other).astype(float) - points[shapes[0]]}

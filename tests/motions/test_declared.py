@@ -1,0 +1,90 @@
+"""Motions that a TOML file declares: what they move, and what is refused."""
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+import mi_lcair
+from mi_lcair import InputError
+from mi_lcair.motions.declared import middles_of_parts
+from mi_lcair.plugins.emission.triangles import vertex_positions
+
+
+def declared(folder, text: str):
+    file = folder / "motions.toml"
+    file.write_text(f"[motions]\n{text}\n")
+    return file
+
+
+def test_middles_of_parts():
+    """Two triangles with a common vertex at different indices, and one apart."""
+    vertices = np.array([[0, 0, 0], [2, 0, 0], [0, 2, 0], [2, 0, 0], [4, 0, 6], [2, 2, 0]])
+    vertices = np.concatenate([vertices, vertices[:3] + 10]).astype(float)
+    middles = middles_of_parts(vertices, np.arange(9).reshape(3, 3))
+    assert np.array_equal(middles[:6], np.tile([2.0, 1, 3], (6, 1)))
+    assert np.array_equal(middles[6:], np.tile([11.0, 11, 10], (3, 1)))
+
+
+def test_radius_of_each_exhaust(tmp_path):
+    """Each exhaust grows about its own axis, also where the aircraft is pitched."""
+    text = '"exhaust.radius" = {groups = ["hot_parts"], scale = [0, 1, 1], each = true}'
+    file = declared(tmp_path, text)
+
+    def corners(pitch: float, radius: float):
+        scene = mi_lcair.load(
+            "a340_landing",
+            motions=file,
+            pitch_deg=pitch,
+            **{"exhaust.radius": radius, "model.pitch_deg": 0},
+        )
+        return vertex_positions(
+            next(s for s in scene.mi.shapes() if s.emitter().group == "hot_parts")
+        )
+
+    base, wide = corners(0, 0), corners(0, 0.2)
+    assert corners(10, 0.2) == pytest.approx(wide, abs=2e-5)
+    left = base[:, 1] > 0
+    inner = np.abs(base[:, 1]) < np.abs(base[:, 1]).mean()
+    for part in (left & inner, ~left & inner):
+        sides, wider = (np.ptp(points[part], axis=0) for points in (base, wide))
+        assert wider[1:] == pytest.approx(1.2 * sides[1:], rel=1e-4)
+        assert wider[0] == pytest.approx(sides[0], rel=1e-5)
+
+
+def test_displaced(tmp_path):
+    scene = mi_lcair.load("cylinder_ir_range", resolution=8, pitch_deg=0)
+    shape = scene.mi.shapes()[0]
+    goal = vertex_positions(shape) * [1, 2, 1] + [0, 0, 0.5]
+    buffers = mi.traverse(shape)
+    buffers["vertex_positions"] = mi.Float(goal.ravel().astype(np.float32))
+    buffers.update()
+    shape.write_ply(str(tmp_path / "goal.ply"))
+    file = declared(tmp_path, f'"a.b" = {{groups = ["self"], displaced = "{tmp_path}/goal.ply"}}')
+    for pitch in (0, 45):
+        moved = mi_lcair.load(
+            "cylinder_ir_range",
+            motions=file,
+            resolution=8,
+            pitch_deg=pitch,
+            **{"a.b": 1, "model.pitch_deg": 0},
+        )
+        assert vertex_positions(moved.mi.shapes()[0]) == pytest.approx(goal, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('"radius" = {groups = ["self"], scale = [1, 1, 1]}', "OWNER.NAME"),
+        ('"a.b" = {groups = ["self"]}', "either scale"),
+        ('"a.b" = {groups = ["self"], scale = [1, 1]}', "has 2 numbers; give 3"),
+        ('"a.b" = {groups = ["selv"], scale = [1, 1, 1]}', "unknown group of meshes"),
+        ('"a.b" = {groups = ["self"], scale = [0, 0, 0]}', "moves no vertex"),
+        ('"self.size" = {groups = ["self"], scale = [1, 1, 1]}', "is a motion of a group"),
+        ('"a.b" = {groups = ["self"], displaced = "scenes/meshes/furnace_slab.ply"}', "triangles"),
+        ('"a.b" = {groups = ["self"], displaced = "no.ply"}', "no.ply"),
+        ("a = 1\n[other]", "one table"),
+    ],
+)
+def test_refused(tmp_path, text, message):
+    with pytest.raises(InputError, match=message):
+        mi_lcair.load("cylinder_ir_range", motions=declared(tmp_path, text), resolution=8)
