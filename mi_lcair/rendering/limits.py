@@ -9,9 +9,9 @@ from mi_lcair.plugins.recorders.by_bounce import MAX_BOUNCE_CHANNELS
 MOST_SPP = 2**32 - 1  # paths through a pixel, which are numbered by 32-bit integers
 MOST_PATHS = 2**40  # paths of one render; a processor traces about 10^7 paths in a second
 # Memory for the radiance and statistics of a pixel, and for each channel in double and in single
-# precision [bytes]. Measured with 4 samples per pixel on images of 1 to 4 million pixels: 365 to
-# 388 bytes per pixel in the scene two_plates with 10 channels, 879 in furnace with 43.
-BYTES_PER_PIXEL, BYTES_PER_CHANNEL = 250, 15
+# precision [bytes]. Measured with 4 samples per pixel on images of 1 to 2 million pixels: 433
+# bytes per pixel in the scene two_plates with 10 channels, 955 in furnace with 43.
+BYTES_PER_PIXEL, BYTES_PER_CHANNEL = 320, 15
 GIB = 2**30
 
 

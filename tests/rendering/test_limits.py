@@ -40,7 +40,7 @@ def test_an_image_that_needs_too_much(monkeypatch):
     monkeypatch.setattr(limits, "available_memory", lambda: 2 * GIB)
     scene = mi_lcair.load("two_plates", resolution=20_000)
     with pytest.raises(
-        InputError, match=r"400000000 pixels needs 149.0 GiB of memory, and 2.0 GiB"
+        InputError, match=r"400000000 pixels needs 175.1 GiB of memory, and 2.0 GiB"
     ):
         mi_lcair.render(scene, spp=1)
     assert mi_lcair.render(mi_lcair.load("two_plates", resolution=8), spp=1).mean >= 0
