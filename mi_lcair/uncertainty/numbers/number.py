@@ -8,6 +8,7 @@ another render, which repeats the same paths.
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import isclose
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from mi_lcair.sensitivity.columns import MOST_COLUMNS, without_column
 from mi_lcair.sensitivity.common_numbers import PARTS, CommonNumbers
 from mi_lcair.sensitivity.entries import NEAREST, Parameter
 from mi_lcair.sensitivity.parameters import checked
-from mi_lcair.sensitivity.window import differentiate_intensity
+from mi_lcair.sensitivity.window import differences_of, differentiate_intensity
 from mi_lcair.signatures.effective_areas import EffectiveAreas, effective_areas
 
 # Step of a derivative in closed form, in standard deviations. Its error falls with the square.
@@ -84,6 +85,7 @@ class Number(ABC):
 
     def start(self) -> None:
         """Render the scene once, and prepare everything that follows from that."""
+        self.of_motions = []  # (name, value, the number for this value of the motion)
         self.total = self.numbers.render()
         self.areas = areas = self.areas_of(self.total)
         # Whether all temperatures and radiances are told apart, so that they need no render
@@ -121,6 +123,9 @@ class Number(ABC):
         """The number for other values of some quantities, from the same random numbers."""
         quantities = {name: value for name, value in values.items() if self.is_own(name)}
         rest = {name: value for name, value in values.items() if name not in quantities}
+        for name, end, number in self.of_motions:
+            if list(values) == [name] and isclose(values[name], end, rel_tol=1e-9):
+                return number
         checked_names = {name: v for name, v in rest.items() if not self.is_emission(name)}
         if not checked_names:
             return self.linear(self.total, self.changed(self.areas, rest), quantities).value
@@ -259,12 +264,42 @@ class Number(ABC):
         return sensitivity.derivative, sensitivity.error[1:]
 
     def differences(self, names, sigma) -> np.ndarray:
-        """Derivatives by differences over a standard deviation; their noise is not known."""
-        slopes = []
+        """Derivatives by differences over a standard deviation.
+
+        Their noise is known for motions only.
+        """
+        slopes, errors = [], []
         for name, step in zip(names, sigma):
+            if self.known[name].kind == "motion":
+                slope, error = self.moved_difference(name, step)
+                slopes.append(slope)
+                errors.append(error)
+                continue
+            errors.append(np.nan)
             low, high = (self.within(name, self.known[name].value + s) for s in (-step, step))
             slopes.append((self.at({name: high}) - self.at({name: low})) / (high - low))
-        return np.array([slopes, np.full(len(slopes), np.nan)])
+        return np.array([slopes, errors])
+
+    def moved_difference(self, name: str, sigma: float) -> tuple[float, float]:
+        """Derivative with respect to a motion over a standard deviation, and its standard error.
+
+        Its two renders also give the number at plus and minus that, for `at`. Their mean differs
+        from the present number by the curvature, which a pilot gives.
+        """
+        difference = differences_of(self.numbers, name).at(sigma)
+        self.numbers.count += 2
+        step, present = difference.step, self.known[name].value
+        high, low = (
+            self.linear(total, self.areas_of(total), {}).value for total in difference.ends
+        )
+        mean = self.total.mean(PARTS[self.part])[0]
+        factor = self.of_intensity / mean if mean else self.numbers.area
+        below, above = difference.one_sided
+        bend = factor * (above - below) * step / 2
+        for sign in (1, -1):
+            change = sign * (high - low) / 2 + bend
+            self.of_motions.append((name, present + sign * step, self.value + change))
+        return (high - low) / (2 * step), abs(factor) * difference.error
 
     def within(self, name: str, value: float) -> float:
         """The value, or the bound of the quantity that it would cross."""
