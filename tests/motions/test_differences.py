@@ -175,12 +175,12 @@ def test_height_of_a_wall(tmp_path):
 
 def test_budget_of_pose():
     """Pose and size in a budget, against draws of the closed form; two renders for each."""
-    sigma = {"cube.yaw_deg": 1.0, "cube.size": 0.05}
+    sigma = {"cube.yaw_deg": 3.0, "cube.size": 0.01}
     scene = scene_of(convex_hull("cube", CUBE))
     with changed(scene, {"cube.yaw_deg": 30.0}):
         budget = mi_lcair.budget(scene, {"sigma": sigma}, spp=256)
     draws = np.random.default_rng(0).normal(size=(10_000, 2))
-    values = [cube_intensity(30 + yaw) * (1 + 0.05 * size) ** 2 for yaw, size in draws]
+    values = [cube_intensity(30 + 3 * yaw) * (1 + 0.01 * size) ** 2 for yaw, size in draws]
     assert budget.sigma == pytest.approx(np.std(values), rel=0.03)
     assert budget.renders <= 1 + 2 * len(sigma)
-    assert all(check.holds for check in budget.checks) and len(budget.checks) == 2
+    assert all(check.holds for check in budget.checks)

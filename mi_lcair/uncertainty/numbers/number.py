@@ -82,10 +82,10 @@ class Number(ABC):
     numbers: CommonNumbers
     part: str = "target"
     columns = 0  # renders of derivatives so far
+    of_motions = ()  # (name, value, number for this value) of motions
 
     def start(self) -> None:
         """Render the scene once, and prepare everything that follows from that."""
-        self.of_motions = []  # (name, value, the number for this value of the motion)
         self.total = self.numbers.render()
         self.areas = areas = self.areas_of(self.total)
         # Whether all temperatures and radiances are told apart, so that they need no render
@@ -298,7 +298,7 @@ class Number(ABC):
         bend = factor * (above - below) * step / 2
         for sign in (1, -1):
             change = sign * (high - low) / 2 + bend
-            self.of_motions.append((name, present + sign * step, self.value + change))
+            self.of_motions += ((name, present + sign * step, self.value + change),)
         return (high - low) / (2 * step), abs(factor) * difference.error
 
     def within(self, name: str, value: float) -> float:
