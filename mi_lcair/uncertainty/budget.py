@@ -166,7 +166,8 @@ def draw_up(
         Random draws from which the distribution of the result is computed.
     """
     start = time.perf_counter()
-    with result_of(what, sampling) as number:
+    names = [*stated.sigma, *(name for group in stated.correlated for name in group.names)]
+    with result_of(what, sampling, names) as number:
         inputs = Inputs.of(stated, number.known, number.what)
         number.start()
         rendered = {
@@ -212,8 +213,11 @@ def draw_up(
 
 
 @contextmanager
-def result_of(what: Scene | Scenario, sampling: Sampling):
-    """Context manager that gives the `Number` of a scene or scenario."""
+def result_of(what: Scene | Scenario, sampling: Sampling, names=()):
+    """Context manager that gives the `Number` of a scene or scenario.
+
+    names: quantities that will be asked for.
+    """
     if isinstance(what, Scenario):
         try:
             setting = setting_of(what)
@@ -221,7 +225,7 @@ def result_of(what: Scene | Scenario, sampling: Sampling):
             bounces = {"max_bounces": max(counts)} if counts else {}
             with settings_changed(setting.view, lobe=what.render.lobe, **bounces):
                 check_differentiable(setting.view)
-                yield ContrastNumber(what, setting)
+                yield ContrastNumber(what, setting, names=names)
         except InputError as error:
             raise InputError(f"scenario '{what.name}': {error}") from None
     else:

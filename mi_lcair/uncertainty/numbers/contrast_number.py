@@ -1,6 +1,8 @@
 """The contrast of a scenario as a number with an uncertainty budget."""
 
-from dataclasses import fields, replace
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
 from functools import partial
 
 import numpy as np
@@ -10,6 +12,7 @@ from mi_lcair.detection.line_of_sight import backdrop
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import Setting
 from mi_lcair.errors import InputError
+from mi_lcair.physics.air.atmosphere import LineOfSight
 from mi_lcair.physics.air.levels import (
     STANDARD_CO2_PPMV,
     STANDARD_VISIBILITY_KM,
@@ -17,7 +20,9 @@ from mi_lcair.physics.air.levels import (
     levels,
 )
 from mi_lcair.physics.atmosphere import clear_air_name
+from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import spectral_radiance
+from mi_lcair.physics.detector import Detector
 from mi_lcair.plugins.properties import RADIANCE_UNIT
 from mi_lcair.rendering.measurands import ExcessFunction
 from mi_lcair.rendering.statistics import Totals
@@ -42,9 +47,38 @@ BEHIND = {
     "sky.temperature": "sky",
     "sky.scale": None,
 }
-TARGET, PATH, BACKGROUND, TOTAL = (
-    TERMS.index(n) for n in ("target", "path", "background", "total")
-)
+TARGET, PATH, BACKGROUND = (TERMS.index(name) for name in ("target", "path", "background"))
+# Quantities that the irradiances of target, path and background are proportional to
+AMOUNTS = "transmittance", "path_radiance", "background_radiance"
+SPECTRAL = re.compile(r"scenario\.transmittance@(\d+\.?\d*)-(\d+\.?\d*)")  # wavelengths in um
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A target at the sensor, for some values of a scenario's quantities.
+
+    irradiance: its irradiances. setting, path: what they are seen in. factors: of AMOUNTS, (3,).
+    shares: factor of the transmittance at each wavelength of `irradiance`, (n,), or 1.
+    """
+
+    irradiance: Irradiance
+    setting: Setting
+    path: LineOfSight
+    factors: np.ndarray
+    shares: np.ndarray | float = 1.0
+
+    def per_amount(self, range_m: float | None = None) -> np.ndarray:
+        """Irradiances of target, path and background per amount, (3, amounts), also at a range [m].
+
+        A factor of the transmittance is one of the optical depth, which grows with the range.
+        """
+        path = self.path if range_m is None else self.setting.air.path(range_m)
+        power, irradiance = path.range_m / self.path.range_m, self.irradiance
+        per_amount = irradiance.per_amount(path)[[TARGET, PATH, BACKGROUND]]
+        if np.any(self.shares != 1):
+            weights = irradiance.weights_um * self.shares**power / path.range_m**2
+            per_amount[0, :-1] = irradiance.arriving(path) @ weights
+        return per_amount * (self.factors ** [power, 1, 1])[:, None]
 
 
 class ContrastNumber(Number):
@@ -53,6 +87,7 @@ class ContrastNumber(Number):
     Besides the parameters of the scene it depends on these quantities:
 
     scenario.transmittance         mean transmittance of the path; its spectrum keeps its shape
+    scenario.transmittance@8-9     the same between two wavelengths [um]; others stay as they are
     scenario.path_radiance         radiance of the path, likewise
     scenario.background_radiance   radiance of the background, likewise
     scenario.background_temperature  temperature of a background that is a blackbody [K]
@@ -67,16 +102,19 @@ class ContrastNumber(Number):
         The largest of its numbers of reflections is used.
     progress : callable or None
         As for `contrast`.
+    names : sequence of str
+        Quantities that will be asked for.
 
     The scene must have the scenario's lobe and number of reflections while the number is used.
     """
 
     title, unit = "contrast", "W m^-2"
 
-    def __init__(self, scenario: Scenario, setting: Setting, progress=None):
+    def __init__(self, scenario: Scenario, setting: Setting, progress=None, names=()):
         self.scenario, self.setting = scenario, setting
         self.scene, self.what = setting.view, scenario.name
         self.known = parameters_of(self.scene) | self.scenario_quantities()
+        self.known |= {name: self.in_interval(name) for name in names if in_um(name)}
         table = scenario.render
         sampling = table.of_render(progress)
         criterion = ExcessFunction(self.excess) if table.has_tolerance else None
@@ -116,6 +154,18 @@ class ContrastNumber(Number):
             for name, (value, unit, lower, upper) in values.items()
         }
 
+    def in_interval(self, name: str) -> Parameter:
+        """The mean transmittance of the path between the wavelengths in its name."""
+        start, end = in_um(name)
+        band = self.setting.detector.band
+        if not band.lower_um <= start < end <= band.upper_um:
+            raise InputError(
+                f"'{name}': must name two rising wavelengths within {band.lower_um:g}-"
+                f"{band.upper_um:g} um"
+            )
+        mean = self.setting.path.at(np.linspace(start, end, SPECTRUM_ROWS))[0].mean()
+        return Parameter(name, "scenario", float(mean), "1", 0.0, 1.0)
+
     @property
     def farthest(self) -> float:
         """Largest range that the atmosphere allows [m]."""
@@ -124,18 +174,9 @@ class ContrastNumber(Number):
             return np.inf
         return float(air.ranges_m[-1])
 
-    def irradiance(
-        self, total: Totals, areas, temperature: float | None = None, setting: Setting | None = None
-    ) -> Irradiance:
-        """Irradiances of a render, optionally before a background of another temperature [K].
-
-        setting: that of other weather.
-        """
+    def irradiance(self, total: Totals, areas, setting: Setting | None = None) -> Irradiance:
+        """Irradiances of a render, also in another setting."""
         setting = setting or self.setting
-        backdrop = setting.backdrop
-        if temperature is not None:
-            at = partial(spectral_radiance, temperature=temperature)
-            backdrop = Backdrop(backdrop.name, at, backdrop.rows_um)
         mean = total.mean("target")[0]
         return Irradiance(
             areas,
@@ -144,10 +185,14 @@ class ContrastNumber(Number):
                 total.randomisations - 1,
                 float(total.missed("target")[0] * self.numbers.area),
             ),
-            setting.detector.band,
+            self.band(setting.detector),
             setting.air,
-            backdrop,
+            setting.backdrop,
         )
+
+    def band(self, detector: Detector) -> Band:
+        """Band in which irradiances count."""
+        return detector.band
 
     def excess(self, total: Totals) -> float:
         """Ratio of the half width of the contrast's 95 % interval to the allowed one."""
@@ -155,24 +200,35 @@ class ContrastNumber(Number):
         allowed = self.scenario.render.allowed(terms.at(path)["total"].value)
         return terms.half_width(path) / allowed if allowed > 0 else np.inf
 
-    def terms(self, total, areas, quantities) -> tuple[Irradiance, np.ndarray]:
-        """Irradiances, and the target's, the path's and the background's part per amount."""
+    def seen(self, total, areas, quantities) -> Seen:
+        """The target of a render for other values of quantities."""
 
         def value(name):
             return quantities.get(f"scenario.{name}")
 
         weather = {entry: value(name) for name, entry in WEATHER.items() if value(name) is not None}
         setting = self.setting.in_weather(self.scenario, weather) if weather else self.setting
-        irradiance = self.irradiance(total, areas, value("background_temperature"), setting)
+        setting = replace(setting, backdrop=self.backdrop(setting, quantities))
         path = setting.path
         if value("range_m") is not None:
             path = setting.air.path(value("range_m"), self.scenario.atmosphere.extrapolate)
-        per_amount = irradiance.per_amount(path)[[TARGET, PATH, BACKGROUND]]
-        for row, name in enumerate(("transmittance", "path_radiance", "background_radiance")):
-            was = self.known[f"scenario.{name}"].value if value(name) is not None else 0.0
-            if was:
-                per_amount[row] *= value(name) / was
-        return irradiance, per_amount
+        factors = {
+            name: value(name) / was if value(name) is not None and was else 1.0
+            for name in AMOUNTS
+            for was in [self.known[f"scenario.{name}"].value]
+        }
+        irradiance = self.irradiance(total, areas, setting)
+        x, shares = irradiance.wavelengths_um, 1.0
+        for name, changed in quantities.items():
+            if interval := in_um(name):
+                is_inside = (x >= interval[0]) & (x < interval[1])
+                shares = shares * np.where(is_inside, changed / self.known[name].value, 1.0)
+        return Seen(irradiance, setting, path, np.array(list(factors.values())), shares)
+
+    def terms(self, total, areas, quantities) -> tuple[Irradiance, np.ndarray]:
+        """Irradiances, and the target's, the path's and the background's part per amount."""
+        seen = self.seen(total, areas, quantities)
+        return seen.irradiance, seen.per_amount()
 
     def linear(self, total, areas, quantities):
         irradiance, (target, path, background) = self.terms(total, areas, quantities)
@@ -189,37 +245,41 @@ class ContrastNumber(Number):
 
     # ------------------------------------------------------------------ Surroundings
 
-    def at(self, values):
-        return super().at(values) + sum(self.behind(name, v) for name, v in values.items())
+    def is_stated(self, name):
+        """Also parameters of surroundings, which are behind the target too."""
+        is_behind = name in BEHIND and self.scenario.surroundings is not None
+        return is_behind or super().is_stated(name)
 
     def derivatives(self, names, sigma):
         slopes, errors = super().derivatives(names, sigma)
         for k, name in enumerate(names):
             # Differences of the number know of the background already
-            if name in BEHIND and (self.has_weights or not self.needs_render(name)):
+            if self.is_stated(name) and self.needs_render(name) and self.has_weights:
                 value, step = self.known[name].value, SMALL * sigma[k]
                 ends = self.within(name, value - step), self.within(name, value + step)
-                low, high = (self.behind(name, end) for end in ends)
+                low, high = (self.linear(self.total, self.areas, {name: v}).value for v in ends)
                 slopes[k] += (high - low) / (ends[1] - ends[0])
         return slopes, errors
 
-    def behind(self, name: str, value: float) -> float:
-        """Change of the number because a parameter of surroundings is also behind the target."""
-        if name not in BEHIND or self.scenario.surroundings is None:
-            return 0.0
-        setting, background = self.setting, self.scenario.background
-        irradiance = self.irradiance(self.total, self.areas)
-        path, entry = setting.path, BEHIND[name]
-        before = irradiance.in_band(irradiance.background(path))
-        if entry is None:
-            changed = setting.backdrop.scaled(1.0 if setting.sight.meets_ground else value)
-        else:
-            new = repr(float(value)) if entry == "sky" else float(value)
-            scenario = replace(self.scenario, background=replace(background, **{entry: new}))
-            changed = backdrop(scenario, setting.detector, setting.sight)
-        at_sensor = changed.at_sensor(path.range_m)
-        after = irradiance.in_band(at_sensor.at(irradiance.wavelengths_um))
-        return -(after - before) * irradiance.projected_area.value / path.range_m**2
+    def backdrop(self, setting: Setting, quantities: Mapping) -> Backdrop:
+        """The background of a setting for other values of quantities."""
+        behind, result = {}, setting.backdrop
+        for name, value in quantities.items():
+            if name == "scenario.background_temperature":
+                at = partial(spectral_radiance, temperature=value)
+                result = Backdrop(result.name, at, result.rows_um)
+            elif name == "sky.scale":
+                result = result if setting.sight.meets_ground else result.scaled(value)
+            elif name in BEHIND:
+                entry = BEHIND[name]
+                behind[entry] = repr(float(value)) if entry == "sky" else float(value)
+        if behind:
+            background = replace(self.scenario.background, **behind)
+            scenario = replace(self.scenario, background=background)
+            result = backdrop(scenario, setting.detector, setting.sight)
+        # The ends of intervals of wavelength are met exactly
+        ends = [float(end) for name in self.known for end in in_um(name)]
+        return result._replace(rows_um=np.union1d(result.rows_um, ends))
 
     @property
     def has_weights(self):
@@ -241,6 +301,12 @@ class ContrastNumber(Number):
     def of_intensity(self) -> float:
         irradiance, (target, *_) = self.terms(self.total, self.areas, {})
         return float(target @ irradiance.amounts)
+
+
+def in_um(name: str) -> tuple[float, ...]:
+    """Ends of the interval of wavelengths that a quantity's name states [um]; () for none."""
+    match = SPECTRAL.fullmatch(name)
+    return tuple(map(float, match.groups())) if match else ()
 
 
 def weather_values(name: str, weather: Weather) -> dict[str, tuple]:

@@ -99,7 +99,7 @@ class Number(ABC):
 
     @abstractmethod
     def linear(self, total: Totals, areas: EffectiveAreas | None, quantities: Mapping) -> Linear:
-        """The result of a render, for these values of the quantities that are not the scene's."""
+        """The result of a render, for these values of the quantities of `is_stated`."""
 
     @property
     def value(self) -> float:
@@ -121,8 +121,8 @@ class Number(ABC):
 
     def at(self, values: Mapping[str, float]) -> float:
         """The number for other values of some quantities, from the same random numbers."""
-        quantities = {name: value for name, value in values.items() if self.is_own(name)}
-        rest = {name: value for name, value in values.items() if name not in quantities}
+        quantities = {name: value for name, value in values.items() if self.is_stated(name)}
+        rest = {name: value for name, value in values.items() if not self.is_own(name)}
         for name, end, number in self.of_motions:
             if list(values) == [name] and isclose(values[name], end, rel_tol=1e-9):
                 return number
@@ -149,6 +149,10 @@ class Number(ABC):
     def is_own(self, name: str) -> bool:
         """Whether a quantity is none of the scene's."""
         return self.known[name].kind == "scenario"
+
+    def is_stated(self, name: str) -> bool:
+        """Whether `linear` takes the value of a quantity."""
+        return self.is_own(name)
 
     def is_emission(self, name: str) -> bool:
         """Whether a change of a quantity needs no render, as it changes sources only."""
@@ -226,8 +230,9 @@ class Number(ABC):
             step = float(np.clip(step, *(bound * abs(value) for bound in STEPS)))
         ends = []
         for end in (value + step, value - step):
-            quantities = {name: end} if self.is_own(name) else {}
-            areas = self.areas if quantities else self.changed(self.areas, {name: end})
+            quantities = {name: end} if self.is_stated(name) else {}
+            rest = {} if self.is_own(name) else {name: end}
+            areas = self.changed(self.areas, rest)
             ends.append(self.linear(self.total, areas, quantities))
         high, low = ends
         slope = replace(

@@ -7,7 +7,7 @@ import pytest
 import mi_lcair
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.errors import InputError
-from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.uncertainty.budget import result_of
 from tests.detection.disc_scenario import AREA as DISC_AREA
 from tests.detection.disc_scenario import disc, triangles, write_disc
@@ -49,6 +49,30 @@ def test_contrast_in_closed_form(tmp_path):
     for name, contribution in contributions.items():
         assert row(found, name).contribution == pytest.approx(contribution, rel=4e-3), name
     assert sum(row.share for row in found.rows) == pytest.approx(1)
+
+
+@pytest.mark.parametrize("air", ["vacuum", "us_standard"])
+def test_transmittance_by_wavelength(tmp_path, air):
+    """An interval of wavelengths changes its own part of the irradiance, and all add up.
+
+    In vacuum the part is A L(T) / R^2, by Planck's law over the interval.
+    """
+    write_disc(tmp_path)
+    given = {"render__resolution": 16, "render__spp": 64, "atmosphere__table": air}
+    scenario = disc(tmp_path, **given)
+    ends = [3.0, 3.7, 4.15, 5.0]
+    names = [f"transmittance@{a}-{b}" for a, b in zip(ends, ends[1:])]
+    of_all = dict.fromkeys([*names, "transmittance"], "2 %")
+    found = mi_lcair.budget(scenario, {"scenario": of_all})
+    parts = [row(found, f"scenario.{name}").contribution for name in of_all]
+    assert sum(parts[:-1]) == pytest.approx(parts[-1], rel=1e-3)
+    if air == "vacuum":
+        for a, b, part in zip(ends, ends[1:], parts):
+            x = np.linspace(a, b, 2001)
+            radiance = np.trapezoid(spectral_radiance(x, 400.0), x)
+            assert part == pytest.approx(0.02 * DISC_AREA * radiance / 1e6, rel=4e-3)
+    with pytest.raises(InputError, match="must name two rising wavelengths within 3-5 um"):
+        mi_lcair.budget(scenario, {"scenario": {"transmittance@4-6": 0.1}})
 
 
 @pytest.mark.slow
