@@ -82,18 +82,10 @@ class Number(ABC):
     numbers: CommonNumbers
     part: str = "target"
     columns = 0  # renders of derivatives so far
-<<<<<<< Updated upstream
     of_motions = ()  # (name, value, number for this value) of motions
 
     def start(self) -> None:
         """Render the scene once, and prepare everything that follows from that."""
-=======
-    of_motions = ()  # (name, value, the number for this value of the motion)
-
-    def start(self) -> None:
-        """Render the scene once, and prepare everything that follows from that."""
-        self.of_motions = []
->>>>>>> Stashed changes
         self.total = self.numbers.render()
         self.areas = areas = self.areas_of(self.total)
         # Whether all temperatures and radiances are told apart, so that they need no render
