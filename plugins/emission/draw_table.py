@@ -1,4 +1,4 @@
-"""Probabilities with which the triangles and the other emitters of a scene are drawn.
+"""Probabilities with which the panels and the other emitters of a scene are drawn.
 
 `UnmetSources` bounds the radiance of those that no path has hit, which the paths' scatter cannot
 show.
@@ -11,8 +11,13 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mi_lcair.plugins.emission.drawing.light_tree import LightTree
+from mi_lcair.plugins.emission.drawing.panels import Panels
+from mi_lcair.plugins.emission.drawing.spherical_polygon import Receiver
+from mi_lcair.plugins.emission.emissivity import reflects
 from mi_lcair.plugins.emission.radiance_bound import can_be_hit
 from mi_lcair.plugins.emission.triangles import Choice, TriangleTable, is_faceted, pointer_id
+from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 
 # A part of an emitter that is expected to be drawn this often is drawn with a probability of 95 %
 FEW_DRAWS = 3.0
@@ -67,75 +72,96 @@ def parts_of_emitters(radiances: list, probabilities: list) -> tuple[np.ndarray,
 
 
 class DrawTable:
-    """What is drawn: the triangles of emitting meshes, and then all other emitters.
+    """What is drawn: the panels of emitting meshes, and then all other emitters.
 
-    Triangles have probabilities proportional to area times an upper bound of the radiance, other
-    emitters equal ones. If there are both, each part gets one half.
+    Panels are drawn by what they send to the receiver, see `LightTree`, other emitters with equal
+    probabilities. If there are both, each part gets one half.
 
-    triangles: the `TriangleTable`; None without meshes. others: pointers to the other emitters as
-    integers; None without any. choice: draws an index. density: density per area of a triangle
-    [1/m^2], probability of another emitter. bound: bound of the radiance [W m^-2 sr^-1].
-    density_and_bound: pairs of both. ends: end of each emitter's triangles, and then of each other
-    emitter. probability_of_other: that of one of the other emitters. all_surfaces: whether all
-    other emitters are surfaces.
+    tree: draws a panel; None without meshes. panel_count: number of panels. share:
+    probability that a panel is drawn. others: pointers to the other emitters as integers; None
+    without any. choice: draws one of them. bound: bound of the radiance [W m^-2 sr^-1]. least:
+    smallest probability. density_and_bound: pairs of the probability of another emitter, 0 for a
+    panel, and the bound. ends: end of each emitter's panels, and then of each other emitter.
+    probability_of_other: that of one of the other emitters. all_surfaces: whether all other
+    emitters are surfaces.
     """
 
     def __init__(self, emitters, bounds: dict, brightest: float):
         """bounds: bound of the radiance of the emitters that a ray can hit; None if unknown."""
         meshes = [emitter for emitter in emitters if is_mesh(emitter)]
         others = [emitter for emitter in emitters if not is_mesh(emitter)]
-        self.triangles, weights, radiance = None, np.empty(0), np.empty(0)
+        self.tree, counts = None, []
+        radiance, least = np.empty(0), np.empty(0)
         if meshes:
             table = TriangleTable([emitter.get_shape() for emitter in meshes])
             # An emitter without a known bound is drawn as if it were the brightest one. The weights
             # change the noise only, not the expected value.
             known = [brightest or 1.0 if bounds[e] is None else bounds[e] for e in meshes]
-            radiance = np.concatenate([np.broadcast_to(*pair) for pair in zip(known, table.counts)])
-            weights = radiance * table.area
-            if weights.sum() > 0:
-                self.triangles = table
-            else:
-                weights, radiance = np.empty(0), np.empty(0)
-        self.triangle_count = len(weights)
+            of_meshes = per_triangle(known, table.counts)
+            if (of_meshes * table.area).sum() > 0:
+                both_sides = per_triangle([emits_behind(e) for e in meshes], table.counts)
+                panels = Panels(table, of_meshes, both_sides)
+                self.tree = LightTree(panels)
+                radiance, least, counts = panels.radiance, self.tree.least, panels.counts
+        self.panel_count = len(radiance)
         self.others = None
         if others:
             self.others = mi.UInt32([pointer_id(mi.EmitterPtr(emitter)) for emitter in others])
+            self.choice = Choice(np.ones(len(others)))
         self.all_surfaces = all(e.flags() & int(mi.EmitterFlags.Surface) for e in others)
-        self.is_empty = self.triangles is None and not others
+        self.is_empty = self.tree is None and not others
         if not self.is_empty:
-            share = 0.0 if self.triangles is None else 1.0 if not others else 0.5
-            of_others = np.full(len(others), (1 - share) / max(len(others), 1))
-            of_triangles = share * weights / weights.sum() if share else weights
-            self.choice = Choice(np.concatenate([of_triangles, of_others]))
-            self.set_density(others, bounds, radiance)
-            counts = [*(self.triangles.counts if self.triangles else []), *(1 for _ in others)]
-            self.ends = np.cumsum(counts)
+            self.share = 0.0 if self.tree is None else 1.0 if not others else 0.5
+            of_others = (1 - self.share) * self.choice.probability if others else np.empty(0)
+            self.least = np.concatenate([self.share * least, of_others])
+            bound_of_others = [
+                0.0 if bounds.get(e) is None else float(bounds[e].max()) for e in others
+            ]
+            self.bound = np.append(radiance, bound_of_others)
+            density = np.append(np.zeros(len(radiance)), of_others)
+            self.density_and_bound = mi.Float(np.stack([density, self.bound], axis=1).ravel())
+            self.probability_of_other = mi.Float(of_others[-1] if others else 0.0)
+            self.ends = np.cumsum([*counts, *(1 for _ in others)])
+            dr.make_opaque(self.density_and_bound, self.probability_of_other)
         dr.make_opaque(self.others)
 
-    def set_density(self, others, bounds: dict, radiance) -> None:
-        """Set the densities that follow from `choice`. radiance: bounds of the triangles."""
-        density = self.choice.probability.copy()
-        if self.triangles is not None:
-            of_triangles = density[: self.triangle_count]
-            density[: self.triangle_count] = self.triangles.density(of_triangles)
-        of_others = [0.0 if bounds.get(e) is None else float(bounds[e].max()) for e in others]
-        bound = np.append(radiance, of_others)
-        self.bound = bound
-        self.density = mi.Float(density)
-        self.density_and_bound = mi.Float(np.stack([density, bound], axis=1).ravel())
-        self.probability_of_other = mi.Float(self.choice.probability[-1] if others else 0.0)
-        dr.make_opaque(self.density, self.density_and_bound, self.probability_of_other)
+    def pick(self, number, receiver: Receiver | None, active) -> tuple[mi.UInt32, mi.Float]:
+        """What a random 32-bit integer draws, and the probability of a drawn panel.
+
+        receiver: where it is drawn; None without panels.
+        """
+        if self.tree is None:
+            return self.choice.pick(number, active), mi.Float(0)
+        within = dr.float64_array_t(mi.Float)(number) * 2.0**-32
+        from_tree = active & (within < self.share)
+        index, probability = self.tree.draw(within / self.share, receiver, from_tree)
+        if self.others is not None:
+            rest = mi.UInt32((within - self.share) / (1 - self.share) * 2.0**32)
+            other = self.panel_count + self.choice.pick(rest, active & ~from_tree)
+            index = dr.select(from_tree, index, other)
+        return index, self.share * probability
 
     def unmet(self, always: float) -> UnmetSources:
         """Bound of the radiance of sources that no path has hit. always: see `UnmetSources`."""
         if self.is_empty:
             return UnmetSources(always, np.empty(0), np.empty(0))
         split = partial(np.split, indices_or_sections=self.ends[:-1])
-        parts = parts_of_emitters(split(self.bound), split(self.choice.probability))
+        parts = parts_of_emitters(split(self.bound), split(self.least))
         return UnmetSources(always, *parts)
 
 
 def is_mesh(emitter) -> bool:
-    """Whether an emitter belongs to a mesh, of whose triangles one is drawn."""
+    """Whether an emitter belongs to a mesh, of whose panels one is drawn."""
     shape = emitter.get_shape()
     return can_be_hit(emitter) and shape is not None and is_faceted(shape)
+
+
+def emits_behind(emitter) -> bool:
+    """Whether the surface of an emitter also emits on the side away from its normal."""
+    bsdf = emitter.get_shape().bsdf()
+    return is_thermal(emitter) and reflects(int(bsdf.flags()), -1.0)
+
+
+def per_triangle(values: list, counts: list[int]) -> np.ndarray:
+    """Values of meshes, each one or one for each triangle, for all of their triangles."""
+    return np.concatenate([np.broadcast_to(*pair) for pair in zip(values, counts)])

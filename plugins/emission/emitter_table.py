@@ -7,6 +7,7 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.bsdfs.plume import is_passed
 from mi_lcair.plugins.emission.draw_table import DrawTable
+from mi_lcair.plugins.emission.drawing.spherical_polygon import Receiver
 from mi_lcair.plugins.emission.field_of_view import FieldOfView
 from mi_lcair.plugins.emission.groups import Groups, at_pointer
 from mi_lcair.plugins.emission.radiance_bound import can_be_hit, radiance_bound
@@ -163,7 +164,7 @@ class EmitterTable:
         si : mi.SurfaceInteraction3f
             The hit from which to draw.
         sample1, sample2 : mi.Point2f
-            Uniform samples. The first one picks the triangle or other emitter, the second one the
+            Uniform samples. The first one picks the panel or other emitter, the second one the
             point on it.
         active : mi.Bool
 
@@ -172,21 +173,22 @@ class EmitterTable:
         DrawnDirection
         """
         table, ds = self.table, dr.zeros(mi.DirectionSample3f)
-        index = table.choice.pick(random_integer(sample1), active)
-        other, may_radiate = None, mi.Bool(True)
-        from_triangles = active & (index < table.triangle_count)
-        from_others = active & ~from_triangles
+        receiver = None if table.tree is None else self.receiver(si)
+        index, probability = table.pick(random_integer(sample1), receiver, active)
+        other, may_radiate, compared = None, mi.Bool(True), mi.Float(0)
+        from_panels = active & (index < table.panel_count)
+        from_others = active & ~from_panels
         density, bound = dr.gather(mi.Vector2f, table.density_and_bound, index, active)
-        if table.triangles is not None:
-            _, ds.p, ds.n = table.triangles.point(index, sample2, from_triangles)
-            ds.d = ds.p - self.leave(si, ds.p - si.p)
-            ds.dist = dr.norm(ds.d)
-            ds.d /= ds.dist
-            ds.pdf = solid_angle_density(density, ds.dist, ds.d, ds.n)
+        if table.tree is not None:
+            seen = table.tree.panels.seen(index, receiver, from_panels)
+            ds.d, ds.dist, ds.pdf = seen.draw(sample2)
+            ds.p, ds.n = receiver.p + ds.dist * ds.d, mi.Normal3f(seen.n)
+            ds.pdf *= probability
+            compared = probability * seen.along(ds.d, ds.dist)
         if table.others is not None:
             other = dr.reinterpret_array(
                 mi.EmitterPtr,
-                dr.gather(mi.UInt32, table.others, index - table.triangle_count, from_others),
+                dr.gather(mi.UInt32, table.others, index - table.panel_count, from_others),
             )
             # The start depends on the side of the surface. Reflection stays on the observer's side.
             # Where light may pass through a surface, a first sample from si.p gives the side.
@@ -196,13 +198,14 @@ class EmitterTable:
             start = dr.zeros(mi.Interaction3f)
             start.p, start.time = self.leave(si, toward), si.time
             ds_other, value = other.sample_direction(start, sample2, from_others)
-            may_radiate = from_triangles | (dr.max(value) != 0)
+            may_radiate = from_panels | (dr.max(value) != 0)
             # Irradiance on a perpendicular surface, from a point light or a parallel beam
             of_beam = value[0] * ds_other.pdf
             bound = dr.select(from_others & ds_other.delta, of_beam, bound)
             ds_other.pdf *= density
-            ds = dr.select(from_triangles, ds, ds_other)
-        return DrawnDirection(ds, index, other, may_radiate, bound)
+            compared = dr.select(from_panels, compared, ds_other.pdf)
+            ds = dr.select(from_panels, ds, ds_other)
+        return DrawnDirection(ds, compared, index, other, may_radiate, bound)
 
     def trace(self, scene, si, drawn: DrawnDirection, active, with_hit: bool = False):
         """Trace a drawn direction to its first hit, through the surfaces that rays pass.
@@ -218,7 +221,7 @@ class EmitterTable:
         drawn : DrawnDirection
         active : mi.Bool
         with_hit : bool
-            Also compute the hit of surfaces that are not triangles of meshes.
+            Also compute the hit of surfaces that are not panels of meshes.
 
         Returns
         -------
@@ -226,7 +229,7 @@ class EmitterTable:
         """
         ds = drawn.ds
         active = active & (ds.pdf > 0)
-        of_triangles = active & (drawn.index < self.table.triangle_count)
+        of_panels = active & (drawn.index < self.table.panel_count)
         ray = self.spawn_ray(si, ds.d)
         pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active)
         transmittance, distance = None, ds.dist
@@ -235,9 +238,9 @@ class EmitterTable:
                 ray, pi, transmittance = self.pass_through(scene, ray, pi, drawn, active)
                 distance = dr.norm(ds.p - ray.o)
         met, emitter = active & pi.is_valid(), pi.shape.emitter()
-        on_triangle, on_other = self.meets(ray, pi, drawn, met, of_triangles)
-        hit = pi.compute_surface_interaction(ray, mi.RayFlags.All, on_triangle)
-        counts = mi.Bool(on_triangle)  # a copy, because |= changes an array in place
+        on_panel, on_other = self.meets(ray, pi, drawn, met, of_panels)
+        hit = pi.compute_surface_interaction(ray, mi.RayFlags.All, on_panel)
+        counts = mi.Bool(on_panel)  # a copy, because |= changes an array in place
         if self.table.others is not None:
             counts |= on_other
             if not self.table.all_surfaces:
@@ -246,32 +249,32 @@ class EmitterTable:
                 if self.sun is not None:
                     of_sun = drawn.other == self.sun_pointer
                     nothing_before |= of_sun & self.shows_sun(pi, pi.shape.emitter())
-                counts |= active & ~of_triangles & ~on_surface & nothing_before
-            emitter = dr.select(of_triangles, emitter, drawn.other)
+                counts |= active & ~of_panels & ~on_surface & nothing_before
+            emitter = dr.select(of_panels, emitter, drawn.other)
             if with_hit:
                 hit = pi.compute_surface_interaction(ray, mi.RayFlags.All, met & counts)
         if self.passes:
             counts |= dr.isnan(transmittance)
-        return EmitterSample(drawn, hit, emitter, counts, on_triangle, transmittance)
+        return EmitterSample(drawn, hit, emitter, counts, on_panel, transmittance)
 
-    def meets(self, ray, pi, drawn: DrawnDirection, met, of_triangles):
-        """Whether hits are the drawn points: on a triangle of a mesh, or on another shape.
+    def meets(self, ray, pi, drawn: DrawnDirection, met, of_panels):
+        """Whether hits are the drawn points: on a panel of a mesh, or on another shape.
 
-        met: the hits to be compared. of_triangles: whether a triangle was drawn; both mi.Bool.
+        met: the hits to be compared. of_panels: whether a panel was drawn; both mi.Bool.
         """
-        on_triangle, on_other = mi.Bool(False), mi.Bool(False)
-        if self.table.triangles is not None:
-            triangle, known = self.table.triangles.find(pi.shape, pi.prim_index, met & of_triangles)
-            on_triangle = known & (triangle == drawn.index)
+        on_panel, on_other = mi.Bool(False), mi.Bool(False)
+        if self.table.tree is not None:
+            panel, known = self.table.tree.panels.find(pi.shape, pi.prim_index, met & of_panels)
+            on_panel = known & (panel == drawn.index)
         if self.table.others is not None:
             # A line hits a sphere, cylinder, disk or rectangle at most twice, from different sides.
             # Shape and side therefore identify the point. A comparison of distances would need a
             # tolerance, and no tolerance is right near the shape and at grazing incidence.
             ds = drawn.ds
-            on_other = met & ~of_triangles & (pi.shape.emitter() == drawn.other)
+            on_other = met & ~of_panels & (pi.shape.emitter() == drawn.other)
             n = pi.compute_surface_interaction(ray, mi.RayFlags.Minimal, on_other).n
             on_other &= dr.dot(n, ds.d) * dr.dot(ds.n, ds.d) > 0
-        return on_triangle, on_other
+        return on_panel, on_other
 
     @dr.syntax
     def pass_through(self, scene, ray, pi, drawn: DrawnDirection, active):
@@ -311,13 +314,13 @@ class EmitterTable:
     def continues(self, ray, pi, drawn: DrawnDirection, active):
         """Whether rays pass the surface that they hit; not at or behind the drawn point."""
         met = active & pi.is_valid()
-        of_triangles = met & (drawn.index < self.table.triangle_count)
-        on_triangle, on_other = self.meets(ray, pi, drawn, met, of_triangles)
-        met &= is_passed(pi.shape.bsdf().flags()) & ~on_triangle & ~on_other
+        of_panels = met & (drawn.index < self.table.panel_count)
+        on_panel, on_other = self.meets(ray, pi, drawn, met, of_panels)
+        met &= is_passed(pi.shape.bsdf().flags()) & ~on_panel & ~on_other
         if not self.table.all_surfaces:
             on_surface = mi.has_flag(drawn.other.flags(), mi.EmitterFlags.Surface)
             before = pi.t <= dr.norm(drawn.ds.p - ray.o) * (1 - 1e-4)
-            met &= of_triangles | on_surface | before
+            met &= of_panels | on_surface | before
         return met
 
     def by_chance(self, drawn, pdf, delta):
@@ -349,14 +352,20 @@ class EmitterTable:
         share = dr.select(drawn.ds.delta, r, (r + 1) * r / (dr.square(r) + 1))
         return dr.select(delta, self.opaque_brightest, drawn.bound * share)
 
-    def pdf(self, scene, start, distance, si, emitter, active):
-        """Density with which `draw` draws the direction of the ray that hit `si` [1/sr].
+    def receiver(self, si) -> Receiver:
+        """The point from which directions are drawn at the hit `si`."""
+        observer = si.to_world(si.wi)
+        normal = mi.Normal3f(dr.mulsign(mi.Vector3f(si.n), dr.dot(si.n, observer)))
+        return Receiver(self.leave(si, observer), normal)
+
+    def pdf(self, scene, receiver: Receiver, distance, si, emitter, active):
+        """Density that `draw` compares for the direction of the ray that hit `si` [1/sr].
 
         Parameters
         ----------
         scene : mi.Scene
-        start : mi.Point3f
-            Start of the ray, or of its first part where it has passed surfaces [m].
+        receiver : Receiver
+            Where the ray was reflected.
         distance : mi.Float
             Distance from there to the hit [m].
         si : mi.SurfaceInteraction3f
@@ -368,23 +377,17 @@ class EmitterTable:
         Returns
         -------
         mi.Float
-            Density per solid angle at the start of the ray; 0 if `draw` does not draw `emitter`.
+            Density per solid angle at the receiver; 0 if `draw` does not draw `emitter`.
         """
-        density = mi.Float(0)
-        known = mi.Bool(False)
-        if self.table.triangles is not None:
-            triangle, known = self.table.triangles.find(
-                si.shape, si.prim_index, active & si.is_valid()
-            )
-            density = solid_angle_density(
-                dr.gather(mi.Float, self.table.density, triangle, known),
-                distance,
-                si.to_world(si.wi),
-                si.n,
-            )
+        density, known, tree = mi.Float(0), mi.Bool(False), self.table.tree
+        if tree is not None:
+            panel, known = tree.panels.find(si.shape, si.prim_index, active & si.is_valid())
+            density = self.table.share * tree.probability(panel, receiver, known)
+            seen = tree.panels.seen(panel, receiver, known)
+            density *= seen.along(si.to_world(-si.wi), distance)
         if self.table.others is not None:
             before = dr.zeros(mi.Interaction3f)
-            before.p = start
+            before.p = receiver.p
             ds = mi.DirectionSample3f(scene, si, before)
             other = emitter.pdf_direction(before, ds, active & ~known)
             density = dr.select(known, density, other * self.table.probability_of_other)
@@ -410,11 +413,6 @@ def one_band(emitters):
             "all thermal emitters must name the same"
         )
     return next(iter(bands.values()), None)
-
-
-def solid_angle_density(per_area, distance, direction, normal):
-    """Convert a density per area [1/m^2] to a density per solid angle [1/sr]."""
-    return per_area * dr.square(distance) / dr.maximum(dr.abs_dot(direction, normal), 1e-20)
 
 
 def hulls(shape) -> np.ndarray:

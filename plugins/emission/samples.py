@@ -9,14 +9,17 @@ import mitsuba as mi
 class DrawnDirection:
     """A direction drawn toward an emitter; whether the emitter can be seen along it is not known.
 
-    ds: the direction, with the density `ds.pdf` [1/sr] for the point where the ray starts. index:
-    what was drawn, as an index into the table of probabilities. other: the drawn emitter where it
-    is not a triangle of a mesh; None if the table has only triangles. may_radiate: False where the
-    drawn emitter is known to send nothing along the direction. bound: upper bound of the radiance
-    of the drawn triangle or emitter, hidden or not [W m^-2 sr^-1].
+    ds: the direction, with the density `ds.pdf` [1/sr] for the point where the ray starts.
+    compared: the density that multiple importance sampling compares with that of the reflection; a
+    function of the direction, which `ds.pdf` nearly equals [1/sr]. index: number of the drawn
+    panel, or, beyond those, of another emitter. other: the drawn emitter where it is not a panel of
+    a mesh; None if the table has only panels. may_radiate: False where the drawn emitter is known
+    to send nothing along the direction. bound: upper bound of the radiance of the drawn panel or
+    emitter, hidden or not [W m^-2 sr^-1].
     """
 
     ds: mi.DirectionSample3f
+    compared: mi.Float
     index: mi.UInt32
     other: mi.EmitterPtr | None
     may_radiate: mi.Bool
@@ -27,10 +30,10 @@ class DrawnDirection:
 class EmitterSample:
     """The first hit along a drawn direction.
 
-    drawn: the direction. hit: the first hit of the ray, where that is the drawn triangle. emitter:
-    the emitter that sends radiance along the ray. counts: whether the first hit is the drawn point,
-    so that the sample counts. of_triangle: whether it counts and the point is on a triangle of a
-    mesh. transmittance: that of the surfaces which the ray passes; None in a scene without such
+    drawn: the direction. hit: the first hit of the ray, where that is the drawn panel. emitter: the
+    emitter that sends radiance along the ray. counts: whether the first hit is the drawn point, so
+    that the sample counts. of_panel: whether it counts and the point is on a panel of a mesh.
+    transmittance: that of the surfaces which the ray passes; None in a scene without such
     surfaces.
     """
 
@@ -38,13 +41,13 @@ class EmitterSample:
     hit: mi.SurfaceInteraction3f
     emitter: mi.EmitterPtr
     counts: mi.Bool
-    of_triangle: mi.Bool
+    of_panel: mi.Bool
     transmittance: mi.Float | None = None
 
     def radiance(self, si):
         """Radiance from the emitter toward `si`, with derivatives [W m^-2 sr^-1]."""
-        drawn, of_triangle = self.drawn, self.of_triangle
-        radiance = self.emitter.eval(self.hit, of_triangle)
+        drawn, of_panel = self.drawn, self.of_panel
+        radiance = self.emitter.eval(self.hit, of_panel)
         if drawn.other is not None:
-            radiance += drawn.other.eval_direction(si, drawn.ds, self.counts & ~of_triangle)
+            radiance += drawn.other.eval_direction(si, drawn.ds, self.counts & ~of_panel)
         return radiance if self.transmittance is None else radiance * self.transmittance

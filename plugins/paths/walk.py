@@ -12,6 +12,7 @@ from mitsuba.python.ad.integrators.common import mis_weight
 
 from mi_lcair.plugins.bsdfs.plume import is_passed
 from mi_lcair.plugins.derivatives import value_along
+from mi_lcair.plugins.emission.drawing.spherical_polygon import Receiver
 from mi_lcair.plugins.emission.emitter_table import MOST_PASSED, EmitterTable
 from mi_lcair.plugins.emission.samples import DrawnDirection
 from mi_lcair.plugins.paths.by_bin import ByBin
@@ -35,7 +36,8 @@ class PathState:
     known. throughput: that of the path up to the ray's start. bounce: number of reflections before.
     pdf: density of the ray's direction [1/sr]. is_delta: whether the direction came from a delta
     lobe or from the sensor. Such a direction has no density, and cannot be drawn toward an emitter.
-    passed: surfaces passed since the last reflection. length: length of the rays before those.
+    passed: surfaces passed since the last reflection. receiver: where the last reflection was; None
+    if that does not matter.
     latent: throughput of a latent path, of which `throughput` is 0: that with a weight of 1 where
     the surface reflects nothing. 0 for other paths; None where nothing is explored. by_bin:
     throughputs of the bins of wavelength, see `ByBin`; None in a scene without spectral materials.
@@ -49,7 +51,7 @@ class PathState:
     pdf: mi.Float
     is_delta: mi.Bool
     passed: mi.UInt32
-    length: mi.Float
+    receiver: Receiver | None
     latent: mi.Spectrum | None
     by_bin: dr.Local | None = None
     factors: dr.Local | None = None
@@ -236,7 +238,7 @@ class Walk:
             pdf=mi.Float(0),
             is_delta=mi.Bool(True),
             passed=mi.UInt32(0),
-            length=mi.Float(0),
+            receiver=dr.zeros(Receiver) if self.shares_hits else None,
             latent=None if self.explored is None else mi.Spectrum(0),
             by_bin=None if self.by_bin is None else self.by_bin.ones(),
             factors=None if self.by_bin is None else self.by_bin.ones(),
@@ -272,11 +274,10 @@ class Walk:
         share = mi.Float(1)
         if self.shares_hits:
             reachable = hit.active & ~path.is_delta
-            start, distance = path.ray.o, si.t
+            distance = si.t
             if emitters.passes:
-                start = path.ray.o - path.length * path.ray.d
-                distance = si.t + path.length
-            pdf = emitters.pdf(self.scene, start, distance, si, hit.emitter, reachable)
+                distance = dr.norm(si.p - path.receiver.p)
+            pdf = emitters.pdf(self.scene, path.receiver, distance, si, hit.emitter, reachable)
             share = dr.select(reachable, mis_weight(path.pdf, pdf), 1)
         # The throughput and the share are constants
         with dr.resume_grad(when=not primal):
@@ -350,7 +351,7 @@ class Walk:
             direct = self.emitters.trace(self.scene, si, drawn, draws, with_hit)
             # A point source or a parallel beam cannot be hit by a reflected ray, so its whole
             # radiance belongs to the drawn direction
-            share = dr.select(drawn.ds.delta, 1, mis_weight(drawn.ds.pdf, pdf)) / drawn.ds.pdf
+            share = dr.select(drawn.ds.delta, 1, mis_weight(drawn.compared, pdf)) / drawn.ds.pdf
             radiance = direct.radiance(si)
             parts = self.emitters.parts(
                 direct.emitter, direct.hit.prim_index, drawn.ds.d, direct.counts
@@ -431,7 +432,9 @@ class Walk:
         path.pdf = dr.select(passes, path.pdf, bs.pdf)
         path.is_delta = dr.select(passes, path.is_delta, scattering.is_delta)
         path.passed = dr.select(passes, path.passed + 1, 0)
-        path.length = dr.select(passes, path.length + si.t, 0)
+        if path.receiver is not None:
+            receiver = self.emitters.receiver(si)
+            path.receiver = dr.select(passes, path.receiver, receiver)
         path.bounce += dr.select(passes, mi.UInt32(0), 1)
         # The offset from the surface is smaller than Mitsuba's in a small scene
         path.ray = self.emitters.spawn_ray(si, to)

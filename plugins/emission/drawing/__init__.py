@@ -1,0 +1,1 @@
+"""Directions drawn toward emitting panels: by what they send, and by solid angle."""
