@@ -10,7 +10,7 @@ from mi_lcair.physics.air.clear_paths import ClearPaths
 from mi_lcair.physics.air.light import AirLight
 from mi_lcair.physics.atmosphere import HEIGHT_M
 from mi_lcair.physics.sun.sunlight import OUTSIDE_AIR
-from mi_lcair.plugins.emission.source import Source
+from mi_lcair.plugins.emission.source import BinOfBlackbody, Source
 from mi_lcair.plugins.emitters.one_sun import one_sun
 
 STAND_IN = "us_standard"  # clear air that stands for air of which only a table is known
@@ -33,7 +33,8 @@ def multiplied_light(setting: Setting, sources: list[Source]) -> list[str]:
     for source in sources:
         light = source.spectrum
         is_known = isinstance(light, AirLight) and setting.path.amounts is not None
-        if light is None or light.name == OUTSIDE_AIR or is_known:
+        is_emitted = light is None or isinstance(light, BinOfBlackbody)
+        if is_emitted or light.name == OUTSIDE_AIR or is_known:
             continue
         of_sun = sun is not None and source.group == sun.group
         errors[f"{source.group} ({light.name})"] = product_error(setting, light, of_sun)

@@ -1,7 +1,8 @@
-"""Directions drawn toward emitters, and what rays along them hit."""
+"""Directions drawn toward emitters, what rays along them hit, and radiance by bin."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import drjit as dr
 import mitsuba as mi
 
 
@@ -51,3 +52,23 @@ class EmitterSample:
         if drawn.other is not None:
             radiance += drawn.other.eval_direction(si, drawn.ds, self.counts & ~of_panel)
         return radiance if self.transmittance is None else radiance * self.transmittance
+
+
+@dataclass(frozen=True)
+class BinnedRadiance:
+    """Radiance of an emitter as the bins of a path see it, before the throughput of the walk.
+
+    radiance: in-band radiance [W m^-2 sr^-1]. parts: numbers of the emitter's parts, and their
+    shares of it. base: radiance of which each bin has the share of the source, times its factor.
+    sources: number of the source of each part, and its share of `base`. factors: of the bins.
+    """
+
+    radiance: mi.Float
+    parts: list[tuple[mi.UInt32, mi.Float]]
+    base: mi.Float
+    sources: list[tuple[mi.UInt32, mi.Float]]
+    factors: dr.Local
+
+    def times(self, factor: mi.Float) -> "BinnedRadiance":
+        """The radiance times a factor."""
+        return replace(self, radiance=self.radiance * factor, base=self.base * factor)

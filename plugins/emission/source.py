@@ -27,6 +27,12 @@ class Source:
     light_of: str = ""
 
     @staticmethod
+    def of_bin(source: "Source", number: int, light: Spectrum, band) -> "Source":
+        """The part of a source in a bin of wavelength, whose spectrum is `light`."""
+        name, in_band = f"{source.name} bin {number}", light.in_band_radiance(band)
+        return Source(source.group, name, in_band, None, light, source.light_of)
+
+    @staticmethod
     def of_blackbodies(group: str, band, temperatures) -> list["Source"]:
         """Sources for the temperatures [K] of the primitives of a group's shape."""
         temperatures, number = np.unique(rounded(temperatures), return_inverse=True)
@@ -36,6 +42,10 @@ class Source:
             for T, L in zip(temperatures, radiances)
         ]
         return [sources[k] for k in number.ravel()]
+
+
+class BinOfBlackbody(Spectrum):
+    """The spectrum of a blackbody in one bin of wavelength."""
 
 
 def rounded(temperatures) -> np.ndarray:

@@ -21,11 +21,12 @@ class Sources:
     Without `by_spectrum`, each group is one source. With it, each spectrum in each group is one
     source. If that gives more than MAX_SOURCES, all blackbodies of a group become one source. Their
     radiance is then recorded at the wavelengths `wavelengths_um` [um]. `share` holds the relative
-    spectral radiance of each temperature at these wavelengths [1/um].
+    spectral radiance of each temperature at these wavelengths [1/um]. by_bin: whether `list` holds
+    the sources by bin of wavelength. The paths then sum the radiance of groups.
     """
 
     def __init__(self, emitters, groups: list[str], band, by_spectrum: bool):
-        self.by_spectrum = by_spectrum
+        self.by_spectrum, self.by_bin = by_spectrum, False
         self.list = [Source(group) for group in groups]
         self.wavelengths_um, self.share = np.empty(0), None
         per_emitter = [list(map(Source, groups_of(emitter))) for emitter in emitters]
@@ -48,6 +49,7 @@ class Sources:
             if OTHER in groups:
                 # For shapes that only reflect, and for rays that escape
                 self.list.append(Source(OTHER))
+        self.recorded = self.list  # those whose radiance the paths sum
         numbers = {source: k for k, source in enumerate(self.list)}
         rest = numbers.get(Source(OTHER), 0)
 
@@ -56,6 +58,10 @@ class Sources:
         entries = [rest, *(numbers[source] for sources in per_emitter for source in sources)]
         self.entries = mi.UInt32(np.array(entries, dtype=np.uint32))
         dr.make_opaque(self.entries)
+
+    def split(self, by_bin: list[Source]) -> None:
+        """Let the sources be those by bin of wavelength, which `BySourceAndBin` records."""
+        self.by_spectrum, self.by_bin, self.list = True, True, by_bin
 
     def tabulate(self, per_emitter, band) -> None:
         """Set `wavelengths_um`, `share` and, for each entry, its row in `share`.

@@ -10,6 +10,8 @@ from mitsuba.python.ad.integrators.common import RBIntegrator
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.plugins.bins.by_bin import ByBin, is_spectral
+from mi_lcair.plugins.bins.sums import BinSums, BySourceAndBin
 from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.bsdfs.reflection_bsdf import ReflectionBSDF
 from mi_lcair.plugins.columns.control import control_of
@@ -17,7 +19,6 @@ from mi_lcair.plugins.derivatives import attached, derivations, deriving, flatte
 from mi_lcair.plugins.emission.draw_table import UnmetSources
 from mi_lcair.plugins.emission.emissivity import Table
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
-from mi_lcair.plugins.paths.by_bin import ByBin, is_spectral
 from mi_lcair.plugins.paths.launch import Launch, ParallelRays, Paths
 from mi_lcair.plugins.paths.offsets import rounding_error
 from mi_lcair.plugins.paths.recording import Recorded
@@ -33,11 +34,6 @@ from mi_lcair.plugins.recorders.unmet_source import UnmetSource
 from mi_lcair.plugins.scene_state import SceneState
 
 # What a scene with spectral materials cannot do, and what works in its place
-WITHOUT_AREAS = (
-    "spectra, and radiation through air, do not work yet with materials that depend on wavelength; "
-    "in-band signatures, images and trends without air do; or give the materials `average_K`, "
-    "which makes them constant in the band"
-)
 WITHOUT_DERIVATIVES = (
     "derivatives do not work with materials that depend on wavelength; give these `average_K`, "
     "which makes them constant in the band"
@@ -63,18 +59,20 @@ class PathTracer(RBIntegrator):
     def __init__(self, settings, scene, by_spectrum: bool, state: SceneState, explored):
         """settings: the integrator `bounce_path`, with its properties. explored: see `Walk`."""
         super().__init__(mi.Properties())
-        emitters = EmitterTable(scene, settings.emitter_sampling, by_spectrum)
+        has_bins = any(is_spectral(shape.bsdf()) for shape in scene.shapes())
+        in_detail = by_spectrum and not has_bins
+        emitters = EmitterTable(scene, settings.emitter_sampling, in_detail)
         own_memory(flatten(emitters))
         ambient = None
         if settings.closure == "ambient":
             ambient = mi.Float(in_band_radiance(emitters.band, settings.ambient_temperature))
         most, samples = settings.max_bounces, settings.emitter_sampling
         paths = Walk(scene, emitters, most, samples, ambient, explored)
-        if any(is_spectral(shape.bsdf()) for shape in scene.shapes()):
-            if by_spectrum:
-                raise InputError(WITHOUT_AREAS)
+        if has_bins:
             T = None if ambient is None else settings.ambient_temperature
             paths.by_bin = ByBin(scene, emitters.band, T)
+            if by_spectrum:
+                emitters.sources.split(paths.by_bin.sources_by_bin())
         of_tables = max(
             (
                 part.relative_error
@@ -185,32 +183,38 @@ class PathTracer(RBIntegrator):
             rays = ParallelRays.of(sensor) if rays is None else rays
             channels = channels or Channels()
             # `freeze` does not compare a number that comes after the tables of the channels
-            arguments = paths, rays or sensor, block_size(launch), channels
+            arguments, bins = (paths, rays or sensor, block_size(launch), channels), None
+            if self.emitters.sources.by_bin and channels.split in ("target", "model"):
+                bins = BinSums(self.paths.by_bin, launch)
             if facets is not None or self.closure == "tail":
-                blocks, tail = self.whole_sums(*arguments, facets, launch)
+                blocks, tail = self.whole_sums(*arguments, facets, launch, bins)
             elif rays is None or self.paths.by_bin is not None:
                 # A recording would not see that a sensor of another kind has changed, and it does
                 # not have the tables of the bins
-                blocks, tail = self.block_sums(*arguments), None
+                blocks, tail = self.block_sums(*arguments, bins), None
             else:
                 blocks, tail = self.recorded(self, *arguments), None
             sums = Sums.of(blocks, tail, launch)
+            if bins is not None:
+                sums.channels.update(bins.channels(channels.split))
             return sums.without(f"bounce.{k}" for k in range(self.max_bounces + 1, SIZES[-1]))
 
-    def block_sums(self, paths: Paths, rays, size: int, channels: Channels) -> BlockSums:
+    def block_sums(
+        self, paths: Paths, rays, size: int, channels: Channels, bins: BinSums | None = None
+    ) -> BlockSums:
         """Sums over blocks of `size` paths of a launch.
 
         It may be recorded. It therefore uses only the tracer and its arguments, and launches
         kernels but reads no values. rays: ParallelRays or a sensor.
         """
-        L, recorders, weight = self.follow(paths, rays, channels)
+        L, recorders, weight = self.follow(paths, rays, channels, bins=bins)
         return block_sums(L, channels, recorders, weight, size)
 
     def whole_sums(
-        self, paths: Paths, rays, size: int, channels: Channels, facets, launch: Launch
+        self, paths: Paths, rays, size: int, channels: Channels, facets, launch: Launch, bins=None
     ) -> tuple[BlockSums, Tail | None]:
         """As `block_sums`, also for facets and for closure = tail, which read values."""
-        L, recorders, weight = self.follow(paths, rays, channels, facets)
+        L, recorders, weight = self.follow(paths, rays, channels, facets, bins)
         first_hit, by_bounce = recorders.of(FirstHit), recorders.of(ByBounce)
         tail = None
         if self.closure == "tail":
@@ -227,12 +231,16 @@ class PathTracer(RBIntegrator):
             facets.add(first_hit.facet, L, weight, by_bounce, launch)
         return block_sums(L, channels, recorders, weight, size), tail
 
-    def follow(self, paths: Paths, rays, channels: Channels, facets=None) -> tuple:
-        """Radiance, recorders and weight of each path."""
+    def follow(self, paths: Paths, rays, channels: Channels, facets=None, bins=None) -> tuple:
+        """Radiance, recorders and weight of each path; bins: sums by bin, or None."""
         sampler, column, row, position, weight, facet = paths.begin()
         ray = self.first_ray(paths, rays, sampler, column, row, position)
         cell = None if channels.tables is None else cell_of(paths, column, row, position)
         recorders = channels.recorders(self, facets, cell)
+        if bins is not None:
+            recorders.parts.append(
+                BySourceAndBin.of(self.scene, self.emitters, bins, paths, weight)
+            )
         if facet is not None:
             recorders.parts.append(facet)
         L, recorders = self.radiance(sampler, ray, recorders)

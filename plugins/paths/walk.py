@@ -10,12 +10,12 @@ import drjit as dr
 import mitsuba as mi
 from mitsuba.python.ad.integrators.common import mis_weight
 
+from mi_lcair.plugins.bins.by_bin import ByBin
 from mi_lcair.plugins.bsdfs.plume import is_passed
 from mi_lcair.plugins.derivatives import value_along
 from mi_lcair.plugins.emission.drawing.spherical_polygon import Receiver
 from mi_lcair.plugins.emission.emitter_table import MOST_PASSED, EmitterTable
 from mi_lcair.plugins.emission.samples import DrawnDirection
-from mi_lcair.plugins.paths.by_bin import ByBin
 from mi_lcair.plugins.recorders.recorder import Emission, Recorders, Reflection
 
 # Where no direction is drawn, it is not a number, and its slopes times 0 would not be 0.
@@ -289,18 +289,19 @@ class Walk:
             if self.ambient_radiance is not None:
                 emitted = dr.select(beyond, self.ambient_radiance, emitted)
             by_bin = self.by_bin.radiance(path, emitted, hit.emitter, parts, emits, beyond=beyond)
-            parts, Le = by_bin.parts, path.throughput * share * by_bin.radiance
+            by_bin = by_bin.times(path.throughput[0] * dr.select(beyond, 1, share))
+            parts, Le = by_bin.parts, mi.Spectrum(by_bin.radiance)
         latent = None if path.latent is None else path.latent * share * dr.detach(emitted)
         if self.ambient_radiance is not None:
-            ambient = self.ambient_radiance if by_bin is None else by_bin.radiance
-            ambient = dr.select(si.is_valid(), path.throughput * ambient, 0)
+            ambient = path.throughput * self.ambient_radiance if by_bin is None else Le
+            ambient = dr.select(si.is_valid(), ambient, 0)
             Le = dr.select(beyond, ambient, Le)
             if latent is not None:
                 ambient = dr.select(si.is_valid(), path.latent * self.ambient_radiance, 0)
                 latent = dr.select(beyond, ambient, latent)
         weight = dr.select(beyond, 0, path.throughput[0] * share)
         emission = Emission(Le[0], path.bounce, beyond, hit.emitter, parts, weight, si)
-        recorders.emission(replace(emission, latent=first(latent)))
+        recorders.emission(replace(emission, latent=first(latent), by_bin=by_bin))
         # The sun is no surface. It is seen where the ray escapes, and through the sky.
         if emitters.sun is not None:
             sees = hit.active & ~beyond & emitters.shows_sun(si, hit.emitter)
@@ -312,12 +313,15 @@ class Walk:
                     latent_sun = path.latent * share * dr.detach(of_sun)
                     latent = latent + latent_sun
                 sun, whole = emitters.sun_pointer, [(si.prim_index, mi.Float(1))]
-                if self.by_bin is not None:
-                    of_sun = self.by_bin.radiance(path, of_sun, sun, whole).radiance
-                of_sun *= path.throughput * share
+                weight_of_sun = path.throughput * share
+                if self.by_bin is None:
+                    of_sun *= weight_of_sun
+                else:
+                    by_bin = self.by_bin.radiance(path, of_sun, sun, whole).times(weight_of_sun[0])
+                    of_sun = mi.Spectrum(by_bin.radiance)
                 Le += of_sun
             emission = Emission(of_sun[0], path.bounce, beyond, sun, whole, mi.Float(0), None)
-            recorders.emission(replace(emission, latent=first(latent_sun)))
+            recorders.emission(replace(emission, latent=first(latent_sun), by_bin=by_bin))
         return Le, latent
 
     def scatter(self, primal: bool, path: PathState, hit: Hit, most, sampler, recorders):
@@ -356,10 +360,11 @@ class Walk:
             parts = self.emitters.parts(
                 direct.emitter, direct.hit.prim_index, drawn.ds.d, direct.counts
             )
+            brought, by_bin = path.throughput * f * radiance * share, None
             if self.by_bin is not None:
                 by_bin = self.by_bin.drawn(path, hit, direct, to, f, radiance, parts)
-                parts, f, radiance = by_bin.parts, mi.Spectrum(1), by_bin.radiance
-            brought = path.throughput * f * radiance * share
+                by_bin = by_bin.times(dr.select(direct.counts, path.throughput[0] * share, 0))
+                parts, brought = by_bin.parts, mi.Spectrum(by_bin.radiance)
             brought = dr.select(direct.counts, brought, 0)
         before = path.throughput * dr.detach(dr.select(direct.counts, radiance * share, 0))
         latent = None
@@ -381,6 +386,7 @@ class Walk:
                 drawn_to=dr.select(direct.counts, to, UPWARD),
                 before=before[0],
                 latent=first(latent),
+                by_bin=by_bin,
             )
         )
         if self.by_bin is not None:

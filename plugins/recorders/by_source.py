@@ -28,7 +28,7 @@ class BySource(Recorder):
     def of(sources: Sources, labels: list, in_detail: bool) -> "BySource":
         count = 0 if sources.share is None else WAVELENGTHS
         wavelengths = [mi.Float(0) for _ in range(count)]
-        return BySource(sources, labels, in_detail, zeros(len(sources.list)), wavelengths)
+        return BySource(sources, labels, in_detail, zeros(len(sources.recorded)), wavelengths)
 
     def emission(self, emission: Emission) -> None:
         value = dr.select(emission.beyond, 0, emission.radiance)
@@ -42,11 +42,11 @@ class BySource(Recorder):
     def samples(self, L) -> dict:
         groups = {label: mi.Float(0) for label in self.labels}
         by_source = entries(self.sums)
-        for source, value in zip(self.sources.list, by_source):
+        for source, value in zip(self.sources.recorded, by_source):
             groups[source.group] += value
         channels = {f"group.{label}": value for label, value in groups.items()}
         if self.in_detail:
-            if self.sources.by_spectrum:
+            if self.sources.by_spectrum and not self.sources.by_bin:
                 channels |= {f"source.{k}": value for k, value in enumerate(by_source)}
             channels |= {f"wavelength.{k}": value for k, value in enumerate(self.by_wavelength)}
         return channels

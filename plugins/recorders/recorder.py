@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from mi_lcair.plugins.emission.samples import DrawnDirection
+from mi_lcair.plugins.emission.samples import BinnedRadiance, DrawnDirection
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,8 @@ class Emission:
     emitting surface; None for the sun. drawn_to: the direction in which it was drawn from the
     surface where the path is, in that surface's frame; None if a ray met it. before: `radiance` of
     a drawn direction per value of the BSDF at that surface; None if a ray met it. latent: radiance
-    along a latent path; None where nothing is explored, see `exploring`.
+    along a latent path; None where nothing is explored, see `exploring`. by_bin: its parts by
+    source and bin of wavelength; None in a scene without spectral materials.
     """
 
     radiance: mi.Float
@@ -43,6 +44,7 @@ class Emission:
     drawn_to: mi.Vector3f | None = None
     before: mi.Float | None = None
     latent: mi.Float | None = None
+    by_bin: BinnedRadiance | None = None
 
     @property
     def prim(self) -> mi.UInt32:

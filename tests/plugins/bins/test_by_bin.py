@@ -67,12 +67,15 @@ def integrator(bounces, sampling=False, ambient=None):
     }
 
 
-def room(file, names, temperature, sampling, **more):
+def room(file, names, temperature, sampling, bounces=None, **more):
     """A closed cube of the first material with cubes of the others in it, all at one temperature.
 
     Beyond the last reflection everything has that temperature too, so that the radiance is that of
-    a blackbody whatever the number of reflections.
+    a blackbody whatever the number of reflections. With `bounces` paths end there.
     """
+    settings = integrator(4, sampling, temperature)
+    if bounces:
+        settings = integrator(bounces, sampling)
     shapes = {
         "wall": {
             "type": "cube",
@@ -91,7 +94,7 @@ def room(file, names, temperature, sampling, **more):
             "emitter": thermal(temperature),
         }
     sensor = camera(1, 3.0, origin=(0, 0, 2.5))
-    return mi_lcair.load(scene(integrator(4, sampling, temperature), sensor, **shapes))
+    return mi_lcair.load(scene(settings, sensor, **shapes))
 
 
 def plate(file, name, temperature, band="MWIR", theta_deg=0.0, bounces=0, **shapes):
@@ -120,6 +123,26 @@ def test_closed_isothermal_room(tmp_path, names, sampling):
     L, error = radiance(room(write(tmp_path), names, 400.0, sampling), 16384, 3)
     assert abs(L - blackbody(400, "MWIR")) < 3.5 * error + 1e-5 * L
     assert error < (5e-3 if sampling else 1e-3) * L
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sampling", [False, True])
+@pytest.mark.parametrize("names", ["abg", "mna"])
+def test_every_bin_of_a_closed_room(tmp_path, names, sampling):
+    """The effective areas of the sources add up to the area of the window in each bin."""
+    loaded = room(write(tmp_path), names, 400.0, sampling, bounces=40)
+    result = mi_lcair.signature(loaded, spp=8192, seed=3, by_spectrum=True)
+    areas, count = result.effective_areas, 64
+    in_bins = areas.area[1].reshape(-1, count).sum(axis=0)
+    covariance = areas.covariance[1, :-1, :-1].reshape(
+        -1, count, len(areas.sources) // count, count
+    )
+    error = np.sqrt(np.einsum("ikjk->k", covariance))
+    # 64 correlated bins of a few runs: Student's interval of 7 degrees of freedom for one of them
+    assert np.abs(in_bins - result.window_area).max() < (4 * error).max()
+    assert np.all(error < (1e-2 if sampling else 5e-3) * result.window_area)
+    total, error = areas.intensity("scene")
+    assert total == pytest.approx(result.scene.intensity, rel=1e-6)
 
 
 @pytest.mark.slow
@@ -175,15 +198,25 @@ def test_emission_of_a_smooth_plate(tmp_path, page, band, temperature, theta_deg
     emissivity = 1 - fresnel(n, index_k, np.cos(np.radians(theta_deg)))
     weight = planck(x, temperature)
     mean = np.trapezoid(weight * emissivity, x) / np.trapezoid(weight, x)
-    L, _ = radiance(plate(file, "own", temperature, band, theta_deg), 16)
+    loaded = plate(file, "own", temperature, band, theta_deg)
+    L, _ = radiance(loaded, 16)
     assert L / blackbody(temperature, band) == pytest.approx(mean, rel=3e-4)
+    areas = mi_lcair.signature(loaded, spp=16, by_spectrum=True).effective_areas
+    curve = areas.curves(x)["scene"]
+    exact = weight * emissivity * (curve.max() / (weight * emissivity).max())
+    # A narrow line of the spectrum is as wide as a bin
+    assert np.abs(curve - exact).max() < 0.03 * curve.max()
+    part = band.replace("MWIR", "3.5-4.1").replace("LWIR", "9-11")
+    inside = (x >= float(part.split("-")[0])) & (x <= float(part.split("-")[1]))
+    share = np.trapezoid((weight * emissivity)[inside], x[inside])
+    share /= np.trapezoid(weight * emissivity, x)
+    got = areas.intensity("scene", band=part)[0] / areas.intensity("scene")[0]
+    assert got == pytest.approx(share, rel=1e-3)
 
 
 def test_what_does_not_work_says_so(tmp_path):
     file = write(tmp_path)
     loaded = plate(file, "g", 400.0)
-    with pytest.raises(InputError, match="average_K"):
-        mi_lcair.signature(loaded, spp=16, by_spectrum=True)
     with pytest.raises(InputError, match="average_K"):
         mi_lcair.sensitivities(loaded, ["plate.temperature"], spp=16)
     with pytest.raises(RuntimeError, match="left out"):

@@ -6,24 +6,27 @@ radiance of an emission is then the sum over the bins of their throughputs, each
 the source's radiance in the bin.
 """
 
-from dataclasses import dataclass, replace
-
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.spectra.bins import bins_for
+from mi_lcair.physics.spectrum import Spectrum
+from mi_lcair.plugins.bins.lobes import DIFFUSE, MIRROR, families_of
 from mi_lcair.plugins.bsdfs.reflection_bsdf import LOBES, is_reflection_bsdf, reflection_layers
-from mi_lcair.plugins.bsdfs.spectral_lobes import DIFFUSE, MIRROR, families_of
 from mi_lcair.plugins.derivatives import children
 from mi_lcair.plugins.emission.groups import at_pointer
-from mi_lcair.plugins.emission.source import Source
+from mi_lcair.plugins.emission.samples import BinnedRadiance
+from mi_lcair.plugins.emission.source import BinOfBlackbody, Source
 from mi_lcair.plugins.emission.sources import spectra
 from mi_lcair.plugins.emission.triangles import PrimitiveEntries, pointer_id
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 
 ON_BOTH_SIDES = "TwoSidedBRDF"
+MOST_BY_BIN = 2048  # sources by bin whose covariances are kept
+SPECTRUM_ROWS = 801  # even wavelengths of the spectra of sources by bin
 
 
 def is_spectral(bsdf) -> bool:
@@ -34,21 +37,6 @@ def is_spectral(bsdf) -> bool:
 def is_binned(layer) -> bool:
     """Whether the BSDF of one side has a spectral material; None has none."""
     return is_reflection_bsdf(layer) and layer.spectrum is not None
-
-
-@dataclass(frozen=True)
-class BinnedRadiance:
-    """Radiance of an emitter as the bins of a path see it, before the throughput of the walk.
-
-    radiance: in-band radiance [W m^-2 sr^-1]. parts: numbers of the emitter's parts, and their
-    shares of it. base: radiance of which each bin has the share of the source, times its factor.
-    sources: number of the source of each part, and its share of `base`.
-    """
-
-    radiance: mi.Float
-    parts: list[tuple[mi.UInt32, mi.Float]]
-    base: mi.Float
-    sources: list[tuple[mi.UInt32, mi.Float]]
 
 
 class ByBin:
@@ -88,6 +76,33 @@ class ByBin:
                 row[:] = source.spectrum.at(wavelengths_um)
             elif source.temperature is not None:
                 row[:] = spectral_radiance(wavelengths_um, source.temperature)
+        return result
+
+    def sources_by_bin(self) -> list[Source]:
+        """The sources by bin: those of the first source, then those of the second one, and so on.
+
+        The spectrum of each is that of its source times a hat. Raises InputError if they are too
+        many to be told apart.
+        """
+        if len(self.sources) * self.count > MOST_BY_BIN:
+            raise InputError(
+                f"the scene has {len(self.sources)} spectra of sources; with {self.count} bins of "
+                f"wavelength at most {MOST_BY_BIN // self.count} can be told apart"
+            )
+        steps = np.linspace(0, len(self.bins.grid_um) - 1, SPECTRUM_ROWS).round().astype(int)
+        tables = [s.spectrum.wavelengths_um for s in self.sources if s.spectrum is not None]
+        band, rows = self.bins.band, np.concatenate([self.bins.nodes_um, *tables])
+        inside = rows[(rows >= band.lower_um) & (rows <= band.upper_um)]
+        rows = np.unique(np.concatenate([self.bins.grid_um[steps], inside]))
+        hats = self.bins.hats(rows).T
+        result = []
+        for source, radiance in zip(self.sources, self.radiances(rows)):
+            kind = BinOfBlackbody if source.spectrum is None else Spectrum
+            name = source.name if source.spectrum is None else source.spectrum.name
+            result += [
+                Source.of_bin(source, k, kind(name, rows, radiance * hat), band)
+                for k, hat in enumerate(hats)
+            ]
         return result
 
     def tabulate_surfaces(self, materials) -> None:
@@ -280,7 +295,7 @@ class ByBin:
             for (prim, share), value in zip(parts, of_parts)
         ]
         sources = [(number, share) for number, (_, share) in zip(numbers, parts)]
-        return BinnedRadiance(base * relative, shares, base, sources)
+        return BinnedRadiance(base * relative, shares, base, sources, path.factors)
 
     def drawn(self, path, hit, direct, to, f, radiance, parts) -> BinnedRadiance:
         """What the bins see along a direction that was drawn toward an emitter, times the BSDF.
@@ -296,7 +311,7 @@ class ByBin:
         if direct.transmittance is not None:
             # The radiance of a surface comes from a table, without what its ray has passed
             factor *= dr.select(emits[0], direct.transmittance, 1)
-        return replace(result, radiance=result.radiance * factor, base=result.base * factor)
+        return result.times(factor)
 
 
 def sides_of(bsdf) -> tuple:
