@@ -191,7 +191,7 @@ def exposure(
         intensities=intensities,
         area=intensities["target.hit"],
         sources=sources,
-        spp=in_pixel * int(total.traced[0]),
+        spp=in_pixel * round(total.traced.mean()),
         rms_error=rms_error(total, in_pixel),
         reached=total.reached,
         invalid=total.invalid,

@@ -76,20 +76,6 @@ class Criterion(ABC):
 
 
 @dataclass(frozen=True)
-class PixelError(Criterion):
-    """The rms standard error over the pixels is below a fraction of the mean radiance."""
-
-    tolerance: float
-
-    def check(self, tracer, name):
-        check_reachable(self.tolerance, tracer, name)
-
-    def excess(self, total):
-        error = total.rms_error()
-        return np.inf if error is None else error / self.tolerance
-
-
-@dataclass(frozen=True)
 class IntensityInterval(Criterion):
     """Half of the 95 % interval of a window's mean radiance is below a fraction of the mean.
 

@@ -11,6 +11,8 @@ from mi_lcair.plugins.paths.launch import ParallelRays
 from mi_lcair.rendering.aiming import aim_at_model
 from mi_lcair.rendering.limits import check_memory
 from mi_lcair.rendering.measurands import Criterion, Measurands
+from mi_lcair.rendering.pixels.allocation import Allocation, allocate
+from mi_lcair.rendering.pixels.errors import PixelCriterion
 from mi_lcair.rendering.sampling import TWO_CHOICES, Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals, check_valid
@@ -79,12 +81,15 @@ def _until_met(scene, tracer, windows: Windows, sampling, measurands, criterion,
         limit = windows.points(sampling.limit)
         goal = min(windows.first_points(), limit)
     rays, done = ParallelRays.of(windows.sensor), 0
+    allocation = Allocation(np.ones(windows.count))
+    may_share = isinstance(criterion, PixelCriterion) and tracer.closure != "tail"
     # The windows that need more paths, with the ratios and the points of the last estimate
     active, last, before = np.arange(windows.count), np.zeros(windows.count), 0
     while done < goal:
         points = min(goal - done, windows.points_of_pass(len(active)))
-        for launch in windows.launches(active, done, points, sampling.seed, total.aim):
-            total.add(launch, measurands.trace(tracer, windows.sensor, launch, rays))
+        for some, first, more in allocation.spans(active, done, done + points):
+            for launch in windows.launches(some, first, more, sampling.seed, total.aim):
+                total.add(launch, measurands.trace(tracer, windows.sensor, launch, rays))
         done += points
         check_valid(total.invalid, int(total.traced.sum()), scene.name)
         if criterion is not None and done >= goal:
@@ -97,6 +102,12 @@ def _until_met(scene, tracer, windows: Windows, sampling, measurands, criterion,
             more = active[needed[active] > 1]
             if len(more):
                 active, goal = more, min(limit, windows.next_points(done, needed[more].min()))
+                if may_share:
+                    shared, needed_points = allocate(total, criterion, windows.size, done, limit)
+                    goal = int(min(goal, np.ceil(needed_points)))
+                    if shared is not None:
+                        # From here on numbers of points are means. They begin with the pilot's.
+                        allocation, may_share, done = shared, False, 0
             if needed.max() > WORTH_AIMING and may_aim:
                 # Begin again, with the same number of paths
                 aim = aim_at_model(scene, tracer, windows.sensor, sampling.seed, measurands)

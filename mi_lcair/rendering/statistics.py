@@ -218,10 +218,13 @@ class Totals:
         return np.sqrt(random**2 + systematic**2 + self.missed(name) ** 2)
 
     def missed_by_all(self) -> float:
-        """Standard error of the mean over all windows from sources that no path has hit."""
+        """Standard error of the mean over all windows from sources that no path has hit.
+
+        It is largest if such a source is in the window with the fewest paths.
+        """
         unmet = 0.0 if self.unmet is None else float(self.unmet.bound(self.draws.sum()))
         most = UNSEEN * max(unmet, float(self.chance.max()))
-        return most / student_factor(np.inf) / max(self.paths.sum(), 1)
+        return most / student_factor(np.inf) / (len(self.traced) * max(self.traced.min(), 1))
 
     def mean_error(self) -> float | None:
         """Standard error of the mean over all windows; None for one randomisation."""

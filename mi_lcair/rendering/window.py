@@ -83,6 +83,10 @@ class Windows:
         return self.columns * self.rows
 
     @property
+    def size(self) -> tuple[int, int]:
+        return self.rows, self.columns
+
+    @property
     def may_be_aimed(self) -> bool:
         """Whether paths may begin where the model is, rather than anywhere."""
         return not self.are_pixels and self.sensor.class_name() == "OrthographicCamera"

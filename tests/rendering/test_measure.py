@@ -10,8 +10,9 @@ import pytest
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.rendering import measure as module
-from mi_lcair.rendering.measurands import ExcessFunction, IntensityInterval, Measurands, PixelError
+from mi_lcair.rendering.measurands import ExcessFunction, IntensityInterval, Measurands
 from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.pixels.errors import PixelError
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.window import PASS_SAMPLES, Windows
 from tests.plugins.small_scenes import camera
@@ -23,7 +24,7 @@ ANY_SENSOR = SimpleNamespace(class_name=lambda: "PerspectiveCamera")
 class Tracer:
     """Window w has the mean 1 + w and an error of noise[w] / points, as a lattice has at best."""
 
-    max_bounces, systematic_error = 1, 0.0
+    max_bounces, systematic_error, closure = 1, 0.0, "none"
     emitters = SimpleNamespace(unbounded=(), labels=())
 
     def __init__(self, noise=(0.0,), invalid=0.0):

@@ -9,7 +9,8 @@ import pytest
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.draw_table import UnmetSources
-from mi_lcair.rendering.measurands import ExcessFunction, IntensityInterval, PixelError
+from mi_lcair.rendering.measurands import ExcessFunction, IntensityInterval
+from mi_lcair.rendering.pixels.errors import PixelError
 from mi_lcair.rendering.sampling import Sampling
 from tests.rendering.made_totals import totals
 

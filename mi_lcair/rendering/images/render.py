@@ -14,15 +14,13 @@ from mi_lcair.physics.blackbody import brightness_temperature
 from mi_lcair.plugins.recorders.by_bounce import BOUNCE_CHANNELS
 from mi_lcair.rendering.images.apparent import apparent
 from mi_lcair.rendering.images.render_result import Render
-from mi_lcair.rendering.measurands import Measurands, PixelError
+from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.pixels.errors import PixelError, pixel_errors
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import PILOT_SPP, PIXEL_RANDOMISATIONS, Windows, window_size
-
-# Pixels along each side of the neighbourhood in which the errors of pixels are averaged
-POOLED = 5
 
 
 def render_image(
@@ -63,7 +61,7 @@ def render_image(
         Measurands.of(split, by_spectrum=atmosphere is not None),
         None if sampling.tolerance is None else PixelError(sampling.tolerance),
     )
-    spp = int(total.traced[0])
+    spp = round(total.traced.mean())
     closure_error = None
     if total.tail is not None:
         closure_error = total.tail.error(scene.mi.integrator().max_bounces)
@@ -113,6 +111,8 @@ def image_channels(total: Totals, band: Band, size: tuple[int, int]) -> dict[str
     channels = {"Y": mean, "temperature.Y": brightness_temperature(band, mean)}
     if total.randomisations > 1:
         channels["stderr.Y"] = pixel_errors(total, size)
+    if np.ptp(total.traced):
+        channels["spp.Y"] = total.traced
     parts = {name: total.mean(name) for name in total.sums}
     if parts:
         by_bounce = [values for name, values in parts.items() if name.startswith("bounce.")]
@@ -130,23 +130,6 @@ def image_channels(total: Totals, band: Band, size: tuple[int, int]) -> dict[str
         # Mean over the paths that hit something
         channels["range.Y"] = parts["range"] / np.maximum(parts["hit"], 1e-30)
     return channels
-
-
-def pixel_errors(total: Totals, size: tuple[int, int]) -> np.ndarray:
-    """Standard errors of pixels, from the scatter in their neighbourhood, (P,).
-
-    The scatter of a few paths through one pixel says little about its error: where paths rarely
-    meet a source, most pixels have none. The rms over POOLED x POOLED pixels says more. A source
-    that no path through the neighbourhood has met is one that these paths may have missed.
-    """
-    from scipy.ndimage import uniform_filter
-
-    def pooled(values):
-        return uniform_filter(values.reshape(size), POOLED, mode="nearest").ravel()
-
-    variance = pooled(total.standard_error() ** 2)
-    missed = pooled(total.missed_error()) / min(POOLED**2, np.prod(size))
-    return np.sqrt(np.maximum(variance, 0) + missed**2)
 
 
 def header(scene: Scene, sampling: Sampling, spp: int, total: Totals, closure_error) -> dict:

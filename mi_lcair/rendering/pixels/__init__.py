@@ -1,0 +1,1 @@
+"""Pixels of an image: their errors, and how paths are shared among them."""
