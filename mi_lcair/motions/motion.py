@@ -7,6 +7,7 @@ GROUP.size                              factor of the size of a group, about its
 GROUP.yaw_deg, .pitch_deg, .roll_deg    the same turns of one group, about its middle [deg]
 GROUP.x_m, .y_m, .z_m                   shift of a group [m]
 own names                               see `mi_lcair.motions.declared`
+observer.NAME                           see `mi_lcair.motions.observer`
 ======================================= ===========================================================
 
 The motions of a group act in the axes of the model: x toward the nose, y to the left, z up. They

@@ -16,6 +16,13 @@ from mi_lcair.motions.motion import (
     model_shapes,
     motions_of_groups,
 )
+from mi_lcair.motions.observer import (
+    OBSERVER,
+    observer_motions,
+    placed,
+    set_sensor,
+    settings_of,
+)
 from mi_lcair.plugins.derivatives import held, own_memory, same_variables
 from mi_lcair.plugins.emission.triangles import is_faceted, points, set_vertices, vertex_buffer
 
@@ -27,7 +34,8 @@ class Pose:
 
     loaded: the vertices of the model's meshes in the loaded scene, mi.Float. present: those that
     the values gave. attitude: the turns of the model. motions: all motions by name, in the order in
-    which they act. values: of the motions that are not at rest.
+    which they act. values: of the motions that are not at rest. sensors: parameters of the sensors
+    in the loaded scene. origin: of the scene, see `Scene`.
     """
 
     def __init__(self, scene):
@@ -37,7 +45,9 @@ class Pose:
         self.attitude = attitude_of(scene)
         of_meshes = {mesh: self.in_axes_of_model(mesh) for mesh in meshes}
         motions = declared_motions(scene, scene.moved.get(DECLARED, {}), of_meshes)
-        motions += [*motions_of_groups(scene, of_meshes), *self.attitude]
+        motions += [*motions_of_groups(scene, of_meshes), *self.attitude, *observer_motions(scene)]
+        self.sensors = {sensor: settings_of(sensor) for sensor in scene.mi.sensors()}
+        self.origin = np.array(scene.origin)
         self.motions = {}
         for motion in motions:
             if motion.name in self.motions:
@@ -76,6 +86,19 @@ class Pose:
         own_memory([array])
         return array
 
+    def place_sensors(self) -> None:
+        """Give the sensors the places of the present values; those at rest, bit for bit."""
+        motions = {n: m for n, m in self.motions.items() if n.startswith(f"{OBSERVER}.")}
+        rest = {name.partition(".")[2]: motion.rest for name, motion in motions.items()}
+        change = {
+            name.partition(".")[2]: self.values.get(name, motion.rest) - motion.rest
+            for name, motion in motions.items()
+        }
+        for sensor, loaded in self.sensors.items():
+            is_moved = any(change.values())
+            settings = placed(sensor, loaded, change, rest, self.origin) if is_moved else loaded
+            set_sensor(sensor, settings)
+
 
 def declare(scene, file: str | Path) -> None:
     """Give a scene the motions of a TOML file; raises InputError for what cannot be used."""
@@ -85,8 +108,11 @@ def declare(scene, file: str | Path) -> None:
 
 
 def known_motions(scene) -> dict[str, Motion]:
-    """The motions of a scene by name."""
-    return Pose.of(scene).motions
+    """The motions of a scene by name; without those of sensors if its sensors are others."""
+    motions = Pose.of(scene).motions
+    if scene.sensors == list(scene.mi.sensors()):
+        return motions
+    return {name: m for name, m in motions.items() if not name.startswith(f"{OBSERVER}.")}
 
 
 def value_of(scene, motion: Motion) -> float:
@@ -104,6 +130,8 @@ def set_motions(scene, values: Mapping[str, float]) -> None:
     changed = [mesh for mesh in pose.loaded if any(mesh in pose.motions[n].shapes for n in values)]
     pose.values |= values
     pose.values = {n: value for n, value in pose.values.items() if value != pose.motions[n].rest}
+    if any(name.startswith(f"{OBSERVER}.") for name in values):
+        pose.place_sensors()
     set_vertices(scene.mi, {mesh: pose.buffer(mesh) for mesh in changed})
     pose.present |= dict(zip(changed, held([vertex_buffer(mesh) for mesh in changed])))
 

@@ -1,0 +1,88 @@
+"""Motions of sensors: what they do to the image, and derivatives of images."""
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+import mi_lcair
+from mi_lcair.sensitivity.parameters import changed
+from tests.motions.test_differences import CUBE, convex_hull, derivative, scene_of
+
+PLACE = mi.ScalarTransform4f().look_at(origin=[10, 1, 3], target=[0, 0, 0], up=[0, 0, 1])
+
+
+def seen_by(kind: str):
+    film = {"type": "hdrfilm", "width": 24, "height": 16, "rfilter": {"type": "box"}}
+    film |= {"pixel_format": "luminance", "component_format": "float32"}
+    of_kind = {"fov": 20.0, "to_world": PLACE}
+    if kind == "orthographic":
+        of_kind = {"to_world": PLACE @ mi.ScalarTransform4f().scale([2, 2, 1])}
+    sensor = {"type": kind, "near_clip": 1.0, "film": film, "sampler": {"type": "lattice"}}
+    integrator = {"type": "bounce_path", "max_bounces": 0}
+    scene = {"type": "scene", "integrator": integrator, "sensor": sensor | of_kind}
+    return mi_lcair.load(mi.load_dict(scene | {"cube": convex_hull("cube", CUBE)}, optimize=False))
+
+
+def image(scene) -> np.ndarray:
+    return mi_lcair.render(scene, spp=256).channels["Y"]
+
+
+@pytest.mark.parametrize("kind", ["orthographic", "perspective"])
+def test_shift_of_an_image(kind):
+    scene = seen_by(kind)
+    before = image(scene)
+    for name, shift in (("x_px", (0, 2)), ("y_px", (2, 0))):
+        with changed(scene, {f"observer.{name}": 2}):
+            after = image(scene)
+        difference = np.abs(after - np.roll(before, shift, (0, 1))).mean()
+        assert difference < 0.02 * np.abs(after - before).mean()
+    assert np.array_equal(image(scene), before)
+
+
+def test_direction_is_that_of_the_scene_parameters():
+    """The observer of `observer.*` is that of the scene's own parameters."""
+    place = {"azimuth_deg": 150, "elevation_deg": 20}
+    loaded = mi_lcair.load("cylinder_ir_range", resolution=8, **place)
+    motions = {f"observer.{name}": value for name, value in place.items()}
+    moved = mi_lcair.load("cylinder_ir_range", resolution=8, **motions)
+    matrices = [np.array(mi.traverse(s.sensors[0])["to_world"].matrix) for s in (loaded, moved)]
+    assert matrices[0] == pytest.approx(matrices[1], abs=1e-6)
+
+
+def test_range_and_roll():
+    scene = seen_by("perspective")
+    known = mi_lcair.parameters(scene)
+    assert known["observer.range_m"].value == pytest.approx(np.sqrt(110), rel=1e-6)
+    mean = image(scene).mean()
+    with changed(scene, {"observer.range_m": 3 * np.sqrt(110)}):
+        assert image(scene).mean() == pytest.approx(mean / 9, rel=0.05)
+    rolled = seen_by("orthographic")
+    with changed(rolled, {"observer.roll_deg": 90}):
+        turned = image(rolled)
+    inner = np.s_[:, 4:20]
+    assert turned[inner] == pytest.approx(np.rot90(image(rolled)[inner]), abs=20)
+
+
+def test_observer_turns_as_the_model_does():
+    """An observer who goes round the model sees it turn the other way."""
+    found = {}
+    for name in ("observer.azimuth_deg", "cube.yaw_deg"):
+        scene = scene_of(convex_hull("cube", CUBE))
+        with changed(scene, {"cube.yaw_deg": 30.0}):
+            found[name] = derivative(scene, name)
+    a, b = found.values()
+    assert a.derivative == pytest.approx(-b.derivative, abs=4 * np.hypot(a.error, b.error))
+
+
+def test_derivative_of_an_image():
+    """The sum over the pixels is the derivative of the intensity; a shift has none."""
+    scene = scene_of(convex_hull("cube", CUBE))
+    with changed(scene, {"cube.yaw_deg": 30.0, "cube.size": 0.7}):
+        names = ["cube.yaw_deg", "observer.x_px", "cube.size"]
+        images = mi_lcair.derivative_images(scene, names, spp=256)
+        expected = [derivative(scene, name).derivative for name in (names[0], names[2])]
+    sums = images.derivative.sum(axis=(1, 2)) * 16 / 64  # area of a pixel [m^2]
+    error = np.sqrt(np.sum(images.derivative_error**2, axis=(1, 2))) * 16 / 64
+    assert abs(sums[[0, 2]] - expected) == pytest.approx(0, abs=5 * error[[0, 2]].max())
+    assert abs(sums[1]) < 5 * error[1]
+    assert np.abs(images.derivative[1]).max() > 50
