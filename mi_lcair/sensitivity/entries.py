@@ -197,7 +197,8 @@ def entries(scene) -> dict[str, Entry]:
     surfaces = {}
     for node in nodes(scene.mi):
         if is_reflection_bsdf(node):
-            material, keys = node.material or node.model.name, node.parameters
+            material = node.material or node.model.name
+            keys = node.parameters if node.spectrum is None else ()
         elif is_grey_diffuse(node):
             material, keys = node.id() or "diffuse", ["reflectance.value"]
         elif is_plume(node):

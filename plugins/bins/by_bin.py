@@ -6,6 +6,8 @@ radiance of an emission is then the sum over the bins of their throughputs, each
 the source's radiance in the bin.
 """
 
+from functools import partial
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -26,6 +28,8 @@ from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 
 ON_BOTH_SIDES = "TwoSidedBRDF"
 MOST_BY_BIN = 2048  # sources by bin whose covariances are kept
+MOST_PROJECTED = 16  # sources for which the binning error is projected
+AT_ONCE = 512  # sources that are tabulated together, to bound the memory
 SPECTRUM_ROWS = 801  # even wavelengths of the spectra of sources by bin
 
 
@@ -62,21 +66,13 @@ class ByBin:
         if ambient_temperature is not None:
             self.ambient = dr.opaque(mi.UInt32, len(self.sources))
             self.sources += Source.of_blackbodies("ambient", band, [ambient_temperature])
-        self.bins, self.binning_error = bins_for(band, materials, self.radiances)
+        some = np.linspace(0, len(self.sources) - 1, MOST_PROJECTED).round().astype(int)
+        projected = [self.sources[k] for k in np.unique(some)]
+        self.bins, self.binning_error = bins_for(band, materials, partial(radiances, projected))
         self.count = self.bins.count
         self.families = families_of(materials, self.bins)
         self.tabulate_surfaces(materials)
         self.tabulate_sources(emitters, per_emitter)
-
-    def radiances(self, wavelengths_um: np.ndarray) -> np.ndarray:
-        """Spectral radiance of the sources [W m^-2 sr^-1 um^-1], (sources, wavelengths)."""
-        result = np.zeros((len(self.sources), len(wavelengths_um)))
-        for row, source in zip(result, self.sources):
-            if source.spectrum is not None:
-                row[:] = source.spectrum.at(wavelengths_um)
-            elif source.temperature is not None:
-                row[:] = spectral_radiance(wavelengths_um, source.temperature)
-        return result
 
     def sources_by_bin(self) -> list[Source]:
         """The sources by bin: those of the first source, then those of the second one, and so on.
@@ -96,7 +92,7 @@ class ByBin:
         rows = np.unique(np.concatenate([self.bins.grid_um[steps], inside]))
         hats = self.bins.hats(rows).T
         result = []
-        for source, radiance in zip(self.sources, self.radiances(rows)):
+        for source, radiance in zip(self.sources, radiances(self.sources, rows)):
             kind = BinOfBlackbody if source.spectrum is None else Spectrum
             name = source.name if source.spectrum is None else source.spectrum.name
             result += [
@@ -135,7 +131,12 @@ class ByBin:
         self.of_primitives = PrimitiveEntries(ids, list(map(len, per_emitter)))
         entries = [0, *(numbers[source] for many in per_emitter for source in many)]
         self.entries = mi.UInt32(np.array(entries, dtype=np.uint32))
-        self.shares = mi.Float(self.bins.shares(self.radiances(self.bins.grid_um)).ravel())
+        groups = range(0, len(self.sources), AT_ONCE)
+        shares = [
+            self.bins.shares(radiances(self.sources[k : k + AT_ONCE], self.bins.grid_um))
+            for k in groups
+        ]
+        self.shares = mi.Float(np.concatenate(shares).ravel())
         self.in_band = mi.Float([source.in_band for source in self.sources])
         by_material = np.zeros(max(ids) + 1, dtype=np.uint32)
         by_material[ids] = [is_thermal(e) and e.given_emissivity is None for e in emitters]
@@ -312,6 +313,17 @@ class ByBin:
             # The radiance of a surface comes from a table, without what its ray has passed
             factor *= dr.select(emits[0], direct.transmittance, 1)
         return result.times(factor)
+
+
+def radiances(sources: list[Source], wavelengths_um: np.ndarray) -> np.ndarray:
+    """Spectral radiance of sources [W m^-2 sr^-1 um^-1], (sources, wavelengths)."""
+    result = np.zeros((len(sources), len(wavelengths_um)))
+    for row, source in zip(result, sources):
+        if source.spectrum is not None:
+            row[:] = source.spectrum.at(wavelengths_um)
+        elif source.temperature is not None:
+            row[:] = spectral_radiance(wavelengths_um, source.temperature)
+    return result
 
 
 def sides_of(bsdf) -> tuple:

@@ -20,7 +20,6 @@ COUNTS = (16, 32, 64)  # numbers of bins; the first whose binning error is small
 # Binning error that is small: a tenth of a tolerance of 0.2 %
 SMALL_ERROR = 2e-4
 ANGLES_DEG = (0, 60)  # angles at which the binning error is projected
-MOST_SOURCES = 16  # spectra for which it is projected
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,10 +145,9 @@ def bins_for(band: Band, materials: list[SpectralParameters], spectra) -> tuple[
     spectra: function of wavelengths [um]: the spectral radiances of the sources (sources, n).
     """
     radiances = spectra(Bins(band, COUNTS[0]).grid_um)
-    chosen = radiances[np.linspace(0, len(radiances) - 1, MOST_SOURCES).round().astype(int)]
     for count in COUNTS:
         bins = Bins(band, count)
-        error = binning_error(bins, materials, chosen)
+        error = binning_error(bins, materials, radiances)
         if error <= SMALL_ERROR:
             break
     return bins, error
