@@ -1,6 +1,7 @@
 # The public names of mi_lcair: `__init__.py` imports each of them from here, at its first use.
 from mi_lcair.api.audit import audit as audit
 from mi_lcair.api.budget import budget as budget
+from mi_lcair.api.cavity import cavity as cavity
 from mi_lcair.api.contrast import contrast as contrast
 from mi_lcair.api.derivative_images import derivative_images as derivative_images
 from mi_lcair.api.image import image as image

@@ -33,6 +33,7 @@ FLOORS = {
     "mi_lcair.detection": 4,
     "mi_lcair.camera": 4,
     "mi_lcair.thermography": 4,
+    "mi_lcair.cavities": 4,
     "mi_lcair.planning": 4,
     "mi_lcair.uncertainty": 4,
     "mi_lcair.inversion": 4,

@@ -27,6 +27,7 @@ PURPOSES = {
         "contrast": "scenarios.contrast",
         "image": "scenarios.image",
         "temperature": "files.temperature",
+        "cavity": "scenarios.cavity",
     },
     "Scenes and materials": {
         "scenes": "scenes",

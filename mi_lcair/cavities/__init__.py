@@ -1,0 +1,1 @@
+"""Effective emissivity of cavities, the sources of blackbody radiation in laboratories."""

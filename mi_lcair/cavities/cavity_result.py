@@ -1,0 +1,127 @@
+"""The effective emissivity of a cavity, as a result."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from mi_lcair.cavities.description import ViewTable
+from mi_lcair.cavities.own_mesh import OwnMesh
+from mi_lcair.cavities.shape import Shape
+from mi_lcair.results import Result
+from mi_lcair.thermography.temperature_result import Contribution
+
+
+@dataclass(frozen=True, repr=False)
+class Cavity(Result):
+    """Effective emissivity of a cavity by wavelength, with its uncertainty.
+
+    It is the mean radiance of the rays that the view counts, divided by the radiance of a blackbody
+    of the reference temperature.
+
+    Attributes
+    ----------
+    name : str
+    shape : Shape or OwnMesh
+    wavelengths_um : ndarray, shape (w,)
+    wall_emissivity : ndarray, shape (w,)
+        Hemispherical emissivity of the wall.
+    effective : ndarray, shape (w,)
+        Effective emissivity. With a temperature profile it may exceed 1.
+    numerical : ndarray, shape (w,)
+        Standard error of the computation.
+    contributions : tuple of Contribution
+        What the uncertain quantities contribute. Their errors are independent.
+    reference : float
+        Temperature of the reference [K].
+    method : str
+        "rings" or "paths".
+    gouffe : ndarray, shape (w,)
+        Gouffé's emissivity, which holds for an isothermal diffuse cavity seen from all directions.
+    view : ViewTable
+    depths, kelvin : ndarray, shape (n,)
+        Temperature of the wall by depth [m, K].
+    tolerance : float or None
+        Half of the 95 % interval that the paths were to reach; None for rings.
+    """
+
+    name: str
+    shape: Shape | OwnMesh
+    wavelengths_um: np.ndarray
+    wall_emissivity: np.ndarray
+    effective: np.ndarray
+    numerical: np.ndarray
+    contributions: tuple[Contribution, ...]
+    reference: float
+    method: str
+    gouffe: np.ndarray
+    view: ViewTable
+    depths: np.ndarray
+    kelvin: np.ndarray
+    tolerance: float | None = None
+
+    kind: ClassVar[str] = "cavity"
+    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.cavity:figure"
+    sections_by: ClassVar[str] = "mi_lcair.reports.sections.cavity:sections"
+
+    @property
+    def sigma(self) -> np.ndarray:
+        """Combined standard uncertainty, with the error of the computation, (w,)."""
+        squares = (row.sigma**2 for row in self.contributions)
+        return np.sqrt(sum(squares, start=self.numerical**2))
+
+    @property
+    def seen(self) -> str:
+        """The view in words."""
+        view = self.view
+        spot = "aperture" if view.spot_m is None else f"spot of {view.spot_m:g} m"
+        if view.distance_m is not None:
+            return f"{spot} from {view.distance_m:g} m"
+        if view.direction == "hemisphere":
+            return f"{spot}, all directions"
+        return (
+            f"{spot}, {f'{view.angle_deg:g} degrees from the axis' if view.angle_deg else 'normal'}"
+        )
+
+    def summary(self) -> str:
+        """One line with the effective emissivity at the first wavelength."""
+        text = (
+            f"effective emissivity of {self.name}, {self.seen}: {self.effective[0]:.6f} +- "
+            f"{self.sigma[0]:.2g}"
+        )
+        if np.ptp(self.effective) == 0:
+            return text
+        return f"{text} at {self.wavelengths_um[0]:g} um"
+
+    def entries(self) -> dict:
+        """Entries for JSON: by wavelength, and the budget."""
+        return {
+            "name": self.name,
+            "shape": self.shape.kind,
+            "view": self.seen,
+            "method": self.method,
+            "reference_K": self.reference,
+            "columns": self.columns(),
+            "budget": [
+                {
+                    "quantity": row.quantity,
+                    "value": None if np.isnan(row.number.value) else row.number.value,
+                    "sigma": row.number.sigma,
+                    "unit": row.unit,
+                    "sensitivity": row.slope,
+                    "contribution": row.sigma,
+                }
+                for row in self.contributions
+            ],
+        }
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """A row for each wavelength."""
+        return {
+            "wavelength_um": self.wavelengths_um,
+            "wall_emissivity": self.wall_emissivity,
+            "effective_emissivity": self.effective,
+            "sigma": self.sigma,
+            "numerical_error": self.numerical,
+            "gouffe": self.gouffe,
+        }

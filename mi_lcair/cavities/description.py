@@ -1,0 +1,309 @@
+"""What a cavity's TOML file says: its shape, wall, view and uncertainties."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from math import radians
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from mi_lcair.cavities.own_mesh import OwnMesh
+from mi_lcair.cavities.shape import Shape
+from mi_lcair.cavities.view import Beam, Cone, Hemisphere, View
+from mi_lcair.declared import Bounds, check_fields, within
+from mi_lcair.errors import InputError, unknown
+from mi_lcair.files import parse_toml, read_text
+from mi_lcair.physics.bands import band as band_of
+from mi_lcair.physics.materials import Material, bands_of, material
+from mi_lcair.table import read_table
+from mi_lcair.toml_table import filled
+
+KELVIN = within(lower=10, upper=6000, unit="K")
+WAVELENGTHS = within(lower=0.2, upper=100, unit="um")
+DIRECTIONS = ("hemisphere", "normal")
+TABLES = ("shape", "wall", "view", "sigma")
+
+
+@dataclass(frozen=True, kw_only=True)
+class WallTable:
+    """[wall]: one of emissivity, spectrum and material, and the temperature.
+
+    Attributes
+    ----------
+    emissivity : float or None
+        The same at all wavelengths and angles.
+    spectrum : str or None
+        CSV file wavelength_um,emissivity.
+    material : str or None
+        Name of a material with a reflection model.
+    specular : float
+        Share of the reflectance that is a mirror's; the rest is diffuse. Not for a material.
+    temperature_K : float or None
+        Temperature of an isothermal wall; None: 300 K.
+    profile : str or None
+        CSV file z_m,kelvin: temperatures at depths below the aperture's plane.
+    """
+
+    emissivity: float | None = field(default=None, metadata=within(upper=1, is_positive=True))
+    spectrum: str | None = None
+    material: str | None = None
+    specular: float = field(default=0.0, metadata=within(lower=0, upper=1))
+    temperature_K: float | None = field(default=None, metadata=KELVIN)
+    profile: str | None = None
+
+    def __post_init__(self):
+        check_fields(self, "wall: ")
+        names = ("emissivity", "spectrum", "material")
+        if sum(getattr(self, name) is not None for name in names) != 1:
+            raise InputError(f"wall: give one of {', '.join(names)}")
+        if self.material is not None and self.specular:
+            raise InputError("wall: specular goes with emissivity or spectrum, not with a material")
+        if self.profile is not None and self.temperature_K is not None:
+            raise InputError("wall: temperature_K and profile exclude each other")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewTable:
+    """[view], whose key `from` is `direction` here.
+
+    Attributes
+    ----------
+    direction : str
+        "hemisphere": all directions; "normal": parallel to the axis.
+    angle_deg : float
+        Angle of parallel rays to the axis, with "normal".
+    distance_m : float or None
+        Distance of a small detector on the axis from the aperture, in place of a direction.
+    spot_m : float or None
+        Diameter of the circle in the aperture that is viewed; None: the whole aperture.
+    wavelengths_um : tuple of float
+    reference_K : float or None
+        Temperature of the blackbody to which the radiance is compared; None: that of the deepest
+        point.
+    """
+
+    direction: str = "hemisphere"
+    angle_deg: float = field(default=0.0, metadata=within(lower=0, upper=89, unit="degrees"))
+    distance_m: float | None = field(default=None, metadata=within(is_positive=True, unit="m"))
+    spot_m: float | None = field(default=None, metadata=within(is_positive=True, unit="m"))
+    wavelengths_um: tuple[float, ...] = field(default=(4.0, 10.0), metadata=WAVELENGTHS)
+    reference_K: float | None = field(default=None, metadata=KELVIN)
+
+    def __post_init__(self):
+        check_fields(self, "view: ")
+        if self.direction not in DIRECTIONS:
+            raise unknown("direction of [view] from", self.direction, DIRECTIONS)
+        if not self.wavelengths_um:
+            raise InputError("view: wavelengths_um is empty; give one or more")
+        if self.angle_deg and (self.direction != "normal" or self.distance_m is not None):
+            raise InputError('view: angle_deg goes with from = "normal" and without distance_m')
+
+    def of(self, shape) -> View:
+        """The view of a shape; raises InputError for a spot that the aperture does not hold."""
+        spot = shape.aperture if self.spot_m is None else self.spot_m / 2
+        if spot > shape.aperture * (1 + 1e-9):
+            raise InputError(
+                f"view: spot_m = {self.spot_m:g} is wider than the aperture, "
+                f"{2 * shape.aperture:g} m"
+            )
+        if self.distance_m is not None:
+            return Cone(spot, self.distance_m)
+        if self.direction == "normal":
+            return Beam(spot, radians(self.angle_deg))
+        return Hemisphere(spot)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sigma:
+    """[sigma]: standard uncertainties, in the units of the quantities.
+
+    temperature_K: common to the whole wall. gradient_K: of the temperature of the aperture's edge
+    against the deepest point, linear in depth.
+    """
+
+    emissivity: float = 0.0
+    specular: float = 0.0
+    temperature_K: float = 0.0
+    gradient_K: float = 0.0
+    radius_m: float = 0.0
+    length_m: float = 0.0
+    angle_deg: float = 0.0
+    aperture_radius_m: float = 0.0
+
+    def __post_init__(self):
+        for entry in fields(self):
+            Bounds(lower=0).check(getattr(self, entry.name), f"sigma: {entry.name}")
+
+
+@dataclass(frozen=True)
+class Description:
+    """A cavity: shape, wall, view and uncertainties.
+
+    shift, gradient: change of the wall's temperature [K], see `Sigma`. folder: that of the files
+    that it names.
+    """
+
+    name: str
+    shape: Shape | OwnMesh
+    wall: WallTable
+    seen: ViewTable
+    sigma: Sigma
+    folder: Path
+    shift: float = 0.0
+    gradient: float = 0.0
+    offset: float = 0.0  # change of the wall's emissivity
+
+    @staticmethod
+    def read(cavity: str | PathLike[str] | Mapping) -> "Description":
+        """A TOML file, or its tables; raises InputError for what cannot be used."""
+        if isinstance(cavity, Mapping):
+            name, folder, tables = "cavity", Path(), dict(cavity)
+        else:
+            name, folder = Path(cavity).stem, Path(cavity).parent
+            tables = parse_toml(read_text(cavity, "cavity"), str(cavity))
+        for key in tables:
+            if key not in TABLES:
+                raise unknown("table of a cavity", key, TABLES)
+        for key in ("shape", "wall"):
+            if key not in tables:
+                raise InputError(f"{name}: table [{key}] is missing")
+        shape, view = tables["shape"], tables.get("view", {})
+        if isinstance(shape, Mapping) and "mesh" in shape:
+            shape = OwnMesh.read(shape, folder)
+        else:
+            shape = filled(Shape, shape, "[shape]")
+        if isinstance(view, Mapping) and "from" in view:
+            view = {("direction" if key == "from" else key): value for key, value in view.items()}
+        described = Description(
+            name=name,
+            shape=shape,
+            wall=filled(WallTable, tables["wall"], "[wall]"),
+            seen=filled(ViewTable, view, "[view]"),
+            sigma=filled(Sigma, tables.get("sigma", {}), "[sigma]"),
+            folder=folder,
+        )
+        described.check_sigma()
+        if described.wall.profile is not None:
+            described.check_profile()
+        return described
+
+    @property
+    def view(self) -> View:
+        return self.seen.of(self.shape)
+
+    @property
+    def wavelengths_um(self) -> np.ndarray:
+        return np.array(self.seen.wavelengths_um)
+
+    def temperature(self, depths: np.ndarray) -> np.ndarray:
+        """Temperature of the wall at depths [m], [K]."""
+        change = self.shift + self.gradient * (1 - depths / self.shape.depth)
+        if self.wall.profile is None:
+            return np.full(np.shape(depths), self.wall.temperature_K or 300.0) + change
+        return np.interp(depths, *self.profile()) + change
+
+    def profile(self) -> tuple[np.ndarray, np.ndarray]:
+        """Depths [m] and temperatures [K] of the profile; raises InputError for unusable ones."""
+        path = self.folder / self.wall.profile
+        table = read_table(path, ("z_m", "kelvin"), "profile").numbers(("z_m", "kelvin"))
+        z, kelvin = table["z_m"], table["kelvin"]
+        if len(z) < 2 or (np.diff(z) <= 0).any():
+            raise InputError(f"{path}: z_m must rise, over two rows or more")
+        for value in kelvin:
+            KELVIN["bounds"].check(float(value), f"{path}: kelvin")
+        return z, kelvin
+
+    def check_profile(self) -> None:
+        """Raise InputError for a profile that does not cover the cavity."""
+        z, _ = self.profile()
+        if z[0] > 1e-9 or z[-1] < self.shape.depth * (1 - 1e-6):
+            raise InputError(
+                f"{self.folder / self.wall.profile}: covers z_m {z[0]:g}..{z[-1]:g}; the cavity "
+                f"needs 0..{self.shape.depth:g}"
+            )
+
+    @property
+    def is_isothermal(self) -> bool:
+        """Whether all of the wall has the temperature of the reference."""
+        at_reference = self.seen.reference_K in (None, self.wall.temperature_K or 300.0)
+        return self.wall.profile is None and at_reference and not (self.shift or self.gradient)
+
+    @property
+    def reference(self) -> float:
+        """Temperature of the reference [K], that of the deepest point if none is stated."""
+        if self.seen.reference_K is not None:
+            return self.seen.reference_K
+        unchanged = replace(self, shift=0.0, gradient=0.0)
+        return float(unchanged.temperature(np.array([self.shape.depth]))[0])
+
+    def surfaces(self) -> list:
+        """The wall at each wavelength: its emissivity, or a `Material`."""
+        if self.wall.material is not None:
+            return [self.material_at(wavelength) for wavelength in self.wavelengths_um]
+        if self.wall.spectrum is None:
+            return [self.wall.emissivity + self.offset] * len(self.wavelengths_um)
+        path = self.folder / self.wall.spectrum
+        needed = ("wavelength_um", "emissivity")
+        table = read_table(path, needed, "emissivity").numbers(needed)
+        x, y = table["wavelength_um"], table["emissivity"]
+        for value in y:
+            Bounds(upper=1, is_positive=True).check(float(value), f"{path}: emissivity")
+        lowest, highest = self.wavelengths_um.min(), self.wavelengths_um.max()
+        if (np.diff(x) <= 0).any() or lowest < x[0] or highest > x[-1]:
+            raise InputError(f"{path}: wavelength_um must rise, and cover {lowest:g}..{highest:g}")
+        values = np.interp(self.wavelengths_um, x, y) + self.offset
+        return np.clip(values, 1e-6, 1).tolist()
+
+    def material_at(self, wavelength: float) -> Material | float:
+        """The material in a band that holds the wavelength [um]; a number for a grey one."""
+        known = bands_of(self.wall.material)
+        for name in known:
+            if name == "any":
+                return grey_or_not(material(self.wall.material, None))
+            band = band_of(name)
+            if band.lower_um <= wavelength <= band.upper_um:
+                return grey_or_not(material(self.wall.material, band))
+        raise InputError(
+            f"wall: material '{self.wall.material}' is known for {', '.join(known)}; "
+            f"not at {wavelength:g} um"
+        )
+
+    def check_sigma(self) -> None:
+        """Raise InputError for an uncertainty of a quantity that the cavity does not have."""
+        for entry in fields(self.sigma):
+            name = entry.name
+            if not getattr(self.sigma, name) or name in ("temperature_K", "gradient_K"):
+                continue
+            has = name in vars(self.shape) and getattr(self.shape, name) is not None
+            if name in ("emissivity", "specular"):
+                has = self.wall.material is None
+            if not has:
+                raise InputError(f"sigma: {name}: the cavity has no such number")
+
+    def value_of(self, quantity: str) -> float | None:
+        """Value of a quantity of [sigma]; None for the wall's emissivity by wavelength."""
+        if quantity == "gradient_K":
+            return self.gradient
+        if quantity == "temperature_K":
+            return self.wall.temperature_K or self.reference
+        if quantity in ("emissivity", "specular"):
+            return getattr(self.wall, quantity)
+        return getattr(self.shape, quantity)
+
+    def changed(self, quantity: str, change: float) -> "Description":
+        """The cavity with a changed quantity of [sigma]."""
+        if quantity == "temperature_K":
+            return replace(self, shift=self.shift + change)
+        if quantity == "gradient_K":
+            return replace(self, gradient=self.gradient + change)
+        if quantity == "emissivity":
+            return replace(self, offset=self.offset + change)
+        table = "wall" if quantity == "specular" else "shape"
+        value = getattr(getattr(self, table), quantity) + change
+        return replace(self, **{table: replace(getattr(self, table), **{quantity: value})})
+
+
+def grey_or_not(entry: Material) -> Material | float:
+    """The emissivity of a grey material; any other material itself."""
+    return entry.parameters["emissivity"] if entry.model.name == "grey" else entry

@@ -1,0 +1,132 @@
+"""Shapes of cavities: bodies of revolution about the z axis, with a circular aperture at z = 0.
+
+z is the depth below the plane of the aperture. All shapes are convex.
+"""
+
+from dataclasses import dataclass, field
+from math import pi, radians, sqrt, tan
+
+import numpy as np
+
+from mi_lcair.declared import check_fields, within
+from mi_lcair.errors import InputError, unknown
+
+KINDS = ("cylinder", "cone", "cylinder_cone", "sphere")
+# What each kind needs beside radius_m; a cone takes its length or its angle
+NEEDED = {"cylinder": {"length_m"}, "cylinder_cone": {"length_m", "angle_deg"}, "sphere": set()}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shape:
+    """Shape of a cavity. Raises InputError for numbers that make none.
+
+    Attributes
+    ----------
+    kind : str
+        One of KINDS.
+    radius_m : float
+        Radius of the cylinder, of the cone's base, or of the sphere [m].
+    length_m : float or None
+        Depth of the whole cavity [m], except of a sphere.
+    angle_deg : float or None
+        Full apex angle of the cone [deg]. A cone has a length or an angle.
+    aperture_radius_m : float or None
+        Radius of the aperture [m]. Around a smaller one than the radius is a flat lid, inside of
+        which is a wall too. None: the whole end is open.
+    """
+
+    kind: str
+    radius_m: float = field(metadata=within(is_positive=True, unit="m"))
+    length_m: float | None = field(default=None, metadata=within(is_positive=True, unit="m"))
+    angle_deg: float | None = field(
+        default=None, metadata=within(lower=1, upper=179, unit="degrees")
+    )
+    aperture_radius_m: float | None = field(
+        default=None, metadata=within(is_positive=True, unit="m")
+    )
+
+    def __post_init__(self):
+        if self.kind not in KINDS:
+            raise unknown("kind of cavity", self.kind, KINDS)
+        check_fields(self, "shape: ")
+        given = {name for name in ("length_m", "angle_deg") if getattr(self, name) is not None}
+        if self.kind == "cone":
+            if len(given) != 1:
+                raise InputError("shape: a cone needs one of length_m and angle_deg")
+        elif given != NEEDED[self.kind]:
+            needed = " and ".join(sorted(NEEDED[self.kind])) or "neither length_m nor angle_deg"
+            raise InputError(f"shape: a {self.kind} takes {needed} beside radius_m")
+        if self.kind == "cylinder_cone" and self.cone_length >= self.length_m:
+            raise InputError(
+                f"shape: length_m = {self.length_m:g}; must exceed the cone's {self.cone_length:g} "
+                "m, which radius_m and angle_deg give"
+            )
+        if self.kind == "sphere" and not self.aperture < self.radius_m:
+            raise InputError("shape: a sphere needs an aperture_radius_m below its radius_m")
+        if self.aperture > self.radius_m:
+            raise InputError(
+                f"shape: aperture_radius_m = {self.aperture:g}; must be at most radius_m = "
+                f"{self.radius_m:g}"
+            )
+
+    @property
+    def aperture(self) -> float:
+        """Radius of the aperture [m]."""
+        return self.radius_m if self.aperture_radius_m is None else self.aperture_radius_m
+
+    @property
+    def cone_length(self) -> float:
+        """Length of the cone [m]."""
+        if self.angle_deg is None:
+            return self.length_m
+        return self.radius_m / tan(radians(self.angle_deg) / 2)
+
+    @property
+    def depth(self) -> float:
+        """Distance of the deepest point from the aperture's plane [m]."""
+        if self.kind == "sphere":
+            return self.radius_m + sqrt(self.radius_m**2 - self.aperture**2)
+        return self.cone_length if self.kind == "cone" else self.length_m
+
+    def corners(self) -> list[tuple[float, float]]:
+        """Radius and depth of the corners [m], from the aperture's edge to the axis."""
+        R, L = self.radius_m, self.depth
+        edge = [(self.aperture, 0.0)] if self.aperture < R else []
+        if self.kind == "cylinder":
+            return [*edge, (R, 0.0), (R, L), (0.0, L)]
+        if self.kind == "cone":
+            return [*edge, (R, 0.0), (0.0, L)]
+        return [*edge, (R, 0.0), (R, L - self.cone_length), (0.0, L)]
+
+    def nodes(self, count: int) -> np.ndarray:
+        """Radii and depths [m] of circles that divide the wall into rings, (2, n).
+
+        They go from the aperture's edge to the axis. Each straight part of the wall has `count`
+        rings, which are narrow at its ends, where the radiance changes fastest.
+        """
+        steps = (1 - np.cos(pi * np.arange(count + 1) / count)) / 2
+        if self.kind == "sphere":
+            first = np.arcsin(self.aperture / self.radius_m)
+            angles = first + (pi - first) * steps
+            # The depth of the centre is that of the last node less the radius
+            r, z = self.radius_m * np.sin(angles), self.depth - self.radius_m * (1 + np.cos(angles))
+        else:
+            r, z = (
+                np.concatenate([[values[0]], *(a + (b - a) * steps[1:] for a, b in pairs)])
+                for values in zip(*self.corners())
+                for pairs in [list(zip(values, values[1:]))]
+            )
+        z[0], r[-1] = 0.0, 0.0
+        return np.array([r, z])
+
+    def areas(self, nodes: np.ndarray) -> np.ndarray:
+        """Areas of the rings between nodes [m^2], those of the curved wall itself."""
+        r, z = nodes
+        if self.kind == "sphere":
+            return 2 * pi * self.radius_m * np.diff(z)
+        return pi * (r[1:] + r[:-1]) * np.hypot(np.diff(r), np.diff(z))
+
+    @property
+    def wall_area(self) -> float:
+        """Area of the wall [m^2]."""
+        return float(self.areas(self.nodes(1)).sum())

@@ -1,0 +1,34 @@
+"""mi-lcair cavity: the effective emissivity of a cavity."""
+
+import click
+
+import mi_lcair
+from mi_lcair.cli.options import examples, json_option, output_option
+from mi_lcair.cli.output import check_outputs, print_result, print_written
+
+
+@click.command("cavity", epilog=examples("mi-lcair cavity cavity.toml -o cavity.png"))
+@click.argument("cavity", metavar="CAVITY.toml")
+@click.option(
+    "--tolerance",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="FRACTION",
+    help="Half of the 95 % interval for walls that the renderer traces (default: 2e-4).",
+)
+@click.option("--seed", type=click.IntRange(min=0), default=0, help="Seed of the random numbers.")
+@output_option("the table to FILE (.csv, .json, .html, .nc), or a picture (.png, .svg, .pdf)")
+@json_option
+def command(cavity, tolerance, seed, output, json):
+    """Effective emissivity of a cavity with its uncertainty.
+
+    CAVITY.toml has the tables [shape], [wall], [view] and [sigma]. Printed are the effective
+    emissivity by wavelength, and what each uncertain quantity contributes to its uncertainty.
+    """
+    suffixes = (".csv", ".json", ".html", ".png", ".svg", ".pdf", ".nc")
+    check_outputs((output, suffixes))
+    options = {} if tolerance is None else {"tolerance": tolerance}
+    result = mi_lcair.cavity(cavity, seed=seed, **options)
+    if output:
+        result.save(output)
+    print_result(result, json)
+    print_written(output)

@@ -1,0 +1,59 @@
+"""Sections of a cavity's effective emissivity."""
+
+import numpy as np
+
+from mi_lcair.results.result import summary_of
+from mi_lcair.results.sections import Facts, Section, Table
+
+METHODS = {"rings": "radiosity of diffuse rings", "paths": "paths of the renderer"}
+
+
+def sections(result) -> list[Section]:
+    """The effective emissivity by wavelength, the method, and the budget."""
+    coldest, hottest = result.kelvin.min(), result.kelvin.max()
+    wall = f"{coldest:g} K" if coldest == hottest else f"{coldest:g} to {hottest:g} K"
+    rows = [
+        ("shape", f"{result.shape.kind.replace('_', ' with ')}, {result.shape.depth:g} m deep"),
+        ("view", result.seen),
+        ("wall", f"{wall}, compared with a blackbody of {result.reference:g} K"),
+        ("method", METHODS[result.method]),
+    ]
+    head = [
+        "wavelength um",
+        "wall",
+        "effective emissivity",
+        "sigma",
+        "of which numerical",
+        "Gouffé",
+    ]
+    lines = [
+        (f"{um:g}", f"{wall:.4f}", f"{value:.6f}", f"{sigma:.2g}", f"{error:.2g}", f"{gouffe:.4f}")
+        for um, wall, value, sigma, error, gouffe in zip(
+            result.wavelengths_um,
+            result.wall_emissivity,
+            result.effective,
+            result.sigma,
+            result.numerical,
+            result.gouffe,
+        )
+    ]
+    parts = [summary_of(result), Facts(rows), Table(head, lines)]
+    budget = []
+    for row in result.contributions:
+        unit = "" if row.unit == "1" else f" {row.unit}"
+        value = "by wavelength" if np.isnan(row.number.value) else f"{row.number.value:g}{unit}"
+        share = 100 * (row.sigma[0] / result.sigma[0]) ** 2
+        budget.append(
+            (
+                row.quantity,
+                value,
+                f"{row.number.sigma:g}{unit}",
+                f"{row.slope[0]:.4g}",
+                f"{row.sigma[0]:.3g}",
+                f"{share:.1f} %",
+            )
+        )
+    if budget:
+        head = ["quantity", "value", "sigma", "sensitivity", "contribution", "share"]
+        parts.append(Table(head, budget))
+    return [Section("Cavity", parts)]
