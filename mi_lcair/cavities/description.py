@@ -99,7 +99,7 @@ class ViewTable:
         if self.angle_deg and (self.direction != "normal" or self.distance_m is not None):
             raise InputError('view: angle_deg goes with from = "normal" and without distance_m')
 
-    def of(self, shape) -> View:
+    def of(self, shape: Shape | OwnMesh) -> View:
         """The view of a shape; raises InputError for a spot that the aperture does not hold."""
         spot = shape.aperture if self.spot_m is None else self.spot_m / 2
         if spot > shape.aperture * (1 + 1e-9):
