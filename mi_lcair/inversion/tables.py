@@ -24,7 +24,7 @@ class UnknownEntry:
     per : tuple of str, optional
         What has a value of its own: "band", "state", "data"; [] for one value in all data. By
         default temperatures have one for each state, materials and emissivities one for each band,
-        and radiances one for each band and state.
+        and radiances one for each band and state. Motions have one for each image.
     """
 
     start: float | None = None

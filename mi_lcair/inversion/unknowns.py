@@ -18,6 +18,7 @@ VALUES_PER = {
     "material": ("band",),
     "emissivity": ("band",),
     "radiance": ("band", "state"),
+    "motion": ("data",),
 }
 FACETS = ".facets"  # end of the name of all facet temperatures of a group
 SPAN_K = 100.0  # width of the interval in which a temperature is taken to be known beforehand, K
@@ -33,6 +34,8 @@ PRECISION = {
     "offset": (np.inf, 0.0),
     "model": (np.inf, 0.0),
 }
+# The same of motions by their unit, and the width of the interval that is known beforehand
+OF_MOTIONS = {"deg": (0.1, 10.0), "pixel": (0.1, 10.0), "m": (0.01, 1.0), "1": (0.02, 0.5)}
 # Kinds of unknowns that are no parameters of a scene: how an image differs from the radiance
 INSTRUMENT = ("gain", "offset", "model")
 
@@ -48,7 +51,8 @@ class Unknown:
     name : str
         Name of the scene's parameter.
     kind : str
-        "temperature", "facet", "radiance", "emissivity", "material", "gain", "offset" or "model".
+        "temperature", "facet", "radiance", "emissivity", "material", "motion", "gain", "offset" or
+        "model".
     unit : str
         Unit of the value.
     start, lower, upper : float
@@ -85,10 +89,14 @@ class Unknown:
             return SPAN_OFFSET
         if self.kind in ("radiance", "gain"):
             return min(2 * max(abs(self.start), 1e-30), self.upper - self.lower)
+        if self.kind == "motion":
+            return min(OF_MOTIONS[self.unit][1], self.upper - self.lower)
         return self.upper - self.lower
 
     def is_determined(self, value: float, half_width: float) -> bool:
         """Whether half of a 95 % interval is small enough to call the unknown determined."""
+        if self.kind == "motion":
+            return half_width <= OF_MOTIONS[self.unit][0]
         absolute, relative = PRECISION[self.kind]
         return half_width <= max(absolute, relative * abs(value))
 
