@@ -14,6 +14,7 @@ from mi_lcair.api.render import render as render
 from mi_lcair.api.report import report as report
 from mi_lcair.api.sensitivities import sensitivities as sensitivities
 from mi_lcair.api.signature import signature as signature
+from mi_lcair.api.sweep import sweep as sweep
 from mi_lcair.api.temperature import temperature as temperature
 from mi_lcair.api.trend import trend as trend
 from mi_lcair.errors import InputError as InputError

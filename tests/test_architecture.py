@@ -31,6 +31,7 @@ FLOORS = {
     "mi_lcair.benchmark": 4,
     "mi_lcair.sensitivity": 4,
     "mi_lcair.detection": 4,
+    "mi_lcair.sweeps": 4,
     "mi_lcair.camera": 4,
     "mi_lcair.thermography": 4,
     "mi_lcair.cavities": 4,

@@ -26,6 +26,7 @@ PURPOSES = {
         "trend": "trend",
         "contrast": "scenarios.contrast",
         "image": "scenarios.image",
+        "sweep": "scenarios.sweep",
         "temperature": "files.temperature",
         "cavity": "scenarios.cavity",
     },

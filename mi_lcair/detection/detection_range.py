@@ -4,13 +4,15 @@ from dataclasses import asdict, dataclass
 from typing import ClassVar
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
 
-from mi_lcair.detection.irradiance import Irradiance
+from mi_lcair.detection.irradiance import Irradiance, LineOfSources
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.atmosphere import Atmosphere
 from mi_lcair.physics.detector import Detector
 from mi_lcair.results import Result
+from mi_lcair.signatures.view_areas import ViewAreas
 
 STEPS = 600  # ranges that are searched, in equal ratios
 SLOPE_STEP = 1e-4  # step of range for the slope of the signal, relative to the range
@@ -107,14 +109,8 @@ def detection_range(
             return DetectionRange([], None, False)
         return DetectionRange([(nearest_m, end)], end * error / abs(value) / 2, False)
 
-    last = float(air.ranges_m[-1])
-    if last <= nearest_m:
-        raise InputError(
-            f"atmosphere '{air.name}': its last range, {last:g} m, lies within the target's "
-            f"radius of {nearest_m:.4g} m"
-        )
-    knots = air.ranges_m[air.ranges_m > nearest_m]  # ranges at which the slope jumps
-    ranges = np.unique(np.concatenate([np.geomspace(nearest_m, last, STEPS), knots]))
+    ranges = searched_ranges(air, nearest_m)
+    last = float(ranges[-1])
     values = np.array([signal(range_m)[0] for range_m in ranges])
     crossings = []
     # The levels +least and -least are searched one after the other. A signal that changes its sign
@@ -139,3 +135,75 @@ def detection_range(
         2 * SLOPE_STEP * end
     )
     return DetectionRange(intervals, signal(end)[1] / abs(slope), False)
+
+
+def searched_ranges(air: Atmosphere, nearest_m: float) -> np.ndarray:
+    """Rising ranges, m, from `nearest_m` to the end of an atmosphere's table.
+
+    Raises InputError if the table ends before `nearest_m`.
+    """
+    last = float(air.ranges_m[-1])
+    if last <= nearest_m:
+        raise InputError(
+            f"atmosphere '{air.name}': its last range, {last:g} m, lies within the target's "
+            f"radius of {nearest_m:.4g} m"
+        )
+    knots = air.ranges_m[air.ranges_m > nearest_m]  # ranges at which the slope jumps
+    return np.unique(np.concatenate([np.geomspace(nearest_m, last, STEPS), knots]))
+
+
+def largest_ranges(
+    line: LineOfSources, areas: ViewAreas, detector: Detector, air: Atmosphere, nearest_m: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Largest detection range of many views along lines of sight of one elevation.
+
+    As `detection_range`, but between the searched ranges the irradiance for each amount, times the
+    square of the range, is interpolated over the logarithm of range.
+
+    Parameters
+    ----------
+    line : LineOfSources
+    areas : ViewAreas
+        Effective areas of the V views.
+    detector, air, nearest_m
+        As for `detection_range`.
+
+    Returns
+    -------
+    largest_m, standard_error_m : ndarray, shape (V,)
+        Ranges, m: 0 for a target that is never detected. The standard error is NaN for such a
+        target, and for one that is still detected where the atmosphere's table ends.
+    """
+    least = detector.snr * detector.nei / detector.optics_transmittance
+    if air.is_vacuum:
+        per_amount = line.per_amount(air.path(1.0))
+        value, error, _ = areas.estimates(per_amount[4], per_amount[1], 0.0)
+        ends = np.sqrt(np.abs(value) / least)
+        seen = ends > nearest_m
+        error = np.divide(
+            ends * error, 2 * np.abs(value), out=np.full_like(ends, np.nan), where=seen
+        )
+        return np.where(seen, ends, 0.0), error
+    ranges = searched_ranges(air, nearest_m)
+    table = np.array([line.per_amount(air.path(r))[[4, 1]] * r**2 for r in ranges])
+    between = PchipInterpolator(np.log(ranges), table)
+    values = table[:, 0] @ areas.amounts.T / ranges[:, None] ** 2
+    above = np.abs(values) >= least
+    last = len(ranges) - 1 - np.argmax(above[::-1], axis=0)
+    largest, errors = np.zeros(len(last)), np.full(len(last), np.nan)
+    for view in np.flatnonzero(above.any(axis=0)):
+        k, amounts = last[view], areas.amounts[view]
+        if k == len(ranges) - 1:
+            largest[view] = ranges[-1]
+            continue
+
+        def beyond(range_m, sign=np.sign(values[k, view]), amounts=amounts) -> float:
+            return sign * (between(np.log(range_m))[0] @ amounts) / range_m**2 - least
+
+        end = brentq(beyond, ranges[k], ranges[k + 1], rtol=1e-10)
+        step = SLOPE_STEP * end
+        slope = (beyond(end + step) - beyond(end - step)) / (2 * step)
+        total, of_target = between(np.log(end)) / end**2
+        error = areas.of_views([view]).estimates(total, of_target, 0.0).standard_error[0]
+        largest[view], errors[view] = end, error / abs(slope)
+    return largest, errors

@@ -66,24 +66,38 @@ def setting_of(scenario: Scenario) -> Setting:
     direction = background_sun(scenario)
     line = line_of(scenario, detector, direction)
     scene = target_scene(scenario, detector)
-    sun = one_sun(scene.mi.emitters())
-    if sun is not None and scenario.background.daytime_sky is not None:
-        check_fits(sun, scenario.background, "the daytime_sky of [background]")
-    if sun is not None and sun.elevation_deg > 0:
-        direction = sun.azimuth_deg, sun.elevation_deg
-        line = line_of(scenario, detector, direction)
+    if (sun := sun_over(scenario, scene)) != direction:
+        direction, line = sun, line_of(scenario, detector, sun)
     sight, path, behind = line
     light_at(scene, sight.target_m)
     target = Target.of(scene)
-    if observer.range_m <= target.radius:
-        raise InputError(
-            f"the observer is inside the target: range {observer.range_m:g} m, but {scene.name} "
-            f"reaches {target.radius:.4g} m from its middle"
-        )
+    check_outside(target, observer.range_m, scene.name)
     view = seen_from(
         scene, View(observer.azimuth_deg, observer.elevation_deg), scenario.render.resolution
     )
     return Setting(detector, sight, sight.air, path, behind, target, view, direction)
+
+
+def sun_over(scenario: Scenario, scene: Scene) -> tuple[float, float] | None:
+    """Azimuth and elevation [degrees] of the sun of a scene, or of its daytime sky; None by night.
+
+    Raises InputError if the two do not fit.
+    """
+    sun = one_sun(scene.mi.emitters())
+    if sun is not None and scenario.background.daytime_sky is not None:
+        check_fits(sun, scenario.background, "the daytime_sky of [background]")
+    if sun is not None and sun.elevation_deg > 0:
+        return sun.azimuth_deg, sun.elevation_deg
+    return background_sun(scenario)
+
+
+def check_outside(target: Target, range_m: float, name: str) -> None:
+    """Raise InputError if an observer at a range [m] is inside the target of the scene `name`."""
+    if range_m <= target.radius:
+        raise InputError(
+            f"the observer is inside the target: range {range_m:g} m, but {name} "
+            f"reaches {target.radius:.4g} m from its middle"
+        )
 
 
 def line_of(

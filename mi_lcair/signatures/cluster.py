@@ -1,38 +1,74 @@
-"""Render batches of a trend on the workers of a Dask cluster (optional extra mi-lcair[dask])."""
+"""Run jobs on the workers of a Dask cluster (optional extra mi-lcair[dask])."""
 
 import logging
+import os
 import socket
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
-from functools import lru_cache
+from typing import TypeVar
 from urllib.parse import urlsplit
 
 from mi_lcair.errors import InputError
-from mi_lcair.rendering.scene import load
 from mi_lcair.startup.threads import exclusive
 
-RETRIES = 3  # attempts for a batch that failed on a worker; Dask itself replaces dead workers
+Result = TypeVar("Result")
+
+RETRIES = 3  # attempts for a job that failed on a worker; Dask itself replaces dead workers
 CONNECTION_S = 3  # time until the scheduler's machine takes a connection, s
 TIMEOUT_S = 10  # time until the scheduler answers on it, s
 WORKER_TIMEOUT_S = 60  # time until the scheduler has a worker, s
 
 
-def rendered(sweep, batches, address: str):
-    """Yield the rows of each batch as soon as a worker has rendered it.
+@contextmanager
+def workers(count: int, threads: int | None = None) -> Iterator[str]:
+    """Context manager that starts worker processes, gives their scheduler's address and ends them.
 
     Parameters
     ----------
-    sweep : Sweep
-        Views, and how they are rendered.
-    batches : list of (int, tuple of View)
-        Numbers and views of the batches to render.
+    count : int
+        Number of processes. Dask replaces those that die.
+    threads : int, optional
+        Threads of each; by default the processors are shared out.
+
+    Raises
+    ------
+    InputError
+        If the package distributed is missing.
+    """
+    distributed = imported_distributed()
+    share = threads or max(1, (os.cpu_count() or 1) // count)
+    with (
+        quiet(),
+        distributed.LocalCluster(
+            n_workers=count, threads_per_worker=share, dashboard_address=None
+        ) as cluster,
+    ):
+        yield cluster.scheduler_address
+
+
+def imported_distributed():
+    """The package dask.distributed; raises InputError if it is missing."""
+    try:
+        from dask import distributed
+    except ImportError:
+        raise InputError(
+            "rendering on a Dask cluster needs the package distributed; install mi-lcair[dask]"
+        ) from None
+    return distributed
+
+
+def computed(jobs: Sequence[Callable[[], Result]], variant: str, address: str):
+    """Yield (number, result) of each job as soon as a worker has computed it.
+
+    Parameters
+    ----------
+    jobs : sequence of callable
+        Functions without arguments that can be pickled.
+    variant : str
+        Variant of Mitsuba.
     address : str
         Address of the Dask scheduler, such as tcp://127.0.0.1:8786.
-
-    Yields
-    ------
-    dict of View to dict of str to float
-        Rows of a batch, as `render_batch` returns them.
 
     Raises
     ------
@@ -42,14 +78,9 @@ def rendered(sweep, batches, address: str):
         If the connection to the scheduler is lost later.
     """
     check_scheduler(address)
+    distributed = imported_distributed()
     try:
-        from dask.distributed import Client, as_completed
-    except ImportError:
-        raise InputError(
-            "rendering on a Dask cluster needs the package distributed; install mi-lcair[dask]"
-        ) from None
-    try:
-        client = Client(address, timeout=TIMEOUT_S)
+        client = distributed.Client(address, timeout=TIMEOUT_S)
     except (OSError, ValueError) as error:
         raise no_scheduler(address, type(error).__name__) from None
     with quiet(), client:
@@ -60,13 +91,13 @@ def rendered(sweep, batches, address: str):
                 f"the Dask scheduler at '{address}' has no worker; start one with `dask worker "
                 f"{address}`"
             ) from None
-        futures = [
-            client.submit(render_here, sweep, number, views, pure=False, retries=RETRIES)
-            for number, views in batches
-        ]
-        for future in as_completed(futures):
+        numbers = {
+            client.submit(run_here, variant, job, pure=False, retries=RETRIES): number
+            for number, job in enumerate(jobs)
+        }
+        for future in distributed.as_completed(numbers):
             try:
-                yield future.result()
+                yield numbers[future], future.result()
             except CancelledError:
                 raise ConnectionError(
                     f"the Dask scheduler at '{address}' was lost; the batches done so far are "
@@ -110,35 +141,13 @@ def quiet():
         logging.disable(disabled)
 
 
-def render_here(sweep, number: int, views) -> dict:
-    """Render one batch on this worker, and return its rows."""
+def run_here(variant: str, job: Callable[[], Result]) -> Result:
+    """Run a job on this worker, which may use all of the worker's threads."""
     import drjit
     import mitsuba
     from dask.distributed import get_worker
 
-    from mi_lcair.signatures.trend import render_batch
-
     with exclusive:  # Mitsuba renders with all threads of a worker
-        mitsuba.set_variant(sweep.variant)
+        mitsuba.set_variant(variant)
         drjit.set_thread_count(get_worker().state.nthreads)
-        return render_batch(
-            loaded(sweep.scene, tuple(sweep.parameters.items()), sweep.fingerprint),
-            sweep,
-            number,
-            views,
-        )
-
-
-@lru_cache(maxsize=1)
-def loaded(source: str, parameters: tuple, fingerprint: str):
-    """The scene, which a worker loads once.
-
-    Raises InputError if the files on this worker give a scene with another fingerprint.
-    """
-    scene = load(source, **dict(parameters))
-    if scene.fingerprint != fingerprint:
-        raise InputError(
-            f"scene '{source}' is another one on the Dask worker at {socket.gethostname()}; the "
-            "worker's files or its version of mi_lcair differ"
-        )
-    return scene
+        return job()

@@ -66,30 +66,7 @@ class SourcesInBand(Result):
 
     def temperatures(self, changed: Mapping) -> list:
         """Temperature of each source, K, with the changes applied; None for a tabulated source."""
-        blackbodies = {
-            (source.group, source.temperature)
-            for source in self.sources
-            if source.temperature is not None
-        }
-        for key in changed:
-            if key not in blackbodies | {group for group, _ in blackbodies}:
-                known = sorted({group for group, _ in blackbodies}) + [
-                    f"{group} at {T:g} K" for group, T in sorted(blackbodies)
-                ]
-                raise unknown("blackbody group", str(key), known)
-            if not np.all((changed[key] > 0) & (changed[key] < np.inf)):
-                raise InputError(
-                    f"group {key}: temperature {changed[key]} K; it must be positive and finite, "
-                    "in kelvin"
-                )
-        return [
-            None
-            if source.temperature is None
-            else changed.get(
-                (source.group, source.temperature), changed.get(source.group, source.temperature)
-            )
-            for source in self.sources
-        ]
+        return temperatures_of(self.sources, changed)
 
     def within(self, band: Band) -> Band:
         """The band itself. Raises InputError if it is not within the rendered band."""
@@ -313,6 +290,36 @@ class EffectiveAreas(SourcesInBand):
                 yield 0, source.spectrum, self.area[0, k]
             elif source.spectrum is not None:
                 yield k, source.spectrum, 1.0
+
+
+def temperatures_of(sources: list[Source], changed: Mapping) -> list:
+    """Temperature of each source, K, with the changes by group applied.
+
+    It is None for a tabulated source. Raises InputError for an unknown group, and for a temperature
+    that is not positive and finite.
+    """
+    blackbodies = {
+        (source.group, source.temperature) for source in sources if source.temperature is not None
+    }
+    for key in changed:
+        if key not in blackbodies | {group for group, _ in blackbodies}:
+            known = sorted({group for group, _ in blackbodies}) + [
+                f"{group} at {T:g} K" for group, T in sorted(blackbodies)
+            ]
+            raise unknown("blackbody group", str(key), known)
+        if not np.all((changed[key] > 0) & (changed[key] < np.inf)):
+            raise InputError(
+                f"group {key}: temperature {changed[key]} K; it must be positive and finite, "
+                "in kelvin"
+            )
+    return [
+        None
+        if source.temperature is None
+        else changed.get(
+            (source.group, source.temperature), changed.get(source.group, source.temperature)
+        )
+        for source in sources
+    ]
 
 
 def resolved(band: Band, sources: list[Source]) -> np.ndarray:

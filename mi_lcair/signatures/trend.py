@@ -2,7 +2,9 @@
 
 import json
 import os
+import socket
 from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 from hashlib import sha256
 from pathlib import Path
 
@@ -13,8 +15,9 @@ import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.sampling import Sampling
-from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.scene import Scene, load
 from mi_lcair.rendering.views import View, check_resolution
+from mi_lcair.signatures.cluster import computed
 from mi_lcair.signatures.many_views import render_views, views_per_batch
 from mi_lcair.signatures.trend_file import TrendFile
 from mi_lcair.signatures.trend_result import Trend
@@ -175,9 +178,9 @@ def whole_path(value: str) -> str:
 def results(scene: Scene, sweep: Sweep, batches, dask: str | None):
     """Yield the rows of each batch as soon as it is rendered, here or on a Dask cluster."""
     if dask:
-        from mi_lcair.signatures.cluster import rendered
-
-        yield from rendered(sweep, batches, dask)
+        jobs = [partial(render_on_worker, sweep, number, views) for number, views in batches]
+        for _, rows in computed(jobs, sweep.variant, dask):
+            yield rows
     else:
         for number, views in batches:
             yield render_batch(scene, sweep, number, views)
@@ -237,3 +240,24 @@ def render_batch(scene: Scene, sweep: Sweep, number: int, views) -> dict[View, d
         view: {name: float(values[k]) for name, values in (own | parts).items()}
         for k, view in enumerate(views)
     }
+
+
+def render_on_worker(sweep: Sweep, number: int, views) -> dict[View, dict[str, float]]:
+    """Render one batch on a worker, and return its rows."""
+    scene = loaded(sweep.scene, tuple(sweep.parameters.items()), sweep.fingerprint)
+    return render_batch(scene, sweep, number, views)
+
+
+@lru_cache(maxsize=1)
+def loaded(source: str, parameters: tuple, fingerprint: str):
+    """The scene, which a worker loads once.
+
+    Raises InputError if the files on this worker give a scene with another fingerprint.
+    """
+    scene = load(source, **dict(parameters))
+    if scene.fingerprint != fingerprint:
+        raise InputError(
+            f"scene '{source}' is another one on the Dask worker at {socket.gethostname()}; the "
+            "worker's files or its version of mi_lcair differ"
+        )
+    return scene

@@ -5,7 +5,7 @@ temperatures, ranges, air, background and the noise of a sensor.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
@@ -19,7 +19,7 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.spectrum import Spectrum
-from mi_lcair.plugins.emission.source import Source
+from mi_lcair.plugins.emission.source import Source, kelvin
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
@@ -218,6 +218,35 @@ class ViewAreas(SourcesInBand):
             + missed**2
         )
         return Estimates(per_amount @ self.amounts.T, np.hypot(scatter, systematic), half_width)
+
+    def of_views(self, numbers: ArrayLike) -> "ViewAreas":
+        """Effective areas of the views with these numbers, in their order."""
+        numbers = np.asarray(numbers, dtype=int)
+        of_views = ("amounts", "deviations", "relative", "missed", "paths", "reached")
+        arrays = {name: getattr(self, name)[numbers] for name in of_views}
+        return replace(self, views=tuple(self.views[k] for k in numbers), **arrays)
+
+    def at_temperatures(self, temperatures: Mapping[str, float]) -> "ViewAreas":
+        """Effective areas of the same scene at other temperatures, K, by group.
+
+        They are the same areas of other sources. What may have been missed changes with them.
+        """
+        if not temperatures:
+            return self
+        self.check_told_apart()
+        sources = [
+            source
+            if source.temperature in (None, T)
+            else replace(
+                source,
+                name=f"{kelvin(T)} K",
+                temperature=T,
+                in_band=float(in_band_radiance(self.band, T)),
+            )
+            for source, T in zip(self.sources, self.temperatures(temperatures))
+        ]
+        ratio = self.brighter(np.array([source.in_band for source in sources]))
+        return replace(self, sources=sources, missed=self.missed * ratio)
 
     def polynomials(self, wavelengths_um: np.ndarray) -> np.ndarray:
         """The polynomials that are 1 at one of the nodes and 0 at the others, (nodes, n)."""

@@ -1,0 +1,93 @@
+"""The folder in which a sweep keeps effective areas, so that nothing is traced twice."""
+
+import re
+import warnings
+from hashlib import sha256
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mi_lcair.errors import InputError
+from mi_lcair.extras import optional
+from mi_lcair.files import check_writable
+from mi_lcair.formats import netcdf
+from mi_lcair.signatures.view_areas import ViewAreas, of_dataset
+from mi_lcair.sweeps.subject import Batch
+
+if TYPE_CHECKING:
+    import xarray
+
+BATCH = re.compile(r"[0-9a-f]{32}\.nc")  # names of the files
+
+
+class AreasFolder:
+    """A folder with a netCDF file for each batch of views, which `ViewAreas.read` reads.
+
+    A file appears whole or not at all. Its name stands for everything on which its content depends,
+    and its checksum is part of it: a file that does not match is traced again.
+
+    Parameters
+    ----------
+    path : path-like
+        Folder, which is made if it does not exist.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written, or if xarray is not installed.
+    """
+
+    def __init__(self, path):
+        self.path = Path(path)
+        optional("xarray", "a folder of effective areas")
+        if self.path.exists() and not self.path.is_dir():
+            raise InputError(f"'{path}' is no folder; name a folder for effective areas")
+        if not self.path.absolute().parent.is_dir():
+            raise InputError(f"cannot make '{path}': its folder does not exist; create it first")
+        check_writable((self.path if self.path.exists() else self.path.absolute().parent) / "file")
+
+    def file_of(self, batch: Batch) -> Path:
+        """The file of a batch."""
+        return self.path / f"{batch.key}.nc"
+
+    def read(self, batch: Batch) -> ViewAreas | None:
+        """The effective areas of a batch; None if they are not there, or if they are damaged."""
+        path = self.file_of(batch)
+        if not path.exists():
+            return None
+        try:
+            dataset = netcdf.read(path)
+            if dataset.attrs["checksum"] == checksum(dataset):
+                return of_dataset(dataset)
+        except (InputError, KeyError, ValueError):
+            pass
+        warnings.warn(f"{path}: does not match its checksum and is traced again", stacklevel=2)
+        return None
+
+    def write(self, batch: Batch, areas: ViewAreas) -> None:
+        """Keep the effective areas of a batch."""
+        self.path.mkdir(exist_ok=True)
+        dataset = areas.to_xarray()
+        netcdf.write(self.file_of(batch), dataset.assign_attrs(checksum=checksum(dataset)))
+
+    def clear(self) -> None:
+        """Remove the files of all batches, and the folder if nothing else is in it."""
+        if not self.path.exists():
+            return
+        for path in self.path.iterdir():
+            if BATCH.fullmatch(path.name):
+                path.unlink()
+        if not any(self.path.iterdir()):
+            self.path.rmdir()
+
+
+def checksum(dataset: "xarray.Dataset") -> str:
+    """16 hexadecimal digits that stand for all variables of a Dataset."""
+    digest = sha256()
+    for name in sorted(map(str, dataset.variables)):
+        values = dataset[name].values
+        is_text = values.dtype.kind not in "iufb"
+        content = (
+            repr(list(map(str, values))).encode() if is_text else values.astype("<f8").tobytes()
+        )
+        digest.update(name.encode() + content)
+    return digest.hexdigest()[:16]

@@ -1,0 +1,238 @@
+"""The table of conditions of a sweep: what changes, over which values, and how they combine."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from math import isfinite, prod
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from mi_lcair.declared import check_fields, within
+from mi_lcair.errors import InputError, shortened, unknown
+from mi_lcair.files import parse_toml, read_text
+from mi_lcair.fraction import fraction
+from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.table import read_table
+from mi_lcair.toml_table import filled
+
+MOST_CASES = 10_000_000  # largest number of cases of a sweep, whose table then takes 1 to 2 GB
+RUN = ("from", "to", "step")
+COLUMN = ("csv", "column")
+TABLES = ("base", "conditions", "sampling")
+Value = str | float | int | bool
+
+
+@dataclass(frozen=True)
+class Base:
+    """Table [base]: what is swept, and whether the conditions form a grid.
+
+    Attributes
+    ----------
+    scene, scenario : str, optional
+        One of them: a file, or a bundled name.
+    product : bool
+        Whether all combinations of the conditions are cases. Otherwise the conditions go together,
+        and the first case has the first value of each.
+    detection_range : bool
+        Whether to compute the detection ranges, which need nei of the scenario's [sensor].
+    """
+
+    scene: str | None = None
+    scenario: str | None = None
+    product: bool = True
+    detection_range: bool = False
+
+    def __post_init__(self):
+        if (self.scene is None) == (self.scenario is None):
+            raise InputError("[base]: give a scene or a scenario, one of them")
+        if self.detection_range and self.scenario is None:
+            raise InputError("[base]: detection_range needs a scenario, which has a sensor")
+
+
+@dataclass(frozen=True)
+class SamplingTable:
+    """Table [sampling].
+
+    Attributes
+    ----------
+    tolerance : float or str, optional
+        Half of the 95 % interval of each intensity, as a fraction of it: 0.01 or "1%", which is
+        also the default.
+    spp, max_spp : int, optional
+        A fixed number of paths of a view instead, or the largest one, divided by resolution x
+        resolution.
+    resolution, seed : int
+    """
+
+    tolerance: str | None = None
+    spp: int | None = None
+    max_spp: int | None = None
+    resolution: int = field(default=64, metadata=within(lower=1, upper=8192))
+    seed: int = field(default=0, metadata=within(lower=0, upper=2**32 - 1))
+
+    def __post_init__(self):
+        check_fields(self, "[sampling]: ")
+        if self.spp is None and self.tolerance is None:
+            object.__setattr__(self, "tolerance", "1%")
+
+    def sampling(self) -> Sampling:
+        """The sampling of each view."""
+        return Sampling(
+            spp=self.spp,
+            tolerance=fraction(self.tolerance),
+            max_spp=self.max_spp,
+            seed=self.seed,
+        )
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What a sweep varies.
+
+    Attributes
+    ----------
+    base : Base
+    values : dict of str to list
+        Values of each condition by its name.
+    sampling : SamplingTable
+    name : str
+        Name of the sweep.
+    """
+
+    base: Base
+    values: dict[str, list[Value]]
+    sampling: SamplingTable = field(default_factory=SamplingTable)
+    name: str = "sweep"
+
+    def __post_init__(self):
+        for name, values in self.values.items():
+            if not values:
+                raise InputError(f"[conditions]: {name} has no values")
+            if not all(type(value) in (str, int, float, bool) for value in values):
+                raise InputError(f"[conditions]: {name} must have texts or numbers as values")
+            if len(set(values)) < len(values) and self.base.product:
+                raise InputError(f"[conditions]: {name} has a value twice")
+        lengths = {len(values) for values in self.values.values()}
+        if not self.base.product and len(lengths) > 1:
+            counts = ", ".join(f"{name} {len(values)}" for name, values in self.values.items())
+            raise InputError(
+                f"[conditions]: without product all need the same number of values: {counts}"
+            )
+        if self.count > MOST_CASES:
+            raise InputError(
+                f"[conditions]: {self.count} cases, whose table would take "
+                f"{self.count * 150 / 1e9:.3g} GB; at most {MOST_CASES}"
+            )
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of values of each condition; without product, the number of cases."""
+        lengths = tuple(map(len, self.values.values()))
+        return lengths if self.base.product else lengths[:1]
+
+    @property
+    def count(self) -> int:
+        """Number of cases."""
+        return prod(self.shape)
+
+    def places(self) -> dict[str, np.ndarray]:
+        """Which of its values each condition has in each case, (cases,)."""
+        if not self.base.product:
+            return {name: np.arange(self.count) for name in self.values}
+        return dict(zip(self.values, np.indices(self.shape).reshape(len(self.shape), -1)))
+
+    @staticmethod
+    def read(source: str | PathLike[str] | Mapping) -> "Conditions":
+        """Read the conditions of a sweep from a TOML file, or from a dictionary of its tables.
+
+        Paths in the file are relative to its folder, those of a dictionary to the working folder.
+        Raises InputError if anything cannot be used.
+        """
+        if isinstance(source, Mapping):
+            return conditions_of(source, Path(), "sweep")
+        path = Path(source)
+        what = f"sweep '{source}'"
+        try:
+            return conditions_of(parse_toml(read_text(path, what), what), path.parent, path.stem)
+        except InputError as error:
+            text = str(error)
+            raise InputError(text if text.startswith(what) else f"{what}: {text}") from None
+
+
+def conditions_of(tree: Mapping, folder: Path, name: str) -> Conditions:
+    """The conditions of the tables of a file in a folder."""
+    for table in tree:
+        if table not in TABLES:
+            raise unknown("table", table, TABLES)
+    base = filled(Base, tree.get("base", {}), "[base]")
+    located = {
+        key: str(folder / text)
+        for key in ("scene", "scenario")
+        if (text := getattr(base, key)) is not None
+        and (Path(text).suffix or (folder / text).exists())
+    }
+    given = dict(tree.get("sampling", {}))
+    if type(given.get("tolerance")) in (int, float):
+        given["tolerance"] = str(given["tolerance"])
+    stated = tree.get("conditions")
+    if not isinstance(stated, Mapping) or not stated:
+        raise InputError("[conditions]: is missing; give at least one condition and its values")
+    return Conditions(
+        base=Base(**vars(base) | located),
+        values={
+            key: values_of(key, value, folder) for key, value in flattened(stated, folder).items()
+        },
+        sampling=filled(SamplingTable, given, "[sampling]"),
+        name=name,
+    )
+
+
+def flattened(table: Mapping, folder: Path, before: str = "") -> dict:
+    """Entries of nested tables by dotted names; tables that state values stay as they are."""
+    entries = {}
+    for key, value in table.items():
+        if isinstance(value, Mapping) and not (value.keys() & {*RUN, *COLUMN}):
+            entries |= flattened(value, folder, f"{before}{key}.")
+        else:
+            entries[f"{before}{key}"] = value
+    return entries
+
+
+def values_of(name: str, stated, folder: Path) -> list[Value]:
+    """The values of a condition: one, a list, {from, to, step}, or a column of a CSV.
+
+    The end of a run is one of its values if a step ends there.
+    """
+    if not isinstance(stated, Mapping):
+        texts = isinstance(stated, str) or not isinstance(stated, Iterable)
+        return [stated] if texts else list(np.asarray(stated, dtype=object).tolist())
+    text = shortened(str(dict(stated)), 100)
+    if stated.keys() == set(RUN):
+        start, stop, step = (stated[key] for key in RUN)
+        numbers = all(type(n) in (int, float) and isfinite(n) for n in (start, stop, step))
+        if not numbers or step == 0 or (stop - start) / step < 0:
+            raise InputError(
+                f"[conditions]: {name} = {text}; from, to and step must be numbers, and step must "
+                "lead from the first to the second"
+            )
+        count = int((stop - start) / step + 1e-9) + 1
+        if count > MOST_CASES:
+            raise InputError(f"[conditions]: {name} has {count} values; at most {MOST_CASES}")
+        return [start + step * k for k in range(count)]
+    if stated.keys() == set(COLUMN):
+        table = read_table(folder / str(stated["csv"]), (stated["column"],))
+        place = table.columns.index(stated["column"])
+        return [number_or_text(cells[place]) for _, cells in table.rows]
+    raise InputError(
+        f"[conditions]: {name} = {text}; give a list, {{from, to, step}} or {{csv, column}}"
+    )
+
+
+def number_or_text(cell: str) -> Value:
+    """The number that a cell states, or its text."""
+    try:
+        number = float(cell)
+    except ValueError:
+        return cell.strip()
+    return number if isfinite(number) else cell.strip()

@@ -1,0 +1,167 @@
+"""A sweep: traces the views that are not known yet, and calculates all cases from them."""
+
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from functools import lru_cache
+
+import mitsuba as mi
+import numpy as np
+
+from mi_lcair.detection.setting import light_at
+from mi_lcair.errors import InputError
+from mi_lcair.plugins.emission.source import Source
+from mi_lcair.progress import Progress
+from mi_lcair.rendering.views import View
+from mi_lcair.signatures.cluster import computed
+from mi_lcair.signatures.effective_areas import temperatures_of
+from mi_lcair.signatures.view_areas import ViewAreas
+from mi_lcair.startup.threads import exclusively
+from mi_lcair.sweeps.areas_folder import AreasFolder
+from mi_lcair.sweeps.conditions import Conditions
+from mi_lcair.sweeps.lines import Line, lines_of
+from mi_lcair.sweeps.rows import detection_ranges_of, rows_of
+from mi_lcair.sweeps.subject import Batch, Subject, batches_of
+from mi_lcair.sweeps.sweep_result import Sweep
+
+Runner = Callable[[list[Batch]], Iterable[tuple[int, ViewAreas]]]
+Lit = tuple[Subject, float | None]  # a subject, and the height of its light
+
+
+def run_on(address: str) -> Runner:
+    """A function that traces batches on the workers of a Dask cluster."""
+
+    def run(batches: list[Batch]) -> Iterator[tuple[int, ViewAreas]]:
+        if batches:
+            jobs = [batch.run for batch in batches]
+            yield from computed(jobs, batches[0].variant, address)
+
+    return run
+
+
+def run_here(batches: list[Batch]) -> Iterator[tuple[int, ViewAreas]]:
+    """Trace batches in this process; yields the number and the effective areas of each."""
+    for number, batch in enumerate(batches):
+        yield number, batch.run()
+
+
+def measure_sweep(
+    conditions: Conditions,
+    folder: AreasFolder | None = None,
+    run: Runner = run_here,
+    progress: Progress | None = None,
+) -> Sweep:
+    """Signatures over a table of conditions.
+
+    Parameters
+    ----------
+    conditions : Conditions
+    folder : AreasFolder or None
+        Where effective areas are kept, and found again.
+    run : callable
+        Traces a list of batches; yields the number and the effective areas of each that is done.
+    progress : callable or None
+        Called with (views done, all views).
+    """
+    start = time.perf_counter()
+    lines = list(lines_of(conditions))
+    if conditions.base.detection_range:
+        for line in lines:
+            if line.sight is not None and line.sight.detector.nei is None:
+                raise InputError(
+                    "[base]: detection_range needs nei, the noise-equivalent irradiance of "
+                    "[sensor] in W m^-2"
+                )
+    for line in lines:
+        if line.temperatures:
+            temperatures_of(sources_of(line.subject, line.light_m), line.temperatures)
+    batches = planned(lines, conditions)
+    everything = [batch for of_lit in batches.values() for batch in of_lit]
+    known = {}
+    if folder is not None:
+        read = ((batch, folder.read(batch)) for batch in everything)
+        known = {batch.key: areas for batch, areas in read if areas is not None}
+    missing = [batch for batch in everything if batch.key not in known]
+    views = sum(len(batch.views) for batch in everything)
+    traced = sum(len(batch.views) for batch in missing)
+    done = views - traced
+    for number, areas in run(missing):
+        batch = missing[number]
+        known[batch.key] = areas
+        if folder is not None:
+            folder.write(batch, areas)
+        done += len(batch.views)
+        if progress:
+            progress(done, views)
+    of_lit = {lit: joined([known[batch.key] for batch in of]) for lit, of in batches.items()}
+    table = table_of(lines, of_lit, conditions)
+    return Sweep(conditions, table, views, traced, time.perf_counter() - start)
+
+
+def planned(lines: list[Line], conditions: Conditions) -> dict[Lit, list[Batch]]:
+    """The batches of views that the lines need, by subject and height of the light."""
+    sampling = conditions.sampling.sampling()
+    views: dict[Lit, dict[View, None]] = {}
+    for line in lines:
+        views.setdefault((line.subject, line.light_m), {}).update(dict.fromkeys(line.views))
+    fingerprints = {}
+    for subject, _ in views:
+        if subject not in fingerprints:
+            fingerprints[subject] = subject.load().fingerprint
+    return {
+        (subject, light_m): [
+            Batch(
+                subject=subject,
+                fingerprint=fingerprints[subject],
+                light_m=light_m,
+                views=some,
+                resolution=conditions.sampling.resolution,
+                sampling=sampling,
+                variant=mi.variant(),
+            )
+            for some in batches_of(list(of_lit), conditions.sampling.resolution)
+        ]
+        for (subject, light_m), of_lit in views.items()
+    }
+
+
+def joined(parts: list[ViewAreas]) -> ViewAreas:
+    """The effective areas of several batches of the same sources as one."""
+    arrays = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in ("amounts", "deviations", "relative", "missed", "paths", "reached")
+    }
+    return replace(parts[0], views=tuple(view for part in parts for view in part.views), **arrays)
+
+
+@lru_cache(maxsize=2)
+@exclusively
+def sources_of(subject: Subject, light_m: float | None) -> list[Source]:
+    """The sources of a subject, whose light knows the air that it has crossed."""
+    scene = subject.load()
+    light_at(scene, light_m)
+    with scene.prepared(by_spectrum=True) as tracer:
+        return [source for source in tracer.emitters.sources.list if source.name is not None]
+
+
+def table_of(
+    lines: list[Line], of_lit: dict[Lit, ViewAreas], conditions: Conditions
+) -> dict[str, np.ndarray]:
+    """Quantities of all cases, by name with the unit."""
+    table: dict[str, np.ndarray] = {}
+    lit, areas, numbers, ranges = None, None, {}, {}
+    for line in lines:
+        if (line.subject, line.light_m) != lit:
+            lit = line.subject, line.light_m
+            areas = replace(of_lit[lit], sources=sources_of(*lit))
+            numbers, ranges = {view: k for k, view in enumerate(areas.views)}, {}
+        of_line = areas.of_views([numbers[view] for view in line.views])
+        rows = rows_of(line, of_line)
+        if conditions.base.detection_range:
+            key = line.sight.direction, line.views
+            if key not in ranges:
+                ranges[key] = detection_ranges_of(line, of_line)
+            rows |= ranges[key]
+        for name, values in rows.items():
+            table.setdefault(name, np.full(conditions.count, np.nan))[line.cases] = values
+    return table

@@ -1,0 +1,113 @@
+"""What is traced in a sweep: a scene as one combination of conditions makes it."""
+
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from hashlib import sha256
+
+import mitsuba as mi
+import numpy as np
+
+import mi_lcair
+from mi_lcair.detection.scenario import Scenario
+from mi_lcair.detection.setting import light_at, target_scene
+from mi_lcair.errors import InputError
+from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.rendering.scene import Scene, load
+from mi_lcair.rendering.settings import set_all
+from mi_lcair.rendering.views import View
+from mi_lcair.rendering.window import PASS_SAMPLES
+from mi_lcair.signatures.view_areas import ViewAreas, measure_view_areas
+from mi_lcair.startup.threads import exclusively
+
+VIEWS_AT_ONCE = 256  # views of a batch
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A scene with its parameters, or the scene of a scenario with its settings.
+
+    key: text that tells this subject from others of the sweep. scenario: None for a scene. The
+    scenario's range, air and background do not count.
+    """
+
+    key: str
+    scene: str = ""
+    parameters: tuple[tuple[str, str], ...] = ()
+    scenario: Scenario | None = field(default=None, compare=False)
+
+    def load(self) -> Scene:
+        """The loaded scene, of which nothing else may change but the height of its light."""
+        return loaded(self, mi.variant())
+
+
+@lru_cache(maxsize=2)
+def loaded(subject: Subject, variant: str) -> Scene:
+    """The scene of a subject; the last ones are kept."""
+    scenario = subject.scenario
+    if scenario is None:
+        return load(subject.scene, **dict(subject.parameters))
+    scene = target_scene(scenario, scenario.sensor.detector())
+    if scenario.render.lobe is not None:
+        scene.set_lobe(scenario.render.lobe)
+    if scenario.render.max_bounces:
+        integrator = scene.mi.integrator()
+        set_all(integrator, {"max_bounces": max(scenario.render.max_bounces)})
+        integrator.check()
+    return scene
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Views of a subject that are traced together: all that a worker must know.
+
+    Attributes
+    ----------
+    subject : Subject
+    fingerprint : str
+        Fingerprint of the loaded scene.
+    light_m : float or None
+        Height of the target above the ground, m, if the light of the scene depends on it.
+    views : tuple of View
+    resolution : int
+    sampling : Sampling
+    variant : str
+        Variant of Mitsuba.
+    """
+
+    subject: Subject
+    fingerprint: str
+    light_m: float | None
+    views: tuple[View, ...]
+    resolution: int
+    sampling: Sampling
+    variant: str
+
+    @property
+    def key(self) -> str:
+        """32 hexadecimal digits that stand for everything on which the results depend."""
+        sampling = replace(self.sampling, progress=None)
+        made = (self.fingerprint, self.light_m, self.views, self.resolution, sampling)
+        text = repr((*made, self.variant, mi_lcair.__version__))
+        return sha256(text.encode()).hexdigest()[:32]
+
+    @exclusively
+    def run(self) -> ViewAreas:
+        """Trace the views. Raises InputError if the files here give another scene."""
+        scene = self.subject.load()
+        if scene.fingerprint != self.fingerprint:
+            raise InputError(
+                f"scene '{scene.name}' has changed, or is another one on a worker, whose files or "
+                "version of mi_lcair differ"
+            )
+        light_at(scene, self.light_m)
+        seed = int(np.random.SeedSequence(int(self.key, 16)).generate_state(1)[0])
+        sampling = replace(self.sampling, seed=seed)
+        return measure_view_areas(scene, list(self.views), self.resolution, sampling)
+
+
+def batches_of(views: list[View], resolution: int) -> list[tuple[View, ...]]:
+    """Views in batches of nearly equal size."""
+    most = max(1, min(VIEWS_AT_ONCE, PASS_SAMPLES // resolution**2))
+    count = -(-len(views) // most)
+    bounds = np.linspace(0, len(views), count + 1).round().astype(int)
+    return [tuple(views[low:high]) for low, high in zip(bounds, bounds[1:])]
