@@ -8,6 +8,8 @@ from scipy.special import stdtrit
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.draw_table import UnmetSources
 from mi_lcair.plugins.paths.aim import Aim
+from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.plugins.paths.sums import Sums
 
 # Largest fraction of NaN or infinite samples in a result. Such samples are left out or count as 0,
 # which changes a mean by about their fraction. The limit is a tenth of the usual tolerance of 1 %.
@@ -75,7 +77,7 @@ class Totals:
     def randomisations(self) -> int:
         return self.valid.shape[1]
 
-    def add(self, launch, sums) -> None:
+    def add(self, launch: Launch, sums: Sums) -> None:
         """Add the `Sums` of a launch to its windows."""
         run = launch.window_numbers
         self.valid[run] += sums.valid
