@@ -67,9 +67,12 @@ def answers(unknowns: list[Unknown], state: State) -> list[Answer]:
     result = []
     for k, unknown in enumerate(unknowns):
         value, error = float(state.x[k]), float(np.sqrt(max(state.covariance[k, k], 0)))
-        low, high = value - NORMAL_95 * error, value + NORMAL_95 * error
-        words = HIDDEN if state.held[k] else verdict(unknown, value, error, state.at_bound[k])
-        low, high = (float(np.clip(end, unknown.lower, unknown.upper)) for end in (low, high))
+        low, high = state.intervals[k]
+        if np.isnan(low):
+            low, high = value - NORMAL_95 * error, value + NORMAL_95 * error
+        interval = float(low), float(high)
+        words = HIDDEN if state.held[k] else verdict(unknown, value, interval, state.at_bound[k])
+        low, high = (float(np.clip(end, unknown.lower, unknown.upper)) for end in interval)
         result.append(
             Answer(
                 label=unknown.label,
@@ -88,12 +91,12 @@ def answers(unknowns: list[Unknown], state: State) -> list[Answer]:
     return result
 
 
-def verdict(unknown: Unknown, value: float, error: float, at_bound: int) -> str:
-    """The verdict on an unknown, in the words of `fit`."""
-    half = NORMAL_95 * error
-    low, high = max(value - half, unknown.lower), min(value + half, unknown.upper)
+def verdict(unknown: Unknown, value: float, interval: tuple[float, float], at_bound: int) -> str:
+    """The verdict on an unknown, in the words of `fit`. interval: lower and upper end of 95 %."""
+    width, half = interval[1] - interval[0], max(value - interval[0], interval[1] - value)
+    low, high = max(interval[0], unknown.lower), min(interval[1], unknown.upper)
     span = f"{low:.4g}..{high:.4g} {unknown.unit.removesuffix('1')}".rstrip()
-    if 2 * half >= UNDETERMINED * unknown.span:
+    if width >= UNDETERMINED * unknown.span:
         return undetermined(span)
     if at_bound:
         end = unknown.lower if at_bound < 0 else unknown.upper

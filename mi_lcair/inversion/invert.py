@@ -24,7 +24,8 @@ from mi_lcair.inversion.data.datum import Datum
 from mi_lcair.inversion.data.loader import Loader, goal_datum
 from mi_lcair.inversion.fitted import fitted, materials
 from mi_lcair.inversion.goal import achieved, best_of_starts, chosen
-from mi_lcair.inversion.least_squares.solve import State, is_informed
+from mi_lcair.inversion.least_squares.newton import is_informed
+from mi_lcair.inversion.least_squares.solve import State
 from mi_lcair.inversion.problem import InverseProblem, parts
 from mi_lcair.inversion.solution import Solution
 from mi_lcair.inversion.unknowns import FACETS, INSTRUMENT, Unknown, instruments, unknowns

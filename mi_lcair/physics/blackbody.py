@@ -18,6 +18,7 @@ C2 = PLANCK * LIGHT_SPEED / BOLTZMANN * 1e6  # um K, second radiation constant
 
 # More brightness temperatures than this are interpolated by a spline with this many knots.
 KNOTS = 4096
+FEW = 200  # temperatures up to which all nodes of a band are computed at once
 # Exponent c2 / (wavelength T) at which Planck's law is 0 in Float64, for all wavelengths from 0.1
 # um.
 LARGEST_EXPONENT = 800.0
@@ -109,6 +110,10 @@ def _total(m, temperature):
 
 def _radiance_and_slope(band, temperature):
     """In-band radiance and its derivative with respect to temperature, in NumPy."""
+    if np.size(temperature) <= FEW:
+        nodes = np.asarray(band.wavelengths_um).reshape(-1, *[1] * np.ndim(temperature))
+        both = _planck(np, nodes, temperature)
+        return tuple(np.tensordot(band.weights_um, values, 1) for values in both)
     value = slope = 0.0
     for wavelength, weight in zip(band.wavelengths_um, band.weights_um):
         node_value, node_slope = _planck(np, wavelength, temperature)

@@ -58,5 +58,9 @@ def estimated(x, covariance, at_bound=0, held=False):
     """What an estimate says about its unknowns, alike at their bounds and hidden."""
     count = len(x)
     return SimpleNamespace(
-        x=x, covariance=np.asarray(covariance), at_bound=[at_bound] * count, held=[held] * count
+        x=x,
+        covariance=np.asarray(covariance),
+        at_bound=[at_bound] * count,
+        held=[held] * count,
+        intervals=np.full((count, 2), np.nan),
     )

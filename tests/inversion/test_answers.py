@@ -56,6 +56,16 @@ def test_correlation():
     np.testing.assert_allclose(found, [[1, 0.5, 0], [0.5, 1, 0], [0, 0, 0]])
 
 
+def test_profile_intervals_take_the_place_of_linear_ones():
+    """Their wider side decides whether the unknown is determined."""
+    state = estimated([0.02], [[0.001**2]])
+    for interval, words in (((0.015, 0.035), "determined"), ((0.0, 0.041), "weakly determined: ")):
+        state.intervals[0] = interval
+        (answer,) = answers([unknown()], state)
+        assert (answer.lower, answer.upper) == interval
+        assert answer.verdict.startswith(words) and answer.standard_error == 0.001
+
+
 def test_unknowns_that_trade():
     """The one with a unit is said to change; the worst pair comes first."""
     ones = [unknown("paint.b"), kelvin("lid.temperature [hot]"), unknown("paint.e")]

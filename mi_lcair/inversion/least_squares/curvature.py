@@ -25,7 +25,7 @@ def bent(block: DatumBlock, other: DatumBlock) -> DatumBlock:
     size = len(block.columns) * len(block.measured) * len(block.unknown) ** 2
     if any(sparse.issparse(of.columns[0]) for of in (block, other)) or size > LARGEST:
         return block
-    (u, rate), (other_u, other_rate) = (of.coordinates(of.reference) for of in (block, other))
+    (u, rate), (other_u, other_rate) = (of.rendered_coordinates for of in (block, other))
     J, other_J = np.array(block.columns) / rate, np.array(other.columns) / other_rate
     known = 0.0 if block.curvature is None else block.curvature
     moved = other_u - u

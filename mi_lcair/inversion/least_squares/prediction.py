@@ -96,6 +96,10 @@ class DatumBlock:
             rate[hot] = slope(self.band, values[hot])
         return u, rate
 
+    @cached_property
+    def rendered_coordinates(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.coordinates(self.reference)
+
     def change(self, x: np.ndarray) -> float:
         """Largest relative change of a predicted value from the rendered one at the values x."""
         rendered = np.abs(self.radiance.mean(axis=0))
@@ -105,7 +109,7 @@ class DatumBlock:
     def at(self, x: np.ndarray) -> "Prediction":
         """The prediction for the values x of all unknowns, (N,)."""
         u, rate = self.coordinates(x[self.unknown])
-        rendered_u, rendered_rate = self.coordinates(self.reference)
+        rendered_u, rendered_rate = self.rendered_coordinates
         moved = u - rendered_u
         radiance, columns = list(self.radiance), self.columns
         if moved.any():

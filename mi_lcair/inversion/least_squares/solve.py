@@ -13,32 +13,35 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from mi_lcair.errors import InputError
-from mi_lcair.inversion.data.images import slope
 from mi_lcair.inversion.least_squares.bad_pixels import Search
 from mi_lcair.inversion.least_squares.curvature import bent
+from mi_lcair.inversion.least_squares.newton import (
+    CONVERGED,
+    HALVINGS,
+    INNER,
+    Prior,
+    is_informed,
+    length,
+    near,
+    undamped,
+)
 from mi_lcair.inversion.least_squares.prediction import (
     DatumBlock,
     Equations,
-    change_of_gradient,
     cost_of,
     equations,
     hidden,
     without,
 )
+from mi_lcair.inversion.least_squares.profile import profile_intervals
 from mi_lcair.inversion.unknowns import Unknown
-from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
 
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-12, 1e8
-INNER = 50  # largest number of steps between two renders
-SMALLEST = 0.1  # least factor by which a step changes a blackbody radiance
 # Relative change of a predicted value after which a datum that holds for all values is rendered
 # once more at the solution, where its paths go to what is bright there.
 FAR = 0.5
 NEAR = 3.0  # length of a step, in standard errors, up to which the gradient decides about it
-CONVERGED = 0.02  # largest last step, in standard errors, see `length`
 UNRESOLVED = 0.2  # the same where the noise of the render hides it; it adds 2 % to an error
-PROBE = 0.1  # share of a step with which it is found how the prediction bends along it
-HALVINGS = 12  # attempts to shorten a step that no surface can have
 # Columns of the inverse of a sparse matrix that are computed together. With a hundred or more,
 # SuperLU starts threads that take far longer than the solution.
 CHUNK = 32
@@ -71,7 +74,8 @@ class State:
     variance that the noise of the render makes, (N,). at_bound: -1 or 1 where a value lies at its
     lower or upper bound, else 0. held: unknowns whose derivatives the noise of the render hides, so
     that they stay at the first guess, (N,). renders: number of renders of each datum.
-    converged: whether the last step was small. trace: all values that were tried.
+    converged: whether the last step was small. trace: all values that were tried. intervals: ends
+    (N, 2) of profile-likelihood intervals, NaN where the linear interval holds.
     """
 
     x: np.ndarray
@@ -85,30 +89,7 @@ class State:
     renders: int
     converged: bool
     trace: list[Step]
-
-
-@dataclass(frozen=True)
-class Prior:
-    """Means and inverse variances (N,) that are known beforehand, and the bounds (N,)."""
-
-    mean: np.ndarray
-    information: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
-
-    @staticmethod
-    def of(unknowns: list[Unknown]) -> "Prior":
-        known = [unknown.prior or (unknown.start, unknown.span) for unknown in unknowns]
-        mean, sigma = np.array(known, dtype=float).T
-        lower, upper = np.array([(unknown.lower, unknown.upper) for unknown in unknowns]).T
-        # A temperature must be above its bound, and blackbodies below 1 K radiate nothing
-        lower = np.where(
-            [unknown.unit == "K" for unknown in unknowns], np.maximum(lower, 1.0), lower
-        )
-        return Prior(mean, sigma**-2.0, lower, upper)
-
-    def cost(self, x) -> float:
-        return float(np.sum(self.information * (x - self.mean) ** 2))
+    intervals: np.ndarray
 
 
 def solve(
@@ -143,7 +124,7 @@ def solve(
     prior = Prior.of(unknowns)
     x = np.clip([unknown.start for unknown in unknowns], prior.lower, prior.upper)
     is_sparse = all(unknown.kind == "facet" for unknown in unknowns)
-    done, trace = 0, []
+    done, trace, most = 0, [], 1 if is_exact else iterations
 
     held = np.zeros(len(x), dtype=bool)
 
@@ -152,7 +133,7 @@ def solve(
         blocks = [without(block, held) for block in render(x)]
         done += 1
         if progress:
-            progress(done, 1 if is_exact else iterations)
+            progress(min(done, most), most)
         return blocks
 
     def noted(blocks, x, is_kept=True) -> float:
@@ -190,6 +171,10 @@ def solve(
     if is_exact:
         noted(blocks, x)
     result = state(blocks, x, prior, is_sparse)
+    if converged:
+        again = None if is_exact else rendered
+        intervals = profile_intervals(blocks, x, prior, result.covariance, again)
+        result = replace(result, intervals=intervals)
     return replace(result, held=held, renders=done, converged=converged, trace=trace)
 
 
@@ -289,6 +274,7 @@ def state(blocks, x, prior: Prior, is_sparse: bool) -> State:
         renders=0,
         converged=False,
         trace=[],
+        intervals=np.full((len(x), 2), np.nan),
     )
 
 
@@ -303,119 +289,6 @@ def feasible(rendered, x, new):
         except InputError:
             new = (x + new) / 2
     return x, None
-
-
-def near(
-    blocks: list[DatumBlock], start, prior: Prior, damping: float, is_sparse: bool
-) -> np.ndarray:
-    """The values that minimise the cost of blocks rendered at `start`, with damping toward it."""
-    x, normal = start, equations(blocks, start, is_sparse)
-    noise = normal.noise
-    damped = damping * (np.maximum(normal.information.diagonal(), 0) + prior.information)
-
-    def weighed(x) -> tuple[Equations, float]:
-        """The equations at x, weighed by the same noise at all of them, and what a step lowers."""
-        normal = replace(equations(blocks, x, is_sparse), noise=noise)
-        added = prior.cost(x) + damped @ (x - start) ** 2
-        return normal, normal.pressure(normal) + added
-
-    normal, cost = weighed(x)
-    for _ in range(INNER):
-        step, bend = second_order(blocks, x, start, normal, prior, damped)
-        for share in 0.5 ** np.arange(HALVINGS):
-            new = followed(blocks, x, share * step + share**2 * bend)
-            new = np.clip(new, prior.lower, prior.upper)
-            ahead, ahead_cost = weighed(new)
-            if ahead_cost <= cost or is_sparse:
-                break
-        moved = length(new - x, normal, prior)
-        x, normal, cost = new, ahead, ahead_cost
-        if moved < CONVERGED / 10:
-            break
-    return x
-
-
-def undamped(normal: Equations, prior: Prior, x: np.ndarray, damped=0.0, start=None) -> np.ndarray:
-    """The Gauss-Newton step (N,) from x, damped toward `start`.
-
-    An unknown at its bound moves only if it is still pulled inward when the others have moved.
-    """
-    toward = 0.0 if start is None else damped * (start - x)
-    g = normal.pull + prior.information * (prior.mean - x) + toward
-    step, left, free = np.zeros(len(x)), g, np.zeros(len(x), dtype=bool)
-    while True:
-        inward = ~((x <= prior.lower) & (left < 0) | (x >= prior.upper) & (left > 0))
-        if not (inward & ~free).any():
-            return step
-        free |= inward
-        step = solved(normal, prior, damped, g, free)
-        left = g - normal.information @ step - (prior.information + damped) * step
-
-
-def second_order(
-    blocks, x, start, normal: Equations, prior: Prior, damped
-) -> tuple[np.ndarray, np.ndarray]:
-    """The damped step (N,) from x, and the geodesic acceleration (N,) that bends it.
-
-    A step of share t goes to t step + t^2 acceleration: it follows a curved valley to second order
-    (Transtrum and Sethna 2012, arXiv:1201.5885).
-    """
-    step = undamped(normal, prior, x, damped, start)
-    if sparse.issparse(normal.matrix):
-        return step, np.zeros(len(x))
-    change = change_of_gradient(blocks, x, followed(blocks, x, PROBE * step))
-    change -= PROBE * normal.matrix @ step
-    bend = -normal.transfer @ change / PROBE**2
-    return step, solved(normal, prior, damped, bend, step != 0)
-
-
-def followed(blocks: list[DatumBlock], x: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """x + step, (N,), where temperatures follow the blackbody radiance in which data are linear.
-
-    A step that would make a radiance negative leaves SMALLEST of it.
-    """
-    new = x + step
-    for block in blocks:
-        hot = block.unknown[block.is_temperature]
-        if not len(hot):
-            continue
-        T = x[hot]
-        radiance = in_band_radiance(block.band, T)
-        wanted = radiance + slope(block.band, T) * step[hot]
-        new[hot] = brightness_temperature(block.band, np.maximum(wanted, SMALLEST * radiance))
-    return new
-
-
-def length(step: np.ndarray, normal: Equations, prior: Prior) -> float:
-    """Length of a step in standard errors: the square root of the change of cost that it makes.
-
-    A step along a direction that the data do not determine is short.
-    """
-    squared = step @ (normal.information @ step) + np.sum(prior.information * step**2)
-    return float(np.sqrt(max(squared, 0)))
-
-
-def solved(normal: Equations, prior: Prior, damping, right, free) -> np.ndarray:
-    """Solution (N,) of the damped equations for the free unknowns."""
-    diagonal, result = prior.information + damping, np.zeros(len(right))
-    if not sparse.issparse(normal.matrix):
-        both = normal.information[np.ix_(free, free)] + np.diag(diagonal[free])
-        result[free] = np.linalg.solve(both, right[free])
-        return result
-    # Facets of which the data know less than the prior have but noise in the matrix
-    informed = free & is_informed(normal, prior.information)
-    both = (normal.matrix + sparse.diags_array(diagonal))[informed][:, informed]
-    result[informed] = splu(sparse.csc_array(both)).solve(right[informed])
-    return result
-
-
-def is_informed(normal: Equations, information: np.ndarray) -> np.ndarray:
-    """Unknowns (N,) of a sparse problem of which the data know more than the prior."""
-    noise = normal.noise.diagonal()
-    of_data = np.divide(
-        normal.matrix.diagonal() ** 2, noise, out=np.zeros(len(noise)), where=noise > 0
-    )
-    return (of_data > information) & (normal.matrix.diagonal() > 0)
 
 
 def covariances(normal: Equations, information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

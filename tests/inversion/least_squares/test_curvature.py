@@ -88,7 +88,7 @@ def test_a_curved_valley_is_followed(start):
 
     both = [kelvin(start=start[0], upper=2000.0), unknown(start=start[1])]
     state = solve(both, render, lambda x: [np.full(VALUES, sigma**-2.0)], False, 20)
-    assert state.converged and state.renders <= 12
+    assert state.converged and state.trace[-1].renders <= 12
     # The nearest point by a search along the valley
     R = np.linspace(0, 0.95, 20_001)
     T = brightness_temperature(LWIR, (measured.mean() - R * SKY) / (1 - R))

@@ -1,0 +1,164 @@
+"""Gauss-Newton steps between two renders, within bounds and with what is known beforehand."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from mi_lcair.inversion.data.images import slope
+from mi_lcair.inversion.least_squares.prediction import (
+    DatumBlock,
+    Equations,
+    change_of_gradient,
+    equations,
+)
+from mi_lcair.inversion.unknowns import Unknown
+from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
+
+INNER = 50  # largest number of steps between two renders
+SMALLEST = 0.1  # least factor by which a step changes a blackbody radiance
+CONVERGED = 0.02  # largest last step, in standard errors, see `length`
+PROBE = 0.1  # share of a step with which it is found how the prediction bends along it
+ROUNDING = 1e-8  # change of the cost, relative or absolute, that is none
+HALVINGS = 12  # attempts to shorten a step that raises the cost, or that no surface can have
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Means and inverse variances (N,) that are known beforehand, and the bounds (N,)."""
+
+    mean: np.ndarray
+    information: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+
+    @staticmethod
+    def of(unknowns: list[Unknown]) -> "Prior":
+        known = [unknown.prior or (unknown.start, unknown.span) for unknown in unknowns]
+        mean, sigma = np.array(known, dtype=float).T
+        lower, upper = np.array([(unknown.lower, unknown.upper) for unknown in unknowns]).T
+        # A temperature must be above its bound, and blackbodies below 1 K radiate nothing
+        lower = np.where(
+            [unknown.unit == "K" for unknown in unknowns], np.maximum(lower, 1.0), lower
+        )
+        return Prior(mean, sigma**-2.0, lower, upper)
+
+    def cost(self, x) -> float:
+        return float(np.sum(self.information * (x - self.mean) ** 2))
+
+
+def near(
+    blocks: list[DatumBlock], start, prior: Prior, damping: float, is_sparse: bool
+) -> np.ndarray:
+    """The values that minimise the cost of blocks rendered at `start`, with damping toward it."""
+    x, normal = start, equations(blocks, start, is_sparse)
+    noise = normal.noise
+    damped = damping * (np.maximum(normal.information.diagonal(), 0) + prior.information)
+
+    def weighed(x) -> tuple[Equations, float]:
+        """The equations at x, weighed by the same noise at all of them, and what a step lowers."""
+        normal = replace(equations(blocks, x, is_sparse), noise=noise)
+        added = prior.cost(x) + damped @ (x - start) ** 2
+        return normal, normal.pressure(normal) + added
+
+    normal, cost = weighed(x)
+    for _ in range(INNER):
+        step, bend = second_order(blocks, x, start, normal, prior, damped)
+        for share in 0.5 ** np.arange(HALVINGS):
+            new = followed(blocks, x, share * step + share**2 * bend)
+            new = np.clip(new, prior.lower, prior.upper)
+            ahead, ahead_cost = weighed(new)
+            if ahead_cost <= cost * (1 + ROUNDING) + ROUNDING or is_sparse:
+                break
+        moved = length(new - x, normal, prior)
+        x, normal, cost = new, ahead, ahead_cost
+        if moved < CONVERGED / 10:
+            break
+    return x
+
+
+def undamped(normal: Equations, prior: Prior, x: np.ndarray, damped=0.0, start=None) -> np.ndarray:
+    """The Gauss-Newton step (N,) from x, damped toward `start`.
+
+    An unknown at its bound moves only if it is still pulled inward when the others have moved.
+    """
+    toward = 0.0 if start is None else damped * (start - x)
+    g = normal.pull + prior.information * (prior.mean - x) + toward
+    step, left, free = np.zeros(len(x)), g, np.zeros(len(x), dtype=bool)
+    while True:
+        inward = ~((x <= prior.lower) & (left < 0) | (x >= prior.upper) & (left > 0))
+        if not (inward & ~free).any():
+            return step
+        free |= inward
+        step = solved(normal, prior, damped, g, free)
+        left = g - normal.information @ step - (prior.information + damped) * step
+
+
+def second_order(
+    blocks, x, start, normal: Equations, prior: Prior, damped
+) -> tuple[np.ndarray, np.ndarray]:
+    """The damped step (N,) from x, and the geodesic acceleration (N,) that bends it.
+
+    A step of share t goes to t step + t^2 acceleration: it follows a curved valley to second order
+    (Transtrum and Sethna 2012, arXiv:1201.5885).
+    """
+    step = undamped(normal, prior, x, damped, start)
+    if sparse.issparse(normal.matrix):
+        return step, np.zeros(len(x))
+    change = change_of_gradient(blocks, x, followed(blocks, x, PROBE * step))
+    change -= PROBE * normal.matrix @ step
+    bend = -normal.transfer @ change / PROBE**2
+    return step, solved(normal, prior, damped, bend, step != 0)
+
+
+def followed(blocks: list[DatumBlock], x: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """x + step, (N,), where temperatures follow the blackbody radiance in which data are linear.
+
+    A step that would make a radiance negative leaves SMALLEST of it.
+    """
+    new = x + step
+    for block in blocks:
+        hot = block.unknown[block.is_temperature]
+        if not len(hot):
+            continue
+        T = x[hot]
+        radiance = in_band_radiance(block.band, T)
+        wanted = radiance + slope(block.band, T) * step[hot]
+        new[hot] = brightness_temperature(block.band, np.maximum(wanted, SMALLEST * radiance))
+    return new
+
+
+def length(step: np.ndarray, normal: Equations, prior: Prior) -> float:
+    """Length of a step in standard errors: the square root of the change of cost that it makes.
+
+    A step along a direction that the data do not determine is short.
+    """
+    squared = step @ (normal.information @ step) + np.sum(prior.information * step**2)
+    return float(np.sqrt(max(squared, 0)))
+
+
+def solved(normal: Equations, prior: Prior, damping, right, free) -> np.ndarray:
+    """Solution (N,) of the damped equations for the free unknowns."""
+    diagonal, result = prior.information + damping, np.zeros(len(right))
+    if not sparse.issparse(normal.matrix):
+        both = normal.information[np.ix_(free, free)] + np.diag(diagonal[free])
+        # Along a valley the matrix may be singular to within rounding
+        scale = 1 / np.sqrt(np.diag(both))
+        scaled = both * np.outer(scale, scale)
+        result[free] = scale * np.linalg.lstsq(scaled, scale * right[free])[0]
+        return result
+    # Facets of which the data know less than the prior have but noise in the matrix
+    informed = free & is_informed(normal, prior.information)
+    both = (normal.matrix + sparse.diags_array(diagonal))[informed][:, informed]
+    result[informed] = splu(sparse.csc_array(both)).solve(right[informed])
+    return result
+
+
+def is_informed(normal: Equations, information: np.ndarray) -> np.ndarray:
+    """Unknowns (N,) of a sparse problem of which the data know more than the prior."""
+    noise = normal.noise.diagonal()
+    of_data = np.divide(
+        normal.matrix.diagonal() ** 2, noise, out=np.zeros(len(noise)), where=noise > 0
+    )
+    return (of_data > information) & (normal.matrix.diagonal() > 0)

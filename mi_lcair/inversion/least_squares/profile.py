@@ -1,0 +1,147 @@
+"""Profile-likelihood intervals where the linear ones do not hold: at bounds and in curved valleys.
+
+The end of an interval is where the cost, with all other unknowns at their best, is as much higher
+as 95 % of noise makes it (Venzon and Moolgavkar 1988). Whether this is needed follows from the
+cost at the ends of the linear interval, without a render.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from scipy import sparse, stats
+
+from mi_lcair.errors import InputError
+from mi_lcair.inversion.least_squares.curvature import bent
+from mi_lcair.inversion.least_squares.newton import Prior, near
+from mi_lcair.inversion.least_squares.prediction import DatumBlock, cost_of, equations
+
+WIDTH = stats.norm.ppf(0.975)  # half of a 95 % interval, standard errors
+MOST_UNKNOWNS = 30  # number of unknowns above which all intervals are linear
+STRAIGHT = 0.1  # relative error of a linear interval from which it is replaced
+STEPS = 16  # largest number of places at which a profile is computed between two renders
+NARROW = 0.02  # relative error with which the end of a profile is found
+GROWTH = 3.0  # largest factor from one place of a profile to the next
+RENDERS = 4  # largest number of renders for the end of an interval
+
+
+def profile_intervals(
+    blocks: list[DatumBlock],
+    x: np.ndarray,
+    prior: Prior,
+    covariance: np.ndarray,
+    render: Callable[[np.ndarray], list[DatumBlock]] | None,
+) -> np.ndarray:
+    """Lower and upper ends (N, 2) of the 95 % intervals about the estimate x, (N,).
+
+    They are NaN where the linear interval holds. Standard errors (N,) of the estimate come from its
+    covariance (N, N).
+
+    render: gives the blocks at values; None if those at the estimate hold for all values.
+    """
+    ends = np.full((len(x), 2), np.nan)
+    if any(sparse.issparse(block.columns[0]) for block in blocks) or len(x) > MOST_UNKNOWNS:
+        return ends
+    normal = equations(blocks, x)
+    for k in range(len(x)):
+        if not covariance[k, k] > 0:
+            continue
+        profile = Profile(blocks, x, prior, k, covariance[k] / np.sqrt(covariance[k, k]), normal)
+        if all(profile.is_straight(side) for side in (-1, 1)):
+            continue
+        ends[k] = [profile.end(side, render) for side in (-1, 1)]
+    return ends
+
+
+class Profile:
+    """The cost along one unknown k, with the others at their best.
+
+    direction: change (N,) of the estimate for one standard error of the unknown. normal: the
+    equations at the estimate x.
+    """
+
+    def __init__(self, blocks, x, prior: Prior, k: int, direction: np.ndarray, normal):
+        self.blocks, self.x, self.prior, self.k, self.direction = blocks, x, prior, k, direction
+        self.cost = cost_of(blocks, x) + prior.cost(x)
+        # The noise of derivatives is in the standard error, but not in the cost. The rise that
+        # belongs to one standard error makes up for it.
+        curved = direction @ normal.matrix @ direction + prior.information @ direction**2
+        self.rise_of_error = max(float(curved), 1.0)
+
+    def errors(self, blocks, x) -> float:
+        """Distance from the estimate, in standard errors, that the cost at the values x shows."""
+        rise = cost_of(blocks, x) + self.prior.cost(x) - self.cost
+        return float(np.sqrt(max(rise, 0) / self.rise_of_error))
+
+    def is_straight(self, side: int) -> bool:
+        """Whether the linear interval ends within all bounds, where the cost is as expected."""
+        x = self.x + side * WIDTH * self.direction
+        if (x < self.prior.lower).any() or (x > self.prior.upper).any():
+            return False
+        return abs(self.errors(self.blocks, x) / WIDTH - 1) < STRAIGHT
+
+    def at(self, blocks, start: np.ndarray, value: float) -> np.ndarray:
+        """The best values (N,) of the others if the unknown has this value."""
+        lower, upper = self.prior.lower.copy(), self.prior.upper.copy()
+        lower[self.k] = upper[self.k] = value
+        moved = start + (value - start[self.k]) * self.direction / self.direction[self.k]
+        held = replace(self.prior, lower=lower, upper=upper)
+        return near(blocks, np.clip(moved, lower, upper), held, 0.0, False)
+
+    def end(self, side: int, render) -> float:
+        """The end of the interval on one side, -1 or 1."""
+        bound = (self.prior.upper if side > 0 else self.prior.lower)[self.k]
+        if self.x[self.k] == bound:
+            return float(bound)
+        blocks = self.blocks
+        for _ in range(RENDERS):
+            place, predicted, beyond = self.crossing(blocks, side, bound)
+            errors = predicted
+            if render is None:
+                break
+            try:
+                rendered = render(place)
+            except InputError:
+                break  # no surface can have these values
+            blocks = [
+                bent(replace(new, weight=old.weight, curvature=old.curvature), old)
+                for new, old in zip(rendered, blocks)
+            ]
+            place = self.at(blocks, place, place[self.k])
+            errors = self.errors(blocks, place)
+            if abs(errors - predicted) < STRAIGHT * WIDTH:
+                break
+        value = self.further(place[self.k], errors)
+        return float(min(value, beyond) if side > 0 else max(value, beyond))
+
+    def crossing(self, blocks, side: int, bound: float) -> tuple[np.ndarray, float, float]:
+        """Values (N,) within the interval near its end by the blocks, and their distance.
+
+        The third result is a value of the unknown that is outside, or the bound.
+        """
+        x, inside, distance, outside = self.x[self.k], self.x, 0.0, None
+        value = x + side * WIDTH * self.direction[self.k]
+        for _ in range(STEPS):
+            value = float(np.clip(value, self.prior.lower[self.k], self.prior.upper[self.k]))
+            place = self.at(blocks, inside, value)
+            errors = self.errors(blocks, place)
+            if errors > WIDTH:
+                outside = value
+            else:
+                inside, distance = place, errors
+            last = inside[self.k]
+            is_narrow = outside is not None and abs(outside - last) < NARROW * abs(outside - x)
+            if is_narrow or distance > (1 - NARROW) * WIDTH or last == bound:
+                break
+            value = self.further(value, errors)
+            if outside is not None:
+                share = 0.5
+                if errors <= WIDTH:
+                    share = np.clip((value - last) / (outside - last), 0.1, 0.9)
+                value = last + share * (outside - last)
+        return inside, distance, bound if outside is None else outside
+
+    def further(self, value: float, errors: float) -> float:
+        """The value at which the distance is WIDTH if it grows as it did up to `value`."""
+        factor = np.clip(WIDTH / max(errors, 1e-9), 1 / GROWTH, GROWTH)
+        return self.x[self.k] + factor * (value - self.x[self.k])

@@ -1,0 +1,125 @@
+"""Profile-likelihood intervals against searches along closed forms."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq, minimize_scalar
+from scipy.sparse import csr_array
+
+from mi_lcair.errors import InputError
+from mi_lcair.inversion.least_squares.newton import Prior
+from mi_lcair.inversion.least_squares.prediction import equations
+from mi_lcair.inversion.least_squares.profile import WIDTH, Profile, profile_intervals
+from mi_lcair.inversion.least_squares.solve import solve
+from tests.inversion.blocks import block, unknown
+
+RANDOM = np.random.default_rng(3)
+SIGMA, COUNT = 0.05, 30
+DESIGN = RANDOM.normal(size=(COUNT, 2))
+
+
+def product(x, measured):
+    """A prediction that is linear in a, and in b with a slope that depends on a."""
+    a, b = x
+    radiance = DESIGN[:, 0] * a + DESIGN[:, 1] * (0.3 * b + a * b)
+    columns = np.stack([DESIGN[:, 0] + DESIGN[:, 1] * b, DESIGN[:, 1] * (0.3 + a)], axis=1)
+    weight = np.full(COUNT, SIGMA**-2.0)
+    return block([radiance], [columns], measured, SIGMA, reference=np.array(x), weight=weight)
+
+
+def solved(measured, unknowns):
+    weights = [np.full(COUNT, SIGMA**-2.0)]
+    return solve(unknowns, lambda x: [product(x, measured)], lambda x: weights, False, 30)
+
+
+def cost(x, measured, unknowns):
+    residual = (measured - product(x, measured).radiance[0]) / SIGMA
+    priors = [((v - u.prior[0]) / u.prior[1]) ** 2 for v, u in zip(x, unknowns) if u.prior]
+    spans = [((v - u.start) / u.span) ** 2 for v, u in zip(x, unknowns) if not u.prior]
+    return residual @ residual + sum(priors) + sum(spans)
+
+
+def reference_ends(measured, unknowns, best, k):
+    """Where the cost with the other unknown at its best is 1.96^2 higher, by scipy."""
+    other = unknowns[1 - k]
+
+    def profile(value):
+        def at(y):
+            return cost((value, y) if k == 0 else (y, value), measured, unknowns)
+
+        options = {"bounds": (other.lower, other.upper), "method": "bounded"}
+        return minimize_scalar(at, **options, options={"xatol": 1e-9}).fun
+
+    top = profile(best[k]) + WIDTH**2
+    ends = []
+    for bound in (unknowns[k].lower, unknowns[k].upper):
+        is_inside = profile(bound) <= top
+        ends.append(bound if is_inside else brentq(lambda v: profile(v) - top, best[k], bound))
+    return ends
+
+
+@pytest.mark.parametrize("draw", range(6))
+def test_intervals_are_those_of_the_profile(draw):
+    random = np.random.default_rng(draw)
+    truth = random.uniform((0.0, 0.0), (0.15, 1.0))
+    measured = product(truth, None).radiance[0] + SIGMA * random.normal(size=COUNT)
+    unknowns = [unknown("a", upper=2.0), unknown("b", start=0.5, upper=3.0)]
+    if draw % 2:
+        unknowns[0] = unknown("a", upper=2.0, prior=(0.1, 0.2))
+    state = solved(measured, unknowns)
+    assert state.converged
+    errors = np.sqrt(np.diag(state.covariance))
+    linear = np.stack([state.x - WIDTH * errors, state.x + WIDTH * errors], axis=1)
+    for k in range(2):
+        expected = np.array(reference_ends(measured, unknowns, state.x, k))
+        is_linear = np.isnan(state.intervals[k, 0])
+        ends = linear[k] if is_linear else state.intervals[k]
+        tolerance = (0.12 if is_linear else 0.04) * (expected[1] - expected[0])
+        np.testing.assert_allclose(ends, expected, atol=tolerance)
+
+
+def test_linear_intervals_stay():
+    """Of a linear prediction within its bounds, of sparse equations, and of many unknowns."""
+    unknowns = [unknown("a", prior=(0.5, 0.1)), unknown("b")]
+    measured = 5 + DESIGN @ [0.5, 0.5]
+    weight = np.full(COUNT, SIGMA**-2.0)
+    exact = block([np.full(COUNT, 5.0)], [DESIGN], measured, SIGMA, weight=weight)
+    state = solve(unknowns, lambda x: [exact], lambda x: [weight], True, 1)
+    assert np.isnan(state.intervals).all()
+    assert state.renders <= 2
+    # At a bound both depend on it, without a render
+    narrow = [unknown("a", upper=0.49), unknown("b")]
+    state = solve(narrow, lambda x: [exact], lambda x: [weight], True, 1)
+    assert state.at_bound.tolist() == [1, 0] and state.intervals[0, 1] == 0.49
+    assert np.isfinite(state.intervals).all() and state.renders <= 2
+    thin = replace(exact, columns=[csr_array(DESIGN)])
+    prior = Prior.of(narrow)
+    ends = profile_intervals([thin], state.x, prior, state.covariance, None)
+    assert np.isnan(ends).all()
+
+
+def test_noise_of_derivatives_widens_a_profile():
+    """The rise of the cost is compared with that of one standard error of the estimate."""
+    measured = 5 + DESIGN @ [0.5, 0.5]
+    weight = np.full(COUNT, SIGMA**-2.0)
+    exact = block([np.full(COUNT, 5.0)], [DESIGN], measured, SIGMA, weight=weight)
+    x, prior = np.array([0.5, 0.5]), Prior.of([unknown("a"), unknown("b")])
+    covariance = 4 * np.linalg.inv(DESIGN.T @ DESIGN / SIGMA**2)  # errors twice as large
+    direction = covariance[0] / np.sqrt(covariance[0, 0])
+    profile = Profile([exact], x, prior, 0, direction, equations([exact], x))
+    assert profile.rise_of_error == pytest.approx(4, rel=0.01)
+    assert profile.errors([exact], x + 1.5 * direction) == pytest.approx(1.5, rel=0.01)
+
+
+def test_values_that_no_surface_can_have_end_a_profile():
+    measured = product((0.05, 0.5), None).radiance[0]
+    unknowns = [unknown("a"), unknown("b")]
+    state = solved(measured, unknowns)
+
+    def refused(x):
+        raise InputError("epsilon + rho_d above G(b)")
+
+    prior = Prior.of(unknowns)
+    ends = profile_intervals(state.blocks, state.x, prior, state.covariance, refused)
+    assert ends.shape == (2, 2) and not np.isinf(ends).any()
