@@ -24,7 +24,7 @@ from mi_lcair.physics.spectra.files import columns_of, spectrum_of
 from mi_lcair.physics.spectra.refractive_index import refractive_index
 
 SAMPLES = 4001  # even wavelengths of a band at which a spectral material is evaluated
-ROOM_K = 300.0  # temperature with which the average of a hot part is compared
+ROOM_K, HOT_K = 300.0, 800.0  # the average is compared with that for the farther temperature
 COSINES = np.linspace(0, 1, 65)[1:] ** 2  # at which Fresnel reflectances are averaged
 ANGLE_DEG = Bounds(meaning="angle of incidence", unit="degrees", lower=0, upper=89)
 # What makes an entry: the key of its file, the model, and the common parameters of the entry.
@@ -122,14 +122,15 @@ class SpectralParameters:
         return float(self.model.HDR(surface, Float64(0))[0])
 
     def remark_on_average(self, band: Band, temperature: float) -> str:
-        """How much an average depends on the radiation: at the temperature [K] and at ROOM_K."""
-        hot, room = (
+        """How much an average depends on the temperature of the radiation [K]."""
+        other = ROOM_K if temperature > (ROOM_K + HOT_K) / 2 else HOT_K
+        own, of_other = (
             self.reflectance_at_normal(self.averaged(*self.weights(band, T)))
-            for T in (temperature, ROOM_K)
+            for T in (temperature, other)
         )
         return (
             f"its spectrum is averaged in {band.label} for radiation of {temperature:g} K, with a "
-            f"reflectance of {hot:.4g} along the normal; for {ROOM_K:g} K it would be {room:.4g}"
+            f"reflectance of {own:.4g} along the normal; for {other:g} K it would be {of_other:.4g}"
         )
 
 
