@@ -188,7 +188,7 @@ def test_errors_over_seeds(folder):
 
 def totals(monkeypatch, folder, seeds: int, **changes):
     """Contrasts of the disc over seeds: errors and half widths as fractions of the closed form."""
-    loaded = setting.load_file(folder / "disc.xml", temperature="400", band="MWIR")
+    loaded = setting.load_file(folder / "disc.xml", {"temperature": "400", "band": "MWIR"})
     monkeypatch.setattr(setting, "load_file", lambda *_, **__: loaded)
     # The search for overlapping triangles takes three times as long as such a render
     monkeypatch.setattr("mi_lcair.rendering.scene.remarks_on_triangles", lambda _: [])
