@@ -143,8 +143,6 @@ class DrawTable:
 
     def unmet(self, always: float) -> UnmetSources:
         """Bound of the radiance of sources that no path has hit. always: see `UnmetSources`."""
-        if self.is_empty:
-            return UnmetSources(always, np.empty(0), np.empty(0))
         split = partial(np.split, indices_or_sections=self.ends[:-1])
         parts = parts_of_emitters(split(self.bound), split(self.least))
         return UnmetSources(always, *parts)

@@ -29,10 +29,10 @@ MOST_PASSED = 32
 
 
 class EmitterTable:
-    """The emitters of a scene, their labels, and one sampling density for all of them.
+    """The emitters of a scene, their labels, and the sampling densities of them.
 
-    `draw` draws from the mixture that `table` holds. If `sampling` is True, all emitters are in it,
-    otherwise only those that a reflected ray cannot hit.
+    At each reflection `draw` draws from each of the `tables`. If `sampling` is True, all emitters
+    are in them, the sun in the last one, otherwise only those that a reflected ray cannot hit.
 
     groups, labels: the `Groups` of the scene, and their labels. band: the band of the thermal
     emitters. sources: the `Sources` by which emission is recorded. draws: whether there are
@@ -65,8 +65,12 @@ class EmitterTable:
         self.opaque_brightest = dr.opaque(mi.Float, self.brightest)
 
         drawn = [e for e in emitters if sampling or not can_be_hit(e)]
-        self.table = DrawTable(drawn, bounds, self.brightest)
-        self.draws = not self.table.is_empty
+        # The sun has a drawn direction of its own, where it would take its place among others
+        of_sun = [e for e in drawn if sampling and e is self.sun]
+        rest = [e for e in drawn if e not in of_sun]
+        tables = [DrawTable(part, bounds, self.brightest) for part in (rest, of_sun)]
+        self.tables = [table for table in tables if not table.is_empty]
+        self.draws = bool(self.tables)
         flags = {int(bsdf.flags()) for bsdf in {shape.bsdf() for shape in scene.shapes()}}
         self.passes = any(map(is_passed, flags))
         # No emitter is drawn at a surface that rays pass
@@ -151,9 +155,11 @@ class EmitterTable:
         (radiance, density) : tuple of mi.Spectrum and mi.Float
             [W m^-2 sr^-1], 0 outside the disc; [1/sr].
         """
-        return self.sun.along(d, active), self.table.probability_of_other / self.sun.solid_angle
+        return self.sun.along(d, active), self.tables[
+            -1
+        ].probability_of_other / self.sun.solid_angle
 
-    def draw(self, si, sample1, sample2, active):
+    def draw(self, table: DrawTable, si, sample1, sample2, active):
         """Draw a direction toward an emitter.
 
         The direction is taken from the start of the ray, and the density is per solid angle at that
@@ -161,6 +167,8 @@ class EmitterTable:
 
         Parameters
         ----------
+        table : DrawTable
+            One of the `tables`.
         si : mi.SurfaceInteraction3f
             The hit from which to draw.
         sample1, sample2 : mi.Point2f
@@ -172,7 +180,7 @@ class EmitterTable:
         -------
         DrawnDirection
         """
-        table, ds = self.table, dr.zeros(mi.DirectionSample3f)
+        ds = dr.zeros(mi.DirectionSample3f)
         receiver = None if table.tree is None else self.receiver(si)
         index, probability = table.pick(random_integer(sample1), receiver, active)
         other, may_radiate, compared = None, mi.Bool(True), mi.Float(0)
@@ -207,7 +215,9 @@ class EmitterTable:
             ds = dr.select(from_panels, ds, ds_other)
         return DrawnDirection(ds, compared, index, other, may_radiate, bound)
 
-    def trace(self, scene, si, drawn: DrawnDirection, active, with_hit: bool = False):
+    def trace(
+        self, table: DrawTable, scene, si, drawn: DrawnDirection, active, with_hit: bool = False
+    ):
         """Trace a drawn direction to its first hit, through the surfaces that rays pass.
 
         A sample counts only if the first hit is the drawn point. Otherwise, where emitters overlap
@@ -215,6 +225,8 @@ class EmitterTable:
 
         Parameters
         ----------
+        table : DrawTable
+            That of the direction.
         scene : mi.Scene
         si : mi.SurfaceInteraction3f
             The hit from which the direction was drawn.
@@ -229,21 +241,21 @@ class EmitterTable:
         """
         ds = drawn.ds
         active = active & (ds.pdf > 0)
-        of_panels = active & (drawn.index < self.table.panel_count)
+        of_panels = active & (drawn.index < table.panel_count)
         ray = self.spawn_ray(si, ds.d)
         pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active)
         transmittance, distance = None, ds.dist
         if self.passes:
             with dr.suspend_grad():
-                ray, pi, transmittance = self.pass_through(scene, ray, pi, drawn, active)
+                ray, pi, transmittance = self.pass_through(table, scene, ray, pi, drawn, active)
                 distance = dr.norm(ds.p - ray.o)
         met, emitter = active & pi.is_valid(), pi.shape.emitter()
-        on_panel, on_other = self.meets(ray, pi, drawn, met, of_panels)
+        on_panel, on_other = self.meets(table, ray, pi, drawn, met, of_panels)
         hit = pi.compute_surface_interaction(ray, mi.RayFlags.All, on_panel)
         counts = mi.Bool(on_panel)  # a copy, because |= changes an array in place
-        if self.table.others is not None:
+        if table.others is not None:
             counts |= on_other
-            if not self.table.all_surfaces:
+            if not table.all_surfaces:
                 nothing_before = ~met | (pi.t > distance * (1 - 1e-4))
                 on_surface = mi.has_flag(drawn.other.flags(), mi.EmitterFlags.Surface)
                 if self.sun is not None:
@@ -257,16 +269,16 @@ class EmitterTable:
             counts |= dr.isnan(transmittance)
         return EmitterSample(drawn, hit, emitter, counts, on_panel, transmittance)
 
-    def meets(self, ray, pi, drawn: DrawnDirection, met, of_panels):
+    def meets(self, table: DrawTable, ray, pi, drawn: DrawnDirection, met, of_panels):
         """Whether hits are the drawn points: on a panel of a mesh, or on another shape.
 
         met: the hits to be compared. of_panels: whether a panel was drawn; both mi.Bool.
         """
         on_panel, on_other = mi.Bool(False), mi.Bool(False)
-        if self.table.tree is not None:
-            panel, known = self.table.tree.panels.find(pi.shape, pi.prim_index, met & of_panels)
+        if table.tree is not None:
+            panel, known = table.tree.panels.find(pi.shape, pi.prim_index, met & of_panels)
             on_panel = known & (panel == drawn.index)
-        if self.table.others is not None:
+        if table.others is not None:
             # A line hits a sphere, cylinder, disk or rectangle at most twice, from different sides.
             # Shape and side therefore identify the point. A comparison of distances would need a
             # tolerance, and no tolerance is right near the shape and at grazing incidence.
@@ -277,7 +289,7 @@ class EmitterTable:
         return on_panel, on_other
 
     @dr.syntax
-    def pass_through(self, scene, ray, pi, drawn: DrawnDirection, active):
+    def pass_through(self, table: DrawTable, scene, ray, pi, drawn: DrawnDirection, active):
         """Follow rays toward drawn points through the surfaces that rays pass.
 
         A ray ends at its drawn point, at a surface that it does not pass, or at none.
@@ -298,7 +310,7 @@ class EmitterTable:
             number for a ray that passes more than MOST_PASSED.
         """
         passed, transmittance = mi.UInt32(0), mi.Float(1)
-        active = self.continues(ray, pi, drawn, active)
+        active = self.continues(table, ray, pi, drawn, active)
         while dr.hint(active, label="pass_through"):
             si = pi.compute_surface_interaction(ray, mi.RayFlags.All, active)
             weight = si.bsdf(ray).eval_null_transmission(si, active)[0]
@@ -308,16 +320,16 @@ class EmitterTable:
             start = self.leave(si, ray.d)
             ray = mi.Ray3f(start, dr.normalize(drawn.ds.p - start))
             pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active)
-            active &= (transmittance > 0) & self.continues(ray, pi, drawn, active)
+            active &= (transmittance > 0) & self.continues(table, ray, pi, drawn, active)
         return ray, pi, transmittance
 
-    def continues(self, ray, pi, drawn: DrawnDirection, active):
+    def continues(self, table: DrawTable, ray, pi, drawn: DrawnDirection, active):
         """Whether rays pass the surface that they hit; not at or behind the drawn point."""
         met = active & pi.is_valid()
-        of_panels = met & (drawn.index < self.table.panel_count)
-        on_panel, on_other = self.meets(ray, pi, drawn, met, of_panels)
+        of_panels = met & (drawn.index < table.panel_count)
+        on_panel, on_other = self.meets(table, ray, pi, drawn, met, of_panels)
         met &= is_passed(pi.shape.bsdf().flags()) & ~on_panel & ~on_other
-        if not self.table.all_surfaces:
+        if not table.all_surfaces:
             on_surface = mi.has_flag(drawn.other.flags(), mi.EmitterFlags.Surface)
             before = pi.t <= dr.norm(drawn.ds.p - ray.o) * (1 - 1e-4)
             met &= of_panels | on_surface | before
@@ -379,18 +391,19 @@ class EmitterTable:
         mi.Float
             Density per solid angle at the receiver; 0 if `draw` does not draw `emitter`.
         """
-        density, known, tree = mi.Float(0), mi.Bool(False), self.table.tree
+        table = self.tables[0]
+        density, known, tree = mi.Float(0), mi.Bool(False), table.tree
         if tree is not None:
             panel, known = tree.panels.find(si.shape, si.prim_index, active & si.is_valid())
-            density = self.table.share * tree.probability(panel, receiver, known)
+            density = table.share * tree.probability(panel, receiver, known)
             seen = tree.panels.seen(panel, receiver, known)
             density *= seen.along(si.to_world(-si.wi), distance)
-        if self.table.others is not None:
+        if table.others is not None:
             before = dr.zeros(mi.Interaction3f)
             before.p = receiver.p
             ds = mi.DirectionSample3f(scene, si, before)
             other = emitter.pdf_direction(before, ds, active & ~known)
-            density = dr.select(known, density, other * self.table.probability_of_other)
+            density = dr.select(known, density, other * table.probability_of_other)
         return density
 
 

@@ -264,8 +264,8 @@ class PathTracer(RBIntegrator):
         sensor's field of view are, hidden or not, and those that are hardly ever drawn. The part of
         the others is estimated along the paths (`Sums.chance`).
         """
-        if self.emitter_sampling:
-            return self.emitters.table.unmet(self.emitters.brightest_in_view(sensor))
+        if self.emitter_sampling and self.emitters.draws:
+            return self.emitters.tables[0].unmet(self.emitters.brightest_in_view(sensor))
         return UnmetSources(self.emitters.brightest, np.empty(0), np.empty(0))
 
 

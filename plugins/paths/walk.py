@@ -82,10 +82,10 @@ class Scattering:
     """What is sampled at a hit.
 
     numbers: the random numbers. bs, weight: the sampled direction, and BSDF times cosine divided by
-    its density. drawn: direction drawn toward an emitter; None if none are drawn. brought: the
-    radiance that it brings to the sensor, with derivatives [W m^-2 sr^-1]. latent: the same along
-    a latent path, without derivatives. becomes_latent: whether the path becomes a latent one. Both
-    are None where nothing is explored.
+    its density. drawn: the first direction drawn toward an emitter; None if none are drawn.
+    brought: the radiance that all of them bring to the sensor, with derivatives [W m^-2 sr^-1].
+    latent: the same along a latent path, without derivatives. becomes_latent: whether the path
+    becomes a latent one. Both are None where nothing is explored.
     """
 
     numbers: tuple
@@ -340,19 +340,45 @@ class Walk:
         draws = hit.goes_on & is_smooth & (path.bounce < most)
         # Two 2D samples, for the emitter and for the point on it: the 23 bits of a Float32 number
         # are too few for both
-        drawn = self.emitters.draw(si, sampler.next_2d(), sampler.next_2d(), draws)
+        drawn = [
+            self.emitters.draw(table, si, sampler.next_2d(), sampler.next_2d(), draws)
+            for table in self.emitters.tables
+        ]
         numbers = sampler.next_1d(), sampler.next_2d()
-        to = si.to_local(drawn.ds.d)
+        first_to, *later = (si.to_local(direction.ds.d) for direction in drawn)
         with dr.resume_grad(when=not primal):
             # One call is faster than one for the drawn and one for the next direction
-            f, pdf, bs, weight = bsdf.eval_pdf_sample(ctx, si, to, *numbers, hit.goes_on)
+            f, pdf, bs, weight = bsdf.eval_pdf_sample(ctx, si, first_to, *numbers, hit.goes_on)
             bs, weight = dr.detach((bs, weight))  # only `f` has derivatives
+            values = [(first_to, f, pdf)]
+            values += [(to, *bsdf.eval_pdf(ctx, si, to, hit.goes_on)) for to in later]
+        brought, latent = mi.Spectrum(0), None if path.latent is None else mi.Spectrum(0)
+        with_hit = recorders.needs_drawn_hit or self.by_bin is not None
+        for table, direction, value in zip(self.emitters.tables, drawn, values):
+            traced = draws
             # No ray where nothing is emitted or reflected. A replay traces it even so, because a
             # value of 0 may have a derivative.
             if primal:
-                draws &= drawn.may_radiate & ((dr.max(f) != 0) | self.is_explored(hit))
-            with_hit = recorders.needs_drawn_hit or self.by_bin is not None
-            direct = self.emitters.trace(self.scene, si, drawn, draws, with_hit)
+                reflects = (dr.max(value[1]) != 0) | self.is_explored(hit)
+                traced = draws & direction.may_radiate & reflects
+            with dr.resume_grad(when=not primal):
+                direct = self.emitters.trace(table, self.scene, si, direction, traced, with_hit)
+                part = self.bring(primal, path, hit, most, direct, value, recorders)
+                brought = brought + part[0]
+            latent = None if latent is None else latent + part[1]
+        if self.by_bin is not None:
+            self.by_bin.reflect(path.by_bin, hit, bs, weight)
+        becomes_latent = self.becomes_latent(path, hit, bs, weight)
+        return Scattering(numbers, bs, weight, drawn[0], brought, latent, becomes_latent)
+
+    def bring(self, primal: bool, path, hit: Hit, most, direct, value, recorders):
+        """Radiance that a drawn direction brings, and that along latent paths, or None.
+
+        direct: the `EmitterSample` of the direction. value: the direction in the surface's frame,
+        BSDF times cosine, and the density of a reflection.
+        """
+        si, drawn, (to, f, pdf) = hit.si, direct.drawn, value
+        with dr.resume_grad(when=not primal):
             # A point source or a parallel beam cannot be hit by a reflected ray, so its whole
             # radiance belongs to the drawn direction
             share = dr.select(drawn.ds.delta, 1, mis_weight(drawn.compared, pdf)) / drawn.ds.pdf
@@ -389,10 +415,7 @@ class Walk:
                 by_bin=by_bin,
             )
         )
-        if self.by_bin is not None:
-            self.by_bin.reflect(path.by_bin, hit, bs, weight)
-        becomes_latent = self.becomes_latent(path, hit, bs, weight)
-        return Scattering(numbers, bs, weight, drawn, brought, latent, becomes_latent)
+        return brought, latent
 
     def is_explored(self, hit: Hit) -> mi.Bool:
         if self.explored is None:

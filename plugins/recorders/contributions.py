@@ -88,7 +88,7 @@ class Contributions:
 
 def slots(tracer) -> int:
     """Largest number of contributions of a path: one per vertex, and one per drawn emitter."""
-    return 1 + tracer.max_bounces * (2 if tracer.emitters.draws else 1)
+    return 1 + tracer.max_bounces * (1 + len(tracer.emitters.tables))
 
 
 def contributions(tracer, sensor, launch: Launch, table: ColumnTable) -> Contributions:

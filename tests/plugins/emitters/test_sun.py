@@ -117,6 +117,37 @@ def test_sandford_robertson_plate(plate, view, e, settings):
     assert found.mean() == pytest.approx(expected, rel=5e-3)
 
 
+def test_glints_are_no_noisier_where_emitters_are_drawn(plate):
+    """The sun has a drawn direction of its own: beside hot plates, and with twelve balls."""
+    source = {"type": "thermal", "temperature": 500.0, "band": "MWIR"}
+    black = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}
+    balls = {
+        f"ball{k}": {
+            "type": "sphere",
+            "center": [float(k - 6), 4.0, 1.0],
+            "radius": 0.3,
+            "bsdf": black,
+            "emitter": source,
+        }
+        for k in range(12)
+    }
+    values = {**GLOSSY, "e": 0.1}
+    high = [[x, y, 3.0] for x, y, _ in SQUARE]
+    shapes = {
+        "floor": plate("floor", SQUARE, {"type": "sandford_robertson", **values}),
+        "hot": plate("hot", [[x + 40, y, z] for x, y, z in high], black, 400.0, "MWIR"),
+        **balls,
+    }
+    scatters, means = [], []
+    for settings in BOTH:
+        made = scene(path(1, **settings), looking_from(40, 180), sun=sun(40), **shapes)
+        images = runs(made, 32, 64)
+        scatters.append(images.reshape(32, -1).std(axis=0, ddof=1).mean())
+        means.append(images.mean())
+    assert means[0] == pytest.approx(means[1], rel=0.01)
+    assert scatters[1] < 1.2 * scatters[0]
+
+
 @pytest.mark.parametrize("with_sky", [False, True])
 def test_a_mirror_shows_the_disc(plate, with_sky):
     bsdf = {"type": "sandford_robertson", **GLOSSY, "lobe": "mirror"}
