@@ -8,13 +8,13 @@ from mi_lcair import scenes
 from mi_lcair.api.scenario import scenario_of
 from mi_lcair.api.scene import scene_of
 from mi_lcair.detection.scenario import Scenario
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, unknown
 from mi_lcair.fraction import fraction
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import SceneLike
 from mi_lcair.startup.threads import exclusively
-from mi_lcair.uncertainty.budget import Budget, draw_up
+from mi_lcair.uncertainty.budget import NUMBERS, Budget, draw_up
 from mi_lcair.uncertainty.monte_carlo import check_draws
 from mi_lcair.uncertainty.uncertainties import Uncertainties
 
@@ -29,10 +29,11 @@ def budget(
     tolerance: float | str | None = None,
     seed: int = 0,
     draws: int | None = None,
+    of: str | None = None,
     progress: Progress | None = None,
     parameters: Mapping[str, object] | None = None,
 ) -> Budget:
-    """Uncertainty budget of a target's intensity, or of the contrast of a scenario.
+    """Uncertainty budget of a target's intensity, or of a result of a scenario.
 
     Parameters
     ----------
@@ -47,6 +48,9 @@ def budget(
         a scenario that is named.
     draws : int or None
         Also compute the distribution of the result from this number of random draws.
+    of : str, optional
+        What the budget of a scenario is of: "contrast" (default), "apparent_temperature" of the
+        target, "detection_range", "snr" or "netd". A scene's is of the intensity.
     progress : callable or None
         Called with (renders or draws done, expected).
     parameters : mapping of str to object, optional
@@ -69,6 +73,8 @@ def budget(
     sampling = Sampling(
         spp=spp, tolerance=fraction(tolerance), seed=seed, sensor=sensor, progress=progress
     )
+    if of is not None and of not in NUMBERS:
+        raise unknown("result of a budget", of, NUMBERS)
     if is_scenario(what):
         if sensor:
             raise InputError("sensor is one of a scene; a scenario has its observer")
@@ -76,8 +82,10 @@ def budget(
             what, parameters, spp=spp, tolerance=sampling.tolerance, seed=seed or None
         )
     else:
+        if of is not None:
+            raise InputError(f"{of} is a result of a scenario; that of a scene is its intensity")
         what = scene_of(what, parameters)
-    return draw_up(what, stated, sampling, draws)
+    return draw_up(what, stated, sampling, draws, of or "contrast")
 
 
 def is_scenario(what: object) -> bool:

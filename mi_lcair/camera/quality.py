@@ -78,6 +78,15 @@ class Measures:
         }
 
 
+def background_noise(camera: Camera) -> float:
+    """Noise of a background pixel, electrons: in time, and without `nuc` the fixed pattern too."""
+    imager, background = camera.imager, camera.background + camera.design.offset
+    pattern = 0.0
+    if not imager.nuc:
+        pattern = np.hypot(imager.gain_nonuniformity * background, imager.offset_nonuniformity_e)
+    return float(np.hypot(imager.noise(background), pattern))
+
+
 def measured(
     camera: Camera,
     signal: np.ndarray,
@@ -98,11 +107,7 @@ def measured(
         Number of pixels on the target.
     """
     imager, band, glow = camera.imager, camera.band, camera.design.offset
-    background = camera.background + glow
-    pattern = 0.0
-    if not imager.nuc:
-        pattern = np.hypot(imager.gain_nonuniformity * background, imager.offset_nonuniformity_e)
-    noise = float(np.hypot(imager.noise(background), pattern))
+    noise = background_noise(camera)
     frequency, value = measured_mtf(camera.optics)
     difference = signal - behind
     on = share >= 0.5
@@ -115,7 +120,7 @@ def measured(
     uniform = replace(imager, gain_nonuniformity=0.0, offset_nonuniformity_e=0.0)
     return Measures(
         temperature=camera.temperature,
-        background=background,
+        background=camera.background + glow,
         glow=glow,
         noise=noise,
         netd=netd(imager, band, camera.temperature, glow),

@@ -22,12 +22,27 @@ from mi_lcair.uncertainty.facet_errors import facet_contribution
 from mi_lcair.uncertainty.inputs import Inputs
 from mi_lcair.uncertainty.monte_carlo import MonteCarlo, monte_carlo
 from mi_lcair.uncertainty.numbers.contrast_number import ContrastNumber
+from mi_lcair.uncertainty.numbers.derived_number import (
+    ApparentTemperature,
+    DetectionRangeNumber,
+    Netd,
+    SignalToNoise,
+)
 from mi_lcair.uncertainty.numbers.intensity_number import IntensityNumber
 from mi_lcair.uncertainty.numbers.number import Number
 from mi_lcair.uncertainty.propagation import BudgetRow, combined, rows
 from mi_lcair.uncertainty.uncertainties import Uncertainties
 
-UNIT_NAMES = {"W/sr": "W_sr", "W m^-2": "W_m2"}  # units of results as ends of columns' names
+# Units of results as ends of columns' names
+UNIT_NAMES = {"W/sr": "W_sr", "W m^-2": "W_m2", "K": "K", "m": "m"}
+# What the budget of a scenario may be of
+NUMBERS = {
+    "contrast": ContrastNumber,
+    "apparent_temperature": ApparentTemperature,
+    "detection_range": DetectionRangeNumber,
+    "snr": SignalToNoise,
+    "netd": Netd,
+}
 NOISE, TRUNCATION = "noise of the rendering", "reflections left out"
 
 
@@ -89,12 +104,17 @@ class Budget(Result):
         """Combined standard uncertainty from the quantities alone, as Monte Carlo finds it."""
         return combined([row for row in self.rows if row.quantity not in (NOISE, TRUNCATION)])
 
+    @property
+    def words_of_unit(self) -> str:
+        """The unit behind a number; empty for a ratio."""
+        return "" if self.unit == "1" else f" {self.unit}"
+
     def summary(self) -> str:
         """One line with the result and its standard uncertainty."""
         first = self.rows[0]
         return (
-            f"budget of {self.what}: {self.title} {self.value:.6g} +- {self.sigma:.3g} "
-            f"{self.unit} (one standard uncertainty), most from {first.quantity} "
+            f"budget of {self.what}: {self.title} {self.value:.6g} +- {self.sigma:.3g}"
+            f"{self.words_of_unit} (one standard uncertainty), most from {first.quantity} "
             f"({100 * first.share:.3g} % of the variance)"
         )
 
@@ -152,7 +172,11 @@ class Budget(Result):
 
 
 def draw_up(
-    what: Scene | Scenario, stated: Uncertainties, sampling: Sampling, draws: int | None = None
+    what: Scene | Scenario,
+    stated: Uncertainties,
+    sampling: Sampling,
+    draws: int | None = None,
+    of: str = "contrast",
 ) -> Budget:
     """Draw up the budget of a loaded scene or of a scenario.
 
@@ -164,10 +188,12 @@ def draw_up(
         That of a scene; a scenario has its own. Its progress is called with (draws done, expected).
     draws : int or None
         Random draws from which the distribution of the result is computed.
+    of : str
+        What the result of a scenario is, one of NUMBERS.
     """
     start = time.perf_counter()
     names = [*stated.sigma, *(name for group in stated.correlated for name in group.names)]
-    with result_of(what, sampling, names) as number:
+    with result_of(what, sampling, names, of) as number:
         inputs = Inputs.of(stated, number.known, number.what)
         number.start()
         rendered = {
@@ -213,10 +239,10 @@ def draw_up(
 
 
 @contextmanager
-def result_of(what: Scene | Scenario, sampling: Sampling, names=()):
+def result_of(what: Scene | Scenario, sampling: Sampling, names=(), of: str = "contrast"):
     """Context manager that gives the `Number` of a scene or scenario.
 
-    names: quantities that will be asked for.
+    names: quantities that will be asked for. of: what the number of a scenario is.
     """
     if isinstance(what, Scenario):
         try:
@@ -225,7 +251,7 @@ def result_of(what: Scene | Scenario, sampling: Sampling, names=()):
             bounces = {"max_bounces": max(counts)} if counts else {}
             with settings_changed(setting.view, lobe=what.render.lobe, **bounces):
                 check_differentiable(setting.view)
-                yield ContrastNumber(what, setting, names=names)
+                yield NUMBERS[of](what, setting, names=names)
         except InputError as error:
             raise InputError(f"scenario '{what.name}': {error}") from None
     else:

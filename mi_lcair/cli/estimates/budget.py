@@ -43,6 +43,11 @@ COMMON = ("variant", "threads", "json")  # options that go into SceneOptions and
     required=True,
     help="The uncertainties, FILE.toml: standard deviations, covariances, reports of fits.",
 )
+@click.option(
+    "--of",
+    metavar="RESULT",
+    help="Of a scenario: contrast (default), apparent_temperature, detection_range, snr or netd.",
+)
 @changes_option("Set a $-parameter of the scene, or an entry of the scenario")
 @plot_option("a tornado chart")
 @file_option(
@@ -67,14 +72,15 @@ COMMON = ("variant", "threads", "json")  # options that go into SceneOptions and
 @sensor_option
 @renderer_options
 @json_option
-def command(what, uncertainties, plot, image, draws, **options):
+def command(what, uncertainties, plot, image, draws, of, **options):
     """Uncertainty budget of WHAT.
 
     WHAT is a Mitsuba XML file or the name of a bundled scene, or a TOML file or the name of a
     bundled contrast scenario. The result is the intensity of the scene's target in W/sr, or the
-    contrast in W/m^2. The command lists, in the same unit, what contributes to the standard
-    uncertainty of the result, the largest share of the variance first. It checks the contributions
-    that matter with renders at plus and minus one standard deviation.
+    contrast in W/m^2, or with --of another result of the scenario: a temperature in K, a range in
+    m, or a signal-to-noise ratio. The command lists, in the same unit, what contributes to the
+    standard uncertainty of the result, the largest share of the variance first. It checks the
+    contributions that matter with renders at plus and minus one standard deviation.
     """
     from mi_lcair.api.budget import is_scenario
     from mi_lcair.uncertainty.uncertainties import Uncertainties
@@ -85,7 +91,9 @@ def command(what, uncertainties, plot, image, draws, **options):
     measured = _scenario if is_scenario(what) else _scene
     subject, arguments = measured(what, sampling, image, **options)
     with progress_bar("draws") as progress:
-        result = mi_lcair.budget(subject, stated, draws=draws, progress=progress, **arguments)
+        result = mi_lcair.budget(
+            subject, stated, draws=draws, of=of, progress=progress, **arguments
+        )
     with together():
         if image:
             _write_image(image, subject, result, arguments)

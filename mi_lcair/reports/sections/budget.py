@@ -6,7 +6,14 @@ from mi_lcair.results.sections import Facts, Remarks, Section, Table
 
 def sections(budget) -> list[Section]:
     """The result and its uncertainty, what contributes to it, and what renders say about that."""
-    head = ["quantity", "value", "sigma", "sensitivity", f"contribution {budget.unit}", "share"]
+    head = [
+        "quantity",
+        "value",
+        "sigma",
+        "sensitivity",
+        f"contribution{budget.words_of_unit}",
+        "share",
+    ]
     rows = []
     for row in budget.rows:
         rows.append(cells(row, f"{100 * row.share:.2f} %"))
@@ -31,10 +38,11 @@ def sections(budget) -> list[Section]:
 
 def uncertainty(budget) -> list[tuple[str, str]]:
     """Rows about the result, its standard uncertainty, and the Monte Carlo."""
+    unit = budget.words_of_unit
     relative = f" ({percent(budget.sigma / abs(budget.value))})" if budget.value else ""
     rows = [
-        (budget.title, f"{budget.value:.6g} +- {budget.sigma:.3g} {budget.unit}{relative}"),
-        ("expanded", f"+- {2 * budget.sigma:.3g} {budget.unit} (k = 2, about 95 %)"),
+        (budget.title, f"{budget.value:.6g} +- {budget.sigma:.3g}{unit}{relative}"),
+        ("expanded", f"+- {2 * budget.sigma:.3g}{unit} (k = 2, about 95 %)"),
     ]
     curved = budget.second_order
     if curved is not None:
@@ -42,7 +50,7 @@ def uncertainty(budget) -> list[tuple[str, str]]:
         rows.append(
             (
                 "second order",
-                f"mean {curved.shift:+.2g}, sigma {curved.sigma:.3g} {budget.unit}, about 95 % in "
+                f"mean {curved.shift:+.2g}, sigma {curved.sigma:.3g}{unit}, about 95 % in "
                 f"{low:.5g}..{high:.5g}",
             )
         )
@@ -52,7 +60,7 @@ def uncertainty(budget) -> list[tuple[str, str]]:
         rows.append(
             (
                 "monte carlo",
-                f"{drawn.mean:.6g} +- {drawn.sigma:.3g} {budget.unit} (itself +- "
+                f"{drawn.mean:.6g} +- {drawn.sigma:.3g}{unit} (itself +- "
                 f"{drawn.sigma_error:.2g}) from {drawn.draws} draws, 95 % in "
                 f"{low:.5g}..{high:.5g}; linear, of the quantities alone: "
                 f"{budget.sigma_of_quantities:.3g}",

@@ -23,6 +23,7 @@ from mi_lcair.physics.atmosphere import clear_air_name
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.detector import Detector
+from mi_lcair.physics.imager import Imager
 from mi_lcair.plugins.properties import RADIANCE_UNIT
 from mi_lcair.rendering.measurands import ExcessFunction
 from mi_lcair.rendering.statistics import Totals
@@ -57,15 +58,18 @@ SPECTRAL = re.compile(r"scenario\.transmittance@(\d+\.?\d*)-(\d+\.?\d*)")  # wav
 class Seen:
     """A target at the sensor, for some values of a scenario's quantities.
 
-    irradiance: its irradiances. setting, path: what they are seen in. factors: of AMOUNTS, (3,).
-    shares: factor of the transmittance at each wavelength of `irradiance`, (n,), or 1.
+    irradiance: its irradiances. setting, path: what they are seen in. imager: the camera, if there
+    is one. factors: of AMOUNTS, (3,). shares: factor of the transmittance at each wavelength of
+    `irradiance`, (n,), or 1. brightness: factor of the target's irradiance.
     """
 
     irradiance: Irradiance
     setting: Setting
     path: LineOfSight
+    imager: Imager | None
     factors: np.ndarray
     shares: np.ndarray | float = 1.0
+    brightness: float = 1.0
 
     def per_amount(self, range_m: float | None = None) -> np.ndarray:
         """Irradiances of target, path and background per amount, (3, amounts), also at a range [m].
@@ -78,7 +82,12 @@ class Seen:
         if np.any(self.shares != 1):
             weights = irradiance.weights_um * self.shares**power / path.range_m**2
             per_amount[0, :-1] = irradiance.arriving(path) @ weights
-        return per_amount * (self.factors ** [power, 1, 1])[:, None]
+        factors = self.factors ** [power, 1, 1] * [self.brightness, 1, 1]
+        return per_amount * factors[:, None]
+
+    def parts(self, range_m: float | None = None) -> np.ndarray:
+        """Irradiances of target, path and background, (3,), also at a range [m]."""
+        return self.per_amount(range_m) @ self.irradiance.amounts
 
 
 class ContrastNumber(Number):
@@ -174,9 +183,14 @@ class ContrastNumber(Number):
             return np.inf
         return float(air.ranges_m[-1])
 
-    def irradiance(self, total: Totals, areas, setting: Setting | None = None) -> Irradiance:
-        """Irradiances of a render, also in another setting."""
+    def irradiance(
+        self, total: Totals, areas, setting: Setting | None = None, imager: Imager | None = None
+    ) -> Irradiance:
+        """Irradiances of a render, also in another setting, with another camera."""
         setting = setting or self.setting
+        # The ends of intervals of wavelength are met exactly
+        ends = [end for name in self.known for end in in_um(name)]
+        rows_um = np.union1d(setting.backdrop.rows_um, ends)
         mean = total.mean("target")[0]
         return Irradiance(
             areas,
@@ -185,14 +199,27 @@ class ContrastNumber(Number):
                 total.randomisations - 1,
                 float(total.missed("target")[0] * self.numbers.area),
             ),
-            self.band(setting.detector),
+            self.band(setting.detector, imager or self.scenario.camera),
             setting.air,
-            setting.backdrop,
+            setting.backdrop._replace(rows_um=rows_um),
         )
 
-    def band(self, detector: Detector) -> Band:
+    def band(self, detector: Detector, imager: Imager | None) -> Band:
         """Band in which irradiances count."""
         return detector.band
+
+    def instruments(self, quantities: Mapping) -> tuple[Detector, Imager | None]:
+        """Detector and camera for other values of their quantities, `sensor.` and `camera.`."""
+        changes = {"sensor": {}, "camera": {}}
+        for name, value in quantities.items():
+            owner, _, entry = name.partition(".")
+            if owner in changes and self.is_own(name):
+                changes[owner][entry] = value
+        imager = self.scenario.camera
+        return (
+            replace(self.setting.detector, **changes["sensor"]),
+            imager and replace(imager, **changes["camera"]),
+        )
 
     def excess(self, total: Totals) -> float:
         """Ratio of the half width of the contrast's 95 % interval to the allowed one."""
@@ -208,7 +235,9 @@ class ContrastNumber(Number):
 
         weather = {entry: value(name) for name, entry in WEATHER.items() if value(name) is not None}
         setting = self.setting.in_weather(self.scenario, weather) if weather else self.setting
-        setting = replace(setting, backdrop=self.backdrop(setting, quantities))
+        detector, imager = self.instruments(quantities)
+        behind = self.backdrop(setting, quantities)
+        setting = replace(setting, detector=detector, backdrop=behind)
         path = setting.path
         if value("range_m") is not None:
             path = setting.air.path(value("range_m"), self.scenario.atmosphere.extrapolate)
@@ -217,13 +246,13 @@ class ContrastNumber(Number):
             for name in AMOUNTS
             for was in [self.known[f"scenario.{name}"].value]
         }
-        irradiance = self.irradiance(total, areas, setting)
+        irradiance = self.irradiance(total, areas, setting, imager)
         x, shares = irradiance.wavelengths_um, 1.0
         for name, changed in quantities.items():
             if interval := in_um(name):
                 is_inside = (x >= interval[0]) & (x < interval[1])
                 shares = shares * np.where(is_inside, changed / self.known[name].value, 1.0)
-        return Seen(irradiance, setting, path, np.array(list(factors.values())), shares)
+        return Seen(irradiance, setting, path, imager, np.array(list(factors.values())), shares)
 
     def terms(self, total, areas, quantities) -> tuple[Irradiance, np.ndarray]:
         """Irradiances, and the target's, the path's and the background's part per amount."""
@@ -277,9 +306,7 @@ class ContrastNumber(Number):
             background = replace(self.scenario.background, **behind)
             scenario = replace(self.scenario, background=background)
             result = backdrop(scenario, setting.detector, setting.sight)
-        # The ends of intervals of wavelength are met exactly
-        ends = [float(end) for name in self.known for end in in_um(name)]
-        return result._replace(rows_um=np.union1d(result.rows_um, ends))
+        return result
 
     @property
     def has_weights(self):

@@ -108,9 +108,12 @@ class Number(ABC):
     @property
     def error(self) -> float:
         """Standard error from the noise of the rendering, with what its scatter does not show."""
-        channel = PARTS[self.part]
-        unscattered = self.total.unscattered_error(channel)[0] * self.numbers.area
-        return float(np.hypot(self.base.error, unscattered * self.most_of_intensity))
+        return float(np.hypot(self.base.error, self.unscattered * self.most_of_intensity))
+
+    @property
+    def unscattered(self) -> float:
+        """Error of the intensity that the scatter does not show, W/sr."""
+        return self.total.unscattered_error(PARTS[self.part])[0] * self.numbers.area
 
     def areas_of(self, total: Totals) -> EffectiveAreas | None:
         if not self.numbers.by_spectrum:
@@ -228,8 +231,8 @@ class Number(ABC):
         step, value = SMALL * sigma, self.known[name].value
         if value:
             step = float(np.clip(step, *(bound * abs(value) for bound in STEPS)))
-        ends = []
-        for end in (value + step, value - step):
+        limits, ends = (self.within(name, value + step), self.within(name, value - step)), []
+        for end in limits:
             quantities = {name: end} if self.is_stated(name) else {}
             rest = {} if self.is_own(name) else {name: end}
             areas = self.changed(self.areas, rest)
@@ -237,10 +240,10 @@ class Number(ABC):
         high, low = ends
         slope = replace(
             self.base,
-            factors=(high.factors - low.factors) / (2 * step),
+            factors=(high.factors - low.factors) / (limits[0] - limits[1]),
         )
         # Amounts change only with quantities that have no noise, such as that of the sensor
-        of_amounts = self.base.factors @ (high.amounts - low.amounts) / (2 * step)
+        of_amounts = self.base.factors @ (high.amounts - low.amounts) / (limits[0] - limits[1])
         return slope.value + float(of_amounts), slope.error
 
     def source_slope(self, k: int) -> float:
@@ -340,7 +343,7 @@ class Number(ABC):
             return 0.0
         missing = beyond_last(means, summed) * means[-1]
         closure = self.total.mean(f"{self.numbers.prefix}closure")[0] * self.numbers.area
-        return float(abs(missing - closure) / means.sum() * self.of_intensity)
+        return float(abs((missing - closure) / means.sum() * self.of_intensity))
 
     @property
     def most_of_intensity(self) -> float:

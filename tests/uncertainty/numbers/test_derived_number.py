@@ -1,0 +1,196 @@
+"""Apparent temperature, detection range, signal-to-noise ratio and NETD in closed form."""
+
+import mitsuba as mi
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import mi_lcair
+from mi_lcair.cli import main
+from mi_lcair.errors import InputError
+from mi_lcair.physics.blackbody import in_band_radiance
+from tests.detection.disc_scenario import AREA, disc, write_disc
+from tests.uncertainty.plate_scene import plate_scene, row, slope
+
+mi.set_variant("llvm_ad_mono")
+
+T, COLD, RANGE = 400.0, 294.0, 1000.0  # disc and background [K], and range of the scenario [m]
+NEI = 1e-8
+CAMERA = {
+    "focal_length_mm": 100.0, "f_number": 4.0, "pitch_um": 15.0, "width": 48, "height": 40,
+    "integration_time_ms": 0.15, "well_Me": 4.98, "quantum_efficiency": 0.75,
+    "read_noise_e": 500.0, "dark_current_e_s": 2e8,
+}  # fmt: skip
+TABLE = {f"camera__{name}": value for name, value in CAMERA.items()}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = tmp_path_factory.mktemp("disc")
+    write_disc(path)
+    return path
+
+
+def blackbody_disc(folder, **changes):
+    few = {"render__resolution": 16, "render__spp": 256, "sensor__nei": NEI}
+    return disc(folder, **few | changes)
+
+
+def contributions(scenario, of, **stated):
+    """Budget of a result, and what each quantity contributes to it."""
+    budget = mi_lcair.budget(scenario, {"sigma": stated}, of=of)
+    return budget, {name: row(budget, name).contribution for name in stated}
+
+
+def planck(scenario):
+    """In-band radiance of disc and background, and the slope of the disc's."""
+    band = scenario.sensor.detector().band
+    return *(float(in_band_radiance(band, kelvin)) for kelvin in (T, COLD)), slope(band, T)
+
+
+def test_apparent_temperature(folder):
+    """That of a blackbody in vacuum is its own; 1 % less light is B / (100 dB/dT) less."""
+    scenario = blackbody_disc(folder)
+    stated = {"self.temperature": 2.0, "scenario.transmittance": "1 %", "scenario.range_m": 10.0}
+    found, parts = contributions(scenario, "apparent_temperature", **stated)
+    hot, _, per_kelvin = planck(scenario)
+    assert found.value == pytest.approx(T, abs=1e-3) and found.unit == "K"
+    assert parts["self.temperature"] == pytest.approx(2, rel=1e-4)
+    assert parts["scenario.transmittance"] == pytest.approx(0.01 * hot / per_kelvin, rel=1e-3)
+    assert parts["scenario.range_m"] == pytest.approx(0, abs=1e-6)
+    # All paths that meet the disc see the same radiance
+    assert row(found, "noise of the rendering").contribution < 2e-3
+    assert "apparent temperature 400 +- " in found.summary()
+
+
+@pytest.mark.parametrize("at_optics", [1.0, 0.8])
+def test_detection_range(folder, at_optics):
+    """R = sqrt(tau A (B(T) - B(T_0)) / (snr nei)) in vacuum."""
+    scenario = blackbody_disc(folder, sensor__optics_transmittance=at_optics, sensor__snr=5.0)
+    stated = {"sensor.nei": "6 %", "sensor.snr": 0.1, "self.temperature": 1.0}
+    stated |= {"scenario.background_temperature": 1.5, "sensor.optics_transmittance": 0.01}
+    found, parts = contributions(scenario, "detection_range", **stated)
+    hot, cold, per_kelvin = planck(scenario)
+    range_m = np.sqrt(at_optics * AREA * (hot - cold) / (5 * NEI))
+    assert found.value == pytest.approx(range_m, rel=2e-3) and found.unit == "m"
+    expected = {
+        "sensor.nei": -0.03,
+        "sensor.snr": -0.5 * 0.1 / 5,
+        "self.temperature": 0.5 * per_kelvin / (hot - cold),
+        "scenario.background_temperature": -0.75 * slope(scenario.sensor.detector().band, COLD)
+        / (hot - cold),
+        "sensor.optics_transmittance": 0.005 / at_optics,
+    }  # fmt: skip
+    for name, relative in expected.items():
+        assert parts[name] == pytest.approx(found.value * relative, rel=3e-3), name
+    noise = row(found, "noise of the rendering").contribution
+    of_contrast = mi_lcair.budget(scenario, {"sigma": {"self.temperature": 1.0}})
+    relative = row(of_contrast, "noise of the rendering").contribution / of_contrast.value
+    assert noise == pytest.approx(found.value * relative / 2, rel=2e-3)
+
+
+def test_a_range_through_air_grows_with_the_transmittance(folder):
+    """A factor f of the transmittance at R is f^(r / R) at r: an optical depth per length."""
+    scenario = blackbody_disc(folder, atmosphere__table="us_standard")
+    found, parts = contributions(scenario, "detection_range", **{"scenario.transmittance": 1e-5})
+    contrast = mi_lcair.contrast(scenario)
+    detection = contrast.detection_ranges()[-1]
+    assert found.value == pytest.approx(detection.largest_m, rel=1e-6)
+    steps = found.value * np.array([0.999, 1.001])
+    irradiance = contrast.rows[-1].irradiance
+    low, high = (irradiance.at(contrast.air.path(r)) for r in steps)
+    d_target = low["target"].value * found.value / RANGE
+    d_range = (high["total"].value - low["total"].value) / (steps[1] - steps[0])
+    tau = contrast.transmittance
+    assert parts["scenario.transmittance"] == pytest.approx(
+        -1e-5 / tau * d_target / d_range, rel=0.01
+    )
+
+
+def test_signal_to_noise_of_a_sensor(folder):
+    """tau |E| / nei, whose relative uncertainties are those of its factors."""
+    scenario = blackbody_disc(folder, sensor__optics_transmittance=0.9)
+    stated = {"sensor.nei": "5 %", "sensor.optics_transmittance": 0.02, "scenario.range_m": 10.0}
+    found, parts = contributions(scenario, "snr", **stated)
+    contrast = mi_lcair.budget(scenario, {"sigma": {"self.temperature": 1.0}})
+    assert found.value == pytest.approx(0.9 * contrast.value / NEI, rel=1e-6)
+    relative = {"sensor.nei": -0.05, "sensor.optics_transmittance": 0.02 / 0.9}
+    for name, expected in (relative | {"scenario.range_m": -0.02}).items():
+        assert parts[name] == pytest.approx(found.value * expected, rel=1e-3), name
+    assert f"ratio {found.value:.6g} +- {found.sigma:.3g} (one standard" in found.summary()
+
+
+def electrons(scenario, kelvin):
+    """Electrons of a blackbody that fills a pixel, integrated over photons."""
+    band = scenario.sensor.detector().band
+    x = np.linspace(band.lower_um, band.upper_um, 20_001)
+    h, c, k = 6.62607015e-34, 299792458.0, 1.380649e-23
+    photons = 2e18 * c / x**4 / np.expm1(1e6 * h * c / (x * k * kelvin))  # per s m^2 sr um
+    pupil = np.pi / (4 * CAMERA["f_number"] ** 2)
+    area, seconds = (15e-6) ** 2, 0.15e-3
+    return np.trapezoid(photons, x) * CAMERA["quantum_efficiency"] * pupil * area * seconds
+
+
+def test_netd(folder):
+    """sqrt(S + dark + read^2 + count^2 / 12) / (dS/dT), from the photons of a blackbody."""
+    scenario = blackbody_disc(folder, **TABLE)
+    stated = {"camera.read_noise_e": "10 %", "camera.quantum_efficiency": 0.02}
+    stated |= {"camera.f_number": 0.05, "camera.dark_current_e_s": "20 %", "camera.pitch_um": 0.1}
+    found, parts = contributions(scenario, "netd", **stated)
+    signal, dark = electrons(scenario, COLD), 2e8 * 0.15e-3
+    slope_e = (electrons(scenario, COLD + 0.01) - electrons(scenario, COLD - 0.01)) / 0.02
+    count = 4.98e6 / (2**14 - 1) / (1 - 1 / 64)
+    noise = np.sqrt(signal + dark + 500.0**2 + count**2 / 12)
+    assert found.value == pytest.approx(noise / slope_e, rel=1e-3) and found.unit == "K"
+    of_signal = 1 - signal / (2 * noise**2)  # relative change of the NETD for -1 of the signal
+    relative = {
+        "camera.read_noise_e": 0.1 * 500.0**2 / noise**2,
+        "camera.quantum_efficiency": -0.02 / 0.75 * of_signal,
+        "camera.f_number": 2 * 0.05 / 4 * of_signal,
+        "camera.dark_current_e_s": 0.2 * dark / (2 * noise**2),
+        "camera.pitch_um": -2 * 0.1 / 15 * of_signal,
+    }
+    for name, expected in relative.items():
+        assert parts[name] == pytest.approx(found.value * expected, rel=3e-3), name
+
+
+def test_signal_to_noise_of_a_camera(folder):
+    """It is that of the range table of `image`; its noise is that of a pixel of the background."""
+    scenario = blackbody_disc(folder, **TABLE)
+    stated = {"camera.read_noise_e": "10 %", "self.temperature": 1.0}
+    found, parts = contributions(scenario, "snr", **stated)
+    ranges = mi_lcair.image(scenario).ranges
+    (of_image,) = (entry.snr for entry in ranges if entry.range_m == RANGE)
+    assert found.value == pytest.approx(of_image, rel=5e-3)
+    count = 4.98e6 / (2**14 - 1) / (1 - 1 / 64)
+    variance = electrons(scenario, COLD) + 2e8 * 0.15e-3 + 500.0**2 + count**2 / 12
+    relative = -0.1 * 500.0**2 / variance
+    assert parts["camera.read_noise_e"] == pytest.approx(found.value * relative, rel=2e-3)
+    hot, hotter, cold = (electrons(scenario, kelvin) for kelvin in (T, T + 0.1, COLD))
+    relative = (hotter - hot) / 0.1 / (hot - cold)
+    assert parts["self.temperature"] == pytest.approx(found.value * relative, rel=3e-3)
+
+
+def test_what_cannot_be_used(folder, tmp_path):
+    sigma = {"sigma": {"self.temperature": 1.0}}
+    bare = disc(folder, render__resolution=8)
+    for scenario, of, message in (
+        (bare, "netd", r"NETD: needs a table \[camera\]"),
+        (bare, "snr", r"needs a table \[camera\], or nei of \[sensor\]"),
+        (bare, "detection_range", "needs nei"),
+        (bare, "range", "unknown result of a budget 'range'"),
+        (plate_scene(tmp_path), "snr", "snr is a result of a scenario"),
+        (blackbody_disc(folder, sensor__nei=1e4), "detection_range", "detected at no range"),
+    ):
+        with pytest.raises(InputError, match=message):
+            mi_lcair.budget(scenario, sigma, of=of)
+    with pytest.raises(InputError, match="unknown quantity of .* 'camera.f_number'"):
+        mi_lcair.budget(blackbody_disc(folder), {"sigma": {"camera.f_number": 0.1}}, of="snr")
+
+
+def test_command(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    (folder / "sigma.toml").write_text('[sigma]\n"self.temperature" = 2\n')
+    arguments = ["budget", "disc.toml", "-u", "sigma.toml", "--of", "apparent_temperature"]
+    result = CliRunner().invoke(main, [*arguments, "-D", "render.resolution=8", "--spp", "16"])
+    assert result.exit_code == 0 and "apparent temperature  400 +- 2 K" in result.stdout
