@@ -1,5 +1,6 @@
 """What a file or a name is, by its suffix, its content, or what is bundled."""
 
+import re
 from pathlib import Path
 
 from mi_lcair import scenes
@@ -12,8 +13,10 @@ from mi_lcair.results import Result, named
 # Kinds beside those of tables, as messages name them
 IMAGE, SIGNATURE, FIT, MODEL = "an image", "a signature", "a fit", "a model"
 SCENE, SCENARIO, MATERIAL = "a scene", "a scenario", "a material"
+BLACKBODIES, AIR, SKY = "blackbodies", "an atmosphere", "a sky"
 SOLUTION, BUDGET, AUDIT = "a solution", "a budget", "an audit"
 BY_SUFFIX = {".exr": IMAGE, ".xml": SCENE, ".toml": SCENARIO, **dict.fromkeys(MODELS, MODEL)}
+TEMPERATURES = re.compile(r"\d+(\.\d+)?K(,\d+(\.\d+)?K)*")  # such as 260K,300K
 # By the entry `kind` of a result's JSON
 BY_RESULT = {
     "signature": SIGNATURE,
@@ -30,8 +33,9 @@ CLASSES = {
 }
 
 __all__ = [
-    "AUDIT", "BUDGET", "FACETS", "FIT", "IMAGE", "MATERIAL", "MODEL", "SCENARIO", "SCENE",
-    "SIGNATURE", "SOLUTION", "SPECTRUM", "TREND", "kind_of", "read_json", "read_result",
+    "AIR", "AUDIT", "BLACKBODIES", "BUDGET", "FACETS", "FIT", "IMAGE", "MATERIAL", "MODEL",
+    "SCENARIO", "SCENE", "SIGNATURE", "SKY", "SOLUTION", "SPECTRUM", "TREND", "kind_of",
+    "read_json", "read_result",
 ]  # fmt: skip
 
 
@@ -41,7 +45,9 @@ def kind_of(what: str | Path, materials: str | Path | None = None) -> str:
     materials: file of the user's materials, whose names count too. Raises InputError for anything
     else.
     """
+    from mi_lcair.physics.atmosphere import atmosphere_names
     from mi_lcair.physics.materials import is_number, names
+    from mi_lcair.physics.sky import sky_names
 
     what, suffix = str(what), Path(what).suffix.lower()
     if suffix in BY_SUFFIX:
@@ -54,14 +60,20 @@ def kind_of(what: str | Path, materials: str | Path | None = None) -> str:
         return SCENE
     if what in scenes.scenarios():
         return SCENARIO
+    if TEMPERATURES.fullmatch(what):
+        return BLACKBODIES
+    if what in sky_names():
+        return SKY
+    if what in atmosphere_names():
+        return AIR
     if is_number(what) or what in names(materials):
         return MATERIAL
     check_model(what)
     raise InputError(
         f"'{what}' is no image (.exr), no trend, spectrum or facets (.csv, .nc), no result "
         f"(.json), no model ({', '.join(MODELS)} or the folder of an import), no scene (.xml), no "
-        f"scenario (.toml) and no material; scenes are {', '.join(scenes.names())}, materials "
-        f"{', '.join(names(materials))}"
+        f"scenario (.toml), no material, no temperatures (260K,300K) and no air or sky; scenes are "
+        f"{', '.join(scenes.names())}, materials {', '.join(names(materials))}"
     )
 
 

@@ -74,10 +74,11 @@ def figure_of(charts: list[LineChart], title: str, across: bool = False):
     count = len(charts)
     figure = new_figure((11, 4.5) if across else (7, 3 * count), layout="constrained")
     rows, columns = (1, count) if across else (count, 1)
-    axes = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
+    is_common = len({chart.x_label for chart in charts}) == 1
+    axes = figure.subplots(rows, columns, sharex=is_common, squeeze=False).ravel()
     for panel, chart in zip(axes, charts):
         draw(panel, chart)
-        if across or chart is charts[-1]:
+        if across or not is_common or chart is charts[-1]:
             panel.set_xlabel(chart.x_label)
     figure.suptitle(plain(title))
     return figure

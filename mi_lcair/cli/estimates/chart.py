@@ -96,6 +96,35 @@ def propagation(output, quick, json):
     click.echo(f"wrote {OF_PROPAGATION} to {output}")
 
 
+@command.command("cavity", epilog=examples("mi-lcair chart cavity --quick -o charts"))
+@chart_options("cavity.png and cavity.csv")
+def cavity(output, quick, json):
+    """Render the thesis's eight cavities after 0 to 4 reflections.
+
+    Printed and written are the areas of its Table B.1, Gouffé's emissivity, the exact one, and the
+    apparent emissivity by reflections (its Fig 4.1).
+    """
+    from mi_lcair.cavities.openings import openings
+    from mi_lcair.files import filling
+    from mi_lcair.reports import openings_chart
+
+    with filling(output) as partial:
+        with progress_bar("cavities") as progress:
+            rows = openings(2**14 if quick else 2**20, progress=progress)
+        openings_chart.write(partial, rows)
+    table = openings_chart.columns(rows)
+    if json:
+        print_json({"openings": table})
+        return
+    print_columns(
+        [
+            [name.replace("_", " ") for name in table],
+            *(list(map(_cell, row)) for row in zip(*table.values())),
+        ]
+    )
+    click.echo(f"wrote cavity.png and cavity.csv to {output}")
+
+
 @command.command("throughput")
 @json_option
 def throughput(json):

@@ -188,6 +188,24 @@ def brdf(what, output, band, theta_deg, materials):
     click.echo(output)
 
 
+def curves(what, output, band):
+    """Draw blackbodies, an atmosphere or a sky."""
+    from mi_lcair.drawing import write_figure
+    from mi_lcair.formats.kinds import AIR, BLACKBODIES, kind_of
+    from mi_lcair.reports.pictures import radiance_curves
+
+    band, kind = band or "MWIR", kind_of(what)
+    output = output or Path(f"{what.replace(',', '_')}_{Path(band).stem}.png")
+    if kind == BLACKBODIES:
+        temperatures = [float(text.removesuffix("K")) for text in what.split(",")]
+        figure = radiance_curves.blackbodies(temperatures, band)
+    else:
+        draw = radiance_curves.air if kind == AIR else radiance_curves.sky
+        figure = draw(what, band)
+    write_figure(figure, output)
+    click.echo(output)
+
+
 def named_after(file: Path, kind: str) -> Path:
     """Default path of a picture, such as box_model.png for box.obj.
 

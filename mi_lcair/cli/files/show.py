@@ -30,6 +30,9 @@ DRAWN = {
     "a scene": (pictures.scene, ("parameters",)),
     "a scenario": (pictures.scenario, ("parameters",)),
     "a material": (pictures.brdf, ("band", "theta_deg", "materials")),
+    "blackbodies": (pictures.curves, ("band",)),
+    "an atmosphere": (pictures.curves, ("band",)),
+    "a sky": (pictures.curves, ("band",)),
     "a fit": (pictures.brdf, ("band", "theta_deg", "materials")),
     "a solution": (pictures.result, ()),
     "a budget": (pictures.result, ()),
@@ -84,7 +87,7 @@ NOT_DRAWN = {
 )
 @changes_option("Set a $-parameter of the scene, or change an entry of the scenario", "parameters")
 @sensor_option
-@click.option("--band", help="Band of the material (default: that of a fit of one band).")
+@click.option("--band", help="Band (default: that of a fit of one band, or MWIR).")
 @click.option("--materials", type=FILE, metavar="TOML", help="Your own materials.")
 @click.option(
     "--theta-deg",
@@ -111,6 +114,11 @@ def command(ctx, what, output, **options):
     SCENE --facets FILE.csv -c COLUMN   the facets, coloured by a table
     SCENARIO.toml                       what it states, and its target
     MATERIAL --band BAND                the BRDF over the hemisphere
+    260K,300K --band BAND               spectra of blackbodies
+    AIR --band BAND                     transmittance and path radiance of
+                                        clear air, such as us_standard
+    SKY --band BAND                     a sky by wavelength and elevation,
+                                        such as us_standard_clear
     """
     kind = _kind(what, **{name: options[name] for name in ("facet", "facets", "materials")})
     draw, names = DRAWN[kind]
