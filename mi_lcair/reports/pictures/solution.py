@@ -1,5 +1,6 @@
 """Picture of an inversion: measured, predicted, residuals, correlations, and the iteration."""
 
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
@@ -52,19 +53,19 @@ def _draw_unknowns(part, solution) -> None:
     part.suptitle(plain(f"unknowns of {Path(solution.problem).name}"))
     distances, matrix = part.subplots(1, 2)
     labels = [plain(f"{k + 1} {answer.label}") for k, answer in enumerate(solution.answers)]
-    steps = [step for step in solution.trace if step.is_kept]
+    steps = [(k + 1, step) for k, step in enumerate(solution.trace) if step.is_kept]
     for k, answer in enumerate(solution.answers):
-        away = np.array([step.values[k] - answer.value for step in steps])
+        away = np.array([step.values[k] - answer.value for _, step in steps])
         label = labels[k] if len(labels) <= MOST_NAMED else None
         distances.plot(
-            [step.renders for step in steps],
+            [number for number, _ in steps],
             away / (answer.standard_error or 1.0),
             "o-",
             markersize=3,
             label=label,
         )
     distances.set_yscale("symlog", linthresh=1)
-    distances.set_xlabel("renders of each datum")
+    distances.set_xlabel("values tried")
     distances.set_ylabel("from the solution (standard errors)")
     distances.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     if len(labels) <= MOST_NAMED:
@@ -77,13 +78,16 @@ def _draw_unknowns(part, solution) -> None:
 
 
 def _draw_iteration(part, trace) -> None:
-    """What is left of the step, and chi-square, against the number of renders."""
+    """What is left of the step, and chi-square, over the values that were tried."""
     from matplotlib.ticker import MaxNLocator
 
-    part.suptitle("iteration")
+    last = max(trace, key=attrgetter("renders"), default=None)
+    of_trace = f": {last.renders} renders of each datum, {last.paths:.3g} paths" if last else ""
+    part.suptitle(f"iteration{of_trace}")
     left, chi_square = part.subplots(1, 2)
-    kept = [step for step in trace if step.is_kept]
-    refused = [step for step in trace if not step.is_kept]
+    numbered = list(enumerate(trace, 1))
+    kept = [(number, step) for number, step in numbered if step.is_kept]
+    refused = [(number, step) for number, step in numbered if not step.is_kept]
     for panel, name, label in (
         (left, "step_sigmas", "step to the solution (standard errors)"),
         (chi_square, "chi_square", "chi-square"),
@@ -91,13 +95,14 @@ def _draw_iteration(part, trace) -> None:
         for steps, style, word in ((kept, "o-C0", "kept"), (refused, "xC3", "refused")):
             if not steps:
                 continue
-            values = [getattr(step, name) for step in steps]
-            panel.plot([step.renders for step in steps], values, style, markersize=4, label=word)
+            numbers, values = zip(*((number, getattr(step, name)) for number, step in steps))
+            panel.plot(numbers, values, style, markersize=4, label=word)
         panel.set_yscale("symlog", linthresh=LINEAR_TO[name])
-        panel.set_xlabel("renders of each datum")
+        panel.set_xlabel("values tried")
         panel.set_ylabel(label)
         panel.xaxis.set_major_locator(MaxNLocator(6, integer=True))
-    chi_square.legend()
+    if trace:
+        chi_square.legend()
 
 
 def _height(fitted) -> float:
@@ -134,8 +139,8 @@ def _draw_image(part, fitted) -> None:
     if fitted.bad_pixels:
         rows, columns = zip(*fitted.bad_pixels)
         residual.plot(columns, rows, "xk", markersize=4)
-        title += f" (x: {len(rows)} left out)"
-    residual.set_title(title, fontsize=9)
+        title += f", x: {len(rows)} left out"
+    residual.set_title(title, fontsize=8)
     of_residual = part.colorbar(drawn, ax=residual, shrink=0.85, extend="both", pad=0.02)
     of_residual.set_label("standard deviations")
     for panel in (measured, predicted, residual):
