@@ -8,8 +8,7 @@ from mi_lcair.cavities import paths, rings
 from mi_lcair.cavities.cavity_result import Cavity
 from mi_lcair.cavities.description import Description
 from mi_lcair.cavities.gouffe import gouffe
-from mi_lcair.cavities.own_mesh import OwnMesh
-from mi_lcair.cavities.walls import PROFILE_RINGS, Wall
+from mi_lcair.cavities.walls import PROFILE_RINGS, OwnMesh, Wall
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import spectral_radiance

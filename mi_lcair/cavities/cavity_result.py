@@ -6,8 +6,8 @@ from typing import ClassVar
 import numpy as np
 
 from mi_lcair.cavities.description import ViewTable
-from mi_lcair.cavities.own_mesh import OwnMesh
 from mi_lcair.cavities.shape import Shape
+from mi_lcair.cavities.walls import OwnMesh
 from mi_lcair.results import Result
 from mi_lcair.thermography.temperature_result import Contribution
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.cavities.own_mesh import OwnMesh
 from mi_lcair.cavities.shape import Shape
 from mi_lcair.cavities.view import Beam, Cone, Hemisphere, View
+from mi_lcair.cavities.walls import OwnMesh
 from mi_lcair.declared import Bounds, check_fields, within
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import parse_toml, read_text

@@ -9,9 +9,8 @@ from click.testing import CliRunner
 
 import mi_lcair
 from mi_lcair.cavities.description import Description
-from mi_lcair.cavities.own_mesh import of_triangles
 from mi_lcair.cavities.shape import Shape
-from mi_lcair.cavities.walls import Wall
+from mi_lcair.cavities.walls import Wall, of_triangles
 from mi_lcair.cli import main
 from mi_lcair.errors import InputError
 

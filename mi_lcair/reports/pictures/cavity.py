@@ -3,7 +3,7 @@
 import numpy as np
 
 from mi_lcair.cavities.cavity_result import Cavity
-from mi_lcair.cavities.own_mesh import OwnMesh
+from mi_lcair.cavities.walls import OwnMesh
 from mi_lcair.drawing import new_figure, plain, styled
 
 
