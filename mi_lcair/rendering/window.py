@@ -11,7 +11,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.paths.aim import Aim
-from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.plugins.paths.launch import Launch, views_of
 from mi_lcair.rendering.limits import check_paths
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.statistics import Totals
@@ -89,7 +89,10 @@ class Windows:
     @property
     def may_be_aimed(self) -> bool:
         """Whether paths may begin where the model is, rather than anywhere."""
-        return not self.are_pixels and self.sensor.class_name() == "OrthographicCamera"
+        is_batch = self.sensor.class_name() == "BatchSensor" and self.rows == 1
+        views = views_of(self.sensor) if is_batch else [self.sensor]
+        is_whole = not self.are_pixels and (len(views) == self.columns or not is_batch)
+        return is_whole and all(view.class_name() == "OrthographicCamera" for view in views)
 
     def totals(self, tracer, aim: Aim | None = None) -> Totals:
         """Totals without paths, for paths that begin anywhere, or as `aim` says."""

@@ -9,80 +9,104 @@ import numpy as np
 
 from mi_lcair.plugins.derivatives import own_memory
 
-CELLS = 256  # cells along each side of the window; a power of two
+CELLS = 256  # cells along each side of a single window; a power of two
 # Shares of the paths that begin anywhere in the window, and anywhere where the model may be. They
 # bound the weights of the paths.
 ANYWHERE, ON_MODEL = 0.1, 0.3
 
 
-@dataclass(frozen=True)
-class Aim:
-    """A density over the cells of a window, constant in each cell.
+@dataclass
+class CellTable:
+    """Cumulative probabilities of the cells of windows, as Dr.Jit arrays.
 
-    rows: cumulative probability of the rows, (CELLS,). columns: that of the columns, for each row
-    separately, (CELLS * CELLS,). largest_weight: largest weight of a path. largest_on_model: the
-    same for paths that begin where the model may be.
+    rows: those of the rows of each window. columns: those of the columns, for each row separately.
+    windows: number of windows that have tables of their own; if it is 1, all share one. cells:
+    number of cells along each side, a power of two.
     """
 
     rows: mi.Float
     columns: mi.Float
-    largest_weight: float
-    largest_on_model: float
+    windows: mi.UInt32
+    cells: int
+
+    def place(self, sample: mi.Point2f, window: mi.UInt32) -> tuple[mi.Point2f, mi.Float]:
+        """A position in a window, in 0..1, and the weight of a path that begins there.
+
+        The inverse of the cumulative density keeps the order of the numbers, and so the uniformity
+        of a lattice. sample: uniform numbers. window: number of the window.
+        """
+        first = (window % self.windows) * self.cells
+        row, y, of_row = pick(self.rows, first, sample.y, self.cells)
+        column, x, of_column = pick(self.columns, (first + row) * self.cells, sample.x, self.cells)
+        position = (mi.Point2f(column, row) + mi.Point2f(x, y)) / self.cells
+        return position, 1 / (of_row * of_column * self.cells**2)
+
+
+@dataclass(frozen=True)
+class Aim:
+    """A density over the cells of windows, constant in each cell.
+
+    tables: for `Paths`. largest_weight: largest weight of a path of each window, (windows,), or
+    (1,) if all have the same density. largest_on_model: the same for paths that begin where the
+    model may be.
+    """
+
+    tables: CellTable
+    largest_weight: np.ndarray
+    largest_on_model: np.ndarray
 
     @staticmethod
-    def at(importance: np.ndarray, may_be_model: np.ndarray) -> "Aim":
-        """Aim at the important cells of a window.
+    def at(importance: np.ndarray, may_be_model: np.ndarray, on_model: float = ON_MODEL) -> "Aim":
+        """Aim at the important cells of one window, or of several.
 
-        importance: numbers that are not negative, (CELLS, CELLS). may_be_model: whether the model
-        can be in a cell, (CELLS, CELLS).
+        importance: numbers that are not negative, (..., cells, cells). may_be_model: whether the
+        model can be in a cell, in the same shape. on_model: share of the paths that begin anywhere
+        where the model may be.
         """
-        parts = [np.ones((CELLS, CELLS)), may_be_model.astype(float), importance * may_be_model]
-        shares = [ANYWHERE, ON_MODEL, 1 - ANYWHERE - ON_MODEL]
-        density = sum(share * part / part.sum() for share, part in zip(shares, parts) if part.any())
-        density /= density.sum()
-        of_rows = density.sum(axis=1)
-        columns = np.cumsum(density, axis=1) / of_rows[:, None]
-        weight = CELLS**-2.0 / density
-        tables = mi.Float(np.cumsum(of_rows)), mi.Float(columns.ravel())
-        own_memory(tables)
-        return Aim(
-            *tables,
-            float(weight.max()),
-            float(weight[may_be_model].max(initial=0.0)),
+        cells = importance.shape[-1]
+        may_be_model = may_be_model.reshape(-1, cells, cells)
+        parts = [
+            np.ones(may_be_model.shape),
+            may_be_model.astype(float),
+            importance.reshape(may_be_model.shape) * may_be_model,
+        ]
+        shares = [ANYWHERE, on_model, 1 - ANYWHERE - on_model]
+        density = sum(share * shared_out(part) for share, part in zip(shares, parts))
+        density = shared_out(density)
+        of_rows = density.sum(axis=-1)
+        columns = np.cumsum(density, axis=-1) / of_rows[..., None]
+        weight = cells**-2.0 / density
+        tables = CellTable(
+            mi.Float(np.cumsum(of_rows, axis=-1).ravel()),
+            mi.Float(columns.ravel()),
+            dr.opaque(mi.UInt32, len(density)),
+            cells,
         )
+        own_memory([tables.rows, tables.columns])
+        on_model = np.where(may_be_model, weight, 0.0)
+        return Aim(tables, weight.max(axis=(1, 2)), on_model.max(axis=(1, 2)))
 
     @staticmethod
     @cache
-    def anywhere() -> "Aim":
+    def anywhere(cells: int = CELLS) -> "Aim":
         """The constant density."""
-        return Aim.at(np.ones((CELLS, CELLS)), np.ones((CELLS, CELLS), bool))
-
-    @property
-    def tables(self) -> tuple[mi.Float, mi.Float]:
-        """`rows` and `columns`, for `place`."""
-        return self.rows, self.columns
+        return Aim.at(np.ones((cells, cells)), np.ones((cells, cells), bool))
 
 
-def place(rows: mi.Float, columns: mi.Float, sample: mi.Point2f) -> tuple[mi.Point2f, mi.Float]:
-    """A position in the window, in 0..1, and the weight of a path that begins there.
-
-    The inverse of the cumulative density keeps the order of the numbers, and so the uniformity of a
-    lattice. rows, columns: as for `Aim`. sample: uniform numbers.
-    """
-    row, y, of_row = pick(rows, mi.UInt32(0), sample.y)
-    column, x, of_column = pick(columns, row * CELLS, sample.x)
-    position = (mi.Point2f(column, row) + mi.Point2f(x, y)) / CELLS
-    return position, 1 / (of_row * of_column * CELLS**2)
+def shared_out(part: np.ndarray) -> np.ndarray:
+    """Numbers for the cells of windows, divided by their sum in each window; 0 if that is 0."""
+    total = part.sum(axis=(1, 2), keepdims=True)
+    return np.divide(part, total, out=np.zeros_like(part), where=total > 0)
 
 
-def pick(cumulative: mi.Float, first: mi.UInt32, number: mi.Float) -> tuple:
-    """The entry that a uniform number picks from CELLS cumulative probabilities.
+def pick(cumulative: mi.Float, first: mi.UInt32, number: mi.Float, cells: int) -> tuple:
+    """The entry that a uniform number picks from `cells` cumulative probabilities.
 
     Returns the entry, the position of the number within it in 0..1, and its probability. `first` is
     the index at which the probabilities begin.
     """
     entry = mi.UInt32(0)
-    step = CELLS // 2
+    step = cells // 2
     while step:
         below = dr.gather(mi.Float, cumulative, first + entry + (step - 1)) <= number
         entry = dr.select(below, entry + step, entry)

@@ -7,7 +7,7 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.plugins.derivatives import children, own_memory
-from mi_lcair.plugins.paths.aim import Aim, place
+from mi_lcair.plugins.paths.aim import Aim, CellTable
 from mi_lcair.plugins.paths.facet_starts import FacetStarts, FacetTable
 from mi_lcair.plugins.samplers.lattice import VECTOR, Lattice, hashed
 
@@ -97,7 +97,7 @@ class Paths:
     points: mi.UInt32
     first_point: mi.UInt32
     vector: mi.UInt32 | None
-    aim: tuple | FacetTable | None
+    aim: CellTable | FacetTable | None
 
     def begin(self) -> tuple:
         """Sampler of each path, column and row of its window, its position there, its weight.
@@ -117,7 +117,7 @@ class Paths:
         if isinstance(self.aim, FacetTable):
             position, weight, facet = self.aim.place(position)
         elif self.aim is not None:
-            position, weight = place(*self.aim, position)
+            position, weight = self.aim.place(position, window)
         return sampler, window % self.columns, window // self.columns, position, weight, facet
 
 
@@ -139,6 +139,13 @@ class Random:
         return mi.Point2f(x, self.next_1d(active))
 
     next_position = next_2d
+
+
+def views_of(sensor) -> list:
+    """The sensors of a batch, or the sensor itself."""
+    if sensor.class_name() != "BatchSensor":
+        return [sensor]
+    return [child for child in children(sensor) if isinstance(child, mi.Sensor)]
 
 
 @dataclass
@@ -163,9 +170,7 @@ class ParallelRays:
     @staticmethod
     def of(sensor) -> "ParallelRays | None":
         """The rays of a sensor; None if it is not orthographic."""
-        kinds = [sensor]
-        if sensor.class_name() == "BatchSensor":
-            kinds = [child for child in children(sensor) if isinstance(child, mi.Sensor)]
+        kinds = views_of(sensor)
         if any(kind.class_name() != "OrthographicCamera" for kind in kinds):
             return None
         # An opaque number, so that one kernel serves any number of sensors

@@ -7,6 +7,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
+import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.rendering import measure as module
@@ -14,7 +15,9 @@ from mi_lcair.rendering.measurands import ExcessFunction, IntensityInterval, Mea
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.pixels.errors import PixelError
 from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.rendering.views import View
 from mi_lcair.rendering.window import PASS_SAMPLES, Windows
+from mi_lcair.signatures.many_views import render_views
 from tests.plugins.small_scenes import camera
 from tests.rendering.made_totals import sums_of
 
@@ -183,3 +186,34 @@ def test_a_given_aim_is_kept():
         tracer, Sampling(tolerance=0.001), IntensityInterval(0.001, channel=None), windows, aim
     )
     assert total.aim is aim and all(launch.aim is aim for launch in tracer.launches)
+
+
+def test_views_are_aimed_one_by_one():
+    """A bright spot in one view and none in the other: each view has a density of its own."""
+    importance, model = np.zeros((2, 64, 64)), np.zeros((2, 64, 64), bool)
+    model[0, 10:20, 30:40] = model[1, 40:60, 5:50] = True
+    importance[0, 12, 33] = importance[1, 41, 6] = 1
+    aim = Aim.at(importance, model)
+    sample = mi.Point2f(np.random.default_rng(1).random((2, 200_000)))
+    for window in (0, 1):
+        position, weight = aim.tables.place(sample, mi.UInt32(window))
+        x, y, weight = (np.array(values) for values in (position.x, position.y, weight))
+        assert np.mean(weight) == pytest.approx(1, abs=0.02)
+        inside = model[window, (y * 64).astype(int), (x * 64).astype(int)]
+        assert np.sum(weight * inside) / len(x) == pytest.approx(model[window].mean(), rel=0.02)
+        assert np.mean(inside) == pytest.approx(0.9 + 0.1 * model[window].mean(), abs=0.01)
+        assert weight[inside].max() == pytest.approx(aim.largest_on_model[window], rel=5e-3)
+        assert weight.max() == pytest.approx(aim.largest_weight[window], rel=5e-3)
+
+
+def test_aimed_views_are_those_of_a_signature():
+    """Two views with a tolerance that aims their paths: the intensities of signatures."""
+    scene = mi_lcair.load("a340_landing", max_bounces=1)
+    views = [View(150.0, -5.0), View(180.0, 10.0)]
+    many = render_views(scene, views, 64, Sampling(tolerance=0.1))
+    anywhere = render_views(scene, views, 64, Sampling(spp=32))
+    for k in range(2):
+        assert many.paths[k] < 32 * 64**2
+        half_width = np.hypot(many.half_width[k], anywhere.half_width[k])
+        assert abs(many.parts["target"][0][k] - anywhere.parts["target"][0][k]) < half_width
+        assert many.parts["hit"][0][k] == pytest.approx(anywhere.parts["hit"][0][k], rel=0.05)
