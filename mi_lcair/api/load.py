@@ -4,11 +4,8 @@ from os import PathLike
 
 import mitsuba as mi
 
-from mi_lcair.errors import InputError
-from mi_lcair.motions.pose import declare
-from mi_lcair.rendering.scene import LOBE_OF, Scene
-from mi_lcair.rendering.scene import load as load_scene
-from mi_lcair.sensitivity.parameters import chosen, set_values
+from mi_lcair.rendering.scene import Scene
+from mi_lcair.sensitivity.parameters import MOTIONS, load_with_values
 from mi_lcair.startup.threads import exclusively
 
 
@@ -46,20 +43,5 @@ def load(
         property or parameter is unknown, a value is out of bounds, the emissivity of an emitting
         surface is not known, the integrator is not bounce_path, there is no thermal emitter.
     """
-    values = {n: v for n, v in parameters.items() if "." in n and not n.startswith(LOBE_OF)}
-    in_file = {name: value for name, value in parameters.items() if name not in values}
-    loaded = load_scene(scene, **in_file)
-    if motions is not None:
-        declare(loaded, motions)
-    chosen(loaded, list(values))  # names before numbers
-    set_values(loaded, {name: number(name, value) for name, value in values.items()})
-    loaded.parameters.update({name: str(value) for name, value in values.items()})
-    return loaded
-
-
-def number(name: str, value: object) -> float:
-    """The value of a parameter as a number; raises InputError if it is none."""
-    try:
-        return float(value)
-    except (TypeError, ValueError):
-        raise InputError(f"{name} = {value} is no number") from None
+    given = parameters if motions is None else parameters | {MOTIONS: motions}
+    return load_with_values(scene, given)

@@ -74,7 +74,7 @@ class SceneOptions:
         Without `with_sensors`, remarks on the scene's sensors are left out.
         """
         prepare_renderer(self.variant, self.threads)
-        scene = mi_lcair.load(self.scene, motions=self.motions, **self.parameters)
+        scene = mi_lcair.load(self.scene, **given({"motions": self.motions}), **self.parameters)
         if self.solution:
             self.apply_solution(scene)
         for remark in scene.remarks if with_sensors else scene.notes:
@@ -286,6 +286,12 @@ def solution_option(command):
     )(command)
 
 
+def motions_option(command):
+    """Give a command the option --motions."""
+    what = "Declare motions of meshes, which -D then sets, FILE.toml."
+    return file_option("--motions", what)(command)
+
+
 def scenario_options(example: str, spp: str, tolerance: str):
     """Decorator that gives a command the argument SCENARIO and the options of a measurement.
 
@@ -360,7 +366,7 @@ def loading_options(command):
     )
     @seed_option()
     @solution_option
-    @file_option("--motions", "Declare motions of meshes, which -D then sets, FILE.toml.")
+    @motions_option
     @renderer_options
     @json_option
     @wraps(command)

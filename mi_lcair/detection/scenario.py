@@ -65,6 +65,9 @@ REPLACES = {
 }
 
 
+OF_SCENE = "target.parameters."  # beginning of the keys of a scene's parameters
+
+
 @dataclass(frozen=True)
 class TargetModel:
     """Table [target].
@@ -468,7 +471,8 @@ class Scenario:
             }
             locate(tree, path.parent)
             for key, value in changes.items():
-                change(tree, key.split("."), value)
+                # The name of a parameter may have a dot of its own
+                change(tree, key.split(".", 2 if key.startswith(OF_SCENE) else -1), value)
             if isinstance(tree.get("surroundings"), dict):
                 tree["surroundings"] = dict(map(worded, *zip(*tree["surroundings"].items())))
             for table in tree:

@@ -13,8 +13,9 @@ from mi_lcair.physics.detector import Detector
 from mi_lcair.plugins.emitters.distant_emitter import DistantEmitter
 from mi_lcair.plugins.emitters.one_sun import check_fits, one_sun
 from mi_lcair.rendering.loading.files import survey
-from mi_lcair.rendering.scene import Scene, load_file
+from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import Target, View, seen_from
+from mi_lcair.sensitivity.parameters import load_with_values
 from mi_lcair.sensitivity.solution_file import apply_solution
 
 
@@ -130,7 +131,7 @@ def target_scene(scenario: Scenario, detector: Detector) -> Scene:
         parameters["band"] = scenario.sensor.response or scenario.sensor.band
     words = scenario.surroundings
     band = parameters.get("band", scenario.sensor.band)
-    scene = load_file(source, parameters, [] if words is None else words.emitters(band))
+    scene = load_with_values(source, parameters, [] if words is None else words.emitters(band))
     if scenario.target.solution is not None:
         apply_solution(scene, scenario.target.solution)
     wanted, has = detector.band, scene.band

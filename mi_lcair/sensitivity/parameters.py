@@ -21,15 +21,15 @@ A change of the value adds the same difference to all temperatures and material 
 multiplies all radiances and emissivities by the same factor.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 import mitsuba as mi
 
 from mi_lcair.errors import InputError, unknown
-from mi_lcair.motions.pose import set_motions
+from mi_lcair.motions.pose import declare, set_motions
 from mi_lcair.plugins.derivatives import own_memory
-from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.scene import LOBE_OF, Scene, SceneLike, load, load_file
 from mi_lcair.sensitivity.entries import (
     Entry,
     Parameter,
@@ -38,6 +38,35 @@ from mi_lcair.sensitivity.entries import (
     check_materials,
     entries,
 )
+
+MOTIONS = "motions"  # key of a file that declares motions, among values of parameters
+
+
+def load_with_values(
+    scene: SceneLike, parameters: Mapping[str, object], around: Sequence[dict] = ()
+) -> Scene:
+    """Load a scene with values of its parameters, see `mi_lcair.load`.
+
+    parameters: $-parameters, names with a dot as in the table above, and MOTIONS: a TOML file.
+    around: as for `load_file`.
+    """
+    values = {n: v for n, v in parameters.items() if "." in n and not n.startswith(LOBE_OF)}
+    in_file = {n: v for n, v in parameters.items() if n not in values and n != MOTIONS}
+    loaded = load_file(scene, in_file, around) if around else load(scene, **in_file)
+    if MOTIONS in parameters:
+        declare(loaded, str(parameters[MOTIONS]))
+    chosen(loaded, list(values))  # names before numbers
+    set_values(loaded, {name: number(name, value) for name, value in values.items()})
+    loaded.parameters.update({n: str(v) for n, v in parameters.items() if n not in in_file})
+    return loaded
+
+
+def number(name: str, value: object) -> float:
+    """The value of a parameter as a number; raises InputError if it is none."""
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} = {value} is no number") from None
 
 
 def parameters_of(scene: Scene) -> dict[str, Parameter]:

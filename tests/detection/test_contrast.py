@@ -188,8 +188,8 @@ def test_errors_over_seeds(folder):
 
 def totals(monkeypatch, folder, seeds: int, **changes):
     """Contrasts of the disc over seeds: errors and half widths as fractions of the closed form."""
-    loaded = setting.load_file(folder / "disc.xml", {"temperature": "400", "band": "MWIR"})
-    monkeypatch.setattr(setting, "load_file", lambda *_, **__: loaded)
+    loaded = mi_lcair.load(folder / "disc.xml", temperature="400", band="MWIR")
+    monkeypatch.setattr(setting, "load_with_values", lambda *_, **__: loaded)
     # The search for overlapping triangles takes three times as long as such a render
     monkeypatch.setattr("mi_lcair.rendering.scene.remarks_on_triangles", lambda _: [])
     changes |= {"target__parameters__temperature": 400, "sensor__band": "MWIR"}
@@ -495,7 +495,7 @@ def test_contrast_within_the_noise_is_remarked(folder):
     ],
 )
 def test_refused_before_anything_is_loaded(folder, monkeypatch, changes, message):
-    monkeypatch.setattr(setting, "load_file", None)
+    monkeypatch.setattr(setting, "load_with_values", None)
     with pytest.raises(InputError, match=message):
         contrast(disc(folder, **changes))
 

@@ -14,6 +14,7 @@ from mi_lcair.cli.options import (
     file_option,
     given,
     json_option,
+    motions_option,
     plot_option,
     prepare_renderer,
     progress_bar,
@@ -69,6 +70,7 @@ COMMON = ("variant", "threads", "json")  # options that go into SceneOptions and
 )
 @seed_option()
 @solution_option
+@motions_option
 @sensor_option
 @renderer_options
 @json_option
@@ -111,7 +113,11 @@ def _scenario(what, sampling, image, **options):
         raise InputError("--sensor is one of a scene; a scenario has its observer")
     changes = dict(options["changes"]) | given(sampling, "render.")
     changes |= given(
-        {"render.seed": options["seed"] or None, "target.solution": options["solution"] or None}
+        {
+            "render.seed": options["seed"] or None,
+            "target.solution": options["solution"] or None,
+            "target.parameters.motions": options["motions"] and str(options["motions"]),
+        }
     )
     prepare_renderer(options["variant"], options["threads"])
     return ScenarioOptions(what, changes, **{name: options[name] for name in COMMON}).read(), {}
@@ -120,7 +126,7 @@ def _scenario(what, sampling, image, **options):
 def _scene(what, sampling, image, **options):
     """The scene, and the keyword arguments of `mi_lcair.budget` for it."""
     sampling |= {name: options[name] for name in ("seed", "sensor")}
-    common = {name: options[name] for name in (*COMMON, "solution")}
+    common = {name: options[name] for name in (*COMMON, "solution", "motions")}
     return SceneOptions(what, dict(options["changes"]), sampling, **common).load(), sampling
 
 

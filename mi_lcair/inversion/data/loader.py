@@ -18,10 +18,10 @@ from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.paths.offsets import UNIT
 from mi_lcair.rendering.images.render import render_image
 from mi_lcair.rendering.sampling import Sampling
-from mi_lcair.rendering.scene import Scene, load
+from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import View, seen_from
 from mi_lcair.sensitivity.facet_temperatures import facet_temperatures
-from mi_lcair.sensitivity.parameters import parameters_of
+from mi_lcair.sensitivity.parameters import load_with_values, parameters_of
 from mi_lcair.signatures.signature import measure_signature
 from mi_lcair.table import read_table
 
@@ -44,7 +44,7 @@ class Loader:
     def scene(self, entry: Observation) -> Scene:
         key = entry.scene, tuple(sorted(entry.scene_parameters().items()))
         if key not in self.scenes:
-            self.scenes[key] = load(entry.scene, **entry.scene_parameters())
+            self.scenes[key] = load_with_values(entry.scene, entry.scene_parameters())
         return self.scenes[key]
 
     def datum(self, entry: Observation, number: int, facet_groups: set[str]) -> Datum:
@@ -120,7 +120,7 @@ class Loader:
 def goal_datum(goal: Goal, sampling: RenderSettings) -> Datum:
     """The datum of a goal: wanted intensities, all with the same small standard deviation."""
     entry = Observation(goal.scene, "goal", dict(goal.parameters))
-    scene = load(entry.scene, **entry.scene_parameters())
+    scene = load_with_values(entry.scene, entry.scene_parameters())
     check_closure(scene)
     views = views_of(scene, goal.aspects)
     is_contrast = goal.background_K is not None
