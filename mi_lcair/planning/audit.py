@@ -107,7 +107,28 @@ def account(scene: Scene, table: FacetTable, tally: Tally, photons: int) -> Audi
         shares=shares,
         remarks=[*scene.notes, *remarks(kind, by_facet, total, materials)],
         photons=photons,
+        facets=of_facets(table, by_facet),
     )
+
+
+def of_facets(table: FacetTable, by_facet: Flux) -> dict[str, np.ndarray]:
+    """Columns for each facet: what arrives on its front side and what leaves it, W m^-2.
+
+    Irradiance E and radiant exitance M are fluxes divided by the area (thesis Table 2.1).
+    """
+    columns = {
+        "facet": np.arange(table.count),
+        "group": table.group.astype(str),
+        "material": table.material.astype(str),
+        "area_m2": table.area,
+    }
+    leaving = by_facet.emitted + by_facet.reflected
+    parts = {"emitted": by_facet.emitted, "exitance": leaving, "irradiance": by_facet.incident}
+    for name, flux in parts.items():
+        density = flux * BATCHES / np.where(table.area > 0, table.area, np.nan)
+        columns[f"{name}_W_m2"] = density.mean(axis=0)
+        columns[f"{name}_standard_error_W_m2"] = density.std(axis=0, ddof=1) / np.sqrt(BATCHES)
+    return columns
 
 
 def kinds(scene: Scene, table: FacetTable) -> np.ndarray:

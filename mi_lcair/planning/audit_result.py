@@ -1,6 +1,6 @@
 """The fluxes that `audit` returns."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -32,6 +32,9 @@ class Audit(Result):
         imbalance with the facets that cause most of it.
     photons : int
         Number of photons that were followed.
+    facets : dict of str to ndarray, shape (facets,)
+        Irradiance and radiant exitance (thesis Table 2.1) of each facet with their standard errors,
+        W m^-2. Not in the JSON.
     """
 
     scene_name: str
@@ -41,6 +44,7 @@ class Audit(Result):
     shares: dict[str, dict[str, tuple[float, float]]]
     remarks: list[str]
     photons: int
+    facets: dict[str, np.ndarray] = field(default_factory=dict)
 
     kind: ClassVar[str] = "audit"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.audit:figure"

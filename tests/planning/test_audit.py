@@ -351,3 +351,22 @@ def test_sunlight_is_absorbed_or_escapes(plate, with_sky):
         E * disc - on_plate + (0 if with_sky else 0.3 * on_plate), abs=error
     )
     agree(result.total["balance"], 0)
+
+
+def test_irradiance_and_exitance_by_facet():
+    """The thesis's two plates: irradiance by the view factor, exitance of the reflector the same."""
+    columns = mi_lcair.audit(mi_lcair.load("two_plates", band="total"), 2**16).facets
+    black = 5.670374419e-8 * 800**4
+    received = 22.0755 * np.pi / 0.02  # intensity of the diffuse reflector, normal to it
+    reflector, emitter = 0, 1
+    expected = {
+        "irradiance": {reflector: received},
+        "exitance": {reflector: received, emitter: black},
+        "emitted": {reflector: 0.0, emitter: black},
+    }
+    for name, facets in expected.items():
+        for facet, value in facets.items():
+            error = columns[f"{name}_standard_error_W_m2"][facet]
+            agree((columns[f"{name}_W_m2"][facet], error), value, sigmas=5)
+            assert error < 0.02 * max(value, 1)
+    np.testing.assert_allclose(columns["area_m2"], 0.02, rtol=1e-6)

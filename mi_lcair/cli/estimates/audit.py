@@ -3,8 +3,9 @@
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import examples, loading_options
-from mi_lcair.cli.output import print_result
+from mi_lcair.cli.options import examples, file_option, loading_options
+from mi_lcair.cli.output import check_outputs, print_result, print_written
+from mi_lcair.formats import csv
 
 
 @click.command("audit", epilog=examples("mi-lcair audit open_box --photons 4096"))
@@ -15,11 +16,17 @@ from mi_lcair.cli.output import print_result
     default=2**18,
     help="Photons from each emitter.",
 )
-def command(options, photons):
+@file_option("--facets", "Write irradiance and exitance of each facet, FILE.csv.")
+def command(options, photons, facets):
     """Follow the flux that SCENE emits.
 
     SCENE is a Mitsuba XML file or the name of a bundled scene. Photons are followed from the
     emitters until they are absorbed or escape. Printed is their flux by material, in W and in
-    percent; nothing is written.
+    percent.
     """
-    print_result(options.run(mi_lcair.audit, photons=photons), options.json)
+    check_outputs((facets, (".csv",)))
+    result = options.run(mi_lcair.audit, photons=photons)
+    if facets:
+        csv.write(facets, result.facets)
+    print_result(result, options.json)
+    print_written(facets)
