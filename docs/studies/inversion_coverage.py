@@ -4,7 +4,8 @@
 
 The cases are problems with known answers: temperatures from far first guesses, an emissivity with a
 prior, reflectances that are wrong by an amount that `model_sigma` states, pixels that nobody said
-are bad, the counts of a camera behind air, and a wall whose reflectance is unknown too.
+are bad, the counts of a camera behind air, a wall whose reflectance is unknown too, and facets half
+of which no pixel sees.
 The script prints a row for each case: the share of intervals that hold the truth, the largest
 deviation in stated errors, and how many draws converged.
 """
@@ -17,7 +18,10 @@ import numpy as np
 
 import mi_lcair
 from mi_lcair.inversion.data.images import noise_of_netd
+from mi_lcair.inversion.smoothness import matern
+from mi_lcair.rendering.facets.table import FacetTable
 from tests.inversion import corner, plate
+from tests.sensitivity import waist
 
 DRAWS = 10
 STARTS = (200.0, 300.0, 700.0, 1500.0)  # K
@@ -25,6 +29,7 @@ LID = Path(__file__).parents[1] / "validation" / "inversion" / "lid.xml"
 EMISSIVITY = 0.92
 ERROR = 0.02  # relative error of the emissivity of each strip
 WALL = 0.02  # reflectance of the wall whose temperature is unknown too
+LENGTH = 0.5  # metres over which facets are alike
 BAD = 10  # bad pixels of 1,024
 
 
@@ -124,7 +129,47 @@ def valley(folder: Path, draws: int):
         yield solved({"data": [datum], "unknowns": plate.UNKNOWNS}), (310.0, 0.3)
 
 
-CASES = {case.__name__: case for case in (starts, emissivity, model, pixels, camera, wall, valley)}
+def smooth(folder: Path, draws: int):
+    """Yield solutions and the truth: 400 facets that are alike over 0.5 m, from one noisy view.
+
+    The errors of the facets are printed for the same problem with and without `correlation_m`.
+    """
+    facets, temperature = 400, {"prior": [300.0, 10.0]}
+    start = np.full(facets, 300.0)
+    table = FacetTable(mi_lcair.load(waist.write_scene(folder, start, views=1)))
+    centre = table.centre[table.group == "body"]
+    distance = np.linalg.norm(centre[:, None] - centre, axis=-1)
+    root = np.linalg.cholesky(matern(distance, LENGTH) + 1e-6 * np.eye(facets))
+    for draw in range(draws):
+        random = np.random.default_rng((draw, 13))
+        truth = 300 + 10 * root @ random.normal(size=facets)
+        scene = mi_lcair.load(waist.write_scene(folder, truth, size=48, views=1))
+        image = mi_lcair.render(scene, spp=2**11, seed=99, split=None).channels["Y"].astype(float)
+        np.save(folder / "view.npy", random.normal(image, noise_of_netd(scene.band, image, 2000)))
+        path = str(waist.write_scene(folder, start, size=48, views=1))
+        entry = {"scene": path, "image": str(folder / "view.npy"), "quantity": "radiance"}
+        tree = {"data": [entry | {"netd_mK": 2000}], "render": {"spp": 64, "seed": draw}}
+        alone = solved(tree | {"unknowns": {"body.facets": temperature}})
+        alike = {"body.facets": temperature | {"correlation_m": LENGTH}}
+        solution = solved(tree | {"unknowns": alike})
+        is_seen = np.array([a.standard_error for a in alone.answers]) < 9.9
+        for name, result in (("without", alone), ("with", solution)):
+            error = np.array([a.value for a in result.answers]) - truth
+            z = np.abs(error) / [a.standard_error for a in result.answers]
+            for what, part in (("seen", is_seen), ("unseen", ~is_seen)):
+                rms, held = np.sqrt(np.mean(error[part] ** 2)), np.mean(z[part] < 1.96)
+                print(
+                    f"smooth: {name} correlation_m {part.sum()} facets {what}: rms error {rms:.2f} "
+                    f"K, {held:.0%} of intervals hold the truth",
+                    flush=True,
+                )
+        yield solution, truth
+
+
+CASES = {
+    case.__name__: case
+    for case in (starts, emissivity, model, pixels, camera, wall, valley, smooth)
+}
 
 
 def solved(tree: dict):

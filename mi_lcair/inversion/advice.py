@@ -68,7 +68,9 @@ def advice(
     wanted = [
         k for k, unknown in enumerate(answers) if unknown.is_sought and not unknown.is_determined
     ]
-    now = dense(state.equations.information) + np.diag(state.prior)
+    now = dense(state.equations.information) + (
+        np.diag(state.prior) if state.prior.ndim == 1 else state.prior
+    )
     result = []
     for proposal in proposals:
         spans = [unknown.span**-2.0 for unknown in proposal.extra]

@@ -115,13 +115,10 @@ def check_counts(everything: list[Unknown], data: list[Datum]) -> None:
 
 def determined(state: State) -> float:
     """Number of combinations of unknowns that the data determine, rather than the priors."""
-    normal, prior = state.equations, state.prior
+    normal = state.equations
     if sparse.issparse(normal.matrix):
-        return float(np.count_nonzero(is_informed(normal, prior)))
-    scale = np.sqrt(prior)
-    values = np.linalg.eigvalsh(normal.information / np.outer(scale, scale))
-    values = np.maximum(values, 0)
-    return float(np.sum(values / (1 + values)))
+        return float(np.count_nonzero(is_informed(normal, state.prior)))
+    return float(np.sum(state.covariance * normal.information))
 
 
 def reasons(everything: list[Unknown], data: list[Datum]):
@@ -149,10 +146,10 @@ def remarks(state: State, answered: list[Answer], chi: dict) -> list[str]:
     unseen = unseen_facets(state, answered)
     if unseen:
         names = listed([str(facet) for facet in unseen])
-        lines.append(
-            f"{len(unseen)} facets reach no pixel ({names}): they keep their first guess; give "
-            "them a prior, or add views"
-        )
+        consequence = "they follow those that do, as correlation_m says"
+        if state.prior.ndim == 1:
+            consequence = "they keep their first guess; give them a prior, or add views"
+        lines.append(f"{len(unseen)} facets reach no pixel ({names}): {consequence}")
     noisy = [
         answer.label
         for answer, part in zip(answered, state.render_share)

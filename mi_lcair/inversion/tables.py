@@ -25,6 +25,9 @@ class UnknownEntry:
         What has a value of its own: "band", "state", "data"; [] for one value in all data. By
         default temperatures have one for each state, materials and emissivities one for each band,
         and radiances one for each band and state. Motions have one for each image.
+    correlation_m : float, optional
+        For the facets of a group: distance in metres over which their temperatures are alike. The
+        standard deviation about the mean is that of `prior`.
     """
 
     start: float | None = None
@@ -32,8 +35,10 @@ class UnknownEntry:
     upper: float | None = None
     prior: tuple[float, ...] | None = None
     per: tuple[str, ...] | None = None
+    correlation_m: float | None = field(default=None, metadata=within(is_positive=True))
 
     def __post_init__(self):
+        check_fields(self)
         check_prior(self.prior, "prior")
         for word in self.per or ():
             if word not in PER:

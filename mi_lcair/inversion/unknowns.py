@@ -65,6 +65,10 @@ class Unknown:
         False for a nuisance parameter.
     facet : int, optional
         Number of the facet.
+    centre : tuple of float, optional
+        Centre of the facet, metres.
+    correlation_m : float, optional
+        Distance over which facets of the group are alike, metres.
     span : float
         Width of the interval in which the value lies, from what is known without data.
     """
@@ -80,6 +84,8 @@ class Unknown:
     data: tuple[int, ...]
     is_sought: bool = True
     facet: int | None = None
+    centre: tuple[float, ...] | None = None
+    correlation_m: float | None = None
 
     @property
     def span(self) -> float:
@@ -105,7 +111,8 @@ class Unknown:
 class Where:
     """Name, band and state of a datum, and the parameters of its scene, which may be unknown.
 
-    facets: temperatures of the facets by group, as {facet: K}.
+    facets: temperatures of the facets by group, as {facet: K}. centres: centres of all facets of
+    the scene, (facets, 3) [m]; None if no facet is unknown.
     """
 
     name: str
@@ -113,6 +120,7 @@ class Where:
     state: str
     parameters: dict[str, Parameter]
     facets: dict[str, dict[int, float]]
+    centres: np.ndarray | None = None
 
     @property
     def labels(self) -> dict[str, str]:
@@ -204,6 +212,8 @@ def instances(
 ):
     """The unknowns of one entry: one for each band, state or datum that has its own."""
     facets = name.endswith(FACETS)
+    if entry.correlation_m and not facets:
+        raise InputError(f"'{name}': correlation_m is of facets, such as \"wing.facets\"")
     group = name.removesuffix(FACETS)
     kind = "facet" if facets else data[affected[0]].parameters[name].kind
     per = VALUES_PER[kind] if entry.per is None else entry.per
@@ -229,7 +239,12 @@ def instances(
         if facets:
             for facet, kelvin in data[numbers[0]].facets[group].items():
                 label = f"{name}[{facet}]{suffix}"
-                yield stated(replace(plain, label=label, facet=facet, start=kelvin), entry)
+                of_facet = replace(plain, label=label, facet=facet, start=kelvin)
+                if entry.correlation_m:
+                    centre = tuple(data[numbers[0]].centres[facet].tolist())
+                    length = entry.correlation_m
+                    of_facet = replace(of_facet, centre=centre, correlation_m=length)
+                yield stated(of_facet, entry)
             continue
         parameters = [data[k].parameters[name] for k in numbers]
         yield stated(

@@ -71,7 +71,9 @@ def test_unknowns_that_come_with_a_measurement():
 def test_a_proposal_is_worth_a_fifth_of_an_error():
     """Of an unknown alone: from an error of 1 to 0.81 or 0.79."""
     ones = [unknown("a", kind="emissivity")]
-    state = SimpleNamespace(equations=SimpleNamespace(information=np.ones((1, 1))), prior=[0.0])
+    state = SimpleNamespace(
+        equations=SimpleNamespace(information=np.ones((1, 1))), prior=np.zeros(1)
+    )
     found = answers(ones, estimated([0.3], np.ones((1, 1))))
     for error, count in ((0.81, 0), (0.79, 1)):
         proposal = Proposal("it", np.array([[error**-2.0 - 1]]))

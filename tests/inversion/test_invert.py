@@ -336,3 +336,31 @@ def test_facets_that_no_pixel_sees(tmp_path):
     (remark,) = (line for line in found.remarks if "reach no pixel" in line)
     assert remark.startswith(f"{len(unseen)} facets reach no pixel ({unseen[0].facet}, ")
     assert sum(answer.is_determined for answer in found.answers) > truth.size / 3
+
+
+def test_facets_that_follow_those_that_a_pixel_sees(tmp_path):
+    """From above: near facets are alike, so that those below have better values."""
+    rings = segments = 6
+    ring = np.arange(rings * segments) // segments
+    truth = 304 + 2 * np.cos(np.pi * ring / rings)
+    scene = mi_lcair.load(write_waist(tmp_path, truth, rings, segments, size=16))
+    image = mi_lcair.render(scene, spp=512, sensor=4, seed=3, split=None).channels["Y"]
+    np.save(tmp_path / "top.npy", image)
+    path = write_waist(tmp_path, 300 + 0 * truth, rings, segments, size=16)
+    entry = {"scene": str(path), "sensor": 4, "image": str(tmp_path / "top.npy"), "netd_mK": 50}
+    tree = {"data": [entry | {"quantity": "radiance"}], "render": {"spp": 64}}
+    known = {"prior": [300.0, 6.0]}
+    errors = []
+    for more in ({}, {"correlation_m": 1.0}):
+        found = mi_lcair.invert(tree | {"unknowns": {"body.facets": known | more}}, advise=False)
+        value = np.array([answer.value for answer in found.answers])
+        sigma = np.array([answer.standard_error for answer in found.answers])
+        errors.append((value - truth, sigma))
+    (alone, alone_sigma), (alike, sigma) = errors
+    unseen = alone_sigma > 5.9
+    assert 0 < unseen.sum() < truth.size and found.converged
+    near = unseen & (sigma < 4)  # just behind the edge that the image shows
+    assert near.any() and np.abs(alike[near]).mean() < 0.7 * np.abs(alone[near]).mean()
+    assert (sigma < 1.001 * alone_sigma).all() and np.mean(np.abs(alike / sigma) < 1.96) > 0.85
+    (remark,) = (line for line in found.remarks if "reach no pixel" in line)
+    assert "they follow those that do, as correlation_m says" in remark

@@ -206,3 +206,15 @@ def test_errors_of_the_model():
     assert lid.label == "model error of lid [camera]"
     assert ground.label == "model error of ground [camera]"
     assert (lid.start, lid.prior, lid.data, lid.is_sought) == (0.0, (0.0, 0.02), (4,), False)
+
+
+def test_facets_that_are_alike():
+    centres = np.arange(18.0).reshape(6, 3)
+    data = [replace(place, centres=centres) for place in DATA]
+    facets = named({"body.facets": {"correlation_m": 0.4, "per": []}}, data=data)
+    assert [facet.centre for facet in facets] == [(6, 7, 8), (15, 16, 17)]
+    assert {facet.correlation_m for facet in facets} == {0.4}
+    with pytest.raises(InputError, match="'lid.temperature': correlation_m is of facets"):
+        named({"lid.temperature": {"correlation_m": 0.4}})
+    with pytest.raises(InputError, match="correlation_m"):
+        UnknownEntry(correlation_m=0.0)

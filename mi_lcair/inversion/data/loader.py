@@ -16,6 +16,7 @@ from mi_lcair.inversion.tables import Goal, RenderSettings
 from mi_lcair.inversion.unknowns import Where
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.paths.offsets import UNIT
+from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.images.render import render_image
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
@@ -95,6 +96,7 @@ class Loader:
             entry.state,
             parameters_of(scene),
             facet_temperatures(scene, facet_groups),
+            FacetTable(scene).centre if facet_groups else None,
         )
         if counts is None and where.facets:
             raise InputError(

@@ -1,6 +1,6 @@
 """Gauss-Newton steps between two renders, within bounds and with what is known beforehand."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
@@ -13,6 +13,7 @@ from mi_lcair.inversion.least_squares.prediction import (
     change_of_gradient,
     equations,
 )
+from mi_lcair.inversion.smoothness import precision
 from mi_lcair.inversion.unknowns import Unknown
 from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
 
@@ -26,12 +27,16 @@ HALVINGS = 12  # attempts to shorten a step that raises the cost, or that no sur
 
 @dataclass(frozen=True)
 class Prior:
-    """Means and inverse variances (N,) that are known beforehand, and the bounds (N,)."""
+    """Means and inverse variances (N,) that are known beforehand, and the bounds (N,).
+
+    correlated: inverse covariance (N, N) in place of the inverse variances.
+    """
 
     mean: np.ndarray
     information: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
+    correlated: np.ndarray | None = None
 
     @staticmethod
     def of(unknowns: list[Unknown]) -> "Prior":
@@ -42,23 +47,31 @@ class Prior:
         lower = np.where(
             [unknown.unit == "K" for unknown in unknowns], np.maximum(lower, 1.0), lower
         )
-        return Prior(mean, sigma**-2.0, lower, upper)
+        return Prior(mean, sigma**-2.0, lower, upper, precision(unknowns, sigma))
+
+    @property
+    def matrix(self) -> np.ndarray:
+        """Inverse covariance (N, N)."""
+        return np.diag(self.information) if self.correlated is None else self.correlated
+
+    def times(self, step: np.ndarray) -> np.ndarray:
+        """Inverse covariance times a step, (N,)."""
+        return self.information * step if self.correlated is None else self.correlated @ step
 
     def cost(self, x) -> float:
-        return float(np.sum(self.information * (x - self.mean) ** 2))
+        return float((x - self.mean) @ self.times(x - self.mean))
 
 
 def near(
     blocks: list[DatumBlock], start, prior: Prior, damping: float, is_sparse: bool
 ) -> np.ndarray:
     """The values that minimise the cost of blocks rendered at `start`, with damping toward it."""
-    x, normal = start, equations(blocks, start, is_sparse)
-    noise = normal.noise
-    damped = damping * (np.maximum(normal.information.diagonal(), 0) + prior.information)
+    x, first = start, equations(blocks, start, is_sparse)
+    damped = damping * (np.maximum(first.information.diagonal(), 0) + prior.information)
 
     def weighed(x) -> tuple[Equations, float]:
         """The equations at x, weighed by the same noise at all of them, and what a step lowers."""
-        normal = replace(equations(blocks, x, is_sparse), noise=noise)
+        normal = equations(blocks, x, is_sparse).weighed_as(first)
         added = prior.cost(x) + damped @ (x - start) ** 2
         return normal, normal.pressure(normal) + added
 
@@ -84,7 +97,7 @@ def undamped(normal: Equations, prior: Prior, x: np.ndarray, damped=0.0, start=N
     An unknown at its bound moves only if it is still pulled inward when the others have moved.
     """
     toward = 0.0 if start is None else damped * (start - x)
-    g = normal.pull + prior.information * (prior.mean - x) + toward
+    g = normal.pull + prior.times(prior.mean - x) + toward
     step, left, free = np.zeros(len(x)), g, np.zeros(len(x), dtype=bool)
     while True:
         inward = ~((x <= prior.lower) & (left < 0) | (x >= prior.upper) & (left > 0))
@@ -92,7 +105,7 @@ def undamped(normal: Equations, prior: Prior, x: np.ndarray, damped=0.0, start=N
             return step
         free |= inward
         step = solved(normal, prior, damped, g, free)
-        left = g - normal.information @ step - (prior.information + damped) * step
+        left = g - normal.information @ step - prior.times(step) - damped * step
 
 
 def second_order(
@@ -134,23 +147,27 @@ def length(step: np.ndarray, normal: Equations, prior: Prior) -> float:
 
     A step along a direction that the data do not determine is short.
     """
-    squared = step @ (normal.information @ step) + np.sum(prior.information * step**2)
+    squared = step @ (normal.information @ step) + step @ prior.times(step)
     return float(np.sqrt(max(squared, 0)))
 
 
 def solved(normal: Equations, prior: Prior, damping, right, free) -> np.ndarray:
     """Solution (N,) of the damped equations for the free unknowns."""
-    diagonal, result = prior.information + damping, np.zeros(len(right))
+    result = np.zeros(len(right))
     if not sparse.issparse(normal.matrix):
-        both = normal.information[np.ix_(free, free)] + np.diag(diagonal[free])
+        both = normal.information + prior.matrix + np.diag(damping + np.zeros(len(right)))
+        both = both[np.ix_(free, free)]
         # Along a valley the matrix may be singular to within rounding
         scale = 1 / np.sqrt(np.diag(both))
         scaled = both * np.outer(scale, scale)
-        result[free] = scale * np.linalg.lstsq(scaled, scale * right[free])[0]
+        try:
+            result[free] = scale * np.linalg.solve(scaled, scale * right[free])
+        except np.linalg.LinAlgError:
+            result[free] = scale * np.linalg.lstsq(scaled, scale * right[free])[0]
         return result
     # Facets of which the data know less than the prior have but noise in the matrix
     informed = free & is_informed(normal, prior.information)
-    both = (normal.matrix + sparse.diags_array(diagonal))[informed][:, informed]
+    both = (normal.matrix + sparse.diags_array(prior.information + damping))[informed][:, informed]
     result[informed] = splu(sparse.csc_array(both)).solve(right[informed])
     return result
 

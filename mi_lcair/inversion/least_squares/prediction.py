@@ -216,6 +216,13 @@ class Equations:
         inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
         return inverse / np.outer(scale, scale)
 
+    def weighed_as(self, other: "Equations") -> "Equations":
+        """The same equations with the noise of others."""
+        result = replace(self, noise=other.noise)
+        if not sparse.issparse(self.noise):
+            vars(result)["inverse_noise"] = other.inverse_noise
+        return result
+
     def pressure(self, other: "Equations") -> float:
         """gradient^T noise^-1 gradient for the gradient of other equations: 0 at a solution."""
         if sparse.issparse(self.noise):

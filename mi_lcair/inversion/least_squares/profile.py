@@ -65,7 +65,7 @@ class Profile:
         self.cost = cost_of(blocks, x) + prior.cost(x)
         # The noise of derivatives is in the standard error, but not in the cost. The rise that
         # belongs to one standard error makes up for it.
-        curved = direction @ normal.matrix @ direction + prior.information @ direction**2
+        curved = direction @ normal.matrix @ direction + direction @ prior.times(direction)
         self.rise_of_error = max(float(curved), 1.0)
 
     def errors(self, blocks, x) -> float:

@@ -70,12 +70,12 @@ class State:
     """An estimate.
 
     x: values (N,). blocks: the data's predictions, rendered at or near x. equations: the normal
-    equations at x. prior: inverse variances (N,). covariance: (N, N). render_share: part of each
-    variance that the noise of the render makes, (N,). at_bound: -1 or 1 where a value lies at its
-    lower or upper bound, else 0. held: unknowns whose derivatives the noise of the render hides, so
-    that they stay at the first guess, (N,). renders: number of renders of each datum.
-    converged: whether the last step was small. trace: all values that were tried. intervals: ends
-    (N, 2) of profile-likelihood intervals, NaN where the linear interval holds.
+    equations at x. prior: inverse variances (N,), or inverse covariance (N, N). covariance: (N, N).
+    render_share: part of each variance that the noise of the render makes, (N,). at_bound: -1 or 1
+    where a value lies at its lower or upper bound, else 0. held: unknowns whose derivatives the
+    noise of the render hides, so that they stay at the first guess, (N,). renders: number of
+    renders of each datum. converged: whether the last step was small. trace: all values that were
+    tried. intervals: ends (N, 2) of profile-likelihood intervals, NaN where the linear one holds.
     """
 
     x: np.ndarray
@@ -123,7 +123,7 @@ def solve(
     """
     prior = Prior.of(unknowns)
     x = np.clip([unknown.start for unknown in unknowns], prior.lower, prior.upper)
-    is_sparse = all(unknown.kind == "facet" for unknown in unknowns)
+    is_sparse = prior.correlated is None and all(unknown.kind == "facet" for unknown in unknowns)
     done, trace, most = 0, [], 1 if is_exact else iterations
 
     held = np.zeros(len(x), dtype=bool)
@@ -253,20 +253,20 @@ def cost_change(
 def state(blocks, x, prior: Prior, is_sparse: bool) -> State:
     """The State at the values x, without what the iteration alone knows."""
     normal = equations(blocks, x, is_sparse)
-    outward = normal.pull + prior.information * (prior.mean - x)
+    outward = normal.pull + prior.times(prior.mean - x)
     margin = 1e-9 * np.maximum(np.abs(x), 1)
     at_bound = np.where(
         (x <= prior.lower + margin) & (outward < 0),
         -1,
         np.where((x >= prior.upper - margin) & (outward > 0), 1, 0),
     )
-    covariance, measured = covariances(normal, prior.information)
+    covariance, measured = covariances(normal, prior)
     variance = np.diag(covariance)
     return State(
         x=x,
         blocks=blocks,
         equations=normal,
-        prior=prior.information,
+        prior=prior.information if prior.correlated is None else prior.correlated,
         covariance=covariance,
         render_share=np.clip(1 - measured / variance, 0, 1),
         at_bound=at_bound,
@@ -291,16 +291,14 @@ def feasible(rendered, x, new):
     return x, None
 
 
-def covariances(normal: Equations, information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Covariance (N, N) of the estimate, and its variances (N,) without the render's noise.
-
-    information: inverse variances (N,) of the prior.
-    """
+def covariances(normal: Equations, known: Prior) -> tuple[np.ndarray, np.ndarray]:
+    """Covariance (N, N) of the estimate, and its variances (N,) without the render's noise."""
     if not sparse.issparse(normal.matrix):
-        inverse = np.linalg.inv(normal.information + np.diag(information))
+        inverse = np.linalg.inv(normal.information + known.matrix)
         spread = inverse @ normal.transfer
         measured = spread @ normal.measured_noise @ spread.T
-        return inverse, np.diag(measured) + inverse**2 @ information
+        return inverse, np.diag(measured) + np.diag(inverse @ known.matrix @ inverse)
+    information = known.information
     covariance, variance = np.diag(1 / information), 1 / information
     some = np.flatnonzero(is_informed(normal, information))
     if not len(some):

@@ -13,6 +13,7 @@ from mi_lcair.inversion.least_squares.newton import Prior, is_informed, length
 from mi_lcair.inversion.least_squares.newton import solved as damped
 from mi_lcair.inversion.least_squares.prediction import DatumBlock, Equations, equations
 from mi_lcair.inversion.least_squares.solve import covariances, feasible, solve
+from mi_lcair.inversion.smoothness import matern
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
 from tests.inversion.blocks import block, kelvin, unknown
@@ -159,10 +160,12 @@ def test_steps_that_no_surface_can_make_are_halved():
     assert blocks is None
 
 
-def test_facets_against_a_solver_of_scipy():
+@pytest.mark.parametrize("length", [None, 5.0])
+def test_facets_against_a_solver_of_scipy(length):
     """40 temperatures from 200 noisy values and their priors, 300 +- 100 K; no value sees the last.
 
-    The noise is so large that the priors matter.
+    The noise is so large that the priors matter. With a correlation length the last follows its
+    neighbours in a row of facets, 1 m apart.
     """
     LWIR, sigma, count = band("LWIR"), 20.0, 40
     start = np.full(count, 300.0)
@@ -181,16 +184,26 @@ def test_facets_against_a_solver_of_scipy():
         is_temperature=np.ones(count, dtype=bool),
         weight=np.full(200, sigma**-2.0),
     )
-    state = solved([one], [kelvin(f"f[{k}]", kind="facet", facet=k) for k in range(count)])
+    facets = [kelvin(f"f[{k}]", name="f", kind="facet", facet=k) for k in range(count)]
+    whiten = np.eye(count) / 100
+    if length:
+        facets = [
+            replace(facet, centre=(k, 0.0, 0.0), correlation_m=length, prior=(300.0, 30.0))
+            for k, facet in enumerate(facets)
+        ]
+        distance = np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
+        correlation = matern(distance, length) + 1e-6 * np.eye(count)
+        whiten = np.linalg.inv(np.linalg.cholesky(900 * correlation))
+    state = solved([one], facets)
 
     def residuals(x):
         misfit = (matrix @ in_band_radiance(LWIR, x) - measured) / sigma
-        return np.append(misfit, (x - 300) / 100)
+        return np.append(misfit, whiten @ (x - 300))
 
     expected = least_squares(residuals, start)
-    assert np.ptp(expected.x) > 40
+    assert np.ptp(expected.x) > 20
     np.testing.assert_allclose(state.x, expected.x, atol=0.5)
-    assert state.x[-1] == 300
+    assert (state.x[-1] == 300) == (length is None)
     inverse = np.linalg.inv(expected.jac.T @ expected.jac)
     np.testing.assert_allclose(np.diag(state.covariance), np.diag(inverse), rtol=0.02)
     np.testing.assert_allclose(state.covariance, inverse, atol=0.02 * inverse.max())
@@ -251,7 +264,9 @@ def test_covariance_of_dense_equations():
     A = RANDOM.normal(size=(2, 2))
     M, N = A @ A.T + np.eye(2), np.diag([2.0, 3.0])
     measured, P = np.diag([1.0, 0.5]), np.array([0.3, 0.6])
-    found, variance = covariances(Equations(M, np.zeros(2), N, measured), P)
+    found, variance = covariances(
+        Equations(M, np.zeros(2), N, measured), Prior(np.zeros(2), P, None, None)
+    )
     T = M.T @ np.linalg.inv(N)
     inverse = np.linalg.inv(T @ M + np.diag(P))
     np.testing.assert_allclose(found, inverse)
