@@ -204,20 +204,22 @@ class ViewAreas(SourcesInBand):
         Estimates
             Arrays of shape (..., V).
         """
+        # The variance is a quadratic form of few coefficients, which is one product of matrices
+        first, second = np.triu_indices(per_amount.shape[-1])
+        pairs = per_amount[..., first] * per_amount[..., second]
+        of_pairs = np.einsum("vra,vra->va", *(self.deviations[..., k] for k in (first, second)))
+        variance = pairs @ (of_pairs * np.where(first == second, 1, 2)).T
+        value, systematic = per_amount @ self.amounts.T, of_target @ self.amounts.T
+        systematic = (systematic * self.relative) ** 2
+        missed = np.asarray(per_missed)[..., None] * self.missed
         freedom = self.deviations.shape[1] - 1
-        scatter = np.sqrt(
-            sum(
-                (per_amount @ self.deviations[:, k].T) ** 2 for k in range(self.deviations.shape[1])
-            )
-        )
-        systematic = np.abs(of_target @ self.amounts.T) * self.relative
-        missed = np.abs(np.asarray(per_missed))[..., None] * self.missed
+        variance = np.maximum(variance, 0)  # rounding
         half_width = np.sqrt(
-            (student_factor(freedom) * scatter) ** 2
-            + (student_factor(np.inf) * systematic) ** 2
+            student_factor(freedom) ** 2 * variance
+            + student_factor(np.inf) ** 2 * systematic
             + missed**2
         )
-        return Estimates(per_amount @ self.amounts.T, np.hypot(scatter, systematic), half_width)
+        return Estimates(value, np.sqrt(variance + systematic), half_width)
 
     def of_views(self, numbers: ArrayLike) -> "ViewAreas":
         """Effective areas of the views with these numbers, in their order."""
