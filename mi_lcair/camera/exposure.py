@@ -16,8 +16,9 @@ from mi_lcair.plugins.emission.sources import Sources
 from mi_lcair.plugins.paths.sums import Sums
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.images.apparent import Arrival
-from mi_lcair.rendering.measurands import Criterion, Measurands
+from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.pixels.errors import PixelCriterion, averaged, surroundings
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import Windows
@@ -28,6 +29,7 @@ RANGES, STEP = 129, 0.005
 # Independent randomisations of a part's points. The error of a pixel averages over many parts, so
 # that two of each are enough.
 RANDOMISATIONS = 2
+MOST_NOISY = 1e-3  # largest share of the frame with a larger error than the camera's noise
 
 
 @dataclass(frozen=True)
@@ -101,7 +103,8 @@ def exposure(
     view : CameraView
     sampling : Sampling
         Its spp and max_spp are paths through a pixel, or through the model where it is smaller. Its
-        tolerance is the `rms_error`. Its progress is in paths through a pixel.
+        tolerance is the `rms_error`. Without both, the camera's noise decides. Its progress is in
+        paths through a pixel.
     detector : Band
         Band whose values are electrons.
     behind : callable
@@ -121,6 +124,13 @@ def exposure(
     in_pixel = min(view.parts**2, columns * rows)
     hidden = detector_mean(setting.backdrop.at_sensor(range_m), scene.band)
 
+    def electrons(total: Totals) -> float:
+        """Electrons at the aperture for a unit of the model's mean radiance, from `range_m`."""
+        sources, sums = total.emitters.sources, total.sums
+        arrival = Arrival.of(sources, scene.band, detector, air, np.array([range_m]), extrapolate)
+        model = arrival.of_parts({name: values.sum(keepdims=True) for name, values in sums.items()})
+        return model.item() / max(sums["target"].sum(), 1e-300)
+
     windows = Windows(
         view.sensor(scene),
         columns,
@@ -136,6 +146,8 @@ def exposure(
     criterion = None
     if sampling.tolerance is not None:
         criterion = ModelError(sampling.tolerance, in_pixel)
+    elif sampling.spp is None:
+        criterion = NoiseError(view, electrons, behind(detector))
     total = measure(scene, windows, sampling, measurands, criterion)
     sources = total.emitters.sources
     parts = {name: total.mean(name) for name in total.sums}
@@ -169,11 +181,6 @@ def exposure(
             if (name := f"target.source.{k}") in arrives and source.in_band
         }
 
-    # Errors are those of the radiance, in the unit of electrons at the aperture
-    at_middle = Arrival.of(
-        sources, scene.band, detector, air, np.array([range_m]), extrapolate
-    ).of_parts({name: values.sum(keepdims=True) for name, values in seen.items()})
-    per_radiance = float(at_middle[0]) / max(seen["target"].sum(), 1e-300)
     areas = part_areas(view, on, ranges) * view.inside.ravel()[on]
     intensities = {
         name: float(values @ areas) for name, values in seen.items() if name != "target.range"
@@ -182,7 +189,8 @@ def exposure(
     def image(values: np.ndarray) -> np.ndarray:
         return view.samples(placed(values, on, (rows, columns)))
 
-    variance = image((per_radiance * total.standard_error()[on]) ** 2)
+    # Errors are those of the radiance, in the unit of electrons at the aperture
+    variance = image((electrons(total) * total.standard_error()[on]) ** 2)
     return Exposure(
         contrast=image(arriving(detector)),
         radiance=image(arriving(setting.detector.band)),
@@ -192,7 +200,7 @@ def exposure(
         area=intensities["target.hit"],
         sources=sources,
         spp=in_pixel * round(total.traced.mean()),
-        rms_error=rms_error(total, in_pixel),
+        rms_error=float(np.sqrt(model_squares(total, in_pixel).mean())),
         reached=total.reached,
         invalid=total.invalid,
         paths=int(total.traced.sum()),
@@ -238,7 +246,7 @@ def detector_mean(backdrop: Backdrop, detector: Band) -> float:
 
 
 @dataclass(frozen=True)
-class ModelError(Criterion):
+class ModelError(PixelCriterion):
     """The rms standard error over the pixels on the model is below a fraction of its mean."""
 
     tolerance: float
@@ -247,22 +255,83 @@ class ModelError(Criterion):
     def check(self, tracer, name):
         """Nothing is refused: a tolerance that is not reached is reported."""
 
-    def excess(self, total):
-        return rms_error(total, self.in_pixel) / self.tolerance
+    def squares(self, total):
+        return model_squares(total, self.in_pixel) / self.tolerance**2
+
+    def expected(self, squares, more):
+        return float(np.sqrt(np.mean(squares / more)))
+
+    def weight(self, total, size):
+        return np.sqrt(surroundings(total.scatter_error() ** 2, size))
 
 
-def rms_error(total: Totals, in_pixel: int) -> float:
-    """Rms standard error over the pixels on the model, as a fraction of its mean radiance.
+@dataclass(frozen=True)
+class NoiseError(PixelCriterion):
+    """The standard error of a pixel is below the camera's noise, in all but few of the frame.
 
-    A pixel is the mean of `in_pixel` parts with independent errors. A model that is smaller has
-    fewer parts.
+    It is that of a square of the size of a pixel around each part, without the optics, which make
+    it smaller.
+
+    Attributes
+    ----------
+    view : CameraView
+    electrons : callable
+        Electrons for a unit of the model's radiance, from the totals.
+    behind : ndarray, shape (rows, columns)
+        Electrons of the background behind the parts.
+    """
+
+    view: CameraView
+    electrons: Callable[[Totals], float]
+    behind: np.ndarray
+
+    def check(self, tracer, name):
+        """Nothing is refused: pixels with a larger error are marked."""
+
+    @property
+    def size(self) -> tuple[int, int]:
+        return self.view.size[::-1]
+
+    def ratio(self, variance: np.ndarray, contrast: np.ndarray, total: Totals) -> np.ndarray:
+        """Squared ratio of the error of pixels to their noise, from those of the parts, (P,)."""
+        unit = self.electrons(total)
+        noise = self.view.imager.noise(self.behind.ravel() + unit * contrast)
+        return variance * (unit / self.view.parts / noise) ** 2
+
+    def squares(self, total):
+        contrast = averaged(total.mean(), self.size, self.view.parts)
+        return self.ratio(total.standard_error() ** 2, contrast, total)
+
+    def expected(self, squares, more):
+        return float(np.sqrt(self.largest(averaged(squares / more, self.size, self.view.parts))))
+
+    def weight(self, total, size):
+        variance, contrast = (
+            surroundings(np.maximum(values, 0), size)
+            for values in (total.scatter_error() ** 2, total.mean())
+        )
+        weight = self.ratio(variance, contrast, total)
+        return np.minimum(weight, self.largest(weight))
+
+    def largest(self, squares) -> float:
+        """The largest square without those of MOST_NOISY of the frame."""
+        imager, parts = self.view.imager, self.view.parts
+        above = MOST_NOISY * imager.width * imager.height * parts**2 / len(squares)
+        return float(np.quantile(squares, max(1 - above, 0)))
+
+
+def model_squares(total: Totals, in_pixel: int) -> np.ndarray:
+    """Squared ratios of the errors of parts to the model's mean radiance, (P,).
+
+    Their mean over all parts is that of the pixels on the model. A pixel is the mean of `in_pixel`
+    parts with independent errors. A model that is smaller has fewer parts.
     """
     on = total.mean("target.hit") > 0
-    if not on.any():
-        return 0.0
-    mean = total.mean("target")[on].mean()
-    variance = np.mean(total.standard_error()[on] ** 2) / min(in_pixel, on.sum())
-    return float(np.sqrt(variance) / mean) if mean > 0 else 0.0
+    mean = total.mean("target")[on].mean() if on.any() else 0.0
+    if not mean > 0:
+        return np.zeros(len(on))
+    share = on.mean() * min(in_pixel, on.sum())
+    return np.where(on, total.standard_error() ** 2, 0) / (mean**2 * share)
 
 
 def part_areas(view: CameraView, on, ranges) -> np.ndarray:

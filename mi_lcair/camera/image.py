@@ -96,7 +96,7 @@ def record_image(scenario: Scenario, frames: int, seed: int, progress) -> Image:
             *scenery.missing(),
             *multiplied_light(setting, exposed.sources.list),
             *invalid_remark(exposed.invalid, exposed.paths),
-            *remarks(imager, view, channels["electrons.Y"], measures, hidden, exposed.reached),
+            *remarks(imager, view, channels, measures, hidden, exposed.reached),
         ],
         seconds=time.perf_counter() - start,
         render_seconds=render_seconds,
@@ -135,6 +135,7 @@ def developed(
         "temperature.Y": camera.temperatures(frame_counts[0]),
         **camera.mean_temperatures(scene, error),
     }
+    channels["speckle.Y"] = channels["stderr_K.Y"] > channels["noise_K.Y"]
     return frame_counts, channels, optics.seen(exposed.share, view.around)
 
 

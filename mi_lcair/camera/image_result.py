@@ -41,7 +41,7 @@ class Image(Result):
         electrons.background.Y: those without the target. counts.Y, temperature.Y: counts of the
         first frame, and their apparent temperature, K. mean_temperature.Y: that of the mean
         electrons. stderr_K.Y and noise_K.Y: standard error of the rendering, and noise of the
-        camera in time, K.
+        camera in time, K. speckle.Y: 1 where the former is larger, else 0.
     header : dict
         Header of the EXR.
     measures : Measures

@@ -15,7 +15,7 @@ REMEDIES = {None: "raise spp", True: "lower the tolerance", False: "raise max_sp
 
 
 def remarks(
-    imager: Imager, view: CameraView, signal, measures: Measures, hidden: float, reached
+    imager: Imager, view: CameraView, channels: dict, measures: Measures, hidden: float, reached
 ) -> list[str]:
     """Remarks on the limits of an image, one line each.
 
@@ -24,9 +24,10 @@ def remarks(
     lines = []
     if measures.saturated:
         share = float(f"{100 * measures.saturated:.2g}")
+        most = 1e-6 * (channels["electrons.Y"].max() + imager.dark)
         lines.append(
             f"the detector is saturated in {share:g} % of the pixels, which collect up to "
-            f"{1e-6 * (signal.max() + imager.dark):.4g} Me in a well of {imager.well_Me:g} Me: "
+            f"{most:.4g} Me in a well of {imager.well_Me:g} Me: "
             "their temperature is at least the stated one; shorten integration_time_ms"
         )
     if view.is_cut:
@@ -39,10 +40,11 @@ def remarks(
             f"{hidden:.0%} of the target has sky or terrain of the scene between it and the "
             "observer; this sky or terrain is ignored and does not hide the target"
         )
-    if measures.render_error > measures.netd:
+    if (speckle := channels["speckle.Y"]).any():
+        most, share = channels["stderr_K.Y"].max(), f"{100 * speckle.mean():.2g} %"
         lines.append(
-            f"the rendering's error, {1e3 * measures.render_error:.3g} mK on the target, is larger "
-            f"than the camera's NETD, {1e3 * measures.netd:.3g} mK, and is the same in all frames; "
+            f"the rendering's error, up to {most:.2g} K, is larger than the camera's noise in "
+            f"{share} of the pixels, which speckle.Y marks, and is the same in all frames; "
             f"{REMEDIES[reached]} of [render]"
         )
     return lines

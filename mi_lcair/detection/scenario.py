@@ -46,7 +46,8 @@ HIGHEST_M = 100_000.0  # largest height of a sensor, above all air
 KELVIN = within(is_positive=True, unit="K")
 COUNT = within(lower=2, upper=2**31)  # of samples per pixel
 DEFAULT_SPP = 64  # samples per pixel without a tolerance
-TO_A_TOLERANCE = ("tolerance", "tolerance_W_m2", "max_spp")  # entries that spp does not go with
+# Entries that spp does not go with
+TO_A_TOLERANCE = ("tolerance", "tolerance_W_m2", "to_noise", "max_spp")
 # Entries that are removed when a change sets the entry on the left.
 REPLACES = {
     ("background", "sky"): ("temperature", "daytime_sky"),
@@ -351,6 +352,9 @@ class RenderTable:
     tolerance_W_m2 : float or None
         Allowed half of the 95 % interval of each contrast, W m^-2. With both tolerances, a render
         ends when one of them is reached.
+    to_noise : bool
+        Whether a camera's image gets as many samples as its noise needs, in place of a tolerance:
+        the error of the rendering is below the noise in 99.9 % of the frame.
     max_spp : int or None
         Largest number of samples per pixel with a tolerance (65536).
     seed : int
@@ -363,11 +367,12 @@ class RenderTable:
     spp: int | None = field(default=None, metadata=COUNT)
     tolerance: float | None = None
     tolerance_W_m2: float | None = field(default=None, metadata=within(is_positive=True))
+    to_noise: bool = False
     max_spp: int | None = field(default=None, metadata=COUNT)
     seed: int = field(default=0, metadata=within(lower=0, upper=2**32 - 1))
 
     def __post_init__(self):
-        given = [name for name in TO_A_TOLERANCE if getattr(self, name) is not None]
+        given = [name for name in TO_A_TOLERANCE if getattr(self, name) not in (None, False)]
         if self.spp is not None and given:
             raise InputError(
                 f"[render]: spp and {given[0]} do not go together; spp is a fixed number of "
@@ -392,11 +397,24 @@ class RenderTable:
         return self.spp is None
 
     def of_render(self, progress: Progress | None = None) -> Sampling:
-        """The sampling of one render, whose criterion is made from the tolerances."""
+        """The sampling of one render, whose criterion is made from the tolerances.
+
+        Raises InputError if the number of samples is left to a camera's noise.
+        """
+        if (self.spp, self.tolerance, self.tolerance_W_m2) == (None, None, None):
+            raise InputError(
+                "[render]: to_noise chooses the samples of a camera's image only; give spp, "
+                "tolerance or tolerance_W_m2"
+            )
         return Sampling(spp=self.spp, max_spp=self.max_spp, seed=self.seed, progress=progress)
 
     def of_image(self, progress: Progress | None = None) -> Sampling:
-        """The sampling of a camera's image, for which only a relative tolerance counts."""
+        """The sampling of a camera's image, for which only a relative tolerance counts.
+
+        It has neither samples nor a tolerance if the camera's noise decides.
+        """
+        if self.to_noise:
+            return Sampling(max_spp=self.max_spp, seed=self.seed, progress=progress)
         if self.tolerance is None:
             return Sampling(spp=self.spp or DEFAULT_SPP, seed=self.seed, progress=progress)
         return Sampling(

@@ -14,6 +14,8 @@ CHANNELS = {
     "mean_temperature": ("apparent temperature without noise", "K"),
     "stderr_K": ("standard error of the rendering", "K"),
     "noise_K": ("noise of the camera", "K"),
+    "speckle": ("whether the rendering's error is above the camera's noise", ""),
+    "spp": ("samples of a pixel", ""),
     "electrons": ("electrons", ""),
     "counts": ("counts", ""),
     "sigma_K": ("standard uncertainty of temperature", "K"),

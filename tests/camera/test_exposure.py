@@ -9,9 +9,9 @@ from mi_lcair.camera.exposure import (
     ModelError,
     detector_mean,
     interpolated,
+    model_squares,
     part_areas,
     placed,
-    rms_error,
 )
 from mi_lcair.detection.irradiance import Backdrop
 from mi_lcair.errors import InputError
@@ -27,6 +27,10 @@ def totals(hit, target, error):
     """In place of `Totals`: means and standard errors of parts."""
     means = {"target.hit": np.array(hit), "target": np.array(target)}
     return SimpleNamespace(mean=means.get, standard_error=lambda: np.array(error))
+
+
+def rms_error(total, in_pixel):
+    return np.sqrt(model_squares(total, in_pixel).mean())
 
 
 def test_rms_error():

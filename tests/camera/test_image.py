@@ -116,8 +116,19 @@ def test_tolerance(scenario):
 )
 def test_remedy_of_a_noisy_rendering(scenario, render, remedy):
     """An entry is named that the scenario may have: spp and tolerance exclude each other."""
-    remarks = image(scenario({"pitch_um": 60.0}, **render)).remarks
-    assert any("larger than the camera's NETD" in line and remedy in line for line in remarks)
+    result = image(scenario({"pitch_um": 60.0}, **render))
+    (line,) = (line for line in result.remarks if "larger than the camera's noise" in line)
+    marked = result.channels["speckle.Y"] > 0
+    assert remedy in line and f"{100 * marked.mean():.2g} % of the pixels" in line
+    assert np.array_equal(marked, result.channels["stderr_K.Y"] > result.channels["noise_K.Y"])
+
+
+def test_samples_as_the_noise_needs(scenario):
+    """99.9 % of the frame have a smaller error of the rendering than noise, and few more paths."""
+    result = image(scenario({"pitch_um": 60.0}, render__to_noise=True))
+    assert result.exposure.reached and result.channels["speckle.Y"].mean() <= 2e-3
+    even = image(scenario({"pitch_um": 60.0}, render__spp=result.exposure.spp))
+    assert even.channels["speckle.Y"].mean() > 1.5 * result.channels["speckle.Y"].mean()
 
 
 def test_error_of_the_rendering(scenario):

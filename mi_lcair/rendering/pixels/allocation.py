@@ -9,10 +9,12 @@ little would be too dark on average, because these paths missed what is bright a
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from math import hypot
 
 import numpy as np
+import scipy
 
-from mi_lcair.rendering.pixels.errors import PixelCriterion, surroundings
+from mi_lcair.rendering.pixels.errors import PixelCriterion
 from mi_lcair.rendering.statistics import Totals
 
 EVEN_PARTS = (1 / 8, 1 / 4, 1 / 2)  # smallest share of a pixel; the best of them is taken
@@ -20,7 +22,7 @@ STEP = 4  # points that a pixel gets more at once, so that few kernels are compi
 LEAST_PILOT = 1 / 8  # part of all points that decide the shares, at least
 LEAST_GAIN = 1.1  # smallest ratio of the paths saved for which the shares differ
 MARGIN = 1.02  # ratio of the expected error to the one that is aimed at, as both are estimates
-GROWTH = 1.2  # ratio of the numbers of paths that are compared
+ACCURACY = 0.05  # of the binary logarithm of a number of paths
 
 
 @dataclass(frozen=True)
@@ -86,9 +88,10 @@ def allocate(
         return None, np.inf
 
     def excess(points: np.ndarray) -> float:
-        return MARGIN * criterion.expected(squares, unmet, points / pilot)
+        more = points / pilot
+        return MARGIN * hypot(criterion.expected(squares, more), unmet / more.min())
 
-    weight = criterion.weight(surroundings(squares.reshape(size)).ravel())
+    weight = criterion.weight(total, size)
     even, *shared = (
         cheapest(Allocation(shares, pilot, STEP), excess, most)
         for shares in [np.ones(len(squares)), *(shares_of(weight, part) for part in EVEN_PARTS)]
@@ -116,19 +119,22 @@ class Prospect:
 
 
 def cheapest(allocation: Allocation, excess: Callable, most: float) -> Prospect:
-    """The first goal for which an allocation meets a criterion.
+    """The smallest goal for which an allocation meets a criterion, or the largest goal.
 
     excess: gives the expected ratio of the error to the allowed error from the points of the
     windows. most: largest mean number of points.
     """
-    prospect, goal = Prospect(np.inf, allocation.pilot, 0, allocation), allocation.pilot / 2
-    while (points := allocation.points(goal)).mean() <= most:
-        ratio = excess(points)
-        prospect = Prospect(points.mean() * max(ratio, 1) ** 2, points.mean(), goal, allocation)
-        if ratio <= 1:
-            break
-        goal *= GROWTH
-    return prospect
+
+    def ratio(logarithm: float) -> float:
+        return np.log(excess(allocation.points(2**logarithm)))
+
+    least, largest = np.log2(allocation.pilot / 2), np.log2(most)
+    if ratio(least) <= 0:
+        largest = least
+    elif ratio(largest) < 0:
+        largest = scipy.optimize.bisect(ratio, least, largest, xtol=ACCURACY)
+    points = allocation.points(2**largest).mean()
+    return Prospect(points * max(np.exp(ratio(largest)), 1) ** 2, points, 2**largest, allocation)
 
 
 def shares_of(weight: np.ndarray, smallest: float) -> np.ndarray:

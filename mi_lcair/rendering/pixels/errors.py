@@ -2,6 +2,7 @@
 
 from abc import abstractmethod
 from dataclasses import dataclass
+from math import hypot
 
 import numpy as np
 from scipy.ndimage import uniform_filter
@@ -30,7 +31,7 @@ def pixel_errors(total: Totals, size: tuple[int, int]) -> np.ndarray:
     """
 
     def pooled(values):
-        return np.maximum(uniform_filter(values.reshape(size), POOLED, mode="nearest").ravel(), 0)
+        return averaged(values, size, POOLED)
 
     paths = np.maximum(total.paths, 1)
     variance = pooled(total.random_error() ** 2 * paths) / paths
@@ -40,22 +41,28 @@ def pixel_errors(total: Totals, size: tuple[int, int]) -> np.ndarray:
     return np.sqrt(variance + systematic + missed**2)
 
 
-def surroundings(squares: np.ndarray) -> np.ndarray:
+def averaged(values: np.ndarray, size: tuple[int, int], side: int) -> np.ndarray:
+    """Means of what is not negative over side x side pixels around each pixel, (P,)."""
+    return np.maximum(uniform_filter(values.reshape(size), side, mode="nearest").ravel(), 0)
+
+
+def surroundings(values: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     """What is expected of a pixel from those around it: a geometric mean of means over SQUARES.
 
-    The pixel itself does not count. squares: squared errors, (rows, columns).
+    The pixel itself does not count. values: of each pixel, (P,), not negative. size: rows and
+    columns of the image.
     """
-    mean = squares.mean()
-    logarithm = np.zeros(squares.shape)
+    mean, values = values.mean(), values.reshape(size)
+    logarithm = np.zeros(size)
     for side in SQUARES:
         # Sums over the parts of the squares that are inside the image
         counts, sums = (
-            side**2 * uniform_filter(values, side, mode="constant") - values
-            for values in (np.ones(squares.shape), squares)
+            side**2 * uniform_filter(image, side, mode="constant") - image
+            for image in (np.ones(size), values)
         )
         around = np.where(counts > 0.5, sums / np.maximum(counts, 1), mean)
         logarithm += np.log(np.maximum(around, 0) + SMALLEST * mean)
-    return np.exp(logarithm / len(SQUARES))
+    return np.exp(logarithm / len(SQUARES)).ravel()
 
 
 class PixelCriterion(Criterion):
@@ -66,19 +73,23 @@ class PixelCriterion(Criterion):
         """Squared ratios of the pixels' errors from scatter to the allowed error, (P,)."""
 
     @abstractmethod
-    def unmet(self, total: Totals) -> float:
-        """Squared ratio of the error from sources that no path has hit to the allowed error."""
-
-    @abstractmethod
-    def expected(self, squares: np.ndarray, unmet: float, more: np.ndarray) -> float:
+    def expected(self, squares: np.ndarray, more: np.ndarray) -> float:
         """Ratio of the error to the allowed one if pixels had `more` times their paths, (P,)."""
 
+    def unmet(self, total: Totals) -> float:
+        """Ratio of the error from sources that no path has hit to the allowed error."""
+        return 0.0
+
     @abstractmethod
-    def weight(self, squares: np.ndarray) -> np.ndarray:
-        """Numbers of paths that serve best, in any unit, for these `squares` of as many paths."""
+    def weight(self, total: Totals, size: tuple[int, int]) -> np.ndarray:
+        """Numbers of paths that serve best, in any unit, (P,).
+
+        That of a pixel must not depend on its own paths, but on its `surroundings`. total: of as
+        many paths in each pixel. size: rows and columns of the image.
+        """
 
     def excess(self, total):
-        return self.expected(self.squares(total), self.unmet(total), np.ones(1))
+        return hypot(self.expected(self.squares(total), np.ones(1)), self.unmet(total))
 
 
 @dataclass(frozen=True)
@@ -97,13 +108,13 @@ class PixelError(PixelCriterion):
         return (total.standard_error() / self.allowed(total)) ** 2
 
     def unmet(self, total):
-        return len(total.valid) * (total.missed_by_all() / self.allowed(total)) ** 2
+        return np.sqrt(len(total.valid)) * total.missed_by_all() / self.allowed(total)
 
-    def expected(self, squares, unmet, more):
-        return float(np.sqrt(np.mean(squares / more) + unmet / np.min(more) ** 2))
+    def expected(self, squares, more):
+        return float(np.sqrt(np.mean(squares / more)))
 
-    def weight(self, squares):
-        return np.sqrt(squares)
+    def weight(self, total, size):
+        return np.sqrt(surroundings(total.scatter_error() ** 2, size))
 
     def excess(self, total):
         error = total.rms_error()
