@@ -31,9 +31,9 @@ PHOTONS = 2**16  # photons from each emitter in the audit of a page
 PLAN_TOLERANCE = 0.01  # tolerance of a plan without one
 SPP = 64  # samples per pixel of a scenario that states none
 TAKEN = (
-    "report takes a radiance image (.exr), the .json of a signature, fit, solution, budget or "
-    "audit, the .csv of a trend, of facets or of a spectrum, a scene (.xml, bundled name or the "
-    "folder of an import) and a scenario (.toml or bundled name)"
+    "report takes a radiance image (.exr), the .json of a signature, fit, contrast, solution, "
+    "budget or audit, the .csv of a trend, of facets or of a spectrum, a model (.obj and others), "
+    "a scene (.xml, bundled name or the folder of an import) and a scenario (.toml or bundled name)"
 )
 
 
@@ -93,9 +93,9 @@ def report(
     Parameters
     ----------
     what : str, path-like, Scene, result, or sequence of these
-        A radiance image (EXR); the JSON of a signature, fit, solution, budget or audit; the CSV of
-        a trend, facets or spectrum; a scene (XML or bundled name), which is rendered; a scenario
-        (TOML or bundled name), which is measured; or a result in memory.
+        A radiance image (EXR); the JSON of a signature, fit, contrast, solution, budget or audit;
+        the CSV of a trend, facets or spectrum; a model; a scene (XML or bundled name), which is
+        rendered; a scenario (TOML or bundled name), which is measured; or a result in memory.
     path : path-like
         File to write, FILE.html.
     scene : Scene, str, Path or mi.Scene, optional

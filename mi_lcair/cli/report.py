@@ -62,8 +62,9 @@ def command(call, what, output, parameters, variant, threads, **options):
 
     \b
     FILE.exr             images with the values of every channel
-    FILE.json            tables of a signature, solution, budget or audit;
-                         data and curves of a fit
+    FILE.json            tables of a signature, contrast, solution, budget or
+                         audit; data and curves of a fit
+    MODEL.obj            the facets of a model
     FILE.csv             polar curves of a trend; facets; spectra
     SCENE                image, signature, facets, spectrum, audit
     SCENARIO             image through the air, contrast, ranges, and the rest

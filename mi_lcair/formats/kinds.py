@@ -14,7 +14,7 @@ from mi_lcair.results import Result, named
 IMAGE, SIGNATURE, FIT, MODEL = "an image", "a signature", "a fit", "a model"
 SCENE, SCENARIO, MATERIAL = "a scene", "a scenario", "a material"
 BLACKBODIES, AIR, SKY = "blackbodies", "an atmosphere", "a sky"
-SOLUTION, BUDGET, AUDIT = "a solution", "a budget", "an audit"
+SOLUTION, BUDGET, AUDIT, CONTRAST = "a solution", "a budget", "an audit", "a contrast"
 BY_SUFFIX = {".exr": IMAGE, ".xml": SCENE, ".toml": SCENARIO, **dict.fromkeys(MODELS, MODEL)}
 TEMPERATURES = re.compile(r"\d+(\.\d+)?K(,\d+(\.\d+)?K)*")  # such as 260K,300K
 # By the entry `kind` of a result's JSON
@@ -24,6 +24,7 @@ BY_RESULT = {
     "mi_lcair solution": SOLUTION,
     "budget": BUDGET,
     "audit": AUDIT,
+    "contrast": CONTRAST,
 }
 # Classes whose JSON holds all that they show; their method `of_entries` reads it
 CLASSES = {
@@ -33,8 +34,8 @@ CLASSES = {
 }
 
 __all__ = [
-    "AIR", "AUDIT", "BLACKBODIES", "BUDGET", "FACETS", "FIT", "IMAGE", "MATERIAL", "MODEL",
-    "SCENARIO", "SCENE", "SIGNATURE", "SKY", "SOLUTION", "SPECTRUM", "TREND", "kind_of",
+    "AIR", "AUDIT", "BLACKBODIES", "BUDGET", "CONTRAST", "FACETS", "FIT", "IMAGE", "MATERIAL",
+    "MODEL", "SCENARIO", "SCENE", "SIGNATURE", "SKY", "SOLUTION", "SPECTRUM", "TREND", "kind_of",
     "read_json", "read_result",
 ]  # fmt: skip
 

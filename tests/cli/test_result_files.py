@@ -2,6 +2,8 @@
 
 import csv
 import json
+import shutil
+from pathlib import Path
 
 import mitsuba as mi
 import numpy as np
@@ -9,10 +11,12 @@ import pytest
 
 import mi_lcair
 from mi_lcair.formats.kinds import read_result
+from tests.detection.disc_scenario import disc, write_disc
 from tests.inversion.plate import UNKNOWNS, datum, write_scene
 from tests.uncertainty.plate_scene import plate_scene
 
 mi.set_variant("llvm_ad_mono")
+BOX = Path(__file__).parents[2] / "scenes" / "examples" / "box.obj"
 SIGMA = {"sigma": {"plate.temperature": 2.0, "paint.reflectance": 0.02}}
 
 
@@ -53,6 +57,32 @@ def test_a_result_from_its_file(kind, folder, run):
     page = (folder / "page.html").read_text()
     title = {"solution": "plate.temperature", "budget": "Uncertainty budget"}
     assert title.get(kind, "Energy audit") in page and "How it was made" in page
+
+
+def test_a_contrast_from_its_file(folder, run, refused):
+    """Picture and page have the spectra and the table that the contrast in memory has."""
+    write_disc(folder)
+    contrast = mi_lcair.contrast(disc(folder, render__resolution=8, render__spp=16))
+    contrast.save("contrast.json")
+    contrast.plot("memory.png")
+    assert run("show", "contrast.json").stdout == "contrast.png\n"
+    assert (folder / "contrast.png").read_bytes() == (folder / "memory.png").read_bytes()
+    assert run("report", "contrast.json", "-o", "page.html").exit_code == 0
+    contrast.save("memory.html")
+    table = (folder / "memory.html").read_text().partition("reflections up to")[2]
+    assert table.partition("</table>")[0] in (folder / "page.html").read_text()
+    entries = contrast.as_dict()
+    del entries["spectrum"]
+    (folder / "contrast.json").write_text(json.dumps(entries))
+    assert "a contrast that is incomplete" in refused("show", "contrast.json", "-o", "none.png")
+    assert not (folder / "none.png").exists()
+
+
+def test_a_page_of_a_model(folder, run):
+    shutil.copy(BOX, folder)
+    assert run("report", "box.obj", "-o", "page.html").exit_code == 0
+    page = (folder / "page.html").read_text()
+    assert 'data-kind="model"' in page and "open edges" in page and "Model (box.obj)" in page
 
 
 @pytest.mark.parametrize("command", ["show", "convert", "report"])

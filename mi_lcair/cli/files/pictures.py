@@ -115,6 +115,21 @@ def result(what, output):
     click.echo(output)
 
 
+def contrast(what, output):
+    """Draw the spectra of a contrast from its JSON."""
+    from mi_lcair.drawing import write_figure
+    from mi_lcair.formats.kinds import CONTRAST, incomplete, read_json
+    from mi_lcair.reports.pictures.contrast import figure_of_entries
+
+    output = output or named_after(Path(what), "contrast")
+    try:
+        figure = figure_of_entries(read_json(what))
+    except (KeyError, IndexError, TypeError, ValueError) as error:
+        raise incomplete(what, CONTRAST, error) from None
+    write_figure(figure, output)
+    click.echo(output)
+
+
 def model(what, output, materials):
     """Draw the model in a file from three sides."""
     from mi_lcair import models3d

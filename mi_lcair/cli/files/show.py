@@ -37,6 +37,7 @@ DRAWN = {
     "a solution": (pictures.result, ()),
     "a budget": (pictures.result, ()),
     "an audit": (pictures.result, ()),
+    "a contrast": (pictures.contrast, ()),
 }
 NOT_DRAWN = {
     "a table of facets": "name its scene: mi-lcair show SCENE --facets {} -c COLUMN",
@@ -106,7 +107,7 @@ def command(ctx, what, output, **options):
     FILE.exr                            channels of an image
     FILE.csv, FILE.nc                   a trend, or a spectrum of a signature
     FILE.json                           a solution of invert, a budget, or an
-                                        audit
+                                        audit; a contrast
     SCENE, MODEL.obj, FOLDER            three views of a model; FOLDER is
                                         what import wrote
     SCENE --facet N                     what a facet sees, its neighbours'

@@ -11,6 +11,7 @@ from mi_lcair.files import parse_json, read_bytes, read_text
 from mi_lcair.formats import kinds, tables
 from mi_lcair.physics.bands import Band
 from mi_lcair.reports.page.model_panel import rows_by_facet
+from mi_lcair.reports.sections import contrast as contrast_sections
 from mi_lcair.reports.sections import fit as fit_sections
 from mi_lcair.reports.sections.facets import facets_section, known_band
 from mi_lcair.reports.sections.render import image_sections
@@ -71,9 +72,9 @@ def image(what: str, model):
 
 
 def result_json(what: str, model):
-    """A signature's or a fit's JSON."""
+    """The JSON of a signature, a fit or a contrast."""
     entries = kinds.read_json(what)
-    read_entries = {"signature": signature, "fit": fit}[entries["kind"]]
+    read_entries = {"signature": signature, "fit": fit, "contrast": contrast}[entries["kind"]]
     try:
         return read_entries(what, entries, model)
     except (KeyError, IndexError, TypeError, AttributeError) as error:
@@ -97,6 +98,24 @@ def signature(what: str, entries: dict, model):
     *sections, made = sections_of_entries(entries, facets)
     made.parts.insert(0, Facts(of_file(what)))
     return f"Signature of {entries['scene_name']}", [*sections, made]
+
+
+def contrast(what: str, entries: dict, model):
+    """A contrast's JSON: irradiances and spectra."""
+    made = details(entries, MADE)
+    made.parts.insert(0, Facts(of_file(what)))
+    sections = contrast_sections.sections_of_entries(entries)
+    return f"Contrast of {entries['scenario_name']}", [*sections, made]
+
+
+def facet_model(what: str, model):
+    """A model file: its figures, and the facets to turn and to hover."""
+    from mi_lcair import models3d
+
+    read_model = models3d.read(Path(what))
+    corners = read_model.vertices[read_model.triangles], read_model.triangle_facet
+    sections = [*read_model.sections(), facets_section(read_model.columns(), corners)]
+    return f"Model ({Path(what).name})", [*sections, file_section(what, [])]
 
 
 def fit(what: str, entries: dict, model):
@@ -231,6 +250,8 @@ READERS = {
     kinds.IMAGE: image,
     kinds.SIGNATURE: result_json,
     kinds.FIT: result_json,
+    kinds.CONTRAST: result_json,
+    kinds.MODEL: facet_model,
     **dict.fromkeys(kinds.CLASSES, result),
     kinds.TREND: trend,
     kinds.SPECTRUM: spectrum,

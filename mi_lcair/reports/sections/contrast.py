@@ -17,17 +17,30 @@ def sections(contrast, ranges: bool = True) -> list[Section]:
     """
     result = [
         Section(
-            "Contrast", [Facts(setting(contrast)), irradiances(contrast), Remarks(contrast.remarks)]
+            "Contrast",
+            [
+                Facts(setting(contrast)),
+                irradiances([row.as_dict() for row in contrast.rows]),
+                Remarks(contrast.remarks),
+            ],
         )
     ]
     if ranges and contrast.detector.nei is not None:
         result.append(Section("Detection range", [detection_ranges(contrast)]))
-    return [*result, Section("Spectra", [Drawing(partial(spectra, contrast))])]
+    return [*result, Section("Spectra", [Drawing(partial(spectra, contrast.as_dict()))])]
 
 
-def spectra(contrast):
-    """The panel of the spectra."""
-    return line_panel(charts(contrast))
+def sections_of_entries(entries: dict) -> list[Section]:
+    """Irradiances and spectra of a contrast from the entries of its JSON."""
+    return [
+        Section("Contrast", [irradiances(entries["rows"]), Remarks(entries["remarks"])]),
+        Section("Spectra", [Drawing(partial(spectra, entries))]),
+    ]
+
+
+def spectra(entries: dict):
+    """The panel of the spectra of a contrast's entries."""
+    return line_panel(charts(entries))
 
 
 def setting(contrast) -> list[tuple[str, str]]:
@@ -70,26 +83,27 @@ def setting(contrast) -> list[tuple[str, str]]:
     return [*rows, accuracy(contrast)]
 
 
-def irradiances(contrast) -> Table:
-    """A row for each number of reflections."""
-    last = contrast.rows[-1]
+def irradiances(entries: list[dict]) -> Table:
+    """A row for each number of reflections, from the entries of a contrast's rows."""
+    last = entries[-1]
     columns = [
         "reflections up to", ("intensity", "W sr-1"), ("target", WATTS), ("background", WATTS),
         ("path", WATTS), "total W/m^2 (95 %)", ("nei max", WATTS),
     ]  # fmt: skip
-    columns += [] if last.observed is None else [("observed", WATTS)]
-    columns += [] if last.detected is None else ["detected"]
+    more = {("observed", WATTS): "observed_W_m2", "detected": "detected"}
+    more = {column: name for column, name in more.items() if last[name] is not None}
+    estimates = ("intensity_W_sr", "target_W_m2", "background_W_m2", "path_W_m2")
     rows = [
         [
-            row.max_bounces,
-            *map(tuple, (row.intensity, row.target, row.background, row.path)),
-            f"{row.total.value:.5g} +- {row.half_width:.2g}",
-            tuple(row.nei_max),
-            *(value for value in (row.observed, row.detected) if value is not None),
+            row["max_bounces"],
+            *(tuple(row[name].values()) for name in estimates),
+            f"{row['total_W_m2']['value']:.5g} +- {row['half_width_W_m2']:.2g}",
+            tuple(row["nei_max_W_m2"].values()),
+            *(row[name] for name in more.values()),
         ]
-        for row in contrast.rows
+        for row in entries
     ]
-    return Table(columns, rows)
+    return Table([*columns, *more], rows)
 
 
 def detection_ranges(contrast) -> Table:
