@@ -25,7 +25,7 @@ from mi_lcair.inversion.data.loader import Loader, goal_datum
 from mi_lcair.inversion.fitted import fitted, materials
 from mi_lcair.inversion.goal import achieved, best_of_starts, chosen
 from mi_lcair.inversion.least_squares.newton import is_informed
-from mi_lcair.inversion.least_squares.solve import State
+from mi_lcair.inversion.least_squares.solve import State, with_noise
 from mi_lcair.inversion.problem import InverseProblem, parts
 from mi_lcair.inversion.solution import Solution
 from mi_lcair.inversion.unknowns import FACETS, INSTRUMENT, Unknown, instruments, unknowns
@@ -34,6 +34,10 @@ from mi_lcair.progress import Progress
 NOISY = 0.75  # share of a variance from which the noise of the render is said to dominate
 UNTESTED = {"chi_square": 0.0, "degrees_of_freedom": 0.0, "p_value": None}
 UNFINISHED = "not converged: the value still moves, and its error may be too small"
+SCALED = (
+    "the errors are those of {:.3g} times the stated noise, as scale_errors asks; chi-square then "
+    "does not test the model"
+)
 LARGEST_MODEL_ERROR = 0.1  # relative error of a model above which it is not proposed to state it
 
 
@@ -66,15 +70,20 @@ def solve_problem(problem: InverseProblem, advise: bool, progress: Progress | No
         everything = [*unknowns_of(problem, data), *instruments(data)]
         check_counts(everything, data)
         state = best_of_starts(everything, data, problem, progress)
+        chi = chi_square(state.blocks, state.x, determined(state))
+        tested, scaling = chi, []
+        if problem.render.scale_errors and chi["chi_square"] > 0 and chi["p_value"] is not None:
+            factor = chi["chi_square"] / chi["degrees_of_freedom"]
+            state, tested = with_noise(state, factor), UNTESTED
+            scaling = [SCALED.format(np.sqrt(factor))]
         answered = answers(everything, state)
         if not state.converged:
             answered = withdrawn(answered, UNFINISHED)
-        chi = chi_square(state.blocks, state.x, determined(state))
-        notes = [*remarks(state, answered, chi), *remarks_on_pixels(data, state)]
+        notes = [*scaling, *remarks(state, answered, tested), *remarks_on_pixels(data, state)]
         pairs, advised = directions(answered, state.covariance, reasons(everything, data)), []
         if advise and any(answer.is_sought and not answer.is_determined for answer in answered):
             advised = advice_for(problem, everything, state, answered, data, proposed, loader)
-        if words := misfit(chi["p_value"]):
+        if words := misfit(tested["p_value"]):
             answered = withdrawn(answered, words)
     return Solution(
         problem=problem.name,

@@ -115,6 +115,9 @@ class RenderSettings:
     starts : int
         Number of first guesses for measurements: those of the unknowns, and random ones within the
         bounds. The solution with the smallest chi-square is kept.
+    scale_errors : bool
+        Whether the stated noise is only right up to a factor. The errors are then those of the
+        noise that makes chi-square as large as its degrees of freedom.
     """
 
     spp: int | None = field(default=None, metadata=within(lower=2, upper=2**31))
@@ -122,6 +125,7 @@ class RenderSettings:
     randomisations: int = field(default=4, metadata=within(lower=2, upper=64))
     iterations: int = field(default=20, metadata=within(lower=1, upper=1000))
     starts: int = field(default=1, metadata=within(lower=1, upper=100))
+    scale_errors: bool = False
 
     def __post_init__(self):
         check_fields(self)

@@ -257,6 +257,14 @@ def test_noise_that_is_stated_too_high(tmp_path):
     given["data"][0]["netd_mK"] = 5 * NETD_MK
     found = mi_lcair.invert(given, advise=False)
     assert found.p_value > 0.999 and "the noise is overstated" in found.remarks[-1]
+    given["render"]["scale_errors"] = True
+    scaled = mi_lcair.invert(given, advise=False)
+    factor = np.sqrt(found.chi_square / found.degrees_of_freedom)
+    assert factor < 0.6 and f"the errors are those of {factor:.3g} times" in scaled.remarks[0]
+    assert not any("overstated" in line for line in scaled.remarks)
+    for answer, before, kelvin in zip(scaled.answers, found.answers, KELVIN):
+        within(answer, kelvin)
+        assert 0.2 * before.standard_error < answer.standard_error < before.standard_error
 
 
 def test_an_error_of_the_model_that_is_stated(tmp_path):

@@ -278,6 +278,32 @@ def state(blocks, x, prior: Prior, is_sparse: bool) -> State:
     )
 
 
+def with_noise(state: State, factor: float) -> State:
+    """The State with errors for a measurement's noise of `factor` times the stated variance.
+
+    The noise of the render stays as it is.
+    """
+    before, is_correlated = state.equations, state.prior.ndim == 2
+    normal = replace(
+        before,
+        noise=before.noise + (factor - 1) * before.measured_noise,
+        measured_noise=factor * before.measured_noise,
+    )
+    information = np.diag(state.prior) if is_correlated else state.prior
+    correlated = state.prior if is_correlated else None
+    known = Prior(state.x, information, state.x, state.x, correlated)
+    covariance, measured = covariances(normal, known)
+    variance, x = np.diag(covariance), state.x[:, None]
+    wider = np.sqrt(variance / np.diag(state.covariance))[:, None]
+    return replace(
+        state,
+        equations=normal,
+        covariance=covariance,
+        render_share=np.clip(1 - measured / variance, 0, 1),
+        intervals=x + wider * (state.intervals - x),
+    )
+
+
 def feasible(rendered, x, new):
     """(values, blocks) of the longest of some shorter steps that a surface can have.
 

@@ -12,7 +12,7 @@ from mi_lcair.inversion.data.images import slope
 from mi_lcair.inversion.least_squares.newton import Prior, is_informed, length
 from mi_lcair.inversion.least_squares.newton import solved as damped
 from mi_lcair.inversion.least_squares.prediction import DatumBlock, Equations, equations
-from mi_lcair.inversion.least_squares.solve import covariances, feasible, solve
+from mi_lcair.inversion.least_squares.solve import covariances, feasible, solve, with_noise
 from mi_lcair.inversion.smoothness import matern
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
@@ -312,3 +312,33 @@ def test_noise_of_the_matrix_causes_no_bias():
     ordinary = np.linalg.lstsq(noisy.mean(axis=0), measured, rcond=None)[0]
     deviation = brightness_temperature(LWIR, ordinary) - truth
     assert deviation[0] > 0 and deviation[-1] < -5 * error[-1]
+
+
+def test_errors_of_another_noise():
+    """Four times the variance: as if solved with twice the noise, beside the same priors."""
+    state = solved([EXACT], PAINTS)
+    wider = replace(
+        EXACT, weight=EXACT.weight / 4, noise=lambda predicted: np.full(len(predicted), 2 * SIGMA)
+    )
+    expected = solved([wider], PAINTS)
+    scaled_state = with_noise(state, 4.0)
+    np.testing.assert_allclose(scaled_state.covariance, expected.covariance, rtol=1e-6)
+    intervals = np.array([[0.1, 0.8], [np.nan, np.nan]])
+    ends = with_noise(replace(state, intervals=intervals), 4.0).intervals
+    ratio = np.sqrt(expected.covariance[0, 0] / state.covariance[0, 0])
+    np.testing.assert_allclose(ends[0] - state.x[0], ratio * (intervals[0] - state.x[0]), rtol=1e-6)
+    assert np.isnan(ends[1]).all()
+
+
+def test_a_render_s_noise_does_not_change_with_that_of_the_measurement():
+    """A share s of the variance comes from the measurement: it becomes 1 + 3 s times as large."""
+    shape = (4, 20)
+    F = 2 + 0.2 * RANDOM.normal(size=shape)
+    columns = list(np.broadcast_to(J, (4, *J.shape)))
+    noisy = replace(EXACT, radiance=F, columns=columns, weight=np.full(20, 1 / (5 * SIGMA**2)))
+    state = solved([noisy], [unknown("a", upper=9.0), unknown("b", upper=9.0)])
+    share = 1 - state.render_share
+    assert (share > 0.1).all() and (share < 0.9).all()
+    wider = with_noise(state, 4.0)
+    ratio = np.diag(wider.covariance) / np.diag(state.covariance)
+    np.testing.assert_allclose(ratio, 1 + 3 * share, rtol=0.05)
