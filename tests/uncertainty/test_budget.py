@@ -220,10 +220,10 @@ def test_a_plume_before_the_sun():
         with changed(scene, {"plume.transmittance": value}):
             ends.append(mi_lcair.sensitivities(scene, [], spp=1024).value)
     expected = (ends[1] - ends[0]) / 2
-    assert row(found, "plume.transmittance").contribution == pytest.approx(expected, rel=1e-4)
+    assert row(found, "plume.transmittance").contribution == pytest.approx(expected, rel=1e-3)
     assert row(found, "self.temperature").sensitivity_error > 0
     plume = next(check for check in found.checks if check.quantity == "plume.transmittance")
     assert plume.minus < 0 < plume.plus or plume.plus < 0 < plume.minus
     assert found.second_order.shift == pytest.approx(
-        sum(check.plus + check.minus for check in found.checks) / 2, rel=1e-3
+        sum(check.plus + check.minus for check in found.checks) / 2, abs=2e-3 * found.sigma
     )
