@@ -14,7 +14,13 @@ import numpy as np
 
 from mi_lcair.motions.motion import Motion
 from mi_lcair.motions.pose import known_motions, moved, value_of
-from mi_lcair.motions.starts import meshes_of_model, moves_in_view, radiances, starts_in
+from mi_lcair.motions.starts import (
+    meshes_of_model,
+    moves_in_view,
+    radiances,
+    seen_shares,
+    starts_in,
+)
 from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.plugins.paths.offsets import rounding_error
 from mi_lcair.rendering.measurands import Measurands
@@ -26,7 +32,7 @@ from mi_lcair.rendering.window import Windows
 ATTACHED, ON_FILM = "attached difference", "difference on the film"
 PILOT_PATHS = 2**12  # paths of each render that chooses the kind of differences and their step
 # Default step: a turn [deg], a shift as a fraction of what moves, and a change of the size
-TURN_STEP_DEG, SHIFT_STEP, SIZE_STEP = 0.5, 0.005, 0.005
+TURN_STEP_DEG, SHIFT_STEP, SIZE_STEP = 0.5, 0.005, 0.02
 # A kink is a jump of the one-sided derivatives of which half the step leaves at least this share
 LASTING = 0.75
 # Smallest change of a derivative, as a fraction of it, that is a kink or depends on the step
@@ -45,7 +51,8 @@ class Difference:
     `Totals`. unscattered: standard error that they do not show. step: distance of the two renders
     from the present value. truncation: |D(2 step) - D(step)| / 3, a part of `unscattered`. method:
     ATTACHED or ON_FILM. verdict: "smooth", "kink" or "step-dependent". one_sided: derivatives below
-    and above the present value. ends: the renders above and below.
+    and above the present value, equal if they do not differ by more than noise. ends: the renders
+    above and below.
     """
 
     derivative: float
@@ -116,6 +123,10 @@ class Differences:
         )
 
     @cached_property
+    def seen(self) -> np.ndarray:
+        return seen_shares(self.scene, self.camera)
+
+    @cached_property
     def scale(self) -> float:
         """A change of the motion that changes the scene by about as much as it is."""
         if self.motion.unit == "deg":
@@ -140,7 +151,7 @@ class Differences:
         poses = self.poses(offsets)
         aims = [self.aim] * len(poses)
         if method == ATTACHED:
-            aims = starts_in(self.scene, self.camera, poses)
+            aims = starts_in(self.scene, self.camera, poses, self.seen)
         sampling, found = replace(self.sampling, paths=paths, spp=None, progress=None), []
         for pose, aim in zip(poses, aims):
             with moved(self.scene, pose):
@@ -161,11 +172,10 @@ class Differences:
         is_kink = pilot.verdict == "kink"
         ends = self.totals([h, -h, *([0] if is_kink else [])], method, self.sampling.paths)
         high, low = map(self.rows, ends[:2])
-        one_sided = pilot.one_sided
-        if is_kink:
-            middle = self.rows(ends[2])[0]
-            one_sided = float(middle - low[0]) / h, float(high[0] - middle) / h
         slope = (high - low) / (2 * h)
+        jump = pilot.jump
+        if is_kink:
+            jump = float(high[0] + low[0] - 2 * self.rows(ends[2])[0]) / h
         scatter = float(np.sqrt(np.sum(slope[1:] ** 2)))
         floor = self.floor(ends[:2], method, h)
         parts = [
@@ -182,7 +192,7 @@ class Differences:
             truncation=pilot.truncation,
             method=method,
             verdict=pilot.verdict,
-            one_sided=one_sided,
+            one_sided=(float(slope[0]) - jump / 2, float(slope[0]) + jump / 2),
             ends=tuple(ends[:2]),
         )
 
@@ -260,8 +270,10 @@ class Pilot:
         return float(np.sqrt(max(change[0] ** 2 - np.sum(change[1:] ** 2), 0))) / 3
 
     @property
-    def one_sided(self) -> tuple[float, float]:
-        return float(self.slope(2, 1)[0]), float(self.slope(3, 2)[0])
+    def jump(self) -> float:
+        """Difference of the slopes above and below the present value; 0 if it may be noise."""
+        near = self.slope(3, 2) - self.slope(2, 1)
+        return float(near[0]) if abs(near[0]) > SIGNIFICANT * self.error(near) else 0.0
 
     @property
     def verdict(self) -> str:
@@ -269,10 +281,9 @@ class Pilot:
 
         A kink is a jump between the one-sided derivatives that a shorter step does not reduce.
         """
-        near, far = self.slope(3, 2) - self.slope(2, 1), self.slope(4, 2) - self.slope(2, 0)
-        largest = max(map(abs, self.one_sided))
-        noticed = max(SIGNIFICANT * self.error(near), NOTICED * largest)
-        if abs(near[0]) > noticed and abs(near[0]) > LASTING * abs(far[0]):
+        far = self.slope(4, 2) - self.slope(2, 0)
+        largest = max(abs(self.slope(2, 1)[0]), abs(self.slope(3, 2)[0]))
+        if abs(self.jump) > max(NOTICED * largest, LASTING * abs(far[0])):
             return "kink"
         change = self.slope(4, 0) - self.slope(3, 1)
         noticed = max(SIGNIFICANT * self.error(change), NOTICED * abs(self.slope(3, 1)[0]))

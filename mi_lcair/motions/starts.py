@@ -1,18 +1,27 @@
 """Where paths begin on the facets of a model that moves."""
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from mi_lcair.motions.motion import model_shapes
 from mi_lcair.motions.pose import moved
 from mi_lcair.plugins.emission.radiance_bound import radiance_bound
-from mi_lcair.plugins.emission.triangles import Choice, is_faceted, triangle_corners
+from mi_lcair.plugins.emission.triangles import (
+    Choice,
+    is_faceted,
+    pointer_id,
+    triangle_corners,
+    triangle_vertices,
+)
 from mi_lcair.plugins.paths.facet_starts import FacetStarts
 from mi_lcair.rendering.window import window, window_size
 
 # Shares of the paths that begin on facets by their projected area, because a cold facet may reflect
 # much, by projected area times radiance, and by the change of the latter between the poses
 SHARES = 0.3, 0.3, 0.4
+RAYS = 1024  # rays along each side of the window that find what is seen
+HIDDEN = 0.1  # least share of a triangle that counts as seen: a motion may show it
 TINY = 1e-6  # parts of the window, and of its area, below which nothing moves or is seen
 
 
@@ -22,7 +31,32 @@ def meshes_of_model(scene) -> list[mi.Shape] | None:
     return model if model and all(map(is_faceted, model)) else None
 
 
-def starts_in(scene, sensor, poses: list[dict]) -> list[FacetStarts]:
+def seen_shares(scene, sensor) -> np.ndarray:
+    """Share of each of the model's triangles that a sensor sees, about, (n,), at least HIDDEN.
+
+    Rays through RAYS x RAYS cells of the window are counted by what they hit first. A triangle that
+    is smaller than a cell counts as seen.
+    """
+    meshes = meshes_of_model(scene)
+    projected, cell = np.concatenate([outline(mesh, sensor)[1] for mesh in meshes]), RAYS**-2.0
+    index = dr.arange(mi.UInt32, RAYS**2)
+    position = (mi.Point2f(index % RAYS, index // RAYS) + 0.5) / RAYS
+    ray, _ = sensor.sample_ray(0, 0, position, mi.Point2f(0.5))
+    hit = scene.mi.ray_intersect_preliminary(ray)
+    shape, primitive = dr.reinterpret_array(mi.UInt32, hit.shape).numpy(), hit.prim_index.numpy()
+    counts = [
+        np.bincount(
+            primitive[shape == pointer_id(mi.ShapePtr(mesh))],
+            minlength=len(triangle_vertices(mesh)),
+        )
+        for mesh in meshes
+    ]
+    expected = projected / (np.prod(window_size(sensor)) * cell)
+    share = (np.concatenate(counts) + 0.5) / (expected + 0.5)
+    return np.clip(share, HIDDEN, 1.0)
+
+
+def starts_in(scene, sensor, poses: list[dict], seen: np.ndarray) -> list[FacetStarts]:
     """Starts on the facets of a scene's model in several poses, with the same probabilities.
 
     Parameters
@@ -33,6 +67,8 @@ def starts_in(scene, sensor, poses: list[dict]) -> list[FacetStarts]:
         An orthographic sensor.
     poses : list of dict
         Values of motions by name.
+    seen : ndarray, shape (n,)
+        Share of each triangle that is seen, see `seen_shares`.
     """
     meshes = meshes_of_model(scene)
     radiance = np.concatenate([radiances(mesh) for mesh in meshes])
@@ -42,8 +78,8 @@ def starts_in(scene, sensor, poses: list[dict]) -> list[FacetStarts]:
             of_pose, visible = zip(*(outline(mesh, sensor) for mesh in meshes))
         outlines.append(of_pose)
         areas.append(np.concatenate(visible))
-    area = np.max(areas, axis=0)
-    parts = area, area * radiance, np.ptp(areas, axis=0) * radiance
+    area, change = np.max(areas, axis=0) * seen, np.ptp(areas, axis=0) * seen
+    parts = area, area * radiance, change * radiance
     choice = Choice(sum(k * part / part.sum() for k, part in zip(SHARES, parts) if part.any()))
     return [FacetStarts.at(meshes, of_pose, choice) for of_pose in outlines]
 
