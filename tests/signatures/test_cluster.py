@@ -19,7 +19,7 @@ import mi_lcair
 from mi_lcair.cli import main
 from mi_lcair.errors import InputError
 from mi_lcair.signatures import cluster
-from mi_lcair.signatures.cluster import check_scheduler, rendered
+from mi_lcair.signatures.cluster import check_scheduler, computed
 from mi_lcair.signatures.trend_file import beside
 
 distributed = pytest.importorskip("dask.distributed")
@@ -136,7 +136,7 @@ def test_a_scheduler_that_is_absent_is_named_at_once(listening, monkeypatch):
     monkeypatch.setitem(sys.modules, "dask", None)
     for address in (f"tcp://127.0.0.1:{port}", f"127.0.0.1:{port}", f"tls://localhost:{port}"):
         with pytest.raises(InputError, match=f"no Dask scheduler answers at '{address}' .*refused"):
-            next(rendered(None, [], address))
+            next(computed([], "llvm_ad_mono", address))
 
 
 def test_addresses_that_are_none():
