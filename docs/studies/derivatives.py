@@ -116,14 +116,15 @@ def against_replay(name: str, values: dict) -> list[str]:
         times["columns"].append(seconds(columns))
         times["replay"].append(seconds(lambda k=k: replay(names[-1], PATHS, k)))
     ratio = median(times["columns"]) / median(times["replay"])
+    scatter = np.sqrt(np.sum(found.deviations**2, axis=1))
     rows = []
     for k, parameter in enumerate(names):
         runs = [replay(parameter, REPLAY_PATHS, seed) for seed in range(SEEDS)]
         error = area * np.std(runs, ddof=1) * np.sqrt(REPLAY_PATHS / PATHS)
-        gain = (error / found.error[1 + k]) ** 2
+        gain = (error / scatter[1 + k]) ** 2
         rows.append(
             f"| {label(name, values)} | {parameter} | {found.derivative[k]:.4g} | {error:.2g} | "
-            f"{found.error[1 + k]:.2g} | {gain:.2g} | {len(names)} in {ratio:.2f} |"
+            f"{scatter[1 + k]:.2g} | {gain:.2g} | {len(names)} in {ratio:.2f} |"
         )
     return rows
 

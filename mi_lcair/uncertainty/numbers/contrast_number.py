@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from mi_lcair.detection.irradiance import TERMS, Backdrop, Irradiance, RenderError
+from mi_lcair.detection.irradiance import TERMS, Backdrop, Estimate, Irradiance, RenderError
 from mi_lcair.detection.line_of_sight import backdrop
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import Setting
@@ -88,6 +88,15 @@ class Seen:
     def parts(self, range_m: float | None = None) -> np.ndarray:
         """Irradiances of target, path and background, (3,), also at a range [m]."""
         return self.per_amount(range_m) @ self.irradiance.amounts
+
+    def contrast(self, range_m: float | None = None) -> float:
+        """Contrast irradiance, also at a range [m]."""
+        target, path, background = self.parts(range_m)
+        return float(target + path - background)
+
+    def at(self, path: LineOfSight) -> dict[str, Estimate]:
+        """The contrast at the end of a path, as `detection_range` asks for it, without an error."""
+        return {"total": Estimate(self.contrast(path.range_m), 0.0)}
 
 
 class ContrastNumber(Number):

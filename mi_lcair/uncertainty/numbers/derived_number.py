@@ -16,7 +16,6 @@ from mi_lcair.camera.ranges.silhouette import Silhouette
 from mi_lcair.camera.view import CameraView
 from mi_lcair.declared import Bounds
 from mi_lcair.detection.detection_range import detection_range
-from mi_lcair.detection.irradiance import Estimate
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import brightness_temperature
 from mi_lcair.physics.detector import Detector
@@ -129,12 +128,8 @@ class DetectionRangeNumber(DerivedNumber):
     def value_of(self, seen):
         detector, air = seen.setting.detector, seen.setting.air
 
-        def at(path):
-            target, of_path, background = seen.parts(path.range_m)
-            return {"total": Estimate(target + of_path - background, 0.0)}
-
         def excess(range_m):
-            signal = detector.signal(at(air.path(range_m))["total"].value)
+            signal = detector.signal(seen.at(air.path(range_m))["total"].value)
             return abs(signal) - detector.snr * detector.nei
 
         if self.first is not None:
@@ -142,19 +137,12 @@ class DetectionRangeNumber(DerivedNumber):
             ends = self.first / NEAR, min(self.first * NEAR, last)
             if excess(ends[0]) > 0 > excess(ends[1]):
                 return float(brentq(excess, *ends, rtol=1e-10))
-        result = detection_range(Along(at), detector, air, seen.setting.target.radius)
+        result = detection_range(seen, detector, air, seen.setting.target.radius)
         if result.largest_m is None or result.at_least:
             raise InputError(f"has no end of the detection for a budget: {result.summary()}")
         if self.first is None:
             self.first = result.largest_m
         return result.largest_m
-
-
-class Along:
-    """Irradiances of a target at any range, as `detection_range` asks for them."""
-
-    def __init__(self, at):
-        self.at = at
 
 
 class SignalToNoise(DerivedNumber):
@@ -168,18 +156,17 @@ class SignalToNoise(DerivedNumber):
         return electron_band(detector.band, imager, detector.optics_transmittance)
 
     def value_of(self, seen):
-        target, path, background = seen.parts()
-        detector, imager = seen.setting.detector, seen.imager
+        contrast, detector, imager = seen.contrast(), seen.setting.detector, seen.imager
         if imager is None:
             if detector.nei is None:
                 raise InputError(f"{self.title}: needs a table [camera], or nei of [sensor]")
-            return float(abs(detector.signal(target + path - background)) / detector.nei)
+            return float(abs(detector.signal(contrast)) / detector.nei)
         camera, range_m, observer = self.camera(seen), seen.path.range_m, self.scenario.observer
         aspect = View(observer.azimuth_deg, observer.elevation_deg)
         view = CameraView.of(seen.setting.target, aspect, range_m, imager)
         silhouette = Silhouette.of(self.scene, view, range_m)
         spread, _ = silhouette.spread(camera.optics.at(range_m), range_m)
-        electrons = (target + path - background) / imager.pixel_angle**2
+        electrons = contrast / imager.pixel_angle**2
         return float(abs(electrons) * spread / background_noise(camera))
 
 
