@@ -32,6 +32,7 @@ def render(
     progress: Progress | None = None,
     *,
     parameters: Mapping[str, object] | None = None,
+    bins: int = 0,
     plan: Plan | str | None = None,
 ) -> Render:
     """Render a scene.
@@ -63,6 +64,10 @@ def render(
         Called with the samples per pixel that are done and their expected number.
     parameters : mapping of str to object, optional
         Values of the scene's $-parameters, for a name or a file.
+    bins : int, optional
+        Number of even wavelengths over the band, its ends included, at which the spectral radiance
+        is rendered too. The response of each is a triangle as wide at half its height as their
+        distance.
     plan : Plan, "auto" or None
         Render under the settings of a plan that `mi_lcair.plan` made with each_pixel=True; "auto"
         makes one for the tolerance (1 %). The tolerance is then that of plan and noise together.
@@ -88,5 +93,5 @@ def render(
     scene = scene_of(scene, parameters)
     atmosphere = None if atmosphere is None else read_atmosphere(atmosphere)
     with planned(scene, plan, True, sampling) as (made, sampling):
-        image = render_image(scene, sampling, split, atmosphere, range_m)
+        image = render_image(scene, sampling, split, atmosphere, range_m, bins)
     return replace(image, plan=made)

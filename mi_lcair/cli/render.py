@@ -32,17 +32,26 @@ from mi_lcair.errors import InputError
     type=float,
     help="With --atmosphere: one range for the whole model, m (default: that of each pixel).",
 )
-def command(options, output, atmosphere, range_m):
+@click.option(
+    "--bins",
+    type=int,
+    default=0,
+    help="Also write the spectral radiance at this number of even wavelengths over the band.",
+)
+def command(options, output, atmosphere, range_m, bins):
     """Render SCENE to a radiance image.
 
     SCENE is a Mitsuba XML file or the name of a bundled scene. Written is an OpenEXR file in W m^-2
     sr^-1: channel Y is the total radiance, the other channels are its parts, its standard error,
-    the apparent temperature in K and the range in m. Printed are the mean and the error.
+    the apparent temperature in K and the range in m. With --bins it also has the spectral radiance
+    in W m^-2 sr^-1 um^-1, which FILE.hdr in place of FILE.exr makes an ENVI file. Printed are the
+    mean and the error.
     """
     from mi_lcair.files import check_writable
     from mi_lcair.rendering.images.exr import write_exr
 
-    if output.suffix.lower() != ".exr":
+    is_envi = bool(bins) and output.suffix.lower() == ".hdr"
+    if output.suffix.lower() != ".exr" and not is_envi:
         raise InputError(
             f"output '{output}' does not end in .exr; render writes OpenEXR images, and show "
             "makes PNGs"
@@ -55,7 +64,10 @@ def command(options, output, atmosphere, range_m):
         from mi_lcair.physics.atmosphere import atmosphere as read
 
         air = {"atmosphere": read(atmosphere), "range_m": range_m}
-    result = options.run(mi_lcair.render, **air)
-    write_exr(output, result.channels, result.header)
+    result = options.run(mi_lcair.render, bins=bins, **air)
+    if is_envi:
+        result.save(output)
+    else:
+        write_exr(output, result.channels, result.header)
     rows = [("file", str(output)), time_row(result)]
     print_result(result, options.json, rows, {"file": str(output), **whole_tolerance(result)})

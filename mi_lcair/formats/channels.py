@@ -5,8 +5,10 @@ import numpy as np
 from mi_lcair.results.cells import UNITS
 
 RADIANCE = "W m-2 sr-1"
+SPECTRAL = "S0"  # beginning of the channels of a spectral image
 # Quantity and UDUNITS unit by the beginning of a channel's name. Other channels are radiances.
 CHANNELS = {
+    SPECTRAL: ("spectral radiance", f"{RADIANCE} um-1"),
     "temperature": ("brightness temperature", "K"),
     "range": ("range", "m"),
     "stderr": ("standard error of radiance", RADIANCE),
@@ -24,6 +26,15 @@ CHANNELS = {
 }
 EMPTY_AT_0 = ("temperature", "range")  # channels in which 0 means that nothing was hit
 ENDS = {unit: end for end, unit in UNITS.items()}  # ends of columns' names by unit
+
+
+def spectral_channel(wavelength_um: float) -> str:
+    """Channel of a spectral image at a wavelength [um], such as "S0.8075,000000nm".
+
+    The name is that of A. Fichet, R. Pacanowski and A. Wilkie, An OpenEXR layout for spectral
+    images, JCGT 10(3), 2021: Stokes component 0, and a comma as the decimal mark.
+    """
+    return f"{SPECTRAL}.{1000 * wavelength_um:.6f}nm".replace(".", ",").replace(",", ".", 1)
 
 
 def quantity_of(channel: str) -> tuple[str, str]:

@@ -30,6 +30,8 @@ class Measurands:
         Surfaces at which paths of a weight of 0 go on for the derivatives.
     reduced : callable or None
         Gives the `Sums` that are kept from those of a launch.
+    bins : int
+        Number of bins of wavelength for which the spectral radiance is recorded; 0 for none.
     """
 
     channels: Channels
@@ -37,11 +39,12 @@ class Measurands:
     by_spectrum: bool = False
     explored: frozenset = frozenset()
     reduced: Callable[[Sums], Sums] | None = None
+    bins: int = 0
 
     @staticmethod
-    def of(split: str | None, by_spectrum: bool = False) -> "Measurands":
+    def of(split: str | None, by_spectrum: bool = False, bins: int = 0) -> "Measurands":
         """The channels of a split, see `Channels`."""
-        return Measurands(Channels(split), by_spectrum=by_spectrum)
+        return Measurands(Channels(split), by_spectrum=by_spectrum, bins=bins)
 
     def with_columns(self, tables: ColumnTables | None) -> "Measurands":
         """These measurands, and the derivatives with respect to the parameters of the tables."""

@@ -164,13 +164,16 @@ class Scene:
         return numbers(self.sensors[0].sampler())
 
     def prepared(
-        self, by_spectrum: bool = False, explored: Collection[mitsuba.BSDF] = ()
+        self,
+        by_spectrum: bool = False,
+        explored: Collection[mitsuba.BSDF] = (),
+        bins: int = 0,
     ) -> AbstractContextManager:
         """Context manager that gives the scene's `PathTracer`, see `BouncePath.prepared`.
 
         It is the same one as before if nothing has changed, with its tables and its recordings.
         """
-        return self.mi.integrator().prepared(self.mi, by_spectrum, self._tracers, explored)
+        return self.mi.integrator().prepared(self.mi, by_spectrum, self._tracers, explored, bins)
 
     def surfaces(self) -> list[mitsuba.BSDF]:
         """The scene's BSDFs of reflection models."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import spectral_radiance
-from mi_lcair.physics.spectra.bins import bins_for
+from mi_lcair.physics.spectra.bins import COUNTS, bins_for
 from mi_lcair.physics.spectrum import Spectrum
 from mi_lcair.plugins.bins.lobes import DIFFUSE, MIRROR, families_of
 from mi_lcair.plugins.bsdfs.reflection_bsdf import LOBES, is_reflection_bsdf, reflection_layers
@@ -50,8 +50,10 @@ class ByBin:
     one for each spectrum.
     """
 
-    def __init__(self, scene, band, ambient_temperature: float | None):
-        """ambient_temperature: of the closure [K]; None without it."""
+    def __init__(self, scene, band, ambient_temperature: float | None, count: int = 0):
+        """ambient_temperature: of the closure [K]; None without it. count: number of bins; 0 for as
+        many as the materials need.
+        """
         bsdfs = {shape.bsdf() for shape in scene.shapes()}
         spectral = {id(b): b for b in sorted(bsdfs, key=lambda b: b.id()) if is_spectral(b)}
         self.layers = [(bsdf, sides_of(bsdf)) for bsdf in spectral.values()]
@@ -68,7 +70,9 @@ class ByBin:
             self.sources += Source.of_blackbodies("ambient", band, [ambient_temperature])
         some = np.linspace(0, len(self.sources) - 1, MOST_PROJECTED).round().astype(int)
         projected = [self.sources[k] for k in np.unique(some)]
-        self.bins, self.binning_error = bins_for(band, materials, partial(radiances, projected))
+        counts = (count,) if count else COUNTS
+        spectra_at = partial(radiances, projected)
+        self.bins, self.binning_error = bins_for(band, materials, spectra_at, counts)
         self.count = self.bins.count
         self.families = families_of(materials, self.bins)
         self.tabulate_surfaces(materials)
@@ -101,18 +105,40 @@ class ByBin:
             ]
         return result
 
+    def densities(self, neighbours: tuple[int, ...]) -> np.ndarray:
+        """int S h_k h_(k + step) dlambda / int h_k dlambda of the sources, for steps in neighbours.
+
+        They are divided by the in-band radiance, (sources, count, neighbours) [1/um]. The response
+        of the band does not enter.
+        """
+        hats = self.bins.hats(self.bins.grid_um)
+        of_trapezoids = np.ones(len(hats))
+        of_trapezoids[[0, -1]] /= 2
+        padded, steps = np.pad(hats, ((0, 0), (1, 1))), []
+        for step in neighbours:
+            product = hats * padded[:, 1 + step : 1 + step + self.count]
+            steps.append(product * of_trapezoids[:, None] / (of_trapezoids @ hats))
+        weights = np.stack(steps, axis=-1)  # (wavelengths, count, neighbours)
+        in_band = np.array([source.in_band for source in self.sources])
+        means = [
+            np.tensordot(radiances(self.sources[k : k + AT_ONCE], self.bins.grid_um), weights, 1)
+            for k in range(0, len(self.sources), AT_ONCE)
+        ]
+        return np.concatenate(means) / np.where(in_band > 0, in_band, np.inf)[:, None, None]
+
     def tabulate_surfaces(self, materials) -> None:
         """Set the material and the lobe of the front and the back of each BSDF, by its pointer.
 
         Entry 0 stands for surfaces whose material is constant in the band.
         """
         ids = [pointer_id(mi.BSDFPtr(bsdf)) for bsdf, _ in self.layers]
-        table = np.zeros((2, 2, max(ids) + 2), dtype=np.uint32)  # (what, side, pointer)
+        table = np.zeros((2, 2, max(ids, default=0) + 2), dtype=np.uint32)  # (what, side, pointer)
         for number, (_, sides) in zip(ids, self.layers):
             for side, layer in enumerate(sides):
                 if is_binned(layer):
                     table[0, side, number] = 1 + materials.index(layer.spectrum)
                     table[1, side, number] = LOBES.index(layer.lobe)
+        self.has_simple_lobes = bool(table[1].any())  # mirror or diffuse
         self.width = table.shape[-1]
         self.material, self.lobe = (mi.UInt32(part.ravel()) for part in table)
         # Row of each material in each family; NO_ROW in the others
@@ -177,11 +203,15 @@ class ByBin:
         _, lobe, cos, terms = reflection
         total = mi.Float(0)
         for (family, _), (here, row, between, toward) in zip(self.families, terms):
-            HDR = family.HDR(row, toward, k)
-            value = family.f(row, between, k) / dr.maximum(HDR, 1)
-            HDR = dr.minimum(HDR, 1)
-            value = dr.select(lobe == DIFFUSE, HDR * cos * dr.inv_pi, value)
-            total += dr.select(here, dr.select(lobe == MIRROR, HDR, value), 0)
+            value = family.f(row, between, k)
+            if family.saturates or self.has_simple_lobes:
+                HDR = family.HDR(row, toward, k)
+                value /= dr.maximum(HDR, 1)
+            if self.has_simple_lobes:
+                HDR = dr.minimum(HDR, 1)
+                value = dr.select(lobe == DIFFUSE, HDR * cos * dr.inv_pi, value)
+                value = dr.select(lobe == MIRROR, HDR, value)
+            total += dr.select(here, value, 0)
         return total
 
     def emits(self, emitter, bsdf, wi, active) -> tuple:
@@ -203,9 +233,9 @@ class ByBin:
         return value
 
     @dr.syntax
-    def reflect(self, throughputs: dr.Local, hit, scattering_bs, weight):
+    def reflect(self, throughputs: dr.Local, hit, bs, weight):
         """Multiply the throughputs by the bins' reflectances along the sampled direction."""
-        wi, bs = hit.si.wi, scattering_bs
+        wi = hit.si.wi
         reflection = self.reflects(hit.bsdf, wi, bs.wo, hit.reflects)
         mean = weight[0] * bs.pdf
         multiplied = reflection[0] & (mean > 0)
@@ -288,7 +318,10 @@ class ByBin:
         base = emitted
         if emits is not None:
             base = dr.select(emits[0], dr.gather(mi.Float, self.in_band, numbers[0]), emitted)
-        totals = self.sums(path.by_bin, path.factors, numbers, emits or (False, []), reflection)
+        totals = [mi.Float(1)] * len(numbers)
+        if self.families:
+            emits = emits or (False, [])
+            totals = self.sums(path.by_bin, path.factors, numbers, emits, reflection)
         of_parts = [share * total for (_, share), total in zip(parts, totals)]
         relative = sum(of_parts)
         shares = [

@@ -6,6 +6,7 @@ family stands for surfaces that do not belong to it.
 """
 
 from dataclasses import replace
+from functools import lru_cache, partial
 
 import drjit as dr
 import mitsuba as mi
@@ -23,7 +24,6 @@ from mi_lcair.plugins.bsdfs.reflection_bsdf import LOBES, STEPS, tabulated
 from mi_lcair.plugins.bsdfs.uniform_table import interpolate_row
 
 STEPS_OF_F = 512  # steps of the table of Fresnel reflectances, even in sqrt(cos)
-SMALLEST_PART = 1e-7  # parts of Fresnel reflectances that are left out of HDR, relative
 BRDF, MIRROR, DIFFUSE = range(len(LOBES))
 
 
@@ -32,6 +32,7 @@ class SandfordRobertsonFamily:
 
     f = X (1 - absorbed_k g(theta_i)) + floor_k g g / pi is linear in absorbed_k and floor_k, the
     coefficients of (epsilon + rho_d) / G and rho_d / G^2. A grey material has b = 0 and no lobe.
+    saturates: whether HDR exceeds 1 in a bin, so that f is scaled down.
     """
 
     def __init__(self, materials: list[SpectralParameters], bins: Bins):
@@ -51,6 +52,7 @@ class SandfordRobertsonFamily:
         self.coefficients = mi.Float(np.ravel(coefficients))
         self.tables = dr.concat(tables)
         dr.make_opaque(self.numbers, self.coefficients, self.tables)
+        self.saturates = largest_HDR(self, len(materials)) > 1
 
     def lobe_tables(self, b: float, e: float) -> list:
         """Tables of the lobe's HDR for absorbed = 0, and for absorbed = 1."""
@@ -107,16 +109,14 @@ class SandfordRobertsonFamily:
 class MicrofacetFamily:
     """Spectral microfacet materials: the lobe is linear in the Fresnel reflectance of a facet."""
 
+    saturates = False  # HDR is at most 1
+
     def __init__(self, materials: list[SpectralParameters], bins: Bins):
         self.count = bins.count
-        cos = np.linspace(0, 1, STEPS_OF_F + 1) ** 2
-        numbers, F, HDR, refracted = [], [], [], []
+        numbers, tables = [], []
         for material in materials:
             common = material.common
-            fitted = bins.coefficients(material.facet_reflectance(bins.grid_um, cos))
-            F.append(fitted)
-            refracted.append(2 * np.trapezoid((1 - fitted) * cos, cos, axis=1))
-            HDR.append(self.lobe_HDR(common, fitted))
+            tables.append(facet_tables(material, bins.band, bins.count))
             scalar = dr.scalar.ArrayXf64(common["alpha"]), dr.scalar.ArrayXf64(common["gamma"])
             numbers.append(
                 [
@@ -127,36 +127,9 @@ class MicrofacetFamily:
                 ]
             )
         self.has_floor = any(material.common["rho_d"] > 0 for material in materials)
-        self.numbers, self.F = mi.Float(np.ravel(numbers)), mi.Float(np.ravel(F))
-        self.tables, self.refracted = mi.Float(np.ravel(HDR)), mi.Float(np.ravel(refracted))
+        self.numbers = mi.Float(np.ravel(numbers))
+        self.F, self.refracted, self.tables = (mi.Float(np.ravel(part)) for part in zip(*tables))
         dr.make_opaque(self.numbers, self.F, self.tables, self.refracted)
-
-    def lobe_HDR(self, common, fitted) -> np.ndarray:
-        """Tables of the lobe's HDR (count, STEPS + 1) for Fresnel reflectances (count, cosines).
-
-        HDR is linear in them, and they span few dimensions: one quadrature serves each.
-        """
-        Float64 = dr.float64_array_t(mi.Float)
-        model = reflection.model("microfacet")
-        values = [common["alpha"], common["gamma"], 1.5, 0.0, 0.0]
-        S = model.surface(*map(Float64, values))
-        left, size, basis = np.linalg.svd(fitted, full_matrices=False)
-        kept = size > SMALLEST_PART * size[0]
-        tables = []
-        for vector in basis[kept]:
-            table = Float64(vector)
-
-            def reflectance(S, p, table=table):
-                x = dr.sqrt(dr.clip(p, 0, 1)) * STEPS_OF_F
-                index = dr.minimum(mi.UInt32(x), STEPS_OF_F - 1)
-                low, high = (dr.gather(Float64, table, index + j) for j in range(2))
-                return dr.lerp(low, high, x - Float64(index))
-
-            of_vector = tabulated(
-                lambda theta, f=reflectance: hemispherical.lobe_reflectance(S, theta, f)
-            )
-            tables.append(of_vector.numpy())
-        return (left[:, kept] * size[kept]) @ np.array(tables, dtype=float)
 
     def facet(self, row, p, k) -> mi.Float:
         """Fresnel reflectance of a bin at the place sqrt(cos)."""
@@ -191,6 +164,66 @@ class MicrofacetFamily:
         if not self.has_floor:
             return value
         return value + floor * (1 - self.facet(row, x_i, k)) * (1 - self.facet(row, x_r, k))
+
+
+def largest_HDR(family, materials: int) -> float:
+    """Largest HDR of the materials of a family, at the angles of its tables and in any bin."""
+    lane = dr.arange(mi.UInt32, materials * family.count * STEPS)
+    node, bin_of_row = lane % STEPS, lane // STEPS
+    cos = dr.square(mi.Float(node + 1) / STEPS)
+    r = mi.Vector3f(dr.safe_sqrt(1 - dr.square(cos)), 0, cos)
+    row = bin_of_row // family.count
+    return float(dr.max(family.HDR(row, family.toward(row, r), bin_of_row % family.count))[0])
+
+
+@lru_cache(maxsize=32)
+def facet_tables(material: SpectralParameters, band, count: int) -> tuple[np.ndarray, ...]:
+    """Tables of a microfacet material by bin, which scenes share.
+
+    The Fresnel reflectances (count, STEPS_OF_F + 1), the hemispherical means of 1 - F (count,), and
+    the lobe's HDR (count, STEPS + 1).
+    """
+    Float64 = dr.float64_array_t(mi.Float)
+    bins, cos = Bins(band, count), np.linspace(0, 1, STEPS_OF_F + 1) ** 2
+    F = bins.coefficients(material.facet_reflectance(bins.grid_um, cos))
+    common, weights = material.common, {}
+    values = [common["alpha"], common["gamma"], 1.5, 0.0, 0.0]
+    S = reflection.model("microfacet").surface(*map(Float64, values))
+
+    def of_bin(theta, F):
+        if dr.width(theta) not in weights:
+            weights[dr.width(theta)] = weights_of_facets(S, theta)
+        return Float64(weights[dr.width(theta)] @ F)
+
+    HDR = np.array([tabulated(partial(of_bin, F=F_of_bin)).numpy() for F_of_bin in F])
+    return F, 2 * np.trapezoid((1 - F) * cos, cos, axis=1), HDR
+
+
+def weights_of_facets(S, theta) -> np.ndarray:
+    """Matrix (angles, STEPS_OF_F + 1) of the lobe's HDR, which is linear in facets' reflectances.
+
+    The derivative of the quadrature with respect to the reflectance of each of its points is the
+    weight of the point. It is divided between the two neighbours in the table.
+    """
+    Float64, points = type(theta), []
+
+    def reflectance(S, p):
+        value = dr.zeros(Float64, dr.width(p))
+        dr.enable_grad(value)
+        points.append((p.numpy(), value))
+        return value
+
+    with dr.resume_grad():
+        dr.backward(hemispherical.lobe_reflectance(S, theta, reflectance))
+    angles, nodes = dr.width(theta), STEPS_OF_F + 1
+    matrix = np.zeros(angles * nodes)
+    for p, value in points:
+        weight, x = dr.grad(value).numpy(), np.sqrt(np.clip(p, 0, 1)) * STEPS_OF_F
+        low = np.minimum(x.astype(int), STEPS_OF_F - 1)
+        first = low + nodes * np.repeat(np.arange(angles), len(p) // angles)
+        for number, share in ((first, low + 1 - x), (first + 1, x - low)):
+            matrix += np.bincount(number, weight * share, len(matrix))
+    return matrix.reshape(angles, nodes)
 
 
 def families_of(materials: list[SpectralParameters], bins: Bins) -> list[tuple]:

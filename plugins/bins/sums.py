@@ -1,4 +1,4 @@
-"""Recorder of the radiance by source and bin of wavelength, in scenes with spectral materials."""
+"""Sums by bin of wavelength over the paths of a launch, and the recorder that adds to them."""
 
 from dataclasses import dataclass
 
@@ -10,42 +10,75 @@ from mi_lcair.errors import InputError
 from mi_lcair.plugins.bins.by_bin import ByBin
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
 from mi_lcair.plugins.paths.launch import Launch, Paths
-from mi_lcair.plugins.recorders.recorder import Emission, Recorder
+from mi_lcair.plugins.recorders.recorder import Emission, Recorder, zeros
 
 MOST_SUMS = 2**27  # sums of one launch, of 8 bytes each
 
 
 class BinSums:
-    """Sums over the paths of a launch for each source, bin, window and randomisation.
+    """Sums for each window, randomisation and bin of wavelength.
 
     There is one array for all paths, outside of what the loop carries. It has separate sums for the
     paths that first hit the model, and for the others.
 
-    by_bin: the scene's tables. launch: the launch.
+    neighbours: bins, counted from the own one, whose reflectances enter the sum of a bin. by_bin:
+    the scene's tables. launch: the launch. sources: number of sources that are told apart. table:
+    factors of their radiance, (sources of the scene, bins, neighbours).
     """
 
-    def __init__(self, by_bin: ByBin, launch: Launch):
-        self.count, self.sources, self.shares = by_bin.count, len(by_bin.sources), by_bin.shares
-        self.shape = launch.windows, launch.randomisations, 2, self.sources * self.count
+    neighbours: tuple[int, ...] = (0,)
+    counts_closure = False  # whether the radiance beyond the last reflection counts
+
+    def __init__(self, by_bin: ByBin, launch: Launch, sources: int, table):
+        self.count, self.sources, self.table = by_bin.count, sources, table
+        self.shape = launch.windows, launch.randomisations, 2, sources * self.count
         if np.prod(self.shape, dtype=float) > MOST_SUMS:
             raise InputError(
-                f"{launch.windows} pixels or views with {self.shape[-1]} sources by bin are too "
-                "many at once for materials that depend on wavelength; use fewer pixels, or give "
-                "the materials `average_K`"
+                f"{launch.windows} pixels or views with {self.shape[-1]} sums by wavelength are "
+                "too many at once; use fewer pixels or bins, or make the materials constant in the "
+                "band with `average_K`"
             )
         self.array = dr.zeros(dr.float64_array_t(mi.Float), int(np.prod(self.shape)))
-        dr.make_opaque(self.array)
+        dr.make_opaque(self.array, self.table)
 
-    def add(self, row, source, k, value) -> None:
-        """Add radiance of bin k of a source to a row, see `rows`."""
-        index = (row * self.sources + source) * self.count + k
+    def value(self, source, k, factors: dr.Local) -> mi.Float:
+        """Radiance of bin k for a radiance of 1 of a source; factors: those of the bins."""
+        value, first = mi.Float(0), (source * self.count + k) * len(self.neighbours)
+        for column, step in enumerate(self.neighbours):
+            number = mi.UInt32(dr.clip(mi.Int32(k) + step, 0, self.count - 1))
+            value += factors.read(number) * dr.gather(mi.Float, self.table, first + column)
+        return value
+
+    def add(self, place, k, value) -> None:
+        """Add radiance of bin k to the sums of a row, and of a source if they are told apart."""
         active = (value != 0) & dr.isfinite(value)
         value = dr.float64_array_t(mi.Float)(value)
-        dr.scatter_add(self.array, value, index, active, mode=dr.ReduceMode.Local)
+        dr.scatter_add(self.array, value, place * self.count + k, active, mode=dr.ReduceMode.Local)
+
+    def add_parts(self, row, parts, k, base, factors, own) -> None:
+        """Add the radiance of bin k to a row, see `ByBinOfPath`."""
+        for source, share in parts:
+            value = base * share * self.value(source, k, factors)
+            self.add(row * self.sources + source, k, value)
+
+    def own(self) -> dr.Local | None:
+        """Sums of one path; None where all that a path brings is added to those of the launch."""
+        return None
+
+    def sums(self) -> np.ndarray:
+        """The sums (windows, randomisations, 2, sources and bins); the second part is the model."""
+        return self.array.numpy().reshape(self.shape)
+
+
+class SourceSums(BinSums):
+    """Sums of the in-band radiance of each source in each bin."""
+
+    def __init__(self, by_bin: ByBin, launch: Launch):
+        super().__init__(by_bin, launch, len(by_bin.sources), mi.Float(by_bin.shares))
 
     def channels(self, split: str) -> dict[str, np.ndarray]:
         """Sums by the names of channels, (windows, randomisations) each; split: see `Channels`."""
-        sums = self.array.numpy().reshape(self.shape)
+        sums = self.sums()
         of_model, whole = sums[:, :, 1], sums.sum(axis=2)
         parts = {"": of_model} if split == "model" else {"": whole, "target.": of_model}
         return {
@@ -55,12 +88,38 @@ class BinSums:
         }
 
 
+class SpectralSums(BinSums):
+    """Sums of the spectral radiance of all sources in each bin [W m^-2 sr^-1 um^-1]."""
+
+    neighbours = -1, 0, 1
+    counts_closure = True
+
+    def __init__(self, by_bin: ByBin, launch: Launch):
+        table = by_bin.densities(self.neighbours)
+        if not by_bin.families:  # all bins have the same factors
+            self.neighbours, table = (0,), table.sum(axis=-1)
+        super().__init__(by_bin, launch, 1, mi.Float(table.ravel()))
+
+    def own(self) -> dr.Local:
+        """Sums of one path, which are added to those of the launch at its end."""
+        return zeros(self.count)
+
+    def add_parts(self, row, parts, k, base, factors, own) -> None:
+        value = base * sum(share * self.value(source, k, factors) for source, share in parts)
+        own.write(own.read(k) + value, k)
+
+    def channels(self, split: str) -> dict[str, np.ndarray]:
+        """Sums by the names of channels, (windows, randomisations) each."""
+        whole = self.sums().sum(axis=2)
+        return {f"bin.{k}": whole[:, :, k] for k in range(self.count)}
+
+
 @dataclass
-class BySourceAndBin(Recorder):
-    """Adds the radiance of each source in each bin to the `BinSums` of a launch.
+class ByBinOfPath(Recorder):
+    """Adds the radiance of each path by bin to the `BinSums` of a launch.
 
     row: row of each path's window and randomisation in the sums, one for paths that first hit the
-    model and one for others. weight: of each path.
+    model and one for others. weight: of each path. own: see `BinSums`.
     """
 
     scene: mi.Scene
@@ -68,10 +127,12 @@ class BySourceAndBin(Recorder):
     sums: BinSums
     row: mi.UInt32
     weight: mi.Float
+    own: dr.Local | None
 
     @staticmethod
-    def of(scene, emitters, sums: BinSums, paths: Paths, weight) -> "BySourceAndBin":
-        return BySourceAndBin(scene, emitters, sums, 2 * (paths.lane // paths.points), weight)
+    def of(scene, emitters, sums: BinSums, paths: Paths, weight) -> "ByBinOfPath":
+        row = 2 * (paths.lane // paths.points)
+        return ByBinOfPath(scene, emitters, sums, row, weight, sums.own())
 
     def begin(self, first, ray, active) -> mi.Bool:
         si = first.compute_surface_interaction(ray, mi.RayFlags.Minimal, active)
@@ -80,21 +141,28 @@ class BySourceAndBin(Recorder):
         return active
 
     def emission(self, emission: Emission) -> None:
-        by_bin = emission.by_bin
-        base = dr.select(emission.beyond, 0, by_bin.base * self.weight)
-        self.add(base, by_bin.sources, by_bin.factors, self.row)
+        by_bin, base = emission.by_bin, emission.by_bin.base * self.weight
+        if not self.sums.counts_closure:
+            base = dr.select(emission.beyond, 0, base)
+        self.add(base, by_bin.sources, by_bin.factors, self.row, self.own)
 
     @dr.syntax
-    def add(self, base, sources, factors, row):
+    def add(self, base, sources, factors, row, own):
         """Add `base` times the factors of the bins, divided among the sources."""
         k = mi.UInt32(0)
         while k < self.sums.count:
-            value = base * factors.read(k)
-            self.add_parts(row, sources, k, value)
+            self.sums.add_parts(row, sources, k, base, factors, own)
             k += 1
 
-    def add_parts(self, row, sources, k, value) -> None:
-        """Add the radiance of one bin to the sums of the sources; sources: with their shares."""
-        for source, share in sources:
-            of_bin = dr.gather(mi.Float, self.sums.shares, source * self.sums.count + k)
-            self.sums.add(row, source, k, value * share * of_bin)
+    def end(self) -> None:
+        """Add the path's own sums to those of the launch, after the path's end."""
+        if self.own is not None:
+            self.add_own(self.row, self.own)
+
+    @dr.syntax
+    def add_own(self, row, own):
+        """Add each of a path's own sums to a row."""
+        k = mi.UInt32(0)
+        while k < self.sums.count:
+            self.sums.add(row, k, own.read(k))
+            k += 1

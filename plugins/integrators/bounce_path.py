@@ -98,7 +98,9 @@ class BouncePath(RBIntegrator):
         )
 
     @contextmanager
-    def prepared(self, scene, by_spectrum: bool = False, kept: dict | None = None, explored=()):
+    def prepared(
+        self, scene, by_spectrum: bool = False, kept: dict | None = None, explored=(), bins: int = 0
+    ):
         """Context manager that gives a `PathTracer` for the scene.
 
         Inside the context, all data that plugins derive from the scene's parameters are up to date,
@@ -114,6 +116,8 @@ class BouncePath(RBIntegrator):
             them is given again if nothing has changed since, and a new one is added.
         explored : set of mi.BSDF or None
             BSDFs that are explored, see `exploring`. None: those whose gradients need it.
+        bins : int
+            Number of bins of wavelength; 0 for as many as spectral materials need.
         """
         self.check()
         with exclusive:
@@ -124,7 +128,7 @@ class BouncePath(RBIntegrator):
                     plugin.refresh()
             if explored is None:
                 explored = explored_by_gradients(objects)
-            settings, kept = (by_spectrum, frozenset(explored)), {} if kept is None else kept
+            settings, kept = (by_spectrum, frozenset(explored), bins), {} if kept is None else kept
             with tracing(plugins), exploring(objects, explored):
                 yield self.tracer(scene, objects, settings, kept)
 
@@ -132,15 +136,16 @@ class BouncePath(RBIntegrator):
         """A tracer for the present state of a scene and its objects: a kept one, or a new one.
 
         One is kept for each of the last MOST_KEPT settings of the integrator. of_tracer: whether
-        emission is recorded by spectrum, and the BSDFs that are explored.
+        emission is recorded by spectrum, the BSDFs that are explored, and the number of bins.
         """
         settings = [getattr(self, entry.name) for entry in self.PROPERTIES]
         state, key = SceneState(objects, scene, *settings), (*of_tracer, *settings)
         if key in kept and kept[key][0] == state:
             return kept[key][1]
         refresh_geometry(scene)
-        by_spectrum, explored = of_tracer
-        tracer = PathTracer(self, scene, by_spectrum, state, explored_table(objects, explored))
+        by_spectrum, explored, bins = of_tracer
+        explored = explored_table(objects, explored)
+        tracer = PathTracer(self, scene, by_spectrum, state, explored, bins)
         if not state.has_gradients:
             kept.pop(key, None)
             kept[key] = state, tracer

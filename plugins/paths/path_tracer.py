@@ -11,7 +11,7 @@ from mitsuba.python.ad.integrators.common import RBIntegrator
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.bins.by_bin import ByBin, is_spectral
-from mi_lcair.plugins.bins.sums import BinSums, BySourceAndBin
+from mi_lcair.plugins.bins.sums import BinSums, ByBinOfPath, SourceSums, SpectralSums
 from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.bsdfs.reflection_bsdf import ReflectionBSDF
 from mi_lcair.plugins.columns.control import control_of
@@ -56,11 +56,13 @@ class PathTracer(RBIntegrator):
     scene alone. The data derived from the scene must therefore belong to the integrator.
     """
 
-    def __init__(self, settings, scene, by_spectrum: bool, state: SceneState, explored):
-        """settings: the integrator `bounce_path`, with its properties. explored: see `Walk`."""
+    def __init__(self, settings, scene, by_spectrum: bool, state: SceneState, explored, bins: int):
+        """settings: the integrator `bounce_path`, with its properties. explored: see `Walk`. bins:
+        number of bins of wavelength that are recorded; 0 for none.
+        """
         super().__init__(mi.Properties())
         has_bins = any(is_spectral(shape.bsdf()) for shape in scene.shapes())
-        in_detail = by_spectrum and not has_bins
+        in_detail = by_spectrum and not has_bins and not bins
         emitters = EmitterTable(scene, settings.emitter_sampling, in_detail)
         own_memory(flatten(emitters))
         ambient = None
@@ -68,10 +70,10 @@ class PathTracer(RBIntegrator):
             ambient = mi.Float(in_band_radiance(emitters.band, settings.ambient_temperature))
         most, samples = settings.max_bounces, settings.emitter_sampling
         paths = Walk(scene, emitters, most, samples, ambient, explored)
-        if has_bins:
+        if has_bins or bins:
             T = None if ambient is None else settings.ambient_temperature
-            paths.by_bin = ByBin(scene, emitters.band, T)
-            if by_spectrum:
+            paths.by_bin = ByBin(scene, emitters.band, T, bins)
+            if by_spectrum and not bins:
                 emitters.sources.split(paths.by_bin.sources_by_bin())
         of_tables = max(
             (
@@ -91,6 +93,7 @@ class PathTracer(RBIntegrator):
             ambient_radiance=ambient,
             paths=paths,
             systematic_error=hypot(rounding_error(most), of_tables, paths.binning_error),
+            records_bins=bool(bins),
             recorded=Recorded(state),
             is_complete=True,
         )
@@ -185,7 +188,9 @@ class PathTracer(RBIntegrator):
             # `freeze` does not compare a number that comes after the tables of the channels
             arguments, bins = (paths, rays or sensor, block_size(launch), channels), None
             if self.emitters.sources.by_bin and channels.split in ("target", "model"):
-                bins = BinSums(self.paths.by_bin, launch)
+                bins = SourceSums(self.paths.by_bin, launch)
+            elif self.records_bins:
+                bins = SpectralSums(self.paths.by_bin, launch)
             if facets is not None or self.closure == "tail":
                 blocks, tail = self.whole_sums(*arguments, facets, launch, bins)
             elif rays is None or self.paths.by_bin is not None:
@@ -238,12 +243,12 @@ class PathTracer(RBIntegrator):
         cell = None if channels.tables is None else cell_of(paths, column, row, position)
         recorders = channels.recorders(self, facets, cell)
         if bins is not None:
-            recorders.parts.append(
-                BySourceAndBin.of(self.scene, self.emitters, bins, paths, weight)
-            )
+            recorders.parts.append(ByBinOfPath.of(self.scene, self.emitters, bins, paths, weight))
         if facet is not None:
             recorders.parts.append(facet)
         L, recorders = self.radiance(sampler, ray, recorders)
+        if bins is not None:
+            recorders.of(ByBinOfPath).end()
         if facet is not None:
             weight = dr.select(recorders.parts[-1].counts, weight, 0)
         return L, recorders, weight

@@ -289,7 +289,8 @@ class Walk:
             if self.ambient_radiance is not None:
                 emitted = dr.select(beyond, self.ambient_radiance, emitted)
             by_bin = self.by_bin.radiance(path, emitted, hit.emitter, parts, emits, beyond=beyond)
-            by_bin = by_bin.times(path.throughput[0] * dr.select(beyond, 1, share))
+            ambient = dr.select(si.is_valid(), mi.Float(1), 0)
+            by_bin = by_bin.times(path.throughput[0] * dr.select(beyond, ambient, share))
             parts, Le = by_bin.parts, mi.Spectrum(by_bin.radiance)
         latent = None if path.latent is None else path.latent * share * dr.detach(emitted)
         if self.ambient_radiance is not None:
@@ -330,7 +331,7 @@ class Walk:
         if not self.emitters.draws:
             numbers = sampler.next_1d(), sampler.next_2d()
             bs, weight = bsdf.sample(ctx, si, *numbers, hit.goes_on)
-            if self.by_bin is not None:
+            if self.by_bin is not None and self.by_bin.families:
                 self.by_bin.reflect(path.by_bin, hit, bs, weight)
             becomes_latent = self.becomes_latent(path, hit, bs, weight)
             return Scattering(numbers, bs, weight, None, mi.Spectrum(0), None, becomes_latent)
@@ -366,7 +367,7 @@ class Walk:
                 part = self.bring(primal, path, hit, most, direct, value, recorders)
                 brought = brought + part[0]
             latent = None if latent is None else latent + part[1]
-        if self.by_bin is not None:
+        if self.by_bin is not None and self.by_bin.families:
             self.by_bin.reflect(path.by_bin, hit, bs, weight)
         becomes_latent = self.becomes_latent(path, hit, bs, weight)
         return Scattering(numbers, bs, weight, drawn[0], brought, latent, becomes_latent)

@@ -139,15 +139,17 @@ def binning_error(bins: Bins, materials: list[SpectralParameters], spectra: np.n
     return float(np.max(errors))
 
 
-def bins_for(band: Band, materials: list[SpectralParameters], spectra) -> tuple[Bins, float]:
-    """The first of COUNTS whose binning error is SMALL_ERROR or less, or the last; and its error.
+def bins_for(
+    band: Band, materials: list[SpectralParameters], spectra, counts=COUNTS
+) -> tuple[Bins, float]:
+    """The first of some counts whose binning error is SMALL_ERROR or less, or the last; its error.
 
     spectra: function of wavelengths [um]: the spectral radiances of the sources (sources, n).
     """
     radiances = spectra(Bins(band, COUNTS[0]).grid_um)
-    for count in COUNTS:
+    for count in counts:
         bins = Bins(band, count)
-        error = binning_error(bins, materials, radiances)
+        error = binning_error(bins, materials, radiances) if materials else 0.0
         if error <= SMALL_ERROR:
             break
     return bins, error

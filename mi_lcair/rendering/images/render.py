@@ -8,9 +8,12 @@ import mitsuba as mi
 import numpy as np
 
 import mi_lcair
+from mi_lcair.errors import InputError
+from mi_lcair.formats.channels import spectral_channel
 from mi_lcair.physics.air.atmosphere import Atmosphere
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import brightness_temperature
+from mi_lcair.physics.spectra.bins import Bins
 from mi_lcair.plugins.recorders.by_bounce import BOUNCE_CHANNELS
 from mi_lcair.rendering.images.apparent import apparent
 from mi_lcair.rendering.images.render_result import Render
@@ -22,6 +25,10 @@ from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import PILOT_SPP, PIXEL_RANDOMISATIONS, Windows, window_size
 
+MOST_BINS = 512  # wavelengths of a spectral image
+# Header of spectral images: A. Fichet, R. Pacanowski and A. Wilkie, JCGT 10(3), 2021
+LAYOUT = {"spectralLayoutVersion": "1.0", "emissiveUnits": "W.m^-2.sr^-1.um^-1"}
+
 
 def render_image(
     scene: Scene,
@@ -29,6 +36,7 @@ def render_image(
     split: str | None = "image",
     atmosphere: Atmosphere | None = None,
     range_m: float | None = None,
+    bins: int = 0,
 ) -> Render:
     """Render the image of a loaded scene under its own settings.
 
@@ -43,7 +51,11 @@ def render_image(
         Air for the apparent radiance.
     range_m : float or None
         Range of the model for the atmosphere [m]. None: each pixel's own range.
+    bins : int
+        Number of wavelengths at which the spectral radiance is recorded; 0 for none.
     """
+    if bins:
+        check_bins(scene, bins, atmosphere)
     if atmosphere is not None:
         atmosphere.check_covers(scene.band)
         if range_m is not None:
@@ -58,7 +70,7 @@ def render_image(
         scene,
         windows,
         sampling,
-        Measurands.of(split, by_spectrum=atmosphere is not None),
+        Measurands.of(split, by_spectrum=atmosphere is not None, bins=bins),
         None if sampling.tolerance is None else PixelError(sampling.tolerance),
     )
     spp = round(total.traced.mean())
@@ -80,12 +92,15 @@ def render_image(
             atmosphere,
             range_m,
         )
+    wavelengths = Bins(scene.band, bins).nodes_um if bins else np.empty(0)
+    for k, wavelength in enumerate(wavelengths):
+        channels[spectral_channel(wavelength)] = total.mean(f"bin.{k}")
     return Render(
         channels={
             name: np.ascontiguousarray(values.reshape(size), dtype=np.float32)
             for name, values in channels.items()
         },
-        header=header(scene, sampling, spp, total, closure_error) | air,
+        header=header(scene, sampling, spp, total, closure_error) | air | (LAYOUT if bins else {}),
         band=scene.band,
         spp=spp,
         mean=float(total.mean().mean()),
@@ -99,7 +114,18 @@ def render_image(
         scene_name=scene.name,
         window_m=window_size(camera),
         tolerance=sampling.tolerance,
+        wavelengths_um=wavelengths,
     )
+
+
+def check_bins(scene: Scene, bins: int, atmosphere: Atmosphere | None) -> None:
+    """Raise InputError for a spectral image that cannot be rendered."""
+    if not 2 <= bins <= MOST_BINS:
+        raise InputError(f"bins = {bins}; must be 2 to {MOST_BINS}")
+    if scene.band.is_total:
+        raise InputError("bins: band total has no wavelengths; choose a band with limits")
+    if atmosphere is not None:
+        raise InputError("bins: a spectral image has no air; leave out the atmosphere")
 
 
 def image_channels(total: Totals, band: Band, size: tuple[int, int]) -> dict[str, np.ndarray]:

@@ -1,13 +1,13 @@
 """The image that `render` returns."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from mi_lcair.errors import unknown
-from mi_lcair.formats import tiff
-from mi_lcair.formats.channels import column_of, or_nan
+from mi_lcair.formats import envi, tiff
+from mi_lcair.formats.channels import column_of, or_nan, spectral_channel
 from mi_lcair.physics.bands import Band
 from mi_lcair.results import Result
 
@@ -53,6 +53,8 @@ class Render(Result):
         Tolerance that was asked for.
     plan : Plan or None
         Plan under whose settings the scene was rendered.
+    wavelengths_um : ndarray
+        Wavelengths of the channels of spectral radiance [um]; empty for none.
     """
 
     channels: dict[str, np.ndarray]
@@ -71,6 +73,7 @@ class Render(Result):
     window_m: tuple[float, float] | None
     tolerance: float | None
     plan: "Plan | None" = None
+    wavelengths_um: np.ndarray = field(default_factory=lambda: np.empty(0))
 
     kind: ClassVar[str] = "render"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.render:figure"
@@ -78,7 +81,19 @@ class Render(Result):
     saved_by: ClassVar[dict[str, str]] = {
         ".exr": "mi_lcair.rendering.images.exr:write_render",
         ".tif": "mi_lcair.rendering.images.render_result:write_tiff",
+        ".hdr": "mi_lcair.rendering.images.render_result:write_envi",
     }
+
+    @property
+    def cube(self) -> np.ndarray:
+        """Spectral radiance [W m^-2 sr^-1 um^-1], (wavelengths, H, W); none without `bins`."""
+        names = [spectral_channel(wavelength) for wavelength in self.wavelengths_um]
+        return np.reshape([self.channels[name] for name in names], (-1, *self.channels["Y"].shape))
+
+    def suffixes(self) -> list[str]:
+        """Suffixes of the files that `save` can write; an ENVI file needs `bins`."""
+        known = super().suffixes()
+        return [suffix for suffix in known if suffix != ".hdr" or self.wavelengths_um.size]
 
     @property
     def by_bounce(self) -> list[float]:
@@ -185,3 +200,9 @@ def write_tiff(path, render: Render, channel: str = "Y") -> None:
         raise unknown(f"channel of the render of {render.scene_name}", channel, render.channels)
     values = or_nan(channel, render.channels[channel])
     tiff.write(path, values, f"{column_of(channel)} of {render.scene_name}")
+
+
+def write_envi(path, render: Render) -> None:
+    """Write the spectral radiance of a render as an ENVI file and its header."""
+    what = f"spectral radiance of {render.scene_name} [W m^-2 sr^-1 um^-1]"
+    envi.write(path, render.cube, render.wavelengths_um, what)

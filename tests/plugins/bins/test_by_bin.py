@@ -214,6 +214,66 @@ def test_emission_of_a_smooth_plate(tmp_path, page, band, temperature, theta_deg
     assert got == pytest.approx(share, rel=1e-3)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("sampling", [False, True])
+@pytest.mark.parametrize("bounces", [0, 1, 3])
+def test_spherical_cavity(tmp_path, bounces, sampling):
+    """Inside a diffuse sphere a path of N reflections adds (1 - epsilon)^N epsilon of L_bb."""
+    file = write(tmp_path)
+    sphere = {
+        "type": "sphere",
+        "radius": 2.0,
+        "flip_normals": True,
+        "bsdf": surface(file, "g"),
+        "emitter": thermal(500.0),
+    }
+    loaded = mi_lcair.load(
+        scene(integrator(bounces, sampling), camera(1, 1.0, origin=(0, 0, 1)), sphere=sphere)
+    )
+    x = np.linspace(3, 5, 20001)
+    emissivity, weight = np.interp(x, X, SPECTRA["g"][0]), planck(x, 500.0)
+    share = 1 - (1 - emissivity) ** (bounces + 1)
+    mean = np.trapezoid(weight * share, x) / np.trapezoid(weight, x)
+    L, error = radiance(loaded, 4096)
+    assert abs(L / blackbody(500, "MWIR") - mean) < 1e-3 * mean + 3 * error / L * sampling
+
+
+@pytest.mark.slow
+def test_both_sides_and_a_group_of_facets(tmp_path):
+    """A two-sided plate emits to both sides, each of its facets at its own temperature."""
+    file, values = write(tmp_path), []
+    for side in (1, -1):
+        sensor = camera(1, 0.1, origin=(0.3, 0, 20 * side), target=(0.3, 0, 0))
+        two_sided = {"type": "twosided", "bsdf": surface(file, "a")}
+        plate_ = {
+            "type": "rectangle",
+            "to_world": T().scale(5),
+            "bsdf": two_sided,
+            "emitter": thermal(450.0),
+        }
+        values.append(radiance(mi_lcair.load(scene(integrator(0), sensor, plate=plate_)), 16)[0])
+    one_sided = radiance(plate(file, "a", 450.0), 16)[0]
+    assert values == pytest.approx([one_sided] * 2, rel=1e-5)
+
+
+@pytest.mark.slow
+def test_sun_on_a_spectral_plate(tmp_path):
+    """Diffuse reflection of the sun: E cos(theta) rho / pi at each wavelength."""
+    file = write(tmp_path)
+    sun = {"type": "sun", "azimuth_deg": 0.0, "elevation_deg": 60.0, "band": "MWIR", "air": "none"}
+    values = []
+    for light in ({}, {"sun": sun}):
+        loaded = plate(file, "g", 100.0, bounces=1, **light)
+        values.append(radiance(loaded, 4096)[0])
+    (emitter,) = (e for e in loaded.mi.emitters() if e.group == "sun")
+    x = np.linspace(3, 5, 20001)
+    spectrum = emitter.spectra()[0].spectrum.at(x)
+    rho = 1 - np.interp(x, X, SPECTRA["g"][0])
+    irradiance = emitter.solid_angle * np.sin(np.radians(60.0))
+    expected = irradiance * np.trapezoid(spectrum * rho, x) / np.pi
+    assert values[1] - values[0] == pytest.approx(expected, rel=5e-4)
+
+
 def test_what_does_not_work_says_so(tmp_path):
     file = write(tmp_path)
     loaded = plate(file, "g", 400.0)

@@ -1,0 +1,95 @@
+"""Spectral images against own quadratures, and their files."""
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import mi_lcair
+from mi_lcair.cli import main
+from mi_lcair.errors import InputError
+from mi_lcair.physics.blackbody import spectral_radiance
+from mi_lcair.rendering.images.exr import read_exr
+from tests.plugins.bins.test_by_bin import SPECTRA, X, integrator, plate, thermal, write
+from tests.plugins.small_scenes import blackbody, camera, scene
+
+
+def hat_means(values, x, nodes):
+    """Means of a spectrum, weighted with the triangles around the nodes."""
+    step = nodes[1] - nodes[0]
+    hats = np.maximum(1 - abs(x[:, None] - nodes) / step, 0)
+    return np.trapezoid(values[:, None] * hats, x, axis=0) / np.trapezoid(hats, x, axis=0)
+
+
+@pytest.mark.parametrize("bins", [5, 24])
+def test_emission_and_reflection_by_wavelength(tmp_path, bins):
+    """A plate in a closed room of blackbodies: epsilon L(T) + (1 - epsilon) L(T_0)."""
+    file = write(tmp_path)
+    room = {
+        "type": "sphere",
+        "radius": 30.0,
+        "flip_normals": True,
+        "bsdf": {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}},
+        "emitter": thermal(350.0),
+    }
+    image = mi_lcair.render(plate(file, "g", 500.0, bounces=1, room=room), spp=64, bins=bins)
+    x = np.linspace(3, 5, 20001)
+    emissivity = np.interp(x, X, SPECTRA["g"][0])
+    expected = emissivity * spectral_radiance(x, 500.0)
+    expected += (1 - emissivity) * spectral_radiance(x, 350.0)
+    nodes = np.linspace(3, 5, bins)
+    assert image.wavelengths_um == pytest.approx(nodes)
+    assert image.cube.shape == (bins, 1, 1)
+    close = 0.1 if bins == 5 else 2e-3  # 5 hats do not resolve the spectrum
+    error = np.abs(image.cube[:, 0, 0] - hat_means(expected, x, nodes)).max()
+    assert error < close * expected.max()
+    assert image.channels["Y"][0, 0] == pytest.approx(np.trapezoid(expected, x), rel=close)
+
+
+def test_scene_of_constant_materials(tmp_path):
+    shapes = {
+        "plate": {
+            "type": "rectangle",
+            "bsdf": {"type": "grey", "emissivity": 0.7},
+            "emitter": thermal(400.0, "LWIR"),
+        }
+    }
+    loaded = mi_lcair.load(scene(integrator(2), camera(4, 8.0), **shapes))
+    image, plain = (mi_lcair.render(loaded, spp=16, bins=bins) for bins in (9, 0))
+    assert image.channels["Y"] == pytest.approx(plain.channels["Y"], rel=1e-6)
+    assert plain.wavelengths_um.size == 0 and plain.cube.shape == (0, 4, 4)
+    x, share = np.linspace(8, 12, 20001), plain.channels["Y"] / blackbody(400.0, "LWIR")
+    expected = hat_means(spectral_radiance(x, 400.0), x, np.linspace(8, 12, 9))
+    assert image.cube == pytest.approx(expected[:, None, None] * share, rel=2e-5, abs=1e-9)
+
+
+def test_files(tmp_path, monkeypatch):
+    loaded = plate(write(tmp_path), "g", 500.0)
+    image = mi_lcair.render(loaded, spp=16, bins=7)
+    image.save(tmp_path / "cube.hdr")
+    header = dict(
+        line.split(" = ") for line in (tmp_path / "cube.hdr").read_text().splitlines()[1:]
+    )
+    shape = [int(header[name]) for name in ("bands", "lines", "samples")]
+    cube = np.fromfile(tmp_path / "cube.img", "<f4").reshape(shape)
+    assert np.array_equal(cube, image.cube)
+    wavelengths = [float(x) for x in header["wavelength"].strip("{}").split(",")]
+    assert wavelengths == pytest.approx(image.wavelengths_um)
+    assert [float(x) for x in header["fwhm"].strip("{}").split(",")] == pytest.approx([2 / 6] * 7)
+    image.save(tmp_path / "cube.exr")
+    channels, attributes = read_exr(tmp_path / "cube.exr")
+    assert channels["S0.3000,000000nm"] == pytest.approx(cube[0])
+    assert channels["S0.3333,333333nm"] == pytest.approx(cube[1])
+    assert attributes["spectralLayoutVersion"] == "1.0"
+    assert "um^-1" in attributes["emissiveUnits"]
+    assert ".hdr" not in mi_lcair.render(loaded, spp=4).suffixes()
+
+
+def test_bad_numbers_of_wavelengths(tmp_path):
+    loaded = plate(write(tmp_path), "g", 500.0)
+    for bins in (1, -3, 1000):
+        with pytest.raises(InputError, match="must be 2 to 512"):
+            mi_lcair.render(loaded, spp=4, bins=bins)
+    with pytest.raises(InputError, match="no air"):
+        mi_lcair.render(loaded, spp=4, bins=4, atmosphere="us_standard", range_m=100.0)
+    result = CliRunner().invoke(main, ["render", "open_box", "-o", str(tmp_path / "x.hdr")])
+    assert result.exit_code == 2 and ".exr" in result.output
