@@ -7,7 +7,7 @@ from scipy import stats
 
 from mi_lcair.fitting.judgement.quality import SIGNIFICANCE
 from mi_lcair.fitting.judgement.verdict import UNDETERMINED, missed, undetermined
-from mi_lcair.inversion.least_squares.prediction import DatumBlock, product
+from mi_lcair.inversion.least_squares.prediction import DatumBlock, weighed_product
 from mi_lcair.inversion.least_squares.solve import State
 from mi_lcair.inversion.unknowns import Unknown
 
@@ -196,10 +196,12 @@ def chi_square(blocks: list[DatumBlock], x: np.ndarray, determined: float) -> di
         prediction = block.at(x)
         w, R = block.weight, len(prediction.radiance)
         r = [row[:, None] for row in prediction.residuals]
-        total += float(np.ravel(product(r, w, r))[0])
+        total += float(np.ravel(weighed_product(block, r, r))[0])
         measured, rendered = w * prediction.noise**2, w * prediction.variance
         pairs = R / (R - 1) if R > 1 else 0
         expected += float(measured.sum())
+        if block.common:
+            expected += block.common.expected(w, prediction.noise**2)
         squared += float(np.sum(measured**2))
         added += float(np.sum(2 * measured * rendered + pairs * block.spread * rendered**2))
         points += np.count_nonzero(w)

@@ -267,6 +267,23 @@ def test_noise_that_is_stated_too_high(tmp_path):
         assert 0.2 * before.standard_error < answer.standard_error < before.standard_error
 
 
+def test_noise_that_rows_and_columns_share(tmp_path):
+    """Stripes of the image: stated, they widen the errors, and chi-square is as it should be."""
+    path, random = write_corner(tmp_path), np.random.default_rng(12)
+    given = corner_problem(tmp_path, path, clean(path), 300.0, 6, spp=256)
+    image = np.load(given["data"][0]["image"])
+    sigma = noise_of_netd(mi_lcair.load(path).band, image, NETD_MK).mean()
+    image += sigma * (3 * random.normal(size=(16, 1)) + 2 * random.normal(size=16))
+    np.save(given["data"][0]["image"], image)
+    unstated = mi_lcair.invert(given, advise=False)
+    assert unstated.p_value < 1e-3
+    given["data"][0] |= {"row_noise": 3.0, "column_noise": 2.0}
+    found = mi_lcair.invert(given, advise=False)
+    assert found.p_value > 1e-3 and found.converged and not found.data[0].bad_pixels
+    for answer, kelvin in zip(found.answers, KELVIN):
+        within(answer, kelvin)
+
+
 def test_an_error_of_the_model_that_is_stated(tmp_path):
     """Reflectances that are wrong by 0.04: a remark proposes model_sigma, and errors cover them."""
     path = write_corner(tmp_path)

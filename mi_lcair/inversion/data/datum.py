@@ -12,6 +12,7 @@ from mi_lcair.inversion.data.camera_image import CameraImage
 from mi_lcair.inversion.data.contrast import MeasuredContrast, of_randomisations
 from mi_lcair.inversion.data.images import slope
 from mi_lcair.inversion.data.measurement import Observation
+from mi_lcair.inversion.least_squares.common_noise import CommonNoise
 from mi_lcair.inversion.least_squares.prediction import DatumBlock, variance_of_mean
 from mi_lcair.inversion.tables import Goal, RenderSettings
 from mi_lcair.inversion.unknowns import INSTRUMENT, Unknown, Where, model_label
@@ -62,6 +63,8 @@ class Datum:
         Share of each value that comes from a group whose prediction has an error of its own.
     camera : CameraImage, optional
         Camera whose image was measured; the values are electrons.
+    common : CommonNoise, optional
+        Noise that rows, columns or all pixels share.
     """
 
     entry: Observation
@@ -78,6 +81,7 @@ class Datum:
     sight: MeasuredContrast | None = None
     shares: dict[str, np.ndarray] = field(default_factory=dict)
     camera: CameraImage | None = None
+    common: CommonNoise | None = None
 
     @property
     def label(self) -> str:
@@ -240,6 +244,7 @@ class Datum:
             paths=self._paths(sampling),
             is_image=self.is_image,
             spread=self._spread,
+            common=self.common,
             half_width=self.goal.value if self.goal is not None and self.goal.at_most else 0.0,
         )
 

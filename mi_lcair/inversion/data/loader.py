@@ -11,6 +11,7 @@ from mi_lcair.inversion.data.contrast import MeasuredContrast
 from mi_lcair.inversion.data.datum import SPP_OF_VIEWS, Datum
 from mi_lcair.inversion.data.images import check_radiance, measured_radiance, noise_of_netd
 from mi_lcair.inversion.data.measurement import Candidate, Measurement, Observation
+from mi_lcair.inversion.least_squares.common_noise import CommonNoise
 from mi_lcair.inversion.least_squares.prediction import DatumBlock
 from mi_lcair.inversion.tables import Goal, RenderSettings
 from mi_lcair.inversion.unknowns import Where
@@ -65,7 +66,7 @@ class Loader:
         scene = (sight or camera).setting.view if sight or camera else self.scene(entry)
         width, height = scene.sensor(entry.sensor).film().crop_size()
         check_closure(scene)
-        counts, views, aspects, sigma = None, (), (), None
+        counts, views, aspects, sigma, common = None, (), (), None, None
         if isinstance(entry, Candidate):
             counts = np.ones((height, width), dtype=bool)
             measured = np.full(height * width, np.nan)
@@ -90,6 +91,9 @@ class Loader:
             check_noise(noise(measured), measured)
             if entry.model_error:
                 shares = shares_of_groups(scene, entry.sensor, counts)
+            if counts is not None:
+                ratios = entry.row_noise, entry.column_noise, entry.frame_noise
+                common = CommonNoise.of_image(counts, float(np.mean(noise(measured))), *ratios)
         where = Where(
             entry.name,
             scene.band.name,
@@ -116,6 +120,7 @@ class Loader:
             sight=sight,
             shares=shares,
             camera=camera,
+            common=common,
         )
 
 

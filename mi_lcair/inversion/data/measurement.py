@@ -100,6 +100,9 @@ class Measurement(Observation):
         Standard deviation of the error of the predicted radiance itself, such as "1%", for a
         geometry or a material that is slightly wrong. There is one such error for each group that
         an image shows, common to all pixels that see the group, and one for each pixel.
+    row_noise, column_noise, frame_noise : float
+        Standard deviation of an error that all pixels of a row, of a column, or of the image share,
+        relative to the noise that each pixel has for itself.
     intensity : float, optional
         Intensity of the target, W/sr, in place of an image.
     contrast : float, optional
@@ -121,6 +124,9 @@ class Measurement(Observation):
     gain_prior: tuple[float, ...] | None = None
     offset_prior: tuple[float, ...] | None = None
     model_sigma: str | None = None
+    row_noise: float = field(default=0.0, metadata=within(lower=0))
+    column_noise: float = field(default=0.0, metadata=within(lower=0))
+    frame_noise: float = field(default=0.0, metadata=within(lower=0))
     intensity: float | None = None
     contrast: float | None = None
     trend: str | None = None
@@ -148,6 +154,9 @@ class Measurement(Observation):
             raise InputError("scale = 0; must not be zero")
         if self.model_error and not self.image:
             raise InputError("model_sigma belongs to an image, and this is a number; raise sigma")
+        for key in ("row_noise", "column_noise", "frame_noise"):
+            if getattr(self, key) and not self.image:
+                raise InputError(f"{key} belongs to an image, and this is a number; raise sigma")
         for key in ("gain", "offset"):
             prior = getattr(self, f"{key}_prior")
             if prior is not None and not getattr(self, key):

@@ -62,7 +62,10 @@ def bad_pixels(block: DatumBlock, x: np.ndarray, weight: np.ndarray) -> tuple[np
     """
     if not block.is_image:
         return np.zeros(len(weight), dtype=bool), False
-    sigmas = np.abs(block.at(x).residuals.mean(axis=0)) * np.sqrt(weight)
+    residuals = block.at(x).residuals.mean(axis=0)
+    if block.common:
+        residuals = block.common.removed(block.weight, residuals[:, None])[:, 0]
+    sigmas = np.abs(residuals) * np.sqrt(weight)
     scale = max(float(np.median(sigmas)) / stats.norm.ppf(0.75), 1.0)
     is_bad = sigmas > scale * stats.norm.isf(FALSE_ALARM / 2 / len(weight))
     are_many = np.mean(is_bad) > MOST_BAD or scale > LARGEST_SCALE

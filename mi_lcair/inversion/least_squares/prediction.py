@@ -16,6 +16,7 @@ import numpy as np
 from scipy import sparse
 
 from mi_lcair.inversion.data.images import slope
+from mi_lcair.inversion.least_squares.common_noise import CommonNoise
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import in_band_radiance
 
@@ -64,6 +65,8 @@ class DatumBlock:
         Whether the values are pixels of a measured image, some of which may be bad.
     curvature : ndarray, shape (R, n, K, K), or None
         Second derivatives with respect to the coordinates, see `coordinates`; None for 0.
+    common : CommonNoise or None
+        Noise that several values share, beside `noise`, which each has for itself.
     """
 
     measured: np.ndarray
@@ -84,6 +87,7 @@ class DatumBlock:
     spread: float = 1.0
     is_image: bool = False
     curvature: np.ndarray | None = None
+    common: CommonNoise | None = None
 
     def coordinates(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Coordinates (K,) of the columns' unknowns, and their derivatives (K,) by the values.
@@ -256,10 +260,14 @@ def equations(blocks: list[DatumBlock], x: np.ndarray, is_sparse: bool = False) 
         prediction = block.at(x)
         w, J, r = block.weight, prediction.columns, [row[:, None] for row in prediction.residuals]
         unknown = prediction.unknown
-        gradient[unknown] += np.ravel(product(J, w, r))
+        gradient[unknown] += np.ravel(weighed_product(block, J, r))
         mean, variance = sum(J[1:], J[0]) * (1 / len(J)), prediction.noise**2
+        matrix = placed(matrix, weighed_product(block, J, J), unknown)
+        if block.common:
+            mean = block.common.removed(w, mean)
+            shared = block.common.columns.T @ weighted(mean, w)
+            noise, measured = (placed(of, shared.T @ shared, unknown) for of in (noise, measured))
         both = weighted(mean, w**2 * (variance + block.spread * prediction.variance))
-        matrix = placed(matrix, product(J, w, J), unknown)
         noise = placed(noise, mean.T @ both, unknown)
         measured = placed(measured, mean.T @ weighted(mean, w**2 * variance), unknown)
     return Equations(matrix, gradient, noise, measured)
@@ -271,7 +279,7 @@ def change_of_gradient(blocks: list[DatumBlock], x: np.ndarray, new: np.ndarray)
     for block in blocks:
         here, there = block.at(x), block.at(new)
         moved = [row[:, None] for row in there.radiance - here.radiance]
-        change[here.unknown] += np.ravel(product(here.columns, block.weight, moved))
+        change[here.unknown] += np.ravel(weighed_product(block, here.columns, moved))
     return change
 
 
@@ -280,8 +288,18 @@ def cost_of(blocks: list[DatumBlock], x: np.ndarray) -> float:
     total = 0.0
     for block in blocks:
         r = [row[:, None] for row in block.at(x).residuals]
-        total += float(np.ravel(product(r, block.weight, r))[0])
+        total += float(np.ravel(weighed_product(block, r, r))[0])
     return total
+
+
+def weighed_product(block: DatumBlock, a: list, b: list):
+    """`product` with the inverse covariance of all noise of a block's measured values."""
+    total = product(a, block.weight, b)
+    if block.common is None:
+        return total
+    lost_a, lost_b = (block.common.whitened(block.weight, of) for of in (a, b))
+    lost = product(lost_a, np.ones(len(lost_a[0])), lost_b)
+    return (total.toarray() if sparse.issparse(total) else total) - lost
 
 
 def variance_of_mean(radiance: np.ndarray) -> np.ndarray:
@@ -334,21 +352,23 @@ def placed(total, part, unknown: np.ndarray):
     return total
 
 
-def hidden(blocks: list[DatumBlock], count: int) -> np.ndarray:
+def hidden(blocks: list[DatumBlock], count: int, judges_sparse: bool = False) -> np.ndarray:
     """Unknowns (count,) whose derivatives the noise of the render hides.
 
     The diagonal of J^T W J is found without one randomisation after the other. Its scatter gives
     its standard error (jackknife). An estimate with such a derivative would be biased, and its
-    error understated. Sparse columns are not judged.
+    error understated. Sparse columns are only judged
+    if `judges_sparse` says so.
     """
     total, variance = np.zeros((2, count))
     judged = np.zeros(count, dtype=bool)
     for block in blocks:
         R = len(block.columns)
-        if R < 3 or sparse.issparse(block.columns[0]):
+        if R < 3 or sparse.issparse(block.columns[0]) and not judges_sparse:
             continue
-        J = np.array(block.columns)
-        pairs = np.array([np.einsum("nk,n,rnk->rk", single, block.weight, J) for single in J])
+        J = block.columns
+        weighed = [weighted(single, block.weight) for single in J]
+        pairs = np.array([[(a * b).sum(axis=0) for b in weighed] for a in J])
         same = pairs[range(R), range(R)]
         both, rows = pairs.sum(axis=(0, 1)) - same.sum(axis=0), pairs.sum(axis=1) - same
         without = (both - 2 * rows) / ((R - 1) * (R - 2))

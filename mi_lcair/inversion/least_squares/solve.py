@@ -123,7 +123,8 @@ def solve(
     """
     prior = Prior.of(unknowns)
     x = np.clip([unknown.start for unknown in unknowns], prior.lower, prior.upper)
-    is_sparse = prior.correlated is None and all(unknown.kind == "facet" for unknown in unknowns)
+    is_correlated = prior.correlated is not None
+    is_sparse = not is_correlated and all(unknown.kind == "facet" for unknown in unknowns)
     done, trace, most = 0, [], 1 if is_exact else iterations
 
     held = np.zeros(len(x), dtype=bool)
@@ -149,7 +150,7 @@ def solve(
     while is_searching:
         blocks = search.weighed(blocks, weights)
         if is_first:
-            held = hidden(blocks, len(x))
+            held = hidden(blocks, len(x), is_correlated)
         blocks = [without(block, held) for block in blocks]
         if is_exact:
             noted(blocks, x)
@@ -175,6 +176,8 @@ def solve(
         again = None if is_exact else rendered
         intervals = profile_intervals(blocks, x, prior, result.covariance, again)
         result = replace(result, intervals=intervals)
+    if is_correlated:
+        held = np.zeros_like(held)  # what no pixel shows follows from its neighbours
     return replace(result, held=held, renders=done, converged=converged, trace=trace)
 
 

@@ -53,3 +53,13 @@ def test_noise_of_candidates():
 def test_parameters_of_a_scene_are_texts():
     one = Observation("cavity", parameters={"flag": True, "T": 310.5, "name": "x"})
     assert one.scene_parameters() == {"flag": "true", "T": "310.5", "name": "x"}
+
+
+def test_shared_noise_belongs_to_an_image():
+    for key in ("row_noise", "column_noise", "frame_noise"):
+        with pytest.raises(InputError, match=f"{key} belongs to an image, and this is a number"):
+            Measurement(scene="box.xml", intensity=1.0, sigma=0.1, **{key: 0.5})
+        with pytest.raises(InputError, match=f"{key} = -1"):
+            Measurement(scene="box.xml", image="a.exr", sigma=0.1, **{key: -1.0})
+        entry = Measurement(scene="box.xml", image="a.exr", sigma=0.1, **{key: 0.5})
+        assert getattr(entry, key) == 0.5
