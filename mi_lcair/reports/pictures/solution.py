@@ -13,7 +13,6 @@ SIDE = 2.9  # width of a panel, inches
 MOST_ROWS = 12  # data that are drawn
 MOST_UNKNOWNS = 40  # unknowns up to which correlations are drawn
 SQUARE = 0.24  # side of a correlation's square, inches
-MOST_NAMED = 10  # curves up to which a legend names them
 ITERATION_HEIGHT = 2.6  # height of the panels of the iteration, inches
 LINEAR_TO = {"step_sigmas": 0.01, "chi_square": 1.0}  # values up to which the axis is linear
 SIGMAS = 4.0  # end of the scale of residuals, standard deviations
@@ -56,22 +55,16 @@ def _draw_unknowns(part, solution) -> None:
     steps = [(k + 1, step) for k, step in enumerate(solution.trace) if step.is_kept]
     for k, answer in enumerate(solution.answers):
         away = np.array([step.values[k] - answer.value for _, step in steps])
-        label = labels[k] if len(labels) <= MOST_NAMED else None
-        distances.plot(
-            [number for number, _ in steps],
-            away / (answer.standard_error or 1.0),
-            "o-",
-            markersize=3,
-            label=label,
-        )
+        away = away / (answer.standard_error or 1.0)
+        distances.plot([number for number, _ in steps], away, f"o-C{k % 10}", markersize=3)
     distances.set_yscale("symlog", linthresh=1)
     distances.set_xlabel("values tried")
     distances.set_ylabel("from the solution (standard errors)")
     distances.xaxis.set_major_locator(MaxNLocator(6, integer=True))
-    if len(labels) <= MOST_NAMED:
-        distances.legend()
     drawn = matrix.imshow(solution.correlation, vmin=-1, vmax=1, cmap="RdBu_r")
     matrix.set_yticks(range(len(labels)), labels, fontsize=7)
+    for k, text in enumerate(matrix.get_yticklabels()):
+        text.set_color(f"C{k % 10}")  # that of the unknown's curve
     matrix.set_xticks(range(len(labels)), [str(k + 1) for k in range(len(labels))], fontsize=7)
     matrix.set_xlabel("number of the unknown")
     part.colorbar(drawn, ax=matrix, shrink=0.85, pad=0.02).set_label("correlation of the errors")
@@ -82,7 +75,7 @@ def _draw_iteration(part, trace) -> None:
     from matplotlib.ticker import MaxNLocator
 
     last = max(trace, key=attrgetter("renders"), default=None)
-    of_trace = f": {last.renders} renders of each datum, {last.paths:.3g} paths" if last else ""
+    of_trace = f": renders of each datum {last.renders}, paths {last.paths:.3g}" if last else ""
     part.suptitle(f"iteration{of_trace}")
     left, chi_square = part.subplots(1, 2)
     numbered = list(enumerate(trace, 1))
