@@ -9,7 +9,6 @@ from mi_lcair.api.invert import invert as invert
 from mi_lcair.api.load import load as load
 from mi_lcair.api.materials import materials as materials
 from mi_lcair.api.parameters import parameters as parameters
-from mi_lcair.api.plan import plan as plan
 from mi_lcair.api.render import render as render
 from mi_lcair.api.report import report as report
 from mi_lcair.api.sensitivities import sensitivities as sensitivities

@@ -14,7 +14,6 @@ from matplotlib.figure import Figure
 
 import mi_lcair
 from mi_lcair.physics.reflection.interface import ReflectionModel
-from mi_lcair.planning.plan import Plan
 from mi_lcair.plugins.paths.aim import Aim
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -23,7 +22,6 @@ LATER = {
     "Aim": Aim,
     "ReflectionModel": ReflectionModel,
     "Figure": Figure,
-    "Plan": Plan,
     "pandas": pandas,
     "xarray": xarray,
 }
@@ -113,7 +111,7 @@ def test_a_users_script_under_mypy(tmp_path, monkeypatch):
     script.write_text(
         "import mi_lcair\n"
         'scene = mi_lcair.load("cavity", opening=8)\n'
-        'image = mi_lcair.render(scene.mi, tolerance="1%", plan="auto")\n'
+        'image = mi_lcair.render(scene.mi, tolerance="1%", max_bounces="auto")\n'
         'watts: float = mi_lcair.signature("cavity").target.intensity\n'
         "reveal_type(image)\n"
         'mi_lcair.render("cavity", spp="many")\n'

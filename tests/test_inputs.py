@@ -1,4 +1,4 @@
-"""What the public functions take: a scene in every form, "1%", an atmosphere by name, a plan."""
+"""What the public functions take: a scene in every form, "1%", an atmosphere by name."""
 
 import shutil
 from pathlib import Path
@@ -24,7 +24,6 @@ FUNCTIONS = {
     "trend": lambda scene, **p: mi_lcair.trend(scene, [0], [90], spp=4, **p).columns()[
         "intensity_W_sr"
     ][0],
-    "plan": lambda scene, **p: mi_lcair.plan(scene, "5%", **p).max_bounces,
     "audit": lambda scene, **p: mi_lcair.audit(scene, photons=64, **p).total["emitted"],
     "parameters": lambda scene, **p: mi_lcair.parameters(scene, **p)[TEMPERATURE],
     "sensitivities": lambda scene, **p: mi_lcair.sensitivities(
@@ -120,7 +119,7 @@ def test_a_shape_is_no_scene(scene):
         mi_lcair.signature(scene.mi.shapes()[0])
 
 
-# Tolerances, atmospheres, plans
+# Tolerances, atmospheres
 # ------------------------------------------------------------------------------------------------
 
 
@@ -166,41 +165,6 @@ def test_atmospheres_by_name_and_path(scene, tmp_path):
     assert all(np.allclose(image, images[0], rtol=1e-5) for image in images[1:])
     with pytest.raises(InputError, match="unknown atmosphere 'midlat_sumer'; known: midlat_summer"):
         mi_lcair.render(view, atmosphere="midlat_sumer")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("function", [mi_lcair.render, mi_lcair.signature])
-def test_plans(function, scene):
-    each_pixel = function is mi_lcair.render
-    made = mi_lcair.plan(scene, "3%", each_pixel)
-    before = scene.fingerprint
-    automatic = function(scene, tolerance="3%", plan="auto")
-    given = function(scene, plan=made)
-    assert scene.fingerprint == before
-    assert automatic.plan.settings == given.plan.settings == made.settings
-    assert given.reached and automatic.reached
-    with made.applied(scene):
-        by_hand = function(scene, tolerance=made.noise_tolerance)
-    assert by_hand.plan is None
-    read = (lambda r: r.mean) if each_pixel else (lambda r: r.target.intensity)
-    assert read(by_hand) == read(given) == read(automatic)
-
-
-@pytest.mark.parametrize(
-    "wrong, message",
-    [
-        ({"plan": "otto"}, "unknown plan 'otto'; known: auto"),
-        ({"plan": "auto", "spp": 4}, "spp does not go with it"),
-        ({"plan": "own", "tolerance": "5%"}, "for a tolerance of 0.03, not for 0.05"),
-        ({"plan": "pixels"}, "bounds the error of each pixel; make one with each_pixel=False"),
-    ],
-)
-def test_plans_that_do_not_fit(wrong, message, scene):
-    if wrong["plan"] in ("own", "pixels"):
-        own = mi_lcair.plan(scene, 0.03, each_pixel=wrong["plan"] == "pixels")
-        wrong = wrong | {"plan": own}
-    with pytest.raises(InputError, match=message):
-        mi_lcair.signature(scene, **wrong)
 
 
 # Scenarios and measurements

@@ -1,1 +1,1 @@
-"""Public functions: they resolve names, load, plan and call."""
+"""Public functions: they resolve names, load and call."""

@@ -1,15 +1,13 @@
 """`render`, which renders an image of a scene."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from os import PathLike
 
-from mi_lcair.api.planned import planned
 from mi_lcair.api.scene import scene_of
 from mi_lcair.fraction import fraction
 from mi_lcair.physics.air.atmosphere import Atmosphere
 from mi_lcair.physics.atmosphere import atmosphere as read_atmosphere
-from mi_lcair.planning.plan import Plan
+from mi_lcair.planning.reflections import reflecting
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.images.render import render_image
 from mi_lcair.rendering.images.render_result import Render
@@ -33,7 +31,7 @@ def render(
     *,
     parameters: Mapping[str, object] | None = None,
     bins: int = 0,
-    plan: Plan | str | None = None,
+    max_bounces: int | str | None = None,
 ) -> Render:
     """Render a scene.
 
@@ -68,9 +66,9 @@ def render(
         Number of even wavelengths over the band, its ends included, at which the spectral radiance
         is rendered too. The response of each is a triangle as wide at half its height as their
         distance.
-    plan : Plan, "auto" or None
-        Render under the settings of a plan that `mi_lcair.plan` made with each_pixel=True; "auto"
-        makes one for the tolerance (1 %). The tolerance is then that of plan and noise together.
+    max_bounces : int, "auto" or None
+        Largest number of reflections, in place of the scene's. "auto" lets pilot paths choose it,
+        so that at most a tenth of the tolerance (1 %) is left out. The errors include the rest.
 
     Returns
     -------
@@ -92,6 +90,5 @@ def render(
     )
     scene = scene_of(scene, parameters)
     atmosphere = None if atmosphere is None else read_atmosphere(atmosphere)
-    with planned(scene, plan, True, sampling) as (made, sampling):
-        image = render_image(scene, sampling, split, atmosphere, range_m, bins)
-    return replace(image, plan=made)
+    with reflecting(scene, max_bounces, True, sampling):
+        return render_image(scene, sampling, split, atmosphere, range_m, bins)

@@ -28,7 +28,6 @@ from mi_lcair.startup.threads import exclusively
 
 What = SceneLike | Result  # what a page shows: a file, a name, a scene or a result
 PHOTONS = 2**16  # photons from each emitter in the audit of a page
-PLAN_TOLERANCE = 0.01  # tolerance of a plan without one
 SPP = 64  # samples per pixel of a scenario that states none
 TAKEN = (
     "report takes a radiance image (.exr), the .json of a signature, fit, contrast, solution, "
@@ -49,8 +48,6 @@ class Request:
         $-parameters of scenes, or changes of a scenario's entries.
     sampling : dict
         spp, tolerance, max_spp, seed and sensor of renders, those that were given.
-    plan : str or None
-        "auto": plan the signature of a scene.
     progress : callable or None
         Called with (samples per pixel done, expected).
     """
@@ -58,7 +55,6 @@ class Request:
     scene: SceneLike | None
     parameters: dict[str, str]
     sampling: dict
-    plan: str | None
     progress: Progress | None
 
     @property
@@ -82,7 +78,6 @@ def report(
     max_spp: int | None = None,
     seed: int | None = None,
     sensor: int | None = None,
-    plan: str | None = None,
     command: str | None = None,
     progress: Progress | None = None,
 ) -> list[str]:
@@ -111,8 +106,6 @@ def report(
         Largest number of samples per pixel for a tolerance.
     seed, sensor : int, optional
         Seed of the random numbers, and number of the scene's sensor (0).
-    plan : str, optional
-        "auto": plan the signature of a scene, and show the plan.
     command : str, optional
         What to state as the call that made the page.
     progress : callable, optional
@@ -143,7 +136,6 @@ def report(
         scene=str(scene) if isinstance(scene, PathLike) else scene,
         parameters={name: str(value) for name, value in (parameters or {}).items()},
         sampling={name: value for name, value in options.items() if value is not None},
-        plan=plan,
         progress=progress,
     )
     pages = [page_of(subject, request) for subject in subjects]
@@ -193,22 +185,13 @@ def model_of(request: Request) -> reading.SceneModel | None:
 
 
 def of_scene(scene: Scene, request: Request) -> tuple[str, list[Section]]:
-    """Title and sections of a scene: image, signature with facets and spectrum, plan, audit."""
+    """Title and sections of a scene: image, signature with facets and spectrum, audit."""
     sampling, progress = request.sampling, request.progress
     is_orthographic = window_size(scene.sensor(request.sensor)) is not None
-    if not is_orthographic and (request.plan or "tolerance" in sampling):
+    if not is_orthographic and "tolerance" in sampling:
         raise InputError(
-            f"{scene.name}: a tolerance or a plan is for the signature, which needs an "
-            "orthographic sensor; give spp instead"
-        )
-    planned = None
-    if request.plan:
-        planned = mi_lcair.plan(
-            scene,
-            sampling.get("tolerance", PLAN_TOLERANCE),
-            seed=request.seed,
-            sensor=request.sensor,
-            progress=progress,
+            f"{scene.name}: a tolerance is for the signature, which needs an orthographic sensor; "
+            "give spp instead"
         )
     of_image = {name: sampling[name] for name in ("spp", "seed", "sensor") if name in sampling}
     sections = mi_lcair.render(scene, **of_image, progress=progress).sections()
@@ -218,7 +201,6 @@ def of_scene(scene: Scene, request: Request) -> tuple[str, list[Section]]:
             **sampling,
             by_spectrum=not scene.band.is_total,
             facets=True,
-            plan=planned,
             progress=progress,
         )
         sections += signature.sections(scene=scene, sensor=request.sensor)

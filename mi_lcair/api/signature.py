@@ -1,12 +1,10 @@
 """`signature`, which integrates the radiance of a scene over the window of a sensor."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 
-from mi_lcair.api.planned import planned
 from mi_lcair.api.scene import scene_of
 from mi_lcair.fraction import fraction
-from mi_lcair.planning.plan import Plan
+from mi_lcair.planning.reflections import reflecting
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import SceneLike
@@ -29,7 +27,7 @@ def signature(
     excess: Callable[[Signature], float] | None = None,
     *,
     parameters: Mapping[str, object] | None = None,
-    plan: Plan | str | None = None,
+    max_bounces: int | str | None = None,
 ) -> Signature:
     """Render a scene and integrate its radiance over the sensor's window.
 
@@ -62,9 +60,9 @@ def signature(
         facets) that the paths so far give. Paths are added until it is at most 1.
     parameters : mapping of str to object, optional
         Values of the scene's $-parameters, for a name or a file.
-    plan : Plan, "auto" or None
-        Trace paths under the settings of a plan that `mi_lcair.plan` made; "auto" makes one for the
-        tolerance (1 %). The tolerance is then that of plan and noise together.
+    max_bounces : int, "auto" or None
+        Largest number of reflections, in place of the scene's. "auto" lets pilot paths choose it,
+        so that at most a tenth of the tolerance (1 %) is left out. The errors include the rest.
 
     Returns
     -------
@@ -85,6 +83,5 @@ def signature(
         progress=progress,
     )
     scene = scene_of(scene, parameters)
-    with planned(scene, plan, False, sampling) as (made, sampling):
-        result = measure_signature(scene, sampling, by_spectrum, facets, excess)
-    return replace(result, plan=made)
+    with reflecting(scene, max_bounces, False, sampling):
+        return measure_signature(scene, sampling, by_spectrum, facets, excess)

@@ -42,7 +42,6 @@ PURPOSES = {
         "convert": "files.convert",
     },
     "Errors, and what they depend on": {
-        "plan": "estimates.plan",
         "audit": "estimates.audit",
         "budget": "estimates.budget",
         "invert": "estimates.invert",

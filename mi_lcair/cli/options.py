@@ -328,22 +328,20 @@ def scene_options(spp: str, tolerance: str):
         @sensor_option
         @sampling_options(spp, tolerance, MAX_SPP)
         @click.option(
-            "--plan",
-            type=click.Choice(["auto"]),
-            help="Let probes choose lobes, reflections, closure and emitter sampling, and render "
-            "to the rest of --tolerance (1%).",
+            "--max-bounces",
+            metavar="N|auto",
+            help="Largest number of reflections. With auto, pilot paths choose it, so that at most "
+            "a tenth of --tolerance (1%) is left out.",
         )
         @wraps(command)
-        def with_sampling(options, plan, **arguments):
+        def with_sampling(options, max_bounces, **arguments):
             sampling = {name: arguments.pop(name) for name in ("sensor", "spp", *CHOICE)}
             problem = ""
-            if sampling["max_spp"] and not (sampling["tolerance"] or plan):
+            if sampling["max_spp"] and not sampling["tolerance"]:
                 problem = "--max-spp needs --tolerance; --spp sets a fixed number of samples"
-            if plan and sampling["spp"]:
-                problem = "--plan chooses the samples for --tolerance; --spp does not go with it"
             if problem:
                 raise click.UsageError(problem, click.get_current_context())
-            options.sampling |= sampling | ({"plan": plan} if plan else {})
+            options.sampling |= sampling | given({"max_bounces": max_bounces})
             return command(options=options, **arguments)
 
         return loading_options(with_sampling)

@@ -84,11 +84,6 @@ def print_sections(sections, rows=()) -> None:
         print_columns(block)
 
 
-def whole_tolerance(result) -> dict:
-    """Entries for JSON: the tolerance of plan and noise together, if the result has a plan."""
-    return {"tolerance": result.plan.tolerance} if result.plan else {}
-
-
 def time_row(result) -> tuple[str, str]:
     """Row of facts: how long a result took."""
     return "time", f"{result.seconds:.2f} s"

@@ -4,7 +4,7 @@ import click
 
 import mi_lcair
 from mi_lcair.cli.options import examples, output_option, scene_options
-from mi_lcair.cli.output import print_result, time_row, whole_tolerance
+from mi_lcair.cli.output import print_result, time_row
 from mi_lcair.errors import InputError
 
 
@@ -70,4 +70,4 @@ def command(options, output, atmosphere, range_m, bins):
     else:
         write_exr(output, result.channels, result.header)
     rows = [("file", str(output)), time_row(result)]
-    print_result(result, options.json, rows, {"file": str(output), **whole_tolerance(result)})
+    print_result(result, options.json, rows, {"file": str(output)})

@@ -52,9 +52,6 @@ class Called(click.Command):
 )
 @click.option("--max-spp", type=POSITIVE, help=MAX_SPP)
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="Seed of the random numbers.")
-@click.option(
-    "--plan", type=click.Choice(["auto"]), help="Plan the signature of a scene; show the plan."
-)
 @renderer_options
 @click.pass_obj
 def command(call, what, output, parameters, variant, threads, **options):
@@ -73,9 +70,9 @@ def command(call, what, output, parameters, variant, threads, **options):
     share one page. The page is one file that needs no network. Radiances are in W m^-2 sr^-1,
     temperatures in K, intensities in W/sr, contrasts in W/m^2.
     """
-    if options["spp"] and (options["tolerance"] or options["plan"]):
-        raise InputError("--spp sets a fixed number of samples; --tolerance and --plan choose one")
-    if options["max_spp"] and not (options["tolerance"] or options["plan"]):
+    if options["spp"] and options["tolerance"]:
+        raise InputError("--spp sets a fixed number of samples; --tolerance chooses one")
+    if options["max_spp"] and not options["tolerance"]:
         raise InputError("--max-spp needs --tolerance; --spp sets a fixed number of samples")
     prepare_renderer(variant, threads)
     with progress_bar() as progress:

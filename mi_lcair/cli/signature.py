@@ -9,7 +9,6 @@ from mi_lcair.cli.output import (
     print_result,
     print_written,
     time_row,
-    whole_tolerance,
 )
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
@@ -60,5 +59,5 @@ def command(options, spectrum, plot, facets):
                 result.effective_areas.plot(plot)
         if facets:
             result.facets.save(facets)
-    print_result(result, options.json, [time_row(result)], whole_tolerance(result))
+    print_result(result, options.json, [time_row(result)])
     print_written(spectrum, plot, facets)

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from mi_lcair.errors import unknown
 from mi_lcair.rendering.scene import Scene
 
-INTEGRATOR = ("max_bounces", "emitter_sampling", "closure", "ambient_temperature")
+INTEGRATOR = ("max_bounces", "emitter_sampling", "closure", "ambient_temperature", "truncation")
 
 
 @contextmanager
@@ -16,8 +16,8 @@ def changed(
     """Context manager in which a scene has other settings; they are restored at the end.
 
     lobe: lobe of all reflection models, or of some materials as a dictionary (brdf, mirror or
-    diffuse). settings: max_bounces, emitter_sampling, closure and ambient_temperature, the
-    properties of bounce_path. Raises InputError for an unknown name, material or lobe, and for
+    diffuse). settings: max_bounces, emitter_sampling, closure, ambient_temperature and truncation,
+    the properties of bounce_path. Raises InputError for an unknown name, material or lobe, and for
     values that contradict each other.
     """
     integrator = scene.mi.integrator()

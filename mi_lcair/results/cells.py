@@ -161,14 +161,3 @@ def error_row(
     if reached:
         return "tolerance", f"{allowed} reached{where}: {error}"
     return "tolerance", f"{allowed} NOT reached{where}: {error}; {remedy}"
-
-
-def planned_row(error: str, entries: dict) -> tuple[str, str]:
-    """`error_row` for the dictionary of a result that may have a plan.
-
-    The tolerance is then that of plan and noise together.
-    """
-    plan = entries.get("plan")
-    if plan:
-        error += f", and the plan leaves out at most {percent(plan['bias'])}"
-    return error_row(error, (plan or entries)["tolerance"], entries["reached"])

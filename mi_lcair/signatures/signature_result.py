@@ -13,7 +13,6 @@ from mi_lcair.signatures.effective_areas import EffectiveAreas
 from mi_lcair.signatures.facet_results import FacetResults
 
 if TYPE_CHECKING:
-    from mi_lcair.planning.plan import Plan
     from mi_lcair.plugins.paths.aim import Aim
 
 
@@ -98,8 +97,6 @@ class Signature(Result):
         Tolerance that was asked for.
     reached : bool or None
         Whether the tolerance was reached, or the criterion `excess` was met; None without them.
-    plan : Plan or None
-        Plan under whose settings the paths were traced.
     aim : Aim or None
         Where in the window the paths began. Renders with one aim and one number share their paths.
     remarks : sequence of str
@@ -121,7 +118,6 @@ class Signature(Result):
     systematic: float
     tolerance: float | None
     reached: bool | None = None
-    plan: "Plan | None" = None
     aim: "Aim | None" = None
     remarks: Sequence[str] = ()
 
@@ -194,8 +190,6 @@ class Signature(Result):
             "reached": self.reached,
             "remarks": list(self.remarks),
         }
-        if self.plan is not None:
-            entries["plan"] = self.plan.as_dict()
         if self.effective_areas is not None:
             entries["effective_areas"] = self.effective_areas.as_list()
             entries["spectrum"] = self.effective_areas.columns()

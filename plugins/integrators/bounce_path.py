@@ -43,6 +43,8 @@ class BouncePath(RBIntegrator):
                                 two numbers of reflections, for the model and its background
                                 separately
     ambient_temperature float   kelvin, for closure = ambient
+    truncation          float   relative standard error of what is left out beyond max_bounces; it
+                                is part of all errors                                           (0)
     =================== ======= ====================================================================
 
     .. code-block:: xml
@@ -66,6 +68,7 @@ class BouncePath(RBIntegrator):
         Property("emitter_sampling", "boolean", False),
         Property("closure", "string", "none", choices=("none", "ambient", "tail")),
         Property("ambient_temperature", "float", upper=HOTTEST, is_positive=True, unit="K"),
+        Property("truncation", "float", 0.0, lower=0, upper=1),
     )
 
     def __init__(self, props):

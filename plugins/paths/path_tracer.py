@@ -50,7 +50,7 @@ class PathTracer(RBIntegrator):
     closure: the settings at the time when it was made. paths: the `Walk` that follows paths.
     ambient_radiance: radiance beyond the last reflection for closure = ambient [W m^-2 sr^-1]; None
     for another closure. systematic_error: relative error of a radiance that more samples do not
-    reduce. It comes from Float32 rounding and from tabulated emissivities.
+    reduce. It comes from Float32 rounding, from tabulated emissivities and from `truncation`.
 
     This is a separate integrator because the render methods of RBIntegrator call `sample` with the
     scene alone. The data derived from the scene must therefore belong to the integrator.
@@ -92,7 +92,9 @@ class PathTracer(RBIntegrator):
             closure=settings.closure,
             ambient_radiance=ambient,
             paths=paths,
-            systematic_error=hypot(rounding_error(most), of_tables, paths.binning_error),
+            systematic_error=hypot(
+                rounding_error(most), of_tables, paths.binning_error, settings.truncation
+            ),
             records_bins=bool(bins),
             recorded=Recorded(state),
             is_complete=True,

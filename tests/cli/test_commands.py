@@ -86,54 +86,17 @@ def test_signature_outputs_that_cannot_be(refused, renderer, options, message):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("command", [["signature"], ["render", "-o", "out.exr"]])
-def test_a_plan_is_followed_and_reported(run, command):
-    result = run(
-        command[0],
-        "open_box",
-        *command[1:],
-        "-D",
-        "resolution=8",
-        "-D",
-        "max_bounces=3",
-        "--plan",
-        "auto",
-        "--tolerance",
-        "5%",
-        "--json",
-    )
-    plan = json.loads(result.stdout)["plan"]
-    assert set(plan) >= {
-        "lobe",
-        "max_bounces",
-        "emitter_sampling",
-        "closure",
-        "bias",
-        "noise_tolerance",
-    }
-    assert (
-        plan["max_bounces"] == 1
-        and plan["tolerance"] == 0.05
-        and plan["each_pixel"] == (command[0] == "render")
-    )
-    assert plan["bias"] + plan["noise_tolerance"] == pytest.approx(0.05, rel=0.05)
-    assert json.loads(result.stdout)["reached"] is True
+def test_reflections_by_the_tolerance(run):
+    """The box needs one; `truncation` is left as it was."""
+    options = ("-D", "resolution=8", "-D", "max_bounces=3", "--tolerance", "5%", "--json")
+    result = run("signature", "open_box", *options, "--max-bounces", "auto")
+    assert len(json.loads(result.stdout)["target"]["by_bounce_W_sr"]) == 2
+    result = run("signature", "open_box", *options, "--max-bounces", "2")
+    assert len(json.loads(result.stdout)["target"]["by_bounce_W_sr"]) == 3
 
 
-@pytest.mark.slow
-def test_plan(run):
-    text = run("plan", "open_box", "-D", "resolution=8").stdout
-    assert "diffuse: diffuse" in text and "closure none" in text and "left out" in text
-    assert (
-        json.loads(run("plan", "open_box", "-D", "resolution=8", "--json").stdout)["tolerance"]
-        == 0.01
-    )
-
-
-def test_a_plan_chooses_the_samples(refused, renderer):
-    assert "--plan chooses the samples" in refused(
-        "render", "cavity", "-o", "out.exr", "--plan", "auto", "--spp", 4
-    )
+def test_numbers_of_reflections_and_samples(refused, renderer):
+    assert "known: auto, a whole number" in refused("signature", "cavity", "--max-bounces", "otto")
     assert "--max-spp needs --tolerance" in refused("signature", "cavity", "--max-spp", 4)
 
 

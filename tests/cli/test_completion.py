@@ -37,7 +37,7 @@ def test_commands_and_options():
     assert completions("fit", "--loss", "c") == ["cube_root"]
 
 
-@pytest.mark.parametrize("command", ["render", "signature", "trend", "plan", "audit", "budget"])
+@pytest.mark.parametrize("command", ["render", "signature", "trend", "audit", "budget"])
 def test_scenes(command):
     assert completions(command, "cyl") == ["cylinder_ir_range"]
     assert set(scenes.names()) <= set(completions(command, ""))

@@ -2,7 +2,7 @@
 
 import pytest
 
-from mi_lcair.results.cells import error_row, interval, planned_row
+from mi_lcair.results.cells import error_row, interval
 
 
 def test_the_interval_is_a_fraction_of_what_is_not_zero():
@@ -29,13 +29,3 @@ def test_the_interval_is_a_fraction_of_what_is_not_zero():
 )  # fmt: skip
 def test_rows(arguments, row):
     assert error_row("wide", *arguments) == row
-
-
-def test_a_plan_has_the_tolerance_of_plan_and_noise():
-    entries = {"tolerance": 0.008, "reached": True, "plan": {"tolerance": 0.01, "bias": 0.002}}
-    label, words = planned_row("wide", entries)
-    assert (label, words) == (
-        "tolerance",
-        "1 % reached: wide, and the plan leaves out at most 0.2 %",
-    )
-    assert planned_row("wide", entries | {"plan": None})[1] == "0.8 % reached: wide"

@@ -7,8 +7,8 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
-from mi_lcair.planning.probe import Settings
 from mi_lcair.plugins.paths.offsets import rounding_error
+from mi_lcair.rendering.settings import changed
 
 SCENE = """<scene version="3.0.0">
     <default name="sensor" value="orthographic"/>
@@ -82,7 +82,7 @@ def test_as_dict():
 
 def test_reflections_and_closure_add_up_to_the_intensity():
     scene = mi_lcair.load("cavity", resolution=8, max_bounces=4)
-    with replace(Settings.of(scene), closure="tail").applied(scene):
+    with changed(scene, closure="tail"):
         result = mi_lcair.signature(scene, spp=16)
     assert result.target.closure > 0
     assert sum(result.target.by_bounce) + result.target.closure == pytest.approx(

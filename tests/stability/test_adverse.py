@@ -121,12 +121,6 @@ def test_what_is_drawn_is_right_after_few_samples(tmp_path, name):
     assert not mi_lcair.render(scene, tolerance=0.5, max_spp=4096, split=None).reached
 
 
-def test_a_refused_plan_gives_the_reason(tmp_path):
-    scene = loaded(mirrored_speck, tmp_path, True)
-    with pytest.raises(InputError, match="met by chance alone"):
-        mi_lcair.plan(scene, 0.1)
-
-
 @pytest.mark.slow
 def test_views_know_it_too(tmp_path):
     """Straight down on the speck, no view reaches the tolerance."""
@@ -153,7 +147,7 @@ def test_an_emitter_without_a_bound_gets_no_tolerance(tmp_path):
     """A tolerance is refused with the emitter's name; a number of samples is not."""
     mi.register_emitter("unknown", Unknown)
     scene = loaded(lambda: lamp_with('<emitter type="unknown"/>'), tmp_path, False)
-    for call in (mi_lcair.render, mi_lcair.signature, mi_lcair.plan):
+    for call in (mi_lcair.render, mi_lcair.signature):
         with pytest.raises(InputError, match="nothing bounds the radiance of Unknown"):
             call(scene, tolerance=0.1)
     assert mi_lcair.render(scene, spp=4).mean > 0

@@ -119,19 +119,19 @@ def to_tolerance(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
         yield witness.claim("tolerance", result.intensity, truth, tolerance * truth)
 
 
-def planned(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
-    """The tolerance of a plan that is carried out; a plan that is refused claims nothing."""
+def reflections(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
+    """A tolerance that also chooses the number of reflections; one that is refused claims nothing."""
     tolerance = float(rng.choice([0.1, 0.03, 0.01]))
     result = mi_lcair.signature(
         scene,
         tolerance=tolerance,
         max_spp=MOST_PATHS // PIXELS**2,
         seed=int(rng.integers(1000)),
-        plan="auto",
+        max_bounces="auto",
     )
     truth = case.with_all_reflections * case.area
     if result.reached and result.main_part == "target":
-        yield witness.claim("tolerance, planned", result.intensity, truth, tolerance * truth)
+        yield witness.claim("tolerance, reflections", result.intensity, truth, tolerance * truth)
 
 
 def image_of_pixels(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
@@ -272,7 +272,7 @@ def further(case: Case) -> list:
     """Commands of which one more is run for the case."""
     commands = [sensitivities, budget]
     if np.isfinite(case.with_all_reflections):
-        commands.append(planned)
+        commands.append(reflections)
     if case.fills_window:
         commands += [image_of_pixels, image_to_tolerance]
     if case.view is not None:

@@ -14,8 +14,6 @@ from mi_lcair.results import Result
 if TYPE_CHECKING:
     import xarray
 
-    from mi_lcair.planning.plan import Plan
-
 
 @dataclass(frozen=True, repr=False)
 class Render(Result):
@@ -51,8 +49,6 @@ class Render(Result):
         Width and height of an orthographic sensor's window [m]. None for another sensor.
     tolerance : float or None
         Tolerance that was asked for.
-    plan : Plan or None
-        Plan under whose settings the scene was rendered.
     wavelengths_um : ndarray
         Wavelengths of the channels of spectral radiance [um]; empty for none.
     """
@@ -72,7 +68,6 @@ class Render(Result):
     scene_name: str
     window_m: tuple[float, float] | None
     tolerance: float | None
-    plan: "Plan | None" = None
     wavelengths_um: np.ndarray = field(default_factory=lambda: np.empty(0))
 
     kind: ClassVar[str] = "render"
@@ -117,8 +112,7 @@ class Render(Result):
     def entries(self) -> dict:
         """Entries for JSON: the means, the errors and the channels, without their pixels."""
         height, width = self.channels["Y"].shape
-        plan = {} if self.plan is None else {"plan": self.plan.as_dict()}
-        return plan | {
+        return {
             "scene_name": self.scene_name,
             "band": self.band.name,
             "width": width,

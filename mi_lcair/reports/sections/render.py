@@ -6,7 +6,7 @@ from mi_lcair.fraction import percent
 from mi_lcair.rendering.images.exr import window_of
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.reports.page.image_panel import image_panel
-from mi_lcair.results.cells import planned_row, unpacked, words_of
+from mi_lcair.results.cells import error_row, unpacked, words_of
 from mi_lcair.results.sections import Drawing, Facts, Remarks, Section
 
 FIRST = ("apparent.Y", "Y", "temperature.Y")  # channels that are shown first, at most two
@@ -28,15 +28,14 @@ def sections(render) -> list[Section]:
     rows = [
         ("image", f"{width} x {height} pixels, {render.band.label}"),
         ("mean radiance", f"{render.mean:.6g} W m^-2 sr^-1"),
-        planned_row(error, render.as_dict()),
+        error_row(error, render.tolerance, render.reached),
         ("samples per pixel", render.spp),
     ]
     if render.closure_error is not None:
         rows.append(("closure error", f"{render.closure_error:.2g} W m^-2 sr^-1 (estimated)"))
     remarks = Remarks(invalid_remark(render.invalid, render.paths))
     image, made = image_sections(render.channels, render.header)
-    planned = render.plan.sections() if render.plan else []
-    return [Section("Image", [Facts(rows), remarks, *image.parts]), *planned, made]
+    return [Section("Image", [Facts(rows), remarks, *image.parts]), made]
 
 
 def image_sections(channels: dict, header: dict) -> list[Section]:

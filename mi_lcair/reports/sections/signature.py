@@ -5,7 +5,7 @@ import numpy as np
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.reports.sections import facets
 from mi_lcair.reports.sections.spectrum import spectrum_section
-from mi_lcair.results.cells import heading, interval, planned_row
+from mi_lcair.results.cells import error_row, heading, interval
 from mi_lcair.results.result import details
 from mi_lcair.results.sections import Facts, Remarks, Section, Table
 
@@ -21,13 +21,11 @@ def sections(signature, scene=None, sensor: int = 0) -> list[Section]:
     others = []
     if signature.facets is not None:
         others += facets.sections(signature.facets, scene, sensor)
-    if signature.plan is not None:
-        others += signature.plan.sections()
     return sections_of_entries(signature.as_dict(), others)
 
 
 def sections_of_entries(entries: dict, others=()) -> list[Section]:
-    """The sections of a signature's JSON. `others` are those of its facets and its plan."""
+    """The sections of a signature's JSON. `others` are those of its facets."""
     result = [Section("Intensity", list(intensity(entries)))]
     if "spectrum" in entries:
         areas = entries["effective_areas"]
@@ -64,7 +62,7 @@ def intensity(entries: dict):
                 )
                 for name, part in zip(PARTS, parts)
             ),
-            planned_row(error, entries),
+            error_row(error, entries["tolerance"], entries["reached"]),
             ("paths", entries["paths"]),
         ]
     )
