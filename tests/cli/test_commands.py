@@ -95,8 +95,11 @@ def test_reflections_by_the_tolerance(run):
     assert len(json.loads(result.stdout)["target"]["by_bounce_W_sr"]) == 3
 
 
-def test_numbers_of_reflections_and_samples(refused, renderer):
+def test_a_number_of_reflections_that_is_none(refused):
     assert "known: auto, a whole number" in refused("signature", "cavity", "--max-bounces", "otto")
+
+
+def test_a_limit_needs_a_tolerance(refused, renderer):
     assert "--max-spp needs --tolerance" in refused("signature", "cavity", "--max-spp", 4)
 
 

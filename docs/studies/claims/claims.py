@@ -120,7 +120,7 @@ def to_tolerance(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
 
 
 def reflections(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
-    """A tolerance that also chooses the number of reflections; one that is refused claims nothing."""
+    """A tolerance that also chooses the number of reflections; a refused one claims nothing."""
     tolerance = float(rng.choice([0.1, 0.03, 0.01]))
     result = mi_lcair.signature(
         scene,
