@@ -208,7 +208,8 @@ class Differences:
             if pilot.verdict != "smooth" or error < FINE * abs(pilot.slope(3, 1)[0]):
                 break
             longer = self.pilot(2 * h, method)
-            if hypot(fewer * longer.noise, longer.truncation) > WORTH * error:
+            of_longer = hypot(fewer * longer.noise, longer.truncation)
+            if longer.verdict != "smooth" or of_longer > WORTH * error:
                 break
             h, pilot = 2 * h, longer
         return h, pilot

@@ -1,4 +1,4 @@
-"""Motions of a scene's sensors: where the observer is, and how the image lies in its film.
+"""Motions of a scene's sensors and of its sun: where the observer is, and how the image lies.
 
 ======================================= ===========================================================
 observer.azimuth_deg, .elevation_deg    direction from the origin of the scene's file to the
@@ -6,6 +6,7 @@ observer.azimuth_deg, .elevation_deg    direction from the origin of the scene's
 observer.range_m                        distance of a perspective sensor from that origin [m]
 observer.x_px, .y_px                    shift of the image to the right and down [pixels]
 observer.roll_deg                       turn of the sensor about its axis, to the right [deg]
+sun.azimuth_deg, .elevation_deg         direction of the emitter `sun`, with its light there [deg]
 ======================================= ===========================================================
 
 All sensors of a scene move together. The values of the direction are those of the first one.
@@ -16,9 +17,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mi_lcair.motions.motion import FULL_TURN_DEG, Motion
+from mi_lcair.plugins.emitters.one_sun import one_sun
 from mi_lcair.rendering.window import window
 
-OBSERVER = "observer"
+OBSERVER, SUN = "observer", "sun"
+ANGLES = ("azimuth_deg", "elevation_deg")
 KINDS = ("OrthographicCamera", "PerspectiveCamera")
 LARGEST_PX, LARGEST_RANGE_M = 1e6, 1e7
 
@@ -43,6 +46,18 @@ def observer_motions(scene) -> list[Motion]:
     if sensors[0].class_name() == "PerspectiveCamera":
         motions.append(motion("range_m", "m", range_m, 1e-3 * range_m, LARGEST_RANGE_M))
     return motions
+
+
+def sun_motions(scene) -> list[Motion]:
+    """The motions of the emitter `sun`; none without one.
+
+    A sun that a sky fits cannot leave it, see `one_sun`.
+    """
+    sun = one_sun(scene.mi.emitters())
+    if sun is None:
+        return []
+    rests = zip(ANGLES, (sun.azimuth_deg, sun.elevation_deg), (FULL_TURN_DEG, 90.0))
+    return [Motion(f"{SUN}.{n}", "deg", float(rest), -most, most, ()) for n, rest, most in rests]
 
 
 def matrix_of(sensor) -> np.ndarray:

@@ -17,14 +17,18 @@ from mi_lcair.motions.motion import (
     motions_of_groups,
 )
 from mi_lcair.motions.observer import (
+    ANGLES,
     OBSERVER,
+    SUN,
     observer_motions,
     placed,
     set_sensor,
     settings_of,
+    sun_motions,
 )
 from mi_lcair.plugins.derivatives import held, own_memory, same_variables
 from mi_lcair.plugins.emission.triangles import is_faceted, points, set_vertices, vertex_buffer
+from mi_lcair.plugins.emitters.one_sun import one_sun
 
 POSE, DECLARED = "pose", "declared"  # keys of `Scene.moved`
 
@@ -35,7 +39,8 @@ class Pose:
     loaded: the vertices of the model's meshes in the loaded scene, mi.Float. present: those that
     the values gave. attitude: the turns of the model. motions: all motions by name, in the order in
     which they act. values: of the motions that are not at rest. sensors: parameters of the sensors
-    in the loaded scene. origin: of the scene, see `Scene`.
+    in the loaded scene. origin: of the scene, see `Scene`. sun: the emitter, or None. sun_before:
+    its attributes before a motion.
     """
 
     def __init__(self, scene):
@@ -46,8 +51,10 @@ class Pose:
         of_meshes = {mesh: self.in_axes_of_model(mesh) for mesh in meshes}
         motions = declared_motions(scene, scene.moved.get(DECLARED, {}), of_meshes)
         motions += [*motions_of_groups(scene, of_meshes), *self.attitude, *observer_motions(scene)]
+        motions += sun_motions(scene)
         self.sensors = {sensor: settings_of(sensor) for sensor in scene.mi.sensors()}
         self.origin = np.array(scene.origin)
+        self.sun, self.sun_before = one_sun(scene.mi.emitters()), None
         self.motions = {}
         for motion in motions:
             if motion.name in self.motions:
@@ -85,6 +92,17 @@ class Pose:
         array = mi.Float(np.ravel(vertices))
         own_memory([array])
         return array
+
+    def place_sun(self) -> None:
+        """Give the sun the place of the present values; at rest, all that it had before."""
+        if self.sun_before is None:
+            self.sun_before = dict(vars(self.sun))
+        place = [self.motions[f"{SUN}.{angle}"] for angle in ANGLES]
+        if any(motion.name in self.values for motion in place):
+            self.sun.move_to(*(self.values.get(motion.name, motion.rest) for motion in place))
+        else:
+            vars(self.sun).update(self.sun_before)
+            self.sun_before = None
 
     def place_sensors(self) -> None:
         """Give the sensors the places of the present values; those at rest, bit for bit."""
@@ -132,6 +150,8 @@ def set_motions(scene, values: Mapping[str, float]) -> None:
     pose.values = {n: value for n, value in pose.values.items() if value != pose.motions[n].rest}
     if any(name.startswith(f"{OBSERVER}.") for name in values):
         pose.place_sensors()
+    if any(name.startswith(f"{SUN}.") for name in values):
+        pose.place_sun()
     set_vertices(scene.mi, {mesh: pose.buffer(mesh) for mesh in changed})
     pose.present |= dict(zip(changed, held([vertex_buffer(mesh) for mesh in changed])))
 

@@ -51,8 +51,7 @@ def seen_shares(scene, sensor) -> np.ndarray:
         )
         for mesh in meshes
     ]
-    expected = projected / (np.prod(window_size(sensor)) * cell)
-    share = (np.concatenate(counts) + 0.5) / (expected + 0.5)
+    share = (np.concatenate(counts) + 0.5) / (projected / cell + 0.5)
     return np.clip(share, HIDDEN, 1.0)
 
 
@@ -81,7 +80,7 @@ def starts_in(scene, sensor, poses: list[dict], seen: np.ndarray) -> list[FacetS
     area, change = np.max(areas, axis=0) * seen, np.ptp(areas, axis=0) * seen
     parts = area, area * radiance, change * radiance
     choice = Choice(sum(k * part / part.sum() for k, part in zip(SHARES, parts) if part.any()))
-    return [FacetStarts.at(meshes, of_pose, choice) for of_pose in outlines]
+    return [FacetStarts.at(meshes, *pose, choice) for pose in zip(outlines, areas)]
 
 
 def moves_in_view(scene, sensor, poses: list[dict]) -> bool:
@@ -90,7 +89,7 @@ def moves_in_view(scene, sensor, poses: list[dict]) -> bool:
     for pose in poses:
         with moved(scene, pose):
             of_pose, visible = zip(*(outline(mesh, sensor) for mesh in meshes_of_model(scene)))
-        shown = np.concatenate(visible) > TINY * np.prod(window_size(sensor))
+        shown = np.concatenate(visible) > TINY
         outlines.append(np.concatenate(of_pose) * shown[:, None, None])
     return bool(np.abs(outlines[0] - outlines[1]).max() > TINY)
 
@@ -98,8 +97,8 @@ def moves_in_view(scene, sensor, poses: list[dict]) -> bool:
 def outline(mesh: mi.Shape, sensor) -> tuple[np.ndarray, np.ndarray]:
     """Corners (n, 3, 2) of a mesh's triangles in parts of the window, and visible areas (n,).
 
-    The visible area is the projected one, or 0 for a triangle that shows a side from which its
-    surface neither emits nor reflects.
+    The visible area is the projected one in parts of the window's area, or 0 for a triangle that
+    shows a side from which its surface neither emits nor reflects.
     """
     corner, right, up, direction = window(sensor)
     corners = np.stack(triangle_corners(mesh), axis=1).astype(float)
@@ -109,7 +108,8 @@ def outline(mesh: mi.Shape, sensor) -> tuple[np.ndarray, np.ndarray]:
     flags = mesh.bsdf().flags()
     sides = [mi.has_flag(flags, side) for side in (mi.BSDFFlags.BackSide, mi.BSDFFlags.FrontSide)]
     shows = np.where(toward > 0, sides[1], sides[0])
-    return (corners - corner) @ axes, 0.5 * np.abs(toward) * shows
+    area = 0.5 * np.abs(toward) * shows / np.prod(window_size(sensor))
+    return (corners - corner) @ axes, area
 
 
 def radiances(mesh: mi.Shape) -> np.ndarray:

@@ -79,13 +79,17 @@ class Sun(DistantEmitter):
         super().__init__(props)
         # Mitsuba takes an infinite emitter without a delta flag for the scene's environment
         self.m_flags = mi.EmitterFlags.Infinite | mi.EmitterFlags.DeltaDirection
-        self.azimuth_deg, self.elevation_deg, distance_au = position(self.values)
-        self.distance_au = distance_au
+        azimuth_deg, elevation_deg, self.distance_au = position(self.values)
         radius = np.radians(self.values["diameter_deg"]) / 2
         self.sin_radius, self.sin_half_radius = float(np.sin(radius)), float(np.sin(radius / 2))
         self.solid_angle = 4 * np.pi * self.sin_half_radius**2  # of the disc [sr]
         self.projected_angle = np.pi * self.sin_radius**2  # on a plane perpendicular to it [sr]
+        self.stand_at(azimuth_deg, elevation_deg)
         self.shine(HEIGHT_M if self.values["height_m"] is None else self.values["height_m"])
+
+    def stand_at(self, azimuth_deg: float, elevation_deg: float) -> None:
+        """Set the position of the sun, without its light, see `shine`."""
+        self.azimuth_deg, self.elevation_deg = azimuth_deg, elevation_deg
         # The direction toward the disc's centre, and two unit vectors perpendicular to it. Float32
         # resolves a place on the disc by its offsets along these, but not by its angle's cosine.
         azimuth, elevation = np.radians([self.azimuth_deg, self.elevation_deg])
@@ -98,10 +102,18 @@ class Sun(DistantEmitter):
 
     def shine(self, height_m: float) -> None:
         """Set irradiance and spectrum to those at a height [m]."""
-        air = self.values["air"]
-        light = sunlight(air, self.elevation_deg, self.distance_au, height_m)
-        self.scale = mi.Float(light.in_band_irradiance(self.band))
+        self.height_m = height_m
+        light = sunlight(self.values["air"], self.elevation_deg, self.distance_au, height_m)
+        self.through_air = float(light.in_band_irradiance(self.band))
+        self.scale = mi.Float(self.through_air)
         self.spectrum = light.over(self.projected_angle)
+
+    def move_to(self, azimuth_deg: float, elevation_deg: float) -> None:
+        """Let it shine from another direction; a factor of its irradiance stays."""
+        factor = self.scale / self.through_air
+        self.stand_at(azimuth_deg, elevation_deg)
+        self.shine(self.height_m)
+        self.scale *= factor
 
     def at_height(self, height_m: float) -> None:
         if self.values["height_m"] is None and self.values["air"] in model_names():

@@ -74,7 +74,7 @@ class FacetStarts:
     largest_on_model: float
 
     @staticmethod
-    def at(meshes, outlines, choice: Choice) -> "FacetStarts":
+    def at(meshes, outlines, area: np.ndarray, choice: Choice) -> "FacetStarts":
         """Starts on the triangles of meshes.
 
         Parameters
@@ -82,6 +82,8 @@ class FacetStarts:
         meshes : list of mi.Shape
         outlines : list of ndarray, shape (n, 3, 2)
             Corners of the triangles of each mesh in parts of the window, Float64.
+        area : ndarray, shape (n,)
+            Visible area of all triangles in parts of the window's area.
         choice : Choice
             Draws one of all triangles.
         """
@@ -89,7 +91,6 @@ class FacetStarts:
         ids = [pointer_id(mi.ShapePtr(mesh)) for mesh in meshes]
         corners = np.concatenate(outlines)
         sides = corners[:, 1:] - corners[:, :1]
-        area = 0.5 * np.abs(np.linalg.det(sides))
         drawn = choice.probability > 0
         weight = np.divide(area, choice.probability, out=np.zeros_like(area), where=drawn)
         table = FacetTable(

@@ -86,3 +86,21 @@ def test_derivative_of_an_image():
     assert abs(sums[[0, 2]] - expected) == pytest.approx(0, abs=5 * error[[0, 2]].max())
     assert abs(sums[1]) < 5 * error[1]
     assert np.abs(images.derivative[1]).max() > 50
+
+
+def test_sun_stands_where_the_scene_parameters_put_it():
+    """The sun moves with its light through the air, and goes back exactly."""
+    place = {"sun_azimuth_deg": 20, "sun_elevation_deg": 30}
+    day = {"light": "day", "band": "MWIR", "resolution": 8, "sky": "midlat_summer_clear"}
+    loaded = mi_lcair.load("a340_landing", **day, **place)
+    scene = mi_lcair.load("a340_landing", **day)
+    state, expected = scene.fingerprint, mi_lcair.parameters(loaded)["sun.irradiance"].value
+    values = mi_lcair.parameters(scene)
+    usual = values["sun.irradiance"].value
+    assert (values["sun.azimuth_deg"].value, values["sun.elevation_deg"].value) == (60, 45)
+    with changed(scene, {"sun.azimuth_deg": 20, "sun.elevation_deg": 30}):
+        moved = mi_lcair.parameters(scene)["sun.irradiance"].value
+        assert moved == pytest.approx(expected, rel=1e-6) and moved < 0.97 * usual
+        intensities = [mi_lcair.signature(s, spp=16).target.intensity for s in (scene, loaded)]
+        assert intensities[0] == pytest.approx(intensities[1], rel=1e-5)
+    assert scene.fingerprint == state
