@@ -193,9 +193,9 @@ class ContrastNumber(Number):
         return float(air.ranges_m[-1])
 
     def irradiance(
-        self, total: Totals, areas, setting: Setting | None = None, imager: Imager | None = None
+        self, total: Totals, areas, setting: Setting | None = None, band: Band | None = None
     ) -> Irradiance:
-        """Irradiances of a render, also in another setting, with another camera."""
+        """Irradiances of a render, also in another setting and in another band."""
         setting = setting or self.setting
         # The ends of intervals of wavelength are met exactly
         ends = [end for name in self.known for end in in_um(name)]
@@ -208,7 +208,7 @@ class ContrastNumber(Number):
                 total.randomisations - 1,
                 float(total.missed("target")[0] * self.numbers.area),
             ),
-            self.band(setting.detector, imager or self.scenario.camera),
+            band or setting.detector.band,
             setting.air,
             setting.backdrop._replace(rows_um=rows_um),
         )
@@ -255,7 +255,7 @@ class ContrastNumber(Number):
             for name in AMOUNTS
             for was in [self.known[f"scenario.{name}"].value]
         }
-        irradiance = self.irradiance(total, areas, setting, imager)
+        irradiance = self.irradiance(total, areas, setting, self.band(detector, imager))
         x, shares = irradiance.wavelengths_um, 1.0
         for name, changed in quantities.items():
             if interval := in_um(name):

@@ -47,6 +47,7 @@ class DerivedNumber(ContrastNumber):
 
     def scenario_quantities(self):
         known = super().scenario_quantities() | numbers_of("sensor", self.setting.detector)
+        known.pop("scenario.nei")  # an error of the contrast alone; sensor.nei is its size
         return known | numbers_of("camera", self.scenario.camera)
 
     def linear(self, total, areas, quantities):

@@ -10,7 +10,7 @@ from mi_lcair.cli import main
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
 from tests.detection.disc_scenario import AREA, disc, write_disc
-from tests.uncertainty.plate_scene import plate_scene, row, slope
+from tests.uncertainty.plate_scene import plate_scene, row, slope, triangle_areas
 
 mi.set_variant("llvm_ad_mono")
 
@@ -61,6 +61,25 @@ def test_apparent_temperature(folder):
     # All paths that meet the disc see the same radiance
     assert row(found, "noise of the rendering").contribution < 2e-3
     assert "apparent temperature 400 +- " in found.summary()
+
+
+def test_facets_with_errors_of_their_own(folder):
+    """The mean of n even triangles with independent errors: sigma sqrt(sum a^2) / sum a."""
+    found = mi_lcair.budget(
+        blackbody_disc(folder), {"facets": {"self": 3.0}}, of="apparent_temperature"
+    )
+    areas = triangle_areas()
+    expected = 3 * np.sqrt(np.sum(areas**2)) / areas.sum()
+    assert row(found, "self facets").contribution == pytest.approx(expected, rel=0.05)
+
+
+def test_tolerance_in_irradiance(folder):
+    """An absolute tolerance is one of the contrast, also where electrons are counted."""
+    noisy = {"render__spp": None, "render__tolerance_W_m2": 1e-5, "render__max_spp": 4096}
+    found = mi_lcair.budget(
+        blackbody_disc(folder, **TABLE | noisy), {"sigma": {"self.temperature": 1.0}}, of="snr"
+    )
+    assert found.paths < 4096 * 16 * 16 and not found.remarks
 
 
 @pytest.mark.parametrize("at_optics", [1.0, 0.8])
@@ -184,8 +203,9 @@ def test_what_cannot_be_used(folder, tmp_path):
     ):
         with pytest.raises(InputError, match=message):
             mi_lcair.budget(scenario, sigma, of=of)
-    with pytest.raises(InputError, match="unknown quantity of .* 'camera.f_number'"):
-        mi_lcair.budget(blackbody_disc(folder), {"sigma": {"camera.f_number": 0.1}}, of="snr")
+    for name in ("camera.f_number", "scenario.nei"):
+        with pytest.raises(InputError, match=f"unknown quantity of .* '{name}'"):
+            mi_lcair.budget(blackbody_disc(folder), {"sigma": {name: 1e-9}}, of="snr")
 
 
 def test_command(folder, monkeypatch):
