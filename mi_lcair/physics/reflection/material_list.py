@@ -24,7 +24,8 @@ class MaterialList(Result):
     listed : tuple of Material
         The entries, those of the user's files first.
     emissivity : ndarray, shape (n, 2)
-        Directional emissivity of each entry along the normal and at 60 degrees.
+        Directional emissivity of each entry along the normal and at 60 degrees; that of the mean
+        over its rows for an entry by wavelength.
     left_out : tuple of str
         What is wrong with each file of a folder that holds no materials, one line each.
     """
@@ -48,6 +49,7 @@ class MaterialList(Result):
                 "name": entry.name,
                 "model": entry.model.name,
                 "band": entry.band,
+                "by_wavelength": entry.spectrum is not None,
                 **{f"emissivity_{angle}deg": value for angle, value in zip(ANGLES_DEG, values)},
                 "parameters": entry.parameters,
                 "form": entry.form,
