@@ -34,6 +34,7 @@ from mi_lcair.signatures.many_views import IntensitiesOfViews, windows_of
 if TYPE_CHECKING:
     import xarray
 
+FEW_AMOUNTS = 32  # number of amounts whose pairs take less time than the randomisations
 NOT_HELD = "is no file of effective areas that mi_lcair wrote"
 
 
@@ -204,11 +205,7 @@ class ViewAreas(SourcesInBand):
         Estimates
             Arrays of shape (..., V).
         """
-        # The variance is a quadratic form of few coefficients, which is one product of matrices
-        first, second = np.triu_indices(per_amount.shape[-1])
-        pairs = per_amount[..., first] * per_amount[..., second]
-        of_pairs = np.einsum("vra,vra->va", *(self.deviations[..., k] for k in (first, second)))
-        variance = pairs @ (of_pairs * np.where(first == second, 1, 2)).T
+        variance = self.variance(per_amount)
         value, systematic = per_amount @ self.amounts.T, of_target @ self.amounts.T
         systematic = (systematic * self.relative) ** 2
         missed = np.asarray(per_missed)[..., None] * self.missed
@@ -220,6 +217,16 @@ class ViewAreas(SourcesInBand):
             + missed**2
         )
         return Estimates(value, np.sqrt(variance + systematic), half_width)
+
+    def variance(self, per_amount: np.ndarray) -> np.ndarray:
+        """Variance of numbers that are linear in the amounts, from the deviations, (..., V)."""
+        if per_amount.shape[-1] > FEW_AMOUNTS:
+            return sum((per_amount @ part.T) ** 2 for part in self.deviations.swapaxes(0, 1))
+        # A quadratic form of few coefficients is one product of matrices
+        first, second = np.triu_indices(per_amount.shape[-1])
+        pairs = per_amount[..., first] * per_amount[..., second]
+        of_pairs = np.einsum("vra,vra->va", *(self.deviations[..., k] for k in (first, second)))
+        return pairs @ (of_pairs * np.where(first == second, 1, 2)).T
 
     def of_views(self, numbers: ArrayLike) -> "ViewAreas":
         """Effective areas of the views with these numbers, in their order."""
