@@ -1,4 +1,4 @@
-"""Larger pieces of work: a trend, a fit, the start of the command, memory."""
+"""Larger pieces of work: a trend, a sweep, a fit, the start of the command, memory."""
 
 import subprocess
 import sys
@@ -26,6 +26,29 @@ def track_trend(azimuths=AZIMUTHS, tolerance=0.01, rounds=3):
 
 
 track_trend.unit = "apart / together"
+
+
+def track_sweep(azimuths=AZIMUTHS[::15], ranges=(500, 1000, 2000, 4000), rounds=3):
+    """Time of separate contrasts over aspects and ranges / of one sweep, with as many paths."""
+    scenario, sampling = "a340_landing/position_1", {"resolution": 64, "spp": 2}
+    conditions = {"azimuth_deg": list(map(float, azimuths)), "range_m": list(ranges)}
+
+    def apart(seed):
+        common = {f"render.{name}": value for name, value in sampling.items()}
+        common |= {"render.max_bounces": 10, "render.seed": seed}
+        for azimuth in azimuths:
+            for range_m in ranges:
+                line = {"observer.azimuth_deg": float(azimuth), "observer.range_m": range_m}
+                mi_lcair.contrast(scenario, parameters=common | line)
+
+    def together(seed):
+        tables = {"base": {"scenario": scenario}, "conditions": conditions}
+        mi_lcair.sweep(tables | {"sampling": sampling | {"seed": seed}})
+
+    return ratio(apart, together, rounds)
+
+
+track_sweep.unit = "apart / together"
 
 
 def measurements(step_deg=2.0):
@@ -99,6 +122,7 @@ def peakmem_signature(paths=2**23):
 
 for benchmark in (
     track_trend,
+    track_sweep,
     track_fit,
     track_help,
     track_command,

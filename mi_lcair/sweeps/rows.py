@@ -38,18 +38,15 @@ def of_sight(sight: Sightline, areas: ViewAreas) -> dict[str, np.ndarray]:
     detector, path = sight.detector, sight.path
     line = LineOfSources(areas, detector.band, sight.air, sight.backdrop)
     per_amount = dict(zip(TERMS, line.per_amount(path)))
-    target, none = per_amount["target"], np.zeros_like(per_amount["target"])
-    # What a relative error of the target's radiation changes, and an intensity that was missed
-    of_target = {"path": (none, 0.0), "background": (none, 0.0)}
-    of_target["intensity"] = per_amount["intensity"], 1.0
-    of_target["target"] = of_target["total"] = target, line.per_intensity(path)
-    terms = {name: areas.estimates(per_amount[name], *of_target[name]) for name in TERMS}
-    contrast = terms["total"]
+    # An intensity that was missed arrives at most as this irradiance
+    target, at_most = per_amount["target"], line.per_intensity(path)
+    contrast = areas.estimates(per_amount["total"], target, at_most)
+    intensity = areas.estimates(per_amount["intensity"], per_amount["intensity"], 1.0)
     rows = {
-        **of_estimates("intensity", "W_sr", terms["intensity"]),
-        **of_estimates("target", "W_m2", terms["target"]),
-        "path_W_m2": terms["path"].value,
-        "background_W_m2": terms["background"].value,
+        **of_estimates("intensity", "W_sr", intensity),
+        **of_estimates("target", "W_m2", areas.estimates(target, target, at_most)),
+        "path_W_m2": per_amount["path"] @ areas.amounts.T,
+        "background_W_m2": per_amount["background"] @ areas.amounts.T,
         **of_estimates("contrast", "W_m2", contrast),
         **of_estimates("nei_max", "W_m2", Estimates(*map(detector.nei_max, contrast))),
         **apparent_temperature(areas, detector.band, target, per_amount["path"], path.range_m),

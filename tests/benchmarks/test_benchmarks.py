@@ -34,6 +34,7 @@ def test_ratio_is_one_of_times(monkeypatch):
         ),
         lambda: errors.track_small_launch(rounds=1),
         lambda: errors.track_image(spp=4, rounds=1),
+        lambda: work.track_sweep(work.AZIMUTHS[:2], ranges=(500, 800), rounds=1),
         lambda: work.track_trend(work.AZIMUTHS[:2], tolerance=0.2, rounds=1),
         lambda: work.track_fit(starts=2, rounds=1),
         lambda: work.track_help(rounds=1),
