@@ -22,6 +22,7 @@ HOTTEST = 1e5
 BRIGHTEST = 1e15
 RADIANCE_UNIT = "W m^-2 sr^-1"
 LABEL = re.compile(r"[A-Za-z0-9_-]{1,64}")  # labels become parts of channel and column names
+BOOLEANS = {"true": True, "false": False}  # as scene files write them
 # Names of types in the message about a value of the wrong type.
 WORDS = {
     bool: "a boolean",
@@ -37,8 +38,9 @@ class Property(Bounds):
 
     name: its name in scene files. kind: "float", "integer", "boolean", "string" or "float or
     texture". default: the value if a scene gives none; None if there is no default. choices: the
-    allowed strings. is_label: a string must consist of letters, digits, '_' and '-'. is_file: a
-    string may name a file, which is searched beside the scene.
+    allowed strings; for a boolean, the string that is allowed in its place. is_label: a string must
+    consist of letters, digits, '_' and '-'. is_file: a string may name a file, which is searched
+    beside the scene.
     """
 
     name: str
@@ -54,12 +56,18 @@ class Property(Bounds):
         Raises InputError if the value has the wrong type or is out of bounds.
         """
         where = f"{plugin}: {self.name}"
+        if self.kind == "boolean" and self.choices:
+            # A string in the scene file, which may also be one of the choices
+            value = BOOLEANS.get(value, value) if isinstance(value, str) else value
+            if value in self.choices:
+                return value
         if self.kind == "float or texture" and isinstance(value, mi.Texture):
             return value
         if not self.is_of_kind(value):
             kind = WORDS.get(type(value), f"a {type(value).__name__.lower()}")
             number = f" = {value!r}" if type(value) in WORDS else ""
-            raise InputError(f"{where}{number} is {kind}; it must be {self.article()}{self.kind}")
+            allowed = f"{self.article()}{self.kind}{self.or_choice()}"
+            raise InputError(f"{where}{number} is {kind}; it must be {allowed}")
         if self.kind == "string":
             return self.checked_string(value, plugin)
         if self.kind != "boolean":
@@ -74,6 +82,10 @@ class Property(Bounds):
             return isinstance(value, str)
         number = Integral if self.kind == "integer" else Real
         return isinstance(value, number) and not is_boolean
+
+    def or_choice(self) -> str:
+        """The string that is allowed in place of a boolean, for a message."""
+        return f" or '{self.choices[0]}'" if self.kind == "boolean" and self.choices else ""
 
     def article(self) -> str:
         return "an " if self.kind == "integer" else "a "

@@ -9,12 +9,14 @@ from mi_lcair.errors import InputError
 from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.plugins.paths.launch import ParallelRays
 from mi_lcair.rendering.aiming import aim_at_model
+from mi_lcair.rendering.emitter_sampling import WORTH_ASKING, drawing_is_cheaper, is_open
 from mi_lcair.rendering.limits import check_memory
 from mi_lcair.rendering.measurands import Criterion, Measurands
 from mi_lcair.rendering.pixels.allocation import Allocation, allocate
 from mi_lcair.rendering.pixels.errors import PixelCriterion
 from mi_lcair.rendering.sampling import TWO_CHOICES, Sampling
 from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.statistics import Totals, check_valid
 from mi_lcair.rendering.window import Windows
 
@@ -62,16 +64,28 @@ def measure(
     elif sampling.spp is not None:
         raise InputError(TWO_CHOICES)
     windows.check(sampling)
+    asks = is_open(scene, measurands, criterion)
     with scene.prepared(measurands.by_spectrum, measurands.explored, measurands.bins) as tracer:
         kept = windows.count * (windows.randomisations if windows.by_randomisation else 1)
         check_memory(kept, tracer, None if measurands.reduced else measurands.channels.split)
         if criterion is not None:
             criterion.check(tracer, scene.name)
-        return _until_met(scene, tracer, windows, sampling, measurands, criterion, aim)
+        plan = scene, tracer, windows, sampling, measurands, criterion
+        total = _until_met(*plan, aim, WORTH_ASKING if asks else np.inf)
+    if total is not None:
+        return total
+    draws = drawing_is_cheaper(scene, windows, sampling, measurands, criterion)
+    with changed(scene, emitter_sampling=draws):
+        return measure(scene, windows, sampling, measurands, criterion, aim)
 
 
-def _until_met(scene, tracer, windows: Windows, sampling, measurands, criterion, aim) -> Totals:
-    """The loop of `measure`: passes through all windows that need more paths."""
+def _until_met(
+    scene, tracer, windows: Windows, sampling, measurands, criterion, aim, most: float
+) -> Totals | None:
+    """The loop of `measure`: passes through all windows that need more paths.
+
+    None if, after the first paths, the ratio of the error to the allowed error is above `most`.
+    """
     # The results by facet and a sensor of several views need a constant density
     may_aim = aim is None and measurands.facets is None and windows.may_be_aimed
     total = windows.totals(tracer, aim)
@@ -94,6 +108,9 @@ def _until_met(scene, tracer, windows: Windows, sampling, measurands, criterion,
         check_valid(total.invalid, int(total.traced.sum()), scene.name)
         if criterion is not None and done >= goal:
             needed = total.excess = np.broadcast_to(criterion.excess(total), windows.count)
+            if needed.max() > most:
+                return None
+            most = np.inf
             if not windows.are_pixels:
                 # The error of a lattice falls at most as 1 / points. A smaller estimate is luck,
                 # and to end there would state too small an error too often.

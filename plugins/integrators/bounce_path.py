@@ -23,6 +23,7 @@ from mi_lcair.plugins.scene_state import SceneState
 from mi_lcair.plugins.tracing import tracing
 from mi_lcair.startup.threads import exclusive
 
+AUTO = "auto"  # emitter_sampling: decided by a measurement
 MOST_KEPT = 8  # tracers of a scene that are kept, each with other settings
 
 
@@ -34,7 +35,8 @@ class BouncePath(RBIntegrator):
                                 0 = emission only                                               (4)
     emitter_sampling    boolean at each reflection, also trace a ray to a point drawn from the
                                 emitters (multiple importance sampling); the sun, and lights
-                                that no path can hit (point, spot), are always drawn        (false)
+                                that no path can hit (point, spot), are always drawn. auto: no,
+                                unless a pilot finds that a tolerance is then met sooner     (auto)
     closure             string  estimate of the radiance beyond max_bounces reflections      (none)
                                 none: it is left out; ambient: one more reflection, and the
                                 surface which that ray hits radiates as a blackbody at
@@ -44,18 +46,18 @@ class BouncePath(RBIntegrator):
                                 separately
     ambient_temperature float   kelvin, for closure = ambient
     truncation          float   relative standard error of what is left out beyond max_bounces; it
-                                is part of all errors                                           (0)
+                                is part of all errors                                         (0.0)
     =================== ======= ====================================================================
 
     .. code-block:: xml
 
         <integrator type="bounce_path"> <integer name="max_bounces" value="3"/> </integrator>
 
-    emitter_sampling is off by default because it can increase the variance much more than it can
-    reduce it. At equal time, the variance falls by a factor of 7 in the scene two_plates, and by
-    1.5 in open_box and in the widest cavity. It doubles in the cavity with the smallest opening. In
-    the furnace it grows by more than a factor of 100: without emitter sampling, all paths there
-    have nearly the same radiance, because emissivity and reflectance of a surface add up to 1.
+    Emitter sampling can increase the variance much more than it can reduce it. In the furnace it
+    does, because without it all paths there have nearly the same radiance: emissivity and
+    reflectance of a surface add up to 1. Where few emitters are in sight, as in two_plates and
+    open_box, it reduces the error. `auto` measures both where a tolerance is asked for. With a
+    fixed number of paths, and for derivatives and facets, `auto` is false.
 
     Derivatives (forward and reverse, `mi.render(scene, params)`) are available with respect to the
     parameters of BSDFs and emitters and to facet temperatures, but not to the geometry. Memory does
@@ -65,7 +67,7 @@ class BouncePath(RBIntegrator):
 
     PROPERTIES = (
         Property("max_bounces", "integer", 4, lower=0, upper=10_000),
-        Property("emitter_sampling", "boolean", False),
+        Property("emitter_sampling", "boolean", AUTO, choices=(AUTO,)),
         Property("closure", "string", "none", choices=("none", "ambient", "tail")),
         Property("ambient_temperature", "float", upper=HOTTEST, is_positive=True, unit="K"),
         Property("truncation", "float", 0.0, lower=0, upper=1),

@@ -63,12 +63,12 @@ class PathTracer(RBIntegrator):
         super().__init__(mi.Properties())
         has_bins = any(is_spectral(shape.bsdf()) for shape in scene.shapes())
         in_detail = by_spectrum and not has_bins and not bins
-        emitters = EmitterTable(scene, settings.emitter_sampling, in_detail)
+        emitters = EmitterTable(scene, settings.emitter_sampling is True, in_detail)
         own_memory(flatten(emitters))
         ambient = None
         if settings.closure == "ambient":
             ambient = mi.Float(in_band_radiance(emitters.band, settings.ambient_temperature))
-        most, samples = settings.max_bounces, settings.emitter_sampling
+        most, samples = settings.max_bounces, settings.emitter_sampling is True
         paths = Walk(scene, emitters, most, samples, ambient, explored)
         if has_bins or bins:
             T = None if ambient is None else settings.ambient_temperature

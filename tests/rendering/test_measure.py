@@ -60,7 +60,9 @@ class Tracer:
 
 def run(tracer, sampling, criterion=None, windows=None, aim=None):
     prepared = lambda *kinds: nullcontext(tracer)
-    scene = SimpleNamespace(name="box", prepared=prepared)
+    integrator = SimpleNamespace(emitter_sampling=False)
+    objects = SimpleNamespace(integrator=lambda: integrator)
+    scene = SimpleNamespace(name="box", prepared=prepared, mi=objects)
     windows = windows or Windows(ANY_SENSOR, columns=len(tracer.noise), pixels=64)
     return measure(scene, windows, sampling, Measurands.of(None), criterion, aim)
 

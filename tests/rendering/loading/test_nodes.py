@@ -121,8 +121,8 @@ def placed(operation: str) -> str:
         (shape(PAINT + THERMAL.replace("<float name", "<string name")), "is a string; .*a float"),
         (
             '<integrator type="bounce_path"> '
-            '<string name="emitter_sampling" value="false"/> </integrator>',
-            "'false' is a string; it must be a boolean",
+            '<string name="emitter_sampling" value="no"/> </integrator>',
+            "'no' is a string; it must be a boolean or 'auto'",
         ),
         (
             shape(

@@ -1,0 +1,81 @@
+"""Whether paths draw emitters, where the scene leaves it open."""
+
+import pytest
+
+import mi_lcair
+from mi_lcair.rendering.emitter_sampling import cost, drawing_is_cheaper, is_open
+from mi_lcair.rendering.measurands import IntensityInterval, Measurands
+from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.rendering.window import Windows
+
+
+def loaded(name, **parameters):
+    return mi_lcair.load(name, resolution=8, **parameters)
+
+
+def test_rays_of_a_path():
+    assert cost(3.0, False) == 3 and cost(3.0, True) == 7 and cost(0.5, True) == 0.5
+
+
+@pytest.mark.parametrize(
+    ("name", "tolerance", "draws"), [("two_plates", 0.01, "true"), ("furnace", 2e-5, "false")]
+)
+def test_the_choice_is_the_cheaper_one(name, tolerance, draws):
+    """A plate that only reflects another, and a room whose paths all have nearly one radiance: the
+    result is that of the cheaper setting, number for number.
+    """
+    by_pilot, by_hand = (
+        mi_lcair.signature(loaded(name, emitter_sampling=text), tolerance=tolerance, seed=3)
+        for text in ("auto", draws)
+    )
+    assert by_pilot.target.intensity == by_hand.target.intensity
+    assert by_pilot.paths == by_hand.paths
+
+
+def test_where_little_is_needed_no_pilot_decides(monkeypatch):
+    monkeypatch.setattr("mi_lcair.rendering.measure.drawing_is_cheaper", pytest.fail)
+    mi_lcair.signature(loaded("furnace", emitter_sampling="auto"), tolerance=0.01)
+
+
+def test_who_is_asked():
+    """Not a scene that says it, a fixed number of paths, or derivatives."""
+    target, criterion = Measurands.of("target"), IntensityInterval(0.01)
+    scene = loaded("cavity", emitter_sampling="auto")
+    assert is_open(scene, target, criterion)
+    assert not is_open(scene, target, None)
+    assert not is_open(scene, Measurands(target.channels, reduced=lambda sums: sums), criterion)
+    for text in ("true", "false"):
+        assert not is_open(loaded("cavity", emitter_sampling=text), target, criterion)
+
+
+def test_a_source_that_no_path_has_met_counts(tmp_path):
+    """Without drawn directions no path of the pilot hits the lamp, and the scatter is small. The
+    bound for what no path has met decides.
+    """
+    (tmp_path / "lamp.xml").write_text(
+        """<scene version="3.0.0">
+    <integrator type="bounce_path"> <integer name="max_bounces" value="1"/> </integrator>
+    <sensor type="orthographic">
+        <transform name="to_world">
+            <scale x="0.5" y="0.5"/> <lookat origin="0, 0, 0.5" target="0, 0, 0" up="0, 1, 0"/>
+        </transform>
+        <film type="hdrfilm"> <string name="pixel_format" value="luminance"/> <rfilter type="box"/>
+            <integer name="width" value="8"/> <integer name="height" value="8"/> </film>
+    </sensor>
+    <shape type="rectangle">
+        <bsdf type="diffuse"> <spectrum name="reflectance" value="0.5"/> </bsdf>
+        <emitter type="thermal"> <string name="band" value="MWIR"/>
+            <float name="temperature" value="300"/> </emitter>
+    </shape>
+    <shape type="sphere">
+        <point name="center" value="0, 0, 1"/> <float name="radius" value="0.001"/>
+        <bsdf type="diffuse"> <spectrum name="reflectance" value="0"/> </bsdf>
+        <emitter type="thermal"> <string name="band" value="MWIR"/>
+            <float name="temperature" value="3000"/> </emitter>
+    </shape>
+</scene>"""
+    )
+    scene = mi_lcair.load(tmp_path / "lamp.xml")
+    windows = Windows.whole(scene.sensor(0))
+    arguments = Sampling(seed=1), Measurands.of("target"), IntensityInterval(0.01)
+    assert drawing_is_cheaper(scene, windows, *arguments)
