@@ -92,8 +92,6 @@ class ViewTable:
 
     def __post_init__(self):
         check_fields(self, "view: ")
-        if self.direction not in DIRECTIONS:
-            raise unknown("direction of [view] from", self.direction, DIRECTIONS)
         if not self.wavelengths_um:
             raise InputError("view: wavelengths_um is empty; give one or more")
         if self.angle_deg and (self.direction != "normal" or self.distance_m is not None):
@@ -174,6 +172,8 @@ class Description:
         else:
             shape = filled(Shape, shape, "[shape]")
         if isinstance(view, Mapping) and "from" in view:
+            if view["from"] not in DIRECTIONS:
+                raise unknown("direction of [view] from", str(view["from"]), DIRECTIONS)
             view = {("direction" if key == "from" else key): value for key, value in view.items()}
         described = Description(
             name=name,

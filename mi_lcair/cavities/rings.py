@@ -6,7 +6,9 @@ from mi_lcair.cavities.exchange import ring_exchange
 from mi_lcair.cavities.shape import Shape
 from mi_lcair.cavities.view import View
 
-RINGS = 160  # rings of each straight part of the wall; twice as many give the error
+FIRST = 80  # rings of each straight part of the wall at first; their number is doubled
+MOST = 2400  # largest number of rings of the whole wall
+ENOUGH = 5e-6  # error from which on the rings are not doubled again
 GAUSS = np.polynomial.legendre.leggauss(4)  # places in a ring at which its emission is averaged
 
 
@@ -29,11 +31,16 @@ def effective_emissivity(shape: Shape, emissivity: float, emission, view: View) 
     value, error : ndarray, shape (w,)
         For the wavelengths of `emission`.
     """
-    coarse, fine = (
-        of_rings(shape, emissivity, emission, view, count) for count in (RINGS, 2 * RINGS)
-    )
-    # The error falls as the square of the rings' width
-    return fine + (fine - coarse) / 3, abs(fine - coarse)
+    counts = [FIRST, 2 * FIRST]
+    values = [of_rings(shape, emissivity, emission, view, count) for count in counts]
+    while True:
+        counts.append(2 * counts[-1])
+        values.append(of_rings(shape, emissivity, emission, view, counts[-1]))
+        # The error falls as the square of the rings' width. Where the edge of the view crosses a
+        # ring, one difference may be small by chance, but not two.
+        error = np.max([abs(b - a) for a, b in zip(values[-3:], values[-2:])], axis=0)
+        if error.max() <= ENOUGH or 2 * counts[-1] * shape.parts > MOST:
+            return values[-1] + (values[-1] - values[-2]) / 3, error
 
 
 def of_rings(shape: Shape, emissivity: float, emission, view: View, count: int) -> np.ndarray:

@@ -98,6 +98,11 @@ class Shape:
             return [*edge, (R, 0.0), (0.0, L)]
         return [*edge, (R, 0.0), (R, L - self.cone_length), (0.0, L)]
 
+    @property
+    def parts(self) -> int:
+        """Number of straight parts of the wall; 1 for a sphere."""
+        return 1 if self.kind == "sphere" else len(self.corners()) - 1
+
     def nodes(self, count: int) -> np.ndarray:
         """Radii and depths [m] of circles that divide the wall into rings, (2, n).
 

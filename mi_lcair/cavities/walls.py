@@ -89,6 +89,8 @@ class OwnMesh:
         path = folder / table["mesh"]
         kind = check_suffix(path, (".ply", ".obj"), "mesh")[1:]
         check_file(path)
+        if not path.is_file():
+            raise InputError(f"mesh {path}: there is no such file")
         try:
             values = mi.traverse(mi.load_dict({"type": kind, "filename": str(path)}))
         except RuntimeError as error:

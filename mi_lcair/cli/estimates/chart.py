@@ -125,6 +125,31 @@ def cavity(output, quick, json):
     click.echo(f"wrote cavity.png and cavity.csv to {output}")
 
 
+@command.command("facet", epilog=examples("mi-lcair chart facet --quick -o charts"))
+@chart_options("facet.png and facet.csv")
+def facet(output, quick, json):
+    """Compute the radiance of one facet with ever more samples of its hemisphere.
+
+    It is a facet at the wing root of cylinder_ir_range (thesis Fig 3.21). Printed and written are
+    radiances in W m^-2 sr^-1 by an even grid and by one that is fine about the mirror direction.
+    """
+    from mi_lcair.benchmark.facet_radiance import facet_radiance
+    from mi_lcair.files import filling
+    from mi_lcair.reports import facet_chart
+
+    with filling(output) as partial:
+        with progress_bar("grids") as progress:
+            result = facet_radiance(list(range(20, 401, 60 if quick else 10)), progress)
+        facet_chart.write(partial, result)
+    if json:
+        print_json(asdict(result))
+        return
+    rows = zip(result.samples, result.even, result.stratified)
+    print_columns([["samples", "even", "stratified"], *(list(map(_cell, row)) for row in rows)])
+    click.echo(f"finest grid: {result.reference:.5g}")
+    click.echo(f"wrote facet.png and facet.csv to {output}")
+
+
 @command.command("throughput")
 @json_option
 def throughput(json):

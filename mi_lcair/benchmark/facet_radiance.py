@@ -1,0 +1,74 @@
+"""Radiance of one facet by quadrature over its hemisphere, against samples (thesis 3.3.4)."""
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mi_lcair.benchmark.propagation.hemisphere_grid import Hemisphere
+from mi_lcair.benchmark.propagation.problem import emitted
+from mi_lcair.benchmark.propagation.quadrature import reflected, stratified, summed
+from mi_lcair.errors import InputError
+from mi_lcair.progress import Progress, stepper
+from mi_lcair.rendering.facets.table import FacetTable
+from mi_lcair.rendering.scene import load
+from mi_lcair.rendering.window import window
+
+SCENE, FACET = "cylinder_ir_range", 482  # a facet at the wing root, see validation/ir_range.md
+FINEST = 4**11  # cells of the grid that gives the reference
+HIT = 1e-4  # largest distance of the hit from the facet's centre, as a share of the scene's size
+
+
+@dataclass(frozen=True)
+class FacetRadiance:
+    """Radiance of a facet's centre toward the sensor, with one reflection, W m^-2 sr^-1.
+
+    samples: per dimension, the square root of the number of cells over two. even, stratified: by
+    the two grids. reference: by the stratified grid with FINEST cells.
+    """
+
+    scene_name: str
+    facet: int
+    samples: np.ndarray
+    even: np.ndarray
+    stratified: np.ndarray
+    reference: float
+
+
+def facet_radiance(
+    samples: list[int],
+    progress: Progress | None = None,
+    scene: str = SCENE,
+    facet: int = FACET,
+    **parameters: object,
+) -> FacetRadiance:
+    """Radiance of a facet for some numbers of samples per dimension.
+
+    Raises InputError if the sensor does not see the middle of the facet.
+    """
+    loaded = load(scene, **parameters)
+    table, step = FacetTable(loaded), stepper(progress, 2 * len(samples) + 1)
+    corner, _, _, direction = window(loaded.sensor(0))
+    size = np.ptp(table.triangles.reshape(-1, 3), axis=0).max()
+    centre = table.centre[facet]
+    with loaded.prepared() as tracer, dr.suspend_grad():
+        start = centre - (centre - corner) @ direction * direction  # on the sensor
+        ray = mi.Ray3f(*(mi.Point3f(np.float32(place)) for place in (start, direction)))
+        si = loaded.mi.ray_intersect(ray)
+        if not np.linalg.norm(np.array(si.p).ravel() - centre) < HIT * size:
+            raise InputError(f"{loaded.name}: the sensor does not see the middle of facet {facet}")
+        own = summed(emitted(si, loaded.mi))
+
+        def radiance(grid):
+            step()
+            return own + reflected(loaded.mi, tracer.emitters, grid, si, mi.Float(1), 1)[0]
+
+        return FacetRadiance(
+            scene_name=loaded.name,
+            facet=facet,
+            samples=np.array(samples),
+            even=np.array([radiance(Hemisphere(n)) for n in samples]),
+            stratified=np.array([radiance(stratified(2 * n**2)) for n in samples]),
+            reference=radiance(stratified(FINEST)),
+        )
