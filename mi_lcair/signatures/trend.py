@@ -15,8 +15,9 @@ import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.sampling import Sampling
-from mi_lcair.rendering.scene import Scene, load
+from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import View, check_resolution
+from mi_lcair.sensitivity.parameters import load_with_values
 from mi_lcair.signatures.cluster import computed
 from mi_lcair.signatures.many_views import render_views, views_per_batch
 from mi_lcair.signatures.trend_file import TrendFile
@@ -254,7 +255,7 @@ def loaded(source: str, parameters: tuple, fingerprint: str):
 
     Raises InputError if the files on this worker give a scene with another fingerprint.
     """
-    scene = load(source, **dict(parameters))
+    scene = load_with_values(source, dict(parameters))
     if scene.fingerprint != fingerprint:
         raise InputError(
             f"scene '{source}' is another one on the Dask worker at {socket.gethostname()}; the "

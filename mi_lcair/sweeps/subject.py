@@ -12,10 +12,11 @@ from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import light_at, target_scene
 from mi_lcair.errors import InputError
 from mi_lcair.rendering.sampling import Sampling
-from mi_lcair.rendering.scene import Scene, load
+from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.settings import set_all
 from mi_lcair.rendering.views import View
 from mi_lcair.rendering.window import PASS_SAMPLES
+from mi_lcair.sensitivity.parameters import load_with_values
 from mi_lcair.signatures.view_areas import ViewAreas, measure_view_areas
 from mi_lcair.startup.threads import exclusively
 
@@ -45,7 +46,7 @@ def loaded(subject: Subject, variant: str) -> Scene:
     """The scene of a subject; the last ones are kept."""
     scenario = subject.scenario
     if scenario is None:
-        return load(subject.scene, **dict(subject.parameters))
+        return load_with_values(subject.scene, dict(subject.parameters))
     scene = target_scene(scenario, scenario.sensor.detector())
     if scenario.render.lobe is not None:
         scene.set_lobe(scenario.render.lobe)

@@ -53,6 +53,20 @@ def test_restored_bit_for_bit():
     assert np.linalg.norm(shift, axis=1) == pytest.approx(0.2, abs=1e-6)
 
 
+def test_shifts_are_along_the_axes_of_the_model():
+    shift = {"self.x_m": 0.2, "self.y_m": 0.3, "self.z_m": -0.4}
+    scene = mi_lcair.load(SCENE, resolution=8, pitch_deg=0)
+    before = vertex_positions(model(scene))
+    with changed(scene, shift):
+        moves = vertex_positions(model(scene)) - before
+    assert moves == pytest.approx(np.tile([0.2, 0.3, -0.4], (len(moves), 1)), abs=1e-6)
+    pitched = mi_lcair.load(SCENE, resolution=8, pitch_deg=90)
+    before = vertex_positions(model(pitched))
+    with changed(pitched, shift):
+        moves = vertex_positions(model(pitched)) - before
+    assert moves == pytest.approx(np.tile([0.4, 0.3, 0.2], (len(moves), 1)), abs=1e-6)
+
+
 @settings(max_examples=20, deadline=None)
 @given(st.floats(-360, 360), st.floats(-360, 360), st.floats(-360, 360))
 def test_turns_are_rotations(yaw, pitch, roll):
