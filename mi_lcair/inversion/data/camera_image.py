@@ -1,8 +1,9 @@
 """A camera's image of a scenario as a measurement: electrons of its pixels, with derivatives."""
 
+from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -24,12 +25,16 @@ from mi_lcair.plugins.emission.sources import Sources
 from mi_lcair.rendering.images.measured import COLDEST, TEMPERATURE, read_values
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.views import View
+from mi_lcair.sensitivity.entries import Parameter
+from mi_lcair.sensitivity.parameters import changed as with_values
 from mi_lcair.sensitivity.parameters import parameter
 from mi_lcair.uncertainty.numbers.number import SOURCE_STEP, shifted
 
 COUNTS = "counts"
 CHANNELS = {COUNTS: "counts.Y", TEMPERATURE: "temperature.Y"}  # of the file of `mi-lcair image`
 SPREAD_PIXELS = 64  # pixels along a side in which the spread of the optics is computed
+MATERIALS = ("material", "emissivity")  # kinds of parameters whose derivatives are differences
+MATERIAL_STEP = 0.01  # change of a parameter for such a difference, relative to its range
 FULL = 4.0  # distance from the full well, in standard deviations, up to which a pixel is saturated
 
 
@@ -137,8 +142,10 @@ class CameraImage:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Electrons of independent renders, (R, H, W), and derivatives, (R, K, H, W).
 
-        names: temperatures of groups, or of parts of groups. The paths do not depend on them, and
-        each source reaches a pixel with its own spectrum through the air.
+        names: temperatures of groups, or of parts of groups, and parameters of materials. The paths
+        do not depend on the temperatures, and each source reaches a pixel with its own spectrum
+        through the air. Derivatives with respect to materials are differences of renders with the
+        same random numbers.
         """
         sampling, scene = self.scenario.render.of_image(), self.setting.view
         if spp is not None:
@@ -147,30 +154,51 @@ class CameraImage:
         camera, around = self.camera, self.view.around
         background = self.scenery.image(camera.band, camera.optics)
         images, columns = [], []
-        values = {name: parameter(scene, name).value for name in names}
+        parameters = {name: parameter(scene, name) for name in names}
+        is_hot = any(of.kind not in MATERIALS for of in parameters.values())
 
         def ends(sources: Sources) -> list[Sources]:
             return [hotter(sources, step, scene.band) for step in (SOURCE_STEP, -SOURCE_STEP)]
 
+        def exposed_by(seed: int, variants):
+            of_seed = replace(sampling, seed=seed % 2**32)
+            parts = self.scenery.of_parts
+            return exposure(self.setting, self.view, of_seed, camera.band, parts, variants)
+
+        def seen_by(seed: int) -> np.ndarray:
+            return camera.optics.seen(exposed_by(seed, lambda sources: ()).contrast, around)
+
         with changed(scene, lobe=self.scenario.render.lobe, max_bounces=bounces):
-            for number in range(randomisations):
-                exposed = exposure(
-                    self.setting,
-                    self.view,
-                    replace(sampling, seed=(seed + number) % 2**32),
-                    camera.band,
-                    self.scenery.of_parts,
-                    ends if names else lambda sources: (),
-                )
-                images.append(background + camera.optics.seen(exposed.contrast, around))
-                for name in names:
-                    numbers = numbers_of(exposed.sources, name, values[name])
+            for number in range(seed, seed + randomisations):
+                exposed = exposed_by(number, ends if is_hot else lambda sources: ())
+                image = camera.optics.seen(exposed.contrast, around)
+                images.append(background + image)
+                for name, of in parameters.items():
+                    if of.kind in MATERIALS:
+                        columns.append(difference(scene, of, image, partial(seen_by, number)))
+                        continue
+                    numbers = numbers_of(exposed.sources, name, of.value)
                     high, low = (
                         sum(end[f"target.source.{k}"] for k in numbers) for end in exposed.variants
                     )
                     columns.append(camera.optics.seen((high - low) / (2 * SOURCE_STEP), around))
         images = np.array(images)
         return images, np.array(columns).reshape(randomisations, len(names), *images.shape[1:])
+
+
+def difference(scene, of: Parameter, image: np.ndarray, render) -> np.ndarray:
+    """Derivative of an image with respect to a parameter of a material by a difference, (H, W).
+
+    The difference is central, or one-sided where a value beside it is not possible. image: that at
+    the value of the parameter. render: gives the image of the scene as it is.
+    """
+    step, ends = MATERIAL_STEP * min(of.upper - of.lower, 1.0), []
+    for value in (of.value + step, of.value - step):
+        if of.lower <= value <= of.upper:
+            with suppress(InputError), with_values(scene, {of.name: value}):
+                ends.append((value, render()))
+    (first, high), (second, low) = [*ends, (of.value, image)][:2]
+    return (high - low) / (first - second)
 
 
 def hotter(sources: Sources, step: float, band) -> Sources:
@@ -198,7 +226,7 @@ def numbers_of(sources: Sources, name: str, value: float) -> list[int]:
     ]
     if not name.endswith(".temperature") or not numbers:
         raise InputError(
-            f"'{name}' is unknown; of a camera's image only temperatures of groups can be unknown, "
-            "and of few temperatures"
+            f"'{name}' is unknown; of a camera's image only temperatures of groups, of few "
+            "temperatures, and parameters of materials can be unknown"
         )
     return numbers

@@ -8,7 +8,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
-from mi_lcair.inversion.data.camera_image import CameraImage
+from mi_lcair.inversion.data.camera_image import CameraImage, numbers_of
 from mi_lcair.sensitivity.parameters import changed
 from tests.inversion.corner import KELVIN, NAMES, write_scenario
 
@@ -113,7 +113,7 @@ def test_temperatures_from_an_image(scenario, seen, tmp_path):
         assert abs(answer.value - kelvin) < 4 * answer.standard_error < 0.5
 
 
-def test_what_a_camera_s_image_does_not_take(scenario, camera, tmp_path):
+def test_what_a_camera_s_image_does_not_take(scenario, tmp_path):
     np.save(tmp_path / "counts.npy", np.full((24, 24), 7000.0))
     data = {"scene": scenario, "image": str(tmp_path / "counts.npy"), "quantity": "counts"}
     given = {"data": [data], "unknowns": {NAMES[3]: {}}, "render": {"spp": 16}}
@@ -126,5 +126,42 @@ def test_what_a_camera_s_image_does_not_take(scenario, camera, tmp_path):
     ):
         with pytest.raises(InputError, match=message):
             mi_lcair.invert(given | {"data": [data | changes]}, advise=False)
-    with pytest.raises(InputError, match="only temperatures of groups can be unknown"):
-        camera.predicted(["paint0.reflectance"], 16, 0, 2)
+    with pytest.raises(InputError, match="temperatures, and parameters of materials can be unk"):
+        numbers_of(SimpleNamespace(list=[]), "terrain.radiance", 30.0)
+
+
+def test_derivatives_with_respect_to_materials(camera):
+    """(1 - R) B + R E is linear in R: one difference holds for the whole range, to 1 %.
+
+    The strip's neighbours change by the second reflection too, which is not linear.
+    """
+    scene, name = camera.setting.view, "paint3.reflectance"
+    (image,), ((column,),) = camera.predicted([name], 64, 5, 1)
+    with changed(scene, {name: 0.35}):
+        (high,), _ = camera.predicted([], 64, 5, 1)
+    with changed(scene, {name: 0.25}):
+        (low,), _ = camera.predicted([], 64, 5, 1)
+    expected = (high - low) / 0.1
+    assert np.abs(expected).max() > 100 and image.shape == column.shape
+    np.testing.assert_allclose(column, expected, atol=0.02 * np.abs(expected).max())
+    # At a bound the difference is one-sided
+    with changed(scene, {name: 0.0}):
+        _, ((bound,),) = camera.predicted([name], 64, 5, 1)
+        (black,), _ = camera.predicted([], 64, 5, 1)
+    with changed(scene, {name: 0.01}):
+        (grey,), _ = camera.predicted([], 64, 5, 1)
+    np.testing.assert_allclose(bound, (grey - black) / 0.01, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.slow
+def test_a_temperature_and_a_reflectance_from_an_image(scenario, seen, tmp_path):
+    seen.save(tmp_path / "seen.exr")
+    given = {
+        "data": [{"scene": scenario, "image": str(tmp_path / "seen.exr")}],
+        "unknowns": {NAMES[5]: {"start": 330.0}, "paint5.reflectance": {"start": 0.4}},
+        "render": {"spp": 64},
+    }
+    found = mi_lcair.invert(given, advise=False)
+    assert found.converged
+    for answer, value in zip(found.answers, (KELVIN[5], 0.3)):
+        assert abs(answer.value - value) < 4 * answer.standard_error, answer
