@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from mi_lcair.detection.contrast import SMALLEST_TARGET
 from mi_lcair.detection.detection_range import largest_ranges
 from mi_lcair.detection.irradiance import TERMS, LineOfSources
 from mi_lcair.physics.bands import Band
@@ -73,8 +72,8 @@ def apparent_temperature(
 
     target, path: irradiances for each of the amounts. A view without a target has none: NaN.
     """
-    is_met = areas.amounts[:, -1] > SMALLEST_TARGET
-    solid_angle = np.where(is_met, areas.amounts[:, -1], np.nan) / range_m**2
+    projected = areas.amounts[:, -1]
+    solid_angle = np.where(projected > 0, projected, np.nan) / range_m**2
     radiance = ((target + path) @ areas.amounts.T) / solid_angle
     # The radiance is a ratio: what raises the solid angle lowers it
     deviations = areas.deviations @ (target + path)

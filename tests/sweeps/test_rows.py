@@ -21,7 +21,7 @@ SOURCES = [
     Source(group, f"{T} K", float(in_band_radiance(MWIR, T)), float(T))
     for group, T in (("skin", 300), ("plume", 500), ("wing", 310))
 ]
-AMOUNTS = np.array([[80.0, 1.0, 20.0, 130.0]])  # m^2; the skin reflects a part of nothing
+AMOUNTS = np.array([[80.0, 1.0, 20.0, 130.0]])  # m^2; the last one is the projected area
 DEVIATIONS = np.random.default_rng(3).normal(0, 1, (1, 8, 4)) * [0.4, 0.01, 0.2, 0.5]
 NONE = np.zeros(1)
 
@@ -108,8 +108,10 @@ def test_what_deviations_do_not_show(tmp_path):
 
 
 def test_a_view_without_a_target_has_no_temperature(tmp_path):
-    rows = rows_of(line(tmp_path), areas_of(AMOUNTS * 0, DEVIATIONS * 0))
-    assert np.isnan(rows["apparent_temperature_K"]) and rows["contrast_W_m2"] == 0
+    amounts = np.array([[0, 0, 0, 0], [0, 0, 0, 1e-3], [0, 0, 1e-3, 1e-3]])
+    rows = rows_of(line(tmp_path, "vacuum"), areas_of(amounts, DEVIATIONS * 0))
+    assert np.isnan(rows["apparent_temperature_K"][0]) and rows["contrast_W_m2"][0] == 0
+    assert rows["apparent_temperature_K"][1:] == pytest.approx([0, 310])
 
 
 def test_other_temperatures_are_other_sources(tmp_path):
