@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from mi_lcair.formats.kinds import read_result
 from mi_lcair.rendering.images.exr import read_exr
 from tests.detection.disc_scenario import write_disc
 from tests.uncertainty.plate_scene import plate_scene
@@ -59,6 +60,13 @@ def test_table_and_files(run, folder):
         channels["sigma.Y"][on_plate], np.sqrt(a**2 + b**2 + a * b)[on_plate], rtol=1e-3
     )
     assert json.loads(header["uncertain"]) == ["plate.temperature", "paint.reflectance"]
+
+
+def test_the_file_of_a_budget(run, folder):
+    result = run("budget", "plate.xml", "-u", "sigma.toml", "--spp", 8, "-o", "budget.json")
+    assert result.exit_code == 0, result.output
+    budget = read_result("budget.json")
+    assert f"{budget.value:.6g}" in result.stdout and "wrote budget.json" in result.stderr
 
 
 def test_json(run):

@@ -15,6 +15,7 @@ from mi_lcair.cli.options import (
     given,
     json_option,
     motions_option,
+    output_option,
     plot_option,
     prepare_renderer,
     progress_bar,
@@ -50,6 +51,7 @@ COMMON = ("variant", "threads", "json")  # options that go into SceneOptions and
     help="Of a scenario: contrast (default), apparent_temperature, detection_range, snr or netd.",
 )
 @changes_option("Set a $-parameter of the scene, or an entry of the scenario")
+@output_option("the budget, FILE.json, for show, report and convert")
 @plot_option("a tornado chart")
 @file_option(
     "--image",
@@ -74,7 +76,7 @@ COMMON = ("variant", "threads", "json")  # options that go into SceneOptions and
 @sensor_option
 @renderer_options
 @json_option
-def command(what, uncertainties, plot, image, draws, of, **options):
+def command(what, uncertainties, output, plot, image, draws, of, **options):
     """Uncertainty budget of WHAT.
 
     WHAT is a Mitsuba XML file or the name of a bundled scene, or a TOML file or the name of a
@@ -87,7 +89,7 @@ def command(what, uncertainties, plot, image, draws, of, **options):
     from mi_lcair.api.budget import is_scenario
     from mi_lcair.uncertainty.uncertainties import Uncertainties
 
-    check_outputs((plot, PICTURES), (image, ".exr"))
+    check_outputs((output, ".json"), (plot, PICTURES), (image, ".exr"))
     stated = Uncertainties.read(uncertainties)
     sampling = given({name: options[name] for name in ("spp", "tolerance")})
     measured = _scenario if is_scenario(what) else _scene
@@ -101,8 +103,10 @@ def command(what, uncertainties, plot, image, draws, of, **options):
             _write_image(image, subject, result, arguments)
         if plot:
             result.plot(plot)
+        if output:
+            result.save(output)
     print_result(result, options["json"], [time_row(result)])
-    print_written(plot, image)
+    print_written(output, plot, image)
 
 
 def _scenario(what, sampling, image, **options):
