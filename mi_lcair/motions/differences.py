@@ -37,9 +37,9 @@ TURN_STEP_DEG, SHIFT_STEP, SIZE_STEP = 0.5, 0.005, 0.02
 LASTING = 0.75
 # Smallest change of a derivative, as a fraction of it, that is a kink or depends on the step
 NOTICED = 0.05
-MOST_DOUBLINGS = 4  # of the default step
-FINE = 3e-3  # error as a fraction of the derivative for which no longer step is tried
-WORTH = 0.7  # ratio of the errors of two steps from which on the longer one is taken
+MOST_CHANGES = 4  # of the default step, by a factor of 2
+FINE = 3e-3  # error as a fraction of the derivative for which no other step is tried
+WORTH = 0.7  # ratio of the errors of two steps from which on the better one is taken
 SIGNIFICANT = 3.0  # standard errors
 
 
@@ -168,7 +168,7 @@ class Differences:
         method = min(kinds, key=lambda kind: pilots[kind].noise)
         pilot = pilots[method]
         if step is None:
-            h, pilot = self.longer_step(h, pilot, method)
+            h, pilot = self.better_step(h, pilot, method)
         is_kink = pilot.verdict == "kink"
         ends = self.totals([h, -h, *([0] if is_kink else [])], method, self.sampling.paths)
         high, low = map(self.rows, ends[:2])
@@ -196,22 +196,27 @@ class Differences:
             ends=tuple(ends[:2]),
         )
 
-    def longer_step(self, h: float, pilot: "Pilot", method: str) -> tuple[float, "Pilot"]:
+    def better_step(self, h: float, pilot: "Pilot", method: str) -> tuple[float, "Pilot"]:
         """A step with less error than `h`, and its pilot.
 
-        Where paths meet or miss what moves, the noise falls as the step grows. The step is doubled
-        as long as the error that the renders with all paths are expected to have falls to WORTH.
+        Where paths meet or miss what moves, the noise falls as the step grows. Where facets turn
+        away within the step, the truncation error falls as it shrinks. The step is doubled or
+        halved as long as the error that the renders with all paths are expected to have falls to
+        WORTH. A difference over twice the step has four times the truncation error.
         """
         fewer = np.sqrt(PILOT_PATHS / self.sampling.paths)
-        for _ in range(MOST_DOUBLINGS):
-            error = hypot(fewer * pilot.noise, pilot.truncation)
-            if pilot.verdict != "smooth" or error < FINE * abs(pilot.slope(3, 1)[0]):
+        for _ in range(MOST_CHANGES):
+            noise, truncation = fewer * pilot.noise, pilot.truncation
+            error = hypot(noise, truncation)
+            if pilot.verdict == "kink" or error < FINE * abs(pilot.slope(3, 1)[0]):
                 break
-            longer = self.pilot(2 * h, method)
-            of_longer = hypot(fewer * longer.noise, longer.truncation)
-            if longer.verdict != "smooth" or of_longer > WORTH * error:
+            change = abs(float(pilot.change[0])) / 3
+            factor, least = (2, 4 * change) if noise > truncation else (0.5, 0.0)
+            other = self.pilot(factor * h, method)
+            of_other = hypot(fewer * other.noise, max(other.truncation, least))
+            if of_other > WORTH * error or (factor > 1 and other.verdict != "smooth"):
                 break
-            h, pilot = 2 * h, longer
+            h, pilot = factor * h, other
         return h, pilot
 
     def pilot(self, h: float, method: str) -> "Pilot":
@@ -265,9 +270,14 @@ class Pilot:
         return self.error(self.slope(3, 1))
 
     @property
+    def change(self) -> np.ndarray:
+        """Change of the difference from the step to twice the step, and its deviations."""
+        return self.slope(4, 0) - self.slope(3, 1)
+
+    @property
     def truncation(self) -> float:
         """Error of the difference over the step, without what noise adds to its estimate."""
-        change = self.slope(4, 0) - self.slope(3, 1)
+        change = self.change
         return float(np.sqrt(max(change[0] ** 2 - np.sum(change[1:] ** 2), 0))) / 3
 
     @property
@@ -286,6 +296,6 @@ class Pilot:
         largest = max(abs(self.slope(2, 1)[0]), abs(self.slope(3, 2)[0]))
         if abs(self.jump) > max(NOTICED * largest, LASTING * abs(far[0])):
             return "kink"
-        change = self.slope(4, 0) - self.slope(3, 1)
+        change = self.change
         noticed = max(SIGNIFICANT * self.error(change), NOTICED * abs(self.slope(3, 1)[0]))
         return "step-dependent" if abs(change[0]) > noticed else "smooth"

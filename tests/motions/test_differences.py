@@ -125,6 +125,28 @@ def test_random_hulls(seed):
     assert 0 < found.error < 0.02 * abs(exact) + 1e-3 * intensity(0)
 
 
+@pytest.mark.parametrize("seed", [0, 7])
+def test_cone_whose_facets_turn_away(seed):
+    """A facet of this cone turns edge-on 0.7 degrees away, which the step must not reach."""
+    angle = np.arange(48) * 2 * np.pi / 48
+    rim = np.stack([0 * angle - 0.3, 0.3 * np.cos(angle), 0.3 * np.sin(angle)], axis=1)
+    points = np.concatenate([rim, [[0.7, 0, 0]]])
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    triangles = ConvexHull(points).simplices
+
+    def intensity(pitch: float) -> float:
+        corners = turned(points, pitch, "pitch_deg", middle)[triangles]
+        sides = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        return L * np.abs(sides @ VIEW).sum() / 4
+
+    scene = scene_of(convex_hull("cone", points))
+    with changed(scene, {"cone.pitch_deg": 40.3}):
+        found = derivative(scene, "cone.pitch_deg", 2**16, seed)
+    exact = (intensity(40.31) - intensity(40.29)) / 0.02
+    assert found.derivative == pytest.approx(exact, rel=0.01)
+    assert abs(found.derivative - exact) < 4 * found.error
+
+
 def view_of_wall(depth: float, width: float, height: float, gap: float = 0.0) -> float:
     """Area times view factor from a floor to a wall that stands upright behind a gap [m^2].
 
