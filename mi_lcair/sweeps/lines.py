@@ -165,13 +165,14 @@ def of_scenario(conditions: Conditions, values: dict, cases, azimuths) -> Iterat
         for name, value in values.items()
         if not name.startswith(TEMPERATURE)
     }
-    scenario = Scenario.read(whole_path(conditions.base.scenario), **changes)
+    source = whole_path(conditions.base.scenario)
+    scenario = Scenario.read(source, **changes)
     traced = {
         name: value
         for name, value in changes.items()
         if not is_untraced(name) or scenario.surroundings is not None and name == "atmosphere.table"
     }
-    subject = Subject(f"{scenario.name} {sorted(traced.items())}", scenario=scenario)
+    subject = Subject(f"{source} {sorted(traced.items())}", scenario=scenario)
     scene = subject.load()
     sun = sun_over(scenario, scene)
     observer = scenario.observer

@@ -21,7 +21,7 @@ from mi_lcair.sweeps.areas_folder import AreasFolder
 from mi_lcair.sweeps.conditions import Conditions
 from mi_lcair.sweeps.lines import Line, lines_of
 from mi_lcair.sweeps.rows import detection_ranges_of, rows_of
-from mi_lcair.sweeps.subject import Batch, Subject, batches_of
+from mi_lcair.sweeps.subject import Batch, Subject, batches_of, loaded
 from mi_lcair.sweeps.sweep_result import Sweep
 
 Runner = Callable[[list[Batch]], Iterable[tuple[int, ViewAreas]]]
@@ -64,6 +64,8 @@ def measure_sweep(
         Called with (views done, all views).
     """
     start = time.perf_counter()
+    loaded.cache_clear()  # files may have changed since the last sweep
+    sources_of.cache_clear()
     lines = list(lines_of(conditions))
     if conditions.base.detection_range:
         for line in lines:

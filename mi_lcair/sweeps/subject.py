@@ -95,6 +95,9 @@ class Batch:
     def run(self) -> ViewAreas:
         """Trace the views. Raises InputError if the files here give another scene."""
         scene = self.subject.load()
+        if scene.fingerprint != self.fingerprint:  # perhaps of a file that has changed since
+            loaded.cache_clear()
+            scene = self.subject.load()
         if scene.fingerprint != self.fingerprint:
             raise InputError(
                 f"scene '{scene.name}' has changed, or is another one on a worker, whose files or "

@@ -163,6 +163,18 @@ def test_only_new_geometry_is_traced(tmp_path):
     assert all(np.array_equal(first.table[name], repaired.table[name]) for name in first.table)
 
 
+def test_a_file_that_changes_is_read_again(tmp_path):
+    """The fingerprint of a scene covers its files: nothing of the old scene is used."""
+    folder, scene = tmp_path / "areas", tmp_path / "disc.xml"
+    cold = sweep(tmp_path, {"azimuth_deg": [0]}, areas=folder)
+    scene.write_text(scene.read_text().replace('value="400"', 'value="500"'))
+    hot = sweep(tmp_path, {"azimuth_deg": [0]}, areas=folder)
+    ratio = in_band_radiance(band("MWIR"), 500) / in_band_radiance(band("MWIR"), 400)
+    assert hot.traced == 1
+    expected = ratio * cold.table["intensity_W_sr"]
+    assert hot.table["intensity_W_sr"] == pytest.approx(expected, rel=0.02)
+
+
 def test_points_of_a_table(tmp_path):
     """Without product the conditions go together; a CSV gives the points."""
     (tmp_path / "points.csv").write_text("azimuth,range\n0,500\n60,1000\n0,1000\n")
