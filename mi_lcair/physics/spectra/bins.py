@@ -19,7 +19,7 @@ from mi_lcair.physics.spectra.parameters import SAMPLES, SpectralParameters
 COUNTS = (16, 32, 64)  # numbers of bins; the first whose binning error is small is taken
 # Binning error that is small: a tenth of a tolerance of 0.2 %
 SMALL_ERROR = 2e-4
-ANGLES_DEG = (0, 60)  # angles at which the binning error is projected
+ANGLES_DEG = (0, 45, 60, 75)  # angles at which the binning error is projected
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,22 +60,18 @@ class Bins:
         return np.clip(np.tensordot(self.projection, values, axes=1), 0, 1)
 
     @cached_property
-    def weights_um(self) -> np.ndarray:
-        """Weights [um] of the grid in an integral over the band, with its response, (SAMPLES,)."""
-        weights = self.band.response_at(self.grid_um) * (self.grid_um[1] - self.grid_um[0])
+    def weights(self) -> np.ndarray:
+        """Relative weights of the grid in an integral over the band, with its response."""
+        weights = self.band.response_at(self.grid_um)
         weights[[0, -1]] /= 2
         return weights
-
-    def integrals(self, spectra: np.ndarray) -> np.ndarray:
-        """int S R hat_k dlambda of spectra on the grid (..., SAMPLES), (..., count)."""
-        return (spectra * self.weights_um) @ self.hats(self.grid_um)
 
     def shares(self, spectra: np.ndarray) -> np.ndarray:
         """Share of each bin in the in-band radiance of spectra on the grid (..., SAMPLES).
 
         They add up to 1; they are 0 for a spectrum without radiance in the band.
         """
-        of_bin = self.integrals(spectra)
+        of_bin = (spectra * self.weights) @ self.hats(self.grid_um)
         total = of_bin.sum(axis=-1, keepdims=True)
         return np.divide(of_bin, total, out=np.zeros_like(of_bin), where=total > 0)
 
@@ -126,7 +122,7 @@ def binning_error(bins: Bins, materials: list[SpectralParameters], spectra: np.n
         exact.append(emissivities(material, numbers))
         binned.append(emissivities(material, bins.coefficients(numbers)))
     exact, binned = np.stack(exact), np.stack(binned)  # (materials, wavelengths, angles)
-    fine = spectra * bins.weights_um
+    fine = spectra * bins.weights
     total = fine.sum(axis=-1)
     shares, fine = bins.shares(spectra), fine / np.where(total > 0, total, 1)[:, None]
     emitted = np.einsum("sl,mla->sma", fine, exact)

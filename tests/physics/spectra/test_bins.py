@@ -72,6 +72,7 @@ def test_shares_are_those_of_the_in_band_radiance():
         exact = np.trapezoid(S[:, None] * hats, fine, axis=0) / np.trapezoid(S, fine)
         assert np.allclose(row, exact, rtol=1e-5)
     assert not bins.shares(np.zeros(len(bins.grid_um))).any()
+    assert np.allclose(bins.shares(np.full(len(bins.grid_um), 1e-20)).sum(), 1)
 
 
 def test_shares_are_weighted_with_the_response():
@@ -113,8 +114,8 @@ def test_reflectances_and_emissivities_of_the_models():
     G = (1 - 0.09 + 0.09 * np.log(0.09)) / (1 - 0.09) ** 2  # Eq 2.18 for b = 0.3
     numbers = reflectances(paint, x)
     assert np.allclose(numbers, [0.6 / G, 0.2 / G])
-    g = 1 / (1 + 0.09 * 3)  # at 60 degrees
-    assert np.allclose(emissivities(paint, numbers), [0.4 / G, 0.4 / G * g])
+    g = 1 / (1 + 0.09 * np.tan(np.radians([0, 45, 60, 75])) ** 2)
+    assert np.allclose(emissivities(paint, numbers), 0.4 / G * g)
     numbers = reflectances(metal(3 * ones, 0 * ones), x)
     assert np.allclose(numbers[:, 0], 0.25)
     assert np.allclose(emissivities(metal(3 * ones, 0 * ones), numbers)[:, 0], 0.75 * (1 - 0.15))
