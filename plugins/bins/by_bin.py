@@ -38,6 +38,11 @@ def is_spectral(bsdf) -> bool:
     return any(map(is_binned, reflection_layers(bsdf)))
 
 
+def has_spectral_materials(scene) -> bool:
+    """Whether a surface of a scene has a spectral material."""
+    return any(is_spectral(shape.bsdf()) for shape in scene.shapes())
+
+
 def is_binned(layer) -> bool:
     """Whether the BSDF of one side has a spectral material; None has none."""
     return is_reflection_bsdf(layer) and layer.spectrum is not None
@@ -132,7 +137,7 @@ class ByBin:
         Entry 0 stands for surfaces whose material is constant in the band.
         """
         ids = [pointer_id(mi.BSDFPtr(bsdf)) for bsdf, _ in self.layers]
-        table = np.zeros((2, 2, max(ids, default=0) + 2), dtype=np.uint32)  # (what, side, pointer)
+        table = np.zeros((2, 2, max(ids) + 2), dtype=np.uint32)  # (what, side, pointer)
         for number, (_, sides) in zip(ids, self.layers):
             for side, layer in enumerate(sides):
                 if is_binned(layer):
@@ -318,10 +323,8 @@ class ByBin:
         base = emitted
         if emits is not None:
             base = dr.select(emits[0], dr.gather(mi.Float, self.in_band, numbers[0]), emitted)
-        totals = [mi.Float(1)] * len(numbers)
-        if self.families:
-            emits = emits or (False, [])
-            totals = self.sums(path.by_bin, path.factors, numbers, emits, reflection)
+        emits = emits or (False, [])
+        totals = self.sums(path.by_bin, path.factors, numbers, emits, reflection)
         of_parts = [share * total for (_, share), total in zip(parts, totals)]
         relative = sum(of_parts)
         shares = [

@@ -95,10 +95,7 @@ class SpectralSums(BinSums):
     counts_closure = True
 
     def __init__(self, by_bin: ByBin, launch: Launch):
-        table = by_bin.densities(self.neighbours)
-        if not by_bin.families:  # all bins have the same factors
-            self.neighbours, table = (0,), table.sum(axis=-1)
-        super().__init__(by_bin, launch, 1, mi.Float(table.ravel()))
+        super().__init__(by_bin, launch, 1, mi.Float(by_bin.densities(self.neighbours).ravel()))
 
     def own(self) -> dr.Local:
         """Sums of one path, which are added to those of the launch at its end."""

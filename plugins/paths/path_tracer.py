@@ -10,7 +10,7 @@ from mitsuba.python.ad.integrators.common import RBIntegrator
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.plugins.bins.by_bin import ByBin, is_spectral
+from mi_lcair.plugins.bins.by_bin import ByBin, has_spectral_materials
 from mi_lcair.plugins.bins.sums import BinSums, ByBinOfPath, SourceSums, SpectralSums
 from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.bsdfs.reflection_bsdf import ReflectionBSDF
@@ -61,8 +61,8 @@ class PathTracer(RBIntegrator):
         number of bins of wavelength that are recorded; 0 for none.
         """
         super().__init__(mi.Properties())
-        has_bins = any(is_spectral(shape.bsdf()) for shape in scene.shapes())
-        in_detail = by_spectrum and not has_bins and not bins
+        has_bins = has_spectral_materials(scene)
+        in_detail = by_spectrum and not has_bins
         emitters = EmitterTable(scene, settings.emitter_sampling is True, in_detail)
         own_memory(flatten(emitters))
         ambient = None
@@ -70,7 +70,7 @@ class PathTracer(RBIntegrator):
             ambient = mi.Float(in_band_radiance(emitters.band, settings.ambient_temperature))
         most, samples = settings.max_bounces, settings.emitter_sampling is True
         paths = Walk(scene, emitters, most, samples, ambient, explored)
-        if has_bins or bins:
+        if has_bins:
             T = None if ambient is None else settings.ambient_temperature
             paths.by_bin = ByBin(scene, emitters.band, T, bins)
             if by_spectrum and not bins:
@@ -95,7 +95,7 @@ class PathTracer(RBIntegrator):
             systematic_error=hypot(
                 rounding_error(most), of_tables, paths.binning_error, settings.truncation
             ),
-            records_bins=bool(bins),
+            records_bins=has_bins and bool(bins),
             recorded=Recorded(state),
             is_complete=True,
         )

@@ -331,7 +331,7 @@ class Walk:
         if not self.emitters.draws:
             numbers = sampler.next_1d(), sampler.next_2d()
             bs, weight = bsdf.sample(ctx, si, *numbers, hit.goes_on)
-            if self.by_bin is not None and self.by_bin.families:
+            if self.by_bin is not None:
                 self.by_bin.reflect(path.by_bin, hit, bs, weight)
             becomes_latent = self.becomes_latent(path, hit, bs, weight)
             return Scattering(numbers, bs, weight, None, mi.Spectrum(0), None, becomes_latent)
@@ -367,7 +367,7 @@ class Walk:
                 part = self.bring(primal, path, hit, most, direct, value, recorders)
                 brought = brought + part[0]
             latent = None if latent is None else latent + part[1]
-        if self.by_bin is not None and self.by_bin.families:
+        if self.by_bin is not None:
             self.by_bin.reflect(path.by_bin, hit, bs, weight)
         becomes_latent = self.becomes_latent(path, hit, bs, weight)
         return Scattering(numbers, bs, weight, drawn[0], brought, latent, becomes_latent)

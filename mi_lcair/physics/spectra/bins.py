@@ -59,6 +59,12 @@ class Bins:
         """Coefficients (count, ...) of values on the grid (SAMPLES, ...), clipped to 0..1."""
         return np.clip(np.tensordot(self.projection, values, axes=1), 0, 1)
 
+    def means(self, spectrum: np.ndarray) -> np.ndarray:
+        """Means of a spectrum on the grid (SAMPLES,), weighted with each hat, (count,)."""
+        hats = self.hats(self.grid_um)
+        hats[[0, -1]] /= 2  # trapezoid rule
+        return spectrum @ hats / hats.sum(axis=0)
+
     @cached_property
     def weights(self) -> np.ndarray:
         """Relative weights of the grid in an integral over the band, with its response."""
@@ -145,7 +151,7 @@ def bins_for(
     radiances = spectra(Bins(band, COUNTS[0]).grid_um)
     for count in counts:
         bins = Bins(band, count)
-        error = binning_error(bins, materials, radiances) if materials else 0.0
+        error = binning_error(bins, materials, radiances)
         if error <= SMALL_ERROR:
             break
     return bins, error

@@ -8,8 +8,6 @@ import mitsuba as mi
 import numpy as np
 
 import mi_lcair
-from mi_lcair.errors import InputError
-from mi_lcair.formats.channels import spectral_channel
 from mi_lcair.physics.air.atmosphere import Atmosphere
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import brightness_temperature
@@ -17,6 +15,12 @@ from mi_lcair.physics.spectra.bins import Bins
 from mi_lcair.plugins.recorders.by_bounce import BOUNCE_CHANNELS
 from mi_lcair.rendering.images.apparent import apparent
 from mi_lcair.rendering.images.render_result import Render
+from mi_lcair.rendering.images.spectral import (
+    LAYOUT,
+    check_bins,
+    spectral_channels,
+    spectral_measurands,
+)
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.pixels.errors import PixelError, pixel_errors
@@ -24,10 +28,6 @@ from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import PILOT_SPP, PIXEL_RANDOMISATIONS, Windows, window_size
-
-MOST_BINS = 512  # wavelengths of a spectral image
-# Header of spectral images: A. Fichet, R. Pacanowski and A. Wilkie, JCGT 10(3), 2021
-LAYOUT = {"spectralLayoutVersion": "1.0", "emissiveUnits": "W.m^-2.sr^-1.um^-1"}
 
 
 def render_image(
@@ -70,7 +70,9 @@ def render_image(
         scene,
         windows,
         sampling,
-        Measurands.of(split, by_spectrum=atmosphere is not None, bins=bins),
+        spectral_measurands(scene, split, bins)
+        if bins
+        else Measurands.of(split, by_spectrum=atmosphere is not None),
         None if sampling.tolerance is None else PixelError(sampling.tolerance),
     )
     spp = round(total.traced.mean())
@@ -92,9 +94,8 @@ def render_image(
             atmosphere,
             range_m,
         )
-    wavelengths = Bins(scene.band, bins).nodes_um if bins else np.empty(0)
-    for k, wavelength in enumerate(wavelengths):
-        channels[spectral_channel(wavelength)] = total.mean(f"bin.{k}")
+    wavelengths = Bins(scene.band, bins)
+    channels |= spectral_channels(total, wavelengths) if bins else {}
     return Render(
         channels={
             name: np.ascontiguousarray(values.reshape(size), dtype=np.float32)
@@ -114,18 +115,8 @@ def render_image(
         scene_name=scene.name,
         window_m=window_size(camera),
         tolerance=sampling.tolerance,
-        wavelengths_um=wavelengths,
+        wavelengths_um=wavelengths.nodes_um if bins else np.empty(0),
     )
-
-
-def check_bins(scene: Scene, bins: int, atmosphere: Atmosphere | None) -> None:
-    """Raise InputError for a spectral image that cannot be rendered."""
-    if not 2 <= bins <= MOST_BINS:
-        raise InputError(f"bins = {bins}; must be 2 to {MOST_BINS}")
-    if scene.band.is_total:
-        raise InputError("bins: band total has no wavelengths; choose a band with limits")
-    if atmosphere is not None:
-        raise InputError("bins: a spectral image has no air; leave out the atmosphere")
 
 
 def image_channels(total: Totals, band: Band, size: tuple[int, int]) -> dict[str, np.ndarray]:

@@ -132,4 +132,4 @@ def test_the_first_count_that_suffices_is_taken():
     bins, error = bins_for(MWIR, [sharp], sources)
     assert bins.count == 64 and error > 2e-4
     assert error < binning_error(Bins(MWIR, 32), [sharp], sources(Bins(MWIR, 2).grid_um))
-    assert bins_for(MWIR, [], sources, (9,))[0].count == 9
+    assert bins_for(MWIR, [sharp], sources, (9,))[0].count == 9
