@@ -40,7 +40,7 @@ NOTICED = 0.05
 MOST_CHANGES = 4  # of the default step, by a factor of 2
 FINE = 3e-3  # error as a fraction of the derivative for which no other step is tried
 WORTH = 0.7  # ratio of the errors of two steps from which on the better one is taken
-SIGNIFICANT = 3.0  # standard errors
+SIGNIFICANT = 5.0  # standard errors, with 7 degrees of freedom: noise exceeds it once in 600
 
 
 @dataclass(frozen=True)

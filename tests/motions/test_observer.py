@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import mi_lcair
+from mi_lcair.motions.observer import placed, settings_of
 from mi_lcair.sensitivity.parameters import changed
 from tests.motions.test_differences import CUBE, convex_hull, derivative, scene_of
 
@@ -104,3 +105,24 @@ def test_sun_stands_where_the_scene_parameters_put_it():
         intensities = [mi_lcair.signature(s, spp=16).target.intensity for s in (scene, loaded)]
         assert intensities[0] == pytest.approx(intensities[1], rel=1e-5)
     assert scene.fingerprint == state
+
+
+def test_place_of_a_moved_scene():
+    """The observer turns about the origin of the file, from which the scene was moved."""
+    origin, rest = np.array([100.0, 0, 0]), {"azimuth_deg": 0.0, "elevation_deg": 0.0}
+    place = mi.ScalarTransform4f().look_at(origin=[10, 0, 0], target=[0, 0, 0], up=[0, 0, 1])
+    film = {"type": "hdrfilm", "width": 4, "height": 4}
+    to_world = place @ mi.ScalarTransform4f().scale([2, 2, 3])  # also along the axis
+    sensor = mi.load_dict({"type": "orthographic", "to_world": to_world, "film": film})
+    names = ("azimuth_deg", "elevation_deg", "roll_deg", "x_px", "y_px")
+    for name, by, position, axis in (
+        ("azimuth_deg", 90, [-100, 110, 0], [0, -1, 0]),
+        ("elevation_deg", 90, [-100, 0, 110], [0, 0, -1]),
+        ("roll_deg", 90, [10, 0, 0], [-1, 0, 0]),
+    ):
+        change = dict.fromkeys(names, 0.0) | {name: by}
+        settings = placed(sensor, settings_of(sensor), change, rest, origin)
+        matrix = np.array(settings["to_world"].matrix, dtype=float).reshape(4, 4)
+        assert matrix[:3, 3] == pytest.approx(position, abs=1e-4)
+        assert matrix[:3, 2] == pytest.approx(3 * np.array(axis), abs=1e-5)
+        assert np.linalg.det(matrix[:3, :3]) == pytest.approx(12, rel=1e-5)
