@@ -147,6 +147,8 @@ class Scene:
             f"{surface.lobe}"
             for surface in self.surfaces()
         ]
+        spectra = [surface.spectrum for surface in self.surfaces()]
+        descriptions += [spectrum.digest for spectrum in spectra if spectrum is not None]
         return fingerprint(self.digest, self.mi, descriptions)
 
     def sensor(self, index: int) -> mitsuba.Sensor:

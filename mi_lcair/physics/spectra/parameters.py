@@ -7,6 +7,7 @@ Sandford and Robertson enter it linearly, n and k do not.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -65,6 +66,13 @@ class SpectralParameters:
     rows: dict[str, np.ndarray]
     source: str
     remarks: tuple[str, ...] = field(default=())
+
+    @property
+    def digest(self) -> str:
+        """Hexadecimal digits that change with the spectrum."""
+        arrays = [self.wavelengths_um, *self.rows.values(), np.array(list(self.common.values()))]
+        content = b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)
+        return sha256(content + self.form.encode()).hexdigest()
 
     def at(self, wavelengths_um: np.ndarray) -> dict[str, np.ndarray]:
         """All parameters at these wavelengths [um], by name in the model's order."""

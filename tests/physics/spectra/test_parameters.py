@@ -11,6 +11,7 @@ import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.materials import material
+from mi_lcair.physics.reflection import sandford_robertson_equations as sr
 
 MWIR = band("MWIR")
 
@@ -96,6 +97,13 @@ def test_DHR_there_and_back(tmp_path, seed):
     path = write(tmp_path, entry, dhr=csv("wavelength_um,reflectance", x, DHR))
     own = material("own", MWIR, path)
     assert own.spectrum.remarks == ()
+    # The share of the diffuse floor in what is reflected is that of the fit
+    fit = json.loads((tmp_path / "paint.json").read_text())["parameters"]
+    G = float(sr.G(Float64(b))[0])
+    rows = own.spectrum.rows
+    assert rows["rho_d"] / (G - rows["epsilon"]) == pytest.approx(
+        fit["rho_d"] / (G - fit["epsilon"])
+    )
     for place, values in enumerate(zip(*own.spectrum.at(x).values())):
         S = own.model.surface(*map(Float64, values), form="thesis")
         assert own.model.DHR(S, Float64(np.radians(theta)))[0] == pytest.approx(
@@ -113,9 +121,31 @@ def test_DHR_that_a_shape_cannot_have_is_clipped_and_said(tmp_path):
     spectrum = material("own", MWIR, path).spectrum
     assert spectrum.rows["epsilon"][0] == 0
     assert "33% of its wavelengths" in spectrum.remarks[0]
+    size = float(spectrum.remarks[0].rpartition("up to ")[2])
+    assert 0 < size < 0.1  # DHR 0.9999 needs an epsilon a little below 0
+
+
+@pytest.mark.parametrize("n,k", [(0.4, 1.2), (1.5, 0.0), (3.0, 8.0)])
+def test_facets_reflect_by_fresnel(tmp_path, n, k):
+    path = write(tmp_path, NK, nk=csv("wavelength_um,n,k", [2.0, 6.0], [n, n], [k, k]))
+    cos = np.array([0.05, 0.5, 0.9, 1.0])
+    spectrum = material("own", MWIR, path).spectrum
+    got = spectrum.facet_reflectance(np.array([3.0, 4.0]), cos)
+    assert got == pytest.approx(np.tile(fresnel(n, k, cos), (2, 1)), rel=1e-9)
+
+
+def test_an_average_is_compared_with_the_farther_temperature(tmp_path):
+    path = write(tmp_path, GREY, grey=csv("wavelength_um,emissivity", [2, 6], [0.2, 1.0]))
+    spectrum = material("own", MWIR, path).spectrum
+    for temperature, other in ((300.0, 800), (450.0, 800), (600.0, 300), (1200.0, 300)):
+        assert f"for {other} K it would" in spectrum.remark_on_average(MWIR, temperature)
 
 
 BAD = {
+    "dhr_theta_deg = 90": (
+        'shape = "paint.json"\ndhr = "grey.csv"\ndhr_theta_deg = 90',
+        csv("wavelength_um,reflectance", [2, 6], [0.5, 0.5]),
+    ),
     "does not cover band MWIR 3-5 um": (
         GREY,
         csv("wavelength_um,emissivity", [3.1, 5], [0.5, 0.6]),
@@ -137,6 +167,7 @@ BAD = {
 def test_bad_entries_are_one_line(tmp_path, says):
     entry, text = BAD[says]
     path = write(tmp_path, entry, grey=text)
+    fit_of(tmp_path, 0.2, 0.05, 0.5, 0.2)
     with pytest.raises(InputError) as error:
         material("own", MWIR, path)
     assert says in str(error.value) and "own" in str(error.value)

@@ -274,6 +274,14 @@ def test_sun_on_a_spectral_plate(tmp_path):
     assert values[1] - values[0] == pytest.approx(expected, rel=5e-4)
 
 
+def test_fingerprint_changes_with_the_spectrum(tmp_path):
+    prints = set()
+    for change in (0, 0.01, 0):
+        file = write(tmp_path, {"g": (SPECTRA["g"][0] + change,)})
+        prints.add(plate(file, "g", 400.0).fingerprint)
+    assert len(prints) == 2
+
+
 def test_what_does_not_work_says_so(tmp_path):
     file = write(tmp_path)
     loaded = plate(file, "g", 400.0)
