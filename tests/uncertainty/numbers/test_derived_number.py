@@ -8,7 +8,7 @@ from click.testing import CliRunner
 import mi_lcair
 from mi_lcair.cli import main
 from mi_lcair.errors import InputError
-from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
 from tests.detection.disc_scenario import AREA, disc, write_disc
 from tests.uncertainty.plate_scene import plate_scene, row, slope, triangle_areas
 
@@ -61,6 +61,25 @@ def test_apparent_temperature(folder):
     # All paths that meet the disc see the same radiance
     assert row(found, "noise of the rendering").contribution < 2e-3
     assert "apparent temperature 400 +- " in found.summary()
+
+
+def test_apparent_temperature_of_two(tmp_path):
+    """Half of the triangles are hotter: the mean radiance counts, by area, and has no noise."""
+    areas = triangle_areas()
+    is_hot = np.arange(len(areas)) % 2 == 0
+    for hotter, noise in ((T + 60, 0.2), (T + 0.5, 2e-3)):
+        write_disc(tmp_path, np.where(is_hot, hotter, T))
+        scenario = blackbody_disc(tmp_path)
+        name = f"self@{T:g}.temperature"
+        found, parts = contributions(scenario, "apparent_temperature", **{name: 1.0})
+        band, share = scenario.sensor.detector().band, areas[is_hot].sum() / areas.sum()
+        hot, cold = (float(in_band_radiance(band, kelvin)) for kelvin in (hotter, T))
+        mean = share * hot + (1 - share) * cold
+        expected = float(brightness_temperature(band, mean))
+        assert found.value == pytest.approx(expected, abs=3 * noise)
+        assert row(found, "noise of the rendering").contribution < noise
+        of_cold = (1 - share) * slope(band, T) / slope(band, expected)
+        assert parts[name] == pytest.approx(of_cold, rel=0.01)
 
 
 def test_facets_with_errors_of_their_own(folder):
