@@ -104,8 +104,11 @@ class Batch:
                 "version of mi_lcair differ"
             )
         light_at(scene, self.light_m)
-        seed = int(np.random.SeedSequence(int(self.key, 16)).generate_state(1)[0])
-        sampling = replace(self.sampling, seed=seed)
+        # The same views have the same random numbers in all subjects, whose differences are then
+        # more precise than their values
+        views = int(sha256(repr(self.views).encode()).hexdigest()[:16], 16)
+        seed = np.random.SeedSequence([self.sampling.seed, views]).generate_state(1)
+        sampling = replace(self.sampling, seed=int(seed[0]))
         return measure_view_areas(scene, list(self.views), self.resolution, sampling)
 
 

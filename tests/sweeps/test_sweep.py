@@ -175,6 +175,15 @@ def test_a_file_that_changes_is_read_again(tmp_path):
     assert hot.table["intensity_W_sr"] == pytest.approx(expected, rel=0.02)
 
 
+def test_subjects_share_their_random_numbers(tmp_path):
+    """What differs between conditions is no noise: the same disc with and without reflections."""
+    made = sweep(tmp_path, {"render.max_bounces": [0, 1], "azimuth_deg": [0, 30]})
+    first, second = made.to_xarray()["intensity_W_sr"].values
+    assert made.traced == 4 and first == pytest.approx(second, rel=1e-6)
+    other = sweep(tmp_path, {"azimuth_deg": [0, 30]}, sampling=FAST | {"seed": 1})
+    assert np.any(np.abs(other.table["intensity_W_sr"] / first - 1) > 1e-5)
+
+
 def test_points_of_a_table(tmp_path):
     """Without product the conditions go together; a CSV gives the points."""
     (tmp_path / "points.csv").write_text("azimuth,range\n0,500\n60,1000\n0,1000\n")
