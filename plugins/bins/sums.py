@@ -21,7 +21,7 @@ class BinSums:
     There is one array for all paths, outside of what the loop carries. It has separate sums for the
     paths that first hit the model, and for the others.
 
-    neighbours: bins, counted from the own one, whose reflectances enter the sum of a bin. by_bin:
+    neighbours: bins, counted from that bin, whose reflectances enter the sum of a bin. by_bin:
     the scene's tables. launch: the launch. sources: number of sources that are told apart. table:
     factors of their radiance, (sources of the scene, bins, neighbours).
     """
@@ -55,13 +55,13 @@ class BinSums:
         value = dr.float64_array_t(mi.Float)(value)
         dr.scatter_add(self.array, value, place * self.count + k, active, mode=dr.ReduceMode.Local)
 
-    def add_parts(self, row, parts, k, base, factors, own) -> None:
+    def add_parts(self, row, parts, k, base, factors, of_path) -> None:
         """Add the radiance of bin k to a row, see `ByBinOfPath`."""
         for source, share in parts:
             value = base * share * self.value(source, k, factors)
             self.add(row * self.sources + source, k, value)
 
-    def own(self) -> dr.Local | None:
+    def of_path(self) -> dr.Local | None:
         """Sums of one path; None where all that a path brings is added to those of the launch."""
         return None
 
@@ -97,13 +97,13 @@ class SpectralSums(BinSums):
     def __init__(self, by_bin: ByBin, launch: Launch):
         super().__init__(by_bin, launch, 1, mi.Float(by_bin.densities(self.neighbours).ravel()))
 
-    def own(self) -> dr.Local:
+    def of_path(self) -> dr.Local:
         """Sums of one path, which are added to those of the launch at its end."""
         return zeros(self.count)
 
-    def add_parts(self, row, parts, k, base, factors, own) -> None:
+    def add_parts(self, row, parts, k, base, factors, of_path) -> None:
         value = base * sum(share * self.value(source, k, factors) for source, share in parts)
-        own.write(own.read(k) + value, k)
+        of_path.write(of_path.read(k) + value, k)
 
     def channels(self, split: str) -> dict[str, np.ndarray]:
         """Sums by the names of channels, (windows, randomisations) each."""
@@ -116,7 +116,7 @@ class ByBinOfPath(Recorder):
     """Adds the radiance of each path by bin to the `BinSums` of a launch.
 
     row: row of each path's window and randomisation in the sums, one for paths that first hit the
-    model and one for others. weight: of each path. own: see `BinSums`.
+    model and one for others. weight: of each path. of_path: see `BinSums`.
     """
 
     scene: mi.Scene
@@ -124,12 +124,12 @@ class ByBinOfPath(Recorder):
     sums: BinSums
     row: mi.UInt32
     weight: mi.Float
-    own: dr.Local | None
+    of_path: dr.Local | None
 
     @staticmethod
     def of(scene, emitters, sums: BinSums, paths: Paths, weight) -> "ByBinOfPath":
         row = 2 * (paths.lane // paths.points)
-        return ByBinOfPath(scene, emitters, sums, row, weight, sums.own())
+        return ByBinOfPath(scene, emitters, sums, row, weight, sums.of_path())
 
     def begin(self, first, ray, active) -> mi.Bool:
         si = first.compute_surface_interaction(ray, mi.RayFlags.Minimal, active)
@@ -141,25 +141,25 @@ class ByBinOfPath(Recorder):
         by_bin, base = emission.by_bin, emission.by_bin.base * self.weight
         if not self.sums.counts_closure:
             base = dr.select(emission.beyond, 0, base)
-        self.add(base, by_bin.sources, by_bin.factors, self.row, self.own)
+        self.add(base, by_bin.sources, by_bin.factors, self.row, self.of_path)
 
     @dr.syntax
-    def add(self, base, sources, factors, row, own):
+    def add(self, base, sources, factors, row, of_path):
         """Add `base` times the factors of the bins, divided among the sources."""
         k = mi.UInt32(0)
         while k < self.sums.count:
-            self.sums.add_parts(row, sources, k, base, factors, own)
+            self.sums.add_parts(row, sources, k, base, factors, of_path)
             k += 1
 
     def end(self) -> None:
-        """Add the path's own sums to those of the launch, after the path's end."""
-        if self.own is not None:
-            self.add_own(self.row, self.own)
+        """Add the sums of the path to those of the launch, after the path's end."""
+        if self.of_path is not None:
+            self.add_of_path(self.row, self.of_path)
 
     @dr.syntax
-    def add_own(self, row, own):
-        """Add each of a path's own sums to a row."""
+    def add_of_path(self, row, of_path):
+        """Add each sum of a path to a row."""
         k = mi.UInt32(0)
         while k < self.sums.count:
-            self.sums.add(row, k, own.read(k))
+            self.sums.add(row, k, of_path.read(k))
             k += 1

@@ -132,13 +132,14 @@ class SpectralParameters:
     def remark_on_average(self, band: Band, temperature: float) -> str:
         """How much an average depends on the temperature of the radiation [K]."""
         other = ROOM_K if temperature > (ROOM_K + HOT_K) / 2 else HOT_K
-        own, of_other = (
+        averaged, of_other = (
             self.reflectance_at_normal(self.averaged(*self.weights(band, T)))
             for T in (temperature, other)
         )
         return (
             f"its spectrum is averaged in {band.label} for radiation of {temperature:g} K, with a "
-            f"reflectance of {own:.4g} along the normal; for {other:g} K it would be {of_other:.4g}"
+            f"reflectance of {averaged:.4g} along the normal; for {other:g} K it "
+            f"would be {of_other:.4g}"
         )
 
 
