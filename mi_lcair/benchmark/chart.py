@@ -37,6 +37,8 @@ class Point:
         Median of the values.
     rms
         Root mean square of the relative error. Rare outliers raise it but not the median.
+    memory_MB
+        Largest memory of a run beyond that before it; NaN if it was not measured.
     """
 
     case: str
@@ -50,6 +52,7 @@ class Point:
     error_high: float
     value: float
     rms: float
+    memory_MB: float = np.nan
 
 
 def point(case, method, effort, samples, seconds, compile_seconds, values, exact) -> Point:

@@ -1,16 +1,17 @@
 """Measurements for the chart of propagation methods.
 
-They are the error of each method against time and rays, and the error of each closure, which
-replaces the bounces that are left out.
+They are the error of each method against time, rays and memory, and the error of each closure,
+which replaces the bounces that are left out.
 """
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import drjit as dr
 import numpy as np
 
 from mi_lcair.benchmark import chart
+from mi_lcair.benchmark.memory import peak_memory
 from mi_lcair.benchmark.propagation import METHODS, exact, path_tracing, problems
 from mi_lcair.benchmark.propagation.problem import Method, Problem
 from mi_lcair.progress import stepper
@@ -129,12 +130,13 @@ def curves(problem: Problem, methods, effort: Effort, step=lambda: None) -> list
     The methods run in turn, so that a change of the machine's load concerns all of them. step: a
     function that is called after each round, `effort.repetitions` times.
     """
-    compiles, runs = {}, {}
+    compiles, runs, memory = {}, {}, {}
     for method in methods:
         for level in (level for level in method.efforts(problem) if level <= effort.most):
             first, *_ = timed(problem, method, level, 0)  # this run includes the compile
             run = timed(problem, method, level, 1)
             compiles[method, level], runs[method, level] = first, [run]
+            memory[method, level] = peak_memory(method.run, problem, level, 1)
             if run[-1] > effort.seconds:
                 break
     step()
@@ -147,11 +149,10 @@ def curves(problem: Problem, methods, effort: Effort, step=lambda: None) -> list
     for (method, level), done in runs.items():
         seconds, values, rays, _ = (np.array(column) for column in zip(*done))
         compiled = max(0.0, compiles[method, level] - float(np.median(seconds)))
-        points.append(
-            chart.point(
-                problem.name, method.name, level, rays, seconds, compiled, values, problem.answer
-            )
+        point = chart.point(
+            problem.name, method.name, level, rays, seconds, compiled, values, problem.answer
         )
+        points.append(replace(point, memory_MB=memory[method, level]))
     return points
 
 

@@ -11,7 +11,7 @@ from mi_lcair.drawing import drawing
 from mi_lcair.formats import csv
 from mi_lcair.reports import method_chart
 
-COSTS = method_chart.TIME | {"samples": "rays"}
+COSTS = method_chart.TIME | {"samples": "rays", "memory_MB": "largest memory (MB)"}
 
 
 def write(folder: Path, result: Chart) -> None:

@@ -39,11 +39,13 @@ def draw(path, points, title: str, costs: dict[str, str], floor=1e-7) -> None:
     title : str
         Title of the picture.
     costs : dict of str to str
-        Label of the axis by the field of the points, such as "seconds".
+        Label of the axis by the field of the points, such as "seconds". A field that was measured
+        for no point is left out.
     floor : float
         Smaller errors are drawn at this value.
     """
     cases = chart.names(points, "case")
+    costs = {field: label for field, label in costs.items() if any_measured(points, field)}
     size = 5.5 * len(costs), 1.2 + 3.1 * len(cases)
     with drawing(path, size, dpi=120, layout="constrained") as figure:
         styles = {
@@ -67,6 +69,11 @@ def draw(path, points, title: str, costs: dict[str, str], floor=1e-7) -> None:
             fontsize=8,
             frameon=False,
         )
+
+
+def any_measured(points, field: str) -> bool:
+    """Whether a field of any point is a number above 0."""
+    return any(getattr(p, field) > 0 for p in points)
 
 
 def colour(k: int) -> str | tuple:

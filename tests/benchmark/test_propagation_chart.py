@@ -86,6 +86,9 @@ def test_curves_repeat_in_turn_and_stop(monkeypatch):
         return seconds, 10 + (-1) ** seed / effort, effort, seconds
 
     monkeypatch.setattr(propagation_chart, "timed", fake)
+    monkeypatch.setattr(
+        propagation_chart, "peak_memory", lambda run, case, effort, seed: 2 * effort
+    )
     monkeypatch.setattr(propagation_chart, "MOST_SECONDS", 100)
     random = Method("random", "", None, lambda case: [1, 4, 16, 64, 256], True)
     same = Method("same", "3.5", None, lambda case: [1, 256], False)
@@ -101,7 +104,7 @@ def test_curves_repeat_in_turn_and_stop(monkeypatch):
     ]
     assert len(rounds) == EFFORT.repetitions
     assert points[1].error == pytest.approx(1 / 40) and points[1].seconds == pytest.approx(0.4)
-    assert points[1].compile_seconds == pytest.approx(2.6)
+    assert points[1].compile_seconds == pytest.approx(2.6) and points[1].memory_MB == 8
 
 
 def test_slow_runs_are_repeated_less():
