@@ -12,7 +12,9 @@ from mi_lcair.inversion.least_squares.newton import Prior
 from mi_lcair.inversion.least_squares.prediction import equations
 from mi_lcair.inversion.least_squares.profile import WIDTH, Profile, profile_intervals
 from mi_lcair.inversion.least_squares.solve import solve
-from tests.inversion.blocks import block, unknown
+from mi_lcair.physics.blackbody import brightness_temperature
+from tests.inversion.blocks import block, kelvin, unknown
+from tests.inversion.least_squares.test_curvature import LWIR, SKY, VALUES, wall
 
 RANDOM = np.random.default_rng(3)
 SIGMA, COUNT = 0.05, 30
@@ -123,3 +125,36 @@ def test_values_that_no_surface_can_have_end_a_profile():
     prior = Prior.of(unknowns)
     ends = profile_intervals(state.blocks, state.x, prior, state.covariance, refused)
     assert ends.shape == (2, 2) and not np.isinf(ends).any()
+
+
+def test_a_valley_between_a_cliff_and_a_slope(monkeypatch):
+    """Temperature and reflectance of a wall, whose radiance alone is known.
+
+    The temperature cannot be lower than that of a black wall. Above, only the priors end both
+    intervals, and all three ends follow from a search along the valley.
+    """
+    searched, rendered, at = [], [], Profile.at
+
+    def counted(self, *arguments):
+        searched.append(arguments)
+        return at(self, *arguments)
+
+    monkeypatch.setattr(Profile, "at", counted)
+    measured, sigma = wall((310, 0.3)).radiance[0], 0.01
+
+    def render(x):
+        rendered.append(x)
+        changes = {"noise": lambda predicted: np.full(len(predicted), sigma)}
+        return [wall(x, measured=measured, weight=np.full(VALUES, sigma**-2.0), **changes)]
+
+    both = [kelvin(start=320.0, upper=2000.0), unknown(start=0.5)]
+    state = solve(both, render, lambda x: [np.full(VALUES, sigma**-2.0)], False, 20)
+    R = np.linspace(0, 0.99, 100_001)
+    T = brightness_temperature(LWIR, (measured[0] - R * SKY) / (1 - R))
+    rise = ((T - 320) / 100) ** 2 + (R - 0.5) ** 2
+    inside = rise <= rise.min() + WIDTH**2
+    (low, high), (bound, top) = state.intervals
+    assert bound == 0 and low == pytest.approx(T[0], abs=0.02 * (state.x[0] - T[0]))
+    assert high == pytest.approx(T[inside].max(), abs=0.01 * (high - low))
+    assert top == pytest.approx(R[inside].max(), abs=0.01)
+    assert len(searched) <= 40 and len(rendered) - state.trace[-1].renders <= 4
