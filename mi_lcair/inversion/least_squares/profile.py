@@ -47,6 +47,8 @@ def profile_intervals(
         if not covariance[k, k] > 0:
             continue
         profile = Profile(blocks, x, prior, k, covariance[k] / np.sqrt(covariance[k, k]), normal)
+        if profile.rise_of_error <= 0:
+            continue  # the noise of the render is larger than the rise
         if all(profile.is_straight(side) for side in (-1, 1)):
             continue
         ends[k] = [profile.end(side, render) for side in (-1, 1)]
@@ -63,10 +65,10 @@ class Profile:
     def __init__(self, blocks, x, prior: Prior, k: int, direction: np.ndarray, normal):
         self.blocks, self.x, self.prior, self.k, self.direction = blocks, x, prior, k, direction
         self.cost = cost_of(blocks, x) + prior.cost(x)
-        # The noise of derivatives is in the standard error, but not in the cost. The rise that
-        # belongs to one standard error makes up for it.
-        curved = direction @ normal.matrix @ direction + direction @ prior.times(direction)
-        self.rise_of_error = max(float(curved), 1.0)
+        # The weights are not exactly the inverse variances, and the noise of derivatives is in the
+        # standard error alone. The rise that belongs to one standard error makes up for both.
+        rise = direction @ (normal.matrix @ direction + prior.times(direction))
+        self.rise_of_error = float(rise)
 
     def errors(self, blocks, x) -> float:
         """Distance from the estimate, in standard errors, that the cost at the values x shows."""

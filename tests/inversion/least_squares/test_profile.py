@@ -101,17 +101,19 @@ def test_linear_intervals_stay():
     assert np.isnan(ends).all()
 
 
-def test_noise_of_derivatives_widens_a_profile():
+def test_a_profile_has_the_errors_of_the_estimate():
     """The rise of the cost is compared with that of one standard error of the estimate."""
     measured = 5 + DESIGN @ [0.5, 0.5]
     weight = np.full(COUNT, SIGMA**-2.0)
     exact = block([np.full(COUNT, 5.0)], [DESIGN], measured, SIGMA, weight=weight)
     x, prior = np.array([0.5, 0.5]), Prior.of([unknown("a"), unknown("b")])
-    covariance = 4 * np.linalg.inv(DESIGN.T @ DESIGN / SIGMA**2)  # errors twice as large
-    direction = covariance[0] / np.sqrt(covariance[0, 0])
-    profile = Profile([exact], x, prior, 0, direction, equations([exact], x))
-    assert profile.rise_of_error == pytest.approx(4, rel=0.01)
-    assert profile.errors([exact], x + 1.5 * direction) == pytest.approx(1.5, rel=0.01)
+    for factor in (4, 0.25):  # errors twice and half as large
+        covariance = factor * np.linalg.inv(DESIGN.T @ DESIGN / SIGMA**2)
+        direction = covariance[0] / np.sqrt(covariance[0, 0])
+        profile = Profile([exact], x, prior, 0, direction, equations([exact], x))
+        assert profile.rise_of_error == pytest.approx(factor, rel=0.01)
+        assert profile.errors([exact], x + 1.5 * direction) == pytest.approx(1.5, rel=0.01)
+        assert profile.is_straight(1) and profile.is_straight(-1)
 
 
 def test_values_that_no_surface_can_have_end_a_profile():
