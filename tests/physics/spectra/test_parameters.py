@@ -134,6 +134,30 @@ def test_facets_reflect_by_fresnel(tmp_path, n, k):
     assert got == pytest.approx(np.tile(fresnel(n, k, cos), (2, 1)), rel=1e-9)
 
 
+def test_radiation_too_cold_for_the_band_averages_evenly(tmp_path):
+    path = write(tmp_path, GREY, grey=csv("wavelength_um,emissivity", [2, 6], [0.2, 1.0]))
+    entry = material("own", MWIR, path)
+    for averaged in (entry, entry.averaged(MWIR, 1.0)):
+        assert averaged.parameters["emissivity"] == pytest.approx(0.6)
+
+
+def test_shape_that_absorbs_all_has_no_floor(tmp_path):
+    G = float(sr.G(Float64(0.2))[0])
+    fit_of(tmp_path, 0.2, 0.05, G, 0.0)
+    text = csv("wavelength_um,reflectance", [2, 6], [0.4, 0.4])
+    path = write(tmp_path, 'shape = "paint.json"\ndhr = "dhr.csv"', dhr=text)
+    assert not material("own", MWIR, path).spectrum.rows["rho_d"].any()
+
+
+def test_digest_changes_with_everything(tmp_path):
+    digests = set()
+    for e, value in ((0.05, 0.5), (0.06, 0.5), (0.05, 0.51)):
+        text = csv("wavelength_um,epsilon,rho_d", [2, 6], [value, value], [0.1, 0.1])
+        path = write(tmp_path, SR.replace("0.05", str(e)), sr=text)
+        digests.add(material("own", MWIR, path).spectrum.digest)
+    assert len(digests) == 3
+
+
 def test_an_average_is_compared_with_the_farther_temperature(tmp_path):
     path = write(tmp_path, GREY, grey=csv("wavelength_um,emissivity", [2, 6], [0.2, 1.0]))
     spectrum = material("own", MWIR, path).spectrum
@@ -142,6 +166,10 @@ def test_an_average_is_compared_with_the_farther_temperature(tmp_path):
 
 
 BAD = {
+    "epsilon 1.02 at 6 um; must lie in 0..1": (
+        SR.replace("sr.csv", "grey.csv"),
+        csv("wavelength_um,epsilon,rho_d", [2, 6], [0.5, 1.02], [0.1, 0]),
+    ),
     "dhr_theta_deg = 90": (
         'shape = "paint.json"\ndhr = "grey.csv"\ndhr_theta_deg = 90',
         csv("wavelength_um,reflectance", [2, 6], [0.5, 0.5]),
