@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 
-from mi_lcair.motions.differences import Pilot
+from mi_lcair.motions.differences import ATTACHED, PILOT_PATHS, Differences, Pilot
+from mi_lcair.rendering.sampling import Sampling
 
 H = 0.1
 
 
-def pilot(function, noise: float = 0.0, floor: float = 0.0) -> Pilot:
+def pilot(function, noise: float = 0.0, floor: float = 0.0, h: float = H) -> Pilot:
     """The pilot of a function at five values, with independent deviations of 8 randomisations."""
-    offsets = np.array([-2, -1, 0, 1, 2]) * H
+    offsets = np.array([-2, -1, 0, 1, 2]) * h
     deviations = noise * np.random.default_rng(3).normal(size=(5, 8)) / np.sqrt(8)
     return Pilot(offsets, np.column_stack([[function(x) for x in offsets], deviations]), floor)
 
@@ -31,7 +32,9 @@ def test_kink_and_glint():
     assert pilot(lambda x: 3 * x + 0.05 * abs(x)).verdict == "smooth"  # 3 % of the derivative
     assert pilot(lambda x: 3 * x + 0.5 * abs(x)).verdict == "kink"
     assert pilot(lambda x: np.tanh(x / H)).verdict == "step-dependent"
-    assert pilot(lambda x: x**2).verdict == "smooth"  # its one-sided slopes meet as h falls
+    # The one-sided slopes of the second meet fast enough as h falls
+    assert pilot(lambda x: abs(x) ** 1.3).verdict == "kink"
+    assert pilot(lambda x: abs(x) ** 1.6).verdict == "smooth"
 
 
 def test_noise():
@@ -43,3 +46,41 @@ def test_noise():
     assert (hidden.jump, hidden.verdict) == (0, "smooth")
     drowned = pilot(np.polynomial.Polynomial([0, 2, 0, 0.5]), noise=0.05)
     assert drowned.truncation == 0
+
+
+class Along(Differences):
+    """Differences of a function, with noise that is a function of the step."""
+
+    def __init__(self, function, noise_of):
+        self.function, self.noise_of = function, noise_of
+        self.sampling = Sampling(paths=PILOT_PATHS)
+
+    def pilot(self, h, method):
+        return pilot(self.function, floor=self.noise_of(h), h=h)
+
+
+@pytest.mark.parametrize(
+    ("function", "noise_of", "steps"),
+    [
+        (lambda x: 2 * x + x**3, lambda h: 0.0, 1 / 2),  # truncation of 0.5 % at the first step
+        (lambda x: 2 * x, lambda h: 0.01 / h, 2**4),  # noise that a longer step lowers
+        (lambda x: 2 * x, lambda h: 0.001, 1),  # fine already
+        (lambda x: 2 * x, lambda h: 0.1, 1),  # noise that no step lowers
+        (abs, lambda h: 0.01 / h, 1),
+    ],
+)
+def test_better_step(function, noise_of, steps):
+    first = Along(function, noise_of).pilot(H, ATTACHED)
+    step, result = Along(function, noise_of).better_step(H, first, ATTACHED)
+    assert step == pytest.approx(steps * H)
+    assert result.offsets[3] == pytest.approx(step)
+
+
+def test_better_step_stops_before_a_facet_turns_away():
+    """A longer step has less noise, but its difference would be another one."""
+
+    def bent(x):
+        return 2 * x - np.sign(x) * np.maximum(np.abs(x) - 1.2 * H, 0)
+
+    first = Along(bent, lambda h: 0.02 / h).pilot(H, ATTACHED)
+    assert Along(bent, lambda h: 0.02 / h).better_step(H, first, ATTACHED)[0] == H
