@@ -11,6 +11,7 @@ from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.startup.threads import exclusively
 
 TOLERANCE = 2e-4  # half of the 95 % interval, where the renderer traces the cavity
+MOST_PATHS = 2**27  # after which the paths end without the tolerance
 
 
 @exclusively
@@ -48,5 +49,5 @@ def cavity(
     InputError
         If the description cannot be used.
     """
-    sampling = Sampling(tolerance=tolerance, seed=seed, progress=progress)
+    sampling = Sampling(tolerance=tolerance, max_spp=MOST_PATHS, seed=seed, progress=progress)
     return measured(Description.read(description), sampling)

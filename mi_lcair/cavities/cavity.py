@@ -31,8 +31,13 @@ def measured(cavity: Description, sampling: Sampling) -> Cavity:
     """
     method = "rings" if is_diffuse(cavity) else "paths"
     value, error, traced = effective_emissivity(cavity, method, sampling)
-    repeated = replace(sampling, paths=traced, tolerance=None) if traced else sampling
-    contributions = []
+    repeated = replace(sampling, paths=traced, tolerance=None, max_spp=None) if traced else sampling
+    contributions, remarks = [], []
+    if traced and (half := paths.INTERVAL * error.max()) > sampling.tolerance:
+        remarks.append(
+            f"{traced} paths end with half an interval of {half:.2g}, more than the tolerance of "
+            f"{sampling.tolerance:g}"
+        )
     for entry in fields(cavity.sigma):
         sigma = getattr(cavity.sigma, entry.name)
         if not sigma:
@@ -68,7 +73,7 @@ def measured(cavity: Description, sampling: Sampling) -> Cavity:
         view=cavity.seen,
         depths=np.linspace(0, cavity.shape.depth, 101),
         kelvin=cavity.temperature(np.linspace(0, cavity.shape.depth, 101)),
-        tolerance=None if traced is None else sampling.tolerance,
+        remarks=tuple(remarks),
     )
 
 

@@ -41,8 +41,7 @@ class Cavity(Result):
     view : ViewTable
     depths, kelvin : ndarray, shape (n,)
         Temperature of the wall by depth [m, K].
-    tolerance : float or None
-        Half of the 95 % interval that the paths were to reach; None for rings.
+    remarks : tuple of str
     """
 
     name: str
@@ -58,7 +57,7 @@ class Cavity(Result):
     view: ViewTable
     depths: np.ndarray
     kelvin: np.ndarray
-    tolerance: float | None = None
+    remarks: tuple[str, ...] = ()
 
     kind: ClassVar[str] = "cavity"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.cavity:figure"
@@ -101,6 +100,7 @@ class Cavity(Result):
             "view": self.seen,
             "method": self.method,
             "reference_K": self.reference,
+            "remarks": self.remarks,
             "columns": self.columns(),
             "budget": [
                 {

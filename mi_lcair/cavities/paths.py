@@ -23,6 +23,7 @@ from mi_lcair.rendering.statistics import Totals, student_factor
 from mi_lcair.rendering.window import Windows
 
 RANDOMISATIONS = 16  # of the lattice, for intervals with 15 degrees of freedom
+INTERVAL = student_factor(RANDOMISATIONS - 1)  # half a 95 % interval in standard errors
 LEVELS = 60  # largest number of wall temperatures; those of a profile are rounded to as many
 START = 1e-5  # distance of a ray's start from the aperture's plane, as a share of its radius
 GLOW = 300.0  # temperature of the aperture, a blackbody, that shows what finds its way out [K]
@@ -83,7 +84,11 @@ def scene_of_wall(
         mi.load_dict(
             {
                 "type": "scene",
-                "integrator": {"type": "bounce_path", "max_bounces": most},
+                "integrator": {
+                    "type": "bounce_path",
+                    "max_bounces": most,
+                    "emitter_sampling": False,
+                },
                 "sensor": {"type": "perspective", "film": film, "sampler": {"type": "lattice"}},
                 **shapes,
             },
@@ -146,9 +151,8 @@ def effective_emissivity(scene: Scene, view: View, excess, sampling: Sampling) -
     channels = Channels("model", counted=SIZES[0]) if is_split else Channels(None)
     criterion = None
     if sampling.tolerance is not None:
-        factor = student_factor(RANDOMISATIONS - 1)
         criterion = ExcessFunction(
-            lambda total: factor * _estimate(total, excess)[1].max() / sampling.tolerance
+            lambda total: INTERVAL * _estimate(total, excess)[1].max() / sampling.tolerance
         )
     total = measure(scene, windows, sampling, Measurands(channels, by_spectrum=is_split), criterion)
     return *_estimate(total, excess), int(total.traced[0])

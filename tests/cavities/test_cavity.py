@@ -184,3 +184,14 @@ def test_command(tmp_path, monkeypatch):
     bad = CliRunner().invoke(main, ["cavity", "missing.toml", "-o", "bad.png"])
     assert bad.exit_code == 2 and len(bad.stderr.splitlines()) == 1
     assert not Path("bad.png").exists()
+
+
+@pytest.mark.slow
+def test_tolerance_of_paths(monkeypatch):
+    """Paths end at the tolerance, or say that they do not reach it."""
+    tables = {"shape": SPHERE, "wall": {"emissivity": 0.8, "specular": 0.5}}
+    result = mi_lcair.cavity(tables, tolerance=2e-3)
+    assert 2.131 * result.numerical.max() <= 2e-3 and result.remarks == ()
+    monkeypatch.setattr("mi_lcair.api.cavity.MOST_PATHS", 2**12)
+    result = mi_lcair.cavity(tables, tolerance=1e-5)
+    assert "more than the tolerance of 1e-05" in result.remarks[0]

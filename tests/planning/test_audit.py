@@ -354,7 +354,7 @@ def test_sunlight_is_absorbed_or_escapes(plate, with_sky):
 
 
 def test_irradiance_and_exitance_by_facet():
-    """The thesis's two plates: irradiance by the view factor, exitance of the reflector the same."""
+    """The two plates: irradiance by the view factor, and the exitance of the reflector the same."""
     columns = mi_lcair.audit(mi_lcair.load("two_plates", band="total"), 2**16).facets
     black = 5.670374419e-8 * 800**4
     received = 22.0755 * np.pi / 0.02  # intensity of the diffuse reflector, normal to it

@@ -3,7 +3,7 @@
 import numpy as np
 
 from mi_lcair.results.result import summary_of
-from mi_lcair.results.sections import Facts, Section, Table
+from mi_lcair.results.sections import Facts, Remarks, Section, Table
 
 METHODS = {"rings": "radiosity of diffuse rings", "paths": "paths of the renderer"}
 
@@ -56,4 +56,4 @@ def sections(result) -> list[Section]:
     if budget:
         head = ["quantity", "value", "sigma", "sensitivity", "contribution", "share"]
         parts.append(Table(head, budget))
-    return [Section("Cavity", parts)]
+    return [Section("Cavity", [*parts, Remarks(list(result.remarks))])]
