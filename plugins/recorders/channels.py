@@ -58,7 +58,7 @@ class Channels:
         if self.split:
             emitters, in_detail = tracer.emitters, self.split != "image"
             parts.append(BySource.of(emitters.sources, emitters.labels, in_detail))
-            parts += [Segments.none()] if self.counts_segments else []
+        parts += [Segments.none()] if self.counts_segments else []
         if self.split or facets or is_tailed:
             parts.append(FirstHit.of(tracer.scene, tracer.emitters, facets, self.split == "model"))
         parts += [LastCounts.of(tracer.max_bounces)] if is_tailed else []
@@ -67,9 +67,10 @@ class Channels:
 
     def by_name(self, L: mi.Float, recorders: Recorders) -> dict:
         """The channels of each path by name; L: its radiance [W m^-2 sr^-1]."""
+        segments = recorders.of(Segments).samples(L) if self.counts_segments else {}
         if not self.split:
-            return {}
-        channels = recorders.without((Columns, Incoming)).samples(L)
+            return segments
+        channels = recorders.without((Columns, Incoming, Segments)).samples(L)
         of_model = recorders.of(FirstHit).of_model
         if self.split != "image":
             on_model = {name: value * of_model for name, value in channels.items()}
@@ -77,7 +78,7 @@ class Channels:
                 channels = on_model
             else:
                 channels |= {f"target.{name}": value for name, value in on_model.items()}
-        return channels | {"target": L * of_model}
+        return channels | {"target": L * of_model} | segments
 
     def columns(self, L: mi.Float, recorders: Recorders) -> dict:
         """The derivatives of each path by name, and what a control variate needs."""

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+import drjit as dr
 import mitsuba as mi
 
 from mi_lcair.plugins.recorders.recorder import Recorder
@@ -24,4 +25,5 @@ class Segments(Recorder):
         self.count += 1
 
     def samples(self, L) -> dict:
-        return {"segments": self.count}
+        # The first ray of a path that is not followed was traced too
+        return {"segments": dr.maximum(self.count, 1)}

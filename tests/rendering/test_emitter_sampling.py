@@ -1,10 +1,14 @@
 """Whether paths draw emitters, where the scene leaves it open."""
 
+from dataclasses import replace
+
 import pytest
 
 import mi_lcair
+from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.emitter_sampling import cost, drawing_is_cheaper, is_open
 from mi_lcair.rendering.measurands import IntensityInterval, Measurands
+from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.window import Windows
 
@@ -30,6 +34,17 @@ def test_the_choice_is_the_cheaper_one(name, tolerance, draws):
     )
     assert by_pilot.target.intensity == by_hand.target.intensity
     assert by_pilot.paths == by_hand.paths
+
+
+@pytest.mark.parametrize("split", [None, "image", "target", "model"])
+def test_the_pilot_counts_rays_in_every_split(split):
+    """Also where nothing else is recorded, and where only paths to the model are followed."""
+    scene = loaded("cavity", emitter_sampling="auto")
+    windows, whole = Windows.whole(scene.sensor(0)), IntensityInterval(1e-4, None)
+    counting = replace(Measurands.of(split), channels=Channels(split, counts_segments=True))
+    total = measure(scene, windows, Sampling(paths=2**12), counting)
+    assert total.mean("segments")[0] > 1
+    assert not drawing_is_cheaper(scene, windows, Sampling(), Measurands.of(split), whole)
 
 
 def test_where_little_is_needed_no_pilot_decides(monkeypatch):

@@ -91,7 +91,7 @@ DRAWN = {"area_lamp": area_lamp, "lamp_of_facets": lamp_of_facets}
 
 
 def loaded(make, folder, emitter_sampling: bool):
-    return mi_lcair.load(make().write(folder, "MWIR", 1, emitter_sampling))
+    return mi_lcair.load(make().write(folder, "MWIR", 1, str(emitter_sampling).lower()))
 
 
 @pytest.mark.slow

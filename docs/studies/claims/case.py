@@ -29,8 +29,8 @@ class Case:
         Name of the function that drew it.
     file : SceneFile
     band : str
-    sampling : bool
-        Whether the scene file asks for emitter sampling.
+    sampling : str
+        Whether paths draw emitters, in the words of scene files: true, false or auto.
     bounces : int
         Largest number of reflections.
     half_window : float
@@ -65,7 +65,7 @@ class Case:
     kind: str
     file: SceneFile
     band: str
-    sampling: bool
+    sampling: str
     bounces: int
     half_window: float
     temperatures: Values
@@ -156,7 +156,8 @@ class Draw:
     def __init__(self, rng: np.random.Generator):
         self.rng = rng
         self.band = str(rng.choice(["MWIR", "LWIR", "SWIR", "total"], p=[0.4, 0.35, 0.1, 0.15]))
-        self.sampling = bool(rng.random() < 0.5)
+        sampling = rng.random()
+        self.sampling = "true" if sampling < 0.5 else "false" if sampling < 0.75 else "auto"
 
     def between(self, lower: float, upper: float) -> float:
         return float(self.rng.uniform(lower, upper))

@@ -286,7 +286,7 @@ def claims(case: Case, seed: int, number: int) -> list[Claim]:
     commands = [signature, to_tolerance, (options := further(case))[rng.integers(len(options))]]
     if case.kind.startswith("part"):
         commands = [part]
-    witness = Witness(case, seed, number, "on" if case.sampling else "off")
+    witness = Witness(case, seed, number, {"true": "on", "false": "off"}.get(case.sampling, "auto"))
     found = []
     with tempfile.TemporaryDirectory() as folder:
         path = case.file.write(Path(folder), case.band, case.bounces, case.sampling)

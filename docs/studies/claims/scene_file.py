@@ -11,7 +11,7 @@ HEAD = """<scene version="3.0.0">
     <default name="band" value="{band}"/>
     <integrator type="bounce_path">
         <integer name="max_bounces" value="{bounces}"/>
-        <boolean name="emitter_sampling" value="{sampling}"/> <string name="closure" value="none"/>
+        <string name="emitter_sampling" value="{sampling}"/> <string name="closure" value="none"/>
     </integrator>
 """
 SENSOR = """    <sensor type="orthographic">
@@ -188,7 +188,7 @@ class SceneFile:
             )
         )
 
-    def write(self, folder: Path, band: str, bounces: int, sampling: bool) -> Path:
+    def write(self, folder: Path, band: str, bounces: int, sampling: str) -> Path:
         """Write the scene and its files into the folder; returns the scene's path."""
         for name, content in self.meshes.items():
             (folder / name).write_bytes(content)
@@ -197,6 +197,6 @@ class SceneFile:
         for name, image in self.bitmaps.items():
             mi.Bitmap(image.astype(np.float32)).write(str(folder / name))
         path = folder / "adverse.xml"
-        head = HEAD.format(band=band, bounces=bounces, sampling=str(sampling).lower())
+        head = HEAD.format(band=band, bounces=bounces, sampling=sampling)
         path.write_text(head + "".join(self.parts) + "</scene>\n", encoding="utf-8")
         return path
