@@ -1,6 +1,7 @@
 """Tests of effective areas toward many views: against intensities, other temperatures, files."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,10 +10,11 @@ import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
+from mi_lcair.plugins.emission.source import Source
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.views import View
 from mi_lcair.signatures.many_views import render_views
-from mi_lcair.signatures.view_areas import ViewAreas, measure_view_areas
+from mi_lcair.signatures.view_areas import ViewAreas, measure_view_areas, view_areas
 from tests.detection.disc_scenario import triangles, write_disc
 
 VIEWS = [View(20.0, 5.0), View(100.0, 5.0), View(260.0, -10.0)]
@@ -37,11 +39,45 @@ def test_they_give_the_intensities_of_a_render(cylinder, areas):
     assert areas.amounts[:, -1] == pytest.approx(rendered.parts["hit"][0], rel=1e-12)
 
 
+def test_edges_widen_the_intervals():
+    """Where the randomisations agree, an edge decides the error: 0.3 of a mean of 2 W/m^2/sr."""
+    source = Source("self", "400 K", 5.0, 400.0)
+    total = SimpleNamespace(
+        emitters=SimpleNamespace(
+            sources=SimpleNamespace(list=[source], wavelengths_um=np.empty(0)), draws=False
+        ),
+        mean=lambda name: np.array([1.0 if name == "hit" else 2.0]),
+        deviations=lambda name: np.zeros((1, 8)),
+        scatter_error=lambda name: np.array([0.1]),
+        edge_error=lambda name: np.array([0.3]),
+        missed=lambda name: np.array([0.0]),
+        systematic=0.0,
+        excess=None,
+        traced=np.array([64.0]),
+    )
+    scene = SimpleNamespace(name="made up", band=band("LWIR"))
+    areas = view_areas(total, scene, [View(0.0)], np.array([10.0]))
+    student, normal = 2.3646, 1.96
+    edge = np.sqrt((normal * 0.3) ** 2 - (student * 0.1) ** 2) / normal
+    assert areas.relative == pytest.approx([edge / 2], rel=1e-3)
+    assert areas.amounts[0] == pytest.approx([10 * 2 / 5, 10])
+    assert areas.reached.tolist() == [True]
+
+
+def test_a_tolerance_is_reached_or_not(tmp_path):
+    write_disc(tmp_path)
+    disc = mi_lcair.load(tmp_path / "disc.xml")
+    for tolerance, is_reached in ((0.2, True), (1e-4, False)):
+        sampling = Sampling(tolerance=tolerance, max_spp=1)
+        areas = measure_view_areas(disc, [View(0.0), View(40.0)], 16, sampling)
+        assert areas.reached.tolist() == [is_reached] * 2
+
+
 def of_disc(folder, temperatures=None, **parameters) -> ViewAreas:
     """Effective areas of the disc that faces +x, a blackbody."""
     write_disc(folder, temperatures)
-    scene = mi_lcair.load(folder / "disc.xml", **parameters)
-    return measure_view_areas(scene, [View(0.0), View(60.0), View(0.0, 30.0)], 16, Sampling(spp=8))
+    disc = mi_lcair.load(folder / "disc.xml", **parameters)
+    return measure_view_areas(disc, [View(0.0), View(60.0), View(0.0, 30.0)], 16, Sampling(spp=8))
 
 
 def test_another_temperature_is_that_of_another_render(tmp_path):

@@ -123,3 +123,12 @@ def test_other_temperatures_are_other_sources(tmp_path):
     rows = rows_of(replace(sight, temperatures={"plume": 600.0}), areas_of())
     for name, values in expected.items():
         assert rows[name] == pytest.approx(values, rel=1e-9)
+
+
+def test_what_was_missed_follows_the_brightest_source():
+    areas = areas_of(deviations=np.zeros((1, 8, 4)), missed=np.array([5.0]))
+    ratio = in_band_radiance(MWIR, 600) / in_band_radiance(MWIR, 500)
+    hot = areas.at_temperatures({"plume": 600.0}).intensity()
+    assert hot.half_width == pytest.approx(5 * ratio)
+    assert areas.intensity({"plume": 600.0}).half_width == pytest.approx(5 * ratio)
+    assert areas.intensity({"skin": 305.0}).half_width == pytest.approx(5)
