@@ -1,7 +1,7 @@
 """Time to an error, lattice points against independent points."""
 
 import mi_lcair
-from benchmarks.timing import ratio
+from benchmarks.timing import ratio, seconds
 
 # Half of the 95 % interval. The rms error is then about 0.1 %.
 TOLERANCE = 0.002
@@ -57,3 +57,50 @@ def track_image(spp=64, rounds=3):
 
 track_image.unit = "lattice / independent"
 track_image.timeout = 900
+
+
+IMAGES = {
+    "cylinder": ("cylinder_ir_range", {}, 0.0015),
+    "open_box": ("open_box", {}, 0.1),
+    **{
+        f"airliner, position {k}": ("a340_landing", {"position": k, "resolution": 128}, 0.2)
+        for k in (1, 2, 3)
+    },
+}
+
+
+def track_shared_samples(name):
+    """Variance of an image with the same samples in all pixels / by need, at equal time."""
+    scene, parameters, tolerance = IMAGES[name]
+    scene, images = mi_lcair.load(scene, **parameters), {}
+
+    def by_need(seed):
+        images["by need"] = mi_lcair.render(scene, tolerance=tolerance, seed=seed)
+
+    def even(seed):
+        images["even"] = mi_lcair.render(scene, spp=images["by need"].spp, seed=seed)
+
+    cost = {}
+    for run, kind in ((by_need, "by need"), (even, "even")):
+        run(1)  # compiles
+        cost[kind] = min(seconds(run, 1) for _ in range(3)) * images[kind].rms_error ** 2
+    return cost["even"] / cost["by need"]
+
+
+track_shared_samples.params = list(IMAGES)
+track_shared_samples.param_names = ["image"]
+track_shared_samples.unit = "even / by need"
+track_shared_samples.timeout = 900
+
+
+def track_reflections(rounds=9):
+    """Time of an image of the cylinder to 0.1 % with chosen reflections / with the four needed."""
+    scene = mi_lcair.load("cylinder_ir_range")
+    run = lambda number: (
+        lambda seed: mi_lcair.render(scene, tolerance=1e-3, seed=seed, max_bounces=number)
+    )
+    return ratio(run("auto"), run(4), rounds)
+
+
+track_reflections.unit = "auto / 4"
+track_reflections.timeout = 900
