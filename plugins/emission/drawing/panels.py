@@ -28,8 +28,9 @@ class Panels:
         self.table = table
         rows = table.rows.numpy().astype(np.float64).reshape(-1, 3, 4)
         mesh = np.repeat(np.arange(len(table.counts)), table.counts)
-        corner, like = right_angle(rows[:, :, :3]), np.stack([mesh, radiance, emits_behind], 1)
-        pairs = rectangles(rows, corner, like)
+        vertices, like = vertices_of(rows), np.stack([mesh, radiance, emits_behind], 1)
+        corner = right_angle(vertices)
+        pairs = rectangles(vertices, corner, like)
         is_second = np.zeros(len(rows), bool)
         is_second[pairs + 1] = True
         self.first = np.flatnonzero(~is_second)
@@ -37,7 +38,7 @@ class Panels:
         self.counts = np.bincount(mesh[self.first], minlength=len(table.counts)).tolist()
         self.area = table.area[self.first] * np.where(self.is_rectangle, 2, 1)
         self.radiance, self.emits_behind = radiance[self.first], emits_behind[self.first]
-        vertices = vertices_of(rows)[self.first]
+        vertices = vertices[self.first]
         # The corner of a rectangle is that of its right angle
         turn = (np.where(self.is_rectangle, corner[self.first], 0)[:, None] + np.arange(3)) % 3
         vertices = np.take_along_axis(vertices, turn[:, :, None], axis=1)
@@ -117,10 +118,9 @@ def vertices_of(rows) -> np.ndarray:
     return rows[:, :1, :3] + np.pad(rows[:, 1:, :3], [(0, 0), (1, 0), (0, 0)])
 
 
-def right_angle(rows) -> np.ndarray:
+def right_angle(vertices) -> np.ndarray:
     """Number of the corner of each triangle that is nearest to a right angle, (n,)."""
-    corners = rows[:, :1] + np.pad(rows[:, 1:], [(0, 0), (1, 0), (0, 0)])
-    after, before = (np.roll(corners, k, axis=1) - corners for k in (-1, 1))
+    after, before = (np.roll(vertices, k, axis=1) - vertices for k in (-1, 1))
     cos = np.abs(np.sum(after * before, axis=2))
     return np.argmin(cos / np.maximum(norms(after) * norms(before), 1e-300), axis=1)
 
@@ -129,12 +129,12 @@ def norms(vectors) -> np.ndarray:
     return np.linalg.norm(vectors, axis=-1)
 
 
-def rectangles(rows, corner, like) -> np.ndarray:
+def rectangles(vertices, corner, like) -> np.ndarray:
     """Numbers of the triangles that form a rectangle with the next one.
 
     corner: the result of `right_angle`. like: what both must have in common, (n, m).
     """
-    vertices, turn = vertices_of(rows), (corner[:, None] + np.arange(3)) % 3
+    turn = (corner[:, None] + np.arange(3)) % 3
     right, end_1, end_2 = np.moveaxis(np.take_along_axis(vertices, turn[:, :, None], 1), 1, 0)
     sides = end_1 - right, end_2 - right
     size = norms(end_1 - end_2)
