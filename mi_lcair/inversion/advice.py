@@ -4,13 +4,13 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
-from scipy import sparse
 
 from mi_lcair.errors import InputError
 from mi_lcair.inversion.answers import Answer
 from mi_lcair.inversion.data.datum import Datum
 from mi_lcair.inversion.data.loader import Loader
 from mi_lcair.inversion.data.measurement import Candidate
+from mi_lcair.inversion.least_squares.common_noise import dense
 from mi_lcair.inversion.least_squares.prediction import DatumBlock, equations
 from mi_lcair.inversion.least_squares.solve import State
 from mi_lcair.inversion.tables import RenderSettings
@@ -103,10 +103,6 @@ def words(measure: str, errors: dict, before: dict, answers: list[Answer]) -> st
         if errors[label] <= WORTH * before[label]
     ]
     return f"{measure} would bring {', '.join(parts)}"
-
-
-def dense(matrix) -> np.ndarray:
-    return matrix.toarray() if sparse.issparse(matrix) else matrix
 
 
 # ---------------------------------------------------------------- Proposals

@@ -50,7 +50,7 @@ class CommonNoise:
         """
         lower = self.factor(w)
         return [
-            solve_triangular(lower, dense(self.columns.T @ weighed(w, of)), lower=True)
+            solve_triangular(lower, dense(self.columns.T @ weighted(of, w)), lower=True)
             for of in values
         ]
 
@@ -71,8 +71,11 @@ class CommonNoise:
         return float(np.trace(cho_solve((lower, True), inner)))
 
 
-def weighed(w: np.ndarray, values):
-    return sparse.diags_array(w) @ values if sparse.issparse(values) else w[:, None] * values
+def weighted(columns, w: np.ndarray):
+    """diag(w) columns, dense or sparse."""
+    if sparse.issparse(columns):
+        return sparse.diags_array(w) @ columns
+    return w[:, None] * columns
 
 
 def dense(values) -> np.ndarray:

@@ -16,7 +16,7 @@ import numpy as np
 from scipy import sparse
 
 from mi_lcair.inversion.data.images import slope
-from mi_lcair.inversion.least_squares.common_noise import CommonNoise
+from mi_lcair.inversion.least_squares.common_noise import CommonNoise, weighted
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import in_band_radiance
 
@@ -317,13 +317,6 @@ def product(a: list, w: np.ndarray, b: list):
     both = sum(a[1:], a[0]).T @ weighted(sum(b[1:], b[0]), w)
     same = [left.T @ weighted(right, w) for left, right in zip(a, b)]
     return (both - sum(same[1:], same[0])) / (R * (R - 1))
-
-
-def weighted(columns, w: np.ndarray):
-    """diag(w) columns, dense or sparse."""
-    if sparse.issparse(columns):
-        return sparse.diags_array(w) @ columns
-    return w[:, None] * columns
 
 
 def scaled(columns, factors: np.ndarray):
