@@ -40,13 +40,13 @@ def test_they_give_the_intensities_of_a_render(cylinder, areas):
 
 
 def test_edges_widen_the_intervals():
-    """Where the randomisations agree, an edge decides the error: 0.3 of a mean of 2 W/m^2/sr."""
-    source = Source("self", "400 K", 5.0, 400.0)
+    """Where the randomisations agree, an edge decides the error: 0.3 of a mean of 0.5 W/m^2/sr."""
+    sources = [Source("self", "400 K", 0.5, 400.0), Source("dark", "4 K", 0.0, 4.0)]
     total = SimpleNamespace(
         emitters=SimpleNamespace(
-            sources=SimpleNamespace(list=[source], wavelengths_um=np.empty(0)), draws=False
+            sources=SimpleNamespace(list=sources, wavelengths_um=np.empty(0)), draws=False
         ),
-        mean=lambda name: np.array([1.0 if name == "hit" else 2.0]),
+        mean=lambda name: np.array([1.0 if name == "hit" else 0.5]),
         deviations=lambda name: np.zeros((1, 8)),
         scatter_error=lambda name: np.array([0.1]),
         edge_error=lambda name: np.array([0.3]),
@@ -59,8 +59,8 @@ def test_edges_widen_the_intervals():
     areas = view_areas(total, scene, [View(0.0)], np.array([10.0]))
     student, normal = 2.3646, 1.96
     edge = np.sqrt((normal * 0.3) ** 2 - (student * 0.1) ** 2) / normal
-    assert areas.relative == pytest.approx([edge / 2], rel=1e-3)
-    assert areas.amounts[0] == pytest.approx([10 * 2 / 5, 10])
+    assert areas.relative == pytest.approx([edge / 0.5], rel=1e-3)
+    assert areas.amounts[0] == pytest.approx([10, 0, 10])  # too cold to radiate
     assert areas.reached.tolist() == [True]
 
 
@@ -119,11 +119,11 @@ def test_brighter_sources_raise_what_may_have_been_missed(tmp_path):
     areas = of_disc(tmp_path, temperature=400)
     radiance = in_band_radiance(areas.band, np.array([[400.0], [500.0]]))
     ratio = (radiance[1] / radiance[0])[0]
-    cold = replace(areas.sources[0], group="cold", in_band=areas.sources[0].in_band / 10)
+    cold = replace(areas.sources[0], group="cold", in_band=areas.sources[0].in_band / 1000)
     both = replace(areas, sources=[*areas.sources, cold])
     changed = np.array([radiance[0, 0], radiance[1, 0]])
     assert both.brighter(changed) == pytest.approx(ratio)
-    assert replace(both, is_drawn=True).brighter(changed) == pytest.approx(10 * ratio)
+    assert replace(both, is_drawn=True).brighter(changed) == pytest.approx(1000 * ratio)
     assert areas.brighter(radiance) == pytest.approx([1, ratio])
 
 
