@@ -20,7 +20,7 @@ from mi_lcair.rendering.statistics import Totals
 EVEN_PARTS = (1 / 8, 1 / 4, 1 / 2)  # smallest share of a pixel; the best of them is taken
 STEP = 4  # points that a pixel gets more at once, so that few kernels are compiled
 LEAST_PILOT = 1 / 8  # part of all points that decide the shares, at least
-LEAST_GAIN = 1.1  # smallest ratio of the paths saved for which the shares differ
+LEAST_GAIN = 1.5  # smallest ratio of the paths saved; launches of unlike pixels take a third longer
 MARGIN = 1.02  # ratio of the expected error to the one that is aimed at, as both are estimates
 ACCURACY = 0.05  # of the binary logarithm of a number of paths
 
