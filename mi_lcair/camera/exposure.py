@@ -20,6 +20,7 @@ from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.pixels.errors import PixelCriterion, averaged, surroundings
 from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import Windows
 
@@ -81,6 +82,20 @@ class Exposure:
     variants: tuple[dict[str, np.ndarray], ...] = ()
 
 
+def windows_of(view: CameraView, scene: Scene) -> Windows:
+    """The samples of a camera's window as pixels."""
+    columns, rows = view.size
+    return Windows(
+        view.sensor(scene),
+        columns,
+        rows,
+        RANDOMISATIONS,
+        parts=min(view.parts**2, columns * rows),
+        are_pixels=True,
+        by_randomisation=False,
+    )
+
+
 def exposure(
     setting: Setting,
     view: CameraView,
@@ -121,7 +136,6 @@ def exposure(
     scene, air, range_m = setting.view, setting.air, setting.path.range_m
     extrapolate = setting.sight.extrapolate
     columns, rows = view.size
-    in_pixel = min(view.parts**2, columns * rows)
     hidden = detector_mean(setting.backdrop.at_sensor(range_m), scene.band)
 
     def electrons(total: Totals) -> float:
@@ -131,21 +145,13 @@ def exposure(
         model = arrival.of_parts({name: values.sum(keepdims=True) for name, values in sums.items()})
         return model.item() / max(sums["target"].sum(), 1e-300)
 
-    windows = Windows(
-        view.sensor(scene),
-        columns,
-        rows,
-        RANDOMISATIONS,
-        parts=in_pixel,
-        are_pixels=True,
-        by_randomisation=False,
-    )
+    windows = windows_of(view, scene)
     measurands = Measurands(
         Channels("model"), by_spectrum=True, reduced=partial(of_model, hidden=hidden)
     )
     criterion = None
     if sampling.tolerance is not None:
-        criterion = ModelError(sampling.tolerance, in_pixel)
+        criterion = ModelError(sampling.tolerance, windows.parts)
     elif sampling.spp is None:
         criterion = NoiseError(view, electrons, behind(detector))
     total = measure(scene, windows, sampling, measurands, criterion)
@@ -199,8 +205,8 @@ def exposure(
         intensities=intensities,
         area=intensities["target.hit"],
         sources=sources,
-        spp=in_pixel * round(total.traced.mean()),
-        rms_error=float(np.sqrt(model_squares(total, in_pixel).mean())),
+        spp=windows.parts * round(total.traced.mean()),
+        rms_error=float(np.sqrt(model_squares(total, windows.parts).mean())),
         reached=total.reached,
         invalid=total.invalid,
         paths=int(total.traced.sum()),
