@@ -13,6 +13,11 @@ from mi_lcair.startup.threads import exclusive, exclusively
 # Modules that use Dr.Jit, beside all plugins
 ROOMS = ("mi_lcair.plugins.", "mi_lcair.rendering.facets.", "mi_lcair.rendering.window")
 
+CONDITIONS = {
+    "base": {"scene": "cylinder_ir_range"},
+    "conditions": {"azimuth_deg": [0, 90]},
+    "sampling": {"resolution": 4, "spp": 4},
+}
 CALLS = {
     "load": lambda scene: mi_lcair.load("two_plates"),
     "render": lambda scene: mi_lcair.render(scene, spp=1),
@@ -20,6 +25,7 @@ CALLS = {
     "parameters": mi_lcair.parameters,
     "audit": lambda scene: mi_lcair.audit(scene, photons=64),
     "trend": lambda scene: mi_lcair.trend(scene, [0], resolution=4, spp=4),
+    "sweep": lambda scene: mi_lcair.sweep(CONDITIONS),
     "sensitivities": lambda scene: mi_lcair.sensitivities(scene, ["plate.temperature"], spp=4),
     "derivative_images": lambda scene: mi_lcair.derivative_images(scene, [], spp=4),
 }
@@ -47,14 +53,14 @@ def test_the_lock_is_held(name):
 
 
 def test_every_public_function_takes_its_turn():
-    """Those that use no Dr.Jit, and a trend, which may wait for workers in the same process."""
+    """But those that use no Dr.Jit, or may wait for workers in the same process."""
     functions = {name: getattr(mi_lcair, name) for name in mi_lcair.__all__}
     free = {
         name
         for name, function in functions.items()
         if inspect.isfunction(function) and not hasattr(function, "__wrapped__")
     }
-    assert free == {"temperature", "trend"}
+    assert free == {"sweep", "temperature", "trend"}
 
 
 def test_functions_take_turns():

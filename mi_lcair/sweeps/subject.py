@@ -42,6 +42,7 @@ class Subject:
 
 
 @lru_cache(maxsize=2)
+@exclusively
 def loaded(subject: Subject, variant: str) -> Scene:
     """The scene of a subject; the last ones are kept."""
     scenario = subject.scenario

@@ -25,6 +25,6 @@ def test_paths_that_a_tolerance_takes():
         for column in zip(*cells)
     )
     assert len(cells) > 3
-    sentence = " ".join(text("howto/plan.md").split())
+    sentence = " ".join(text("howto/reflections.md").split())
     assert f"1 % after {rounded(min(percent))} to {rounded(max(percent))} paths" in sentence
     assert f"0.1 % after {rounded(min(tenth))} to {rounded(max(tenth))}" in sentence
