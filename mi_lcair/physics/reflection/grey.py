@@ -57,9 +57,6 @@ class Grey(interface.ReflectionModel):
     def floor_HDR(self, S, cos, sin2):
         return S.reflectance + dr.zeros(type(cos), dr.width(cos))
 
-    def lower_rung(self, *values: float, form: str = "standard") -> interface.Rung:
-        return interface.Rung("diffuse", exact=True)
-
     def from_cube(self, u) -> tuple:
         return tuple(u)
 

@@ -68,18 +68,6 @@ class Restriction:
     value: float = 0.0
 
 
-@dataclass(frozen=True)
-class Rung:
-    """A simpler reflection that may replace a surface's model in a cheaper render.
-
-    lobe: "mirror" or "diffuse". exact: True if the simpler reflection equals the model for these
-    parameters, False if it is an approximation.
-    """
-
-    lobe: str
-    exact: bool
-
-
 @dataclass
 class Surface:
     """Parameters of a surface, and the numbers that a model derives from them once.
@@ -283,11 +271,7 @@ class ReflectionModel(ABC):
         """
         return Float64(1)
 
-    # ------------------------------------------------------------------ Planning and remarks
-
-    def lower_rung(self, *values: float, form: str) -> Rung | None:
-        """The simpler reflection that may replace these parameters in a cheaper render, or None."""
-        return None
+    # ------------------------------------------------------------------ Remarks
 
     def remarks(self, *values: float, form: str) -> list[str]:
         """Remarks for the user when a scene with this surface is loaded, one line each."""

@@ -56,11 +56,9 @@ from mi_lcair.physics.reflection import microfacet_distribution as distribution
 from mi_lcair.physics.reflection import microfacet_fresnel as fresnel
 from mi_lcair.physics.reflection import microfacet_hemispherical as hemispherical
 from mi_lcair.physics.reflection.directions import SMALLEST, cos_theta
-from mi_lcair.physics.reflection.interface import Rung
 from mi_lcair.physics.reflection.microfacet_cube import MicrofacetCube
 
-NARROW = 0.2  # largest width of a lobe that a mirror may replace
-NEGLIGIBLE = 1e-6  # largest reflectance of a part of the model that is neglected
+NEGLIGIBLE = 1e-6  # largest n - 1 and k of facets that reflect nothing
 WORTH_A_REMARK = 0.05  # share of the radiation lost between facets above which the user is told
 
 
@@ -217,22 +215,15 @@ class Microfacet(MicrofacetCube):
         """
         return distribution.width(S.gamma, S.spread)
 
-    # ------------------------------------------------------------------ Planning and remarks
-
-    def lower_rung(self, *values: float, form: str = "standard") -> Rung | None:
-        alpha, gamma, n, k, rho_d = values
-        if n - 1 <= NEGLIGIBLE and k <= NEGLIGIBLE:  # F = 0
-            return Rung("diffuse", exact=True)
-        Scalar = dr.scalar.ArrayXf64
-        width = distribution.width(Scalar(gamma), distribution.spread(Scalar(alpha)))
-        if width[0] <= NARROW:
-            return Rung("mirror", exact=False)
-        return Rung("diffuse", exact=False) if rho_d > NEGLIGIBLE else None
+    # ------------------------------------------------------------------ Remarks
 
     def remarks(self, *values: float, form: str = "standard") -> list[str]:
+        _, _, n, k, _ = values
+        if n - 1 <= NEGLIGIBLE and k <= NEGLIGIBLE:  # F = 0: facets reflect nothing
+            return []
         S = self.surface(*(Float64(value) for value in values))
         lost = 1 - hemispherical.lobe_reflectance(S, Float64(0), lambda S, p: Float64(1))[0]
-        if lost <= WORTH_A_REMARK or self.lower_rung(*values) == Rung("diffuse", exact=True):
+        if lost <= WORTH_A_REMARK:
             return []
         return [
             f"{lost:.0%} of what facets reflect at normal incidence meets other facets; "

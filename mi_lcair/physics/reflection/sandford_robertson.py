@@ -8,11 +8,7 @@ import drjit as dr
 
 from mi_lcair.physics.reflection import sandford_robertson_equations as sr
 from mi_lcair.physics.reflection import sandford_robertson_hemispherical as hemispherical
-from mi_lcair.physics.reflection.interface import Rung
 from mi_lcair.physics.reflection.sandford_robertson_cube import SandfordRobertsonCube
-
-NARROW = 0.2  # largest width e of a lobe that a mirror may replace
-NEGLIGIBLE = 1e-6  # largest reflectance of a part of the model that is neglected
 
 
 class SandfordRobertson(SandfordRobertsonCube):
@@ -56,15 +52,6 @@ class SandfordRobertson(SandfordRobertsonCube):
 
     def lobe_width(self, S):
         return S.e
-
-    def lower_rung(self, *values: float, form: str = "thesis") -> Rung | None:
-        epsilon, rho_d, b, e = values
-        lobe_at_normal = 1 - epsilon - rho_d
-        if lobe_at_normal <= NEGLIGIBLE and b <= NEGLIGIBLE:
-            return Rung("diffuse", exact=True)
-        if e <= NARROW:
-            return Rung("mirror", exact=False)
-        return Rung("diffuse", exact=False) if rho_d > NEGLIGIBLE else None
 
 
 MODEL = SandfordRobertson()

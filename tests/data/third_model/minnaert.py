@@ -56,9 +56,6 @@ class Minnaert(interface.ReflectionModel):
     def DHR(self, S, theta_i):
         return self.HDR(S, theta_i)  # the model is reciprocal
 
-    def lower_rung(self, *values, form="standard"):
-        return interface.Rung("diffuse", exact=values[1] == 1)
-
     def from_cube(self, u):
         return u[0], 1 + 2 * u[1]
 

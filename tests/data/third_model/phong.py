@@ -114,11 +114,6 @@ class Phong(interface.ReflectionModel):
         """The half-vector's angle is about half of alpha."""
         return dr.sqrt(dr.tanh(0.5 * log(4) / S.n))
 
-    def lower_rung(self, *values, form="standard"):
-        if values[1] > 0.5:
-            return interface.Rung("mirror", exact=False)
-        return interface.Rung("diffuse", exact=values[1] == 0)
-
     def from_cube(self, u):
         return u[0], u[1], dr.exp(log(NARROWEST) * u[2])
 

@@ -13,7 +13,6 @@ from scipy.stats import chi2
 
 from mi_lcair.physics.reflection import microfacet_distribution as distribution
 from mi_lcair.physics.reflection import microfacet_fresnel as fresnel
-from mi_lcair.physics.reflection.interface import Rung
 from mi_lcair.physics.reflection.microfacet import MODEL
 from tests.physics.reflection import microfacet_equations as printed
 from tests.physics.reflection.surfaces import direction
@@ -357,26 +356,7 @@ def test_weights_are_bounded_and_average_to_the_reflectance(alpha, gamma):
         assert abs(weight.mean() - HDR) < 5 * error + 2e-5
 
 
-# ------------------------------------------------------------------ Planning and remarks
-
-
-@pytest.mark.parametrize(
-    "values, rung",
-    [
-        ((0.5, 2, 1, 0, 0.4), Rung("diffuse", exact=True)),
-        ((0.5, 2, 1 + 5e-7, 5e-7, 0.4), Rung("diffuse", exact=True)),
-        ((0.01, 2, 1, 0.5, 0.4), Rung("mirror", exact=False)),  # n = 1, but k reflects
-        ((0.01, 2, 1.5, 0, 0.4), Rung("mirror", exact=False)),
-        # The width for gamma = 2 is sqrt(s / (1 - s)) with s = 1 / w = alpha^2 / (1 - alpha^2)
-        ((0.192, 2, 1.5, 0, 0), Rung("mirror", exact=False)),
-        ((0.193, 2, 1.5, 0, 0), None),
-        ((0.5, 2, 1.5, 0, 0.4), Rung("diffuse", exact=False)),
-        ((0.5, 2, 1.5, 0, 5e-7), None),
-        ((0.5, 2, 1.5, 0, 2e-6), Rung("diffuse", exact=False)),
-    ],
-)
-def test_lower_rungs(values, rung):
-    assert MODEL.lower_rung(*values) == rung
+# ------------------------------------------------------------------ Remarks
 
 
 def lost_at_normal_incidence(alpha):
