@@ -24,7 +24,8 @@ def aim_at_model(scene, tracer, sensor, seed: int, measurands: Measurands) -> Ai
     A pilot with a few paths in each cell of the window gives the mean radiance of the model there
     and the share of the cell that it covers. Half of the density follows each of them. Averages
     over neighbouring cells are used, because a few paths may miss a thin part. Whatever the pilot
-    misses adds noise, but no error: some paths begin anywhere.
+    misses adds noise, but no error: some paths begin anywhere. In a view where it meets no
+    radiance, they begin evenly where the model may be, so that none has a large weight.
 
     Parameters
     ----------
@@ -53,6 +54,7 @@ def aim_at_model(scene, tracer, sensor, seed: int, measurands: Measurands) -> Ai
     for values in (hit, channels["target"]):
         of_cells = values.reshape(cells, len(views), cells).swapaxes(0, 1)
         importance += shared_out(blurred(of_cells))
+    importance[~of_cells.any(axis=(1, 2))] = 0  # of the radiance
     model = [
         hulls(shape) for shape in scene.mi.shapes() if facet_type_of(shape.emitter()) == "model"
     ]

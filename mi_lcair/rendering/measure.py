@@ -126,10 +126,11 @@ def _until_met(
                         # From here on numbers of points are means. They begin with the pilot's.
                         allocation, may_share, done = shared, False, 0
             if needed.max() > WORTH_AIMING and may_aim:
-                # Begin again, with the same number of paths
+                # Begin again in all windows, with the same number of paths
                 aim = aim_at_model(scene, tracer, windows.sensor, sampling.seed, measurands)
                 total, may_aim = windows.totals(tracer, aim), False
-                goal, done, last = done, 0, np.zeros(windows.count)
+                active, last = np.arange(windows.count), np.zeros(windows.count)
+                goal, done = done, 0
         if sampling.progress:
             scale = windows.randomisations * windows.parts
             sampling.progress(done * scale, goal * scale)
