@@ -124,9 +124,10 @@ def assert_exact(scene, scale=1.0, allowed=0.0, spp=1024):
 @pytest.mark.slow
 @pytest.mark.parametrize("sampling", ["true", "false"])
 def test_radiance_does_not_depend_on_scale(tmp_path, sampling):
-    """The mean radiance is the same to 1e-6 for plates from 0.2 um to 200 km.
+    """The mean radiance is the same to 1e-6 for plates from 0.2 um to 0.2 m, to 3e-6 up to 200 km.
 
-    All renders have the same paths.
+    All renders have the same paths. Near the origin, rays start 9e-5 m off a surface at most, as in
+    Mitsuba. That is nearer than 64 roundings of the longest side if it is longer than 23 m.
     """
     means = [
         assert_exact(
@@ -134,7 +135,8 @@ def test_radiance_does_not_depend_on_scale(tmp_path, sampling):
         )
         for scale in (1e-6, 1e-3, 1, 1e3, 1e6)
     ]
-    np.testing.assert_allclose(means, means[2], rtol=1e-6)
+    np.testing.assert_allclose(means[:2], means[2], rtol=1e-6)
+    np.testing.assert_allclose(means[3:], means[2], rtol=3e-6)
 
 
 @pytest.mark.slow
