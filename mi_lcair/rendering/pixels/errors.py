@@ -16,6 +16,7 @@ POOLED = 5
 # The small ones follow edges, the large ones hold enough paths to meet what is rare. They were
 # compared on images of a box, a cylinder and an airliner.
 SQUARES = (3, 9, 27)
+FAINTEST = 1e-100  # stands for 0 where a quotient or a logarithm is taken [W m^-2 sr^-1]
 SMALLEST = 1e-3  # variance around a pixel, as a fraction of that of the image, if none was measured
 
 
@@ -61,7 +62,7 @@ def surroundings(values: np.ndarray, size: tuple[int, int]) -> np.ndarray:
             for image in (np.ones(size), values)
         )
         around = np.where(counts > 0.5, sums / np.maximum(counts, 1), mean)
-        logarithm += np.log(np.maximum(around, 0) + SMALLEST * mean)
+        logarithm += np.log(np.maximum(around + SMALLEST * mean, FAINTEST))
     return np.exp(logarithm / len(SQUARES)).ravel()
 
 
@@ -102,7 +103,7 @@ class PixelError(PixelCriterion):
         check_reachable(self.tolerance, tracer, name)
 
     def allowed(self, total) -> float:
-        return max(self.tolerance * total.mean().mean(), np.finfo(float).tiny)
+        return max(self.tolerance * total.mean().mean(), FAINTEST)
 
     def squares(self, total):
         return (total.standard_error() / self.allowed(total)) ** 2
