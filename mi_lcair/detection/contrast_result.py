@@ -1,6 +1,7 @@
 """What `contrast` returns: values with errors for each number of reflections."""
 
 from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -164,6 +165,11 @@ class Contrast(Result):
 
     def detection_ranges(self) -> list[DetectionRange]:
         """Detection range of each row, along the line of sight. Raises InputError without a nei."""
+        return self._detection_ranges
+
+    @cached_property
+    def _detection_ranges(self) -> list[DetectionRange]:
+        """They are searched once; the rows, the detector and the air of a result never change."""
         return [
             detection_range(row.irradiance, self.detector, self.air, self.radius_m)
             for row in self.rows
