@@ -56,7 +56,7 @@ def reflectance(output, quick, json):
             points = reflectance_chart.measure(quick, progress)
         method_chart.write_reflectance(partial, points)
     if json:
-        print_json({"points": [asdict(point) for point in points]})
+        print_json({"points": list(map(_entries, points))})
         return
     print_cheapest(points, "case", "samples")
     click.echo(f"wrote reflectance.png and reflectance.csv to {output}")
@@ -83,7 +83,7 @@ def propagation(output, quick, json):
         print_json(
             {
                 "limit_processor_seconds": result.effort.seconds,
-                "points": [asdict(point) for point in result.points],
+                "points": list(map(_entries, result.points)),
                 "closures": [asdict(closure) for closure in result.closures],
             }
         )
@@ -102,7 +102,7 @@ def cavity(output, quick, json):
     """Render the thesis's eight cavities after 0 to 4 reflections.
 
     Printed and written are the areas of its Table B.1, Gouffé's emissivity, the exact one, and the
-    apparent emissivity by reflections (its Fig 4.1).
+    apparent emissivity by reflections (its Fig 4.1). Areas are in m^2, emissivities are fractions.
     """
     from mi_lcair.cavities.openings import openings
     from mi_lcair.files import filling
@@ -195,6 +195,11 @@ def print_cheapest(points, case: str, cost: str, limit: str = "") -> None:
                 ]
             )
     print_columns(rows)
+
+
+def _entries(point) -> dict:
+    """The attributes of a point for JSON: null for a memory that was not measured (NaN)."""
+    return {name: None if value != value else value for name, value in asdict(point).items()}
 
 
 def _cell(value) -> str:
