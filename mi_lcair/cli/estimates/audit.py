@@ -5,7 +5,6 @@ import click
 import mi_lcair
 from mi_lcair.cli.options import examples, file_option, loading_options
 from mi_lcair.cli.output import check_outputs, print_result, print_written
-from mi_lcair.formats import csv
 
 
 @click.command("audit", epilog=examples("mi-lcair audit open_box --photons 4096"))
@@ -27,6 +26,8 @@ def command(options, photons, facets):
     check_outputs((facets, (".csv",)))
     result = options.run(mi_lcair.audit, photons=photons)
     if facets:
+        from mi_lcair.formats import csv
+
         csv.write(facets, result.facets)
     print_result(result, options.json)
     print_written(facets)
