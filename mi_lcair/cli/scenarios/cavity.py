@@ -23,6 +23,7 @@ def command(cavity, tolerance, seed, output, json):
 
     CAVITY.toml has the tables [shape], [wall], [view] and [sigma]. Printed are the effective
     emissivity by wavelength, and what each uncertain quantity contributes to its uncertainty.
+    Emissivities are fractions.
     """
     suffixes = (".csv", ".json", ".html", ".png", ".svg", ".pdf", ".nc")
     check_outputs((output, suffixes))
