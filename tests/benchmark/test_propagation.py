@@ -325,7 +325,7 @@ def test_settings_are_put_back():
         integrator.emitter_sampling,
         integrator.closure,
         integrator.ambient_temperature,
-    ) == (24, False, "none", None)
+    ) == (24, "auto", "none", None)
 
 
 # ---- points and directions of the deterministic methods
