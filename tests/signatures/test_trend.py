@@ -13,7 +13,7 @@ from mi_lcair import scenes
 from mi_lcair.errors import InputError
 from mi_lcair.rendering.scene import checked
 from mi_lcair.rendering.views import View, seen_from
-from mi_lcair.signatures import cluster
+from mi_lcair.signatures.trend import loaded
 from mi_lcair.signatures.trend_file import beside
 from tests.plugins.conftest import plate  # noqa: F401, a fixture
 from tests.plugins.small_scenes import camera
@@ -176,12 +176,12 @@ def test_a_scene_that_was_edited_is_not_resumed(plate, tmp_path):
         scenes.path("two_plates").read_text().replace("meshes/", f"{scenes.FOLDER}/meshes/")
     )
     before = mi_lcair.load(source).fingerprint
-    assert cluster.loaded(str(source), (), before).fingerprint == before
+    assert loaded(str(source), (), before).fingerprint == before
     source.write_text(source.read_text().replace("800", "810"))
     after = mi_lcair.load(source).fingerprint
-    assert cluster.loaded(str(source), (), after).fingerprint == after != before
+    assert loaded(str(source), (), after).fingerprint == after != before
     with pytest.raises(InputError, match="is another one on the Dask worker"):
-        cluster.loaded(str(source), (), "0123456789abcdef")
+        loaded(str(source), (), "0123456789abcdef")
 
 
 @pytest.mark.parametrize(
