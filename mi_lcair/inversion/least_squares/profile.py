@@ -86,9 +86,12 @@ class Profile:
         """The best values (N,) of the others if the unknown has this value."""
         lower, upper = self.prior.lower.copy(), self.prior.upper.copy()
         lower[self.k] = upper[self.k] = value
-        moved = start + (value - start[self.k]) * self.direction / self.direction[self.k]
+        step = (value - start[self.k]) * self.direction / self.direction[self.k]
+        # At a bound, such as a reflectance of 1, the data may know nothing of the others
+        first = np.clip(start + step, 0.5 * (start + lower), 0.5 * (start + upper))
+        first[self.k] = value
         held = replace(self.prior, lower=lower, upper=upper)
-        return near(blocks, np.clip(moved, lower, upper), held, 0.0, False)
+        return near(blocks, first, held, 0.0, False)
 
     def end(self, side: int, render) -> float:
         """The end of the interval on one side, -1 or 1."""
