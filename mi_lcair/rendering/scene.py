@@ -95,10 +95,11 @@ class Scene:
     # The state of the scene for which triangles were last compared, and the remarks on them.
     _compared: list = field(default_factory=list, init=False, repr=False, compare=False)
 
-    def __del__(self) -> None:
+    def __del__(self, turn=exclusive) -> None:
         # Mitsuba's objects leave Dr.Jit's registry. If another thread is recording, it holds the
-        # registry and waits for Python's lock, which this thread would hold meanwhile.
-        with exclusive:
+        # registry and waits for Python's lock, which this thread would hold meanwhile. When Python
+        # ends, the module's names are gone, and `turn` is not.
+        with turn:
             vars(self).clear()
 
     def __repr__(self) -> str:
