@@ -58,6 +58,9 @@ def temperature(
         Emissivity of the object in the band, above 0 and at most 1.
     sigma : float
         Standard uncertainty of the apparent temperatures [K], common to all pixels.
+
+    Other Parameters
+    ----------------
     reflected : number, optional
         Apparent temperature [K] of what the object reflects. It may be left out for an emissivity
         of 1.
