@@ -192,8 +192,13 @@ class Totals:
         """
         return UNSEEN * self.largest_unmet(name) / np.maximum(self.paths, 1)
 
-    def largest_unmet(self, name: str | None = None) -> np.ndarray:
-        """Largest contribution of a path that meets what no path has met yet, (windows,)."""
+    def largest_unmet(
+        self, name: str | None = None, draws: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Largest contribution of a path that meets what no path has met yet, (windows,).
+
+        draws: numbers of draws of parts of the only window, in place of those of the windows.
+        """
         largest_weight, brightest = 1.0, np.inf
         if self.aim is not None:
             on_model = (name or "").startswith("target")
@@ -201,12 +206,13 @@ class Totals:
         if name is not None and self.emitters is not None:
             label = name.rpartition("group.")[2]
             brightest = self.emitters.brightest_of.get(label, np.inf)
-        bound = np.minimum(self.bound_of_unmet(), brightest) * largest_weight
+        bound = np.minimum(self.bound_of_unmet(draws), brightest) * largest_weight
         return np.maximum(bound, np.minimum(self.chance, brightest * largest_weight))
 
-    def bound_of_unmet(self) -> np.ndarray:
-        """Bound of the radiance of sources that paths meet by chance alone, (windows,)."""
-        return np.zeros(len(self.draws)) if self.unmet is None else self.unmet.bound(self.draws)
+    def bound_of_unmet(self, draws: np.ndarray | None = None) -> np.ndarray:
+        """Bound of the radiance of sources that paths meet by chance alone, see `largest_unmet`."""
+        draws = self.draws if draws is None else draws
+        return np.zeros(len(draws)) if self.unmet is None else self.unmet.bound(draws)
 
     def half_width(self, name: str | None = None) -> np.ndarray:
         """Half of the 95 % interval of each window's mean, (windows,).

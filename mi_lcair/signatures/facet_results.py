@@ -6,14 +6,16 @@ from typing import ClassVar
 import numpy as np
 
 from mi_lcair.formats import VTK
+from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.recorders.by_bounce import BOUNCE_CHANNELS, MAX_BOUNCE_CHANNELS
 from mi_lcair.rendering.facets.polygons import FacetPolygons
 from mi_lcair.rendering.facets.table import FacetTable
-from mi_lcair.rendering.statistics import UNSEEN, edge_share, student_factor
+from mi_lcair.rendering.statistics import UNSEEN, Totals, edge_share, student_factor
 from mi_lcair.results import Result
 
 EDGE_ON = 1e-6  # cosine below which the projected area of a facet is only rounding error
+ROUNDING = 1e-4  # by which the radiance of a black facet may exceed that of a blackbody
 FEW = 30  # smallest expected number of samples on a facet that gives a visible fraction
 
 
@@ -124,14 +126,14 @@ class FacetSums:
         self.by_randomisation += sums.reshape(shape)
         self.samples += len(L)
 
-    def results(self, scene, unmet: float, window_area: float, direction) -> FacetResults:
+    def results(self, scene, totals: Totals, window_area: float, direction) -> FacetResults:
         """The table of results.
 
         Parameters
         ----------
         scene : Scene
-        unmet : float
-            Largest radiance of a facet that no path has met, W m^-2 sr^-1.
+        totals : Totals
+            Those of the window, from the same paths.
         window_area : float
             Area of the sensor's window, m^2.
         direction : ndarray, shape (3,)
@@ -156,9 +158,12 @@ class FacetSums:
         scatter = np.sqrt(R) * self.by_randomisation.std(axis=0, ddof=1) * per_sample
         # All randomisations may agree on a facet's points, and miss a part of a point
         of_part = edge_share(R) * R * np.nan_to_num(radiance) * per_sample
-        # A facet that no path has met is one that few paths would meet
-        unseen = np.fmin(projected, UNSEEN * per_sample) * unmet / student_factor(np.inf)
-        error = np.where(self.hits > 0, np.maximum(scatter, of_part), unseen)
+        # The few paths that meet a facet may have missed what it reflects most. A facet that no
+        # path has met is one that few paths would meet.
+        draws = totals.draws[0] * self.hits / max(self.hits.sum(), 1)
+        largest = totals.largest_unmet("target", draws) * reflectances(table, scene, by_bounce[0])
+        missed = np.fmin(projected, UNSEEN * per_sample) * largest / student_factor(np.inf)
+        error = np.hypot(np.where(self.hits > 0, np.maximum(scatter, of_part), 0), missed)
         bounces = {
             f"bounce{k:02d}_W_m2_sr": by_bounce[k]
             if k < BOUNCE_CHANNELS - 1
@@ -191,6 +196,17 @@ class FacetSums:
             table.triangles[own],
             table.triangle_facet[own],
         )
+
+
+def reflectances(table: FacetTable, scene, emitted: np.ndarray) -> np.ndarray:
+    """What facets can reflect at most: 1 less what they emit of a blackbody's radiance.
+
+    emitted: radiance that each facet emits, NaN for one that no path has met [W m^-2 sr^-1]. It is
+    1 where this does not tell, as behind a plume or for a facet that is too cold.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = emitted / in_band_radiance(scene.band, table.temperature)
+    return np.where((share > 0) & (share < 1 + ROUNDING), np.clip(1 - share, 0, 1), 1.0)
 
 
 def mean_cosines(table: FacetTable, direction: np.ndarray) -> np.ndarray:

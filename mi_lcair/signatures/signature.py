@@ -84,8 +84,7 @@ def measure_signature(
     if not facets:
         return result(total)
     *_, direction = window(camera)
-    unmet = total.largest_unmet("target")[0]
-    return replace(result(total), facets=sums.results(scene, unmet, area, -direction))
+    return replace(result(total), facets=sums.results(scene, total, area, -direction))
 
 
 def intensity(total: Totals, prefix: str, area: float) -> Intensity:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import mi_lcair
+from docs.studies.claims.view_factors import to_polygon
 from mi_lcair import models3d
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
@@ -16,6 +17,7 @@ from mi_lcair.rendering.scene import checked
 from tests.plugins.conftest import plate  # noqa: F401, a fixture
 from tests.plugins.small_scenes import camera
 
+BLACK = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}
 GREY = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.5}}
 
 
@@ -73,6 +75,40 @@ def test_a_facet_that_no_path_meets_has_an_error(plate):
     blackbody = 0.5e-4 * float(in_band_radiance(band("LWIR"), 400.0))  # one of two facets
     assert np.all(1.96 * table["standard_error_W_sr"] >= 0.499 * blackbody)
     assert np.all(1.96 * table["standard_error_W_sr"] <= 1.001 * blackbody)
+
+
+def test_a_facet_that_few_paths_meet_may_have_missed_a_source(plate):
+    """A triangle of 2 m^2 in a window of 64 m^2 is lit by a small lamp. A black one reflects none.
+
+    The seven or so paths that meet a triangle rarely go on to the lamp.
+    """
+    square, up = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]), np.array([0, 0, 1])
+    lamp = np.array([[3.0, -0.5, 0], [3.0, 0.5, 0], [3.0, 0.5, 1], [3.0, -0.5, 1]])
+    shapes = {
+        "grey": plate("grey", square, GREY, 100.0, group="grey"),
+        "black": plate("black", square - [0, 2.5, 0], BLACK, 300.0, group="black"),
+        "lamp": plate("lamp", lamp[::-1], BLACK, 1000.0),
+    }
+    scene = mi.load_dict(
+        {
+            "type": "scene",
+            "integrator": {"type": "bounce_path", "max_bounces": 1},
+            "sensor": camera(size=15, height=8.0),
+            **shapes,
+        },
+        optimize=False,
+    )
+    share = to_polygon(square[:3].mean(axis=0)[None], up, lamp)[0]
+    lamp_radiance = float(in_band_radiance(band("LWIR"), 1000.0))
+    truth = 0.5 * share * 2 * lamp_radiance
+    scene, covered = checked(scene, Path("lamp.xml"), {}), 0
+    for seed in range(10):
+        table = mi_lcair.signature(scene, spp=1, seed=seed, facets=True).facets.table
+        errors = by_group(table, "standard_error_W_sr", "grey")
+        covered += np.sum(abs(table["intensity_W_sr"][:2] - truth) < 2.4 * errors)
+        of_black = by_group(table, "standard_error_W_sr", "black")
+        assert np.all(of_black < 0.2 * 64 / 225 * lamp_radiance)  # of one path to the lamp
+    assert covered >= 17
 
 
 def by_group(columns, name, group):
