@@ -1,16 +1,15 @@
 """What the contrast of a scenario is computed from, after all checks."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from mi_lcair import scenes
 from mi_lcair.detection.irradiance import Backdrop
 from mi_lcair.detection.line_of_sight import Sight, backdrop, background_sun
 from mi_lcair.detection.scenario import Scenario
+from mi_lcair.detection.weather import AirOfLight
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.atmosphere import Atmosphere, LineOfSight
 from mi_lcair.physics.detector import Detector
-from mi_lcair.plugins.emitters.distant_emitter import DistantEmitter
 from mi_lcair.plugins.emitters.one_sun import check_fits, one_sun
 from mi_lcair.rendering.loading.files import survey
 from mi_lcair.rendering.scene import Scene
@@ -40,6 +39,8 @@ class Setting:
         Scene with the sensor of the observer.
     sun : tuple of float or None
         Azimuth and elevation of the sun whose light the air scatters, degrees; None by night.
+    light : AirOfLight
+        Air through which sun and sky shine on the target.
     """
 
     detector: Detector
@@ -50,15 +51,16 @@ class Setting:
     target: Target
     view: Scene
     sun: tuple[float, float] | None = None
+    light: AirOfLight = AirOfLight(None)
 
-    def in_weather(self, scenario: Scenario, weather: Mapping[str, float]) -> "Setting":
-        """The setting with other entries of weather in [atmosphere] of its scenario.
+    def through(self, scenario: Scenario) -> "Setting":
+        """The setting for its scenario with other air or background.
 
-        Light that reaches the target stays as it is.
+        The light that shines on its scene stays as it is, see `AirOfLight`.
         """
-        changed = replace(scenario, atmosphere=replace(scenario.atmosphere, **weather))
-        sight, path, behind = line_of(changed, self.detector, self.sun)
-        return replace(self, sight=sight, air=sight.air, path=path, backdrop=behind)
+        sight, path, behind = line_of(scenario, self.detector, self.sun)
+        light = AirOfLight.of(scenario, sight.target_m)
+        return replace(self, sight=sight, air=sight.air, path=path, backdrop=behind, light=light)
 
 
 def setting_of(scenario: Scenario) -> Setting:
@@ -70,13 +72,14 @@ def setting_of(scenario: Scenario) -> Setting:
     if (sun := sun_over(scenario, scene)) != direction:
         direction, line = sun, line_of(scenario, detector, sun)
     sight, path, behind = line
-    light_at(scene, sight.target_m)
+    light = AirOfLight.of(scenario, sight.target_m)
+    light.shine_on(scene)
     target = Target.of(scene)
     check_outside(target, observer.range_m, scene.name)
     view = seen_from(
         scene, View(observer.azimuth_deg, observer.elevation_deg), scenario.render.resolution
     )
-    return Setting(detector, sight, sight.air, path, behind, target, view, direction)
+    return Setting(detector, sight, sight.air, path, behind, target, view, direction, light)
 
 
 def sun_over(scenario: Scenario, scene: Scene) -> tuple[float, float] | None:
@@ -115,13 +118,6 @@ def line_of(
     if behind.path_at is not None:
         behind.path_at(range_m)  # raises InputError if a table ends before the ground
     return sight, path, behind
-
-
-def light_at(scene: Scene, height_m: float | None) -> None:
-    """Give sun and sky of a scene the light at the target's height above the ground, if known."""
-    for emitter in scene.mi.emitters() if height_m is not None else ():
-        if isinstance(emitter, DistantEmitter):
-            emitter.at_height(height_m)
 
 
 def target_scene(scenario: Scenario, detector: Detector) -> Scene:

@@ -10,6 +10,7 @@ import numpy as np
 from mi_lcair.detection.irradiance import Backdrop
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import check_outside, line_of, sun_over
+from mi_lcair.detection.weather import AirOfLight
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.atmosphere import Atmosphere, LineOfSight
 from mi_lcair.physics.detector import Detector
@@ -54,8 +55,8 @@ class Line:
     views : tuple of View, length n
         View of each case.
     subject : Subject
-    light_m : float or None
-        Height of the target, m, if the light of the scene depends on it.
+    light : AirOfLight or None
+        Air of the light of the scene, if it depends on it.
     temperatures : dict of str to float
         New temperatures, K, by group.
     sight : Sightline or None
@@ -65,7 +66,7 @@ class Line:
     cases: np.ndarray
     views: tuple[View, ...]
     subject: Subject
-    light_m: float | None
+    light: AirOfLight | None
     temperatures: dict[str, float]
     sight: "Sightline | None" = None
 
@@ -195,17 +196,17 @@ def of_scenario(conditions: Conditions, values: dict, cases, azimuths) -> Iterat
 
 
 def sightline(scenario: Scenario, scene: Scene, sun, values: dict) -> tuple:
-    """Height of the light, temperatures and line of sight of a scenario with some conditions."""
+    """Air of the light, temperatures and line of sight of a scenario with some conditions."""
     detector, target = scenario.sensor.detector(), Target.of(scene)
     check_outside(target, scenario.observer.range_m, scene.name)
     sight, path, behind = line_of(scenario, detector, sun)
     has_light = any(isinstance(emitter, DistantEmitter) for emitter in scene.mi.emitters())
-    light_m = sight.target_m if has_light else None
+    light = AirOfLight.of(scenario, sight.target_m) if has_light else None
     rest = {name: v for name, v in values.items() if ENTRIES.get(name, name) != ENTRIES["range_m"]}
     lower_m = "" if sight.observer_m is None else f"{min(sight.observer_m, sight.target_m):.3f}"
     direction = f"{rest} {scenario.observer.azimuth_deg} {lower_m}"
     made = Sightline(detector, sight.air, path, behind, target.radius, direction)
-    return light_m, temperatures_of(values), made
+    return light, temperatures_of(values), made
 
 
 def number(name: str, value) -> float:

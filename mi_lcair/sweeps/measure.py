@@ -8,7 +8,7 @@ from functools import lru_cache
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.detection.setting import light_at
+from mi_lcair.detection.weather import AirOfLight
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.source import Source
 from mi_lcair.progress import Progress
@@ -25,7 +25,7 @@ from mi_lcair.sweeps.subject import Batch, Subject, batches_of, loaded
 from mi_lcair.sweeps.sweep_result import Sweep
 
 Runner = Callable[[list[Batch]], Iterable[tuple[int, ViewAreas]]]
-Lit = tuple[Subject, float | None]  # a subject, and the height of its light
+Lit = tuple[Subject, AirOfLight | None]  # a subject, and the air of its light
 
 
 def run_on(address: str) -> Runner:
@@ -76,7 +76,7 @@ def measure_sweep(
                 )
     for line in lines:
         if line.temperatures:
-            temperatures_of(sources_of(line.subject, line.light_m), line.temperatures)
+            temperatures_of(sources_of(line.subject, line.light), line.temperatures)
     batches = planned(lines, conditions)
     everything = [batch for of_lit in batches.values() for batch in of_lit]
     known = {}
@@ -105,17 +105,17 @@ def planned(lines: list[Line], conditions: Conditions) -> dict[Lit, list[Batch]]
     sampling = conditions.sampling.sampling()
     views: dict[Lit, dict[View, None]] = {}
     for line in lines:
-        views.setdefault((line.subject, line.light_m), {}).update(dict.fromkeys(line.views))
+        views.setdefault((line.subject, line.light), {}).update(dict.fromkeys(line.views))
     fingerprints = {}
     for subject, _ in views:
         if subject not in fingerprints:
             fingerprints[subject] = subject.load().fingerprint
     return {
-        (subject, light_m): [
+        (subject, light): [
             Batch(
                 subject=subject,
                 fingerprint=fingerprints[subject],
-                light_m=light_m,
+                light=light,
                 views=some,
                 resolution=conditions.sampling.resolution,
                 sampling=sampling,
@@ -123,7 +123,7 @@ def planned(lines: list[Line], conditions: Conditions) -> dict[Lit, list[Batch]]
             )
             for some in batches_of(list(of_lit), conditions.sampling.resolution)
         ]
-        for (subject, light_m), of_lit in views.items()
+        for (subject, light), of_lit in views.items()
     }
 
 
@@ -138,10 +138,11 @@ def joined(parts: list[ViewAreas]) -> ViewAreas:
 
 @lru_cache(maxsize=2)
 @exclusively
-def sources_of(subject: Subject, light_m: float | None) -> list[Source]:
+def sources_of(subject: Subject, light: AirOfLight | None) -> list[Source]:
     """The sources of a subject, whose light knows the air that it has crossed."""
     scene = subject.load()
-    light_at(scene, light_m)
+    if light is not None:
+        light.shine_on(scene)
     with scene.prepared(by_spectrum=True) as tracer:
         return [source for source in tracer.emitters.sources.list if source.name is not None]
 
@@ -153,8 +154,8 @@ def table_of(
     table: dict[str, np.ndarray] = {}
     lit, areas, numbers, ranges = None, None, {}, {}
     for line in lines:
-        if (line.subject, line.light_m) != lit:
-            lit = line.subject, line.light_m
+        if (line.subject, line.light) != lit:
+            lit = line.subject, line.light
             areas = replace(of_lit[lit], sources=sources_of(*lit))
             numbers, ranges = {view: k for k, view in enumerate(areas.views)}, {}
         of_line = areas.of_views([numbers[view] for view in line.views])

@@ -9,7 +9,8 @@ import numpy as np
 
 import mi_lcair
 from mi_lcair.detection.scenario import Scenario
-from mi_lcair.detection.setting import light_at, target_scene
+from mi_lcair.detection.setting import target_scene
+from mi_lcair.detection.weather import AirOfLight
 from mi_lcair.errors import InputError
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
@@ -37,7 +38,7 @@ class Subject:
     scenario: Scenario | None = field(default=None, compare=False)
 
     def load(self) -> Scene:
-        """The loaded scene, of which nothing else may change but the height of its light."""
+        """The loaded scene, of which nothing else may change but the air of its light."""
         return loaded(self, mi.variant())
 
 
@@ -67,8 +68,8 @@ class Batch:
     subject : Subject
     fingerprint : str
         Fingerprint of the loaded scene.
-    light_m : float or None
-        Height of the target above the ground, m, if the light of the scene depends on it.
+    light : AirOfLight or None
+        Air of the light of the scene, if it depends on it.
     views : tuple of View
     resolution : int
     sampling : Sampling
@@ -78,7 +79,7 @@ class Batch:
 
     subject: Subject
     fingerprint: str
-    light_m: float | None
+    light: AirOfLight | None
     views: tuple[View, ...]
     resolution: int
     sampling: Sampling
@@ -88,7 +89,7 @@ class Batch:
     def key(self) -> str:
         """32 hexadecimal digits that stand for everything on which the results depend."""
         sampling = replace(self.sampling, progress=None)
-        made = (self.fingerprint, self.light_m, self.views, self.resolution, sampling)
+        made = (self.fingerprint, self.light, self.views, self.resolution, sampling)
         text = repr((*made, self.variant, mi_lcair.__version__))
         return sha256(text.encode()).hexdigest()[:32]
 
@@ -104,7 +105,8 @@ class Batch:
                 f"scene '{scene.name}' has changed, or is another one on a worker, whose files or "
                 "version of mi_lcair differ"
             )
-        light_at(scene, self.light_m)
+        if self.light is not None:
+            self.light.shine_on(scene)
         # The same views have the same random numbers in all subjects, whose differences are then
         # more precise than their values
         views = int(sha256(repr(self.views).encode()).hexdigest()[:16], 16)

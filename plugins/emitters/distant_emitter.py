@@ -4,6 +4,8 @@ import drjit as dr
 import mitsuba as mi
 
 from mi_lcair.errors import InputError
+from mi_lcair.physics.air.levels import Weather
+from mi_lcair.plugins.emission.source import Source
 from mi_lcair.plugins.emitters.thermal_emitter import EmitterParameter, ThermalEmitter
 from mi_lcair.plugins.properties import BRIGHTEST
 
@@ -26,6 +28,8 @@ class DistantEmitter(ThermalEmitter):
 
     SCALE, SCALE_UNIT = "scale", "1"
     facet_type = "sky"
+    clear_air = None  # name of the model atmosphere through which it shines, if it does
+    weather = Weather()
     sin_radius = 0.0  # sine of the angular radius of a small disc
 
     def __init__(self, props):
@@ -50,8 +54,15 @@ class DistantEmitter(ThermalEmitter):
     def check_fits(self, sun) -> None:
         """Raise InputError if its radiance is not that of a sky with this `sun`."""
 
-    def at_height(self, height_m: float) -> None:
-        """Take the light at a height above the ground [m], if it depends on the height."""
+    def in_air(self, height_m: float | None, weather: Weather) -> None:
+        """Take the light at a height above the ground [m] and in a weather, if it has `clear_air`.
+
+        A height of its own stays. None: the height is not known.
+        """
+
+    def spectra_in(self, weather: Weather) -> list[Source]:
+        """Its sources, as `spectra` gives them, in another weather of its `clear_air`."""
+        return self.spectra()
 
     def parameters(self) -> list[EmitterParameter]:
         return [EmitterParameter(self.SCALE, "radiance", self.SCALE_UNIT, BRIGHTEST, self.SCALE)]

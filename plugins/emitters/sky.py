@@ -7,7 +7,7 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.physics.air.levels import model_names
+from mi_lcair.physics.air.levels import Weather, model_names
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.materials import hemispherical_emissivity
 from mi_lcair.physics.sky import air_mass
@@ -124,7 +124,13 @@ class Sky(DistantEmitter):
             self.kept[key] = function(*arguments)
         return self.kept[key]
 
-    def around(self, sky_warmer=0.0, ground_warmer=0.0, emissivity: float | None = None):
+    def around(
+        self,
+        sky_warmer=0.0,
+        ground_warmer=0.0,
+        emissivity: float | None = None,
+        weather: Weather | None = None,
+    ):
         """The `Surroundings` for the present parameters, or others.
 
         sky_warmer, ground_warmer: added to the temperatures [K]. emissivity: that of the ground.
@@ -142,11 +148,18 @@ class Sky(DistantEmitter):
                 emissivity = number(self.ground_emissivity) - LEAST
             ground = Ground(number(self.ground_temperature) + ground_warmer, emissivity)
         words = sky, ground, self.sun_elevation_deg, values["atmosphere"], self.height_m
+        words = *words, self.weather if weather is None else weather
         return self.keep(words, surroundings, *words)
 
-    def at_height(self, height_m: float) -> None:
-        if self.values["height_m"] is None:
-            self.height_m, self.tables = height_m, None
+    @property
+    def clear_air(self) -> str:
+        return self.values["atmosphere"]
+
+    def in_air(self, height_m, weather):
+        if self.values["height_m"] is not None or height_m is None:
+            height_m = self.height_m
+        if (height_m, weather) != (self.height_m, self.weather):
+            self.height_m, self.weather, self.tables = height_m, weather, None
 
     # ---------------------------------------------------------------- Tables
 
@@ -367,7 +380,10 @@ class Sky(DistantEmitter):
         return lights
 
     def spectra(self) -> list[Source]:
-        around, scale = self.around(), float(dr.detach(self.scale)[0])
+        return self.spectra_in(self.weather)
+
+    def spectra_in(self, weather):
+        around, scale = self.around(weather=weather), float(dr.detach(self.scale)[0])
         return self.keep(("spectra", around, scale), self._spectra, around, scale)
 
     def _spectra(self, around, scale):

@@ -5,9 +5,10 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.physics.air.levels import model_names
+from mi_lcair.physics.air.levels import Weather, model_names
 from mi_lcair.physics.sun.position import sun_position
-from mi_lcair.physics.sun.sunlight import HEIGHT_M, NO_AIR, air_names, sunlight
+from mi_lcair.physics.sun.sunlight import HEIGHT_M, NO_AIR, Sunlight, air_names, sunlight
+from mi_lcair.plugins.emission.source import Source
 from mi_lcair.plugins.emitters.distant_emitter import DistantEmitter
 from mi_lcair.plugins.properties import Property
 
@@ -85,7 +86,9 @@ class Sun(DistantEmitter):
         self.solid_angle = 4 * np.pi * self.sin_half_radius**2  # of the disc [sr]
         self.projected_angle = np.pi * self.sin_radius**2  # on a plane perpendicular to it [sr]
         self.stand_at(azimuth_deg, elevation_deg)
-        self.shine(HEIGHT_M if self.values["height_m"] is None else self.values["height_m"])
+        self.height_m = HEIGHT_M if self.values["height_m"] is None else self.values["height_m"]
+        self.through_air, self.scale = 1.0, mi.Float(1.0)
+        self.shine()
 
     def stand_at(self, azimuth_deg: float, elevation_deg: float) -> None:
         """Set the position of the sun, without its light, see `shine`."""
@@ -100,24 +103,39 @@ class Sun(DistantEmitter):
             for vector in ((cos * x, cos * y, sin), (-y, x, 0), (-sin * x, -sin * y, cos))
         )
 
-    def shine(self, height_m: float) -> None:
-        """Set irradiance and spectrum to those at a height [m]."""
-        self.height_m = height_m
-        light = sunlight(self.values["air"], self.elevation_deg, self.distance_au, height_m)
+    def light(self, weather: Weather) -> Sunlight:
+        """Its light in a weather."""
+        place = self.elevation_deg, self.distance_au, self.height_m
+        return sunlight(self.values["air"], *place, weather)
+
+    def shine(self) -> None:
+        """Set irradiance and spectrum to those of its air; a factor of the irradiance stays."""
+        light, before = self.light(self.weather), self.through_air
         self.through_air = float(light.in_band_irradiance(self.band))
-        self.scale = mi.Float(self.through_air)
+        self.scale *= self.through_air / before
         self.spectrum = light.over(self.projected_angle)
 
     def move_to(self, azimuth_deg: float, elevation_deg: float) -> None:
         """Let it shine from another direction; a factor of its irradiance stays."""
-        factor = self.scale / self.through_air
         self.stand_at(azimuth_deg, elevation_deg)
-        self.shine(self.height_m)
-        self.scale *= factor
+        self.shine()
 
-    def at_height(self, height_m: float) -> None:
-        if self.values["height_m"] is None and self.values["air"] in model_names():
-            self.shine(height_m)
+    @property
+    def clear_air(self) -> str | None:
+        return self.values["air"] if self.values["air"] in model_names() else None
+
+    def in_air(self, height_m, weather):
+        if self.values["height_m"] is not None or height_m is None:
+            height_m = self.height_m
+        if self.clear_air and (height_m, weather) != (self.height_m, self.weather):
+            self.height_m, self.weather = height_m, weather
+            self.shine()
+
+    def spectra_in(self, weather):
+        factor = float(self.scale[0]) / self.through_air
+        light = self.light(weather).over(self.projected_angle).scaled(factor)
+        in_band = light.in_band_radiance(self.band)
+        return [Source(self.group, self.spectrum.name, in_band, spectrum=light)]
 
     @property
     def radiance(self):

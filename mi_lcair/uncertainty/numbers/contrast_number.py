@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -11,15 +11,9 @@ from mi_lcair.detection.irradiance import TERMS, Backdrop, Estimate, Irradiance,
 from mi_lcair.detection.line_of_sight import backdrop
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import Setting
+from mi_lcair.detection.weather import QUANTITIES, in_weather, weather_quantities
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.atmosphere import LineOfSight
-from mi_lcair.physics.air.levels import (
-    STANDARD_CO2_PPMV,
-    STANDARD_VISIBILITY_KM,
-    Weather,
-    levels,
-)
-from mi_lcair.physics.atmosphere import clear_air_name
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.detector import Detector
@@ -33,14 +27,6 @@ from mi_lcair.sensitivity.parameters import parameters_of
 from mi_lcair.signatures.effective_areas import SPECTRUM_ROWS
 from mi_lcair.uncertainty.numbers.number import SMALL, Linear, Number
 
-# Quantities of a scenario by name, and the entries of [atmosphere] that they are
-WEATHER = {
-    "air_temperature": "temperature",
-    "air_humidity": "humidity",
-    "air_pressure": "pressure",
-    "visibility": "visibility",
-    "co2": "co2",
-}
 # Parameters of surroundings, and the entries of the background that they are
 BEHIND = {
     "ground.temperature": "ground_temperature",
@@ -112,7 +98,7 @@ class ContrastNumber(Number):
     scenario.range_m               range; the path changes with it [m]
     scenario.nei                   noise of the sensor, an irradiance [W m^-2]
     scenario.air_temperature, air_humidity, air_pressure, visibility, co2
-                                   weather of a clear air, see `Weather`
+                                   weather of a clear air along the path, and of sun and sky
 
     Parameters
     ----------
@@ -163,9 +149,7 @@ class ContrastNumber(Number):
         temperature = self.scenario.background.temperature
         if temperature is not None:
             values["background_temperature"] = (temperature, "K", 1.0, np.inf)
-        if (name := clear_air_name(self.scenario.atmosphere.table)) is not None:
-            values |= weather_values(name, self.scenario.atmosphere.weather)
-        return {
+        return weather_quantities(self.scenario.atmosphere) | {
             f"scenario.{name}": Parameter(
                 f"scenario.{name}", "scenario", float(value), unit, lower, upper
             )
@@ -242,8 +226,11 @@ class ContrastNumber(Number):
         def value(name):
             return quantities.get(f"scenario.{name}")
 
-        weather = {entry: value(name) for name, entry in WEATHER.items() if value(name) is not None}
-        setting = self.setting.in_weather(self.scenario, weather) if weather else self.setting
+        setting = self.setting
+        if weather := {name: quantities[name] for name in QUANTITIES if name in quantities}:
+            setting = setting.through(in_weather(self.scenario, weather))
+            if areas.sources:
+                areas = replace(areas, sources=setting.light.sources(self.scene, areas.sources))
         detector, imager = self.instruments(quantities)
         behind = self.backdrop(setting, quantities)
         setting = replace(setting, detector=detector, backdrop=behind)
@@ -343,21 +330,3 @@ def in_um(name: str) -> tuple[float, ...]:
     """Ends of the interval of wavelengths that a quantity's name states [um]; () for none."""
     match = SPECTRAL.fullmatch(name)
     return tuple(map(float, match.groups())) if match else ()
-
-
-def weather_values(name: str, weather: Weather) -> dict[str, tuple]:
-    """Value, unit and bounds of each quantity of WEATHER in a model atmosphere's weather."""
-    air = levels(name, weather)
-    stated = {
-        "temperature": air.temperature[0],
-        "humidity": air.humidity[0],
-        "pressure": air.pressure[0],
-        "visibility": STANDARD_VISIBILITY_KM if weather.visibility is None else weather.visibility,
-        "co2": STANDARD_CO2_PPMV if weather.co2 is None else weather.co2,
-    }
-    bounds = {entry.name: entry.metadata["bounds"] for entry in fields(Weather)}
-    return {
-        quantity: (stated[entry], of_entry.unit, of_entry.lower, of_entry.upper)
-        for quantity, entry in WEATHER.items()
-        for of_entry in [bounds[entry]]
-    }

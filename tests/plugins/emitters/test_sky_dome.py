@@ -6,6 +6,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
+from mi_lcair.physics.air.levels import Weather
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.sun.daytime_sky import daytime_sky
 from tests.plugins.emitters.test_sun import BOTH, IDS, E, direction, path, sun
@@ -84,5 +85,5 @@ def test_height_and_elevation_of_the_sun():
         with made.prepared():
             value = dome.along(mi.Vector3f(*map(float, direction(30, 110))), mi.Bool(True))[0][0]
         assert value == pytest.approx(sky.in_band_radiance(MWIR, 30.0, 40.0), rel=3e-3)
-        dome.at_height(0.0)
+        dome.in_air(0.0, Weather())
         assert dome.height_m == (0.0 if "height_m" not in changes else 3000.0)
