@@ -398,7 +398,9 @@ def tabulated(reflectance) -> mi.Float:
 @lru_cache(maxsize=128)
 def table_numbers(model: reflection.ReflectionModel, values: tuple, form: str) -> tuple:
     """`tables` as NumPy arrays."""
-    S, lobe = tables(model, tuple(map(mi.Float, values)), form)
+    # As literals they would make kernels of their own
+    opaque = tuple(dr.opaque(mi.Float, value) for value in values)
+    S, lobe = tables(model, opaque, form)
     return S.map(lambda number: number.numpy()), lobe.numpy()
 
 
@@ -425,7 +427,7 @@ def first_saturated_angle_deg(
 @lru_cache(maxsize=128)
 def emissivity_error(model: reflection.ReflectionModel, values: tuple, form: str) -> float:
     """Relative error of the emissivity 1 - HDR at normal incidence."""
-    cos, sin2 = mi.Float(1), mi.Float(0)
+    cos, sin2 = dr.opaque(mi.Float, 1), dr.opaque(mi.Float, 0)
     floor, lobe = parts_of_HDR(model, stored_tables(model, values, form), cos, sin2)
     emissivity = 1 - float((floor + lobe).numpy()[0])
     # A mirror that emits nothing has no error of what it emits

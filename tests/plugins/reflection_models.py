@@ -89,12 +89,16 @@ class Model:
         return np.full_like(theta, 0.7) if self.plugin["type"] == "diffuse" else None
 
 
-def exact_HDR(bsdf, theta):
-    """The raw model's HDR in Float64, for the parameters that the plugin holds in Float32."""
+def exact_surface(bsdf):
+    """The model's surface in Float64, for the parameters that the plugin holds in Float32."""
     numbers = [Float64(value) for value in bsdf.values]
     dr.make_opaque(*numbers)  # one compiled kernel for all values
-    S = bsdf.model.surface(*numbers, form=bsdf.form)
-    return bsdf.model.HDR(S, Float64(theta)).numpy()
+    return bsdf.model.surface(*numbers, form=bsdf.form)
+
+
+def exact_HDR(bsdf, theta):
+    """The raw model's HDR in Float64, for the parameters that the plugin holds in Float32."""
+    return bsdf.model.HDR(exact_surface(bsdf), Float64(theta)).numpy()
 
 
 def surfaces_of(model):

@@ -5,14 +5,14 @@ scatter of samples.
 import mitsuba as mi
 import numpy as np
 import pytest
-from drjit.llvm.ad import Array3f64, Float64
+from drjit.llvm.ad import Array3f64
 
 from mi_lcair.physics import reflection
 from mi_lcair.physics.reflection import sandford_robertson_equations as sr
 from tests.physics import thesis
 from tests.physics.reflection.surfaces import MATERIALS, direction, random_parameters
 from tests.physics.reflection.test_microfacet import random_parameters as microfacet_parameters
-from tests.plugins.reflection_models import exact_HDR, interaction, seen_at
+from tests.plugins.reflection_models import exact_HDR, exact_surface, interaction, seen_at
 
 PAIRS = 6000  # of directions, per surface
 SANDFORD_ROBERTSON, MICROFACET = (
@@ -91,8 +91,7 @@ def test_value_in_float32(model, form):
             .numpy()
             .astype(float)
         )
-        S = model.surface(*map(Float64, bsdf.values), form=form)
-        exact = model.f(S, Array3f64(i), Array3f64(r)).numpy() * i[2]
+        exact = model.f(exact_surface(bsdf), Array3f64(i), Array3f64(r)).numpy() * i[2]
         if model is SANDFORD_ROBERTSON:  # the other model's HDR is at most 1
             exact /= np.maximum(exact_HDR(bsdf, theta_of(r)), 1)
         errors.append(np.abs(found - exact) / np.maximum(np.abs(exact), 1e-30))
