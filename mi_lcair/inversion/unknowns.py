@@ -10,12 +10,13 @@ from mi_lcair.inversion.problem import parts
 from mi_lcair.inversion.tables import UnknownEntry
 from mi_lcair.sensitivity.parameters import Parameter
 
-# By default a temperature has one value for each state, the same in all bands, and a reflection has
-# one value for each band, the same in all states.
+# By default a temperature has one value for each state, the same in all bands, a reflection has one
+# value for each band, the same in all states, and the change of a spectrum has one value.
 VALUES_PER = {
     "temperature": ("state",),
     "facet": ("state",),
     "material": ("band",),
+    "spectrum": (),
     "emissivity": ("band",),
     "radiance": ("band", "state"),
     "motion": ("data",),
@@ -30,6 +31,7 @@ PRECISION = {
     "radiance": (0.0, 0.05),
     "emissivity": (0.02, 0.0),
     "material": (0.02, 0.25),
+    "spectrum": (0.02, 0.05),
     "gain": (0.0, 0.05),
     "offset": (np.inf, 0.0),
     "model": (np.inf, 0.0),
@@ -51,8 +53,8 @@ class Unknown:
     name : str
         Name of the scene's parameter.
     kind : str
-        "temperature", "facet", "radiance", "emissivity", "material", "motion", "gain", "offset" or
-        "model".
+        "temperature", "facet", "radiance", "emissivity", "material", "spectrum", "motion", "gain",
+        "offset" or "model".
     unit : str
         Unit of the value.
     start, lower, upper : float

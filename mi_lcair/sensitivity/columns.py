@@ -8,6 +8,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.plugins.bins.by_bin import has_spectral_materials
 from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.columns.exploring import needs_exploring
 from mi_lcair.plugins.columns.kinds import MaterialColumn, SourceColumn
@@ -46,7 +47,12 @@ def explored_by(columns) -> frozenset:
 
 
 def without_column(scene, names) -> set[str]:
-    """Parameters for which paths do not give the derivative: motions, and see `Plume`."""
+    """Parameters for which paths do not give the derivative.
+
+    These are motions, all parameters of a scene with materials by wavelength, and see `Plume`.
+    """
+    if has_spectral_materials(scene.mi):
+        return set(names)
     motions = {entry.name for entry in chosen(scene, names) if entry.kind == "motion"}
     with scene.prepared() as tracer:
         if not tracer.emitters.draws:
@@ -112,8 +118,9 @@ def recordings(
 ) -> list[Recording]:
     """How renders record the columns of parameters, at most MOST_COLUMNS in each render.
 
-    Two pilots go through the cells of the film. The first one measures the incoming radiance, and
-    the second one decides for each column whether the control variate reduces its noise.
+    There are none with materials by wavelength, see `common_numbers`. Two pilots go through
+    the cells of the film. The first one measures the incoming radiance, and the second one decides
+    for each column whether the control variate reduces its noise.
 
     Parameters
     ----------
@@ -136,6 +143,8 @@ def recordings(
         closure = tail.
     """
     scene.mi.integrator().check_differentiable()
+    if has_spectral_materials(scene.mi):
+        return []
     if weights is not None:
         if tracer.closure == "ambient":
             raise InputError(

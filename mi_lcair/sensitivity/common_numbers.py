@@ -1,19 +1,29 @@
-"""Repeated renders of one scene with the same paths, to compare parameters without their noise."""
+"""Repeated renders of one scene with the same paths, to compare parameters without their noise.
+
+Derivatives in scenes with materials by wavelength are differences of such renders. The mean of the
+band decides where paths go, so that a change of a spectrum keeps all paths.
+"""
 
 from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
+from mi_lcair.motions.pixel_step import pixel_step
+from mi_lcair.motions.pose import known_motions
 from mi_lcair.rendering.aiming import aim_at_model
 from mi_lcair.rendering.measurands import Criterion, IntensityInterval, Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import Windows, window_area
-from mi_lcair.sensitivity.parameters import changed
+from mi_lcair.sensitivity.entries import SCALED, Parameter
+from mi_lcair.sensitivity.parameters import changed, parameter
 
 PARTS = {"target": "target", "scene": None}  # channel of each part of the radiance
+METHOD = "difference"
+TEMPERATURE_STEP = 1e-3  # step of a temperature, as a fraction of it
+STEP = 0.02  # step of a radiance or an emissivity, as a fraction, and of a material's parameter
 WORTH_AIMING = 2**19  # paths from which on a pilot is traced, to aim the paths at the model
 
 
@@ -113,3 +123,32 @@ class CommonNumbers:
                 self.aim = aim_at_model(
                     self.scene, tracer, self.camera, self.sampling.seed, Measurands.of("target")
                 )
+
+
+def ends(scene, name: str, sensor) -> tuple[float, float]:
+    """Values above and below the present one over which a difference is taken."""
+    of = parameter(scene, name)
+    step = step_of(of)
+    if of.kind == "motion":
+        # About a quarter of a pixel: a shorter step has more noise, a longer one blurs edges
+        step = pixel_step(scene, sensor, known_motions(scene)[name])
+        step = min(step, of.upper - of.value, of.value - of.lower)
+    return min(of.value + step, of.upper), max(of.value - step, of.lower)
+
+
+def step_of(of: Parameter) -> float:
+    if of.kind == "temperature":
+        return TEMPERATURE_STEP * of.value
+    return STEP * (of.value if of.kind in SCALED else min(of.upper - of.lower, 1.0))
+
+
+def renders_beside(
+    scene, name: str, windows: Windows, sampling: Sampling, measurands: Measurands, aim=None
+) -> tuple[Totals, Totals, float]:
+    """Renders with a parameter above and below its value, and the distance of the two values."""
+    high, low = ends(scene, name, windows.sensor)
+    totals = []
+    for value in (high, low):
+        with changed(scene, {name: value}):
+            totals.append(measure(scene, windows, sampling, measurands, aim=aim))
+    return *totals, high - low

@@ -10,6 +10,8 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.motions.motion import Motion
 from mi_lcair.motions.pose import known_motions, value_of
+from mi_lcair.physics.spectra.change import CHANGES
+from mi_lcair.physics.spectra.parameters import change_bounds
 from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
 from mi_lcair.plugins.derivatives import nodes
@@ -31,7 +33,7 @@ class Parameter:
     name : str
         Its name, such as `self.temperature` or `gloss_black.e`.
     kind : str
-        "temperature", "radiance", "emissivity", "material" or "motion".
+        "temperature", "radiance", "emissivity", "material", "spectrum" or "motion".
     value : float
         Present value; the mean if several numbers belong to the name.
     unit : str
@@ -78,13 +80,14 @@ class Place:
 
 @dataclass(frozen=True)
 class Entry:
-    """A parameter's name, kind, places, unit and largest number, which is not that of a model."""
+    """A parameter's name, kind, places, unit, and the bounds that are not those of a model."""
 
     name: str
     kind: str
     places: list[Place]
     unit: str = "1"
     upper: float = 1.0
+    lower: float = 0.0
 
     def numbers(self) -> list[np.ndarray]:
         return [place.read() for place in self.places]
@@ -109,7 +112,7 @@ class Entry:
         numbers = self.numbers()
         value, values = self.mean(numbers), np.concatenate(numbers)
         scale = value / values.max() if values.max() > 0 else 1.0
-        unit, lower = self.unit, 0.0
+        unit, lower = self.unit, self.lower
         if self.kind in SCALED:
             upper = self.upper * scale
         elif self.kind == "temperature":
@@ -125,7 +128,7 @@ class Entry:
     def model(self):
         """The reflection model of a material's surfaces; None for other parameters."""
         node = self.places[0].node
-        return node.model if is_reflection_bsdf(node) else None
+        return node.model if is_reflection_bsdf(node) and not node.change else None
 
     def feasible_range(self, value: float) -> tuple[float, float]:
         """Lowest and highest feasible value of a material's parameter, the others held."""
@@ -198,7 +201,9 @@ def entries(scene) -> dict[str, Entry]:
     for node in nodes(scene.mi):
         if is_reflection_bsdf(node):
             material = node.material or node.model.name
-            keys = node.parameters if node.spectrum is None else ()
+            if node.change:
+                add_changes(surfaces, node)
+            keys = () if node.change else node.parameters
         elif is_grey_diffuse(node):
             material, keys = node.id() or "diffuse", ["reflectance.value"]
         elif is_plume(node):
@@ -215,6 +220,20 @@ def entries(scene) -> dict[str, Entry]:
         for name, m in known_motions(scene).items()
     }
     return found | {name: motions[name] for name in motions if name not in found}
+
+
+def add_changes(surfaces: dict[str, Entry], node) -> None:
+    """Add the numbers that change the spectrum of a surface.
+
+    A surface that reflects nothing at any wavelength has none, since no path goes on from it.
+    """
+    if node.HDR(mi.Vector3f(0, 0, 1))[0] == 0:
+        return
+    for key, (unit, _) in CHANGES.items():
+        name = f"{node.material}.{key}"
+        lower, upper = change_bounds(node.spectrum, key, node.of_band)
+        entry = surfaces.setdefault(name, Entry(name, "spectrum", [], unit, upper, lower))
+        entry.places.append(Place(node, key, None, np.ones(1)))
 
 
 def single_temperatures(entry: Entry, emitting) -> dict[str, Entry]:

@@ -2,10 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from mi_lcair.motions.differences import Differences
+from mi_lcair.plugins.bins.by_bin import has_spectral_materials
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling
@@ -18,7 +20,7 @@ from mi_lcair.sensitivity.columns import (
     relative_slope,
     weight_of,
 )
-from mi_lcair.sensitivity.common_numbers import PARTS, CommonNumbers
+from mi_lcair.sensitivity.common_numbers import METHOD, PARTS, CommonNumbers, renders_beside
 from mi_lcair.sensitivity.parameters import chosen, units
 from mi_lcair.sensitivity.sensitivities import Sensitivities
 
@@ -51,8 +53,9 @@ def differentiate_intensity(
     numbers = CommonNumbers(scene, sampling, by_spectrum, part)
     if sampling.tolerance is not None:
         numbers.render()
-    entries = {entry.name: entry for entry in chosen(scene, names)}
-    along_paths = [name for name, entry in entries.items() if entry.kind != "motion"]
+    motions = [entry.name for entry in chosen(scene, names) if entry.kind == "motion"]
+    by_difference = list(names) if has_spectral_materials(scene.mi) else motions
+    along_paths = [name for name in names if name not in by_difference]
     explored = explored_by(columns_of(scene, along_paths).values())
     measurands = replace(Measurands.of(SPLITS[part], by_spectrum), explored=explored)
     rows, method, first = {}, {}, None
@@ -74,14 +77,24 @@ def differentiate_intensity(
                 name: mean_and_deviations(total, channels)
                 for name, channels in batch.channels.items()
             }
-    value = mean_and_deviations(first, ["weighted"])
-    missed = unscattered(scene, first, along_paths, part, weights)
-    errors = dict(zip(along_paths, missed[1:]))
-    differences = {
-        name: differences_of(numbers, name, weights).at()
-        for name in entries
-        if name not in along_paths
-    }
+    rows_of = partial(mean_and_deviations, channels=["weighted"])
+    if first is None:
+        numbers.take_aim()
+        rows_of = rows_of_part(numbers, weights)
+        several = replace(measurands, channels=replace(measurands.channels, split="target"))
+        first = measure(scene, numbers.windows, numbers.sampling, several, aim=numbers.aim)
+    value = rows_of(first)
+    rest = [name for name in names if name not in motions]
+    missed = unscattered(scene, first, rest, part, weights)
+    errors = dict(zip(rest, missed[1:]))
+    for name in rest:
+        if name in by_difference:
+            *ends, step = renders_beside(
+                scene, name, numbers.windows, numbers.repeated, several, numbers.aim
+            )
+            high, low = map(rows_of, ends)
+            rows[name], method[name] = (high - low) / step, METHOD
+    differences = {name: differences_of(numbers, name, weights).at() for name in motions}
     for name, difference in differences.items():
         rows[name] = np.append(difference.derivative, difference.deviations)
         errors[name], method[name] = difference.unscattered, difference.method
@@ -104,6 +117,19 @@ def differentiate_intensity(
 
 def differences_of(numbers: CommonNumbers, name: str, weights: Mapping | None = None):
     """The `Differences` of a part's mean radiance, or of its weighted sum, along a motion."""
+    return Differences(
+        numbers.scene,
+        name,
+        numbers.repeated,
+        Measurands.of("target", numbers.by_spectrum),
+        rows_of_part(numbers, weights),
+        PARTS[numbers.part],
+        numbers.aim,
+    )
+
+
+def rows_of_part(numbers: CommonNumbers, weights: Mapping | None):
+    """Function of Totals: mean and deviations of a part's radiance, or of its weighted sum."""
 
     def rows(total: Totals) -> np.ndarray:
         if weights is None:
@@ -112,15 +138,7 @@ def differences_of(numbers: CommonNumbers, name: str, weights: Mapping | None = 
         factors = {f"{numbers.prefix}source.{k}": weight_of(weights, s) for k, s in sources}
         return sum(w * mean_and_deviations(total, [channel]) for channel, w in factors.items())
 
-    return Differences(
-        numbers.scene,
-        name,
-        numbers.repeated,
-        Measurands.of("target", numbers.by_spectrum),
-        rows,
-        PARTS[numbers.part],
-        numbers.aim,
-    )
+    return rows
 
 
 def mean_and_deviations(total, channels) -> np.ndarray:
@@ -141,7 +159,7 @@ def unscattered(scene, total: Totals, names, part: str, weights: Mapping | None)
     for entry in chosen(scene, names):
         numbers, channel = entry.numbers(), PARTS[part]
         relative = 1 / (abs(entry.mean(numbers)) or 1.0)
-        if entry.kind != "material":
+        if entry.kind not in ("material", "spectrum"):
             channel = f"group.{entry.name.rpartition('.')[0].partition('@')[0]}"
             channel = channel if part == "scene" else f"target.{channel}"
         if entry.kind == "temperature":

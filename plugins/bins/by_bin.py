@@ -77,7 +77,9 @@ class ByBin:
         projected = [self.sources[k] for k in np.unique(some)]
         counts = (count,) if count else COUNTS
         spectra_at = partial(radiances, projected)
-        self.bins, self.binning_error = bins_for(band, materials, spectra_at, counts)
+        # A change of a spectrum, as for a derivative, must not change the number of bins
+        measured = list(dict.fromkeys(layer.measured_spectrum for layer in layers))
+        self.bins, self.binning_error = bins_for(band, measured, spectra_at, counts)
         self.count = self.bins.count
         self.families = families_of(materials, self.bins)
         self.tabulate_surfaces(materials)

@@ -186,26 +186,25 @@ def facet_tables(material: SpectralParameters, band, count: int) -> tuple[np.nda
     Float64 = dr.float64_array_t(mi.Float)
     bins, cos = Bins(band, count), np.linspace(0, 1, STEPS_OF_F + 1) ** 2
     F = bins.coefficients(material.facet_reflectance(bins.grid_um, cos))
-    common, weights = material.common, {}
-    values = [common["alpha"], common["gamma"], 1.5, 0.0, 0.0]
-    S = reflection.model("microfacet").surface(*map(Float64, values))
+    alpha, gamma = material.common["alpha"], material.common["gamma"]
 
     def of_bin(theta, F):
-        if dr.width(theta) not in weights:
-            weights[dr.width(theta)] = weights_of_facets(S, theta)
-        return Float64(weights[dr.width(theta)] @ F)
+        return Float64(weights_of_facets(alpha, gamma, tuple(theta.numpy())) @ F)
 
     HDR = np.array([tabulated(partial(of_bin, F=F_of_bin)).numpy() for F_of_bin in F])
     return F, 2 * np.trapezoid((1 - F) * cos, cos, axis=1), HDR
 
 
-def weights_of_facets(S, theta) -> np.ndarray:
+@lru_cache(maxsize=16)
+def weights_of_facets(alpha: float, gamma: float, angles: tuple[float, ...]) -> np.ndarray:
     """Matrix (angles, STEPS_OF_F + 1) of the lobe's HDR, which is linear in facets' reflectances.
 
     The derivative of the quadrature with respect to the reflectance of each of its points is the
     weight of the point. It is divided between the two neighbours in the table.
     """
-    Float64, points = type(theta), []
+    Float64, points = dr.float64_array_t(mi.Float), []
+    theta = Float64(np.array(angles))
+    S = reflection.model("microfacet").surface(*map(Float64, (alpha, gamma, 1.5, 0.0, 0.0)))
 
     def reflectance(S, p):
         value = dr.zeros(Float64, dr.width(p))
@@ -215,15 +214,15 @@ def weights_of_facets(S, theta) -> np.ndarray:
 
     with dr.resume_grad():
         dr.backward(hemispherical.lobe_reflectance(S, theta, reflectance))
-    angles, nodes = dr.width(theta), STEPS_OF_F + 1
-    matrix = np.zeros(angles * nodes)
+    count, nodes = len(angles), STEPS_OF_F + 1
+    matrix = np.zeros(count * nodes)
     for p, value in points:
         weight, x = dr.grad(value).numpy(), np.sqrt(np.clip(p, 0, 1)) * STEPS_OF_F
         low = np.minimum(x.astype(int), STEPS_OF_F - 1)
-        first = low + nodes * np.repeat(np.arange(angles), len(p) // angles)
+        first = low + nodes * np.repeat(np.arange(count), len(p) // count)
         for number, share in ((first, low + 1 - x), (first + 1, x - low)):
             matrix += np.bincount(number, weight * share, len(matrix))
-    return matrix.reshape(angles, nodes)
+    return matrix.reshape(count, nodes)
 
 
 def families_of(materials: list[SpectralParameters], bins: Bins) -> list[tuple]:

@@ -3,6 +3,7 @@
 It provides the tables of HDR, the simplified lobes, the emissivity and the derivatives.
 """
 
+from dataclasses import replace
 from functools import lru_cache
 
 import drjit as dr
@@ -14,6 +15,7 @@ from mi_lcair.physics import materials, reflection
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.directional_table import over_the_hemisphere, read_directional_table
 from mi_lcair.physics.reflection.directions import SMALLEST, cos_theta, sample_cosine, sin2_theta
+from mi_lcair.physics.spectra.change import CHANGES, Change
 from mi_lcair.plugins.bsdfs.uniform_table import gather, interpolate, refine
 from mi_lcair.plugins.derivatives import (
     Deriving,
@@ -74,6 +76,7 @@ class ReflectionBSDF(mi.BSDF):
     derivations = ()
     notes: tuple[str, ...] = ()  # remarks on the material's spectrum
     spectrum = None  # parameters over wavelength; `parameters` are then those of the mean
+    change: dict[str, mi.Float] = {}  # numbers that change the spectrum, see `Change`
     least_share = 0.0  # least probability of the floor and of the lobe, see `explore`
 
     def __init_subclass__(cls):
@@ -146,6 +149,8 @@ class ReflectionBSDF(mi.BSDF):
         """
         if temperature is None:
             self.notes, self.spectrum = entry.spectrum.remarks, entry.spectrum
+            self.measured_spectrum, self.of_band = entry.spectrum, of_band
+            self.change = {name: mi.Float(value) for name, (_, value) in CHANGES.items()}
             return entry
         self.notes = *entry.spectrum.remarks, entry.spectrum.remark_on_average(of_band, temperature)
         return entry.averaged(of_band, temperature)
@@ -195,12 +200,18 @@ class ReflectionBSDF(mi.BSDF):
         return tuple(self.parameters.values())
 
     def traverse(self, cb):
-        if self.spectrum is not None:
-            return  # the parameters of the mean only decide where paths go
-        for name, value in self.parameters.items():
+        # The parameters of a spectrum's mean only decide where paths go
+        for name, value in (self.change or self.parameters).items():
             cb.put(name, value, mi.ParamFlags.Differentiable)
 
     def parameters_changed(self, keys=()):
+        if self.change:
+            numbers = {name: float(number[0]) for name, number in self.change.items()}
+            centre = (self.of_band.lower_um + self.of_band.upper_um) / 2
+            self.spectrum = changed_spectrum(
+                self.measured_spectrum, Change(**numbers, centre_um=centre)
+            )
+            return
         self.model.check_feasible(*self.values, form=self.form)
         self.derive()
 
@@ -389,6 +400,12 @@ def tabulated(reflectance) -> mi.Float:
         refine(coarse, STEPS_PER_QUADRATURE),
     )
     return mi.Float(table)
+
+
+@lru_cache(maxsize=128)
+def changed_spectrum(spectrum, change: Change):
+    """A spectrum with a change, the same object for all surfaces that have it."""
+    return spectrum if change.is_none else replace(spectrum, change=change)
 
 
 # Scenes repeat a material on many shapes. What it needs is therefore computed once for equal

@@ -37,6 +37,8 @@ def needs_exploring(bsdf, names) -> bool:
             value for key, value in mi.traverse(bsdf).items() if key.removesuffix(".value") in names
         ]
         return not is_known or any(np.min(np.array(number)) < SMALL for number in numbers)
+    if bsdf.change:
+        return False  # has no derivatives along paths
     theta = np.radians(DEGREES)
     cos, sin2 = mi.Float(np.cos(theta)), mi.Float(np.sin(theta) ** 2)
     floor, lobe = (dr.detach(part).numpy() for part in bsdf.raw_HDR(cos, sin2))

@@ -35,8 +35,8 @@ from mi_lcair.plugins.scene_state import SceneState
 
 # What a scene with spectral materials cannot do, and what works in its place
 WITHOUT_DERIVATIVES = (
-    "derivatives do not work with materials that depend on wavelength; give these `average_K`, "
-    "which makes them constant in the band"
+    "derivatives along paths do not work with materials that depend on wavelength; use "
+    "`mi_lcair.sensitivities`, or give these materials `average_K`"
 )
 
 

@@ -33,7 +33,11 @@ from mi_lcair.uncertainty.numbers.number import SOURCE_STEP, shifted
 COUNTS = "counts"
 CHANNELS = {COUNTS: "counts.Y", TEMPERATURE: "temperature.Y"}  # of the file of `mi-lcair image`
 SPREAD_PIXELS = 64  # pixels along a side in which the spread of the optics is computed
-MATERIALS = ("material", "emissivity")  # kinds of parameters whose derivatives are differences
+MATERIALS = (
+    "material",
+    "spectrum",
+    "emissivity",
+)  # kinds of parameters whose derivatives are differences
 MATERIAL_STEP = 0.01  # change of a parameter for such a difference, relative to its range
 FULL = 4.0  # distance from the full well, in standard deviations, up to which a pixel is saturated
 

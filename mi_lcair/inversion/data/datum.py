@@ -65,6 +65,8 @@ class Datum:
         Camera whose image was measured; the values are electrons.
     common : CommonNoise, optional
         Noise that rows, columns or all pixels share.
+    is_spectral : bool
+        Whether the scene has materials by wavelength.
     """
 
     entry: Observation
@@ -82,6 +84,7 @@ class Datum:
     shares: dict[str, np.ndarray] = field(default_factory=dict)
     camera: CameraImage | None = None
     common: CommonNoise | None = None
+    is_spectral: bool = False
 
     @property
     def label(self) -> str:
@@ -138,9 +141,10 @@ class Datum:
     def follows(self, unknown: Unknown) -> bool:
         """Whether the radiance is linear in the blackbody radiance, or the value, of an unknown.
 
-        A contrast and a camera's image are not: air and detector weigh the wavelengths.
+        A contrast and a camera's image are not: air and detector weigh the wavelengths. Nor is that
+        of materials by wavelength.
         """
-        if (self.sight or self.camera) and unknown.kind == "temperature":
+        if (self.sight or self.camera or self.is_spectral) and unknown.kind == "temperature":
             return False
         if unknown.kind == "temperature":
             group = unknown.name.removesuffix(".temperature")
@@ -220,6 +224,7 @@ class Datum:
                 )
         kinds = {unknowns[k].kind: k for k in numbers}
         number_of = {unknowns[k].label: k for k in numbers}
+        linear_in_value = self.camera or self.is_spectral
         columns_of = np.array([*dense, *facets], dtype=int)
         return DatumBlock(
             measured=self.measured,
@@ -231,7 +236,7 @@ class Datum:
             band=self.scene.band,
             is_temperature=np.array(
                 [
-                    unknowns[k].kind in ("temperature", "facet") and not self.camera
+                    unknowns[k].kind in ("temperature", "facet") and not linear_in_value
                     for k in columns_of
                 ],
                 dtype=bool,

@@ -16,6 +16,7 @@ from mi_lcair.inversion.least_squares.prediction import DatumBlock
 from mi_lcair.inversion.tables import Goal, RenderSettings
 from mi_lcair.inversion.unknowns import Where
 from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.plugins.bins.by_bin import has_spectral_materials
 from mi_lcair.plugins.paths.offsets import UNIT
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.images.render import render_image
@@ -121,6 +122,7 @@ class Loader:
             shares=shares,
             camera=camera,
             common=common,
+            is_spectral=has_spectral_materials(scene.mi),
         )
 
 
@@ -156,6 +158,7 @@ def goal_datum(goal: Goal, sampling: RenderSettings) -> Datum:
         aspects=goal.aspects,
         goal=goal,
         background=background,
+        is_spectral=has_spectral_materials(scene.mi),
     )
 
 

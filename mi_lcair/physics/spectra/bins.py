@@ -8,7 +8,7 @@ response R of the band.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -47,17 +47,9 @@ class Bins:
         step = self.nodes_um[1] - self.nodes_um[0]
         return np.maximum(1 - abs(np.subtract.outer(wavelengths_um, self.nodes_um)) / step, 0)
 
-    @cached_property
-    def projection(self) -> np.ndarray:
-        """The matrix (count, SAMPLES) of the least-squares fit on the grid."""
-        hats, weight = self.hats(self.grid_um), np.ones(SAMPLES)
-        weight[[0, -1]] /= 2
-        weighted = hats * weight[:, None]
-        return np.linalg.solve(weighted.T @ hats, weighted.T)
-
     def coefficients(self, values: np.ndarray) -> np.ndarray:
         """Coefficients (count, ...) of values on the grid (SAMPLES, ...), clipped to 0..1."""
-        return np.clip(np.tensordot(self.projection, values, axes=1), 0, 1)
+        return np.clip(np.tensordot(projection(self.count), values, axes=1), 0, 1)
 
     def means(self, spectrum: np.ndarray) -> np.ndarray:
         """Means of a spectrum on the grid (SAMPLES,), weighted with each hat, (count,)."""
@@ -80,6 +72,19 @@ class Bins:
         of_bin = (spectra * self.weights) @ self.hats(self.grid_um)
         total = of_bin.sum(axis=-1, keepdims=True)
         return np.divide(of_bin, total, out=np.zeros_like(of_bin), where=total > 0)
+
+
+@lru_cache(maxsize=16)
+def projection(count: int) -> np.ndarray:
+    """The matrix (count, SAMPLES) of the least-squares fit on the grid of any band."""
+    place = np.linspace(0, count - 1, SAMPLES)
+    hats, weight = (
+        np.maximum(1 - abs(np.subtract.outer(place, np.arange(count))), 0),
+        np.ones(SAMPLES),
+    )
+    weight[[0, -1]] /= 2
+    weighted = hats * weight[:, None]
+    return np.linalg.solve(weighted.T @ hats, weighted.T)
 
 
 def reflectances(spectrum: SpectralParameters, wavelengths_um: np.ndarray) -> np.ndarray:

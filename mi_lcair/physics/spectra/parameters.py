@@ -7,6 +7,7 @@ Sandford and Robertson enter it linearly, n and k do not.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.reflection import microfacet_fresnel as fresnel
 from mi_lcair.physics.reflection import sandford_robertson_equations as sr
+from mi_lcair.physics.spectra.change import Change
 from mi_lcair.physics.spectra.files import columns_of, spectrum_of
 from mi_lcair.physics.spectra.refractive_index import refractive_index
 
@@ -57,6 +59,8 @@ class SpectralParameters:
         Where the spectrum comes from.
     remarks : tuple of str
         What a user should know about the spectrum, one line each.
+    change : Change
+        Change of what the surface absorbs.
     """
 
     model: reflection.ReflectionModel
@@ -66,16 +70,26 @@ class SpectralParameters:
     rows: dict[str, np.ndarray]
     source: str
     remarks: tuple[str, ...] = field(default=())
+    change: Change = field(default=Change())
 
     @property
     def digest(self) -> str:
         """Hexadecimal digits that change with the spectrum."""
         arrays = [self.wavelengths_um, *self.rows.values(), np.array(list(self.common.values()))]
         content = b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)
-        return sha256(content + self.form.encode()).hexdigest()
+        return sha256(content + f"{self.form}{self.change}".encode()).hexdigest()
 
     def at(self, wavelengths_um: np.ndarray) -> dict[str, np.ndarray]:
-        """All parameters at these wavelengths [um], by name in the model's order."""
+        """All parameters at these wavelengths [um], by name in the model's order.
+
+        The change of a microfacet spectrum is one of `facet_reflectance` alone.
+        """
+        given = self.unchanged_at(wavelengths_um)
+        if self.model.name != "microfacet":
+            given[self.model.names[0]] = self.change.of(*self.absorbed(wavelengths_um, given))
+        return given
+
+    def unchanged_at(self, wavelengths_um: np.ndarray) -> dict[str, np.ndarray]:
         return {
             name: np.interp(wavelengths_um, self.wavelengths_um, self.rows[name])
             if name in self.rows
@@ -83,11 +97,23 @@ class SpectralParameters:
             for name in self.model.names
         }
 
+    def absorbed(self, wavelengths_um: np.ndarray, given: dict, cos=COSINES) -> tuple:
+        """The arguments of `Change.of`: wavelengths, what is absorbed there, and the most of it.
+
+        given: of `unchanged_at`. cos: cosines at the facets of a rough surface.
+        """
+        if self.model.name == "microfacet":
+            F = fresnel_reflectance(given["n"][:, None], given["k"][:, None], cos)
+            return wavelengths_um, 1 - F, 1.0
+        most = 1.0
+        if self.model.name == "sandford_robertson":
+            most = float(sr.G(Float64(self.common["b"]))[0]) - given["rho_d"]
+        return wavelengths_um, given[self.model.names[0]], most
+
     def facet_reflectance(self, wavelengths_um: np.ndarray, cos: np.ndarray) -> np.ndarray:
         """Fresnel reflectance of a microfacet spectrum at cosines, (wavelengths, cosines)."""
-        given = self.at(wavelengths_um)
-        n, k = given["n"][:, None], given["k"][:, None]
-        return fresnel_reflectance(n, k, cos)
+        given = self.unchanged_at(wavelengths_um)
+        return 1 - self.change.of(*self.absorbed(wavelengths_um, given, cos))
 
     def averaged(self, wavelengths_um: np.ndarray, weights: np.ndarray) -> tuple[float, ...]:
         """Parameters, in the model's order, of the reflectance averaged with these weights."""
@@ -141,6 +167,14 @@ class SpectralParameters:
             f"reflectance of {averaged:.4g} along the normal; for {other:g} K it "
             f"would be {of_other:.4g}"
         )
+
+
+@lru_cache(maxsize=64)
+def change_bounds(spectrum: SpectralParameters, name: str, band: Band) -> tuple[float, float]:
+    """Range of one of CHANGES in which nothing is clipped in a band, the others held."""
+    wavelengths, _ = spectrum.weights(band, None)
+    absorbed = spectrum.absorbed(wavelengths, spectrum.unchanged_at(wavelengths))
+    return spectrum.change.bounds(name, *absorbed)
 
 
 def fresnel_reflectance(n: np.ndarray, k: np.ndarray, cos: np.ndarray) -> np.ndarray:

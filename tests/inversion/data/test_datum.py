@@ -44,6 +44,7 @@ def test_what_is_followed_without_a_render():
     assert several.follows(kelvin("plate@300.temperature"))
     assert datum(sight=object()).follows(unknown(kind="radiance"))
     assert not datum(sight=object()).follows(UNKNOWNS[0])
+    assert not datum(is_spectral=True).follows(UNKNOWNS[0])
 
 
 def test_words_and_images():
