@@ -142,8 +142,6 @@ def test_a_stock_integrator_meets_a_new_table(plate):
     "name, parameter, step",
     [
         ("roughconductor", "alpha.value", 0.01),
-        ("conductor", "specular_reflectance.value", 0.02),
-        ("roughplastic", "diffuse_reflectance.value", 0.02),
         ("plastic", "diffuse_reflectance.value", 0.02),
     ],
 )

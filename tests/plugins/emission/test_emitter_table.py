@@ -88,18 +88,16 @@ def observed(loaded, spp, passes):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("n", [256, 1024])
-def test_fine_meshes(tmp_path, n):
-    """A hot plate of 131,072 and of 2.1 million triangles over a grey floor: the closed form, to
-    0.08 %.
+def test_fine_meshes(tmp_path):
+    """A hot plate of 0.5 million triangles over a grey floor: the closed form, to 0.3 %.
 
-    One random number for triangle and place misses by 0.37 % and 5.7 %.
+    One random number for triangle and place misses by 1.4 %.
     """
-    hot = mesh_file(tmp_path / "hot.ply", *grid_mesh(n, HEIGHT))
+    hot = mesh_file(tmp_path / "hot.ply", *grid_mesh(512, HEIGHT))
     emitter = {"type": "thermal", "radiance": 1.0}
     loaded = floor_scene(DRAWING, hot={**hot, "bsdf": BLACK, "emitter": emitter})
-    mean, error = observed(loaded, 4096, 4)
-    assert error < 3e-4 * mean
+    mean, error = observed(loaded, 1024, 4)
+    assert error < 8e-4 * mean
     assert mean == pytest.approx(floor_radiance(), abs=4 * error)
 
 
@@ -125,14 +123,14 @@ def test_one_hot_triangle_among_many(tmp_path):
         "bsdf": BLACK,
         "emitter": {"type": "area", "radiance": texture},
     }
-    mean, error = observed(floor_scene(DRAWING, hot=hot), 4096, 6)
+    mean, error = observed(floor_scene(DRAWING, hot=hot), 1024, 6)
     x, weight = np.polynomial.legendre.leggauss(16)
     x, y = np.meshgrid(x * WINDOW / 2, x * WINDOW / 2)
     d2 = (x - centre[0]) ** 2 + (y - centre[1]) ** 2 + HEIGHT**2
     from_hot = 0.5 * (6e4 - 1) * (0.5 / 200**2) * HEIGHT**2 / d2**2 / np.pi
     expected = floor_radiance() + np.sum(from_hot * weight[:, None] * weight / 4)
     assert from_hot.mean() > 0.4 * expected
-    assert error < 4e-4 * mean
+    assert error < 8e-4 * mean
     assert mean == pytest.approx(expected, abs=4 * error)
 
 
@@ -190,7 +188,7 @@ def test_near_hits_on_an_analytic_shape():
         "emitter": {"type": "thermal", "radiance": 1.0},
     }
     sensor = camera(16, 0.5, origin=(0, 0, 0.5))
-    mean, error = observed(scene({**DRAWING, "max_bounces": 2}, sensor, ball=ball), 4096, 16)
+    mean, error = observed(scene({**DRAWING, "max_bounces": 2}, sensor, ball=ball), 1024, 4)
     assert mean == pytest.approx(1.75, abs=1e-5) and error < 1e-6
 
 
