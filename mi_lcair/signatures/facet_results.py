@@ -159,9 +159,14 @@ class FacetSums:
         # All randomisations may agree on a facet's points, and miss a part of a point
         of_part = edge_share(R) * R * np.nan_to_num(radiance) * per_sample
         # The few paths that meet a facet may have missed what it reflects most. A facet that no
-        # path has met is one that few paths would meet.
+        # path has met is one that few paths would meet, as bright as the brightest path.
         draws = totals.draws[0] * self.hits / max(self.hits.sum(), 1)
-        largest = totals.largest_unmet("target", draws) * reflectances(table, scene, by_bounce[0])
+        largest = totals.largest_unmet("target", draws)
+        largest = np.where(
+            self.hits > 0,
+            largest * reflectances(table, scene, by_bounce[0]),
+            np.maximum(largest, totals.highest["target"]),
+        )
         missed = np.fmin(projected, UNSEEN * per_sample) * largest / student_factor(np.inf)
         error = np.hypot(np.where(self.hits > 0, np.maximum(scatter, of_part), 0), missed)
         bounces = {

@@ -3,8 +3,7 @@
 import numpy as np
 
 from docs.studies.claims.case import Case, Draw
-from docs.studies.claims.lit import SUN_SPECTRAL, SUN_UM, X, Y
-from docs.studies.claims.planck import BANDS_UM
+from docs.studies.claims.lit import X, Y
 from docs.studies.claims.scene_file import BLACK, FARTHEST, UP, SceneFile, diffuse, thermal
 from docs.studies.claims.sources import corners
 from docs.studies.claims.view_factors import to_polygon
@@ -105,15 +104,11 @@ def body(draw: Draw) -> Case:
         of_sky_and_terrain(nodes) for nodes in (POINTS, np.full((1, 3), 1 / 3))
     )
     sunlit = rho > 0 and draw.band != "total" and draw.chance(0.3)
-    toward_sun, facing = UP, np.zeros(len(triangles))
+    toward_sun, facing, irradiance = UP, np.zeros(len(triangles)), None
     if sunlit:
         toward_sun = draw.direction() * [1, 1, 0] + draw.between(0.3, 2) * UP
         toward_sun /= np.linalg.norm(toward_sun)
-        name = "sun.csv"
-        file.texts[name] = "wavelength_um,irradiance_W_m2_um\n" + "".join(
-            f"{um:.1f},{SUN_SPECTRAL}\n" for um in SUN_UM
-        )
-        file.sun(toward_sun, name)
+        irradiance = file.sun(toward_sun, draw.band)
         facing = of_disc(normals, toward_sun)
 
     eye = draw.direction()
@@ -155,15 +150,21 @@ def body(draw: Draw) -> Case:
         total = radiances(B, materials, of_terrain_again).sum(axis=0)
         return float(total @ shown / (2 * half_window) ** 2)
 
+    def shows(B, materials):
+        """Mean radiance by the group of the face that is seen."""
+        shown = radiances(B, materials, of_terrain).sum(axis=0) * seen / window
+        return {name: float(shown[np.equal(group_of, name)].sum()) for name in set(group_of)}
+
     def view(direction, B, materials):
         shown = toward(direction)
         total = radiances(B, materials, of_terrain).sum(axis=0)
-        return float(total @ shown), float(shown.sum())
+        # The back of a plate emits nothing, but hides what is behind it
+        projected = toward(-direction).sum() if kind == "plate" else 0.0
+        return float(total @ shown), float(shown.sum() + projected)
 
     def facets(B, materials):
         return radiances(B, materials, of_terrain).sum(axis=0) * seen
 
-    lower, upper = BANDS_UM[draw.band]
     return draw.case(
         f"{kind}, {around}" + (", sun" if sunlit else ""),
         file,
@@ -175,7 +176,8 @@ def body(draw: Draw) -> Case:
         second=second,
         error=1e-5 if sunlit else 2e-6,
         second_error=2e-3 if around == "terrain" else 1e-6,
-        irradiance=SUN_SPECTRAL * (upper - lower) if sunlit else None,
+        irradiance=irradiance,
+        shows=shows,
         view=view,
         facets=facets,
         fills_window=around == "void",

@@ -58,6 +58,9 @@ class Case:
         [m^2] of the model.
     facets : callable or None
         (radiances, materials) -> intensity of each facet toward the sensor [W/sr].
+    shows : str, callable or None
+        Group that the whole target belongs to, or (radiances, materials) -> mean radiance of the
+        target by the group that is seen; None: it is not known.
     fills_window : bool
         Whether the window shows nothing else that radiates than the target.
     """
@@ -78,6 +81,7 @@ class Case:
     irradiance: float | None = None
     view: Callable | None = None
     facets: Callable | None = None
+    shows: str | Callable[[Values, Values], Values] | None = None
     fills_window: bool = True
 
     @property
@@ -91,6 +95,16 @@ class Case:
         values = {name: planck.in_band_radiance(self.band, T) for name, T in temperatures.items()}
         if self.irradiance is not None:
             values["sun"] = changed.get("sun", self.irradiance)
+        return values
+
+    def photons(self) -> Values:
+        """The same in photons m^-2 sr^-1 s^-1, and m^-2 s^-1 for the sun."""
+        values = {
+            name: planck.by_quadrature(self.band, T, photons=True)
+            for name, T in self.temperatures.items()
+        }
+        if self.irradiance is not None:
+            values["sun"] = self.irradiance * planck.photons_of_even_light(self.band)
         return values
 
     def background_radiance(self, temperature: float) -> float:
@@ -122,6 +136,13 @@ class Case:
             share = self.response(alone, self.materials).mean(axis=(1, 2)).sum()
             groups[group] = groups.get(group, 0.0) + float(share)
         return groups
+
+    @property
+    def by_seen(self) -> Values:
+        """Mean radiance of the target by the group that is seen; empty if it is not known."""
+        if isinstance(self.shows, str):
+            return {self.shows: self.mean}
+        return {} if self.shows is None else self.shows(self.radiances(), self.materials)
 
     @property
     def with_all_reflections(self) -> float:
@@ -222,6 +243,10 @@ class Draw:
         scale, rotation = self.size(1e-3, 1e3), self.rotation()
         shift = farthest * self.direction() * scale if self.chance(0.3) else np.zeros(3)
         return Place(scale, rotation, shift)
+
+    def lens(self) -> str:
+        """Kind of a second sensor, which images the plane that the orthographic one looks at."""
+        return str(self.rng.choice(["perspective", "thinlens"]))
 
     def up(self) -> np.ndarray:
         """Upward direction of a camera that looks down: along y, or turned."""

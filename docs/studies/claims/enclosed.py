@@ -73,6 +73,7 @@ def cavity(draw: Draw) -> Case:
         response=response,
         second=second,
         unlimited=unlimited,
+        shows="wall",
     )
 
 
@@ -225,4 +226,5 @@ def furnace(draw: Draw, place=None, kind: str = "furnace", half=None) -> Case:
         response=response,
         second=second,
         unlimited=lambda B, materials: B["wall"],
+        shows="wall",
     )

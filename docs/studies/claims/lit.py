@@ -17,7 +17,6 @@ from docs.studies.claims.view_factors import (
 )
 
 X, Y = np.eye(3)[:2]
-SUN_UM, SUN_SPECTRAL = np.arange(0.5, 15.01, 0.1), 30.0  # of the sun's table; W m^-2 um^-1
 
 
 def normal_of(rectangle) -> np.ndarray:
@@ -70,19 +69,54 @@ def room_around(draw: Draw, file: SceneFile, reach: float, temperatures: dict) -
     return True
 
 
-def lamp(draw: Draw) -> Case:
-    """A floor and one to three rectangles above it, parallel, perpendicular or inclined."""
-    rho, half_window = draw.between(0.05, 0.95), 1.0
-    T = {"floor": draw.background()}
-    half_floor = half_window * draw.size(1.5, 10)
-    file, up = floor_scene(draw, half_floor, rho, T["floor"]), draw.up()
-    height, side = draw.size(0.2, 10), draw.size(1e-3, 1)
+class Lamps:
+    """Rectangular sources above a floor that do not hide each other.
+
+    rectangles: the whole ones. sources: the rectangle of each radiance of each of them by name, see
+    `add_source`. names: of all radiances.
+    """
+
+    def __init__(self, draw: Draw, file: SceneFile, rectangles: list, T: dict):
+        self.rectangles = rectangles
+        self.sources = [add_source(draw, file, f"lamp{k}", r, T) for k, r in enumerate(rectangles)]
+        self.names = [name for parts in self.sources for name in parts]
+
+    @property
+    def lowest(self) -> float:
+        """Height of the lowest corner."""
+        return min(corners(rectangle)[:, 2].min() for rectangle in self.rectangles)
+
+    def shares(self, points) -> list:
+        """Share of each radiance in the upper hemispheres of points, and that of all lamps."""
+        of_parts, blocked = [], 0.0
+        for parts, rectangle in zip(self.sources, self.rectangles):
+            front = (points - rectangle[0]) @ normal_of(rectangle) > 0
+            share = [to_polygon(points, UP, corners(part)) for part in parts.values()]
+            blocked = blocked + share[-1]
+            of_parts += [share[0] * front] if len(share) == 1 else whole_less_part(share, front)
+        return [*of_parts, blocked]
+
+    def factors(self, window) -> list:
+        """The same as means over a rectangle, by integrals over both areas."""
+        received, taken = [], 0.0
+        for parts in self.sources:
+            share = [by_areas(window, part, 6) for part in parts.values()]
+            received += share if len(share) == 1 else whole_less_part(share, 1.0)
+            centre, u, v = list(parts.values())[-1]
+            taken += share[-1] + by_areas(window, (centre, -u, v), 6)
+        return [*received, taken]
+
+
+def rectangles_above(draw: Draw, turn: str, reach: float = 1.0) -> list:
+    """One to three rectangles above a floor: parallel to it, perpendicular or inclined.
+
+    reach: size of the floor's part that counts.
+    """
+    height, side = reach * draw.size(0.2, 10), reach * draw.size(1e-3, 1)
     side = min(side, 2 * height)
-    turn = draw.rng.choice(["parallel", "perpendicular", "inclined"])
-    count = draw.whole(1, 3) if turn == "parallel" else 1
-    lamps = []
-    for k in range(count):
-        centre = np.array([draw.between(-1.5, 1.5), draw.between(-1.5, 1.5), height])
+    rectangles = []
+    for k in range(draw.whole(1, 3) if turn == "parallel" else 1):
+        centre = np.array([*(reach * draw.between(-1.5, 1.5) for _ in range(2)), height])
         u, v = side * X, side * draw.between(0.2, 1) * Y
         if turn == "parallel":
             centre[0] += 4 * side * k
@@ -91,45 +125,37 @@ def lamp(draw: Draw) -> Case:
             rectangle = turned_to_front((centre, u, v[1] * UP), -Y * np.sign(centre[1]))
         else:
             axes = draw.rotation()
-            rectangle = turned_to_front((centre, axes @ u, axes @ v), -UP - centre)
+            rectangle = turned_to_front((centre, axes @ u, axes @ v), -UP * reach - centre)
         if corners(rectangle)[:, 2].min() < 0.05 * height:
             raise Unsuitable
-        lamps.append(rectangle)
-    sources = [add_source(draw, file, f"lamp{k}", r, T) for k, r in enumerate(lamps)]
-    names = [name for parts in sources for name in parts]
-    room = room_around(draw, file, height + half_floor + 20 * side, T)
+        rectangles.append(rectangle)
+    ends = np.array([corners(rectangle)[:, 0] for rectangle in rectangles])
+    if np.any(ends.max(axis=1)[:-1] > ends.min(axis=1)[1:]):
+        raise Unsuitable
+    return rectangles
+
+
+def lamp(draw: Draw) -> Case:
+    """A floor and one to three rectangles above it, parallel, perpendicular or inclined."""
+    rho, half_window = draw.between(0.05, 0.95), 1.0
+    T = {"floor": draw.background()}
+    half_floor = half_window * draw.size(1.5, 10)
+    file, up = floor_scene(draw, half_floor, rho, T["floor"]), draw.up()
+    turn = str(draw.rng.choice(["parallel", "perpendicular", "inclined"]))
+    lamps = Lamps(draw, file, rectangles_above(draw, turn), T)
+    farthest = max(np.linalg.norm(corners(r), axis=1).max() for r in lamps.rectangles)
+    room = room_around(draw, file, half_floor * np.sqrt(2) + farthest, T)
     bounces = draw.whole(1, 3)
-    eye = 0.5 * min(corners(rectangle)[:, 2].min() for rectangle in lamps)
-    file.camera(eye * UP, -UP, up, half_window, 4 * eye)
-
-    def shares(points):
-        of_parts, blocked = [], 0.0
-        for parts, rectangle in zip(sources, lamps):
-            front = (points - rectangle[0]) @ normal_of(rectangle) > 0
-            share = [to_polygon(points, UP, corners(part)) for part in parts.values()]
-            blocked = blocked + share[-1]
-            of_parts += [share[0] * front] if len(share) == 1 else whole_less_part(share, front)
-        return [*of_parts, blocked]
-
-    *of_lamps, blocked = converged(shares, np.zeros(3), up, half_window)
+    eye = 0.5 * lamps.lowest
+    file.camera(eye * UP, -UP, up, half_window, 4 * eye, lens=draw.lens())
+    *of_lamps, blocked = converged(lamps.shares, np.zeros(3), up, half_window)
     window = (np.zeros(3), half_window * np.cross(-UP, up), half_window * up)
-    window = turned_to_front(window, UP)
-
-    @cache
-    def factors():
-        """What the window receives from each source, and what the lamps take from the room."""
-        received, taken = [], 0.0
-        for parts in sources:
-            share = [by_areas(window, part, 6) for part in parts.values()]
-            received += share if len(share) == 1 else whole_less_part(share, 1.0)
-            centre, u, v = list(parts.values())[-1]
-            taken += share[-1] + by_areas(window, (centre, -u, v), 6)
-        return np.array(received), taken
+    factors = cache(lambda: lamps.factors(turned_to_front(window, UP)))
 
     def second(B, materials):
         rho = materials["floor.reflectance"]
-        received, taken = factors()
-        total = received @ [B[name] for name in names]
+        *received, taken = factors()
+        total = received @ np.array([B[name] for name in lamps.names])
         if room:
             total += (1 - taken) * B["room"]
         return (1 - rho) * B["floor"] + rho * total
@@ -141,9 +167,10 @@ def lamp(draw: Draw) -> Case:
         bounces,
         half_window=half_window,
         materials={"floor.reflectance": rho},
-        response=reflected(of_lamps, blocked, names, room, bounces),
+        response=reflected(of_lamps, blocked, lamps.names, room, bounces),
         second=second,
         second_error=1e-3,
+        shows="floor",
     )
 
 
@@ -161,7 +188,7 @@ def in_mirror(draw: Draw) -> Case:
     place = np.array([2.0, draw.between(-1, 1), low])
     T["lamp"] = draw.temperature(300)
     file.rectangle(place, side * X, side * Y, BLACK + thermal("lamp", T["lamp"]))
-    file.camera(0.5 * height * UP, -UP, up, 1.0, 4 * height)
+    file.camera(0.5 * height * UP, -UP, up, 1.0, 4 * height, lens=draw.lens())
     image = turned_to_front((place * [1, 1, 0] + (2 * height - low) * UP, side * X, side * Y), -UP)
     images = {"lamp": image, "floor": (2 * height * UP, half_floor * X, -half_floor * Y)}
     lamp_share, whole = converged(
@@ -194,6 +221,7 @@ def in_mirror(draw: Draw) -> Case:
         response=response,
         second=second,
         second_error=1e-4,
+        shows="floor",
         unlimited=lambda B, materials: np.nan,
     )
 
@@ -209,7 +237,7 @@ def ball(draw: Draw) -> Case:
     file.sphere(centre, radius, BLACK + thermal("ball", T["ball"]))
     room = room_around(draw, file, centre[2] + half_floor, T)
     bounces, eye = draw.whole(1, 3), 0.5 * (centre[2] - radius)
-    file.camera(eye * UP, -UP, up, 1.0, 4 * eye)
+    file.camera(eye * UP, -UP, up, 1.0, 4 * eye, lens=draw.lens())
 
     def shares(points):
         d = centre - points
@@ -249,6 +277,7 @@ def ball(draw: Draw) -> Case:
         response=reflected(share[None], share, ["ball"], room, bounces),
         second=second,
         second_error=2e-4,
+        shows="floor",
     )
 
 
@@ -272,7 +301,7 @@ def box(draw: Draw) -> Case:
         file.rectangle(*rectangle, BLACK + thermal(name, T[name]))
     half_window = draw.between(0.2, 0.99) * min(a, b) / (1 if up[1] == 1 else np.sqrt(2))
     bounces, eye = draw.whole(1, 3), 0.5 * height
-    file.camera(eye * UP, -UP, up, half_window, 4 * eye)
+    file.camera(eye * UP, -UP, up, half_window, 4 * eye, lens=draw.lens())
     names = list(sides)
     shares = converged(
         lambda points: [to_polygon(points, UP, corners(sides[name])) for name in names],
@@ -316,6 +345,7 @@ def box(draw: Draw) -> Case:
         response=reflected(shares, 0, names, False, bounces),
         second=second,
         second_error=1e-4,
+        shows="floor",
     )
 
 
@@ -341,7 +371,7 @@ def keyhole(draw: Draw) -> Case:
         ):
             file.rectangle(*turned_to_front((centre + screen * UP, u, v), -UP), BLACK)
     bounces, eye = draw.whole(1, 3), 0.5 * screen
-    file.camera(eye * UP, -UP, up, 1.0, 4 * eye)
+    file.camera(eye * UP, -UP, up, 1.0, 4 * eye, lens=draw.lens())
     square = (-side, side)
     opening = (-hole, hole)
     to_hole = parallel_rectangles(square, square, opening, opening, height - screen)
@@ -365,6 +395,7 @@ def keyhole(draw: Draw) -> Case:
         response=reflected(np.full((1, 1, 1), share), 0, ["lamp"], False, bounces),
         second=second,
         second_error=1e-6,
+        shows="floor",
     )
 
 
@@ -386,13 +417,9 @@ def shadow(draw: Draw) -> Case:
     if np.sqrt(2) * side + height / np.tan(elevation) > 0.9:
         raise Unsuitable
     file.rectangle(height * UP, side * X, side * Y, BLACK)
-    name = "sun.csv"
-    file.texts[name] = "wavelength_um,irradiance_W_m2_um\n" + "".join(
-        f"{um:.1f},{SUN_SPECTRAL}\n" for um in SUN_UM
-    )
-    file.sun(toward, name)
+    irradiance = file.sun(toward, draw.band)
     bounces, eye = draw.whole(1, 3), 0.5 * height
-    file.camera(eye * UP, -UP, up, 1.0, 4 * eye)
+    file.camera(eye * UP, -UP, up, 1.0, 4 * eye, lens=draw.lens())
     lit = 1 - side**2
 
     def response(B, materials):
@@ -408,7 +435,6 @@ def shadow(draw: Draw) -> Case:
         dark = abs(x @ np.roll(y, 1) - y @ np.roll(x, 1)) / 2 / 4
         return (1 - rho) * B["floor"] + rho / np.pi * B["sun"] * toward[2] * (1 - dark)
 
-    lower, upper = {"SWIR": (1, 3), "MWIR": (3, 5), "LWIR": (8, 12)}[draw.band]
     return draw.case(
         "shadow",
         file,
@@ -418,5 +444,6 @@ def shadow(draw: Draw) -> Case:
         response=response,
         second=second,
         error=1e-5,
-        irradiance=SUN_SPECTRAL * (upper - lower),
+        shows="floor",
+        irradiance=irradiance,
     )

@@ -40,3 +40,8 @@ def by_quadrature(band: str, temperature: float, photons: bool = False) -> float
     if photons:
         spectral *= wavelength / (h * c)
     return float((WEIGHTS * spectral).sum() * (upper - lower) / 2 * 1e-6)
+
+
+def photons_of_even_light(band: str) -> float:
+    """Photons per joule of light whose spectrum is constant over a band."""
+    return sum(BANDS_UM[band]) / 2 * 1e-6 / (h * c)

@@ -6,6 +6,8 @@ from pathlib import Path
 import mitsuba as mi
 import numpy as np
 
+from docs.studies.claims.planck import BANDS_UM
+
 PIXELS = 8  # along each side of the film
 HEAD = """<scene version="3.0.0">
     <default name="band" value="{band}"/>
@@ -14,9 +16,10 @@ HEAD = """<scene version="3.0.0">
         <string name="emitter_sampling" value="{sampling}"/> <string name="closure" value="none"/>
     </integrator>
 """
-SENSOR = """    <sensor type="orthographic">
+SENSOR = """    <sensor type="{kind}">
         <transform name="to_world"> <matrix value="{matrix}"/> </transform>
         <float name="near_clip" value="{near!r}"/> <float name="far_clip" value="{far!r}"/>
+        {lens}
         <film type="hdrfilm">
             <integer name="width" value="{pixels}"/> <integer name="height" value="{pixels}"/>
             <string name="pixel_format" value="luminance"/> <rfilter type="box"/>
@@ -34,6 +37,9 @@ property list uchar int vertex_indices
 {attribute}end_header
 """
 UP = np.array([0.0, 0.0, 1.0])
+SUN_UM, SUN_SPECTRAL = np.arange(0.5, 15.01, 0.1), 30.0  # of the sun's table; W m^-2 um^-1
+WIDEST = 5.0  # largest half of a window of a camera with a lens, in distances
+APERTURE = 0.05  # radius of a lens, in distances
 FARTHEST = 5e8  # radius of a room; the loader refuses shapes beyond 1e9 m
 
 
@@ -104,6 +110,7 @@ class SceneFile:
     def __init__(self, place: Place):
         self.place, self.parts = place, []
         self.meshes, self.texts, self.bitmaps = {}, {}, {}  # files by name
+        self.sensors = 1
 
     def shape(self, kind: str, inside: str, transform: str = "") -> None:
         to_world = f'<transform name="to_world"> {transform} </transform>' if transform else ""
@@ -160,8 +167,12 @@ class SceneFile:
         radius = min(radius, FARTHEST / self.place.scale)
         self.sphere(centre, radius, BLACK + thermal(group, temperature, "sky"), inward=True)
 
-    def sun(self, direction, name: str) -> None:
-        """The sun in a direction, with the irradiance of a file."""
+    def sun(self, direction, band: str) -> float:
+        """The sun in a direction. Returns its irradiance in the band [W m^-2]."""
+        name = "sun.csv"
+        self.texts[name] = "wavelength_um,irradiance_W_m2_um\n" + "".join(
+            f"{um:.1f},{SUN_SPECTRAL}\n" for um in SUN_UM
+        )
         x, y, z = self.place.vectors(direction)
         azimuth, elevation = np.degrees([np.arctan2(y, x), np.arcsin(np.clip(z, -1, 1))])
         self.parts.append(
@@ -169,24 +180,42 @@ class SceneFile:
             f'<float name="elevation_deg" value="{float(elevation)!r}"/> '
             f'<string name="band" value="$band"/> <string name="air" value="{name}"/> </emitter>\n'
         )
+        lower, upper = BANDS_UM[band]
+        return SUN_SPECTRAL * (upper - lower)
 
-    def camera(self, eye, direction, up, half_window: float, far: float) -> None:
-        """An orthographic camera whose window is 2 x half_window wide and high."""
+    def camera(self, eye, direction, up, half_window: float, far: float, lens: str = "") -> None:
+        """An orthographic camera whose window is 2 x half_window wide and high.
+
+        lens: kind of a second sensor at the same place that images the same square of the plane
+        z = 0; "" for none. The camera then looks down.
+        """
         direction = np.asarray(direction, float) / np.linalg.norm(direction)
         left = np.cross(up, direction)
         left /= np.linalg.norm(left)
         axes = [self.place.vectors(axis) for axis in (left, np.cross(direction, left), direction)]
         half = self.place.scale * half_window
-        self.parts.append(
-            SENSOR.format(
-                matrix=matrix_text(
-                    (half * axes[0], half * axes[1], axes[2]), self.place.points(eye)
-                ),
-                near=float(1e-5 * far * self.place.scale),
-                far=float(far * self.place.scale),
-                pixels=PIXELS,
-            )
-        )
+        clips = {
+            "near": float(1e-5 * far * self.place.scale),
+            "far": float(far * self.place.scale),
+            "pixels": PIXELS,
+        }
+
+        def sensor(kind: str, *columns, lines: str = "") -> str:
+            matrix = matrix_text(columns, self.place.points(eye))
+            return SENSOR.format(kind=kind, matrix=matrix, lens=lines, **clips)
+
+        self.parts.append(sensor("orthographic", half * axes[0], half * axes[1], axes[2]))
+        if lens and half_window < WIDEST * eye[2]:
+            distance = eye[2] * self.place.scale
+            angle = 2 * float(np.degrees(np.arctan(half / distance)))
+            lines = f'<float name="fov" value="{angle!r}"/>'
+            if lens == "thinlens":
+                lines += (
+                    f' <float name="focus_distance" value="{float(distance)!r}"/> '
+                    f'<float name="aperture_radius" value="{float(APERTURE * distance)!r}"/>'
+                )
+            self.parts.append(sensor(lens, *axes, lines=lines))
+            self.sensors += 1
 
     def write(self, folder: Path, band: str, bounces: int, sampling: str) -> Path:
         """Write the scene and its files into the folder; returns the scene's path."""

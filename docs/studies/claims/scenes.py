@@ -2,11 +2,12 @@
 
 import numpy as np
 
-from docs.studies.claims import bodies, enclosed, lit, seen
+from docs.studies.claims import bodies, combined, enclosed, lit, seen
 from docs.studies.claims.case import Case, Draw, Unsuitable
 
 KINDS = {
     lit.lamp: 5,  # how often, relative to the others
+    combined.combined: 8,
     lit.in_mirror: 1,
     lit.ball: 1,
     lit.box: 2,

@@ -95,8 +95,12 @@ def stripes(draw: Draw) -> Case:
         hot = sum(clipped_area(polygon[:, :2], 1.0) for polygon in polygons) / 4
         return hot * B["stripes"] + (1 - hot) * B["plate"]
 
+    def shows(B, materials):
+        hot = share.mean()
+        return {"stripes": hot * B["stripes"], "plate": (1 - hot) * B["plate"]}
+
     kind = "stripes, " + ("along the film" if angle in (0, np.pi / 2) else "at an angle")
-    parts = {"materials": {}, "response": response, "second": second}
+    parts = {"materials": {}, "response": response, "second": second, "shows": shows}
     return draw.case(kind, file, T, bounces, **parts)
 
 
@@ -131,8 +135,11 @@ def specks(draw: Draw) -> Case:
         excess = [shares[name] * (B[name] - B["plate"]) for name in shares]
         return B["plate"] + sum(excess)
 
+    def shows(B, materials):
+        return {name: s * B[name] for name, s in ({"plate": 1 - area} | shares).items()}
+
     kind = "specks, " + ("seen" if area else "unseen")
-    parts = {"materials": {}, "response": response, "second": second}
+    parts = {"materials": {}, "response": response, "second": second, "shows": shows}
     return draw.case(kind, file, T, bounces, **parts)
 
 
@@ -176,25 +183,33 @@ def layers(draw: Draw) -> Case:
     def along_rays(x, y, B):
         """Radiance with 0 and 1 reflections of the rays through these points."""
         down, passed, first = 1.0 * np.ones_like(x), [], np.zeros_like(x)
+        front = np.full(x.shape, count)  # number of the first sheet on each ray
         for k, sheet in enumerate(sheets):
             covers = (sheet[0, 0] < x) & (x < sheet[0, 1]) & (sheet[1, 0] < y) & (y < sheet[1, 1])
+            front = np.where(covers & (front == count), k, front)
             t = np.where(covers, through[k], 1.0)
             first = first + down * (1 - t) * B[f"plume{k}"]
             down = down * t
             passed.append((t, B[f"plume{k}"]))
         if not reflectance:
-            return [first + down * B["plate"]]
+            return [first + down * B["plate"]], front
         second, up = np.zeros_like(x), reflectance * down
         for t, radiance in reversed(passed):
             second = second + up * (1 - t) * radiance
             up = up * t
-        return [first, second + up * B["ceiling"]]
+        return [first, second + up * B["ceiling"]], front
+
+    weight = np.outer(np.diff(edges[1]), np.diff(edges[0])) * PIXELS**2 / 4
+
+    def shows(B, materials):
+        cells, front = along_rays(*np.meshgrid(*middle), B)
+        mean = weight * sum(cells) / PIXELS**2
+        labels = [f"plume{k}" for k in range(count)] + ["other" if reflectance else "plate"]
+        return {label: float(mean[front == k].sum()) for k, label in enumerate(labels)}
 
     def response(B, materials):
-        x, y = np.meshgrid(*middle)
-        weight = np.outer(np.diff(edges[1]), np.diff(edges[0])) * PIXELS**2 / 4
         rows = []
-        for cell in along_rays(x, y, B):
+        for cell in along_rays(*np.meshgrid(*middle), B)[0]:
             image = np.zeros((PIXELS, PIXELS))
             np.add.at(image, np.meshgrid(*number)[::-1], weight * cell)
             rows.append(image)
@@ -221,7 +236,7 @@ def layers(draw: Draw) -> Case:
         return float(np.prod(np.maximum(sides, 0)) / 4)
 
     kind = "plumes, " + ("before a mirror" if reflectance else "before a plate")
-    parts = {"materials": {}, "response": response, "second": second}
+    parts = {"materials": {}, "response": response, "second": second, "shows": shows}
     return draw.case(kind, file, T, bounces, **parts)
 
 
@@ -257,5 +272,9 @@ def mirrored(draw: Draw) -> Case:
         of_mirror, image = area(np.zeros(3), half), area(np.array([x, y, 0.0]), side)
         return (1 - of_mirror) * B["plate"] + reflectance * image * B["speck"]
 
-    parts = {"materials": {}, "response": response, "second": second}
+    def shows(B, materials):
+        plate, of_mirror = response(B, materials)[:2, 0, 0]
+        return {"plate": plate, "other": of_mirror}
+
+    parts = {"materials": {}, "response": response, "second": second, "shows": shows}
     return draw.case("mirror", file, T, bounces, **parts)

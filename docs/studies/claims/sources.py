@@ -42,20 +42,27 @@ def add_source(draw: Draw, file: SceneFile, name: str, rectangle, T: dict) -> di
         )
         file.rectangle(*rectangle, BLACK + emitter)
         return {name: rectangle}
+    return add_spotted(draw, file, name, rectangle, T, way)
+
+
+def add_spotted(
+    draw: Draw, file: SceneFile, name: str, rectangle, T: dict, way: str, surface: str = BLACK
+) -> dict:
+    """Add a rectangle with one hot spot, as a texture or as facets; returns as `add_source`."""
     hot, cold = f"{name}@hot", f"{name}@cold"
     T[hot], T[cold] = draw.temperature(300), draw.background()
     count = int(draw.rng.choice([4, 32]))
     i, j = draw.whole(0, count - 1), draw.whole(0, count - 1)
     if way == "texture":
         image = np.full((count, count), T[cold])
-        image[count - 1 - j, i] = T[hot]  # rows are counted from the top
+        image[j, i] = T[hot]
         file.bitmaps[f"{name}.exr"] = image
         texture = (
             '<texture name="temperature" type="bitmap"> '
             f'<string name="filename" value="{name}.exr"/> <string name="filter_type" '
             'value="nearest"/> <boolean name="raw" value="true"/> </texture>'
         )
-        file.rectangle(*rectangle, BLACK + of_texture(name, texture))
+        file.rectangle(*rectangle, surface + of_texture(name, texture))
     else:
         polygons = [
             corners(cell(rectangle, count, a, b)) for a in range(count) for b in range(count)
@@ -66,5 +73,5 @@ def add_source(draw: Draw, file: SceneFile, name: str, rectangle, T: dict) -> di
             '<texture name="temperature" type="mesh_attribute"> '
             '<string name="name" value="face_temperature"/> </texture>'
         )
-        file.mesh(polygons, BLACK + of_texture(name, texture), temperatures)
+        file.mesh(polygons, surface + of_texture(name, texture), temperatures)
     return {hot: cell(rectangle, count, i, j), cold: rectangle}
