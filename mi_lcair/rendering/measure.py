@@ -9,9 +9,9 @@ from mi_lcair.errors import InputError
 from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.plugins.paths.launch import ParallelRays
 from mi_lcair.rendering.aiming import aim_at_model
-from mi_lcair.rendering.emitter_sampling import WORTH_ASKING, drawing_is_cheaper, is_open
 from mi_lcair.rendering.limits import check_memory
 from mi_lcair.rendering.measurands import Criterion, Measurands
+from mi_lcair.rendering.pilots import WORTH_ASKING, cheapest, open_settings
 from mi_lcair.rendering.pixels.allocation import Allocation, allocate
 from mi_lcair.rendering.pixels.errors import PixelCriterion
 from mi_lcair.rendering.sampling import TWO_CHOICES, Sampling
@@ -64,18 +64,18 @@ def measure(
     elif sampling.spp is not None:
         raise InputError(TWO_CHOICES)
     windows.check(sampling)
-    asks = is_open(scene, measurands, criterion)
+    settings = open_settings(scene, measurands, criterion)
     with scene.prepared(measurands.by_spectrum, measurands.explored, measurands.bins) as tracer:
         kept = windows.count * (windows.randomisations if windows.by_randomisation else 1)
         check_memory(kept, tracer, None if measurands.reduced else measurands.channels.split)
         if criterion is not None:
             criterion.check(tracer, scene.name)
         plan = scene, tracer, windows, sampling, measurands, criterion
-        total = _until_met(*plan, aim, WORTH_ASKING if asks else np.inf)
+        total = _until_met(*plan, aim, WORTH_ASKING if settings else np.inf)
     if total is not None:
         return total
-    draws = drawing_is_cheaper(scene, windows, sampling, measurands, criterion)
-    with changed(scene, emitter_sampling=draws):
+    best = cheapest(scene, settings, windows, sampling, measurands, criterion)
+    with changed(scene, **best):
         return measure(scene, windows, sampling, measurands, criterion, aim)
 
 

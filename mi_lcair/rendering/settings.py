@@ -4,9 +4,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from mi_lcair.errors import unknown
+from mi_lcair.plugins.integrators.bounce_path import BouncePath
 from mi_lcair.rendering.scene import Scene
 
-INTEGRATOR = ("max_bounces", "emitter_sampling", "closure", "ambient_temperature", "truncation")
+INTEGRATOR = tuple(entry.name for entry in BouncePath.PROPERTIES)
 
 
 @contextmanager
@@ -16,9 +17,8 @@ def changed(
     """Context manager in which a scene has other settings; they are restored at the end.
 
     lobe: lobe of all reflection models, or of some materials as a dictionary (brdf, mirror or
-    diffuse). settings: max_bounces, emitter_sampling, closure, ambient_temperature and truncation,
-    the properties of bounce_path. Raises InputError for an unknown name, material or lobe, and for
-    values that contradict each other.
+    diffuse). settings: properties of bounce_path. Raises InputError for an unknown name, material
+    or lobe, and for values that contradict each other.
     """
     integrator = scene.mi.integrator()
     for name in settings:

@@ -37,6 +37,9 @@ class BouncePath(RBIntegrator):
                                 emitters (multiple importance sampling); the sun, and lights
                                 that no path can hit (point, spot), are always drawn. auto: no,
                                 unless a pilot finds that a tolerance is then met sooner     (auto)
+    opening_sampling    boolean reflected paths that would leave a hollow mesh through an opening,
+                                where they meet no radiance, are drawn again. auto: as for
+                                emitter_sampling                                             (auto)
     closure             string  estimate of the radiance beyond max_bounces reflections      (none)
                                 none: it is left out; ambient: one more reflection, and the
                                 surface which that ray hits radiates as a blackbody at
@@ -68,6 +71,7 @@ class BouncePath(RBIntegrator):
     PROPERTIES = (
         Property("max_bounces", "integer", 4, lower=0, upper=10_000),
         Property("emitter_sampling", "boolean", AUTO, choices=(AUTO,)),
+        Property("opening_sampling", "boolean", AUTO, choices=(AUTO,)),
         Property("closure", "string", "none", choices=("none", "ambient", "tail")),
         Property("ambient_temperature", "float", upper=HOTTEST, is_positive=True, unit="K"),
         Property("truncation", "float", 0.0, lower=0, upper=1),
@@ -144,6 +148,7 @@ class BouncePath(RBIntegrator):
         emission is recorded by spectrum, the BSDFs that are explored, and the number of bins.
         """
         settings = [getattr(self, entry.name) for entry in self.PROPERTIES]
+        settings = [False if value == AUTO else value for value in settings]
         state, key = SceneState(objects, scene, *settings), (*of_tracer, *settings)
         if key in kept and kept[key][0] == state:
             return kept[key][1]

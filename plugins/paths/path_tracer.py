@@ -17,6 +17,7 @@ from mi_lcair.plugins.bsdfs.reflection_bsdf import ReflectionBSDF
 from mi_lcair.plugins.columns.control import control_of
 from mi_lcair.plugins.derivatives import attached, derivations, deriving, flatten, own_memory
 from mi_lcair.plugins.emission.draw_table import UnmetSources
+from mi_lcair.plugins.emission.drawing.openings import Openings
 from mi_lcair.plugins.emission.emissivity import Table
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
 from mi_lcair.plugins.paths.launch import Launch, ParallelRays, Paths
@@ -70,6 +71,8 @@ class PathTracer(RBIntegrator):
             ambient = mi.Float(in_band_radiance(emitters.band, settings.ambient_temperature))
         most, samples = settings.max_bounces, settings.emitter_sampling is True
         paths = Walk(scene, emitters, most, samples, ambient, explored)
+        if settings.opening_sampling is True and not emitters.passes and emitters.sun is None:
+            paths.openings = Openings.of(scene)
         if has_bins:
             T = None if ambient is None else settings.ambient_temperature
             paths.by_bin = ByBin(scene, emitters.band, T, bins)
@@ -137,13 +140,14 @@ class PathTracer(RBIntegrator):
 
     @contextmanager
     def controlled(self, sensor, seed):
-        """Context manager in which replays have a control variate."""
+        """Context manager in which replays have a control variate, and follow each first try."""
         sensor = self.scene.sensors()[sensor] if isinstance(sensor, int) else sensor
-        self.paths.control = control_of(self, sensor, int(mi.UInt32(seed)[0]))
+        openings, self.paths.openings = self.paths.openings, None
         try:
+            self.paths.control = control_of(self, sensor, int(mi.UInt32(seed)[0]))
             yield
         finally:
-            self.paths.control = None
+            self.paths.control, self.paths.openings = None, openings
 
     def radiance(self, sampler, ray, recorders: Recorders) -> tuple[mi.Float, Recorders]:
         """Radiance of each path [W m^-2 sr^-1], and what was recorded along it."""

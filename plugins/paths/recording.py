@@ -76,7 +76,8 @@ class Recorded:
         Raises RuntimeError if it cannot be made. All recordings are dropped in that case.
         """
         attributes = tuple(vars(plugin) for plugin in self.plugins)
-        derived = tracer.emitters, tracer.ambient_radiance, tracer.paths.explored
+        paths = tracer.paths
+        derived = tracer.emitters, tracer.ambient_radiance, paths.explored, paths.openings
         arrays = flatten((attributes, derived))
         call = Unseen((tracer, self.plugins, attributes))
         try:

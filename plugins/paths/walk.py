@@ -13,6 +13,7 @@ from mitsuba.python.ad.integrators.common import mis_weight
 from mi_lcair.plugins.bins.by_bin import ByBin
 from mi_lcair.plugins.bsdfs.plume import is_passed
 from mi_lcair.plugins.derivatives import value_along
+from mi_lcair.plugins.emission.drawing.openings import Openings
 from mi_lcair.plugins.emission.drawing.spherical_polygon import Receiver
 from mi_lcair.plugins.emission.emitter_table import MOST_PASSED, EmitterTable
 from mi_lcair.plugins.emission.samples import DrawnDirection
@@ -108,7 +109,8 @@ class Walk:
     shares_hits: whether emitters that a ray can hit are also drawn. ambient_radiance: radiance of
     any surface after one more reflection [W m^-2 sr^-1]; None: the path ends before. explored: for
     the pointer to a BSDF, a positive number if it is explored; None if none is, see `exploring`.
-    by_bin: tables of spectral materials; None if the scene has none.
+    by_bin: tables of spectral materials; None if the scene has none. openings: those through which
+    no path leaves by chance; None where paths do.
     """
 
     def __init__(
@@ -121,6 +123,7 @@ class Walk:
         self.ambient_radiance: mi.Float | None = ambient_radiance
         self.explored: mi.UInt32 | None = explored
         self.by_bin: ByBin | None = None
+        self.openings: Openings | None = None
         self.control = None  # control variate of a replay, see `Control`
 
     @property
@@ -331,9 +334,7 @@ class Walk:
         if not self.emitters.draws:
             numbers = sampler.next_1d(), sampler.next_2d()
             bs, weight = bsdf.sample(ctx, si, *numbers, hit.goes_on)
-            if self.by_bin is not None:
-                self.by_bin.reflect(path.by_bin, hit, bs, weight)
-            becomes_latent = self.becomes_latent(path, hit, bs, weight)
+            bs, weight, becomes_latent = self.reflected(path, hit, sampler, bs, weight)
             return Scattering(numbers, bs, weight, None, mi.Spectrum(0), None, becomes_latent)
         # A delta lobe does not reflect light from a drawn direction. Beyond the last reflection
         # there is no emission, which the ambient radiance replaces.
@@ -367,10 +368,20 @@ class Walk:
                 part = self.bring(primal, path, hit, most, direct, value, recorders)
                 brought = brought + part[0]
             latent = None if latent is None else latent + part[1]
+        bs, weight, becomes_latent = self.reflected(path, hit, sampler, bs, weight)
+        return Scattering(numbers, bs, weight, drawn[0], brought, latent, becomes_latent)
+
+    def reflected(self, path: PathState, hit: Hit, sampler, bs, weight) -> tuple:
+        """The sampled direction in which the path goes on, its weight, and what becomes latent."""
+        factor = mi.Float(1)
+        if self.openings is not None:
+            sampled = bs, weight, hit.goes_on
+            bs, weight, factor = self.openings.reflect(
+                self.scene, self.emitters, hit.si, hit.bsdf, sampler, *sampled
+            )
         if self.by_bin is not None:
             self.by_bin.reflect(path.by_bin, hit, bs, weight)
-        becomes_latent = self.becomes_latent(path, hit, bs, weight)
-        return Scattering(numbers, bs, weight, drawn[0], brought, latent, becomes_latent)
+        return bs, weight * factor, self.becomes_latent(path, hit, bs, weight)
 
     def bring(self, primal: bool, path, hit: Hit, most, direct, value, recorders):
         """Radiance that a drawn direction brings, and that along latent paths, or None.

@@ -166,6 +166,7 @@ def header(scene: Scene, sampling: Sampling, spp: int, total: Totals, closure_er
         "invalid_samples": str(total.invalid),
         "max_bounces": integrator.max_bounces,
         "emitter_sampling": str(integrator.emitter_sampling),
+        "opening_sampling": str(integrator.opening_sampling),
         "closure": integrator.closure,
         "lobes": json.dumps({surface.material: surface.lobe for surface in scene.surfaces()}),
         "versions": f"mi_lcair {mi_lcair.__version__}, mitsuba {mi.__version__}, "

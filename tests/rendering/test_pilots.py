@@ -1,4 +1,4 @@
-"""Whether paths draw emitters, where the scene leaves it open."""
+"""How paths are drawn, where the scene leaves it open."""
 
 from dataclasses import replace
 
@@ -6,9 +6,9 @@ import pytest
 
 import mi_lcair
 from mi_lcair.plugins.recorders.channels import Channels
-from mi_lcair.rendering.emitter_sampling import cost, drawing_is_cheaper, is_open
 from mi_lcair.rendering.measurands import IntensityInterval, Measurands
 from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.pilots import cheapest, cost, open_settings
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.window import Windows
 
@@ -18,7 +18,7 @@ def loaded(name, **parameters):
 
 
 def test_rays_of_a_path():
-    assert cost(3.0, False) == 3 and cost(3.0, True) == 7 and cost(0.5, True) == 0.5
+    assert cost(3.0) == 3 and cost(3.0, 2) == 7 and cost(0.5, 2) == 0.5
 
 
 @pytest.mark.parametrize(
@@ -44,11 +44,12 @@ def test_the_pilot_counts_rays_in_every_split(split):
     counting = replace(Measurands.of(split), channels=Channels(split, counts_segments=True))
     total = measure(scene, windows, Sampling(paths=2**12), counting)
     assert total.mean("segments")[0] > 1
-    assert not drawing_is_cheaper(scene, windows, Sampling(), Measurands.of(split), whole)
+    arguments = windows, Sampling(), Measurands.of(split), whole
+    assert cheapest(scene, ["emitter_sampling"], *arguments) == {"emitter_sampling": False}
 
 
 def test_where_little_is_needed_no_pilot_decides(monkeypatch):
-    monkeypatch.setattr("mi_lcair.rendering.measure.drawing_is_cheaper", pytest.fail)
+    monkeypatch.setattr("mi_lcair.rendering.measure.cheapest", pytest.fail)
     mi_lcair.signature(loaded("furnace", emitter_sampling="auto"), tolerance=0.01)
 
 
@@ -56,11 +57,24 @@ def test_who_is_asked():
     """Not a scene that says it, a fixed number of paths, or derivatives."""
     target, criterion = Measurands.of("target"), IntensityInterval(0.01)
     scene = loaded("cavity", emitter_sampling="auto")
-    assert is_open(scene, target, criterion)
-    assert not is_open(scene, target, None)
-    assert not is_open(scene, Measurands(target.channels, reduced=lambda sums: sums), criterion)
+    both = ["emitter_sampling", "opening_sampling"]
+    assert open_settings(scene, target, criterion) == both
+    assert open_settings(scene, target, None) == []
+    reduced = Measurands(target.channels, reduced=lambda sums: sums)
+    assert open_settings(scene, reduced, criterion) == []
     for text in ("true", "false"):
-        assert not is_open(loaded("cavity", emitter_sampling=text), target, criterion)
+        scene = loaded("cavity", emitter_sampling=text)
+        assert open_settings(scene, target, criterion) == ["opening_sampling"]
+
+
+@pytest.mark.parametrize(("opening", "avoided"), [(8, True), (80, False)])
+def test_small_openings_are_avoided(opening, avoided):
+    """A path leaves the small one at one reflection in 32, the large one at one in 4."""
+    scene = loaded("cavity", opening=opening)
+    windows = Windows.whole(scene.sensor(0))
+    arguments = Sampling(seed=1), Measurands.of("target"), IntensityInterval(1e-3)
+    best = cheapest(scene, ["emitter_sampling", "opening_sampling"], windows, *arguments)
+    assert best == {"emitter_sampling": False, "opening_sampling": avoided}
 
 
 def test_a_source_that_no_path_has_met_counts(tmp_path):
@@ -93,4 +107,6 @@ def test_a_source_that_no_path_has_met_counts(tmp_path):
     scene = mi_lcair.load(tmp_path / "lamp.xml")
     windows = Windows.whole(scene.sensor(0))
     arguments = Sampling(seed=1), Measurands.of("target"), IntensityInterval(0.01)
-    assert drawing_is_cheaper(scene, windows, *arguments)
+    settings = ["emitter_sampling", "opening_sampling"]
+    best = cheapest(scene, settings, windows, *arguments)
+    assert best == {"emitter_sampling": True, "opening_sampling": False}
