@@ -1,7 +1,10 @@
 """Time to an error, lattice points against independent points."""
 
+import numpy as np
+
 import mi_lcair
 from benchmarks.timing import ratio, seconds
+from mi_lcair.rendering.settings import changed
 
 # Half of the 95 % interval. The rms error is then about 0.1 %.
 TOLERANCE = 0.002
@@ -32,6 +35,25 @@ track_time_to_error.params = list(SCENES)
 track_time_to_error.param_names = ["scene"]
 track_time_to_error.unit = "independent / lattice"
 track_time_to_error.timeout = 900
+
+
+def track_openings(opening=8, paths=2**13, seeds=24):
+    """Time of a cavity to an error, independent points / lattice points kept from its opening."""
+    cost = []
+    for sampler, away in (("independent", False), ("lattice", True)):
+        scene, values = mi_lcair.load("cavity", opening=opening, sampler=sampler), []
+        run = lambda seed, scene=scene, values=values: values.append(
+            mi_lcair.signature(scene, spp=-(-paths // 64**2), seed=seed).target.intensity
+        )
+        with changed(scene, opening_sampling=away):
+            run(0)  # compiles
+            time = sum(seconds(run, 1 + seed) for seed in range(seeds))
+        cost.append(time * np.var(values[1:], ddof=1))
+    return cost[0] / cost[1]
+
+
+track_openings.unit = "independent / kept from the opening"
+track_openings.timeout = 900
 
 
 def track_small_launch(rounds=9):

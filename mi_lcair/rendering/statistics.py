@@ -192,9 +192,7 @@ class Totals:
         """
         return UNSEEN * self.largest_unmet(name) / np.maximum(self.paths, 1)
 
-    def largest_unmet(
-        self, name: str | None = None, draws: np.ndarray | None = None
-    ) -> np.ndarray:
+    def largest_unmet(self, name: str | None = None, draws: np.ndarray | None = None) -> np.ndarray:
         """Largest contribution of a path that meets what no path has met yet, (windows,).
 
         draws: numbers of draws of parts of the only window, in place of those of the windows.

@@ -32,6 +32,7 @@ def test_ratio_is_one_of_times(monkeypatch):
             lambda name=name: errors.track_time_to_error(name, tolerance=0.2, rounds=1)
             for name in errors.SCENES
         ),
+        lambda: errors.track_openings(paths=2**12, seeds=3),
         lambda: errors.track_small_launch(rounds=1),
         lambda: errors.track_image(spp=4, rounds=1),
         lambda: work.track_sweep(work.AZIMUTHS[:2], ranges=(500, 800), rounds=1),
