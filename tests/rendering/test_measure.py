@@ -60,7 +60,7 @@ class Tracer:
 
 def run(tracer, sampling, criterion=None, windows=None, aim=None):
     prepared = lambda *kinds: nullcontext(tracer)
-    integrator = SimpleNamespace(emitter_sampling=False)
+    integrator = SimpleNamespace(emitter_sampling=False, opening_sampling=False, max_bounces=1)
     objects = SimpleNamespace(integrator=lambda: integrator)
     scene = SimpleNamespace(name="box", prepared=prepared, mi=objects)
     windows = windows or Windows(ANY_SENSOR, columns=len(tracer.noise), pixels=64)
