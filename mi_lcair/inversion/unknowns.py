@@ -20,6 +20,7 @@ VALUES_PER = {
     "emissivity": ("band",),
     "radiance": ("band", "state"),
     "motion": ("data",),
+    "scenario": ("state",),
 }
 FACETS = ".facets"  # end of the name of all facet temperatures of a group
 SPAN_K = 100.0  # width of the interval in which a temperature is taken to be known beforehand, K
@@ -38,6 +39,8 @@ PRECISION = {
 }
 # The same of motions by their unit, and the width of the interval that is known beforehand
 OF_MOTIONS = {"deg": (0.1, 10.0), "pixel": (0.1, 10.0), "m": (0.01, 1.0), "1": (0.02, 0.5)}
+# Half widths of 95 % intervals of the weather, by unit, up to which it is determined
+OF_WEATHER = {"K": 1.0, "1": 0.05, "hPa": 10.0, "km": 2.0, "ppmv": 20.0}
 # Kinds of unknowns that are no parameters of a scene: how an image differs from the radiance
 INSTRUMENT = ("gain", "offset", "model")
 
@@ -53,8 +56,8 @@ class Unknown:
     name : str
         Name of the scene's parameter.
     kind : str
-        "temperature", "facet", "radiance", "emissivity", "material", "spectrum", "motion", "gain",
-        "offset" or "model".
+        "temperature", "facet", "radiance", "emissivity", "material", "spectrum", "motion",
+        "scenario" (of weather), "gain", "offset" or "model".
     unit : str
         Unit of the value.
     start, lower, upper : float
@@ -105,6 +108,8 @@ class Unknown:
         """Whether half of a 95 % interval is small enough to call the unknown determined."""
         if self.kind == "motion":
             return half_width <= OF_MOTIONS[self.unit][0]
+        if self.kind == "scenario":
+            return half_width <= OF_WEATHER[self.unit]
         absolute, relative = PRECISION[self.kind]
         return half_width <= max(absolute, relative * abs(value))
 

@@ -1,9 +1,10 @@
 """A camera's image of a scenario as a measurement: electrons of its pixels, with derivatives."""
 
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +13,13 @@ from scipy import fft
 from mi_lcair.camera.camera import Camera
 from mi_lcair.camera.electronics.frames import signal_of
 from mi_lcair.camera.electronics.response import electrons
-from mi_lcair.camera.exposure import exposure
+from mi_lcair.camera.exposure import Exposure, exposure
 from mi_lcair.camera.optics import OVERSAMPLING
 from mi_lcair.camera.scenery import Scenery
 from mi_lcair.camera.view import CameraView
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import Setting, setting_of
+from mi_lcair.detection.weather import QUANTITIES, in_weather, weather_quantities
 from mi_lcair.errors import InputError
 from mi_lcair.inversion.data.images import check_size
 from mi_lcair.plugins.emission.source import rounded
@@ -33,12 +35,9 @@ from mi_lcair.uncertainty.numbers.number import SOURCE_STEP, shifted
 COUNTS = "counts"
 CHANNELS = {COUNTS: "counts.Y", TEMPERATURE: "temperature.Y"}  # of the file of `mi-lcair image`
 SPREAD_PIXELS = 64  # pixels along a side in which the spread of the optics is computed
-MATERIALS = (
-    "material",
-    "spectrum",
-    "emissivity",
-)  # kinds of parameters whose derivatives are differences
-MATERIAL_STEP = 0.01  # change of a parameter for such a difference, relative to its range
+# Kinds of parameters whose derivatives are differences; "scenario" is the weather
+BY_DIFFERENCES = ("material", "spectrum", "emissivity", "scenario")
+STEP = 0.01  # change of a parameter for such a difference, relative to its range
 FULL = 4.0  # distance from the full well, in standard deviations, up to which a pixel is saturated
 
 
@@ -73,6 +72,24 @@ class CameraImage:
         view = CameraView.of(setting.target, direction, observer.range_m, scenario.camera)
         scenery = Scenery.of(scenario, setting, view)
         return CameraImage(scenario, setting, camera, view, scenery)
+
+    def in_weather(self, values: Mapping[str, float]) -> "CameraImage":
+        """The image for values of the weather, in which its scene is lit from then on."""
+        scenario = in_weather(self.scenario, values)
+        setting = self.setting.through(scenario)
+        setting.light.shine_on(setting.view)
+        scenery = Scenery.of(scenario, setting, self.view)
+        return replace(self, scenario=scenario, setting=setting, scenery=scenery)
+
+    def with_value(self, name: str, value: float, predict: Callable) -> np.ndarray:
+        """What `predict` gives of this image with another value of a parameter or the weather."""
+        if name not in QUANTITIES:
+            with with_values(self.setting.view, {name: value}):
+                return predict(self)
+        try:
+            return predict(self.in_weather({name: value}))
+        finally:
+            self.setting.light.shine_on(self.setting.view)
 
     @cached_property
     def spread(self) -> float:
@@ -146,61 +163,69 @@ class CameraImage:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Electrons of independent renders, (R, H, W), and derivatives, (R, K, H, W).
 
-        names: temperatures of groups, or of parts of groups, and parameters of materials. The paths
-        do not depend on the temperatures, and each source reaches a pixel with its own spectrum
-        through the air. Derivatives with respect to materials are differences of renders with the
-        same random numbers.
+        names: temperatures of groups, or of parts of groups, parameters of materials and quantities
+        of the weather. The paths do not depend on the temperatures, and each source reaches a pixel
+        with its own spectrum through the air. Derivatives with respect to materials and weather are
+        differences of renders with the same random numbers.
         """
-        sampling, scene = self.scenario.render.of_image(), self.setting.view
-        if spp is not None:
-            sampling = replace(sampling, spp=spp, tolerance=None, max_spp=None)
+        scene = self.setting.view
         bounces = max(self.scenario.render.max_bounces, default=scene.mi.integrator().max_bounces)
-        camera, around = self.camera, self.view.around
-        background = self.scenery.image(camera.band, camera.optics)
         images, columns = [], []
-        parameters = {name: parameter(scene, name) for name in names}
-        is_hot = any(of.kind not in MATERIALS for of in parameters.values())
+        weather = weather_quantities(self.scenario.atmosphere)
+        parameters = {name: weather.get(name) or parameter(scene, name) for name in names}
+        is_hot = any(of.kind not in BY_DIFFERENCES for of in parameters.values())
 
         def ends(sources: Sources) -> list[Sources]:
             return [hotter(sources, step, scene.band) for step in (SOURCE_STEP, -SOURCE_STEP)]
 
-        def exposed_by(seed: int, variants):
-            of_seed = replace(sampling, seed=seed % 2**32)
-            parts = self.scenery.of_parts
-            return exposure(self.setting, self.view, of_seed, camera.band, parts, variants)
-
-        def seen_by(seed: int) -> np.ndarray:
-            return camera.optics.seen(exposed_by(seed, lambda sources: ()).contrast, around)
-
         with changed(scene, lobe=self.scenario.render.lobe, max_bounces=bounces):
             for number in range(seed, seed + randomisations):
-                exposed = exposed_by(number, ends if is_hot else lambda sources: ())
-                image = camera.optics.seen(exposed.contrast, around)
-                images.append(background + image)
+                exposed = self.exposed(spp, number, ends if is_hot else lambda sources: ())
+                image = self.electrons(exposed)
+                images.append(image)
+
+                def predict(other: CameraImage, number=number) -> np.ndarray:
+                    return other.electrons(other.exposed(spp, number))
+
                 for name, of in parameters.items():
-                    if of.kind in MATERIALS:
-                        columns.append(difference(scene, of, image, partial(seen_by, number)))
+                    if of.kind in BY_DIFFERENCES:
+                        columns.append(difference(self, of, image, predict))
                         continue
                     numbers = numbers_of(exposed.sources, name, of.value)
                     high, low = (
                         sum(end[f"target.source.{k}"] for k in numbers) for end in exposed.variants
                     )
-                    columns.append(camera.optics.seen((high - low) / (2 * SOURCE_STEP), around))
+                    slope = (high - low) / (2 * SOURCE_STEP)
+                    columns.append(self.camera.optics.seen(slope, self.view.around))
         images = np.array(images)
         return images, np.array(columns).reshape(randomisations, len(names), *images.shape[1:])
 
+    def exposed(self, spp: int | None, seed: int, variants=lambda sources: ()) -> Exposure:
+        """The model in the samples of the frame, with spp in place of the scenario's sampling."""
+        sampling = replace(self.scenario.render.of_image(), seed=seed % 2**32)
+        if spp is not None:
+            sampling = replace(sampling, spp=spp, tolerance=None, max_spp=None)
+        behind = self.scenery.of_parts
+        return exposure(self.setting, self.view, sampling, self.camera.band, behind, variants)
 
-def difference(scene, of: Parameter, image: np.ndarray, render) -> np.ndarray:
-    """Derivative of an image with respect to a parameter of a material by a difference, (H, W).
+    def electrons(self, exposed: Exposure) -> np.ndarray:
+        """Electrons of the frame with the model before its background, (H, W)."""
+        background = self.scenery.image(self.camera.band, self.camera.optics)
+        return background + self.camera.optics.seen(exposed.contrast, self.view.around)
+
+
+def difference(of_image: CameraImage, of: Parameter, image: np.ndarray, predict) -> np.ndarray:
+    """Derivative of an image with respect to a parameter by a difference, (H, W).
 
     The difference is central, or one-sided where a value beside it is not possible. image: that at
-    the value of the parameter. render: gives the image of the scene as it is.
+    the value of the parameter. predict: gives the electrons of a `CameraImage`.
     """
-    step, ends = MATERIAL_STEP * min(of.upper - of.lower, 1.0), []
+    span, ends = of.upper - of.lower, []
+    step = STEP * (span if of.kind == "scenario" else min(span, 1.0))
     for value in (of.value + step, of.value - step):
         if of.lower <= value <= of.upper:
-            with suppress(InputError), with_values(scene, {of.name: value}):
-                ends.append((value, render()))
+            with suppress(InputError):
+                ends.append((value, of_image.with_value(of.name, value, predict)))
     (first, high), (second, low) = [*ends, (of.value, image)][:2]
     return (high - low) / (first - second)
 
@@ -231,6 +256,6 @@ def numbers_of(sources: Sources, name: str, value: float) -> list[int]:
     if not name.endswith(".temperature") or not numbers:
         raise InputError(
             f"'{name}' is unknown; of a camera's image only temperatures of groups, of few "
-            "temperatures, and parameters of materials can be unknown"
+            "temperatures, parameters of materials and the weather can be unknown"
         )
     return numbers

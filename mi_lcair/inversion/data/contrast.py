@@ -7,13 +7,15 @@ import numpy as np
 
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import Setting, setting_of
+from mi_lcair.detection.weather import in_weather
 from mi_lcair.errors import InputError
 from mi_lcair.rendering.settings import changed
-from mi_lcair.sensitivity.parameters import parameters_of
 from mi_lcair.sensitivity.sensitivities import Sensitivities
 from mi_lcair.sensitivity.window import differentiate_intensity
 from mi_lcair.uncertainty.numbers.contrast_number import ContrastNumber
 from mi_lcair.uncertainty.numbers.number import SOURCE_STEP, shifted
+
+WEATHER_SIGMA = 0.01  # standard deviation of the weather whose derivative is wanted, of its range
 
 
 @dataclass(frozen=True)
@@ -35,13 +37,20 @@ class MeasuredContrast:
         scenario = Scenario.read(source, **entries)
         return MeasuredContrast(scenario, setting_of(scenario))
 
+    def in_weather(self, values: Mapping[str, float]) -> "MeasuredContrast":
+        """The line of sight for values of the weather, in which its scene is lit from then on."""
+        scenario = in_weather(self.scenario, values)
+        setting = self.setting.through(scenario)
+        setting.light.shine_on(setting.view)
+        return MeasuredContrast(scenario, setting)
+
     def contrast(self, names, spp: int | None, seed: int) -> tuple[np.ndarray, np.ndarray]:
         """Contrast of each independent randomisation, and its derivatives.
 
         Parameters
         ----------
         names : sequence of str
-            K parameters of the scene.
+            K parameters of the scene, or quantities of the weather.
         spp : int or None
             In place of the samples per pixel, or the tolerance, of the scenario.
         seed : int
@@ -74,9 +83,9 @@ class MeasuredContrast:
             return self._contrast(number, names)
 
     def _contrast(self, number: ContrastNumber, names) -> tuple[np.ndarray, np.ndarray]:
-        known = parameters_of(number.scene)
-        hot = [name for name in names if known[name].kind == "temperature"]
-        rest = [name for name in names if name not in hot]
+        hot = [name for name in names if number.known[name].kind == "temperature"]
+        stated = [name for name in names if number.is_own(name)]
+        rest = [name for name in names if name not in (*hot, *stated)]
         parts = [number_of(number, rest, number.weights())]
         if hot:
             parts.append(number_of(number, hot, slope_weights(number)))
@@ -88,6 +97,10 @@ class MeasuredContrast:
         per_amount = number.terms(total, number.areas, {})[1]
         of_area = (per_amount[1] - per_amount[2])[-1]
         contrast = each[0][0] + of_area * window * area
+        for name in stated:
+            sigma = number.known[name].upper - number.known[name].lower
+            slope = number.closed_derivative(name, WEATHER_SIGMA * sigma)[0]
+            columns[name] = np.full(len(contrast), slope)
         return contrast, np.array([columns[name] for name in names]).reshape(-1, len(contrast))
 
 

@@ -2,12 +2,13 @@
 
 from collections.abc import Callable
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy import sparse
 from scipy.ndimage import maximum_filter
 
+from mi_lcair.detection.weather import QUANTITIES
 from mi_lcair.inversion.data.camera_image import CameraImage
 from mi_lcair.inversion.data.contrast import MeasuredContrast, of_randomisations
 from mi_lcair.inversion.data.images import slope
@@ -155,12 +156,19 @@ class Datum:
 
     @contextmanager
     def at(self, unknowns: list[Unknown], x: np.ndarray):
-        """Context manager in which the scene has the values x of the unknowns."""
+        """Context manager in which the scene has the values x of the unknowns.
+
+        It gives the datum with the weather that they say.
+        """
+        values, datum = self.settings(unknowns, x), self
+        if weather := {name: values.pop(name) for name in QUANTITIES if name in values}:
+            measured = {name: of for name in ("sight", "camera") if (of := getattr(self, name))}
+            datum = replace(self, **{n: of.in_weather(weather) for n, of in measured.items()})
         with (
-            changed(self.scene, self.settings(unknowns, x)),
+            changed(self.scene, values),
             with_facets(self.scene, self.facet_settings(unknowns, x)),
         ):
-            yield
+            yield datum
 
     def weight(
         self, unknowns: list[Unknown], x: np.ndarray, sampling: RenderSettings
@@ -173,12 +181,12 @@ class Datum:
         """
         if self.goal is not None:
             return self.noise(self.measured) ** -2.0
-        with self.at(unknowns, x):
+        with self.at(unknowns, x) as datum:
             if not self.is_image:
-                radiance, _ = self._traced_numbers([], sampling, self._seed(sampling, PILOT))
+                radiance, _ = datum._traced_numbers([], sampling, self._seed(sampling, PILOT))
                 variance = variance_of_mean(radiance)
             else:
-                images = self._images(sampling, self._seed(sampling, PILOT))
+                images = datum._images(sampling, self._seed(sampling, PILOT))
                 radiance = images[:, self.counts]
                 variance = maximum_filter(variance_of_mean(images), NEIGHBOURS)[self.counts]
         return 1 / (self.noise(radiance.mean(axis=0)) ** 2 + self._spread * variance)
@@ -209,8 +217,8 @@ class Datum:
         facets = [k for k in numbers if unknowns[k].kind == "facet"]
         names = [unknowns[k].name for k in dense]
         seed = self._seed(sampling, MAIN)
-        with self.at(unknowns, x):
-            traced = self._traced_image if self.is_image else self._traced_numbers
+        with self.at(unknowns, x) as datum:
+            traced = datum._traced_image if self.is_image else datum._traced_numbers
             if names or not facets:
                 radiance, columns = traced(names, sampling, seed)
             if facets:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from mi_lcair.detection.weather import weather_quantities
 from mi_lcair.errors import InputError
 from mi_lcair.inversion.data.camera_image import COUNTS, CameraImage
 from mi_lcair.inversion.data.contrast import MeasuredContrast
@@ -64,7 +65,8 @@ class Loader:
         camera = None
         if isinstance(entry, Measurement) and entry.is_of_camera:
             camera = CameraImage.of(entry.scene, entry.parameters)
-        scene = (sight or camera).setting.view if sight or camera else self.scene(entry)
+        seen = sight or camera
+        scene = seen.setting.view if seen else self.scene(entry)
         width, height = scene.sensor(entry.sensor).film().crop_size()
         check_closure(scene)
         counts, views, aspects, sigma, common = None, (), (), None, None
@@ -99,7 +101,7 @@ class Loader:
             entry.name,
             scene.band.name,
             entry.state,
-            parameters_of(scene),
+            parameters_of(scene) | (weather_quantities(seen.scenario.atmosphere) if seen else {}),
             facet_temperatures(scene, facet_groups),
             FacetTable(scene).centre if facet_groups else None,
         )

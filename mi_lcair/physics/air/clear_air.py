@@ -13,7 +13,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.air.bands import bands
 from mi_lcair.physics.air.levels import EARTH_KM, TOP_M, Levels, Weather, levels
 from mi_lcair.physics.air.light import AirLight
-from mi_lcair.physics.air.ray import Ray, ray
+from mi_lcair.physics.air.ray import NODES, WEIGHTS, Ray, ray
 from mi_lcair.physics.blackbody import spectral_radiance
 
 LOWEST_SUN_DEG = 1.0  # elevation of a sun from which its light has been compared with LOWTRAN7
@@ -171,9 +171,8 @@ class ClearAir:
 
     def means_between(self, lower_km: np.ndarray, upper_km: np.ndarray) -> np.ndarray:
         """Mean densities between pairs of heights [km], (n, c)."""
-        nodes, weights = np.polynomial.legendre.leggauss(3)
-        heights = lower_km[:, None] + (upper_km - lower_km)[:, None] * (nodes + 1) / 2
-        return np.einsum("ngc,g->nc", self.levels.at(heights)[0], weights / 2)
+        heights = lower_km[:, None] + (upper_km - lower_km)[:, None] * NODES
+        return np.einsum("ngc,g->nc", self.levels.at(heights)[0], WEIGHTS)
 
 
 def check_height(height_m: float, name: str = "height") -> None:

@@ -16,9 +16,11 @@ FIRST_KM, GROWTH = 0.005, 0.2  # length of the first layer, and of the others pe
 THICKEST_KM, THICKEST_HIGH_KM, HIGH_KM = 0.5, 2.0, 30.0  # vertical extent of a layer; above HIGH_KM
 SAMPLES = 400  # places along a ray from which its layers are chosen
 TOP_KM = 100.0
-# Nodes and weights in a layer for its amounts
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(3)
-NODES, WEIGHTS = (NODES + 1) / 2, WEIGHTS / 2
+# Nodes and weights over 0..1, in a layer for its amounts, and over a whole ray for its length
+(NODES, WEIGHTS), (LONG_NODES, LONG_WEIGHTS) = (
+    ((1 + nodes) / 2, weights / 2)
+    for nodes, weights in map(np.polynomial.legendre.leggauss, (3, 32))
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,9 +136,8 @@ class Path:
 
     def length(self, x: float) -> tuple[float, float]:
         """Length from the viewer to the coordinate x [km], and its derivative."""
-        nodes, weights = np.polynomial.legendre.leggauss(32)
-        places = self.start + (x - self.start) * (nodes + 1) / 2
-        length = float(self.at(places)[1] @ weights) * (x - self.start) / 2
+        places = self.start + (x - self.start) * LONG_NODES
+        length = float(self.at(places)[1] @ LONG_WEIGHTS) * (x - self.start)
         return length, float(self.at(np.array([x]))[1][0])
 
     def end(self) -> float:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import mi_lcair
+from mi_lcair.detection.scenario import Scenario
 from mi_lcair.errors import InputError
 from mi_lcair.inversion.data.camera_image import CameraImage, numbers_of
 from mi_lcair.sensitivity.parameters import changed
@@ -126,7 +127,7 @@ def test_what_a_camera_s_image_does_not_take(scenario, tmp_path):
     ):
         with pytest.raises(InputError, match=message):
             mi_lcair.invert(given | {"data": [data | changes]}, advise=False)
-    with pytest.raises(InputError, match="temperatures, and parameters of materials can be unk"):
+    with pytest.raises(InputError, match="parameters of materials and the weather can be unk"):
         numbers_of(SimpleNamespace(list=[]), "terrain.radiance", 30.0)
 
 
@@ -165,3 +166,43 @@ def test_a_temperature_and_a_reflectance_from_an_image(scenario, seen, tmp_path)
     assert found.converged
     for answer, value in zip(found.answers, (KELVIN[5], 0.3)):
         assert abs(answer.value - value) < 4 * answer.standard_error, answer
+
+
+HUMID = {
+    "atmosphere.table": "us_standard",
+    "observer.range_m": 3000,
+    "camera.focal_length_mm": 300,
+    "surroundings.sky": "clear",
+    "surroundings.ground": 290,
+}
+
+
+@pytest.mark.slow
+def test_derivatives_with_respect_to_the_weather(scenario):
+    """Against images of scenarios in other weathers; the light of the sky changes, too."""
+    of = lambda humidity: CameraImage.of(scenario, HUMID | {"atmosphere.humidity": humidity})
+    middle = of(0.5)
+    _, ((column,),) = middle.predicted(["scenario.air_humidity"], 4, 5, 1)
+    high, low = (of(humidity).predicted([], 4, 5, 1)[0][0] for humidity in (0.55, 0.45))
+    expected = (high - low) / 0.1
+    assert np.abs(expected).max() > 1000
+    np.testing.assert_allclose(column, expected, atol=0.02 * np.abs(expected).max())
+    # The light is again that of the scenario
+    (again,) = middle.predicted([], 4, 5, 1)[0]
+    np.testing.assert_array_equal(again, of(0.5).predicted([], 4, 5, 1)[0][0])
+
+
+@pytest.mark.slow
+def test_humidity_from_an_image(scenario, tmp_path):
+    humid = HUMID | {"atmosphere.humidity": 0.6}
+    there = Scenario.read(scenario, **humid, **{"render.spp": 64, "render.seed": 3})
+    mi_lcair.image(there).save(tmp_path / "humid.exr")
+    given = {
+        "data": [{"scene": scenario, "image": str(tmp_path / "humid.exr"), "parameters": HUMID}],
+        "unknowns": {"scenario.air_humidity": {}},
+        "render": {"spp": 4, "randomisations": 2},
+    }
+    found = mi_lcair.invert(given, advise=False)
+    answer = found["scenario.air_humidity"]
+    assert found.converged and answer.verdict == "determined"
+    assert abs(answer.value - 0.6) < 4 * answer.standard_error < 0.01

@@ -77,6 +77,47 @@ def test_temperature_from_a_contrast(tmp_path, table):
         assert row["total_W_m2"]["value"] == pytest.approx(measured, rel=5e-3)
 
 
+@pytest.mark.slow
+def test_weather_from_a_contrast(tmp_path):
+    """Humidity from the contrast of a disc that reflects most of the sky, 5 km away.
+
+    The standard error is that of the difference of two contrasts.
+    """
+    write_disc(tmp_path)
+    text = (tmp_path / "disc.xml").read_text().replace('"blackbody"', '"0.4"')
+    (tmp_path / "disc.xml").write_text(text)
+    there = {
+        "observer.range_m": 5000,
+        "observer.elevation_deg": 20,
+        "target.height_m": 1800,
+        "target.parameters.temperature": 320,
+        "atmosphere.table": "us_standard",
+        "surroundings.sky": "clear",
+        "surroundings.ground": 290,
+    }
+    changes = {name.replace(".", "__"): value for name, value in (SAMPLING | there).items()}
+    of = lambda humidity: (
+        mi_lcair.contrast(disc(tmp_path, **changes, atmosphere__humidity=humidity))
+        .rows[-1]
+        .total.value
+    )
+    measured, slope = of(0.7), (of(0.72) - of(0.68)) / 0.04
+    sigma = 0.02 * abs(slope)
+    problem = {
+        "data": [entry(tmp_path, measured, sigma, **there)],
+        "unknowns": {"scenario.air_humidity": {}},
+    }
+    found = mi_lcair.invert(problem, advise=False)
+    answer = found["scenario.air_humidity"]
+    assert answer.value == pytest.approx(0.7, abs=0.01)
+    assert answer.standard_error == pytest.approx(0.02, rel=0.1)
+    assert answer.verdict == "determined" and answer.unit == "1"
+    assert found.data[0].predicted[0] == pytest.approx(measured, rel=2e-3)
+    with pytest.raises(InputError, match="unknown parameter of the data's scenes"):
+        dry = there | {"atmosphere.table": "vacuum"}
+        mi_lcair.invert(problem | {"data": [entry(tmp_path, measured, sigma, **dry)]})
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
