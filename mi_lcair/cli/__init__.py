@@ -27,6 +27,7 @@ PURPOSES = {
         "contrast": "scenarios.contrast",
         "image": "scenarios.image",
         "sweep": "scenarios.sweep",
+        "flight": "scenarios.flight",
         "temperature": "files.temperature",
         "cavity": "scenarios.cavity",
     },

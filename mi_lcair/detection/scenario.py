@@ -4,7 +4,7 @@ A scenario is read from a TOML file and checked. Each table of the file is a dat
 """
 
 import os
-from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from os import PathLike
 from pathlib import Path
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from mi_lcair import scenes
 from mi_lcair.declared import check_fields, within
+from mi_lcair.detection.flight_path import FlightTable, Moments
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import parse_toml, read_text
 from mi_lcair.physics.air.atmosphere import VACUUM
@@ -38,6 +39,7 @@ FILES = (
     ("background", "sky"),
     ("surroundings", "sky"),
     ("sensor", "response"),
+    ("flight", "path"),
 )
 WEATHER = tuple(entry.name for entry in fields(Weather))
 WAVES = ("plane", "spherical")
@@ -66,6 +68,8 @@ REPLACES = {
 }
 
 
+# Tables that a scenario may lack, and that have no defaults then
+OPTIONAL = {"camera", "surroundings", "background", "flight"}
 OF_SCENE = "target.parameters."  # beginning of the keys of a scene's parameters
 
 
@@ -430,7 +434,8 @@ class RenderTable:
 class Scenario:
     """A scenario: its tables, its name, and its title, which is the first comment of the file.
 
-    `camera` is None without a table [camera], which only images need.
+    `camera` is None without a table [camera], which only images need. With a table [flight] the
+    scenario is that of the flight's first moment.
     """
 
     name: str
@@ -444,6 +449,7 @@ class Scenario:
     render: RenderTable = field(default_factory=RenderTable)
     camera: Imager | None = None
     surroundings: Words | None = None
+    flight: FlightTable | None = None
 
     @property
     def heading(self) -> str:
@@ -496,15 +502,23 @@ class Scenario:
             for table in tree:
                 if table not in known:
                     raise unknown("table", table, known)
+            check_moves(tree)
+            lacking = OPTIONAL | ({"observer"} if "flight" in tree else set())
             parts = {
                 table: filled(kind, tree.get(table, {}), f"[{table}]")
                 for table, kind in known.items()
-                if table in tree or table not in ("camera", "surroundings", "background")
+                if table in tree or table not in lacking
             }
             parts["background"] = background_of(tree, parts)
+            if "flight" in parts:
+                parts |= placed(parts["target"], parts["flight"].moments(), 0)
         except InputError as error:
             raise InputError(f"scenario '{source}': {error}") from None
         return Scenario(name, scenes.first_comment(text), **parts)
+
+    def at_moment(self, moments: Moments, number: int) -> "Scenario":
+        """The scenario at one moment of a flight."""
+        return replace(self, **placed(self.target, moments, number))
 
     def check_scene(self) -> None:
         """Raise InputError if there is no such scene; unlike loading, this imports no renderer."""
@@ -520,6 +534,32 @@ class Scenario:
             name: str(value).lower() if isinstance(value, bool) else str(value)
             for name, value in (self.target.parameters | pose).items()
         }
+
+
+def check_moves(tree: dict) -> None:
+    """Raise InputError if a scenario with a flight states what the path of the flight has."""
+    if "flight" not in tree:
+        return
+    for table in ("observer", "pose"):
+        if table in tree:
+            raise InputError(f"[flight] and [{table}]: give one of them; the path has both")
+    if isinstance(tree.get("target"), dict) and "height_m" in tree["target"]:
+        raise InputError("[target]: height_m is that of the path of [flight]; leave it out")
+
+
+def placed(target: TargetModel, moments: Moments, number: int) -> dict:
+    """Target, observer and pose of a scenario at one moment of a flight.
+
+    Angles that are 0 all the time are no parameters of the scene.
+    """
+    height_m = float(moments.position_m[number, 2] - moments.ground_m)
+    turned = np.any(moments.attitude_deg, axis=0)
+    pose = zip(POSE, moments.attitude_deg[number], turned)
+    return {
+        "target": replace(target, height_m=height_m),
+        "observer": Observer(position_m=tuple(map(float, moments.to_observer_m[number]))),
+        "pose": Pose(**{name: float(angle) for name, angle, is_turned in pose if is_turned}),
+    }
 
 
 def worded(key: str, value) -> tuple[str, object]:

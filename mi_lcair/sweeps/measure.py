@@ -12,6 +12,7 @@ from mi_lcair.detection.weather import AirOfLight
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.source import Source
 from mi_lcair.progress import Progress
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.views import View
 from mi_lcair.signatures.cluster import computed
 from mi_lcair.signatures.effective_areas import temperatures_of
@@ -77,7 +78,20 @@ def measure_sweep(
     for line in lines:
         if line.temperatures:
             temperatures_of(sources_of(line.subject, line.light), line.temperatures)
-    batches = planned(lines, conditions)
+    batches = planned(lines, conditions.sampling.resolution, conditions.sampling.sampling())
+    views = sum(len(batch.views) for of_lit in batches.values() for batch in of_lit)
+    of_lit, traced = areas_of(batches, folder, run, progress)
+    table = table_of(lines, of_lit, conditions)
+    return Sweep(conditions, table, views, traced, time.perf_counter() - start)
+
+
+def areas_of(
+    batches: dict[Lit, list[Batch]],
+    folder: AreasFolder | None,
+    run: Runner,
+    progress: Progress | None,
+) -> tuple[dict[Lit, ViewAreas], int]:
+    """Effective areas by subject and height of the light, and the number of views now traced."""
     everything = [batch for of_lit in batches.values() for batch in of_lit]
     known = {}
     if folder is not None:
@@ -95,14 +109,12 @@ def measure_sweep(
         done += len(batch.views)
         if progress:
             progress(done, views)
-    of_lit = {lit: joined([known[batch.key] for batch in of]) for lit, of in batches.items()}
-    table = table_of(lines, of_lit, conditions)
-    return Sweep(conditions, table, views, traced, time.perf_counter() - start)
+    joint = {lit: joined([known[batch.key] for batch in of]) for lit, of in batches.items()}
+    return joint, traced
 
 
-def planned(lines: list[Line], conditions: Conditions) -> dict[Lit, list[Batch]]:
+def planned(lines: list[Line], resolution: int, sampling: Sampling) -> dict[Lit, list[Batch]]:
     """The batches of views that the lines need, by subject and height of the light."""
-    sampling = conditions.sampling.sampling()
     views: dict[Lit, dict[View, None]] = {}
     for line in lines:
         views.setdefault((line.subject, line.light), {}).update(dict.fromkeys(line.views))
@@ -117,11 +129,11 @@ def planned(lines: list[Line], conditions: Conditions) -> dict[Lit, list[Batch]]
                 fingerprint=fingerprints[subject],
                 light=light,
                 views=some,
-                resolution=conditions.sampling.resolution,
+                resolution=resolution,
                 sampling=sampling,
                 variant=mi.variant(),
             )
-            for some in batches_of(list(of_lit), conditions.sampling.resolution)
+            for some in batches_of(list(of_lit), resolution)
         ]
         for (subject, light), of_lit in views.items()
     }

@@ -1,11 +1,15 @@
 """Quantities of a sweep's cases from effective areas, without another render."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from mi_lcair.detection.detection_range import largest_ranges
-from mi_lcair.detection.irradiance import TERMS, LineOfSources
+from mi_lcair.detection.irradiance import LineOfSources
+from mi_lcair.physics.air.atmosphere import LineOfSight
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
+from mi_lcair.physics.detector import Detector
 from mi_lcair.signatures.view_areas import Estimates, ViewAreas
 from mi_lcair.sweeps.lines import Line, Sightline
 
@@ -34,27 +38,55 @@ def rows_of(line: Line, areas: ViewAreas) -> dict[str, np.ndarray]:
 
 def of_sight(sight: Sightline, areas: ViewAreas) -> dict[str, np.ndarray]:
     """Quantities of a target at the end of a path, as `contrast` has them."""
-    detector, path = sight.detector, sight.path
-    line = LineOfSources(areas, detector.band, sight.air, sight.backdrop)
-    per_amount = dict(zip(TERMS, line.per_amount(path)))
-    # An intensity that was missed arrives at most as this irradiance
-    target, at_most = per_amount["target"], line.per_intensity(path)
-    contrast = areas.estimates(per_amount["total"], target, at_most)
-    intensity = areas.estimates(per_amount["intensity"], per_amount["intensity"], 1.0)
-    rows = {
-        **of_estimates("intensity", "W_sr", intensity),
-        **of_estimates("target", "W_m2", areas.estimates(target, target, at_most)),
-        "path_W_m2": per_amount["path"] @ areas.amounts.T,
-        "background_W_m2": per_amount["background"] @ areas.amounts.T,
-        **of_estimates("contrast", "W_m2", contrast),
-        **of_estimates("nei_max", "W_m2", Estimates(*map(detector.nei_max, contrast))),
-        **apparent_temperature(areas, detector.band, target, per_amount["path"], path.range_m),
+    line = LineOfSources(areas, sight.detector.band, sight.air, sight.backdrop)
+    _, target, path, _, _ = per_amount = line.per_amount(sight.path)
+    terms = terms_of(line, sight.path, per_amount)
+    return {
+        **of_terms(terms),
+        **beside_noise(sight.detector, terms["total"]),
+        **apparent_temperature(areas, sight.detector.band, target, path, sight.path.range_m),
     }
-    if detector.nei is not None:
-        snr = Estimates(*(np.abs(detector.signal(value)) / detector.nei for value in contrast))
-        rows |= {"nei_ratio": detector.nei_max(contrast.value) / detector.nei}
-        rows |= of_estimates("snr", "", snr)
-    return rows
+
+
+def terms_of(
+    line: LineOfSources, along: LineOfSight, per_amount: np.ndarray
+) -> dict[str, Estimates]:
+    """The TERMS of each view at the end of a path, from those per amount there.
+
+    Those of path and background have the error of the projected area alone.
+    """
+    # An intensity that was missed arrives at most as this irradiance
+    areas, at_most = line.areas, line.per_intensity(along)
+    intensity, target, path, background, total = per_amount
+    nothing = np.zeros_like(target)
+    return {
+        "intensity": areas.estimates(intensity, intensity, 1.0),
+        "target": areas.estimates(target, target, at_most),
+        "path": areas.estimates(path, nothing, 0.0),
+        "background": areas.estimates(background, nothing, 0.0),
+        "total": areas.estimates(total, target, at_most),
+    }
+
+
+def of_terms(terms: Mapping[str, Estimates]) -> dict[str, np.ndarray]:
+    """Columns of the TERMS."""
+    return {
+        **of_estimates("intensity", "W_sr", terms["intensity"]),
+        **of_estimates("target", "W_m2", terms["target"]),
+        "path_W_m2": terms["path"].value,
+        "background_W_m2": terms["background"].value,
+        **of_estimates("contrast", "W_m2", terms["total"]),
+    }
+
+
+def beside_noise(detector: Detector, contrast: Estimates) -> dict[str, np.ndarray]:
+    """Columns of a contrast and the noise of a detector."""
+    rows = of_estimates("nei_max", "W_m2", Estimates(*map(detector.nei_max, contrast)))
+    if detector.nei is None:
+        return rows
+    snr = Estimates(*(np.abs(detector.signal(value)) / detector.nei for value in contrast))
+    rows |= {"nei_ratio": detector.nei_max(contrast.value) / detector.nei}
+    return rows | of_estimates("snr", "", snr)
 
 
 def detection_ranges_of(line: Line, areas: ViewAreas) -> dict[str, np.ndarray]:

@@ -1,0 +1,51 @@
+"""mi-lcair flight: contrast and detection of a moving target against time."""
+
+import click
+
+import mi_lcair
+from mi_lcair.cli.options import (
+    FILE,
+    examples,
+    output_option,
+    plot_option,
+    scenario_options,
+)
+from mi_lcair.cli.output import check_outputs, print_result, print_written, time_row
+from mi_lcair.drawing import PICTURES
+from mi_lcair.files import together
+
+
+@click.command(
+    "flight",
+    epilog=examples("mi-lcair flight flyby.toml -o flight.csv --plot flight.png"),
+)
+@scenario_options(
+    "flight.rate_hz=1",
+    spp="Paths of each traced view, divided by the number of pixels of render.resolution.",
+    tolerance="Trace paths until half of the 95 % interval of each intensity is at most this "
+    "fraction of it (default: 1%).",
+)
+@output_option("a row for each moment, FILE.csv or FILE.nc (netCDF)", required=True)
+@click.option(
+    "--areas",
+    type=FILE,
+    metavar="FOLDER",
+    help="Keep the effective areas in this folder. What it holds is not traced again.",
+)
+@plot_option("contrast, signal-to-noise ratio and range")
+def command(options, output, areas, plot):
+    """Contrast of a scenario's target along a path.
+
+    SCENARIO is a TOML file as for `contrast`, with a table [flight] in place of [observer] and
+    [pose]: it names the CSV of a path. FILE has the range in m, the contrast in W/m^2 and the
+    signal-to-noise ratio at each moment, with their errors. Printed is when the target is first
+    detected.
+    """
+    check_outputs((output, (".csv", ".nc")), (plot, PICTURES))
+    result = options.run(mi_lcair.flight, options.read(), areas=areas)
+    with together():
+        result.save(output)
+        if plot:
+            result.plot(plot)
+    print_result(result, options.json, [time_row(result)])
+    print_written(output, plot)

@@ -1,0 +1,231 @@
+"""A flight: contrast and detection against time, from views that are traced once an aspect."""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from mi_lcair.detection.flight_path import Moments
+from mi_lcair.detection.irradiance import LineOfSources
+from mi_lcair.detection.scenario import Scenario
+from mi_lcair.detection.setting import sun_over
+from mi_lcair.errors import InputError
+from mi_lcair.progress import Progress
+from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.rendering.views import Target, View
+from mi_lcair.signatures.effective_areas import temperatures_of
+from mi_lcair.signatures.many_views import DEFAULT_TOLERANCE
+from mi_lcair.signatures.view_areas import Estimates, ViewAreas
+from mi_lcair.sweeps.areas_folder import AreasFolder
+from mi_lcair.sweeps.flight_result import Flight
+from mi_lcair.sweeps.lines import TEMPERATURE, Line, sightline
+from mi_lcair.sweeps.measure import Runner, areas_of, planned, run_here, sources_of
+from mi_lcair.sweeps.rows import beside_noise, of_terms, terms_of
+from mi_lcair.sweeps.subject import Subject, loaded
+
+STEP_DEG = 4.0  # largest angle between aspects that are traced at first, degrees
+
+
+def measure_flight(
+    scenario: Scenario,
+    folder: AreasFolder | None = None,
+    run: Runner = run_here,
+    progress: Progress | None = None,
+) -> Flight:
+    """Contrast of the target of a scenario at the moments of its flight.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        It has a table [flight].
+    folder, run
+        As for `measure_sweep`.
+    progress : callable or None
+        Called with (moments done, all moments).
+    """
+    start = time.perf_counter()
+    if scenario.flight is None:
+        raise InputError("has no table [flight]; give the CSV of a path in it: path = 'path.csv'")
+    loaded.cache_clear()  # files may have changed since the last flight
+    sources_of.cache_clear()
+    aspects = Aspects(scenario, scenario.flight.moments(), folder, run)
+    errors = aspects.refine(scenario.flight.tolerance)
+    table = table_of(aspects, errors, progress)
+    return Flight(
+        scenario=scenario,
+        table=table,
+        views=len(aspects.areas),
+        missed=sum(not areas.reached.all() for areas in aspects.areas.values()),
+        seconds=time.perf_counter() - start,
+    )
+
+
+def sampling_of(scenario: Scenario) -> Sampling:
+    """The sampling of each view; raises InputError for a tolerance that only one contrast has."""
+    render = scenario.render
+    if render.tolerance_W_m2 is not None or render.to_noise:
+        raise InputError(
+            "[render]: a flight takes spp, or tolerance of each intensity; leave tolerance_W_m2 "
+            "and to_noise out"
+        )
+    tolerance = render.tolerance
+    if render.spp is None and tolerance is None:
+        tolerance = DEFAULT_TOLERANCE
+    return Sampling(spp=render.spp, tolerance=tolerance, max_spp=render.max_spp, seed=render.seed)
+
+
+class Aspects:
+    """Effective areas of a flight's target at some of its moments, and the terms at all moments.
+
+    Between two moments that were traced, terms are linear in the angle by which the target has
+    turned as the observer sees it. Air, range, background and temperatures are those of the moment.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    moments : Moments
+    folder, run
+        As for `measure_sweep`.
+
+    Attributes
+    ----------
+    areas : dict of int to ViewAreas
+        Effective areas by number of the moment.
+    """
+
+    def __init__(
+        self, scenario: Scenario, moments: Moments, folder: AreasFolder | None, run: Runner
+    ):
+        self.scenario, self.moments, self.folder, self.run = scenario, moments, folder, run
+        self.sampling, self.turned_deg = sampling_of(scenario), moments.turned_deg
+        self.scene = self.subject(0).load()
+        self.sun = sun_over(scenario, self.scene)
+        self.lines: dict[int, Line] = {}
+        self.areas: dict[int, ViewAreas] = {}
+        first = self.line(0)
+        temperatures_of(sources_of(first.subject, first.light), first.temperatures)
+
+    def subject(self, number: int) -> Subject:
+        """The scene at a moment, which its attitude alone changes."""
+        scenario = self.scenario.at_moment(self.moments, number)
+        return Subject(f"{scenario.name} {scenario.pose}", scenario=scenario)
+
+    def line(self, number: int) -> Line:
+        """View, line of sight and temperatures of a moment."""
+        if number not in self.lines:
+            scenario = self.scenario.at_moment(self.moments, number)
+            histories = self.moments.temperatures
+            values = {f"{TEMPERATURE}{group}": float(T[number]) for group, T in histories.items()}
+            try:
+                sight = sightline(scenario, self.scene, self.sun, values)
+            except InputError as error:
+                raise InputError(f"at {self.moments.time_s[number]:g} s: {error}") from None
+            view = View(scenario.observer.azimuth_deg, scenario.observer.elevation_deg)
+            self.lines[number] = Line(np.array([number]), (view,), self.subject(number), *sight)
+        return self.lines[number]
+
+    def trace(self, numbers: list[int]) -> None:
+        """Trace the views of some moments."""
+        new = [number for number in dict.fromkeys(numbers) if number not in self.areas]
+        lines = [self.line(number) for number in new]
+        for number, line in zip(new, lines):
+            target = Target.of(line.subject.load())
+            below_m = float(np.max(target.centre[2] - target.points[:, 2]))
+            self.moments.check_above(below_m, self.moments.attitude_deg[number])
+        batches = planned(lines, self.scenario.render.resolution, self.sampling)
+        of_lit, _ = areas_of(batches, self.folder, self.run, None)
+        for number, line in zip(new, lines):
+            lit = line.subject, line.light
+            areas = replace(of_lit[lit], sources=sources_of(*lit))
+            self.areas[number] = areas.of_views([areas.views.index(line.views[0])])
+
+    def terms(self, number: int, traced: int) -> dict[str, Estimates]:
+        """The TERMS of a moment, if the target had the effective areas of another one."""
+        line = self.line(number)
+        areas, sight = self.areas[traced].at_temperatures(line.temperatures), line.sight
+        amounts = LineOfSources(areas, sight.detector.band, sight.air, sight.backdrop)
+        return terms_of(amounts, sight.path, amounts.per_amount(sight.path))
+
+    def between(self, number: int, pair: tuple[int, int]) -> dict[str, Estimates]:
+        """The TERMS of a moment between two that were traced.
+
+        Errors are those of fully correlated renders, which is an upper bound.
+        """
+        low, high = (self.turned_deg[k] for k in pair)
+        share = (self.turned_deg[number] - low) / (high - low) if high > low else 0.0
+        first, second = (self.terms(number, k) for k in pair)
+        return {
+            name: Estimates(
+                *((1 - share) * a + share * b for a, b in zip(first[name], second[name]))
+            )
+            for name in first
+        }
+
+    def middle(self, pair: tuple[int, int]) -> int | None:
+        """The moment at the middle aspect of two; None if there is no other aspect between."""
+        low, high = (self.turned_deg[k] for k in pair)
+        if pair[1] - pair[0] < 2 or not high > low:
+            return None
+        number = int(np.searchsorted(self.turned_deg, (low + high) / 2))
+        return min(max(number, pair[0] + 1), pair[1] - 1)
+
+    def refine(self, tolerance: float) -> dict[tuple[int, int], float]:
+        """Trace moments until the contrast between them is linear, to a tolerance and its noise.
+
+        Returns the largest difference that a traced moment showed in or beside each pair of
+        neighbouring moments, as an intensity, W/sr.
+        """
+        steps = np.arange(0, self.turned_deg[-1], STEP_DEG)
+        ends = [*np.searchsorted(self.turned_deg, steps), 0, len(self.turned_deg) - 1]
+        ends = sorted(set(map(int, ends)))
+        self.trace(ends)
+        pairs, errors = list(zip(ends, ends[1:])), {}
+        while pairs:
+            middles = {pair: k for pair in pairs if (k := self.middle(pair)) is not None}
+            self.trace(list(middles.values()))
+            pairs = []
+            for pair, k in middles.items():
+                linear, traced = self.between(k, pair)["total"], self.terms(k, k)["total"]
+                difference = abs(linear.value - traced.value).item()
+                halves = [(pair[0], k), (k, pair[1])]
+                errors |= dict.fromkeys(halves, difference * self.moments.range_m[k] ** 2)
+                noise = np.hypot(linear.half_width, traced.half_width).item()
+                if difference > tolerance * abs(traced.value).item() + noise:
+                    pairs += halves
+        return errors
+
+
+def table_of(
+    aspects: Aspects, errors: dict[tuple[int, int], float], progress: Progress | None
+) -> dict[str, np.ndarray]:
+    """Quantities of all moments, by name with the unit."""
+    moments, traced = aspects.moments, np.array(sorted(aspects.areas))
+    rows = []
+    for number in range(len(moments.time_s)):
+        place = int(np.searchsorted(traced, number))
+        is_traced = traced[place] == number
+        pair = (number, number) if is_traced else tuple(map(int, traced[place - 1 : place + 1]))
+        terms = aspects.between(number, pair)
+        error = errors.get(pair, 0.0) / moments.range_m[number] ** 2
+        total = terms["total"]
+        terms["total"] = total._replace(half_width=total.half_width + error)
+        line = aspects.line(number)
+        rows.append(
+            {
+                "range_m": line.sight.path.range_m,
+                "azimuth_deg": line.views[0].azimuth_deg,
+                "elevation_deg": line.views[0].elevation_deg,
+                "traced": float(is_traced),
+                **of_terms(terms),
+                "interpolation_error_W_m2": error,
+                **beside_noise(line.sight.detector, terms["total"]),
+            }
+        )
+        if progress:
+            progress(number + 1, len(moments.time_s))
+    table = {name: np.array([np.asarray(row[name]).item() for row in rows]) for name in rows[0]}
+    return {
+        "time_s": moments.time_s,
+        **{name: moments.position_m[:, k] for k, name in enumerate(("x_m", "y_m", "z_m"))},
+        **table,
+    }

@@ -1,0 +1,98 @@
+"""The table of a flight that `flight` returns, and when its target is detected."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from mi_lcair.detection.scenario import Scenario
+from mi_lcair.results import Result
+
+
+@dataclass(frozen=True, repr=False)
+class Flight(Result):
+    """Contrast of a target against time.
+
+    Attributes
+    ----------
+    scenario : Scenario
+        Scenario of the flight, at its first moment.
+    table : dict of str to ndarray, shape (moments,)
+        Quantities of each moment by name with the unit. Half of the 95 % intervals includes what
+        interpolation between aspects may add.
+    views : int
+        Number of moments whose view was traced.
+    missed : int
+        Number of views that did not reach the tolerance.
+    seconds : float
+        Time of the calculation, s.
+    """
+
+    scenario: Scenario
+    table: dict[str, np.ndarray]
+    views: int
+    missed: int
+    seconds: float
+
+    kind: ClassVar[str] = "flight"
+    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.flight:figure"
+    sections_by: ClassVar[str] = "mi_lcair.reports.sections.flight:sections"
+
+    @property
+    def detections_s(self) -> tuple[float | None, float | None, float | None]:
+        """Time of the first detection, and the ends of its 95 % interval, s; None for never.
+
+        Without nei of the sensor all are None.
+        """
+        if "snr" not in self.table:
+            return None, None, None
+        snr, half_width = self.table["snr"], self.table["snr_half_width"]
+        return tuple(self._first(values) for values in (snr, snr + half_width, snr - half_width))
+
+    def _first(self, snr: np.ndarray) -> float | None:
+        detected = np.flatnonzero(snr >= self.scenario.sensor.snr)
+        return float(self.table["time_s"][detected[0]]) if detected.size else None
+
+    @property
+    def interpolation_error(self) -> float:
+        """Largest error of interpolation, as a fraction of the irradiance of the target."""
+        return float(np.max(self.table["interpolation_error_W_m2"] / self.table["target_W_m2"]))
+
+    def detection(self) -> str:
+        """The first detection in words."""
+        first, earliest, latest = self.detections_s
+        if "snr" not in self.table:
+            return "no noise of the sensor is given"
+        if earliest is None:
+            return "not detected"
+        until = "later, or never" if latest is None else f"{latest:g} s"
+        at = "not detected" if first is None else f"detected from {first:g} s"
+        return f"{at}, 95 % interval {earliest:g} s to {until}"
+
+    def summary(self) -> str:
+        """One line with the number of moments and views, and the first detection."""
+        moments = self.table["time_s"]
+        missed = f", {self.missed} not to the tolerance" if self.missed else ""
+        return (
+            f"flight {self.scenario.name}: {len(moments)} moments from {moments[0]:g} to "
+            f"{moments[-1]:g} s from {self.views} traced views{missed}, interpolated within "
+            f"{self.interpolation_error:.2g} of the target's irradiance, {self.detection()}"
+        )
+
+    def entries(self) -> dict:
+        """Entries for JSON."""
+        first, earliest, latest = self.detections_s
+        return {
+            "scenario_name": self.scenario.name,
+            "views": self.views,
+            "missed": self.missed,
+            "detected_from_s": first,
+            "detected_from_95_s": [earliest, latest],
+            "interpolation_error": self.interpolation_error,
+            "time_s": self.seconds,
+            "columns": self.columns(),
+        }
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """A row for each moment."""
+        return self.table
