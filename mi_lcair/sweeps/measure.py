@@ -91,7 +91,7 @@ def areas_of(
     run: Runner,
     progress: Progress | None,
 ) -> tuple[dict[Lit, ViewAreas], int]:
-    """Effective areas by subject and height of the light, and the number of views now traced."""
+    """Effective areas by subject and light, and the number of views now traced."""
     everything = [batch for of_lit in batches.values() for batch in of_lit]
     known = {}
     if folder is not None:
