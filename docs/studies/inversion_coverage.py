@@ -1,29 +1,32 @@
 """Measure how often the 95 % intervals of `mi-lcair invert` hold the truth, case by case.
 
-    python -m docs.studies.inversion_coverage [DRAWS [CASE ...]]
+    python -m docs.studies.inversion_coverage [CASE[=DRAWS] ...]
 
-The cases are problems with known answers: temperatures from far first guesses, an emissivity with a
-prior, reflectances that are wrong by an amount that `model_sigma` states, pixels that nobody said
-are bad, the counts of a camera behind air, a wall whose reflectance is unknown too, and facets half
-of which no pixel sees.
-The script prints a row for each case: the share of intervals that hold the truth, the largest
-deviation in stated errors, and how many draws converged.
+The cases are problems with known answers, see `CASES`. The script adds what it measures to
+docs/validation/inversion/coverage.json and writes docs/validation/inversion_coverage.md from all
+that is there. All cases take about an hour, so that each of them may be measured separately.
 """
 
+import json
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scipy import stats
 
 import mi_lcair
+from docs.studies.page import write_page
+from mi_lcair.files import replacing
 from mi_lcair.inversion.data.images import noise_of_netd
 from mi_lcair.inversion.smoothness import matern
 from mi_lcair.rendering.facets.table import FacetTable
-from tests.inversion import corner, plate
+from tests.inversion import ball, corner, plate
 from tests.sensitivity import waist
 
-DRAWS = 10
+PAGE = Path("docs/validation/inversion_coverage.md")
+MEASURED = Path("docs/validation/inversion/coverage.json")
 STARTS = (200.0, 300.0, 700.0, 1500.0)  # K
 LID = Path(__file__).parents[1] / "validation" / "inversion" / "lid.xml"
 EMISSIVITY = 0.92
@@ -31,6 +34,9 @@ ERROR = 0.02  # relative error of the emissivity of each strip
 WALL = 0.02  # reflectance of the wall whose temperature is unknown too
 LENGTH = 0.5  # metres over which facets are alike
 BAD = 10  # bad pixels of 1,024
+WIDTHS = (0.004, 0.01, 0.03)  # parameter `e` of gloss black
+STRIPES, COLUMNS = 3.0, 2.0  # standard deviations of noise that rows and columns share, in NETD
+SHIFT = 0.1  # metres
 
 
 def starts(folder: Path, draws: int):
@@ -129,20 +135,72 @@ def valley(folder: Path, draws: int):
         yield solved({"data": [datum], "unknowns": plate.UNKNOWNS}), (310.0, 0.3)
 
 
-def smooth(folder: Path, draws: int):
-    """Yield solutions and the truth: 400 facets that are alike over 0.5 m, from one noisy view.
+def lobe(folder: Path, draws: int):
+    """Yield solutions and the truth: the width of the lobe of gloss black, which mirrors a ball."""
+    for number, e in enumerate(WIDTHS):
+        path = ball.write_scene(folder, e)
+        image = corner.clean(path, 4096)
+        for draw in range(number, draws, len(WIDTHS)):
+            yield solved(ball.problem(folder, path, image, (0.6, 1.5)[draw % 2] * e, draw)), (e,)
 
-    The errors of the facets are printed for the same problem with and without `correlation_m`.
+
+def stripes(folder: Path, draws: int):
+    """Yield solutions and the truth: six temperatures behind noise that rows and columns share."""
+    path = corner.write_scene(folder)
+    image = corner.clean(path)
+    for draw in range(draws):
+        tree = corner.problem(folder, path, image, 300.0, draw, spp=64)
+        noisy, random = np.load(tree["data"][0]["image"]), np.random.default_rng((draw, 15))
+        sigma = noise_of_netd(mi_lcair.load(path).band, image, corner.NETD_MK).mean()
+        noisy += sigma * STRIPES * random.normal(size=(len(image), 1))
+        np.save(tree["data"][0]["image"], noisy + sigma * COLUMNS * random.normal(size=len(image)))
+        tree["data"][0] |= {"row_noise": STRIPES, "column_noise": COLUMNS}
+        yield solved(tree), corner.KELVIN
+
+
+def wrong(folder: Path, draws: int):
+    """Yield solutions and the truth: images of another scene than the stated one.
+
+    They are flipped, seen from 0.1 m beside, or of a neighbour with another reflectance.
     """
-    facets, temperature = 400, {"prior": [300.0, 10.0]}
-    start = np.full(facets, 300.0)
+    path = corner.write_scene(folder)
+    text = Path(path).read_text(encoding="utf-8")
+    shifted = folder / "shifted.xml"
+    shifted.write_text(text.replace("0, 0, 0", f"{SHIFT}, 0, 0"), encoding="utf-8")
+    images = (
+        np.flip(corner.clean(path), axis=1),
+        corner.clean(shifted),
+        corner.clean(path, R0=0.4),
+    )
+    for draw in range(draws):
+        yield solved(corner.problem(folder, path, images[draw % 3], 300.0, draw)), corner.KELVIN
+
+
+def two_skies(folder: Path, draws: int):
+    """Yield solutions and the truth: the plate under two skies, which separate its unknowns."""
+    plate.write_scene(folder)
+    for draw in range(draws):
+        seeds = 2 * draw, 2 * draw + 1
+        data = [plate.datum(folder, f"{S}", k, f"{S}", S=S) for S, k in zip((290, 310), seeds)]
+        unknowns = {"plate.temperature": {"per": []}, "paint.reflectance": {}}
+        yield solved({"data": data, "unknowns": unknowns}), (310.0, 0.3)
+
+
+def facets(folder: Path, draws: int, is_seen: bool):
+    """Yield solutions and the truth of 400 facets that are alike over 0.5 m, from one noisy view.
+
+    They are those facets that a pixel sees, or the others. For the former, the ratio of the rms
+    error without `correlation_m` to that with it is printed.
+    """
+    count, temperature = 400, {"prior": [300.0, 10.0]}
+    start = np.full(count, 300.0)
     table = FacetTable(mi_lcair.load(waist.write_scene(folder, start, views=1)))
     centre = table.centre[table.group == "body"]
     distance = np.linalg.norm(centre[:, None] - centre, axis=-1)
-    root = np.linalg.cholesky(matern(distance, LENGTH) + 1e-6 * np.eye(facets))
+    root = np.linalg.cholesky(matern(distance, LENGTH) + 1e-6 * np.eye(count))
     for draw in range(draws):
         random = np.random.default_rng((draw, 13))
-        truth = 300 + 10 * root @ random.normal(size=facets)
+        truth = 300 + 10 * root @ random.normal(size=count)
         scene = mi_lcair.load(waist.write_scene(folder, truth, size=48, views=1))
         image = mi_lcair.render(scene, spp=2**11, seed=99, split=None).channels["Y"].astype(float)
         np.save(folder / "view.npy", random.normal(image, noise_of_netd(scene.band, image, 2000)))
@@ -152,23 +210,40 @@ def smooth(folder: Path, draws: int):
         alone = solved(tree | {"unknowns": {"body.facets": temperature}})
         alike = {"body.facets": temperature | {"correlation_m": LENGTH}}
         solution = solved(tree | {"unknowns": alike})
-        is_seen = np.array([a.standard_error for a in alone.answers]) < 9.9
-        for name, result in (("without", alone), ("with", solution)):
-            error = np.array([a.value for a in result.answers]) - truth
-            z = np.abs(error) / [a.standard_error for a in result.answers]
-            for what, part in (("seen", is_seen), ("unseen", ~is_seen)):
-                rms, held = np.sqrt(np.mean(error[part] ** 2)), np.mean(z[part] < 1.96)
-                print(
-                    f"smooth: {name} correlation_m {part.sum()} facets {what}: rms error {rms:.2f} "
-                    f"K, {held:.0%} of intervals hold the truth",
-                    flush=True,
-                )
-        yield solution, truth
+        part = (np.array([a.standard_error for a in alone.answers]) < 9.9) == is_seen
+        errors = [
+            np.std(np.array([a.value for a in result.answers])[part] - truth[part])
+            for result in (alone, solution)
+        ]
+        print(f"rms error of facets without and with correlation_m: {errors}", flush=True)
+        answers = [answer for answer, counts in zip(solution.answers, part) if counts]
+        yield replace(solution, answers=answers), truth[part]
 
 
-CASES = {
-    case.__name__: case
-    for case in (starts, emissivity, model, pixels, camera, wall, valley, smooth)
+def seen(folder: Path, draws: int):
+    """Yield solutions and the truth: facets that a pixel sees, see `facets`."""
+    yield from facets(folder, draws, True)
+
+
+def unseen(folder: Path, draws: int):
+    """Yield solutions and the truth: facets that no pixel sees, see `facets`."""
+    yield from facets(folder, draws, False)
+
+
+CASES = {  # functions and numbers of draws
+    starts: 50,
+    emissivity: 50,
+    wall: 100,
+    valley: 100,
+    two_skies: 100,
+    camera: 30,
+    lobe: 30,
+    pixels: 30,
+    stripes: 50,
+    model: 50,
+    wrong: 30,
+    seen: 4,
+    unseen: 4,
 }
 
 
@@ -176,27 +251,52 @@ def solved(tree: dict):
     return mi_lcair.invert(tree, advise=False)
 
 
-def main(draws: str = str(DRAWS), *names: str) -> None:
-    """Print a row for each case."""
-    for name in names or CASES:
-        deviations, held, converged, wrong, renders = [], [], 0, 0, 0
-        with tempfile.TemporaryDirectory() as folder:
-            for solution, truth in CASES[name](Path(folder), int(draws)):
-                answers = solution.answers[: len(truth)]
-                z = np.array([(a.value - T) / a.standard_error for a, T in zip(answers, truth)])
-                deviations.append(z)
-                held += [a.lower <= T <= a.upper for a, T in zip(answers, truth)]
-                renders = max(renders, solution.renders)
-                converged += solution.converged
-                wrong += sum(a.is_determined and abs(own) > 4 for a, own in zip(answers, z))
-        z = np.abs(deviations)
-        print(
-            f"{name}: {np.mean(held):.1%} of {z.size} intervals hold the truth, largest "
-            f"deviation {z.max():.2f} errors, scatter {np.std(deviations):.2f}, {converged} of "
-            f"{len(z)} converged in at most {renders} renders, {wrong} determined "
-            "and more than 4 errors off",
-            flush=True,
-        )
+def measured(solutions) -> dict:
+    """What the solutions of one case say about the truth."""
+    deviations, held, determined, result = [], [], [], {"converged": 0, "renders": 0, "missed": 0}
+    for solution, truth in solutions:
+        answers = solution.answers[: len(truth)]
+        deviations.append([(a.value - T) / a.standard_error for a, T in zip(answers, truth)])
+        held += [a.lower <= T <= a.upper for a, T in zip(answers, truth)]
+        determined.append([a.is_determined for a in answers])
+        result["renders"] = max(result["renders"], solution.renders)
+        result["converged"] += solution.converged
+        result["missed"] += solution.p_value is not None and solution.p_value < 1e-3
+    z, is_determined = (np.concatenate(of) for of in (deviations, determined))
+    return result | {
+        "draws": len(deviations),
+        "intervals": len(held),
+        "held": int(np.sum(held)),
+        "scatter": float(np.std(z)),
+        "determined": int(is_determined.sum()),
+        "false": int(np.sum(is_determined & (np.abs(z) > 4))),
+    }
+
+
+def row(name: str, of: dict) -> str:
+    """A row of the page. The 95 % interval of the share takes intervals as independent."""
+    low, high = stats.binomtest(of["held"], of["intervals"]).proportion_ci(method="exact")
+    return (
+        f"| {name} | {of['draws']} | {of['intervals']} | {of['held'] / of['intervals']:.1%} "
+        f"({low:.1%} to {high:.1%}) | {of['scatter']:.2f} | {of['converged']} in "
+        f"{of['renders']} | {of['missed']} | {of['determined']} | {of['false']} |"
+    )
+
+
+def main(*arguments: str) -> None:
+    """Measure cases, and write the page."""
+    known = json.loads(MEASURED.read_text(encoding="utf-8")) if MEASURED.exists() else {}
+    wanted = dict(argument.partition("=")[::2] for argument in arguments)
+    for case, draws in CASES.items():
+        name = case.__name__
+        if not wanted or name in wanted:
+            with tempfile.TemporaryDirectory() as folder:
+                known[name] = measured(case(Path(folder), int(wanted.get(name) or draws)))
+            print(row(name, known[name]), flush=True)
+            with replacing(MEASURED) as partial:
+                partial.write_text(json.dumps(known, indent=1) + "\n", encoding="utf-8")
+    names = [case.__name__ for case in CASES if case.__name__ in known]
+    write_page(PAGE, "inversion_coverage", rows="\n".join(row(n, known[n]) for n in names))
 
 
 if __name__ == "__main__":

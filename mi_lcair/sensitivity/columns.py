@@ -120,7 +120,7 @@ def recordings(
 
     There are none with materials by wavelength, see `common_numbers`. Two pilots go through
     the cells of the film. The first one measures the incoming radiance, and the second one decides
-    for each column whether the control variate reduces its noise.
+    for each column which control variate reduces its noise.
 
     Parameters
     ----------
@@ -174,7 +174,11 @@ def recording(scene, columns: dict, weights, pilot) -> Recording:
         tables = tables.with_incoming(np.zeros(CELLS**2 + 1))
         return Recording(tables, channels, dict.fromkeys(columns, "linear"))
 
-    tables = tables.with_incoming(incoming_radiance(pilot(tables, 1), tables.surfaces))
+    found = pilot(tables, 1)
+    measured = ("reflected", "mirrored") if tables.has_mirrors else ("reflected",)
+    tables = tables.with_incoming(
+        *(incoming_radiance(found, tables.surfaces, of) for of in measured)
+    )
     found, method = pilot(tables, 2), {}
 
     def noise(names):
@@ -183,8 +187,12 @@ def recording(scene, columns: dict, weights, pilot) -> Recording:
     for k, name in enumerate(columns):
         method[name] = "score" if k < tables.materials else "linear"
         controlled = [f"column.{k}", f"control.{k}"]
-        if k < tables.materials and noise(controlled) < noise(channels[name]):
-            channels[name], method[name] = controlled, "control variate"
+        candidates = {"control variate": controlled}
+        if tables.has_mirrors:
+            candidates["mirror"] = [*controlled, f"mirror.{k}"]
+        for word, names in candidates.items() if k < tables.materials else ():
+            if noise(names) < noise(channels[name]):
+                channels[name], method[name] = names, word
     return Recording(tables, channels, method)
 
 

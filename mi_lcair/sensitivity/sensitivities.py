@@ -28,8 +28,9 @@ class Sensitivities(Result):
         Standard errors of the value and of the derivatives that the deviations do not show, as
         from a source that no path has met.
     method : tuple of str
-        How each derivative was found: "linear", "score", "control variate", or for a motion
-        "attached difference" or "difference on the film".
+        How each derivative was found: "linear", "score", "control variate", "mirror" (the same with
+        the radiance of the mirror direction), or for a motion "attached difference" or "difference
+        on the film".
     by_bounce : ndarray, shape (N,)
         Intensity of paths with 0, 1, ... N - 1 reflections, W/sr.
     paths : int

@@ -7,6 +7,7 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
 from mi_lcair.plugins.columns.kinds import MaterialColumn
 from mi_lcair.plugins.columns.surface_slopes import Slopes, Vertex, kind_of, names_of, places_of
 from mi_lcair.plugins.derivatives import nodes, own_memory
@@ -17,6 +18,7 @@ from mi_lcair.plugins.paths.launch import Launch
 # Numbers of columns of one launch. There are few, because each needs its own kernel.
 SIZES = (4, 8, 16, 32, 64)
 CELLS = 32  # cells along each side of the film that have their own mean incoming radiance
+NARROW = 0.1  # width of a lobe below which the radiance in its mirror direction stands for it
 PILOT_POINTS = 16  # paths of each randomisation and cell that measure the incoming radiance
 
 
@@ -32,7 +34,9 @@ class ColumnTables:
     parameters, and the relative derivative of the radiance in the parameter. surface: for each BSDF
     its number, counted from 1; 0 for those without a column. incoming: mean incoming radiance of
     the cells of the film at the first reflection, and then of the surfaces at later ones
-    [W m^-2 sr^-1]; None to measure it.
+    [W m^-2 sr^-1]; None to measure it. has_mirrors: whether a surface with columns has a narrow
+    lobe. mirrored: where that is so, the mean of what is emitted along the mirror direction, at the
+    same places as `incoming`.
     """
 
     size: int
@@ -46,6 +50,8 @@ class ColumnTables:
     surface: mi.UInt32
     surfaces: int
     incoming: mi.Float | None
+    has_mirrors: bool = False
+    mirrored: mi.Float | None = None
 
     @staticmethod
     def of_surfaces(objects, surfaces) -> "ColumnTables":
@@ -55,10 +61,10 @@ class ColumnTables:
         numbers = surface_numbers(places, surfaces)
         return ColumnTables(0, 0, [], none, none, zero, None, [], numbers, len(surfaces), None)
 
-    def with_incoming(self, incoming: np.ndarray) -> "ColumnTables":
-        incoming = mi.Float(incoming)
-        own_memory([incoming])
-        return replace(self, incoming=incoming)
+    def with_incoming(self, incoming: np.ndarray, mirrored=None) -> "ColumnTables":
+        tables = [mi.Float(table) for table in (incoming, mirrored) if table is not None]
+        own_memory(tables)
+        return replace(self, incoming=tables[0], mirrored=tables[-1])
 
     def entry(self, emitter, prim_index):
         """Entry of an emitter's facet in the tables; 0 if there is no emitter."""
@@ -120,7 +126,15 @@ def column_tables(scene, columns: list, weights: dict | None = None) -> ColumnTa
         surface=surface_numbers(places, numbers_of),
         surfaces=len(numbers_of),
         incoming=None,
+        has_mirrors=any(map(is_mirror_like, numbers_of)),
     )
+
+
+def is_mirror_like(bsdf) -> bool:
+    """Whether a BSDF has a lobe so narrow that it reflects little but its mirror direction."""
+    if not is_reflection_bsdf(bsdf) or bsdf.lobe != "brdf":
+        return False
+    return float(bsdf.model.lobe_width(dr.detach(bsdf.surface))[0]) < NARROW
 
 
 def surface_numbers(places: dict, surfaces) -> mi.UInt32:
@@ -148,13 +162,16 @@ def pilot_launch(seed: int, randomisations: int) -> Launch:
     )
 
 
-def incoming_radiance(found: dict, surfaces: int) -> np.ndarray:
-    """The table `ColumnTables.incoming` from the channels of a pilot through the cells."""
+def incoming_radiance(found: dict, surfaces: int, name: str = "reflected") -> np.ndarray:
+    """The table `ColumnTables.incoming` from the channels of a pilot through the cells.
+
+    name: "reflected", or "mirrored" for the table `ColumnTables.mirrored`.
+    """
 
     def measured(name):
         return np.array([found[f"{name}.{k}"].sum(axis=1) for k in range(surfaces + 1)])
 
-    reflected, throughput = measured("reflected"), measured("throughput")
+    reflected, throughput = measured(name), measured("throughput")
 
     def ratio(a, b, otherwise):
         return np.where(b > 0, a / np.where(b > 0, b, 1), otherwise)

@@ -444,6 +444,7 @@ class Walk:
 
     def report(self, path: PathState, hit: Hit, scattering: Scattering, most, recorders):
         """Tell the recorders of the sampled directions."""
+        receives = hit.reflects & (path.bounce < most)
         recorders.reflect(
             Reflection(
                 bsdf=hit.bsdf,
@@ -455,10 +456,17 @@ class Walk:
                 is_delta=scattering.is_delta,
                 drawn=scattering.drawn,
                 active=hit.goes_on,
-                receives=hit.reflects & (path.bounce < most),
+                receives=receives,
                 becomes_latent=scattering.becomes_latent,
+                mirrored=self.mirrored(hit, receives) if recorders.needs_mirrored else None,
             )
         )
+
+    def mirrored(self, hit: Hit, active) -> mi.Float:
+        """Radiance that is emitted toward each hit along the mirror direction [W m^-2 sr^-1]."""
+        ray = self.emitters.spawn_ray(hit.si, hit.si.to_world(mi.reflect(hit.si.wi)))
+        si = self.scene.ray_intersect(ray, active)
+        return dr.select(active, si.emitter(self.scene, active).eval(si, active)[0], 0)
 
     def turn(self, path: PathState, hit: Hit, scattering: Scattering, active) -> None:
         """Go on along the sampled direction, or straight on through a surface."""

@@ -14,7 +14,9 @@ and dL/dp = E + A L. All columns come from the same paths.
 For a narrow lobe the scores are large, and cancel only in the mean over many paths. The control
 variate Z = sum_j beta_j c_j (d HDR_j/dp - w_j s_j), with w = f / pdf, has the mean 0 for any c that
 does not depend on the sampled direction. Where c is the mean incoming radiance, E + A L + Z is free
-of most of this noise.
+of most of this noise. Where the incoming radiance is uneven, but a narrow lobe sees one body, what
+that body emits along the mirror direction is a better c. M is the same sum with the deviation of
+this emission from its mean in place of c, so that E + A L + Z + M has both.
 
 Where f_j is 0, the score has no value. The path then goes on as a latent one, see `exploring`, with
 the weight 1 in place of f_j / pdf_j. With B = (df_j/dp) / pdf_j and the radiance M that it meets,
@@ -45,10 +47,11 @@ class Columns(Recorder):
     radiance: weighted radiance so far [W m^-2 sr^-1]. E, A, Z: the sums; their last entry takes
     what belongs to parameters without a column. cell: cell of the film in which the path begins.
     B, latent: the sum and the radiance along the latent path; None where nothing is explored.
-    surface: the surfaces where the paths are, as far as they have columns.
+    M: a sum, see above; None where no surface has a narrow lobe. surface: the surfaces where the
+    paths are, as far as they have columns.
 
-    Its channels are column.N, for materials control.N, and `weighted`, the weighted radiance, of
-    which the columns are derivatives.
+    Its channels are column.N, for materials control.N and mirror.N, and `weighted`, the weighted
+    radiance, of which the columns are derivatives.
     """
 
     tables: ColumnTables
@@ -59,19 +62,25 @@ class Columns(Recorder):
     cell: mi.UInt32
     B: dr.Local | None
     latent: mi.Float | None
+    M: dr.Local | None
 
     needs_drawn_hit = True
     surface = ()
 
+    @property
+    def needs_mirrored(self) -> bool:
+        return self.tables.has_mirrors
+
     @staticmethod
     def of(tables: ColumnTables, cell, explores: bool) -> "Columns":
         Float, size = mi.Float, tables.size + 1
+        M = zeros(size if tables.has_mirrors else 0)
         if not explores:
             sums = (zeros(size) for _ in range(3))
-            return Columns(tables, Float(0), *sums, mi.UInt32(cell), None, None)
+            return Columns(tables, Float(0), *sums, mi.UInt32(cell), None, None, M)
         Wide = dr.float64_array_t(Float)
         sums = (zeros(size, Wide), zeros(size, Wide), zeros(size))
-        return Columns(tables, Wide(0), *sums, mi.UInt32(cell), zeros(size), Float(0))
+        return Columns(tables, Wide(0), *sums, mi.UInt32(cell), zeros(size), Float(0), M)
 
     def meet(self, bsdf, wi) -> None:
         self.surface = self.tables.vertices(bsdf, wi)
@@ -120,6 +129,10 @@ class Columns(Recorder):
         later = CELLS * CELLS + tables.surface_number(reflection.bsdf)
         place = dr.select(reflection.bounce == 0, self.cell, later)
         c = reflection.throughput * dr.gather(mi.Float, tables.incoming, place)
+        uneven = None
+        if tables.has_mirrors:
+            uneven = reflection.mirrored - dr.gather(mi.Float, tables.mirrored, place)
+            uneven *= reflection.throughput
         for vertex in self.surface:
             value, slopes = vertex.along(reflection.to, reflection.is_delta)
             counts, latent = active & (value > 0), reflection.becomes_latent
@@ -136,14 +149,18 @@ class Columns(Recorder):
                     of_latent = dr.select(latent, of_latent, 0)
                     add_to(self.B, column, of_latent)
                     weighted += of_latent
-                add_to(self.Z, column, dr.select(active, c * (of_HDR - weighted), 0))
+                deviation = dr.select(active, of_HDR - weighted, 0)
+                add_to(self.Z, column, c * deviation)
+                if uneven is not None:
+                    add_to(self.M, column, uneven * deviation)
 
     def samples(self, L) -> dict:
-        E, A, Z = (entries(local) for local in (self.E, self.A, self.Z))
+        E, A, Z, M = (entries(local) for local in (self.E, self.A, self.Z, self.M))
         materials = range(self.tables.materials)
         columns = [E[k] + A[k] * self.radiance for k in materials] + E[len(materials) : -1]
         for k, factor in zip(materials, entries(self.B)):
             columns[k] += factor * self.latent
         channels = {f"column.{k}": mi.Float(column) for k, column in enumerate(columns)}
         channels |= {f"control.{k}": Z[k] for k in materials}
+        channels |= {f"mirror.{k}": value for k, value in zip(materials, M)}
         return channels | {"weighted": mi.Float(self.radiance)}

@@ -24,8 +24,11 @@ class Incoming(Recorder):
     surface. A drawn direction has no part in the incoming radiance of sampled directions. radiance:
     weighted radiance so far [W m^-2 sr^-1]. number: number of reflections. before: radiance before
     them, summed. throughput: throughput after them, summed. latent: where a latent path began.
+    mirrored: radiance emitted along their mirror directions, times the throughput, summed; None
+    where no surface has a narrow lobe.
 
-    Its channels are reflected.N and throughput.N: N = 0 for the first reflection, then surfaces.
+    Its channels are reflected.N, throughput.N and mirrored.N: N = 0 for the first reflection, then
+    surfaces.
     """
 
     tables: ColumnTables
@@ -34,11 +37,17 @@ class Incoming(Recorder):
     before: dr.Local
     throughput: dr.Local
     latent: mi.UInt32
+    mirrored: dr.Local | None
+
+    @property
+    def needs_mirrored(self) -> bool:
+        return self.tables.has_mirrors
 
     @staticmethod
     def of(tables: ColumnTables) -> "Incoming":
-        sums = (zeros(tables.surfaces + 1) for _ in range(3))
-        return Incoming(tables, mi.Float(0), *sums, mi.UInt32(0))
+        size = tables.surfaces + 1
+        sums, mirrored = (zeros(size) for _ in range(3)), zeros(size if tables.has_mirrors else 0)
+        return Incoming(tables, mi.Float(0), *sums, mi.UInt32(0), mirrored)
 
     def emission(self, emission: Emission) -> None:
         tables, factor = self.tables, mi.Float(1)
@@ -58,16 +67,17 @@ class Incoming(Recorder):
             weight = dr.select(reflection.becomes_latent, 1, weight)
             self.latent = dr.select(reflection.becomes_latent, place, self.latent)
             counts &= reflection.throughput != 0
-        for sums, value in (
-            (self.number, mi.Float(1)),
-            (self.before, self.radiance),
-            (self.throughput, reflection.throughput * weight),
-        ):
+        throughput = reflection.throughput * weight
+        parts = [(self.number, mi.Float(1)), (self.before, self.radiance)]
+        parts.append((self.throughput, throughput))
+        if self.mirrored is not None:
+            parts.append((self.mirrored, throughput * reflection.mirrored))
+        for sums, value in parts:
             add_to(sums, place, dr.select(counts, value, 0))
 
     def samples(self, L) -> dict:
         number, before, throughput = map(entries, (self.number, self.before, self.throughput))
-        channels = {}
+        channels = {f"mirrored.{k}": value for k, value in enumerate(entries(self.mirrored))}
         for k in range(len(number)):
             channels[f"reflected.{k}"] = number[k] * self.radiance - before[k]
             channels[f"throughput.{k}"] = throughput[k]

@@ -61,7 +61,8 @@ class Reflection:
     [1/sr]. is_delta: whether it has none. drawn: the direction drawn toward an emitter; None if
     none are drawn. active: whether the path goes on from here. receives: whether it is reflected
     and then receives emission. becomes_latent: whether it becomes a latent path; None where nothing
-    is explored, see `exploring`.
+    is explored, see `exploring`. mirrored: radiance that surfaces emit toward here along the mirror
+    direction [W m^-2 sr^-1]; None unless a recorder needs it.
     """
 
     bsdf: mi.BSDFPtr
@@ -75,16 +76,21 @@ class Reflection:
     active: mi.Bool
     receives: mi.Bool
     becomes_latent: mi.Bool | None
+    mirrored: mi.Float | None
 
 
 class Recorder:
     """Base class of recorders. A recorder overrides the events that it needs.
 
     needs_drawn_hit: whether the hit of a drawn direction must be known for every shape, not for
-    meshes only.
+    meshes only. needs_mirrored: whether it needs `Reflection.mirrored`.
     """
 
     needs_drawn_hit = False
+
+    @property
+    def needs_mirrored(self) -> bool:
+        return False
 
     def begin(self, first: mi.PreliminaryIntersection3f, ray: mi.Ray3f, active) -> mi.Bool:
         """Note the first hit; returns the paths that are followed."""
@@ -116,6 +122,10 @@ class Recorders:
     @property
     def needs_drawn_hit(self) -> bool:
         return any(part.needs_drawn_hit for part in self.parts)
+
+    @property
+    def needs_mirrored(self) -> bool:
+        return any(part.needs_mirrored for part in self.parts)
 
     def begin(self, first, ray, active) -> mi.Bool:
         for part in self.parts:

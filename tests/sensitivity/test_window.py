@@ -168,7 +168,7 @@ def test_a_plate_in_closed_form(plate):
     value = B(320) + HDR(values) * (B(260) - B(320))
     assert abs(found.value - value) < 5 * found.error[0] + 2e-5 * value
     np.testing.assert_allclose(found.derivative, expected, rtol=2e-3, atol=2e-3)
-    assert found.method == ("control variate",) * 4
+    assert set(found.method) <= {"control variate", "mirror"}
     # Incoming radiance and scores cancel: without the control variate the noise is not small
     assert abs(found.deviations[1:]).max() < 3e-3
 
