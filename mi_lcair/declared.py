@@ -63,10 +63,11 @@ def within(**bounds) -> dict[str, Bounds]:
 def check_fields(table, where: str = "") -> None:
     """Raise InputError if a dataclass has a number outside the bounds of its field.
 
-    Fields that are None are not checked; of a tuple each number is. where: begins the message.
+    Fields that are None or a word are not checked; of a tuple each number is. where: begins the
+    message.
     """
     for entry in fields(table):
         value = getattr(table, entry.name)
-        if "bounds" in entry.metadata and value is not None:
+        if "bounds" in entry.metadata and value is not None and not isinstance(value, str):
             for number in value if isinstance(value, tuple) else (value,):
                 entry.metadata["bounds"].check(number, f"{where}{entry.name}")

@@ -2,7 +2,7 @@
 
 from dataclasses import MISSING, fields
 from types import UnionType
-from typing import get_args, get_origin
+from typing import Literal, Union, get_args, get_origin
 
 import numpy as np
 
@@ -47,16 +47,27 @@ def filled(kind, values, where: str):
 
 
 def required(kind):
-    """The type X of a field of type X or X | None."""
-    return get_args(kind)[0] if isinstance(kind, UnionType) else kind
+    """The type X of a field of type X, X | None or X | Literal[...]."""
+    return get_args(kind)[0] if get_origin(kind) in (UnionType, Union) else kind
 
 
 def converted(value, kind, where: str):
     """A TOML value as a field of type `kind` holds it.
 
-    A single number may stand for a list of one. Raises InputError if the type or the size is wrong.
+    A single number may stand for a list of one. A field may also be a word, if its type names it.
+    Raises InputError if the type or the size is wrong.
     """
+    words = [
+        word for part in get_args(kind) if get_origin(part) is Literal for word in get_args(part)
+    ]
     kind = required(kind)
+    if value in words:
+        return value
+    if words:
+        try:
+            return converted(value, kind, where)
+        except InputError as error:
+            raise InputError(f"{error}, or {' or '.join(words)}") from None
     if get_origin(kind) is tuple:
         return tuple(
             converted(item, get_args(kind)[0], where)

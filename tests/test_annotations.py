@@ -34,7 +34,8 @@ def public_classes(annotation, module, found) -> dict:
     """The classes of mi_lcair that an annotation names, with those of their fields, by name."""
     if isinstance(annotation, str):
         annotation = eval(annotation, vars(sys.modules[module]) | LATER)
-    for part in typing.get_args(annotation):
+    is_word = typing.get_origin(annotation) is typing.Literal
+    for part in () if is_word else typing.get_args(annotation):
         public_classes(part, module, found)
     is_ours = inspect.isclass(annotation) and annotation.__module__.startswith("mi_lcair.")
     inner = any(room in annotation.__module__ for room in INNER) if is_ours else True

@@ -20,6 +20,7 @@ from statistics import median
 import numpy as np
 
 import mi_lcair
+from benchmarks.errors import track_openings
 from docs.studies.page import label, write_page
 from mi_lcair.benchmark.chart import digits, duration
 from mi_lcair.benchmark.propagation import exact
@@ -48,6 +49,7 @@ SCENES = [
     ("cylinder_ir_range", {}),
     ("a340_landing", {"position": 3, "band": "LWIR"}),
 ]
+OPENINGS = (8, 16, 24, 36)  # facets removed from the cavity
 TOLERANCE_SEEDS = 3
 REFERENCE_PATHS = 2**20  # paths of each of the eight runs of a reference
 IMAGES = SCENES[3:]
@@ -298,6 +300,7 @@ def main(page):
         randomisations=RANDOMISATIONS,
         rows="\n".join(rows),
         images="\n".join(image_rows),
+        openings="\n".join(f"| {k} | {digits(track_openings(k))} |" for k in OPENINGS),
         tolerance_seeds=TOLERANCE_SEEDS,
         tolerances="\n".join(with_tolerances(*case) for case in SCENES),
     )

@@ -7,10 +7,10 @@ from mi_lcair.api.scene import scene_of
 from mi_lcair.fraction import fraction
 from mi_lcair.physics.air.atmosphere import Atmosphere
 from mi_lcair.physics.atmosphere import atmosphere as read_atmosphere
-from mi_lcair.planning.reflections import reflecting
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.images.render import render_image
 from mi_lcair.rendering.images.render_result import Render
+from mi_lcair.rendering.reflections.number import reflecting
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import SceneLike
 from mi_lcair.startup.threads import exclusively

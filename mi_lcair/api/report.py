@@ -8,14 +8,13 @@ from os import PathLike
 import mi_lcair
 from mi_lcair.api.scene import scene_of
 from mi_lcair.detection.scenario import Scenario
-from mi_lcair.detection.setting import setting_of
+from mi_lcair.detection.setting import rendered_as, setting_of
 from mi_lcair.errors import InputError
 from mi_lcair.formats import kinds
 from mi_lcair.fraction import fraction
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.scene import Scene, SceneLike
-from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.window import window_size
 from mi_lcair.reports.page import reading
 from mi_lcair.reports.page.page import check_output, save
@@ -233,8 +232,7 @@ def of_scenario(what: str, request: Request) -> tuple[str, list[Section]]:
     setting, render = setting_of(scenario), scenario.render
     view = setting.view
     sampling = {"seed": render.seed, "progress": request.progress}
-    bounces = max(render.max_bounces, default=view.mi.integrator().max_bounces)
-    with changed(view, lobe=render.lobe, max_bounces=bounces):
+    with rendered_as(view, render):
         if scenario.camera is not None:
             image = mi_lcair.image(scenario, **sampling)
         else:

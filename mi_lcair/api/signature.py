@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping
 
 from mi_lcair.api.scene import scene_of
 from mi_lcair.fraction import fraction
-from mi_lcair.planning.reflections import reflecting
 from mi_lcair.progress import Progress
+from mi_lcair.rendering.reflections.number import reflecting
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import SceneLike
 from mi_lcair.signatures.signature import measure_signature

@@ -8,8 +8,10 @@ from mi_lcair.api.scene import scene_of
 from mi_lcair.errors import InputError
 from mi_lcair.fraction import fraction
 from mi_lcair.progress import Progress
+from mi_lcair.rendering.reflections.number import chosen
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import SceneLike
+from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.views import View
 from mi_lcair.signatures.many_views import DEFAULT_TOLERANCE
 from mi_lcair.signatures.trend import Sweep, render_trend
@@ -34,6 +36,7 @@ def trend(
     progress: Progress | None = None,
     *,
     parameters: Mapping[str, object] | None = None,
+    max_bounces: int | str | None = None,
 ) -> Trend:
     """Intensity of a scene's model toward each azimuth and elevation of the observer.
 
@@ -73,6 +76,8 @@ def trend(
         Called with (views done, all views).
     parameters : mapping of str to object, optional
         Values of the scene's $-parameters, for a name or a file.
+    max_bounces : int, "auto" or None
+        As for `signature`. With "auto" pilot paths toward some of the views choose it.
 
     Returns
     -------
@@ -94,13 +99,15 @@ def trend(
         for elevation in angles("elevations_deg", elevations_deg)
         for azimuth in azimuths
     )
-    sweep = Sweep.of(scene, views, resolution, sampling, batch)
-    file = TrendFile(path, sweep.header(scene), sweep.batches())
-    if resume:
-        file.resume()
-    elif not overwrite:
-        file.refuse_to_overwrite()
-    return render_trend(scene, sweep, file, dask, progress)
+    settings = chosen(scene, max_bounces, False, sampling, views)
+    with changed(scene, **settings):
+        sweep = Sweep.of(scene, views, resolution, sampling, batch, settings)
+        file = TrendFile(path, sweep.header(scene), sweep.batches())
+        if resume:
+            file.resume()
+        elif not overwrite:
+            file.refuse_to_overwrite()
+        return render_trend(scene, sweep, file, dask, progress)
 
 
 def angles(name: str, values: Iterable[float]) -> list[float]:

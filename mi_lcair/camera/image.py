@@ -15,11 +15,10 @@ from mi_lcair.camera.scenery import Scenery
 from mi_lcair.camera.view import CameraView
 from mi_lcair.detection.multiplied_light import multiplied_light
 from mi_lcair.detection.scenario import Scenario
-from mi_lcair.detection.setting import setting_of
+from mi_lcair.detection.setting import rendered_as, setting_of
 from mi_lcair.errors import InputError
 from mi_lcair.physics.imager import Imager
 from mi_lcair.rendering.limits import GIB, available_memory
-from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.rendering.views import View, hidden_share
 
@@ -47,8 +46,8 @@ def record_image(scenario: Scenario, frames: int, seed: int, progress) -> Image:
     scenery = Scenery.of(scenario, setting, view)
 
     rendering = time.perf_counter()
-    bounces = max(scenario.render.max_bounces, default=scene.mi.integrator().max_bounces)
-    with changed(scene, lobe=scenario.render.lobe, max_bounces=bounces):
+    with rendered_as(scene, scenario.render, each_pixel=True):
+        bounces = scene.mi.integrator().max_bounces
         exposed = exposure(
             setting, view, scenario.render.of_image(progress), camera.band, scenery.of_parts
         )

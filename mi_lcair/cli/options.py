@@ -317,6 +317,14 @@ def scenario_options(example: str, spp: str, tolerance: str):
     return decorator
 
 
+max_bounces_option = click.option(
+    "--max-bounces",
+    metavar="N|auto",
+    help="Largest number of reflections. With auto, pilot paths choose it, so that at most a tenth "
+    "of --tolerance (1%) is left out.",
+)
+
+
 def scene_options(spp: str, tolerance: str):
     """Decorator that gives a command the argument SCENE and the options of a render.
 
@@ -327,12 +335,7 @@ def scene_options(spp: str, tolerance: str):
     def decorator(command):
         @sensor_option
         @sampling_options(spp, tolerance, MAX_SPP)
-        @click.option(
-            "--max-bounces",
-            metavar="N|auto",
-            help="Largest number of reflections. With auto, pilot paths choose it, so that at most "
-            "a tenth of --tolerance (1%) is left out.",
-        )
+        @max_bounces_option
         @wraps(command)
         def with_sampling(options, max_bounces, **arguments):
             sampling = {name: arguments.pop(name) for name in ("sensor", "spp", *CHOICE)}

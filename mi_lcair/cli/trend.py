@@ -10,6 +10,7 @@ from mi_lcair.cli.options import (
     POSITIVE,
     examples,
     loading_options,
+    max_bounces_option,
     output_option,
     plot_option,
     progress_bar,
@@ -100,6 +101,7 @@ class Azimuths(Angles):
     "fraction of it (default: 1%).",
     max_spp=MAX_SPP,
 )
+@max_bounces_option
 @click.option(
     "--batch", type=POSITIVE, help="Views rendered together (default: as many as a pass holds)."
 )

@@ -16,7 +16,7 @@ from mi_lcair.detection.contrast_result import Contrast, ContrastRow
 from mi_lcair.detection.irradiance import Estimate, Irradiance, RenderError
 from mi_lcair.detection.multiplied_light import multiplied_light
 from mi_lcair.detection.scenario import RenderTable, Scenario
-from mi_lcair.detection.setting import Setting, setting_of
+from mi_lcair.detection.setting import Setting, rendered_as, setting_of
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.atmosphere import LineOfSight
 from mi_lcair.physics.detector import Detector
@@ -107,7 +107,11 @@ def rendered(
         If no ray hits the target.
     """
     view, target, path = setting.view, setting.target, setting.path
-    bounces = sampling.max_bounces or (view.mi.integrator().max_bounces,)
+    with rendered_as(view, sampling):
+        integrator = view.mi.integrator()
+        largest, truncation = integrator.max_bounces, integrator.truncation
+    is_auto = sampling.most_bounces == "auto"
+    bounces = (largest,) if is_auto or not sampling.max_bounces else sampling.max_bounces
 
     def irradiance(result: Signature) -> Irradiance:
         part = result.target
@@ -130,7 +134,8 @@ def rendered(
         return terms.half_width(path) / allowed if allowed > 0 else np.inf
 
     def measured(k: int, sampled: Sampling, aim: Aim | None) -> Signature:
-        with changed(view, lobe=sampling.lobe, max_bounces=bounces[k]):
+        settings = {"max_bounces": bounces[k], "truncation": truncation}
+        with changed(view, lobe=sampling.lobe, **settings):
             return measure_signature(
                 view,
                 replace(sampled, progress=partial(step, k)),

@@ -7,6 +7,7 @@ import os
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from os import PathLike
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -341,9 +342,10 @@ class RenderTable:
 
     Attributes
     ----------
-    max_bounces : tuple of int
+    max_bounces : tuple of int or "auto"
         Numbers of reflections. Their renders have the same paths. If it is empty, the scene's own
-        number is used.
+        number is used. "auto": pilot paths choose one, so that at most a tenth of the tolerance, or
+        of 1 %, is left out of the target's intensity. The errors include the rest.
     lobe : str, optional
         Fidelity of reflections, "brdf", "mirror" or "diffuse", by default the scene's own.
     resolution : int
@@ -365,7 +367,9 @@ class RenderTable:
         Seed of the random numbers.
     """
 
-    max_bounces: tuple[int, ...] = field(default=(), metadata=within(lower=0, upper=10_000))
+    max_bounces: tuple[int, ...] | Literal["auto"] = field(
+        default=(), metadata=within(lower=0, upper=10_000)
+    )
     lobe: str | None = None
     resolution: int = field(default=256, metadata=within(lower=1))
     spp: int | None = field(default=None, metadata=COUNT)
@@ -394,6 +398,12 @@ class RenderTable:
                 f"[render]: tolerance = {self.tolerance:g}; must be a fraction between 0 and 1"
             )
         check_fields(self, "[render]: ")
+
+    @property
+    def most_bounces(self) -> int | str | None:
+        """The largest number of reflections, or "auto"; None: the scene's own number."""
+        is_word = isinstance(self.max_bounces, str)
+        return self.max_bounces if is_word else max(self.max_bounces, default=None)
 
     @property
     def has_tolerance(self) -> bool:

@@ -1,18 +1,22 @@
 """What the contrast of a scenario is computed from, after all checks."""
 
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 
 from mi_lcair import scenes
 from mi_lcair.detection.irradiance import Backdrop
 from mi_lcair.detection.line_of_sight import Sight, backdrop, background_sun
-from mi_lcair.detection.scenario import Scenario
+from mi_lcair.detection.scenario import RenderTable, Scenario
 from mi_lcair.detection.weather import AirOfLight
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.atmosphere import Atmosphere, LineOfSight
 from mi_lcair.physics.detector import Detector
 from mi_lcair.plugins.emitters.one_sun import check_fits, one_sun
 from mi_lcair.rendering.loading.files import survey
+from mi_lcair.rendering.reflections.number import chosen
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.views import Target, View, seen_from
 from mi_lcair.sensitivity.parameters import load_with_values
 from mi_lcair.sensitivity.solution_file import apply_solution
@@ -140,3 +144,16 @@ def target_scene(scenario: Scenario, detector: Detector) -> Scene:
             f"{scene.name} has no material with a fidelity ladder to set a lobe of; leave lobe out"
         )
     return scene
+
+
+def rendered_as(
+    view: Scene, render: RenderTable, each_pixel: bool = False
+) -> AbstractContextManager:
+    """Context manager in which a scene has the lobe and number of reflections of a [render].
+
+    each_pixel: whether "auto" is for the pixels of an image, see `chosen`.
+    """
+    sampling = Sampling(tolerance=render.tolerance, seed=render.seed)
+    with changed(view, lobe=render.lobe):
+        settings = chosen(view, render.most_bounces, each_pixel, sampling)
+    return changed(view, lobe=render.lobe, **settings)

@@ -3,7 +3,7 @@
 import json
 import os
 import socket
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from hashlib import sha256
 from pathlib import Path
@@ -16,6 +16,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.settings import set_all
 from mi_lcair.rendering.views import View, check_resolution
 from mi_lcair.sensitivity.parameters import load_with_values
 from mi_lcair.signatures.cluster import computed
@@ -61,6 +62,8 @@ class Sweep:
         Largest number of views that are rendered together.
     variant : str
         Variant of Mitsuba.
+    settings : dict
+        Settings of the scene's integrator.
     """
 
     scene: str
@@ -71,6 +74,7 @@ class Sweep:
     sampling: Sampling
     batch: int
     variant: str
+    settings: dict[str, object] = field(default_factory=dict)
 
     @staticmethod
     def of(
@@ -79,6 +83,7 @@ class Sweep:
         resolution: int,
         sampling: Sampling,
         batch: int | None = None,
+        settings: dict[str, object] | None = None,
     ) -> "Sweep":
         """The sweep of a loaded scene; without `batch`, as many views in one as fit into a pass.
 
@@ -103,6 +108,7 @@ class Sweep:
             sampling=sampling,
             batch=min(batch or views_per_batch(resolution), len(views)),
             variant=mi.variant(),
+            settings=settings or {},
         )
 
     def batches(self) -> list[tuple[int, tuple[View, ...]]]:
@@ -245,17 +251,19 @@ def render_batch(scene: Scene, sweep: Sweep, number: int, views) -> dict[View, d
 
 def render_on_worker(sweep: Sweep, number: int, views) -> dict[View, dict[str, float]]:
     """Render one batch on a worker, and return its rows."""
-    scene = loaded(sweep.scene, tuple(sweep.parameters.items()), sweep.fingerprint)
+    settings = tuple(sweep.settings.items())
+    scene = loaded(sweep.scene, tuple(sweep.parameters.items()), sweep.fingerprint, settings)
     return render_batch(scene, sweep, number, views)
 
 
 @lru_cache(maxsize=1)
-def loaded(source: str, parameters: tuple, fingerprint: str):
-    """The scene, which a worker loads once.
+def loaded(source: str, parameters: tuple, fingerprint: str, settings: tuple = ()):
+    """The scene with settings of its integrator, which a worker loads once.
 
     Raises InputError if the files on this worker give a scene with another fingerprint.
     """
     scene = load_with_values(source, dict(parameters))
+    set_all(scene.mi.integrator(), dict(settings))
     if scene.fingerprint != fingerprint:
         raise InputError(
             f"scene '{source}' is another one on the Dask worker at {socket.gethostname()}; the "

@@ -12,6 +12,7 @@ from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import target_scene
 from mi_lcair.detection.weather import AirOfLight
 from mi_lcair.errors import InputError
+from mi_lcair.rendering.reflections.number import chosen
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.settings import set_all
@@ -50,12 +51,14 @@ def loaded(subject: Subject, variant: str) -> Scene:
     if scenario is None:
         return load_with_values(subject.scene, dict(subject.parameters))
     scene = target_scene(scenario, scenario.sensor.detector())
-    if scenario.render.lobe is not None:
-        scene.set_lobe(scenario.render.lobe)
-    if scenario.render.max_bounces:
-        integrator = scene.mi.integrator()
-        set_all(integrator, {"max_bounces": max(scenario.render.max_bounces)})
-        integrator.check()
+    render, observer = scenario.render, scenario.observer
+    if render.lobe is not None:
+        scene.set_lobe(render.lobe)
+    sampling = Sampling(tolerance=render.tolerance, seed=render.seed)
+    views = [View(observer.azimuth_deg, observer.elevation_deg)]
+    integrator = scene.mi.integrator()
+    set_all(integrator, chosen(scene, render.most_bounces, False, sampling, views))
+    integrator.check()
     return scene
 
 

@@ -8,11 +8,10 @@ from typing import ClassVar
 import numpy as np
 
 from mi_lcair.detection.scenario import Scenario
-from mi_lcair.detection.setting import setting_of
+from mi_lcair.detection.setting import rendered_as, setting_of
 from mi_lcair.errors import InputError
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
-from mi_lcair.rendering.settings import changed as settings_changed
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.results import Result
 from mi_lcair.results.reading import built
@@ -247,9 +246,7 @@ def result_of(what: Scene | Scenario, sampling: Sampling, names=(), of: str = "c
     if isinstance(what, Scenario):
         try:
             setting = setting_of(what)
-            counts = what.render.max_bounces
-            bounces = {"max_bounces": max(counts)} if counts else {}
-            with settings_changed(setting.view, lobe=what.render.lobe, **bounces):
+            with rendered_as(setting.view, what.render):
                 check_differentiable(setting.view)
                 yield NUMBERS[of](what, setting, names=names)
         except InputError as error:

@@ -303,6 +303,14 @@ def test_one_compile_for_all_numbers_of_reflections(folder, monkeypatch, samplin
     assert len(many - first) <= 1
 
 
+def test_a_tolerance_chooses_the_number_of_reflections(folder):
+    """A disc before the void needs none; the scene's own number is back afterwards."""
+    scenario = disc(folder, render__max_bounces="auto", render__tolerance=0.05)
+    assert [row.max_bounces for row in contrast(scenario).rows] == [0]
+    with pytest.raises(InputError, match="max_bounces = 'otto'; must be a whole number, or auto"):
+        disc(folder, render__max_bounces="otto")
+
+
 @pytest.mark.slow
 def test_numbers_of_reflections_share_their_paths_also_with_a_tolerance():
     """Both rows of the airliner have the same emission and first reflections, to the rounding."""

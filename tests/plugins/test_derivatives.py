@@ -123,7 +123,8 @@ def assert_derivatives(make, key, step, order="enable, update", index=0, in_reve
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "lobe, emitter_sampling", [("brdf", False), ("brdf", True), ("mirror", False), ("diffuse", True)]
+    "lobe, emitter_sampling",
+    [("brdf", False), ("brdf", True), ("mirror", False), ("diffuse", True)],
 )
 def test_forward_and_reverse(corner, lobe, emitter_sampling):
     def make():

@@ -184,6 +184,22 @@ def test_a_scene_that_was_edited_is_not_resumed(plate, tmp_path):
         loaded(str(source), (), "0123456789abcdef")
 
 
+def test_reflections_are_chosen_for_the_views_and_known_to_workers(tmp_path):
+    """The file says the fingerprint, which a worker finds again with the same settings alone."""
+    path, plates = tmp_path / "trend.csv", mi_lcair.load("two_plates", resolution=8)
+    views = {"azimuths_deg": [45, 90], "elevations_deg": [60], "resolution": 8, "spp": 4}
+    automatic = mi_lcair.trend(plates, **views, max_bounces="auto", path=path)
+    by_hand = mi_lcair.trend(plates, **views, max_bounces=1)
+    np.testing.assert_allclose(
+        automatic.columns()["intensity_W_sr"], by_hand.columns()["intensity_W_sr"]
+    )
+    made = json.loads(beside(path).read_text())["made"]["fingerprint"]
+    parameters = tuple(plates.parameters.items())
+    settings = ("max_bounces", 1), ("truncation", 0.0)
+    assert loaded("two_plates", parameters, made, settings).fingerprint == made
+    assert made != plates.fingerprint
+
+
 @pytest.mark.parametrize(
     "changes, message",
     [

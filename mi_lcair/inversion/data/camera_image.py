@@ -18,14 +18,13 @@ from mi_lcair.camera.optics import OVERSAMPLING
 from mi_lcair.camera.scenery import Scenery
 from mi_lcair.camera.view import CameraView
 from mi_lcair.detection.scenario import Scenario
-from mi_lcair.detection.setting import Setting, setting_of
+from mi_lcair.detection.setting import Setting, rendered_as, setting_of
 from mi_lcair.detection.weather import QUANTITIES, in_weather, weather_quantities
 from mi_lcair.errors import InputError
 from mi_lcair.inversion.data.images import check_size
 from mi_lcair.plugins.emission.source import rounded
 from mi_lcair.plugins.emission.sources import Sources
 from mi_lcair.rendering.images.measured import COLDEST, TEMPERATURE, read_values
-from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.views import View
 from mi_lcair.sensitivity.entries import Parameter
 from mi_lcair.sensitivity.parameters import changed as with_values
@@ -169,7 +168,6 @@ class CameraImage:
         differences of renders with the same random numbers.
         """
         scene = self.setting.view
-        bounces = max(self.scenario.render.max_bounces, default=scene.mi.integrator().max_bounces)
         images, columns = [], []
         weather = weather_quantities(self.scenario.atmosphere)
         parameters = {name: weather.get(name) or parameter(scene, name) for name in names}
@@ -178,7 +176,7 @@ class CameraImage:
         def ends(sources: Sources) -> list[Sources]:
             return [hotter(sources, step, scene.band) for step in (SOURCE_STEP, -SOURCE_STEP)]
 
-        with changed(scene, lobe=self.scenario.render.lobe, max_bounces=bounces):
+        with rendered_as(scene, self.scenario.render, each_pixel=True):
             for number in range(seed, seed + randomisations):
                 exposed = self.exposed(spp, number, ends if is_hot else lambda sources: ())
                 image = self.electrons(exposed)

@@ -6,10 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mi_lcair.detection.scenario import Scenario
-from mi_lcair.detection.setting import Setting, setting_of
+from mi_lcair.detection.setting import Setting, rendered_as, setting_of
 from mi_lcair.detection.weather import in_weather
 from mi_lcair.errors import InputError
-from mi_lcair.rendering.settings import changed
 from mi_lcair.sensitivity.sensitivities import Sensitivities
 from mi_lcair.sensitivity.window import differentiate_intensity
 from mi_lcair.uncertainty.numbers.contrast_number import ContrastNumber
@@ -70,9 +69,7 @@ class MeasuredContrast:
         sampling = replace(self.scenario.render, seed=seed)
         if spp is not None:
             sampling = replace(sampling, spp=spp, tolerance=None, tolerance_W_m2=None, max_spp=None)
-        counts = sampling.max_bounces
-        bounces = {"max_bounces": max(counts)} if counts else {}
-        with changed(self.setting.view, lobe=sampling.lobe, **bounces):
+        with rendered_as(self.setting.view, sampling):
             number = ContrastNumber(replace(self.scenario, render=sampling), self.setting)
             number.start()
             if not number.has_weights:

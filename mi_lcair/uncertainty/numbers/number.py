@@ -14,9 +14,9 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.planning.bounces import beyond_last
 from mi_lcair.plugins.emission.source import Source, rounded
 from mi_lcair.plugins.recorders.by_bounce import MAX_BOUNCE_CHANNELS
+from mi_lcair.rendering.reflections.bounces import beyond_last
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.sensitivity.columns import MOST_COLUMNS, without_column
 from mi_lcair.sensitivity.common_numbers import PARTS, CommonNumbers

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import mi_lcair
-from mi_lcair.planning.probe import Probe, pixels_launch
+from mi_lcair.rendering.reflections.probe import Probe, pixels_launch
 
 
 @pytest.mark.parametrize("each_pixel, size", [(False, 1), (True, 50)])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mi_lcair.planning.bounces import beyond_last, fewest_bounces
+from mi_lcair.rendering.reflections.bounces import beyond_last, fewest_bounces
 
 
 @pytest.mark.parametrize("each_pixel", [False, True])

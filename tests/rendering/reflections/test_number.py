@@ -7,8 +7,9 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
-from mi_lcair.planning.reflections import enough, reflecting
+from mi_lcair.rendering.reflections.number import chosen, enough, reflecting
 from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.rendering.views import View
 
 
 @pytest.fixture
@@ -100,3 +101,17 @@ def test_truncation_is_a_systematic_error(plain_furnace):
     scene.mi.integrator().truncation = 0.0
     with scene.prepared() as tracer:
         assert whole == pytest.approx(sqrt(0.03**2 + tracer.systematic_error**2))
+
+
+def test_the_view_that_needs_most_decides():
+    """One side of the plates shows no reflections, another one does, and from below all is dark."""
+    plates = mi_lcair.load("two_plates", resolution=8)
+    views = [View(45, -45), View(90, 60), View(0, -60)]
+
+    def number(*views):
+        return chosen(plates, "auto", False, Sampling(), views)["max_bounces"]
+
+    assert [number(view) for view in views[:2]] == [0, 1]
+    assert number(*views) == 1
+    with pytest.raises(InputError, match="no pilot path meets radiance"):
+        number(views[2])

@@ -1,0 +1,1 @@
+"""How many reflections a tolerance needs."""
