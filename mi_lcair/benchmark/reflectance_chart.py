@@ -5,6 +5,7 @@ The chart shows Figures 3.15 and 3.17-3.20 of the thesis on one page for each of
 
 import math
 import time
+from typing import NamedTuple
 
 import drjit as dr
 import numpy as np
@@ -23,10 +24,17 @@ MATERIALS = [
     ("gloss_black", "LWIR"),
     ("ir_range_wall", "MWIR"),
 ]
-# The amount of work: samples of a launch, least number of repetitions, and least number of
-# launches.
-FULL = {"lanes": 2**20, "repetitions": 64, "launches": 5}
-QUICK = {"lanes": 2**17, "repetitions": 16, "launches": 3}
+
+
+class Work(NamedTuple):
+    """Samples of a launch, and the least numbers of repetitions and of launches."""
+
+    lanes: int
+    repetitions: int
+    launches: int
+
+
+FULL, QUICK = Work(2**20, 64, 5), Work(2**17, 16, 3)
 MOST_SAMPLES_IF_QUICK = 300_000
 
 
@@ -54,7 +62,7 @@ def measure(quick: bool = False, progress=None) -> list[Point]:
                 effort,
                 problems[names],
                 exact[names],
-                **(QUICK if quick else FULL),
+                QUICK if quick else FULL,
             )
         )
         if progress:
@@ -71,10 +79,10 @@ def named_problem(name, band_name, theta_deg=THETA_DEG):
     return problem(*entry.values, theta_deg, entry.form)
 
 
-def measured(case, method, effort, p, exact, lanes, repetitions, launches) -> Point:
+def measured(case, method, effort, p, exact, work: Work) -> Point:
     """The Point of one method at one effort.
 
-    A launch computes many repetitions in parallel, about `lanes` samples in all. Its time is
+    A launch computes many repetitions in parallel, about `work.lanes` samples in all. Its time is
     divided by the number of repetitions, because a renderer also computes many integrals at once,
     and a single launch costs as much as 10^4 samples. The first launch includes the compile and is
     left out.
@@ -89,8 +97,7 @@ def measured(case, method, effort, p, exact, lanes, repetitions, launches) -> Po
         The reflectance integral.
     exact
         Its exact value.
-    lanes, repetitions, launches
-        As in `FULL`.
+    work
 
     Returns
     -------
@@ -98,11 +105,11 @@ def measured(case, method, effort, p, exact, lanes, repetitions, launches) -> Po
         Error and time.
     """
     samples = method.samples(effort)
-    batch = max(1, lanes // samples)
+    batch = max(1, work.lanes // samples)
     values, seconds = zip(
         *(
             timed(method, p, effort, batch, seed)
-            for seed in range(1 + max(launches, math.ceil(repetitions / batch)))
+            for seed in range(1 + max(work.launches, math.ceil(work.repetitions / batch)))
         )
     )
     once = float(np.median(seconds[1:]))

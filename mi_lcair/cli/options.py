@@ -371,10 +371,10 @@ def loading_options(command):
     @renderer_options
     @json_option
     @wraps(command)
-    def with_scene(scene, parameters, seed, variant, threads, json, solution, motions, **arguments):
-        options = SceneOptions(
-            scene, dict(parameters), {"seed": seed}, variant, threads, json, solution, motions
-        )
+    def with_scene(parameters, seed, **arguments):
+        names = "scene", "variant", "threads", "json", "solution", "motions"
+        of_scene = {name: arguments.pop(name) for name in names}
+        options = SceneOptions(parameters=dict(parameters), sampling={"seed": seed}, **of_scene)
         return command(options=options, **arguments)
 
     return with_scene

@@ -64,28 +64,29 @@ def measure(
     elif sampling.spp is not None:
         raise InputError(TWO_CHOICES)
     windows.check(sampling)
-    settings = open_settings(scene, measurands, criterion)
     with scene.prepared(measurands.by_spectrum, measurands.explored, measurands.bins) as tracer:
         kept = windows.count * (windows.randomisations if windows.by_randomisation else 1)
         check_memory(kept, tracer, None if measurands.reduced else measurands.channels.split)
         if criterion is not None:
             criterion.check(tracer, scene.name)
-        plan = scene, tracer, windows, sampling, measurands, criterion
-        total = _until_met(*plan, aim, WORTH_ASKING if settings else np.inf)
+        total = _until_met(scene, tracer, windows, sampling, measurands, criterion, aim)
     if total is not None:
         return total
+    settings = open_settings(scene, measurands, criterion)
     best = cheapest(scene, settings, windows, sampling, measurands, criterion)
     with changed(scene, **best):
         return measure(scene, windows, sampling, measurands, criterion, aim)
 
 
 def _until_met(
-    scene, tracer, windows: Windows, sampling, measurands, criterion, aim, most: float
+    scene, tracer, windows: Windows, sampling, measurands, criterion, aim
 ) -> Totals | None:
     """The loop of `measure`: passes through all windows that need more paths.
 
-    None if, after the first paths, the ratio of the error to the allowed error is above `most`.
+    None if a pilot decides on the scene's settings, and, after the first paths, the ratio of the
+    error to the allowed error is above WORTH_ASKING.
     """
+    most = WORTH_ASKING if open_settings(scene, measurands, criterion) else np.inf
     # The results by facet and a sensor of several views need a constant density
     may_aim = aim is None and measurands.facets is None and windows.may_be_aimed
     total = windows.totals(tracer, aim)

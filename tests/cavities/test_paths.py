@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 import mi_lcair
+from mi_lcair.cavities import paths
 from mi_lcair.cavities.cavity import effective_emissivity
 from mi_lcair.cavities.description import Description
+from mi_lcair.cavities.walls import Wall
 from mi_lcair.rendering.sampling import Sampling
 
 SIGMAS = 4.5  # of Student's 15 degrees of freedom: 4 in 10,000
@@ -21,11 +23,12 @@ SHAPES = [
     {"kind": "sphere", "radius_m": 2.0, "aperture_radius_m": 1.1},
     {"kind": "cylinder_cone", "radius_m": 0.02, "length_m": 0.08, "angle_deg": 110},
 ]
+VIEWS = [{}, {"from": "normal", "angle_deg": 30}, {"distance_m": 0.5}]
+CASES = [(SHAPES[0], view) for view in VIEWS] + list(zip(SHAPES[1:], VIEWS))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape["kind"])
-@pytest.mark.parametrize("view", [{}, {"from": "normal", "angle_deg": 30}, {"distance_m": 0.5}])
+@pytest.mark.parametrize("shape, view", CASES)
 def test_diffuse_walls_as_rings(shape, view, tmp_path):
     """Paths and rings, isothermal and with a profile."""
     depth = described(shape=shape, wall={"emissivity": 1.0}).shape.depth
@@ -34,16 +37,16 @@ def test_diffuse_walls_as_rings(shape, view, tmp_path):
     for wall in ({"emissivity": 0.6}, {"emissivity": 0.6, "profile": str(profile)}):
         cavity = described(shape=shape, wall=wall, view=view)
         exact, _, _ = effective_emissivity(cavity, "rings", Sampling())
-        value, error, _ = effective_emissivity(cavity, "paths", Sampling(paths=2**16))
+        value, error, _ = effective_emissivity(cavity, "paths", Sampling(paths=2**14))
         assert (abs(value - exact) < SIGMAS * error).all()
-        assert error.max() < 2e-3
+        assert error.max() < 4e-3
 
 
 def mirror_cylinder(start, direction, R, L, reflectance):
     """Share of each ray that leaves an open cylinder of mirrors again, traced in Float64."""
     left = np.zeros(start.shape[1])
     place, d, weight = start.copy(), direction.copy(), np.ones(start.shape[1])
-    for _ in range(400):
+    while weight.max() > 1e-5:
         a, b = d[0] ** 2 + d[1] ** 2, place[0] * d[0] + place[1] * d[1]
         c = place[0] ** 2 + place[1] ** 2 - R**2
         wall = (-b + np.sqrt(np.maximum(b * b - a * c, 0))) / np.maximum(a, 1e-30)
@@ -60,10 +63,9 @@ def mirror_cylinder(start, direction, R, L, reflectance):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("epsilon", [0.1, 0.4])
-@pytest.mark.parametrize("from_", ["hemisphere", "normal"])
+@pytest.mark.parametrize("from_, epsilon", [("hemisphere", 0.1), ("normal", 0.4)])
 def test_mirrors(epsilon, from_):
-    """A cylinder of mirrors: facets change nothing that 2^20 rays could show."""
+    """A cylinder of mirrors: facets change nothing that 2^16 rays could show."""
     R, L = 0.1, 0.25
     angle = 25 if from_ == "normal" else 0
     cavity = described(
@@ -72,14 +74,14 @@ def test_mirrors(epsilon, from_):
         view={"from": from_, "angle_deg": angle, "spot_m": R},
     )
     rng = np.random.default_rng(3)
-    r, phi, u, psi = np.sqrt(rng.random(2**18)), *rng.random((3, 2**18))
+    r, phi, u, psi = np.sqrt(rng.random(2**16)), *rng.random((3, 2**16))
     phi *= 2 * np.pi
     start = R / 2 * r * np.array([np.cos(phi), np.sin(phi), 0 * phi])
     sine = np.sqrt(u) if from_ == "hemisphere" else np.full_like(u, np.sin(np.radians(angle)))
     azimuth = 2 * np.pi * psi
     direction = np.array([sine * np.cos(azimuth), sine * np.sin(azimuth), np.sqrt(1 - sine**2)])
     left = mirror_cylinder(start, direction, R, L, 1 - epsilon)
-    value, error, _ = effective_emissivity(cavity, "paths", Sampling(paths=2**17))
+    value, error, _ = effective_emissivity(cavity, "paths", Sampling(paths=2**16))
     own = left.std() / np.sqrt(left.size)
     assert abs(value[0] - (1 - left.mean())) < SIGMAS * np.hypot(error[0], own)
 
@@ -92,9 +94,13 @@ def test_intervals_are_true():
         wall={"emissivity": 0.5},
     )
     exact = effective_emissivity(cavity, "rings", Sampling())[0][0]
+    grey = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.5}}
+    wall = Wall.of_shape(cavity.shape, 1)
+    scene = paths.scene_of_wall(wall, grey, {}, None, paths.reflections(0.5), "LWIR")
     held = 0
     for seed in range(40):
-        value, error, _ = effective_emissivity(cavity, "paths", Sampling(paths=2**13, seed=seed))
+        sampling = Sampling(paths=2**11, seed=seed)
+        value, error, _ = paths.effective_emissivity(scene, cavity.view, None, sampling)
         held += abs(value[0] - exact) < 2.131 * error[0]
     assert held >= 33
 

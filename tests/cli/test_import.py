@@ -205,15 +205,15 @@ def test_files_are_replaced_and_others_left_alone(run, refused, folder):
     assert (folder / "boxes" / "scene.xml").read_text() != small
     assert len(list((folder / "boxes").iterdir())) == 5
     assert run("import", "model.obj", "-o", ".").exit_code == 0 and (folder / "scene.xml").is_file()
-    for file in ("scene.xml", "model.xml"):
+    for file, edit in (("scene.xml", ('value="LWIR"', 'value="MWIR"')), ("model.xml", ("\n", " "))):
         path = folder / "boxes" / file
         written = path.read_text()
-        for own in ("my own", written.replace('value="LWIR"', 'value="MWIR"'), written + " "):
-            path.write_text(own)
-            assert f"{file}: was written by somebody else or edited" in refused(
-                "import", "model.obj", "-o", "boxes"
-            )
-            assert path.read_text() == own
+        edited = written.replace(*edit)
+        path.write_text(edited)
+        assert f"{file}: was written by somebody else or edited" in refused(
+            "import", "model.obj", "-o", "boxes"
+        )
+        assert path.read_text() == edited
         path.write_text(written)
 
 

@@ -69,13 +69,13 @@ def test_refused(refused, folder, text, arguments, message):
 @pytest.mark.slow
 def test_killed_sweeps_go_on(run, folder):
     """Killed at random moments and started again: the bytes of a sweep that was not disturbed."""
-    write(folder, SWEEP.replace("to = 20, step = 10", "to = 89.9, step = 0.1"))
+    write(folder, SWEEP.replace("to = 20, step = 10", "to = 89.9, step = 0.2"))
     start = time.perf_counter()
     assert run("sweep", "sweep.toml", "-o", "whole.nc").exit_code == 0
     seconds = time.perf_counter() - start + 2  # of the start of Python
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
     moments = random.Random(1)
-    for _ in range(5):
+    for _ in range(3):
         command = [sys.executable, "-m", "mi_lcair", "sweep", "sweep.toml", "-o", "s.nc"]
         with subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL) as process:
             time.sleep(moments.uniform(0.3, 1) * seconds)

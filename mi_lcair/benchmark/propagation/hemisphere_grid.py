@@ -27,7 +27,10 @@ class Hemisphere:
         return 2 * self.n**2
 
     def direction(self, k, wi):
-        return cell(k // (2 * self.n), self.n, 0, HALF_PI, k % (2 * self.n), 2 * self.n, 0, 2 * pi)
+        columns = 2 * self.n
+        return cell(
+            middle(k // columns, self.n, 0, HALF_PI), middle(k % columns, columns, 0, 2 * pi)
+        )
 
 
 @dataclass(frozen=True)
@@ -47,9 +50,10 @@ class Peak:
         return self.n**2
 
     def direction(self, k, wi):
-        low, high, middle, half = peak_region(wi)
+        low, high, centre, half = peak_region(wi)
         return cell(
-            k // self.n, self.n, low, high, k % self.n, self.n, middle - half, middle + half
+            middle(k // self.n, self.n, low, high),
+            middle(k % self.n, self.n, centre - half, centre + half),
         )
 
 
@@ -68,7 +72,7 @@ class Stratified:
         return self.n**2 + 2 * self.m**2
 
     def direction(self, k, wi):
-        low, high, middle, half = peak_region(wi)
+        low, high, centre, half = peak_region(wi)
         inner, solid_angle = Peak(self.n).direction(k, wi)
         row, column = (k - self.n**2) // (2 * self.m), (k - self.n**2) % (2 * self.m)
         # The rows of the outer grid are shared out in proportion to the ranges of theta: first the
@@ -83,15 +87,12 @@ class Stratified:
         first = dr.select(row < above, 0, dr.select(row < above + below, above, above + below))
         rows = dr.select(row < above, above, dr.select(row < above + below, below, beside))
         is_beside = row >= above + below
+        lower = dr.select(row < above, 0, dr.select(is_beside, low, high))
+        upper = dr.select(row < above, low, dr.select(is_beside, high, HALF_PI))
+        left_out = dr.select(is_beside, half, 0)
         outer, rest = cell(
-            row - first,
-            rows,
-            dr.select(row < above, 0, dr.select(is_beside, low, high)),
-            dr.select(row < above, low, dr.select(is_beside, high, HALF_PI)),
-            column,
-            2 * self.m,
-            middle + dr.select(is_beside, half, 0),
-            middle + 2 * pi - dr.select(is_beside, half, 0),
+            middle(row - first, rows, lower, upper),
+            middle(column, 2 * self.m, centre + left_out, centre + 2 * pi - left_out),
         )
         is_inner = k < self.n**2
         return dr.select(is_inner, inner, outer), dr.select(is_inner, solid_angle, rest)
@@ -109,13 +110,17 @@ def peak_region(wi):
     )
 
 
-def cell(row, rows, low, high, column, columns, left, right):
+def middle(k, count, low, high):
+    """Middle and width of interval k of `count` even ones from `low` to `high`."""
+    width = (high - low) / mi.Float(count)
+    return low + (mi.Float(k) + 0.5) * width, width
+
+
+def cell(row, column):
     """Direction to the middle of a cell, and the weight of the cell [sr].
 
-    The grid has `rows` rows from `low` to `high` in theta and `columns` columns from `left` to
-    `right` in phi [rad].
+    row, column: `middle` of theta and of phi [rad].
     """
-    d_theta, d_phi = (high - low) / mi.Float(rows), (right - left) / mi.Float(columns)
-    theta, phi = low + (mi.Float(row) + 0.5) * d_theta, left + (mi.Float(column) + 0.5) * d_phi
+    (theta, d_theta), (phi, d_phi) = row, column
     sin = dr.sin(theta)
     return mi.Vector3f(sin * dr.cos(phi), sin * dr.sin(phi), dr.cos(theta)), sin * d_theta * d_phi

@@ -48,15 +48,15 @@ def intensity(problem: Problem, patches: int, rays: int, seed: int) -> tuple[flo
         axis=1,
     )
     divisions = np.maximum(1, np.round(np.sqrt(patches * sides / sides.sum()))).astype(int)
-    first = np.concatenate([[0], np.cumsum(divisions**2)])
-    corners, owner = np.empty((first[-1], 3, 3)), np.repeat(np.arange(len(divisions)), divisions**2)
+    owner = np.repeat(np.arange(len(divisions)), divisions**2)
+    corners = np.empty((len(owner), 3, 3))
     for n in np.unique(divisions):
         corners[divisions[owner] == n] = part_corners(table.triangles[divisions == n], n)
 
     points = visible_points(problem, len(corners), corners, owner)
     with problem.prepared() as (scene, emitters):
         E, rho = at_middles(scene, emitters, corners)
-        F = view_factors(scene, emitters, problem.triangles, corners, divisions, first, rays, seed)
+        F = view_factors(scene, emitters, problem.triangles, corners, divisions, rays, seed)
     B, term = E.copy(), E
     for _ in range(problem.bounces):
         term = rho * (F @ term)
@@ -77,9 +77,7 @@ def at_middles(scene, emitters, corners) -> tuple[np.ndarray, np.ndarray]:
     return np.pi * emitted(si, scene).numpy().astype(float), rho.numpy().astype(float)
 
 
-def view_factors(
-    scene, emitters, triangles, corners, divisions, first, rays: int, seed: int
-) -> csr_array:
+def view_factors(scene, emitters, triangles, corners, divisions, rays: int, seed: int) -> csr_array:
     """Compute the view factors F_ij between patches, as a sparse matrix (P, P).
 
     F_ij is the share of the radiation from patch i, a Lambertian emitter, that hits the front of
@@ -95,14 +93,12 @@ def view_factors(
         Corners of the patches [m].
     divisions : (T,)
         For each triangle, the number n for which it has n^2 patches.
-    first : (T + 1,)
-        Number of the first patch of each triangle.
     rays
         Rays from each patch.
     seed
         Seed of the lattice's shifts.
     """
-    patches = len(corners)
+    patches, first = len(corners), np.cumsum(divisions**2) - divisions**2
     index = dr.arange(mi.UInt32, patches * rays)
     patch, k = index // dr.opaque(mi.UInt32, rays), index % dr.opaque(mi.UInt32, rays)
     sampler = Lattice.at(patch, k, dr.opaque(mi.UInt32, seed))

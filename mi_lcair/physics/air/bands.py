@@ -16,6 +16,7 @@ TABLES = Path(__file__).with_name("tables")
 WAVELENGTH = "wavelength_um"
 # Phase function of molecules, of the square of the cosine of the angle, as LOWTRAN7 has it [1/sr].
 RAYLEIGH = 0.06050402, 0.0572197
+ROWS = 16  # of a product of matrices that OpenBLAS calculates in one thread
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,9 +51,13 @@ class Bands:
 
         Amounts are densities of the table of levels times km.
         """
-        # Threads of a BLAS wait for each other on a busy machine; einsum uses none.
-        powers = np.maximum(amounts, 0) ** self.exponents
-        return np.einsum("...c,ck->...k", powers, self.coefficients)
+        powers = (np.maximum(amounts, 0) ** self.exponents).reshape(-1, len(self.exponents))
+        depth = np.empty((len(powers), len(self.wavelengths_um)))
+        # Threads of a BLAS wait for each other on a busy machine; for few rows it uses none.
+        for first in range(0, len(powers), ROWS):
+            rows = slice(first, first + ROWS)
+            np.matmul(powers[rows], self.coefficients, out=depth[rows])
+        return depth.reshape(*np.shape(amounts)[:-1], -1)
 
     def transmittance(self, amounts: np.ndarray) -> np.ndarray:
         """Transmittance 0..1, (..., k), of amounts of absorbers (..., c) along whole paths."""
