@@ -69,24 +69,22 @@ def measure(
         check_memory(kept, tracer, None if measurands.reduced else measurands.channels.split)
         if criterion is not None:
             criterion.check(tracer, scene.name)
-        total = _until_met(scene, tracer, windows, sampling, measurands, criterion, aim)
-    if total is not None:
-        return total
-    settings = open_settings(scene, measurands, criterion)
-    best = cheapest(scene, settings, windows, sampling, measurands, criterion)
-    with changed(scene, **best):
+        result = _until_met(scene, tracer, windows, sampling, measurands, criterion, aim)
+    if isinstance(result, Totals):
+        return result
+    with changed(scene, **result):
         return measure(scene, windows, sampling, measurands, criterion, aim)
 
 
 def _until_met(
     scene, tracer, windows: Windows, sampling, measurands, criterion, aim
-) -> Totals | None:
+) -> Totals | dict[str, bool]:
     """The loop of `measure`: passes through all windows that need more paths.
 
-    None if a pilot decides on the scene's settings, and, after the first paths, the ratio of the
-    error to the allowed error is above WORTH_ASKING.
+    A pilot decides after the first paths on settings that the scene leaves open. If it finds that
+    one of them pays, their values are returned, with which to begin again.
     """
-    most = WORTH_ASKING if open_settings(scene, measurands, criterion) else np.inf
+    settings = open_settings(scene, measurands, criterion)
     # The results by facet and a sensor of several views need a constant density
     may_aim = aim is None and measurands.facets is None and windows.may_be_aimed
     total = windows.totals(tracer, aim)
@@ -109,9 +107,11 @@ def _until_met(
         check_valid(total.invalid, int(total.traced.sum()), scene.name)
         if criterion is not None and done >= goal:
             needed = total.excess = np.broadcast_to(criterion.excess(total), windows.count)
-            if needed.max() > most:
-                return None
-            most = np.inf
+            if settings and needed.max() > WORTH_ASKING:
+                best = cheapest(scene, settings, windows, sampling, measurands, criterion)
+                if any(best.values()):
+                    return best
+            settings = []
             if not windows.are_pixels:
                 # The error of a lattice falls at most as 1 / points. A smaller estimate is luck,
                 # and to end there would state too small an error too often.

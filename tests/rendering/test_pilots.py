@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import mi_lcair
@@ -51,6 +52,21 @@ def test_the_pilot_counts_rays_in_every_split(split):
 def test_where_little_is_needed_no_pilot_decides(monkeypatch):
     monkeypatch.setattr("mi_lcair.rendering.measure.cheapest", pytest.fail)
     mi_lcair.signature(loaded("furnace", emitter_sampling="auto"), tolerance=0.01)
+
+
+def test_paths_go_on_where_drawing_does_not_pay(monkeypatch):
+    """The first paths are traced once."""
+    first_points, launches = [], Windows.launches
+
+    def noted(windows, active, done, *arguments):
+        first_points.append(done)
+        return launches(windows, active, done, *arguments)
+
+    monkeypatch.setattr(Windows, "launches", noted)
+    monkeypatch.setattr("mi_lcair.rendering.measure.cheapest", lambda *arguments: {})
+    monkeypatch.setattr("mi_lcair.rendering.measure.WORTH_AIMING", np.inf)
+    mi_lcair.signature(loaded("furnace", emitter_sampling="auto"), tolerance=2e-5)
+    assert len(first_points) > 1 and first_points.count(0) == 1
 
 
 def test_who_is_asked():

@@ -15,7 +15,9 @@ from docs.studies.claims.witness import MOST_PATHS, Claim, Witness, student
 from mi_lcair.errors import InputError
 
 SHARE = 0.02  # of the whole, above which a channel's error counts as a claim
-PIXEL_FREEDOM, WINDOW_FREEDOM = 3, 7  # degrees of freedom: randomisations less one
+WINDOW_FREEDOM = 7  # degrees of freedom of an intensity's error: its randomisations less one
+# That of a pixel averages over 5 x 5 pixels of 4 randomisations each, and fewer at the film's edge
+PIXEL_FREEDOM = 3 * 5 * 5
 PART = 1e-3  # relative error of a small part of a large scene without a remark
 DOUBTS = ("single precision", "left to rounding")  # in remarks that withdraw all claims
 CLIPPED = "far_clip"  # in the remark on what a camera does not see, which does not matter here
@@ -96,7 +98,7 @@ def image_of_pixels(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]
     spp, sensor = int(2 ** rng.integers(4, 9)), int(rng.integers(case.file.sensors))
     result = mi_lcair.render(scene, spp=spp, seed=int(rng.integers(1000)), sensor=sensor)
     exact = case.pixels.sum(axis=0)
-    normal = student(PIXEL_FREEDOM * PIXELS**2)
+    normal = student(3 * PIXELS**2)
     yield witness.claim("image's mean", result.mean, case.mean, normal * result.mean_error)
     if exact.size > 1:
         factor = student(PIXEL_FREEDOM)

@@ -104,7 +104,7 @@ def combined(draw: Draw) -> Case:
     names = {"sun": irradiance, "plume": sheet, "room": T.get("room")}
     parts = [name for name, value in names.items() if value is not None]
     return draw.case(
-        ", ".join(["part of the window" if is_part else "floor", *parts]),
+        ", ".join(["small floor" if is_part else "floor", *parts]),
         file,
         T,
         bounces,

@@ -1,5 +1,6 @@
 """A triangle or rectangle as a point of a surface sees it: what both have in common."""
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import reduce
 
@@ -24,7 +25,7 @@ class Receiver:
 
 
 @dataclass
-class SphericalPolygon:
+class SphericalPolygon(ABC):
     """A triangle or rectangle as seen from a point of a surface.
 
     n: its normal. distance: that of its plane [m], negative in front of it. area: [m^2].
@@ -80,13 +81,13 @@ class SphericalPolygon:
             "by_area": solid_angle < smallest,
         }
 
+    @abstractmethod
     def uniform_point(self, sample) -> mi.Vector3f:
         """A point uniform over the area, from the receiver [m]."""
-        raise NotImplementedError
 
+    @abstractmethod
     def draw_direction(self, sample) -> tuple[mi.Vector3f, mi.Float]:
         """A direction by solid angle, and its density [1/sr]."""
-        raise NotImplementedError
 
     def draw(self, sample) -> tuple[mi.Vector3f, mi.Float, mi.Float]:
         """A direction to the polygon, the distance of its point [m], and its density [1/sr]."""
