@@ -17,11 +17,12 @@ import numpy as np
 from docs.studies.page import write_page
 from mi_lcair.physics.air.bands import bands
 from mi_lcair.physics.air.clear_air import SunDirection, clear_air
-from mi_lcair.physics.air.levels import model_names
+from mi_lcair.physics.air.levels import Weather, model_names
 from mi_lcair.physics.air.light import AirLight
 from mi_lcair.physics.bands import band
 
 LOWTRAN7 = Path(__file__).parents[2] / "tests/physics/air/lowtran7.csv"
+IN_WEATHER = LOWTRAN7.with_name("lowtran7_weather.csv")
 X = bands().wavelengths_um
 BANDS = "MWIR", "LWIR"
 KINDS = {
@@ -32,6 +33,11 @@ KINDS = {
     "transmittance": "path between two heights, transmittance",
     "path_up": "path radiance, seen from below",
     "path_down": "path radiance, seen from above",
+}
+KINDS_IN_WEATHER = {
+    "sky": "night sky, radiance",
+    "sky_transmittance": "the same, transmittance to space",
+    "reflected_sun": "sunlight that the ground reflects, seen from .5 to 8 km",
 }
 RANGES_KM = 0.5, 2.0, 5.0, 10.0
 
@@ -56,11 +62,41 @@ def spectrum(kind: str, name: str, a: float, b: float, c: float, d: float) -> np
     return air.emitted(along).radiance
 
 
+def rows_of(file: Path) -> list[dict[str, str]]:
+    """The rows of a table without its comments."""
+    lines = file.read_text().splitlines()
+    return list(csv.DictReader(line for line in lines if line[0] != "#"))
+
+
+def in_weather(row: dict[str, str]) -> float:
+    """In-band value of a case in other weather; its columns are those of the table's header."""
+    names = "temperature", "humidity", "pressure", "visibility", "co2"
+    air = clear_air(row["air"], Weather(**{name: float(row[name]) for name in names if row[name]}))
+    rule, height_m, elevation = band(row["band"]), 1000 * float(row["height"]), row["elevation"]
+    along = air.ray(height_m, float(elevation))
+    if row["kind"] == "sky":
+        return rule.integral(X, air.emitted(along).radiance)
+    if row["kind"] == "sky_transmittance":
+        through = bands().transmittance(along.amounts[-1])
+        return rule.integral(X, through) / rule.integral(X, np.ones_like(X))
+    sun = float(row["sun"])
+    seen = air.sun(0.0, sun).through(along.amounts[-1]) / np.pi  # white ground
+    return np.sin(np.radians(sun)) * rule.integral(X, seen)
+
+
+def weather_errors() -> dict[tuple[str, str], np.ndarray]:
+    """Relative errors of in-band values in other weather, by kind and air."""
+    found = {}
+    for row in rows_of(IN_WEATHER):
+        error = in_weather(row) / float(row["value"]) - 1
+        found.setdefault((row["kind"], row["air"]), []).append(error)
+    return {key: np.array(values) for key, values in found.items()}
+
+
 def errors() -> dict[tuple[str, str], np.ndarray]:
     """Relative errors of in-band values, by kind and air."""
     found = {}
-    lines = (line for line in LOWTRAN7.read_text().splitlines() if line[0] != "#")
-    for row in csv.DictReader(lines):
+    for row in rows_of(LOWTRAN7):
         kind, name, rule = row["kind"], row["air"], band(row["band"])
         if kind not in KINDS:
             continue
@@ -97,13 +133,15 @@ def milliseconds() -> float:
 
 def main(page: Path) -> None:
     """Write the page."""
-    found = errors()
     cell = lambda values: f"{100 * abs(values).max():.2f} ({100 * np.median(abs(values)):.3f})"
-    rows = "\n".join(
-        f"| {words} | {len(found[kind, model_names()[0]])} | "
-        + " | ".join(cell(found[kind, name]) for name in model_names())
-        + " |"
-        for kind, words in KINDS.items()
+    rows, weather = (
+        "\n".join(
+            f"| {words} | {sum(len(found[kind, name]) for name in model_names())} | "
+            + " | ".join(cell(found[kind, name]) for name in model_names())
+            + " |"
+            for kind, words in kinds.items()
+        )
+        for found, kinds in ((errors(), KINDS), (weather_errors(), KINDS_IN_WEATHER))
     )
     lights = {
         "sun at 45 degrees": lambda air: air.sun(50.0, 45.0),
@@ -119,6 +157,7 @@ def main(page: Path) -> None:
         "air",
         airs=" | ".join(model_names()),
         rows=rows,
+        weather=weather,
         products=products,
         milliseconds=f"{milliseconds():.0f}",
     )

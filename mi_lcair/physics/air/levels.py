@@ -19,6 +19,7 @@ STATE = HEIGHT, PRESSURE, TEMPERATURE, HUMIDITY, VAPOUR, REFRACTIVITY
 STANDARD_VISIBILITY_KM, STANDARD_CO2_PPMV = 23.0, 330.0  # of the tables
 MOST_HUMID = 0.98  # largest relative humidity in changed weather; LOWTRAN7's aerosols end at 99 %
 VAPOUR_SHARE = 1.2442e-3  # share of the air's molecules at 273.15 K and 1013.25 hPa in 1 g m^-3
+RURAL = "aerosol_rural_"  # beginning of the columns of the rural aerosol, by relative humidity in %
 HAZE_KM = 0.0, 1.0, 2.0  # heights of the rural aerosol in the table of haze
 
 
@@ -146,7 +147,8 @@ class Levels:
         ----------
         temperature, pressure, vapour
             Temperature [K], pressure [hPa] and water vapour [g m^-3] at `heights_km`, (n,); None
-            for what stays. Mixing ratios of the other gases and the aerosols stay.
+            for what stays. Mixing ratios of the other gases and the extinction of the aerosols
+            at .55 um stay. The classes of humidity of the rural aerosol change.
         """
         T, p, v = (
             old if new is None else np.asarray(new, dtype=float)
@@ -173,13 +175,18 @@ class Levels:
         densities = np.column_stack(
             [self.densities[:, k] * ratios.get(name, 1.0) for k, name in enumerate(columns)]
         )
+        humidity = v / saturation(T)
+        rural = [k for k, name in enumerate(columns) if name.startswith(RURAL)]
+        classes = [float(columns[k].removeprefix(RURAL)) / 100 for k in rural]
+        extinction = densities[:, rural].sum(axis=1, keepdims=True)
+        densities[:, rural] = extinction * class_shares(humidity, np.array(classes))
         cold = columns.index("h2o_self_cold")
         densities[:, cold] = densities[:, columns.index("h2o_self")] * np.clip((296 - T) / 36, 0, 1)
         return Levels(
             self.heights_km,
             p,
             T,
-            v / saturation(T),
+            humidity,
             v,
             self.refractivity * denser * colder,
             densities,
@@ -190,6 +197,16 @@ def saturation(temperature) -> np.ndarray:
     """Density of saturated water vapour over water at a temperature [K] in LOWTRAN7 [g m^-3]."""
     share = 273.15 / np.asarray(temperature, dtype=float)
     return share * np.exp(18.9766 - 14.9595 * share - 2.43882 * share**2)
+
+
+def class_shares(humidity: np.ndarray, classes: np.ndarray) -> np.ndarray:
+    """Shares of classes of an aerosol, (n, classes), at relative humidities 0..1, (n,).
+
+    They are linear in ln(1 - humidity) between rising classes, and those of the nearest one beyond.
+    """
+    places = -np.log1p(-classes)
+    at = -np.log1p(-np.minimum(humidity, classes[-1]))
+    return np.column_stack([np.interp(at, places, unit) for unit in np.eye(len(classes))])
 
 
 def haze_factor(column: str, heights_km: np.ndarray, visibility: float) -> np.ndarray:
@@ -207,7 +224,7 @@ def haze_factor(column: str, heights_km: np.ndarray, visibility: float) -> np.nd
         np.interp(1 / visibility, 1 / known[::-1], row[::-1]) for row in np.transpose(rows)
     ]
     logarithms = np.log(extinction / rows[list(known).index(STANDARD_VISIBILITY_KM)])
-    if column.startswith("aerosol_rural"):
+    if column.startswith(RURAL):
         return np.exp(np.interp(heights_km, HAZE_KM, logarithms[:3]))
     if column == "aerosol_fading":  # the rural aerosol of 2 km, which ends at 3 km
         return np.full(len(heights_km), np.exp(logarithms[2]))

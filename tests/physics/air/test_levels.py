@@ -19,7 +19,10 @@ def column(air, name):
 def test_the_tables_own_weather_changes_nothing(name):
     air = levels(name)
     same = air.with_profile(air.temperature, air.pressure, air.vapour)
-    np.testing.assert_allclose(same.densities, air.densities, rtol=3e-3, atol=1e-12)
+    rest = [not name.startswith("aerosol_rural") for name in COLUMNS]
+    np.testing.assert_allclose(
+        same.densities[:, rest], air.densities[:, rest], rtol=3e-3, atol=1e-12
+    )
     np.testing.assert_allclose(
         saturation(air.temperature) * air.humidity, air.vapour, rtol=0.02, atol=1e-3
     )
@@ -85,6 +88,24 @@ def test_refraction_follows_the_density():
     standard, air = levels("us_standard"), levels("us_standard", Weather(300.0, pressure=990.0))
     denser = air.pressure / standard.pressure * standard.temperature / air.temperature
     np.testing.assert_allclose(air.refractivity, standard.refractivity * denser)
+
+
+@pytest.mark.parametrize("name", ["us_standard", "midlat_summer"])
+def test_classes_of_humidity_of_the_rural_aerosol(name):
+    """The table's own classes, and a hand interpolation in ln(1 - humidity) for humid air."""
+    table, rural = levels(name), [name.startswith("aerosol_rural") for name in COLUMNS]
+    same = table.with_profile()
+    largest = table.densities[:, rural].max()
+    np.testing.assert_allclose(
+        same.densities[:, rural], table.densities[:, rural], atol=3e-3 * largest
+    )
+    humid = levels(name, Weather(humidity=0.9))
+    share = np.log(0.2 / 0.1) / np.log(0.2 / 0.05)  # between the classes of 80 and 95 %
+    total = table.densities[0, rural].sum()
+    assert column(humid, "aerosol_rural_95")[0] == pytest.approx(share * total, rel=1e-6)
+    assert column(humid, "aerosol_rural_80")[0] == pytest.approx((1 - share) * total, rel=1e-6)
+    dry = levels(name, Weather(humidity=0.1))
+    assert column(dry, "aerosol_rural_40")[0] == pytest.approx(total, rel=1e-6)
 
 
 def test_carbon_dioxide_of_today():
