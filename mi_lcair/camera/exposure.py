@@ -139,11 +139,16 @@ def exposure(
     hidden = detector_mean(setting.backdrop.at_sensor(range_m), scene.band)
 
     def electrons(total: Totals) -> float:
-        """Electrons at the aperture for a unit of the model's mean radiance, from `range_m`."""
+        """Electrons at the aperture for a unit of the model's mean radiance, from `range_m`.
+
+        A model that sends none still hides the background, of whose radiance a unit counts then.
+        """
         sources, sums = total.emitters.sources, total.sums
         arrival = Arrival.of(sources, scene.band, detector, air, np.array([range_m]), extrapolate)
         model = arrival.of_parts({name: values.sum(keepdims=True) for name, values in sums.items()})
-        return model.item() / max(sums["target"].sum(), 1e-300)
+        if sums["target"].any():
+            return model.item() / sums["target"].sum()
+        return float(np.mean(behind(detector))) / max(hidden, 1e-300)
 
     windows = windows_of(view, scene)
     measurands = Measurands(

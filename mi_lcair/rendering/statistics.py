@@ -195,6 +195,8 @@ class Totals:
     def largest_unmet(self, name: str | None = None, draws: np.ndarray | None = None) -> np.ndarray:
         """Largest contribution of a path that meets what no path has met yet, (windows,).
 
+        A shadow that no path has met takes a path's radiance away.
+
         draws: numbers of draws of parts of the only window, in place of those of the windows.
         """
         largest_weight, brightest = 1.0, np.inf
@@ -205,7 +207,8 @@ class Totals:
             label = name.rpartition("group.")[2]
             brightest = self.emitters.brightest_of.get(label, np.inf)
         bound = np.minimum(self.bound_of_unmet(draws), brightest) * largest_weight
-        return np.maximum(bound, np.minimum(self.chance, brightest * largest_weight))
+        largest = np.maximum(bound, np.minimum(self.chance, brightest * largest_weight))
+        return largest if self.unmet is None else np.maximum(largest, self.mean(name))
 
     def bound_of_unmet(self, draws: np.ndarray | None = None) -> np.ndarray:
         """Bound of the radiance of sources that paths meet by chance alone, see `largest_unmet`."""
@@ -228,9 +231,11 @@ class Totals:
 
         It is largest if such a source is in the window with the fewest paths.
         """
-        unmet = 0.0 if self.unmet is None else float(self.unmet.bound(self.draws.sum()))
-        most = UNSEEN * max(unmet, float(self.chance.max()))
-        return most / student_factor(np.inf) / (len(self.traced) * max(self.traced.min(), 1))
+        most = float(self.chance.max())
+        if self.unmet is not None:
+            most = max(most, float(self.unmet.bound(self.draws.sum())), self.mean().mean())
+        most *= UNSEEN / student_factor(np.inf)
+        return most / (len(self.traced) * max(self.traced.min(), 1))
 
     def mean_error(self) -> float | None:
         """Standard error of the mean over all windows; None for one randomisation."""

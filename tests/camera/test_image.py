@@ -265,6 +265,19 @@ def test_a_plate_across_the_border_of_the_frame(tmp_path, width):
     assert any("a part of the target is outside the frame" in line for line in images[0].remarks)
 
 
+def test_a_dark_target_has_an_error(tmp_path):
+    """The back of a plate emits nothing, but hides the background on an area that is estimated."""
+    view = {"observer__azimuth_deg": 150, "observer__elevation_deg": 20, "render__spp": 8}
+    result = image(plate(tmp_path, 1.1, 0.7, **view))
+    exposed = result.exposure
+    area = 1.1 * 0.7 * np.cos(np.radians(30)) * np.cos(np.radians(20))
+    truth = -result.measures.background * area / result.view.pixel_m**2
+    error = np.sqrt(np.sum(exposed.error**2)) / OVERSAMPLING**2
+    difference = exposed.contrast.sum() / OVERSAMPLING**2 - truth
+    assert abs(difference) < 3 * error
+    assert error < 0.1 * abs(truth)
+
+
 @pytest.mark.parametrize("width, height", [(3.0, 3.0), (0.5, 0.5), (20.0, 0.2), (0.2, 20.0)])
 def test_ratios_over_range_are_those_of_frames(tmp_path, width, height):
     """At 1 and 5 km, from the render at 5 km, and with the matched filter in 200 frames."""

@@ -52,6 +52,16 @@ def test_a_source_that_no_path_met():
     assert total.half_width() == pytest.approx(2.5 * 300 / 512)
 
 
+def test_a_shadow_that_no_path_met():
+    """It takes away what 2.5 paths bring, where no source brings more."""
+    unmet = UnmetSources(1.0, np.empty(0), np.empty(0))
+    part = {"bounce.0": np.full((1, 8), 64 * 0.75)}
+    total = totals(np.full(8, 3.0), points=64, unmet=unmet, channels=part)
+    assert total.half_width() == pytest.approx(2.5 * 3 / 512)
+    assert total.missed("bounce.0") == pytest.approx(2.5 * 1 / 512)
+    assert total.mean_error() == pytest.approx(2.5 * 3 / 512 / NORMAL, rel=1e-5)
+
+
 def test_a_channel_that_no_path_met_has_an_error():
     unmet = UnmetSources(100.0, np.empty(0), np.empty(0))
     dark = {"group.lamp": np.zeros((1, 8)), "group.wall": np.full((1, 8), 64 * 3.0)}
@@ -77,11 +87,11 @@ def test_a_part_has_the_edge_of_the_whole_in_proportion():
 
 def test_edges_and_missed_sources_beside_the_scatter():
     """Squares of 0.0118, the edge's, less that of a scatter of 0.005; and of the missed source."""
-    unmet = UnmetSources(1.0, np.empty(0), np.empty(0))
+    unmet = UnmetSources(7.0, np.empty(0), np.empty(0))
     scatter = np.array([3 - 0.005 * np.sqrt(7), 3 + 0.005 * np.sqrt(7)] * 4)
     total = totals(scatter, points=64, lowest=1.0, highest=5.0, unmet=unmet)
     assert total.scatter_error() == pytest.approx(0.005, rel=1e-6)
-    edge, missed = 4.0 * (1 - 0.05 ** (1 / 8)) / 64 / NORMAL, 2.5 / 512 / NORMAL
+    edge, missed = 4.0 * (1 - 0.05 ** (1 / 8)) / 64 / NORMAL, 2.5 * 7 / 512 / NORMAL
     expected = np.sqrt(edge**2 - 0.005**2 + missed**2)
     assert total.unscattered_error() == pytest.approx(expected, rel=1e-5)
 
