@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import hypot
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,11 +22,14 @@ from mi_lcair.motions.starts import (
     seen_shares,
     starts_in,
 )
+from mi_lcair.plugins.emission.draw_table import PREFERRED
+from mi_lcair.plugins.integrators.bounce_path import AUTO
 from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.plugins.paths.offsets import rounding_error
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.statistics import Totals, edge_share
 from mi_lcair.rendering.window import Windows
 
@@ -41,6 +45,13 @@ MOST_CHANGES = 4  # of the default step, by a factor of 2
 FINE = 3e-3  # error as a fraction of the derivative for which no other step is tried
 WORTH = 0.7  # ratio of the errors of two steps from which on the better one is taken
 SIGNIFICANT = 5.0  # standard errors, with 7 degrees of freedom: noise exceeds it once in 600
+
+
+class Kind(NamedTuple):
+    """A kind of differences: ATTACHED or ON_FILM, and a value of `emitter_sampling`."""
+
+    method: str
+    emitter_sampling: bool | str
 
 
 @dataclass(frozen=True)
@@ -146,15 +157,30 @@ class Differences:
         """Values of the motion at distances from its present value."""
         return [{self.name: self.value + offset} for offset in offsets]
 
-    def totals(self, offsets, method: str, paths: int) -> list[Totals]:
+    def kinds(self) -> list[Kind]:
+        """The kinds of differences among which a pilot chooses.
+
+        A reflected ray meets or misses an emitter that moves, whereas a drawn direction follows it.
+        Where directions are drawn, they are therefore preferred.
+        """
+        integrator = self.scene.mi.integrator()
+        says = integrator.emitter_sampling
+        choices = [False, PREFERRED] if says == AUTO else [PREFERRED if says else False]
+        if integrator.max_bounces == 0:
+            choices = choices[:1]
+        methods = [ATTACHED, ON_FILM] if self.can_attach else [ON_FILM]
+        return [Kind(method, choice) for method in methods for choice in choices]
+
+    def totals(self, offsets, kind: Kind, paths: int) -> list[Totals]:
         """Renders with the motion at distances from its present value."""
         poses = self.poses(offsets)
         aims = [self.aim] * len(poses)
-        if method == ATTACHED:
+        if kind.method == ATTACHED:
             aims = starts_in(self.scene, self.camera, poses, self.seen)
         sampling, found = replace(self.sampling, paths=paths, spp=None, progress=None), []
         for pose, aim in zip(poses, aims):
-            with moved(self.scene, pose):
+            settings = changed(self.scene, emitter_sampling=kind.emitter_sampling)
+            with moved(self.scene, pose), settings:
                 windows = Windows.whole(self.camera)
                 found.append(measure(self.scene, windows, sampling, self.measurands, aim=aim))
         return found
@@ -163,21 +189,20 @@ class Differences:
         """The derivative from renders at +- step, in units of the motion; None chooses it."""
         h = self.default_step() if step is None else step
         h = min(h, self.motion.upper - self.value, self.value - self.motion.lower)
-        kinds = [ATTACHED, ON_FILM] if self.can_attach else [ON_FILM]
-        pilots = {kind: self.pilot(h, kind) for kind in kinds}
-        method = min(kinds, key=lambda kind: pilots[kind].noise)
-        pilot = pilots[method]
+        pilots = {kind: self.pilot(h, kind) for kind in self.kinds()}
+        kind = min(pilots, key=lambda kind: pilots[kind].noise)
+        pilot = pilots[kind]
         if step is None:
-            h, pilot = self.better_step(h, pilot, method)
+            h, pilot = self.better_step(h, pilot, kind)
         is_kink = pilot.verdict == "kink"
-        ends = self.totals([h, -h, *([0] if is_kink else [])], method, self.sampling.paths)
+        ends = self.totals([h, -h, *([0] if is_kink else [])], kind, self.sampling.paths)
         high, low = map(self.rows, ends[:2])
         slope = (high - low) / (2 * h)
         jump = pilot.jump
         if is_kink:
             jump = float(high[0] + low[0] - 2 * self.rows(ends[2])[0]) / h
         scatter = float(np.sqrt(np.sum(slope[1:] ** 2)))
-        floor = self.floor(ends[:2], method, h)
+        floor = self.floor(ends[:2], kind, h)
         parts = [
             np.sqrt(max(floor**2 - scatter**2, 0)),
             rounding_error(self.scene.mi.integrator().max_bounces) * abs(high[0]) / h,
@@ -190,13 +215,13 @@ class Differences:
             unscattered=float(np.sqrt(np.sum(np.square(parts)))),
             step=h,
             truncation=pilot.truncation,
-            method=method,
+            method=kind.method,
             verdict=pilot.verdict,
             one_sided=(float(slope[0]) - jump / 2, float(slope[0]) + jump / 2),
             ends=tuple(ends[:2]),
         )
 
-    def better_step(self, h: float, pilot: "Pilot", method: str) -> tuple[float, "Pilot"]:
+    def better_step(self, h: float, pilot: "Pilot", kind: Kind) -> tuple[float, "Pilot"]:
         """A step with less error than `h`, and its pilot.
 
         Where paths meet or miss what moves, the noise falls as the step grows. Where facets turn
@@ -212,29 +237,29 @@ class Differences:
                 break
             change = abs(float(pilot.change[0])) / 3
             factor, least = (2, 4 * change) if noise > truncation else (0.5, 0.0)
-            other = self.pilot(factor * h, method)
+            other = self.pilot(factor * h, kind)
             of_other = hypot(fewer * other.noise, max(other.truncation, least))
             if of_other > WORTH * error or (factor > 1 and other.verdict != "smooth"):
                 break
             h, pilot = factor * h, other
         return h, pilot
 
-    def pilot(self, h: float, method: str) -> "Pilot":
+    def pilot(self, h: float, kind: Kind) -> "Pilot":
         """Renders with few paths at five values, for one kind of differences."""
         offsets = np.array([-2, -1, 0, 1, 2]) * h
         low, high = self.motion.lower - self.value, self.motion.upper - self.value
         offsets = np.clip(offsets, low, high)
-        totals = self.totals(offsets, method, PILOT_PATHS)
-        floor = self.floor([totals[3], totals[1]], method, h)
+        totals = self.totals(offsets, kind, PILOT_PATHS)
+        floor = self.floor([totals[3], totals[1]], kind, h)
         return Pilot(offsets, np.array([self.rows(total) for total in totals]), floor)
 
-    def floor(self, ends, method: str, h: float) -> float:
+    def floor(self, ends, kind: Kind, h: float) -> float:
         """Standard error of a difference below which none is stated.
 
         All randomisations may agree on how many of their points lie on a facet, or on one side of
         an edge that moves over the film. Their scatter is then 0, see `Totals.edge_error`.
         """
-        if method == ON_FILM:
+        if kind.method == ON_FILM:
             if self.can_attach and not moves_in_view(self.scene, self.camera, self.poses([h, -h])):
                 return 0.0
             errors = [float(total.edge_error(self.channel)[0]) for total in ends]

@@ -21,6 +21,9 @@ from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 
 # A part of an emitter that is expected to be drawn this often is drawn with a probability of 95 %
 FEW_DRAWS = 3.0
+# Value of emitter_sampling, and its factor of the densities of drawn directions where they are
+# compared with those of reflected rays. It leaves the latter a share of 1 % where both are equal.
+PREFERRED, PREFERENCE = "preferred", 10.0
 SIMILAR = 2.0  # ratio of the radiances of facets of an emitter that stand for each other
 
 
@@ -83,11 +86,14 @@ class DrawTable:
     smallest probability. density_and_bound: pairs of the probability of another emitter, 0 for a
     panel, and the bound. ends: end of each emitter's panels, and then of each other emitter.
     probability_of_other: that of one of the other emitters. all_surfaces: whether all other
-    emitters are surfaces.
+    emitters are surfaces. preference: factor of the densities that are compared with those of
+    reflected rays, for the weights of multiple importance sampling.
     """
 
-    def __init__(self, emitters, bounds: dict, brightest: float):
+    def __init__(self, emitters, bounds: dict, brightest: float, preference: float = 1.0):
         """bounds: bound of the radiance of the emitters that a ray can hit; None if unknown."""
+        # Opaque, so that one kernel serves every preference
+        self.preference = dr.opaque(mi.Float, preference)
         meshes = [emitter for emitter in emitters if is_mesh(emitter)]
         others = [emitter for emitter in emitters if not is_mesh(emitter)]
         self.tree, counts = None, []

@@ -42,7 +42,7 @@ class EmitterTable:
     surfaces that rays pass, see `is_passed`.
     """
 
-    def __init__(self, scene, sampling: bool, by_spectrum: bool = False):
+    def __init__(self, scene, sampling: bool, by_spectrum: bool = False, preference: float = 1.0):
         emitters = list(scene.emitters())
         self.groups = Groups(scene, emitters)
         self.labels = self.groups.labels
@@ -68,7 +68,10 @@ class EmitterTable:
         # The sun has a drawn direction of its own, where it would take its place among others
         of_sun = [e for e in drawn if sampling and e is self.sun]
         rest = [e for e in drawn if e not in of_sun]
-        tables = [DrawTable(part, bounds, self.brightest) for part in (rest, of_sun)]
+        tables = [
+            DrawTable(rest, bounds, self.brightest, preference),
+            DrawTable(of_sun, bounds, self.brightest),
+        ]
         self.tables = [table for table in tables if not table.is_empty]
         self.draws = bool(self.tables)
         flags = {int(bsdf.flags()) for bsdf in {shape.bsdf() for shape in scene.shapes()}}
@@ -213,6 +216,7 @@ class EmitterTable:
             ds_other.pdf *= density
             compared = dr.select(from_panels, compared, ds_other.pdf)
             ds = dr.select(from_panels, ds, ds_other)
+        compared *= table.preference
         return DrawnDirection(ds, compared, index, other, may_radiate, bound)
 
     def trace(
@@ -339,10 +343,11 @@ class EmitterTable:
         """Upper bound of the radiance that a path gains from one source that no path has hit.
 
         A source of radiance L adds at most L mis(pdf, drawn) if the reflected ray hits it, and at
-        most L mis(drawn, pdf) pdf / drawn if it is drawn. With the power heuristic and
-        r = pdf / drawn, the sum is L (r^2 + r) / (1 + r^2). On a diffuse surface r is small, and
-        the sum is about the radiance that the surface would reflect if the source were not hidden.
-        In a narrow lobe r is large, and the sum is L. Emitter sampling does not help at a mirror,
+        most L mis(drawn, pdf) pdf / drawn if it is drawn. With the power heuristic,
+        r = pdf / drawn, and s = r divided by the table's preference, the sum is
+        L (s^2 + r) / (1 + s^2). On a diffuse surface r is small, and the sum is about the radiance
+        that the surface would reflect if the source were not hidden. In a narrow lobe r is large,
+        and the sum is L. Emitter sampling does not help at a mirror,
         where the bound is the radiance of the brightest emitter.
 
         Parameters
@@ -361,7 +366,8 @@ class EmitterTable:
             Bound for a throughput of 1 after the reflection [W m^-2 sr^-1].
         """
         r = dr.minimum(pdf / drawn.ds.pdf, 1e6)
-        share = dr.select(drawn.ds.delta, r, (r + 1) * r / (dr.square(r) + 1))
+        s2 = dr.square(r / self.tables[0].preference)
+        share = dr.select(drawn.ds.delta, r, (s2 + r) / (s2 + 1))
         return dr.select(delta, self.opaque_brightest, drawn.bound * share)
 
     def receiver(self, si) -> Receiver:
@@ -389,7 +395,8 @@ class EmitterTable:
         Returns
         -------
         mi.Float
-            Density per solid angle at the receiver; 0 if `draw` does not draw `emitter`.
+            Density per solid angle at the receiver times the table's preference; 0 if `draw` does
+            not draw `emitter`.
         """
         table = self.tables[0]
         density, known, tree = mi.Float(0), mi.Bool(False), table.tree
@@ -404,7 +411,7 @@ class EmitterTable:
             ds = mi.DirectionSample3f(scene, si, before)
             other = emitter.pdf_direction(before, ds, active & ~known)
             density = dr.select(known, density, other * table.probability_of_other)
-        return density
+        return density * table.preference
 
 
 def brightest_of_groups(bounds: dict) -> dict[str, float]:

@@ -16,6 +16,7 @@ from mi_lcair.plugins.columns.exploring import (
     exploring,
 )
 from mi_lcair.plugins.derivatives import deriving, leaves, nodes
+from mi_lcair.plugins.emission.draw_table import PREFERRED
 from mi_lcair.plugins.emission.triangles import refresh_geometry
 from mi_lcair.plugins.paths.path_tracer import PathTracer
 from mi_lcair.plugins.properties import HOTTEST, Property, read
@@ -37,6 +38,9 @@ class BouncePath(RBIntegrator):
                                 emitters (multiple importance sampling); the sun, and lights
                                 that no path can hit (point, spot), are always drawn. auto: no,
                                 unless a pilot finds that a tolerance is then met sooner     (auto)
+                                preferred: yes, and drawn directions count more beside reflected
+                                rays that hit an emitter by chance. They follow an emitter that
+                                moves, so that differences along motions have less noise
     opening_sampling    boolean reflected paths that would leave a hollow mesh through an opening,
                                 where they meet no radiance, are drawn again. auto: as for
                                 emitter_sampling                                             (auto)
@@ -70,7 +74,7 @@ class BouncePath(RBIntegrator):
 
     PROPERTIES = (
         Property("max_bounces", "integer", 4, lower=0, upper=10_000),
-        Property("emitter_sampling", "boolean", AUTO, choices=(AUTO,)),
+        Property("emitter_sampling", "boolean", AUTO, choices=(AUTO, PREFERRED)),
         Property("opening_sampling", "boolean", AUTO, choices=(AUTO,)),
         Property("closure", "string", "none", choices=("none", "ambient", "tail")),
         Property("ambient_temperature", "float", upper=HOTTEST, is_positive=True, unit="K"),

@@ -16,7 +16,7 @@ from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.bsdfs.reflection_bsdf import ReflectionBSDF
 from mi_lcair.plugins.columns.control import control_of
 from mi_lcair.plugins.derivatives import attached, derivations, deriving, flatten, own_memory
-from mi_lcair.plugins.emission.draw_table import UnmetSources
+from mi_lcair.plugins.emission.draw_table import PREFERENCE, PREFERRED, UnmetSources
 from mi_lcair.plugins.emission.drawing.openings import Openings
 from mi_lcair.plugins.emission.emissivity import Table
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
@@ -64,12 +64,14 @@ class PathTracer(RBIntegrator):
         super().__init__(mi.Properties())
         has_bins = has_spectral_materials(scene)
         in_detail = by_spectrum and not has_bins
-        emitters = EmitterTable(scene, settings.emitter_sampling is True, in_detail)
+        samples = settings.emitter_sampling in (True, PREFERRED)
+        preference = PREFERENCE if settings.emitter_sampling == PREFERRED else 1.0
+        emitters = EmitterTable(scene, samples, in_detail, preference)
         own_memory(flatten(emitters))
         ambient = None
         if settings.closure == "ambient":
             ambient = mi.Float(in_band_radiance(emitters.band, settings.ambient_temperature))
-        most, samples = settings.max_bounces, settings.emitter_sampling is True
+        most = settings.max_bounces
         paths = Walk(scene, emitters, most, samples, ambient, explored)
         if settings.opening_sampling is True and not emitters.passes and emitters.sun is None:
             paths.openings = Openings.of(scene)

@@ -55,7 +55,7 @@ class Along(Differences):
         self.function, self.noise_of = function, noise_of
         self.sampling = Sampling(paths=PILOT_PATHS)
 
-    def pilot(self, h, method):
+    def pilot(self, h, kind):
         return pilot(self.function, floor=self.noise_of(h), h=h)
 
 

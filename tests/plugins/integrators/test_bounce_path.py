@@ -99,8 +99,10 @@ def test_overlapping_emitters(plate):
         "hidden": plate("hidden", small_source(0.2, 0.6), BLACK, 900.0),
     }
     on = observe({"max_bounces": 2, "emitter_sampling": True}, **shapes)
+    preferred = observe({"max_bounces": 2, "emitter_sampling": "preferred"}, **shapes)
     off = observe({"max_bounces": 2}, spp=4096, **shapes)
     assert_same_mean(on, off)
+    assert_same_mean(preferred, off)
 
 
 @pytest.mark.slow
