@@ -16,7 +16,14 @@ from mi_lcair.inversion.tables import Goal, RenderSettings, UnknownEntry
 from mi_lcair.toml_table import filled
 
 TABLES = ("data", "unknowns", "nuisance", "candidates", "goal", "render")
-FILES = ("scene", "image", "mask", "sigma_image", "trend")  # entries that may name a file
+FILES = (
+    "scene",
+    "image",
+    "mask",
+    "sigma_image",
+    "trend",
+    "spectrum",
+)  # entries that may name a file
 LABELLED = re.compile(r"\s*(?P<name>[^\[\]]*[^\[\]\s])\s*(\[(?P<of>[^\[\]]+)\])?\s*")
 
 

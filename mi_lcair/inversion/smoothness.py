@@ -1,16 +1,16 @@
-"""What is known beforehand about the facets of a group together: near ones are alike."""
+"""What is known of facets of a group, or nodes of a spectrum, together: near ones are alike."""
 
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.inversion.unknowns import Unknown
+from mi_lcair.inversion.unknowns import Unknown, base_name
 
 MOST_FACETS = 2000  # facets with a correlation, whose equations are dense
 NUGGET = 1e-6  # share of the variance that each facet has for itself, so that inverses exist
 
 
 def matern(distance: np.ndarray, length: float) -> np.ndarray:
-    """Correlation of values at a distance for a correlation length, both in metres.
+    """Correlation of values at a distance for a correlation length, in the same unit.
 
     Matern's with the parameter 3/2, whose fields have one derivative (Rasmussen and Williams 2006,
     Eq. 4.17).
@@ -28,7 +28,9 @@ def precision(unknowns: list[Unknown], sigma: np.ndarray) -> np.ndarray | None:
     groups = {}
     for k, unknown in enumerate(unknowns):
         if unknown.correlation_m:
-            groups.setdefault((unknown.name, unknown.data, unknown.correlation_m), []).append(k)
+            groups.setdefault((base_name(unknown), unknown.data, unknown.correlation_m), []).append(
+                k
+            )
     if not groups:
         return None
     if len(unknowns) > MOST_FACETS:

@@ -28,6 +28,8 @@ class UnknownEntry:
     correlation_m : float, optional
         For the facets of a group: distance in metres over which their temperatures are alike. The
         standard deviation about the mean is that of `prior`.
+    correlation_um : float, optional
+        The same for "MATERIAL.spectrum", in micrometres of wavelength.
     """
 
     start: float | None = None
@@ -36,6 +38,7 @@ class UnknownEntry:
     prior: tuple[float, ...] | None = None
     per: tuple[str, ...] | None = None
     correlation_m: float | None = field(default=None, metadata=within(is_positive=True))
+    correlation_um: float | None = field(default=None, metadata=within(is_positive=True))
 
     def __post_init__(self):
         check_fields(self)

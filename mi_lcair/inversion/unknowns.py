@@ -8,6 +8,7 @@ import numpy as np
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.inversion.problem import parts
 from mi_lcair.inversion.tables import UnknownEntry
+from mi_lcair.sensitivity.entries import AT
 from mi_lcair.sensitivity.parameters import Parameter
 
 # By default a temperature has one value for each state, the same in all bands, a reflection has one
@@ -23,6 +24,7 @@ VALUES_PER = {
     "scenario": ("state",),
 }
 FACETS = ".facets"  # end of the name of all facet temperatures of a group
+SPECTRUM = ".spectrum"  # end of the name of the changes of a material's spectrum at all its nodes
 SPAN_K = 100.0  # width of the interval in which a temperature is taken to be known beforehand, K
 SPAN_OFFSET = 100.0  # the same for an unknown offset, W m^-2 sr^-1
 # Half widths of 95 % intervals up to which an unknown is determined, absolute and relative.
@@ -71,9 +73,9 @@ class Unknown:
     facet : int, optional
         Number of the facet.
     centre : tuple of float, optional
-        Centre of the facet, metres.
+        Centre of the facet, metres; wavelength of a spectrum's node, micrometres.
     correlation_m : float, optional
-        Distance over which facets of the group are alike, metres.
+        Distance over which facets of the group, or nodes, are alike, in the unit of `centre`.
     span : float
         Width of the interval in which the value lies, from what is known without data.
     """
@@ -193,19 +195,29 @@ def unknowns(
 
 
 def base_name(listed: Unknown) -> str:
+    owner, _, last = listed.name.rpartition(".")
+    if listed.kind == "spectrum" and last.startswith(AT):
+        return f"{owner}{SPECTRUM}"
     return f"{listed.name}{FACETS}" if listed.kind == "facet" else listed.name
+
+
+def nodes_of(name: str, where: Where) -> list[str]:
+    """Parameters that change the spectrum of a material at its nodes; name: ends in SPECTRUM."""
+    first = f"{name.removesuffix(SPECTRUM)}.{AT}"
+    return [known for known in where.parameters if known.startswith(first)]
 
 
 def is_in(name: str, where: Where) -> bool:
     if name.endswith(FACETS):
         return name.removesuffix(FACETS) in where.facets
-    return name in where.parameters
+    return name in where.parameters or (name.endswith(SPECTRUM) and bool(nodes_of(name, where)))
 
 
 def check_name(name: str, of, data: list[Where]) -> None:
     """Raise InputError, with the nearest names, for a name that no datum knows."""
     if not any(is_in(name, where) for where in data):
         known = {known for where in data for known in where.parameters}
+        known |= {f"{n.rpartition('.')[0]}{SPECTRUM}" for n in known if f".{AT}" in n}
         known |= {f"{group}{FACETS}" for where in data for group in where.facets}
         raise unknown("parameter of the data's scenes", name, known)
     labels = {label for where in data for label in where.labels.values() if label}
@@ -218,7 +230,16 @@ def instances(
     name, of, entry: UnknownEntry, data: list[Where], affected: list[int], is_sought: bool
 ):
     """The unknowns of one entry: one for each band, state or datum that has its own."""
+    if name.endswith(SPECTRUM):
+        single = replace(entry, correlation_um=None)
+        for node in nodes_of(name, data[affected[0]]):
+            place = (float(node.rpartition(AT)[2].removesuffix("nm")) / 1000,)
+            for of_node in instances(node, of, single, data, affected, is_sought):
+                yield replace(of_node, centre=place, correlation_m=entry.correlation_um)
+        return
     facets = name.endswith(FACETS)
+    if entry.correlation_um:
+        raise InputError(f"'{name}': correlation_um is of spectra, such as \"paint{SPECTRUM}\"")
     if entry.correlation_m and not facets:
         raise InputError(f"'{name}': correlation_m is of facets, such as \"wing.facets\"")
     group = name.removesuffix(FACETS)

@@ -21,6 +21,7 @@ from mi_lcair.plugins.emitters.thermal_emitter import is_thermal, thermal_shapes
 
 SCALED = ("radiance", "emissivity")  # kinds whose several numbers change by a common factor
 NEAREST = 1e-3  # fraction of the way to its lower bound that a temperature keeps away from it
+AT = "at_"  # beginning of the name of a spectrum's change at a wavelength, such as "at_8500nm"
 BISECTIONS = 50  # steps in the search for the bound of a feasible material parameter
 
 
@@ -229,11 +230,18 @@ def add_changes(surfaces: dict[str, Entry], node) -> None:
     """
     if node.HDR(mi.Vector3f(0, 0, 1))[0] == 0:
         return
+    change = node.spectrum_change
+
+    def add(name: str, key: str, number, unit: str):
+        bounds = change_bounds(node.measured_spectrum, change, key, node.of_band)
+        name, array = f"{node.material}.{name}", key if number is None else "nodes"
+        entry = surfaces.setdefault(name, Entry(name, "spectrum", [], unit, bounds[1], bounds[0]))
+        entry.places.append(Place(node, array, number, np.ones(1)))
+
     for key, (unit, _) in CHANGES.items():
-        name = f"{node.material}.{key}"
-        lower, upper = change_bounds(node.spectrum, key, node.of_band)
-        entry = surfaces.setdefault(name, Entry(name, "spectrum", [], unit, upper, lower))
-        entry.places.append(Place(node, key, None, np.ones(1)))
+        add(key, key, None, unit)
+    for number, wavelength in enumerate(change.nodes_um):
+        add(f"{AT}{1000 * wavelength:.0f}nm", str(number), np.array([number]), "1")
 
 
 def single_temperatures(entry: Entry, emitting) -> dict[str, Entry]:

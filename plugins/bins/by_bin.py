@@ -6,7 +6,7 @@ radiance of an emission is then the sum over the bins of their throughputs, each
 the source's radiance in the bin.
 """
 
-from functools import partial
+from functools import lru_cache, partial
 
 import drjit as dr
 import mitsuba as mi
@@ -14,7 +14,8 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import spectral_radiance
-from mi_lcair.physics.spectra.bins import COUNTS, bins_for
+from mi_lcair.physics.spectra.bins import COUNTS, bins_for, hats_at
+from mi_lcair.physics.spectra.parameters import SAMPLES
 from mi_lcair.physics.spectrum import Spectrum
 from mi_lcair.plugins.bins.lobes import DIFFUSE, MIRROR, families_of
 from mi_lcair.plugins.bsdfs.reflection_bsdf import LOBES, is_reflection_bsdf, reflection_layers
@@ -118,14 +119,7 @@ class ByBin:
         They are divided by the in-band radiance, (sources, count, neighbours) [1/um]. The response
         of the band does not enter.
         """
-        hats = self.bins.hats(self.bins.grid_um)
-        of_trapezoids = np.ones(len(hats))
-        of_trapezoids[[0, -1]] /= 2
-        padded, steps = np.pad(hats, ((0, 0), (1, 1))), []
-        for step in neighbours:
-            product = hats * padded[:, 1 + step : 1 + step + self.count]
-            steps.append(product * of_trapezoids[:, None] / (of_trapezoids @ hats))
-        weights = np.stack(steps, axis=-1)  # (wavelengths, count, neighbours)
+        weights = products(self.count, neighbours)
         in_band = np.array([source.in_band for source in self.sources])
         means = [
             np.tensordot(radiances(self.sources[k : k + AT_ONCE], self.bins.grid_um), weights, 1)
@@ -351,6 +345,19 @@ class ByBin:
             # The radiance of a surface comes from a table, without what its ray has passed
             factor *= dr.select(emits[0], direct.transmittance, 1)
         return result.times(factor)
+
+
+@lru_cache(maxsize=8)
+def products(count: int, neighbours: tuple[int, ...]) -> np.ndarray:
+    """Weights (wavelengths, count, neighbours) of the grid of any band, see `ByBin.densities`."""
+    hats = hats_at(np.linspace(0, count - 1, SAMPLES), count)
+    of_trapezoids = np.ones(len(hats))
+    of_trapezoids[[0, -1]] /= 2
+    padded, steps = np.pad(hats, ((0, 0), (1, 1))), []
+    for step in neighbours:
+        product = hats * padded[:, 1 + step : 1 + step + count]
+        steps.append(product * of_trapezoids[:, None] / (of_trapezoids @ hats))
+    return np.stack(steps, axis=-1)
 
 
 def radiances(sources: list[Source], wavelengths_um: np.ndarray) -> np.ndarray:

@@ -47,20 +47,12 @@ class SandfordRobertsonFamily:
             absorbed, floor = (np.ones(self.count), fitted[:, 0]) if is_grey else fitted.T
             numbers.append([b, e, G, 0.0 if is_grey else 1.0])
             coefficients.append(np.stack([absorbed, 1 - absorbed, floor / G], axis=1))
-            tables += self.lobe_tables(b, e)
+            tables += map(mi.Float, lobe_tables(b, e, self.forms[0]))
         self.numbers = mi.Float(np.ravel(numbers))
         self.coefficients = mi.Float(np.ravel(coefficients))
         self.tables = dr.concat(tables)
         dr.make_opaque(self.numbers, self.coefficients, self.tables)
         self.saturates = largest_HDR(self, len(materials)) > 1
-
-    def lobe_tables(self, b: float, e: float) -> list:
-        """Tables of the lobe's HDR for absorbed = 0, and for absorbed = 1."""
-        Float64 = dr.float64_array_t(mi.Float)
-        model = reflection.model("sandford_robertson")
-        S = model.surface(Float64(0), Float64(0), Float64(b), Float64(e), form=self.forms[0])
-        parts = [replace(S, slack=Float64(1 - a), absorbed=Float64(a)) for a in (0, 1)]
-        return [tabulated(lambda theta, S=S: model.lobe_HDR(S, theta)) for S in parts]
 
     @property
     def forms(self) -> tuple[str, ...]:
@@ -104,6 +96,16 @@ class SandfordRobertsonFamily:
         return floor * terms[0] + slack * terms[1] + absorbed * terms[2]
 
     HDR = f = of_bin
+
+
+@lru_cache(maxsize=32)
+def lobe_tables(b: float, e: float, form: str) -> list[np.ndarray]:
+    """Tables of Sandford and Robertson's lobe, its HDR for absorbed = 0 and for absorbed = 1."""
+    Float64 = dr.float64_array_t(mi.Float)
+    model = reflection.model("sandford_robertson")
+    S = model.surface(Float64(0), Float64(0), Float64(b), Float64(e), form=form)
+    parts = [replace(S, slack=Float64(1 - a), absorbed=Float64(a)) for a in (0, 1)]
+    return [tabulated(lambda theta, S=S: model.lobe_HDR(S, theta)).numpy() for S in parts]
 
 
 class MicrofacetFamily:

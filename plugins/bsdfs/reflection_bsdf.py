@@ -15,7 +15,7 @@ from mi_lcair.physics import materials, reflection
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.directional_table import over_the_hemisphere, read_directional_table
 from mi_lcair.physics.reflection.directions import SMALLEST, cos_theta, sample_cosine, sin2_theta
-from mi_lcair.physics.spectra.change import CHANGES, Change
+from mi_lcair.physics.spectra.change import CHANGES, NODES, Change
 from mi_lcair.plugins.bsdfs.uniform_table import gather, interpolate, refine
 from mi_lcair.plugins.derivatives import (
     Deriving,
@@ -151,6 +151,7 @@ class ReflectionBSDF(mi.BSDF):
             self.notes, self.spectrum = entry.spectrum.remarks, entry.spectrum
             self.measured_spectrum, self.of_band = entry.spectrum, of_band
             self.change = {name: mi.Float(value) for name, (_, value) in CHANGES.items()}
+            self.change["nodes"] = mi.Float(np.zeros(NODES))
             return entry
         self.notes = *entry.spectrum.remarks, entry.spectrum.remark_on_average(of_band, temperature)
         return entry.averaged(of_band, temperature)
@@ -196,6 +197,13 @@ class ReflectionBSDF(mi.BSDF):
         of_model = self.model.name, *self.values, self.form, self.emissivity, self.lobe
         return of_model if self.spectrum is None else (*of_model, id(self.spectrum))
 
+    @property
+    def spectrum_change(self) -> Change:
+        """The change of the spectrum, from its numbers."""
+        numbers = {name: float(self.change[name][0]) for name in CHANGES}
+        nodes = tuple(self.change["nodes"].numpy().tolist())
+        return Change((self.of_band.lower_um, self.of_band.upper_um), **numbers, nodes=nodes)
+
     def sources(self):
         return tuple(self.parameters.values())
 
@@ -206,11 +214,7 @@ class ReflectionBSDF(mi.BSDF):
 
     def parameters_changed(self, keys=()):
         if self.change:
-            numbers = {name: float(number[0]) for name, number in self.change.items()}
-            centre = (self.of_band.lower_um + self.of_band.upper_um) / 2
-            self.spectrum = changed_spectrum(
-                self.measured_spectrum, Change(**numbers, centre_um=centre)
-            )
+            self.spectrum = changed_spectrum(self.measured_spectrum, self.spectrum_change)
             return
         self.model.check_feasible(*self.values, form=self.form)
         self.derive()

@@ -13,6 +13,7 @@ from mi_lcair.inversion.data.camera_image import CameraImage
 from mi_lcair.inversion.data.contrast import MeasuredContrast, of_randomisations
 from mi_lcair.inversion.data.images import slope
 from mi_lcair.inversion.data.measurement import Observation
+from mi_lcair.inversion.data.spectrum import MeasuredSpectrum
 from mi_lcair.inversion.least_squares.common_noise import CommonNoise
 from mi_lcair.inversion.least_squares.prediction import DatumBlock, variance_of_mean
 from mi_lcair.inversion.tables import Goal, RenderSettings
@@ -68,6 +69,8 @@ class Datum:
         Noise that rows, columns or all pixels share.
     is_spectral : bool
         Whether the scene has materials by wavelength.
+    spectrum : MeasuredSpectrum, optional
+        Spectrum that was measured.
     """
 
     entry: Observation
@@ -86,6 +89,7 @@ class Datum:
     camera: CameraImage | None = None
     common: CommonNoise | None = None
     is_spectral: bool = False
+    spectrum: MeasuredSpectrum | None = None
 
     @property
     def label(self) -> str:
@@ -102,6 +106,8 @@ class Datum:
             return "signal (electrons)"
         if self.is_image:
             return "radiance (W m^-2 sr^-1)"
+        if self.spectrum:
+            return "spectral radiance (W m^-2 sr^-1 um^-1)"
         if self.sight:
             return "contrast (W m^-2)"
         return f"{self.goal.quantity if self.goal else 'intensity'} (W/sr)"
@@ -257,6 +263,8 @@ class Datum:
             paths=self._paths(sampling),
             is_image=self.is_image,
             spread=self._spread,
+            # One direction says little about the products of a temperature and many nodes
+            learns_curvature=self.spectrum is None,
             common=self.common,
             half_width=self.goal.value if self.goal is not None and self.goal.at_most else 0.0,
         )
@@ -314,7 +322,10 @@ class Datum:
         return radiance, columns
 
     def _traced_numbers(self, names, sampling: RenderSettings, seed: int):
-        """Intensities (R, n) and columns [(n, K)], one row for each view, or a contrast's."""
+        """Intensities (R, n) and columns [(n, K)]: of views, a contrast or a spectrum."""
+        if self.spectrum:
+            of = Sampling(spp=sampling.spp, seed=seed, sensor=self.entry.sensor)
+            return self.spectrum.predicted(self.scene, names, of)
         if self.sight:
             contrast, columns = self.sight.contrast(names, sampling.spp, seed)
             return contrast[:, None], list(columns.T[:, None, :])

@@ -12,6 +12,7 @@ from mi_lcair.inversion.data.contrast import MeasuredContrast
 from mi_lcair.inversion.data.datum import SPP_OF_VIEWS, Datum
 from mi_lcair.inversion.data.images import check_radiance, measured_radiance, noise_of_netd
 from mi_lcair.inversion.data.measurement import Candidate, Measurement, Observation
+from mi_lcair.inversion.data.spectrum import MeasuredSpectrum
 from mi_lcair.inversion.least_squares.common_noise import CommonNoise
 from mi_lcair.inversion.least_squares.prediction import DatumBlock
 from mi_lcair.inversion.tables import Goal, RenderSettings
@@ -69,7 +70,7 @@ class Loader:
         scene = seen.setting.view if seen else self.scene(entry)
         width, height = scene.sensor(entry.sensor).film().crop_size()
         check_closure(scene)
-        counts, views, aspects, sigma, common = None, (), (), None, None
+        counts, views, aspects, sigma, common, spectrum = None, (), (), None, None, None
         if isinstance(entry, Candidate):
             counts = np.ones((height, width), dtype=bool)
             measured = np.full(height * width, np.nan)
@@ -82,6 +83,9 @@ class Loader:
             sigma = None if sigma is None else sigma[counts]
         elif entry.trend is not None:
             measured, sigma, views, aspects = from_trend(entry, scene)
+        elif entry.spectrum is not None:
+            spectrum = MeasuredSpectrum.read(entry.spectrum, entry.sigma, scene)
+            measured, sigma = spectrum.radiance, spectrum.sigma
         elif sight:
             measured = np.array([entry.contrast])
         else:
@@ -125,6 +129,7 @@ class Loader:
             camera=camera,
             common=common,
             is_spectral=has_spectral_materials(scene.mi),
+            spectrum=spectrum,
         )
 
 

@@ -107,6 +107,10 @@ class Measurement(Observation):
         Intensity of the target, W/sr, in place of an image.
     contrast : float, optional
         Contrast irradiance of the target at the sensor, W m^-2, in place of an image.
+    spectrum : str, optional
+        CSV with the columns wavelength_um, radiance_W_m2_sr_um and, without `sigma`,
+        sigma_W_m2_sr_um: mean spectral radiance of all that the scene's sensor sees, at even
+        wavelengths over the scene's band, in place of an image.
     trend : str, optional
         CSV with the columns azimuth_deg, elevation_deg, intensity_W_sr and, without `sigma`,
         standard_error_W_sr, in place of an image.
@@ -130,18 +134,19 @@ class Measurement(Observation):
     intensity: float | None = None
     contrast: float | None = None
     trend: str | None = None
+    spectrum: str | None = None
 
     def __post_init__(self):
         super().__post_init__()
         kinds = [
             key
-            for key in ("image", "intensity", "contrast", "trend")
+            for key in ("image", "intensity", "contrast", "trend", "spectrum")
             if getattr(self, key) is not None
         ]
         if len(kinds) != 1:
             raise InputError(
                 f"has {' and '.join(kinds) or 'no measurement'}; give one of image, "
-                "intensity, contrast and trend"
+                "intensity, contrast, trend and spectrum"
             )
         if self.contrast is not None and self.sensor:
             raise InputError(f"sensor = {self.sensor}: a scenario has its observer; leave it out")
@@ -190,10 +195,9 @@ class Measurement(Observation):
             return
         allowed = {
             "image": ("netd_mK", "sigma", "sigma_image"),
-            "trend": ("sigma",),
             "number": ("sigma",),
-        }["image" if self.image else "trend" if self.trend else "number"]
-        if self.trend and not noises:
+        }["image" if self.image else "number"]
+        if (self.trend or self.spectrum) and not noises:
             return  # the file states it
         if len(noises) != 1 or noises[0] not in allowed:
             raise InputError(

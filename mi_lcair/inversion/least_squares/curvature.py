@@ -23,7 +23,8 @@ def bent(block: DatumBlock, other: DatumBlock) -> DatumBlock:
     two temperatures that are followed. The columns are scaled to the same norm before.
     """
     size = len(block.columns) * len(block.measured) * len(block.unknown) ** 2
-    if any(sparse.issparse(of.columns[0]) for of in (block, other)) or size > LARGEST:
+    is_large = any(sparse.issparse(of.columns[0]) for of in (block, other)) or size > LARGEST
+    if is_large or not block.learns_curvature:
         return block
     (u, rate), (other_u, other_rate) = (of.rendered_coordinates for of in (block, other))
     J, other_J = np.array(block.columns) / rate, np.array(other.columns) / other_rate

@@ -65,6 +65,8 @@ class DatumBlock:
         Whether the values are pixels of a measured image, some of which may be bad.
     curvature : ndarray, shape (R, n, K, K), or None
         Second derivatives with respect to the coordinates, see `coordinates`; None for 0.
+    learns_curvature : bool
+        Whether second derivatives are learned from the renders of an iteration.
     common : CommonNoise or None
         Noise that several values share, beside `noise`, which each has for itself.
     """
@@ -87,6 +89,7 @@ class DatumBlock:
     spread: float = 1.0
     is_image: bool = False
     curvature: np.ndarray | None = None
+    learns_curvature: bool = True
     common: CommonNoise | None = None
 
     def coordinates(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -44,8 +44,8 @@ class Bins:
 
     def hats(self, wavelengths_um: np.ndarray) -> np.ndarray:
         """The hats at wavelengths [um], (wavelengths, count)."""
-        step = self.nodes_um[1] - self.nodes_um[0]
-        return np.maximum(1 - abs(np.subtract.outer(wavelengths_um, self.nodes_um)) / step, 0)
+        places = (wavelengths_um - self.band.lower_um) / (self.nodes_um[1] - self.nodes_um[0])
+        return hats_at(places, self.count)
 
     def coefficients(self, values: np.ndarray) -> np.ndarray:
         """Coefficients (count, ...) of values on the grid (SAMPLES, ...), clipped to 0..1."""
@@ -74,14 +74,15 @@ class Bins:
         return np.divide(of_bin, total, out=np.zeros_like(of_bin), where=total > 0)
 
 
+def hats_at(places: np.ndarray, count: int) -> np.ndarray:
+    """The hats at places counted in nodes from the first one, (places, count)."""
+    return np.maximum(1 - abs(np.subtract.outer(places, np.arange(count))), 0)
+
+
 @lru_cache(maxsize=16)
 def projection(count: int) -> np.ndarray:
     """The matrix (count, SAMPLES) of the least-squares fit on the grid of any band."""
-    place = np.linspace(0, count - 1, SAMPLES)
-    hats, weight = (
-        np.maximum(1 - abs(np.subtract.outer(place, np.arange(count))), 0),
-        np.ones(SAMPLES),
-    )
+    hats, weight = hats_at(np.linspace(0, count - 1, SAMPLES), count), np.ones(SAMPLES)
     weight[[0, -1]] /= 2
     weighted = hats * weight[:, None]
     return np.linalg.solve(weighted.T @ hats, weighted.T)

@@ -170,11 +170,13 @@ class SpectralParameters:
 
 
 @lru_cache(maxsize=64)
-def change_bounds(spectrum: SpectralParameters, name: str, band: Band) -> tuple[float, float]:
-    """Range of one of CHANGES in which nothing is clipped in a band, the others held."""
+def change_bounds(
+    spectrum: SpectralParameters, change: Change, name: str, band: Band
+) -> tuple[float, float]:
+    """Range of one number of a change in which nothing is clipped in a band, see `Change`."""
     wavelengths, _ = spectrum.weights(band, None)
     absorbed = spectrum.absorbed(wavelengths, spectrum.unchanged_at(wavelengths))
-    return spectrum.change.bounds(name, *absorbed)
+    return change.bounds(name, *absorbed)
 
 
 def fresnel_reflectance(n: np.ndarray, k: np.ndarray, cos: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ IMAGE = {"image": "a.npy", "quantity": "radiance", "netd_mK": 50.0}
 @pytest.mark.parametrize(
     ("entry", "message"),
     [
-        ({}, "has no measurement; give one of image, intensity, contrast and trend"),
+        ({}, "has no measurement; give one of image, intensity, contrast, trend and spectrum"),
         (IMAGE | {"trend": "t.csv"}, "has image and trend; give one of"),
         (IMAGE | {"sigma": 0.1}, "states its noise by netd_mK and sigma; give one of netd_mK"),
         ({"intensity": 0.0}, "states its noise by nothing; give sigma"),
