@@ -57,8 +57,9 @@ def load_with_values(
     loaded = load_file(scene, in_file, around) if around else load(scene, **in_file)
     if MOTIONS in parameters:
         declare(loaded, str(parameters[MOTIONS]))
-    chosen(loaded, list(values))  # names before numbers
-    set_values(loaded, {name: number(name, value) for name, value in values.items()})
+    if values:
+        chosen(loaded, list(values))  # names before numbers
+        set_values(loaded, {name: number(name, value) for name, value in values.items()})
     loaded.parameters.update({n: str(v) for n, v in parameters.items() if n not in in_file})
     return loaded
 
