@@ -375,9 +375,8 @@ class Walk:
         """The sampled direction in which the path goes on, its weight, and what becomes latent."""
         factor = mi.Float(1)
         if self.openings is not None:
-            sampled = bs, weight, hit.goes_on
             bs, weight, factor = self.openings.reflect(
-                self.scene, self.emitters, hit.si, hit.bsdf, sampler, *sampled
+                self.scene, self.emitters, hit, sampler, bs, weight
             )
         if self.by_bin is not None:
             self.by_bin.reflect(path.by_bin, hit, bs, weight)

@@ -61,7 +61,7 @@ class Openings:
         lids = [triangles for triangles in lids if area(triangles) > 0]
         return Openings(np.concatenate(lids)) if lids else None
 
-    def reflect(self, scene, emitters, si, bsdf, sampler, bs, weight, active) -> tuple:
+    def reflect(self, scene, emitters, hit, sampler, bs, weight) -> tuple:
         """The direction in which a reflected path goes on, see the class.
 
         Parameters
@@ -69,21 +69,20 @@ class Openings:
         scene : mi.Scene
         emitters : EmitterTable
             Its rays start at the hit.
-        si : mi.SurfaceInteraction3f
-        bsdf : mi.BSDFPtr
+        hit : Hit
+            Where paths are reflected that go on.
         sampler : mi.Sampler
         bs, weight : mi.BSDFSample3f, mi.Spectrum
             The first try: direction, and BSDF times cosine divided by its density.
-        active : mi.Bool
-            Paths that are reflected here.
 
         Returns
         -------
         (bs, weight, factor) : tuple
             The direction, its weight, and the factor of the path's throughput.
         """
-        ctx, receiver = mi.BSDFContext(), emitters.receiver(si)
-        smooth = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
+        ctx, si, bsdf = mi.BSDFContext(), hit.si, hit.bsdf
+        receiver = emitters.receiver(si)
+        smooth = hit.goes_on & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
 
         number = dr.float64_array_t(mi.Float)(random_integer(sampler.next_2d())) * 2.0**-32
         panel, probability = self.tree.draw(number, receiver, smooth)
@@ -92,7 +91,8 @@ class Openings:
         first, distance = self.crossed(receiver.p, d, smooth)
         pdf = bsdf.pdf(ctx, si, si.to_local(d), smooth)
         share = probability * seen.along(d, distance)
-        in_E = self.leaves(scene, emitters, si, d, pdf, share, smooth & (first == panel))
+        ray = emitters.spawn_ray(si, d)
+        in_E = self.leaves(scene, ray, pdf, share, smooth & (first == panel))
         P = dr.select(in_E, pdf / (probability * density), 0)
 
         leaves = mi.Bool(smooth)
@@ -103,18 +103,18 @@ class Openings:
             leaves &= panel < self.count
             share = self.tree.probability(panel, receiver, leaves)
             share *= self.panels.seen(panel, receiver, leaves).along(d, distance)
-            leaves = self.leaves(scene, emitters, si, d, bs.pdf, share, leaves)
+            leaves = self.leaves(scene, emitters.spawn_ray(si, d), bs.pdf, share, leaves)
             again = bsdf.sample(ctx, si, sampler.next_1d(), sampler.next_2d(), leaves)
             bs, weight = dr.select(leaves, again[0], bs), dr.select(leaves, again[1], weight)
         return bs, weight, dr.select(leaves | ~smooth, 1, 1 - P)
 
-    def leaves(self, scene, emitters, si, d, pdf, share, active) -> mi.Bool:
-        """Whether directions that cross a lid are in E.
+    def leaves(self, scene, ray, pdf, share, active) -> mi.Bool:
+        """Whether directions of rays that cross a lid are in E.
 
         pdf: density of the reflection. share: that of the draw toward the lids; both [1/sr].
         """
         active = active & (pdf > 0) & (pdf <= LARGEST_SHARE * share)
-        return active & ~scene.ray_test(emitters.spawn_ray(si, d), active)
+        return active & ~scene.ray_test(ray, active)
 
     @dr.syntax
     def crossed(self, p, d, active) -> tuple[mi.UInt32, mi.Float]:
