@@ -29,11 +29,14 @@ PARTS = ("target", "scene")
 SPECTRUM_ROWS = 801
 
 
+@dataclass(frozen=True, repr=False, kw_only=True)
 class SourcesInBand(Result):
     """Base class of effective areas: the sources of a scene, and the band that was rendered.
 
     Attributes
     ----------
+    scene_name : str
+        Name of the scene.
     band : Band
         Band that was rendered.
     sources : list of Source
@@ -43,6 +46,7 @@ class SourcesInBand(Result):
         many temperatures for an effective area each. Otherwise it is empty.
     """
 
+    scene_name: str = ""
     band: Band
     sources: list[Source]
     nodes_um: np.ndarray
@@ -91,43 +95,30 @@ class SourcesInBand(Result):
             )
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, kw_only=True)
 class EffectiveAreas(SourcesInBand):
     """Effective areas of the sources, for the target and for the whole scene.
 
     The first axis of the arrays is that of PARTS: the model's facets (target), and all in the
-    sensor's window (scene).
+    sensor's window (scene). Beside the attributes of `SourcesInBand` they have
 
     Attributes
     ----------
-    band : Band
-        Band that was rendered.
-    sources : list of Source
-        Sources, one for each group and spectrum.
     area, error : ndarray, shape (2, sources)
         Effective areas and their standard errors, m^2.
     projected_area : float
         Projected area of the model's facets that the sensor sees, m^2.
     covariance : ndarray, shape (2, sources + 1, sources + 1)
         Covariance of the effective areas and, last, of the projected area, m^4.
-    nodes_um : ndarray, shape (nodes,)
-        Wavelengths of `by_wavelength`, um.
     by_wavelength : ndarray, shape (2, nodes)
-        Spectral intensity of all blackbodies, W sr^-1 um^-1, if the scene has too many temperatures
-        for an effective area each. Otherwise it is empty.
-    scene_name : str
-        Name of the scene.
+        Spectral intensity of all blackbodies at `nodes_um`, W sr^-1 um^-1.
     """
 
-    band: Band
-    sources: list[Source]
     area: np.ndarray
     error: np.ndarray
     projected_area: float
     covariance: np.ndarray
-    nodes_um: np.ndarray
     by_wavelength: np.ndarray
-    scene_name: str = ""
 
     kind: ClassVar[str] = "effective_areas"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.spectrum:figure"

@@ -102,11 +102,18 @@ def render_views(scene: Scene, views: list[View], resolution: int, sampling: Sam
     InputError
         For settings out of bounds, and for a tolerance that cannot be reached.
     """
+    return of_totals(*totals_of_views(scene, views, resolution, sampling, Measurands.of("model")))
+
+
+def totals_of_views(
+    scene: Scene, views: list[View], resolution: int, sampling: Sampling, measurands: Measurands
+) -> tuple[Totals, np.ndarray]:
+    """Sums over paths to a scene's model, and areas of the views' windows, (V,) [m^2]."""
     windows, areas = windows_of(scene, views, resolution)
     criterion = None
     if sampling.tolerance is not None:
         criterion = IntensitiesOfViews(sampling.tolerance, areas)
-    return of_totals(measure(scene, windows, sampling, Measurands.of("model"), criterion), areas)
+    return measure(scene, windows, sampling, measurands, criterion), areas
 
 
 def windows_of(scene: Scene, views: list[View], resolution: int) -> tuple[Windows, np.ndarray]:

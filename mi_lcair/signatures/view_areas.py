@@ -22,14 +22,13 @@ from mi_lcair.physics.spectrum import Spectrum
 from mi_lcair.plugins.emission.source import Source, kelvin
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.measurands import Measurands
-from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals, student_factor
 from mi_lcair.rendering.views import View
 from mi_lcair.rendering.window import RANDOMISATIONS
 from mi_lcair.signatures.effective_areas import SourcesInBand
-from mi_lcair.signatures.many_views import IntensitiesOfViews, windows_of
+from mi_lcair.signatures.many_views import totals_of_views
 
 if TYPE_CHECKING:
     import xarray
@@ -46,24 +45,15 @@ class Estimates(NamedTuple):
     half_width: np.ndarray
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, kw_only=True)
 class ViewAreas(SourcesInBand):
     """Effective areas of the sources of a scene's model toward V views.
 
-    The amounts are the effective areas of the sources, those of the wavelengths `nodes_um` (if the
-    scene has too many temperatures for an area each), and last the projected area of the model.
+    The amounts are the effective areas of the sources, those of the wavelengths `nodes_um`, and
+    last the projected area of the model. Beside the attributes of `SourcesInBand` they have
 
     Attributes
     ----------
-    scene_name : str
-        Name of the scene.
-    band : Band
-        Band that was rendered.
-    sources : list of Source
-        Sources, one for each group and spectrum.
-    nodes_um : ndarray, shape (nodes,)
-        Wavelengths, um, at which the spectral intensity of all blackbodies is known; empty if each
-        temperature has an effective area.
     views : tuple of View
         Directions toward the observers.
     amounts : ndarray, shape (V, sources + nodes + 1)
@@ -81,10 +71,6 @@ class ViewAreas(SourcesInBand):
         Whether directions toward emitters were drawn.
     """
 
-    scene_name: str
-    band: Band
-    sources: list[Source]
-    nodes_um: np.ndarray
     views: tuple[View, ...]
     amounts: np.ndarray
     deviations: np.ndarray
@@ -95,6 +81,7 @@ class ViewAreas(SourcesInBand):
     is_drawn: bool = False
 
     kind: ClassVar[str] = "view_areas"
+    OF_VIEWS: ClassVar = ("amounts", "deviations", "relative", "missed", "paths", "reached")
 
     def summary(self) -> str:
         """One line with the number of views and sources, and the largest error."""
@@ -231,9 +218,18 @@ class ViewAreas(SourcesInBand):
     def of_views(self, numbers: ArrayLike) -> "ViewAreas":
         """Effective areas of the views with these numbers, in their order."""
         numbers = np.asarray(numbers, dtype=int)
-        of_views = ("amounts", "deviations", "relative", "missed", "paths", "reached")
-        arrays = {name: getattr(self, name)[numbers] for name in of_views}
+        arrays = {name: getattr(self, name)[numbers] for name in self.OF_VIEWS}
         return replace(self, views=tuple(self.views[k] for k in numbers), **arrays)
+
+    @staticmethod
+    def joined(parts: list["ViewAreas"]) -> "ViewAreas":
+        """The effective areas of several sets of views of the same sources as one."""
+        arrays = {
+            name: np.concatenate([getattr(part, name) for part in parts])
+            for name in ViewAreas.OF_VIEWS
+        }
+        views = tuple(view for part in parts for view in part.views)
+        return replace(parts[0], views=views, **arrays)
 
     def at_temperatures(self, temperatures: Mapping[str, float]) -> "ViewAreas":
         """Effective areas of the same scene at other temperatures, K, by group.
@@ -382,13 +378,10 @@ def measure_view_areas(
             f"{scene.name}: band total has no wavelengths, so that sources have no effective "
             "areas; choose a band with limits"
         )
-    windows, areas = windows_of(scene, views, resolution)
-    criterion = None
-    if sampling.tolerance is not None:
-        criterion = IntensitiesOfViews(sampling.tolerance, areas)
     # Numbers of reflections are not told apart, for which the fewest channels are enough
     measurands = Measurands(Channels("model", counted=0), by_spectrum=True)
-    return view_areas(measure(scene, windows, sampling, measurands, criterion), scene, views, areas)
+    total, areas = totals_of_views(scene, views, resolution, sampling, measurands)
+    return view_areas(total, scene, views, areas)
 
 
 def view_areas(total: Totals, scene: Scene, views: list[View], areas: np.ndarray) -> ViewAreas:

@@ -109,7 +109,9 @@ def areas_of(
         done += len(batch.views)
         if progress:
             progress(done, views)
-    joint = {lit: joined([known[batch.key] for batch in of]) for lit, of in batches.items()}
+    joint = {
+        lit: ViewAreas.joined([known[batch.key] for batch in of]) for lit, of in batches.items()
+    }
     return joint, traced
 
 
@@ -137,15 +139,6 @@ def planned(lines: list[Line], resolution: int, sampling: Sampling) -> dict[Lit,
         ]
         for (subject, light), of_lit in views.items()
     }
-
-
-def joined(parts: list[ViewAreas]) -> ViewAreas:
-    """The effective areas of several batches of the same sources as one."""
-    arrays = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name in ("amounts", "deviations", "relative", "missed", "paths", "reached")
-    }
-    return replace(parts[0], views=tuple(view for part in parts for view in part.views), **arrays)
 
 
 @lru_cache(maxsize=2)

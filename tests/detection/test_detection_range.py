@@ -23,14 +23,14 @@ def target(air):
     """A blackbody whose only error is that of its area."""
     one = np.full((2, 2, 2), ERROR**2)
     areas = EffectiveAreas(
-        LWIR,
-        [Source("self", "330 K", L[HOT], HOT)],
-        np.full((2, 1), AREA),
-        np.full((2, 1), ERROR),
-        AREA,
-        one,
-        np.empty(0),
-        np.empty((2, 0)),
+        band=LWIR,
+        sources=[Source("self", "330 K", L[HOT], HOT)],
+        area=np.full((2, 1), AREA),
+        error=np.full((2, 1), ERROR),
+        projected_area=AREA,
+        covariance=one,
+        nodes_um=np.empty(0),
+        by_wavelength=np.empty((2, 0)),
     )
     sky = Backdrop("sky", lambda x: spectral_radiance(x, SKY), np.empty(0))
     return Irradiance(areas, RenderError(0.0), LWIR, air, sky)

@@ -32,14 +32,14 @@ BACKDROP = Backdrop("sky", lambda x: spectral_radiance(x, SKY), np.empty(0))
 def two_sources(**more):
     """Effective areas of 10 and 4 m^2 at 330 and 280 K, of a target of 15 m^2."""
     areas = EffectiveAreas(
-        LWIR,
-        [Source("hot", "330 K", L[HOT], HOT), Source("cold", "280 K", L_COLD, COLD)],
-        np.array([[AREA, 4.0], [99.0, 99.0]]),
-        np.zeros((2, 2)),
-        15.0,
-        np.array([COVARIANCE, 9 * COVARIANCE]),  # of the target, and of the whole scene
-        np.empty(0),
-        np.empty((2, 0)),
+        band=LWIR,
+        sources=[Source("hot", "330 K", L[HOT], HOT), Source("cold", "280 K", L_COLD, COLD)],
+        area=np.array([[AREA, 4.0], [99.0, 99.0]]),
+        error=np.zeros((2, 2)),
+        projected_area=15.0,
+        covariance=np.array([COVARIANCE, 9 * COVARIANCE]),  # of the target, and of the whole scene
+        nodes_um=np.empty(0),
+        by_wavelength=np.empty((2, 0)),
     )
     return Irradiance(areas, RenderError(0.0, **more), LWIR, grey_air(), BACKDROP)
 
@@ -101,9 +101,15 @@ def test_many_temperatures_as_one_spectrum():
     covariance = np.zeros((2, 1, 1))
     covariance[:, -1, -1] = 0.05, 9.0
     areas = EffectiveAreas(
-        LWIR, [], np.zeros((2, 0)), np.zeros((2, 0)), 15.0, covariance, nodes,
-        np.array([spectrum, 7 * spectrum]),
-    )  # fmt: skip
+        band=LWIR,
+        sources=[],
+        area=np.zeros((2, 0)),
+        error=np.zeros((2, 0)),
+        projected_area=15.0,
+        covariance=covariance,
+        nodes_um=nodes,
+        by_wavelength=np.array([spectrum, 7 * spectrum]),
+    )
     terms = Irradiance(areas, RenderError(0.02), LWIR, grey_air(), BACKDROP).at(
         grey_air().path(RANGE)
     )

@@ -283,5 +283,8 @@ def test_processes_give_the_same_bytes(tmp_path):
             tmp_path / f"{name}.nc"
         )
         shutil.rmtree(tmp_path / "areas")
+    one, two = (netcdf.read(tmp_path / f"{name}.nc") for name in ("one", "two"))
+    for name in one.variables:  # to say which of them differs
+        np.testing.assert_array_equal(one[name].values, two[name].values, err_msg=name)
     assert (tmp_path / "one.nc").read_bytes() == (tmp_path / "two.nc").read_bytes()
     assert set(netcdf.read(tmp_path / "one.nc").sizes) == {"azimuth_deg", "range_m"}

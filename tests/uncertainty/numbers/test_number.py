@@ -54,7 +54,14 @@ class Sum(Number):
             Source("sky", "sky", 24.0, spectrum=SKY),
         ]
         self.areas = EffectiveAreas(
-            LWIR, sources, AREAS, None, 1.0, COVARIANCE, np.empty(0), np.empty(0)
+            band=LWIR,
+            sources=sources,
+            area=AREAS,
+            error=None,
+            projected_area=1.0,
+            covariance=COVARIANCE,
+            nodes_um=np.empty(0),
+            by_wavelength=np.empty(0),
         )
         self.is_linear, self.total = (
             True,
