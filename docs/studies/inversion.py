@@ -1,11 +1,14 @@
 """What measurements say about a scene: temperatures, a reflectance, and a paint that hides a lid.
 
-    python -m docs.studies.inversion [PAGE]
+    python -m docs.studies.inversion [SECTION ...]
 
 The script writes docs/validation/inversion.md from inversion.template.md, its pictures, and the
-problems and measurements in docs/validation/inversion. It takes about ten minutes.
+measurements in docs/validation/inversion. What it measures is kept in inversion/fields.json, so
+that each of the sections `stripes`, `gloss_black`, `plate` and `paint` may be measured separately.
+All of them take about ten minutes.
 """
 
+import json
 import sys
 import tomllib
 from pathlib import Path
@@ -16,6 +19,7 @@ import mi_lcair
 from docs.studies.lobe import width_deg
 from docs.studies.page import write_page
 from mi_lcair.api.parameters import parameters
+from mi_lcair.files import replacing
 from mi_lcair.fitting import fit
 from mi_lcair.inversion.data.images import noise_of_netd
 from mi_lcair.physics.reflection import MODELS
@@ -196,14 +200,20 @@ def table(solution) -> str:
     )
 
 
-def main(page):
+def main(*names):
     problems = {
         f"{path.stem}_toml": path.read_text(encoding="utf-8").strip()
         for path in (STRIPES, GLOSS_BLACK, PLATE, TWO_SKIES, PAINT)
     }
-    fields = stripes() | gloss_black() | plate() | paint()
-    write_page(page, "inversion", netd=NETD_MK, **problems, **fields)
+    kept = FOLDER / "fields.json"
+    fields = json.loads(kept.read_text(encoding="utf-8")) if kept.exists() else {}
+    for section in (stripes, plate, paint, gloss_black):
+        if not names or section.__name__ in names:
+            fields |= section()
+            with replacing(kept) as partial:
+                partial.write_text(json.dumps(fields, indent=1) + "\n", encoding="utf-8")
+    write_page(FOLDER.with_suffix(".md"), "inversion", netd=NETD_MK, **problems, **fields)
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/validation/inversion.md"))
+    main(*sys.argv[1:])

@@ -1,10 +1,11 @@
 """Measure how often the 95 % intervals of `mi-lcair invert` hold the truth, case by case.
 
-    python -m docs.studies.inversion_coverage [CASE[=DRAWS] ...]
+    python -m docs.studies.inversion_coverage [CASE[=DRAWS] ... | page]
 
 The cases are problems with known answers, see `CASES`. The script adds what it measures to
 docs/validation/inversion/coverage.json and writes docs/validation/inversion_coverage.md from all
-that is there. All cases take about an hour, so that each of them may be measured separately.
+that is there. All cases take about an hour, so that each of them may be measured separately; with
+`page` the script measures nothing.
 """
 
 import json

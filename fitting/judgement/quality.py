@@ -166,10 +166,7 @@ def words(lacks, systematic, chi_square, p_value, correlation, by_chance, freedo
         return "not judged: no repeated scans, no sigma, and scans of too few points"
     facts = []
     if chi_square is not None:
-        facts.append(
-            f"reduced chi-square {chi_square:.3g} for {freedom} degrees of freedom "
-            f"(p = {p_value:.2g})"
-        )
+        facts.append(f"chi-square {tested(chi_square, freedom, p_value)}")
         if stats.chi2.cdf(chi_square * freedom, freedom) < SIGNIFICANCE:
             facts.append(OVERSTATED)
     if by_chance < 1:
@@ -183,6 +180,12 @@ def words(lacks, systematic, chi_square, p_value, correlation, by_chance, freedo
     if systematic > 0:
         facts.append(f"the model misses the data by {size(NEGLIGIBLE_DEX)} at most")
     return f"no lack of fit seen: {'; '.join(facts)}"
+
+
+def tested(chi_square: float, freedom: float, p_value: float, scatter: float = 0.0) -> str:
+    """A reduced chi-square in words, with the scatter that a render's noise gives to it, if any."""
+    value = f"{chi_square:.3g} +- {scatter:.2g}" if scatter else f"{chi_square:.3g}"
+    return f"{value} for each of {freedom:.4g} degrees of freedom, p = {p_value:.2g}"
 
 
 def size(dex: float) -> str:

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 from scipy import stats
 
-from mi_lcair.fitting.judgement.quality import SIGNIFICANCE
+from mi_lcair.fitting.judgement.quality import SIGNIFICANCE, tested
 from mi_lcair.fitting.judgement.verdict import UNDETERMINED, missed, undetermined
 from mi_lcair.inversion.least_squares.prediction import DatumBlock, weighed_product
 from mi_lcair.inversion.least_squares.solve import State
@@ -14,6 +14,13 @@ from mi_lcair.inversion.unknowns import Unknown
 NORMAL_95 = stats.norm.ppf(0.975)
 HIDDEN = "not determined: the noise of the render hides its effect; raise spp of [render]"
 ALIKE = 0.95  # correlation from which two unknowns are said to trade
+# The entries of `chi_square` where there is nothing to test
+UNTESTED = {
+    "chi_square": 0.0,
+    "chi_square_scatter": 0.0,
+    "degrees_of_freedom": 0.0,
+    "p_value": None,
+}
 LONGEST_WORDS = 12  # largest number of directions that are put into words
 
 
@@ -187,7 +194,9 @@ def chi_square(blocks: list[DatumBlock], x: np.ndarray, determined: float) -> di
     Products of different randomisations keep the render's own noise out of the sum, but it widens
     the sum's distribution. The probability is that of the chi-square distribution of the
     measurement's noise alone, stretched about its mean to the sum's variance. Pixels in which the
-    render is noisier than the measurement count less.
+    render is noisier than the measurement count less. `chi_square_scatter` is the standard
+    deviation of the sum that the noise of the render makes; with much noise of the render the sum
+    may be far from the degrees of freedom, and negative.
 
     determined: number of combinations of unknowns that the data determine.
     """
@@ -198,19 +207,33 @@ def chi_square(blocks: list[DatumBlock], x: np.ndarray, determined: float) -> di
         r = [row[:, None] for row in prediction.residuals]
         total += float(np.ravel(weighed_product(block, r, r))[0])
         measured, rendered = w * prediction.noise**2, w * prediction.variance
-        pairs = R / (R - 1) if R > 1 else 0
         expected += float(measured.sum())
         if block.common:
             expected += block.common.expected(w, prediction.noise**2)
         squared += float(np.sum(measured**2))
-        added += float(np.sum(2 * measured * rendered + pairs * block.spread * rendered**2))
+        # A product of different randomisations has R / (R - 1) times the square of the variance,
+        # and the square of its estimate is too large by (R + 1) / (R - 1)
+        both = R / (R + 1) * block.spread * rendered**2
+        added += float(np.sum(2 * measured * rendered + both))
         points += np.count_nonzero(w)
     dof = points - determined
     if dof <= 0:
-        return {"chi_square": total, "degrees_of_freedom": 0.0, "p_value": None}
+        return UNTESTED | {"chi_square": total}
     share = dof / points
     equivalent = share * expected**2 / squared
     ratio = total / (share * expected)
     stretch = np.sqrt(1 + added / squared)
     p = float(stats.chi2.sf(equivalent * (1 + (ratio - 1) / stretch), equivalent))
-    return {"chi_square": ratio * dof, "degrees_of_freedom": dof, "p_value": p}
+    scatter = dof * float(np.sqrt(2 * added / squared / equivalent))
+    return {
+        "chi_square": ratio * dof,
+        "chi_square_scatter": scatter,
+        "degrees_of_freedom": dof,
+        "p_value": p,
+    }
+
+
+def in_words(chi_square, chi_square_scatter, degrees_of_freedom, p_value) -> str:
+    """The entries of `chi_square` in words."""
+    freedom = degrees_of_freedom
+    return tested(chi_square / freedom, freedom, p_value, chi_square_scatter / freedom)

@@ -19,7 +19,16 @@ from mi_lcair.inversion.advice import (
     other_states,
     priors,
 )
-from mi_lcair.inversion.answers import Answer, answers, chi_square, directions, misfit, withdrawn
+from mi_lcair.inversion.answers import (
+    UNTESTED,
+    Answer,
+    answers,
+    chi_square,
+    directions,
+    in_words,
+    misfit,
+    withdrawn,
+)
 from mi_lcair.inversion.data.datum import Datum
 from mi_lcair.inversion.data.loader import Loader, goal_datum
 from mi_lcair.inversion.fitted import fitted, materials
@@ -32,7 +41,6 @@ from mi_lcair.inversion.unknowns import FACETS, INSTRUMENT, Unknown, instruments
 from mi_lcair.progress import Progress
 
 NOISY = 0.75  # share of a variance from which the noise of the render is said to dominate
-UNTESTED = {"chi_square": 0.0, "degrees_of_freedom": 0.0, "p_value": None}
 UNFINISHED = "not converged: the value still moves, and its error may be too small"
 SCALED = (
     "the errors are those of {:.3g} times the stated noise, as scale_errors asks; chi-square then "
@@ -175,11 +183,10 @@ def remarks(state: State, answered: list[Answer], chi: dict) -> list[str]:
 def remarks_on_residuals(state: State, chi: dict) -> list[str]:
     """What the size of the residuals says about the model and the stated noise."""
     p = chi["p_value"]
-    sums = (
-        f"(chi-square {chi['chi_square']:.4g} for {chi['degrees_of_freedom']:.4g} degrees of "
-        "freedom)"
-    )
-    if p is not None and p < SIGNIFICANCE:
+    if p is None:
+        return []
+    sums = f"(chi-square {in_words(**chi)})"
+    if p < SIGNIFICANCE:
         size = model_error(state)
         remedy = "check its geometry and materials"
         if size <= LARGEST_MODEL_ERROR:
@@ -188,7 +195,7 @@ def remarks_on_residuals(state: State, chi: dict) -> list[str]:
             f"the residuals are larger than the noise explains {sums}: the scene misses something, "
             f"or the noise is understated; {remedy}"
         ]
-    if p is not None and p > 1 - SIGNIFICANCE and not any(len(b.model) for b in state.blocks):
+    if p > 1 - SIGNIFICANCE and not any(len(b.model) for b in state.blocks):
         return [f"{OVERSTATED} {sums}: the noise is overstated, and so are the errors"]
     return []
 

@@ -118,7 +118,7 @@ class Solution(Result):
         Pairs of unknowns that the data hardly tell apart.
     advice : list of Advice
         What further measurements would bring, the most useful first.
-    chi_square, degrees_of_freedom, p_value
+    chi_square, chi_square_scatter, degrees_of_freedom, p_value
         See `answers.chi_square`. p_value is None without degrees of freedom, and for a goal.
     render_share : ndarray, shape (N,)
         Part of each variance that comes from the noise of the render.
@@ -141,6 +141,7 @@ class Solution(Result):
     directions: list[Direction]
     advice: list[Advice]
     chi_square: float
+    chi_square_scatter: float
     degrees_of_freedom: float
     p_value: float | None
     render_share: np.ndarray
@@ -208,6 +209,7 @@ class Solution(Result):
             "directions": [direction.as_dict() for direction in self.directions],
             "advice": [advised.as_dict() for advised in self.advice],
             "chi_square": self.chi_square,
+            "chi_square_scatter": self.chi_square_scatter,
             "degrees_of_freedom": self.degrees_of_freedom,
             "p_value": self.p_value,
             "data": [fitted.as_dict() for fitted in self.data],

@@ -122,6 +122,8 @@ def test_chi_square_with_noise_of_the_render_has_its_mean_and_variance(rendered)
         draws.append(chi_square([one], np.zeros(1), 0.0))
     total = np.array([draw["chi_square"] for draw in draws])
     assert total.mean() == pytest.approx(n, abs=4 * total.std() / np.sqrt(len(draws)))
+    scatter = np.array([draw["chi_square_scatter"] for draw in draws])
+    assert total.var() == pytest.approx(2 * n + np.mean(scatter**2), rel=0.15)
     p = np.array([draw["p_value"] for draw in draws])
     assert p.mean() == pytest.approx(0.5, abs=0.03)
     assert np.mean(p < 0.05) == pytest.approx(0.05, abs=0.025)
@@ -130,7 +132,8 @@ def test_chi_square_with_noise_of_the_render_has_its_mean_and_variance(rendered)
 def test_probability_with_noise_of_the_render():
     """The measurement's chi-square, stretched to the variance of the sum.
 
-    This variance is 2 m^2 + 4 m v + 2 v^2 R / (R - 1), and 2 m^2 for the measurement alone.
+    This variance is 2 m^2 + 4 m v + 2 v^2 R / (R - 1), and 2 m^2 for the measurement alone. The
+    mean of the square of an estimated v is (R + 1) / (R - 1) v^2.
     """
     random = np.random.default_rng(4)
     R, n, sigma = 3, 12, 0.5
@@ -142,7 +145,7 @@ def test_probability_with_noise_of_the_render():
     total = np.mean([np.sum(weight * r[a] * r[b]) for a in range(R) for b in range(R) if a != b])
     m, v = weight * sigma**2, weight * F.var(axis=0, ddof=1) / R
     share = 10 / 12
-    variance = share * np.sum(2 * m**2 + 4 * m * v + 2 * v**2 * R / (R - 1))
+    variance = share * np.sum(2 * m**2 + 4 * m * v + 2 * v**2 * R / (R + 1))
     alone = 2 * share * np.sum(m**2)
     equivalent = 2 * (share * m.sum()) ** 2 / alone
     ratio = total / (share * m.sum())

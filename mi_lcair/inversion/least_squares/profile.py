@@ -30,6 +30,7 @@ def profile_intervals(
     x: np.ndarray,
     prior: Prior,
     covariance: np.ndarray,
+    is_noisy: np.ndarray,
     render: Callable[[np.ndarray], list[DatumBlock]] | None,
 ) -> np.ndarray:
     """Lower and upper ends (N, 2) of the 95 % intervals about the estimate x, (N,).
@@ -37,14 +38,16 @@ def profile_intervals(
     They are NaN where the linear interval holds. Standard errors (N,) of the estimate come from its
     covariance (N, N).
 
-    render: gives the blocks at values; None if those at the estimate hold for all values.
+    is_noisy: unknowns (N,) of bool whose errors are mostly those of the render. Its noise would
+    hide the rise of the cost, so that their intervals stay linear. render: gives the blocks at
+    values; None if those at the estimate hold for all values.
     """
     ends = np.full((len(x), 2), np.nan)
     if any(sparse.issparse(block.columns[0]) for block in blocks) or len(x) > MOST_UNKNOWNS:
         return ends
     normal = equations(blocks, x)
     for k in range(len(x)):
-        if not covariance[k, k] > 0:
+        if is_noisy[k] or not covariance[k, k] > 0:
             continue
         profile = Profile(blocks, x, prior, k, covariance[k] / np.sqrt(covariance[k, k]), normal)
         if profile.rise_of_error <= 0:

@@ -41,6 +41,7 @@ FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-12, 1e8
 # once more at the solution, where its paths go to what is bright there.
 FAR = 0.5
 NEAR = 3.0  # length of a step, in standard errors, up to which the gradient decides about it
+NOISY_SHARE = 0.5  # part of a variance, made by the render, from which an interval is linear
 UNRESOLVED = 0.2  # the same where the noise of the render hides it; it adds 2 % to an error
 # Columns of the inverse of a sparse matrix that are computed together. With a hundred or more,
 # SuperLU starts threads that take far longer than the solution.
@@ -174,7 +175,8 @@ def solve(
     result = state(blocks, x, prior, is_sparse)
     if converged:
         again = None if is_exact else rendered
-        intervals = profile_intervals(blocks, x, prior, result.covariance, again)
+        is_noisy = result.render_share > NOISY_SHARE
+        intervals = profile_intervals(blocks, x, prior, result.covariance, is_noisy, again)
         result = replace(result, intervals=intervals)
     if is_correlated:
         held = np.zeros_like(held)  # what no pixel shows follows from its neighbours

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from mi_lcair.fitting.judgement.quality import tested
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData
 from mi_lcair.physics import reflection
 from mi_lcair.reports.fit_curves import model_of
@@ -73,9 +74,8 @@ def described(report: dict, fit) -> list[tuple[str, str]]:
         ("fit", quality["verdict"]),
     ]
     if quality["reduced_chi_square"] is not None:
-        degrees, p = quality["degrees_of_freedom"], quality["p_value"]
-        words = f"{quality['reduced_chi_square']:.4g} for each of {degrees} degrees of freedom"
-        rows.append(("chi-square", f"{words}, p = {p:.3g}"))
+        numbers = (quality[key] for key in ("reduced_chi_square", "degrees_of_freedom", "p_value"))
+        rows.append(("chi-square", tested(*numbers)))
     converged = "converged" if report["converged"] else "NOT converged"
     return [
         *rows,

@@ -1,5 +1,6 @@
 """Sections of the solution of an inverse problem."""
 
+from mi_lcair.inversion.answers import UNTESTED, in_words
 from mi_lcair.results.sections import Facts, Lines, Remarks, Section, Table
 
 MOST_ROWS = 40  # unknowns in the table; of more, the facets are summed up
@@ -36,13 +37,7 @@ def data(solution) -> list[tuple[str, str]]:
         state = f", {fitted.state}" if fitted.state else ""
         rows.append((fitted.name, f"{fitted.scene}, {fitted.band}{state}: {residual(fitted)}"))
     if solution.p_value is not None:
-        rows.append(
-            (
-                "chi-square",
-                f"{solution.chi_square:.5g} for {solution.degrees_of_freedom:.5g} degrees of "
-                f"freedom in the measurement's noise alone, p = {solution.p_value:.2g}",
-            )
-        )
+        rows.append(("chi-square", in_words(*(getattr(solution, name) for name in UNTESTED))))
     return [*rows, ("renders", f"{solution.renders} of each")]
 
 

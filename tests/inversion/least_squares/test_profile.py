@@ -97,7 +97,8 @@ def test_linear_intervals_stay():
     assert np.isfinite(state.intervals).all() and state.renders <= 2
     thin = replace(exact, columns=[csr_array(DESIGN)])
     prior = Prior.of(narrow)
-    ends = profile_intervals([thin], state.x, prior, state.covariance, None)
+    quiet = np.zeros(2, dtype=bool)
+    ends = profile_intervals([thin], state.x, prior, state.covariance, quiet, None)
     assert np.isnan(ends).all()
 
 
@@ -125,7 +126,8 @@ def test_values_that_no_surface_can_have_end_a_profile():
         raise InputError("epsilon + rho_d above G(b)")
 
     prior = Prior.of(unknowns)
-    ends = profile_intervals(state.blocks, state.x, prior, state.covariance, refused)
+    noise = state.blocks, state.x, prior, state.covariance, np.zeros(2, dtype=bool)
+    ends = profile_intervals(*noise, refused)
     assert ends.shape == (2, 2) and not np.isinf(ends).any()
 
 
