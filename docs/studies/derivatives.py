@@ -2,14 +2,11 @@
 
     python -m docs.studies.derivatives [PAGE]
 
-The script writes docs/validation/derivatives.md from derivatives.template.md. It takes about ten
+The script writes docs/validation/derivatives.md from derivatives.template.md. It takes about five
 minutes.
 """
 
 import sys
-import tempfile
-from dataclasses import replace
-from pathlib import Path
 from statistics import median
 from time import perf_counter
 
@@ -23,14 +20,7 @@ from docs.studies.differences import differences
 from docs.studies.page import label, write_page
 from mi_lcair.api.parameters import parameters
 from mi_lcair.api.sensitivities import sensitivities
-from mi_lcair.rendering.measurands import Measurands
-from mi_lcair.rendering.measure import measure
-from mi_lcair.rendering.sampling import Sampling
-from mi_lcair.rendering.window import Windows
-from mi_lcair.sensitivity.columns import columns_of, explored_by, recordings
-from mi_lcair.sensitivity.images import mean_images
 from mi_lcair.sensitivity.parameters import chosen
-from tests.inversion import ball
 
 SCENES = [
     ("cylinder_ir_range", {}),
@@ -47,7 +37,6 @@ STEP = 0.05  # step of the differences, relative to the value
 SEEDS, REPLAY_PATHS = 12, 2**17  # independent runs of the path replay, and paths of each
 RESOLUTION = 64
 ROUNDS = 5
-SPP, IMAGES = 1024, 8  # paths of each pixel, and independent images, of the variance of pixels
 
 
 def materials(scene) -> list[str]:
@@ -140,53 +129,14 @@ def against_replay(name: str, values: dict) -> list[str]:
     return rows
 
 
-def lobes(folder: Path):
-    """Yield label, scene and name of the lobe's width of the scenes whose pixels are compared."""
-    for values in ({"finish": "gloss_black"}, {}):
-        scene = mi_lcair.load("cylinder_ir_range", resolution=RESOLUTION, **values)
-        yield (
-            label("cylinder_ir_range", values),
-            scene,
-            f"{values.get('finish', 'bare_aluminum')}.e",
-        )
-    name, values = SCENES[-1]
-    scene = mi_lcair.load(name, resolution=RESOLUTION, **values)
-    yield label(name, values), scene, "gloss_black.e"
-    for e in (0.004, 0.03):
-        scene = mi_lcair.load(ball.write_scene(folder, e))
-        yield f"plate of `e` = {e}, which mirrors a ball", scene, "paint.e"
-
-
-def noise_of_pixels(where: str, scene, name: str) -> str:
-    """Return the row of a scene: variance of the derivative's pixels with each control variate."""
-    camera, sampling = scene.sensor(0), Sampling(spp=SPP)
-    windows = Windows.of_image(camera, IMAGES, by_randomisation=True)
-    explored = explored_by(columns_of(scene, [name]).values())
-    measurands = replace(Measurands.of(None), explored=explored)
-    with scene.prepared(explored=explored) as tracer:
-        (recording,) = recordings(scene, tracer, camera, [name], measurands)
-        total = measure(
-            scene, windows, sampling.settled(camera), measurands.with_columns(recording.tables)
-        )
-    channels = ["column.0", "control.0", "mirror.0"]
-    images = [mean_images(total, channels[:k], windows).astype(float) for k in (1, 2, 3)]
-    score, control, mirror = (image.var(axis=0, ddof=1).sum() for image in images)
-    gains = f"{score / control:.2g} | {score / mirror:.2g}"
-    return f"| {where} | {name} | {gains} | {recording.method[name]} |"
-
-
 def main(page="docs/validation/derivatives.md") -> None:
     rows = [row for scene in tqdm(SCENES) for row in agreement(*scene)]
     replayed = [row for scene in tqdm(SCENES[:REPLAYED]) for row in against_replay(*scene)]
-    with tempfile.TemporaryDirectory() as folder:
-        pixels = [noise_of_pixels(*case) for case in tqdm(list(lobes(Path(folder))))]
     write_page(
         page,
         "derivatives",
         rows="\n".join(rows),
         replayed="\n".join(replayed),
-        pixels="\n".join(pixels),
-        spp=SPP,
         step=f"{STEP:.0%}",
         seeds=SEEDS,
         rounds=ROUNDS,

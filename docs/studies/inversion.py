@@ -33,8 +33,8 @@ STRIPES, GLOSS_BLACK, PLATE, TWO_SKIES, PAINT = (
     FOLDER / f"{name}.toml" for name in ("stripes", "gloss_black", "plate", "two_skies", "paint")
 )
 NETD_MK = 50
-DRAWS = 50
-PAINT_SEEDS = 0, 1, 4, 5  # of the draws from which all parameters of a paint are estimated
+DRAWS = 30
+PAINT_SEEDS = 0, 1, 4  # of the draws from which all parameters of a paint are estimated
 BRDF_NOISE = 0.05  # relative noise of the scans of the BRDF
 TRUE = {"plate.temperature": 310.0, "paint.reflectance": 0.3}
 # Standard deviations of the budget: the lid's temperature, the surroundings, and the paint
@@ -200,6 +200,9 @@ def table(solution) -> str:
     )
 
 
+SECTIONS = stripes, plate, paint, gloss_black
+
+
 def main(*names):
     problems = {
         f"{path.stem}_toml": path.read_text(encoding="utf-8").strip()
@@ -207,11 +210,13 @@ def main(*names):
     }
     kept = FOLDER / "fields.json"
     fields = json.loads(kept.read_text(encoding="utf-8")) if kept.exists() else {}
-    for section in (stripes, plate, paint, gloss_black):
+    for section in SECTIONS:
         if not names or section.__name__ in names:
-            fields |= section()
+            fields |= section() | {section.__name__ + "_measured": True}
             with replacing(kept) as partial:
                 partial.write_text(json.dumps(fields, indent=1) + "\n", encoding="utf-8")
+    if missing := [s.__name__ for s in SECTIONS if s.__name__ + "_measured" not in fields]:
+        sys.exit(f"the page is written when these are measured, too: {', '.join(missing)}")
     write_page(FOLDER.with_suffix(".md"), "inversion", netd=NETD_MK, **problems, **fields)
 
 
