@@ -116,8 +116,7 @@ class Sight:
         """Elevation at the sensor of the line to a target at a range, m [degrees], upward."""
         if self.elevation_deg >= 0 or not isinstance(self.air, ClearPaths):
             return self.elevation_deg
-        up = self.air.air.ray(self.air.lower_m, -self.elevation_deg, range_m)
-        return float(-up.elevations_deg[-1])
+        return -self.air.air.end(self.air.lower_m, -self.elevation_deg, range_m)[2]
 
     def to_ground(self, range_m: float) -> LineOfSight:
         """Path from the ground to a sensor that looks down and is `range_m` from the target."""

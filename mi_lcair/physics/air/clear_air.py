@@ -13,7 +13,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.air.bands import bands
 from mi_lcair.physics.air.levels import EARTH_KM, TOP_M, Levels, Weather, levels
 from mi_lcair.physics.air.light import AirLight
-from mi_lcair.physics.air.ray import NODES, WEIGHTS, Ray, ray
+from mi_lcair.physics.air.ray import NODES, WEIGHTS, Ray, ray, ray_end
 from mi_lcair.physics.blackbody import spectral_radiance
 
 LOWEST_SUN_DEG = 1.0  # elevation of a sun from which its light has been compared with LOWTRAN7
@@ -55,6 +55,15 @@ class ClearAir:
         if not -90 <= elevation_deg <= 90:
             raise InputError(f"air '{self.name}': elevation {elevation_deg:g}; must lie in -90..90")
         return ray(self.levels, height_m / 1000, elevation_deg, range_m / 1000)
+
+    def end(
+        self, height_m: float, elevation_deg: float, range_m: float
+    ) -> tuple[float, float, float]:
+        """Length [m], height [m] and elevation [degrees] at the end of a ray, see `ray`."""
+        length, height, elevation = ray_end(
+            self.levels, height_m / 1000, elevation_deg, range_m / 1000
+        )
+        return 1000 * length, 1000 * height, elevation
 
     def horizon_deg(self, height_m: float) -> float:
         """Elevation at which the ray from a height [m] touches the ground [degrees], 0 or less."""

@@ -142,11 +142,10 @@ class ClearPaths(Atmosphere):
 
     def ray(self, range_m: float):
         """The ray from the sensor to the target, and from there no further."""
-        up = self.air.ray(self.lower_m, self.elevation_deg, range_m)
         if self.looks_up:
-            return up
-        end, turned = 1000 * up.heights_km[-1], -up.elevations_deg[-1]
-        return self.air.ray(end, turned, 1000 * up.lengths_km[-1])
+            return self.air.ray(self.lower_m, self.elevation_deg, range_m)
+        length, height, elevation = self.air.end(self.lower_m, self.elevation_deg, range_m)
+        return self.air.ray(height, -elevation, length)
 
     def to_ground(self, range_m: float) -> LineOfSight:
         """The path from the sensor past a target at a range [m] to the ground.
@@ -174,8 +173,8 @@ class ClearPaths(Atmosphere):
 
     def _to_ground(self, range_m: float) -> tuple[float, np.ndarray, np.ndarray]:
         """Length [m], amounts (c,) and radiance (k,) of the path to the ground."""
-        up = self.air.ray(self.lower_m, self.elevation_deg, range_m)
-        along = self.air.ray(1000 * up.heights_km[-1], -up.elevations_deg[-1])
+        _, height, elevation = self.air.end(self.lower_m, self.elevation_deg, range_m)
+        along = self.air.ray(height, -elevation)
         if self.looks_up or along.heights_km[-1] > GROUND_KM:
             raise InputError(PAST_GROUND)
         radiance = self.air.emitted(along, self.sun).radiance

@@ -86,6 +86,17 @@ def ray(levels: Levels, height_km: float, elevation_deg: float, length_km: float
     )
 
 
+def ray_end(
+    levels: Levels, height_km: float, elevation_deg: float, length_km: float
+) -> tuple[float, float, float]:
+    """Length [km], height [km] and elevation [degrees] at the end of a ray, see `ray`."""
+    path = Path(levels, height_km, elevation_deg)
+    x = max(min(path.end(), path.place(length_km)), path.start)
+    (height,), _ = path.at(np.array([x]))
+    elevation = np.degrees(np.arctan2(x, path.perigee))
+    return path.length(x)[0], min(float(height), TOP_KM), float(elevation)
+
+
 class Path:
     """The way of a ray in its coordinate x, see the module."""
 
@@ -113,12 +124,7 @@ class Path:
         """Coordinates of the layers' edges [km], (n + 1,), for a ray of at most a length [km]."""
         end = self.end()
         if np.isfinite(length_km):
-            # x rises by 0.8..1 per length; the end follows from the length by Newton's method
-            x = self.start + length_km
-            for _ in range(4):
-                length, per_x = self.length(x)
-                x -= (length - length_km) / per_x
-            end = min(end, x)
+            end = min(end, self.place(length_km))
         if end <= self.start:
             return np.array([self.start, self.start])
         # Sampling that is fine near the viewer
@@ -134,11 +140,18 @@ class Path:
         count = max(int(np.ceil(layers[-1])), 1)
         return np.interp(np.linspace(0, layers[-1], count + 1), layers, x)
 
+    def place(self, length_km: float) -> float:
+        """Coordinate x [km] at a length from the viewer."""
+        x = self.start + length_km
+        for _ in range(3):  # Newton's method; x rises by 0.8..1 per length
+            length, per_x = self.length(x)
+            x -= (length - length_km) / per_x
+        return x
+
     def length(self, x: float) -> tuple[float, float]:
         """Length from the viewer to the coordinate x [km], and its derivative."""
-        places = self.start + (x - self.start) * LONG_NODES
-        length = float(self.at(places)[1] @ LONG_WEIGHTS) * (x - self.start)
-        return length, float(self.at(np.array([x]))[1][0])
+        _, per_x = self.at(self.start + (x - self.start) * np.append(LONG_NODES, 1.0))
+        return float(per_x[:-1] @ LONG_WEIGHTS) * (x - self.start), float(per_x[-1])
 
     def end(self) -> float:
         """Coordinate at which the ray meets the ground or leaves the air [km]."""

@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 
 from mi_lcair.physics.air.bands import bands
 from mi_lcair.physics.air.levels import levels
-from mi_lcair.physics.air.ray import ray
+from mi_lcair.physics.air.ray import ray, ray_end
 
 AIR = levels("us_standard")
 
@@ -34,6 +34,9 @@ def test_ray_of_the_differential_equation(height, elevation, length):
     assert along.lengths_km[-1] == pytest.approx(length, rel=4e-4)
     assert along.heights_km[-1] == pytest.approx(end, abs=1e-3)
     assert along.elevations_deg[-1] == pytest.approx(turned, abs=0.03)
+    ends = ray_end(AIR, height, elevation, length)
+    last = along.lengths_km[-1], along.heights_km[-1], along.elevations_deg[-1]
+    assert ends == pytest.approx(last, rel=4e-4, abs=1e-6)
     gases = [not name.startswith("aerosol") for name in bands().columns]
     np.testing.assert_allclose(along.amounts[-1][gases], amounts[gases], rtol=1e-3)
     # The aerosols change their class within layers. Their sum counts.
