@@ -77,9 +77,7 @@ class Material:
 
     def surface(self):
         """The model's `Surface` with these parameters, in Float64."""
-        from drjit.llvm.ad import Float64
-
-        return self.model.surface(*map(Float64, self.values), form=self.form)
+        return self.model.surface_of(self.values, self.form)
 
 
 def material(

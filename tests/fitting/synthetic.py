@@ -50,7 +50,7 @@ def scan_of(model, parameters, incidence=(20, 40, 60), step=2, noise=0.0, seed=0
             np.asarray(incidence, float), np.arange(-80, 80 + step / 2, step), indexing="ij"
         )
     )
-    surface = model.surface(*map(Float64, parameters), form=model.forms[0])
+    surface = model.surface_of(parameters, model.forms[0])
     i = Array3f64(Float64(np.sin(theta_i)), 0, Float64(np.cos(theta_i)))
     r = Array3f64(Float64(-np.sin(theta_r)), 0, Float64(np.cos(theta_r)))
     values = np.array(model.f(surface, i, r))

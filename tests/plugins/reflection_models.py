@@ -91,9 +91,7 @@ class Model:
 
 def exact_surface(bsdf):
     """The model's surface in Float64, for the parameters that the plugin holds in Float32."""
-    numbers = [Float64(value) for value in bsdf.values]
-    dr.make_opaque(*numbers)  # one compiled kernel for all values
-    return bsdf.model.surface(*numbers, form=bsdf.form)
+    return bsdf.model.surface_of(bsdf.values, bsdf.form)
 
 
 def exact_HDR(bsdf, theta):

@@ -134,7 +134,7 @@ def plate(model: str, values: tuple, number: int, T: float, T_sky: float, lobe="
     Float64 = dr.llvm.ad.Float64
 
     def HDR(*values):
-        S = model.surface(*map(Float64, values), form=model.forms[0])
+        S = model.surface_of(values, model.forms[0])
         return float(model.HDR(S, Float64(ANGLE))[0])
 
     names = model.names

@@ -55,7 +55,8 @@ class Grey(interface.ReflectionModel):
         return self.HDR(S, theta_i)
 
     def floor_HDR(self, S, cos, sin2):
-        return S.reflectance + dr.zeros(type(cos), dr.width(cos))
+        # A sum with zeros would widen the variable of S.reflectance itself
+        return dr.select(cos >= -1, S.reflectance, 0)
 
     def from_cube(self, u) -> tuple:
         return tuple(u)

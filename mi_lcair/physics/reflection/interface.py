@@ -156,6 +156,10 @@ class ReflectionModel(ABC):
     def surface(self, *values, form: str) -> Any:
         """The `Surface` with these parameters, Dr.Jit Float64 arrays in the model's order."""
 
+    def surface_of(self, values, form: str) -> Any:
+        """The `Surface` with these numbers. As literals they would make kernels of their own."""
+        return self.surface(*(dr.opaque(Float64, float(value)) for value in values), form=form)
+
     @abstractmethod
     def check_feasible(self, *values: float, form: str) -> None:
         """Raise InputError for parameters that no surface can have.

@@ -221,7 +221,7 @@ class Microfacet(MicrofacetCube):
         _, _, n, k, _ = values
         if n - 1 <= NEGLIGIBLE and k <= NEGLIGIBLE:  # F = 0: facets reflect nothing
             return []
-        S = self.surface(*(Float64(value) for value in values))
+        S = self.surface_of(values, form)
         lost = 1 - hemispherical.lobe_reflectance(S, Float64(0), lambda S, p: Float64(1))[0]
         if lost <= WORTH_A_REMARK:
             return []

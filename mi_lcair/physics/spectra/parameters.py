@@ -152,7 +152,7 @@ class SpectralParameters:
 
     def reflectance_at_normal(self, values: tuple[float, ...]) -> float:
         """HDR along the normal of the surface with these parameters."""
-        surface = self.model.surface(*map(Float64, values), form=self.form)
+        surface = self.model.surface_of(values, self.form)
         return float(self.model.HDR(surface, Float64(0))[0])
 
     def remark_on_average(self, band: Band, temperature: float) -> str:
@@ -293,8 +293,7 @@ def of_dhr(entry, files, common, fit) -> SpectralParameters:
     theta = np.radians(theta)
     wavelengths, DHR = spectrum_of(files["dhr"], "reflectance", files.get("wavelengths"))
     b, e = shape.parameters["b"], shape.parameters["e"]
-    zero = Float64(0)
-    S = shape.model.surface(zero, zero, Float64(b), Float64(e), form=shape.form)
+    S = shape.model.surface_of((0, 0, b, e), shape.form)
     X, G = float(shape.model.DHR(S, Float64(theta))[0]), float(S.G[0])
     g = float(sr.g(Float64(np.cos(theta)), Float64(np.sin(theta) ** 2), Float64(b))[0])
     room = G - shape.parameters["epsilon"]

@@ -185,7 +185,7 @@ def test_reciprocity_is_as_claimed(model, form):
     a, b = (directions(np.arccos(rng.random(50)), rng.uniform(0, 6.28, 50)) for _ in range(2))
     asymmetry = []
     for values in parameters_at(model, random_points(model))[0]:
-        S = model.surface(*map(Float64, values), form=form)
+        S = model.surface_of(values, form)
         there, back = np.array(model.f(S, a, b)), np.array(model.f(S, b, a))
         asymmetry.append(np.max(np.abs(there - back) / np.maximum(there, back)))
     assert max(asymmetry) < 1e-10 if model.reciprocal else max(asymmetry) > 0.01
@@ -209,7 +209,7 @@ def test_hemispherical_reflectances_are_integrals_of_f(model, form):
     hemisphere, angles = directions(theta, phi), np.radians([5.0, 40.0, 70.0])
     checked = 0
     for values in parameters_at(model, random_points(model, 200))[0]:
-        S = model.surface(*map(Float64, values), form=form)
+        S = model.surface_of(values, form)
         if model.lobe_width(S)[0] < 0.2 or checked == 5:
             continue
         checked += 1
@@ -230,7 +230,7 @@ def test_the_floor_and_the_lobe_make_up_HDR(model, form):
     theta = np.radians([0.0, 30.0, 60.0, 80.0])
     cos, sin2 = Float64(np.cos(theta)), Float64(np.sin(theta) ** 2)
     for values in parameters_at(model, random_points(model, 8))[0]:
-        S = model.surface(*map(Float64, values), form=form)
+        S = model.surface_of(values, form)
         lobe = model.lobe_HDR(S, Float64(theta)) * model.lobe_scale(S, cos, sin2)
         parts = np.array(model.floor_HDR(S, cos, sin2) + lobe)
         np.testing.assert_allclose(parts, np.array(model.HDR(S, Float64(theta))), rtol=1e-9)
@@ -246,7 +246,7 @@ def test_drawn_directions_have_their_density(model, form):
     weight = np.outer(np.pi * weights, np.pi / 4 * weights).ravel() * np.sin(theta)
     count, checked = 200_000, 0
     for values in parameters_at(model, random_points(model, 200))[0]:
-        S = model.surface(*map(Float64, values), form=form)
+        S = model.surface_of(values, form)
         if model.lobe_width(S)[0] < 0.2 or checked == 3:
             continue
         checked += 1
@@ -271,6 +271,6 @@ def test_values_and_derivatives_agree_in_both_float_types(model, form):
     theta = np.radians([10.0, 40.0, 70.0])
     i, r = directions(theta, np.zeros(3)), directions(0.9 * theta, np.full(3, np.pi))
     for values in parameters_at(model, random_points(model, 8))[0]:
-        S = model.surface(*map(Float64, values), form=form)
+        S = model.surface_of(values, form)
         narrow = np.array(model.f(S.cast(Float), Array3f(i), Array3f(r)))
         np.testing.assert_allclose(narrow, np.array(model.f(S, i, r)), rtol=2e-3)
