@@ -33,7 +33,7 @@ STRIPES, GLOSS_BLACK, PLATE, TWO_SKIES, PAINT = (
     FOLDER / f"{name}.toml" for name in ("stripes", "gloss_black", "plate", "two_skies", "paint")
 )
 NETD_MK = 50
-DRAWS = 30
+DRAWS = 20
 PAINT_SEEDS = 0, 1, 4  # of the draws from which all parameters of a paint are estimated
 BRDF_NOISE = 0.05  # relative noise of the scans of the BRDF
 TRUE = {"plate.temperature": 310.0, "paint.reflectance": 0.3}

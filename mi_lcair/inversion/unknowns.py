@@ -8,6 +8,7 @@ import numpy as np
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.inversion.problem import parts
 from mi_lcair.inversion.tables import UnknownEntry
+from mi_lcair.physics import reflection
 from mi_lcair.sensitivity.entries import AT
 from mi_lcair.sensitivity.parameters import Parameter
 
@@ -107,12 +108,19 @@ class Unknown:
         return self.upper - self.lower
 
     def is_determined(self, value: float, half_width: float) -> bool:
-        """Whether half of a 95 % interval is small enough to call the unknown determined."""
+        """Whether half of a 95 % interval is small enough to call the unknown determined.
+
+        A parameter of a reflection model has the limits that it has in a fit.
+        """
         if self.kind == "motion":
             return half_width <= OF_MOTIONS[self.unit][0]
         if self.kind == "scenario":
             return half_width <= OF_WEATHER[self.unit]
         absolute, relative = PRECISION[self.kind]
+        if self.kind == "material":
+            known = {of.name: of for m in reflection.MODELS.values() for of in m.parameters}
+            if of := known.get(self.name.rpartition(".")[2]):
+                absolute, relative = of.absolute_precision, of.precision
         return half_width <= max(absolute, relative * abs(value))
 
 
