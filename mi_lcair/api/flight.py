@@ -1,9 +1,13 @@
 """`flight`, the contrast of a moving target against time."""
 
+from dataclasses import replace
 from os import PathLike
+from pathlib import Path
 
 from mi_lcair.api.scenario import named_errors, scenario_of
+from mi_lcair.camera.sequence import check_film, film
 from mi_lcair.detection.scenario import Scenario
+from mi_lcair.files import together
 from mi_lcair.progress import Progress
 from mi_lcair.startup.threads import exclusively
 from mi_lcair.sweeps.areas_folder import AreasFolder
@@ -15,6 +19,9 @@ from mi_lcair.sweeps.flight_result import Flight
 def flight(
     scenario: Scenario | str | PathLike[str],
     areas: str | PathLike[str] | None = None,
+    frames: str | PathLike[str] | None = None,
+    video: str | PathLike[str] | None = None,
+    seed: int = 0,
     progress: Progress | None = None,
 ) -> Flight:
     """Contrast of a scenario's target at each moment of its flight.
@@ -29,6 +36,12 @@ def flight(
         is half of the 95 % interval of each traced intensity, as a fraction of it.
     areas : path-like, optional
         Folder that keeps the effective areas. What it holds is not traced again.
+    frames : path-like, optional
+        TIFF to write, FILE.tif: the counts of the scenario's [camera] at each moment, 16-bit pages.
+    video : path-like, optional
+        The same for people, FILE.gif.
+    seed : int
+        Seed of the camera's noise and fixed pattern.
     progress : callable, optional
         Called with (moments done, all moments).
 
@@ -42,7 +55,12 @@ def flight(
         If the scenario or its path cannot be used, or if the path leads into the ground.
     """
     scenario = scenario_of(scenario)
-    with named_errors(scenario):
-        return measure_flight(
-            scenario, None if areas is None else AreasFolder(areas), progress=progress
-        )
+    outputs = [None if path is None else Path(path) for path in (frames, video)]
+    with named_errors(scenario), together():
+        if outputs != [None, None]:
+            check_film(scenario, *outputs)
+        folder = None if areas is None else AreasFolder(areas)
+        made = measure_flight(scenario, folder, progress=progress)
+        if outputs == [None, None]:
+            return made
+        return replace(made, rendered=film(scenario, *outputs, seed, progress))

@@ -88,12 +88,11 @@ class Camera:
 
     def frames(self, signal: np.ndarray, count: int) -> np.ndarray:
         """Counts of frames of a scene with these mean electrons (H, W), (count, H, W)."""
-        return np.array(
-            [
-                counts(self.imager, frame(self.imager, self.pattern, signal, self.seed, number))
-                for number in range(count)
-            ]
-        )
+        return np.array([self.frame(signal, number) for number in range(count)])
+
+    def frame(self, signal: np.ndarray, number: int) -> np.ndarray:
+        """Counts of one frame of a scene with these mean electrons (H, W)."""
+        return counts(self.imager, frame(self.imager, self.pattern, signal, self.seed, number))
 
     def temperatures(self, frame_counts: np.ndarray) -> np.ndarray:
         """Apparent temperatures, K, of a corrected frame of counts."""

@@ -36,6 +36,8 @@ class FlightTable:
         beside the error of the rendering.
     pixels : float
         Shift of a point of the target, pixels, from which on a camera's frame is rendered anew.
+    spp : int
+        Paths through a pixel of a camera's frame.
     """
 
     path: str
@@ -44,6 +46,7 @@ class FlightTable:
     rate_hz: float | None = field(default=None, metadata=within(is_positive=True))
     tolerance: float = field(default=0.01, metadata=within(is_positive=True, upper=1))
     pixels: float = field(default=0.5, metadata=within(lower=0))
+    spp: int = field(default=16, metadata=within(lower=2, upper=2**31))
 
     def __post_init__(self):
         check_fields(self, "[flight]: ")

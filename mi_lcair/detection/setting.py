@@ -67,12 +67,15 @@ class Setting:
         return replace(self, sight=sight, air=sight.air, path=path, backdrop=behind, light=light)
 
 
-def setting_of(scenario: Scenario) -> Setting:
-    """The setting of a scenario; raises InputError if the scenario cannot be used."""
+def setting_of(scenario: Scenario, scene: Scene | None = None) -> Setting:
+    """The setting of a scenario; raises InputError if the scenario cannot be used.
+
+    scene: its loaded scene, if it is known.
+    """
     observer, detector = scenario.observer, scenario.sensor.detector()
     direction = background_sun(scenario)
     line = line_of(scenario, detector, direction)
-    scene = target_scene(scenario, detector)
+    scene = scene or target_scene(scenario, detector)
     if (sun := sun_over(scenario, scene)) != direction:
         direction, line = sun, line_of(scenario, detector, sun)
     sight, path, behind = line

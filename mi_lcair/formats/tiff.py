@@ -1,11 +1,16 @@
 """TIFF images: 32-bit floating point numbers as thermography tools read them, 16-bit counts."""
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.files import write_bytes
+from mi_lcair.errors import InputError
+from mi_lcair.files import replacing, write_bytes
+
+LARGEST = 2**32 - 2**24  # bytes of a file, whose offsets have 32 bits
 
 
 def write(path: str | Path, values: np.ndarray, description: str = "") -> None:
@@ -45,3 +50,31 @@ def write(path: str | Path, values: np.ndarray, description: str = "") -> None:
         description=description.encode("ascii", "replace").decode(),
     )
     write_bytes(path, content.getvalue())
+
+
+def check_fits(path: str | Path, pages: int, columns: int, rows: int) -> None:
+    """Raise InputError if so many 16-bit pages are too large for one file."""
+    size = 2 * pages * columns * rows
+    if size > LARGEST:
+        raise InputError(
+            f"'{path}': {pages} pages of {columns} x {rows} pixels have {size / 2**30:.1f} GiB, "
+            f"and a TIFF at most {LARGEST / 2**30:.1f}; write fewer"
+        )
+
+
+@contextmanager
+def stack(path: str | Path) -> Iterator[Callable]:
+    """Context manager that gives a function, which adds 16-bit pages (H, W) to a file.
+
+    The file appears at the end of the block.
+    """
+    from PIL import Image
+    from PIL.TiffImagePlugin import AppendingTiffWriter
+
+    with replacing(path) as partial, AppendingTiffWriter(str(partial), new=True) as file:
+
+        def add(page: np.ndarray) -> None:
+            Image.fromarray(np.ascontiguousarray(page, np.uint16)).save(file, format="TIFF")
+            file.newFrame()
+
+        yield add

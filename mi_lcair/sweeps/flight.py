@@ -172,8 +172,8 @@ class Aspects:
     def refine(self, tolerance: float) -> dict[tuple[int, int], float]:
         """Trace moments until the contrast between them is linear, to a tolerance and its noise.
 
-        Returns the largest difference that a traced moment showed in or beside each pair of
-        neighbouring moments, as an intensity, W/sr.
+        Returns for each pair of neighbouring moments how far the traced moment at its end, or in
+        it, may have been from the line: the difference and its noise, as an intensity, W/sr.
         """
         steps = np.arange(0, self.turned_deg[-1], STEP_DEG)
         ends = [*np.searchsorted(self.turned_deg, steps), 0, len(self.turned_deg) - 1]
@@ -187,9 +187,11 @@ class Aspects:
             for pair, k in middles.items():
                 linear, traced = self.between(k, pair)["total"], self.terms(k, k)["total"]
                 difference = abs(linear.value - traced.value).item()
-                halves = [(pair[0], k), (k, pair[1])]
-                errors |= dict.fromkeys(halves, difference * self.moments.range_m[k] ** 2)
                 noise = np.hypot(linear.half_width, traced.half_width).item()
+                halves = [(pair[0], k), (k, pair[1])]
+                # A difference within the noise may hide one of the other sign
+                at_most = (difference + noise) * self.moments.range_m[k] ** 2
+                errors |= dict.fromkeys(halves, at_most)
                 if difference > tolerance * abs(traced.value).item() + noise:
                     pairs += halves
         return errors

@@ -26,6 +26,9 @@ class Flight(Result):
         Number of views that did not reach the tolerance.
     seconds : float
         Time of the calculation, s.
+    rendered : int or None
+        Number of a camera's frames that were rendered, the others being as before with new noise;
+        None without frames.
     """
 
     scenario: Scenario
@@ -33,6 +36,7 @@ class Flight(Result):
     views: int
     missed: int
     seconds: float
+    rendered: int | None = None
 
     kind: ClassVar[str] = "flight"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.flight:figure"
@@ -89,6 +93,7 @@ class Flight(Result):
             "detected_from_s": first,
             "detected_from_95_s": [earliest, latest],
             "interpolation_error": self.interpolation_error,
+            "rendered_frames": self.rendered,
             "time_s": self.seconds,
             "columns": self.columns(),
         }

@@ -6,9 +6,11 @@ import mi_lcair
 from mi_lcair.cli.options import (
     FILE,
     examples,
+    file_option,
     output_option,
     plot_option,
     scenario_options,
+    seed_option,
 )
 from mi_lcair.cli.output import check_outputs, print_result, print_written, time_row
 from mi_lcair.drawing import PICTURES
@@ -32,8 +34,11 @@ from mi_lcair.files import together
     metavar="FOLDER",
     help="Keep the effective areas in this folder. What it holds is not traced again.",
 )
+@file_option("--frames", "Write the frames of [camera] as 16-bit counts, pages of FILE.tif.")
+@file_option("--video", "Write them for people, FILE.gif.")
+@seed_option("Seed of the camera's noise and fixed pattern.")
 @plot_option("contrast, signal-to-noise ratio and range")
-def command(options, output, areas, plot):
+def command(options, output, areas, frames, video, seed, plot):
     """Contrast of a scenario's target along a path.
 
     SCENARIO is a TOML file as for `contrast`, with a table [flight] in place of [observer] and
@@ -41,11 +46,15 @@ def command(options, output, areas, plot):
     signal-to-noise ratio at each moment, with their errors. Printed is when the target is first
     detected.
     """
-    check_outputs((output, (".csv", ".nc")), (plot, PICTURES))
-    result = options.run(mi_lcair.flight, options.read(), areas=areas)
+    outputs = (output, (".csv", ".nc")), (frames, ".tif"), (video, ".gif"), (plot, PICTURES)
+    check_outputs(*outputs)
+    scenario = options.read()
     with together():
+        result = options.run(
+            mi_lcair.flight, scenario, areas=areas, frames=frames, video=video, seed=seed
+        )
         result.save(output)
         if plot:
             result.plot(plot)
     print_result(result, options.json, [time_row(result)])
-    print_written(output, plot)
+    print_written(output, frames, video, plot)

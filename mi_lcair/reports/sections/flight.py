@@ -14,6 +14,8 @@ def sections(flight) -> list[Section]:
         ),
         ("first detection", flight.detection()),
     ]
+    if flight.rendered is not None:
+        facts.append(("rendered frames", f"{flight.rendered} of {len(flight.table['time_s'])}"))
     for name in ("range_m", "intensity_W_sr", "contrast_W_m2", "snr"):
         if name in flight.table:
             values = flight.table[name]
