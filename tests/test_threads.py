@@ -18,6 +18,7 @@ CONDITIONS = {
     "conditions": {"azimuth_deg": [0, 90]},
     "sampling": {"resolution": 4, "spp": 4},
 }
+CALLS_EACH = 4  # of each of three threads
 CALLS = {
     "load": lambda scene: mi_lcair.load("two_plates"),
     "render": lambda scene: mi_lcair.render(scene, spp=1),
@@ -85,3 +86,24 @@ def test_functions_take_turns():
         leave.set()
         first.result(), second.result()
     assert order == ["first begins", "nested", "first ends", "second begins", "second ends"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shared", [True, False], ids=["one scene", "three scenes"])
+def test_three_threads_at_once(shared):
+    """All get the numbers of one thread. Without the lock the process ended or raised."""
+    names = ["two_plates"] * 3 if shared else ["two_plates", "open_box", "furnace"]
+    scenes = {name: mi_lcair.load(name, resolution=4) for name in names}
+    alone = {name: [intensity(scenes[name], seed) for seed in range(CALLS_EACH)] for name in names}
+    with ThreadPoolExecutor(3) as threads:
+        jobs = [
+            (name, seed, threads.submit(intensity, scenes[name], seed))
+            for seed in range(CALLS_EACH)
+            for name in names
+        ]
+    for name, seed, job in jobs:
+        assert job.result() == alone[name][seed]
+
+
+def intensity(scene, seed: int) -> float:
+    return mi_lcair.signature(scene, spp=16, seed=seed).intensity
