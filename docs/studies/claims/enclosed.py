@@ -178,7 +178,7 @@ def part(draw: Draw) -> Case:
 
     The cube is well resolved if its side is more than RESOLVED of its largest coordinate.
     """
-    side, distance = draw.size(1e-3, 1), float(draw.rng.choice([0.0, 30.0, 1e3, 1e5]))
+    side, distance = draw.size(1e-3, 1e3), float(draw.rng.choice([0.0, 30.0, 1e3, 1e5]))
     extent = min(1e6, max(distance, side) * draw.size(1, 1e4))
     direction, rotation = draw.direction(), draw.rotation()
     place = Place(side / 2, rotation, distance * direction)
