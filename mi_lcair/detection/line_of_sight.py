@@ -256,15 +256,15 @@ def ground(scenario: Scenario, detector: Detector, sight: Sight) -> Backdrop:
     name = f"ground at {temperature:g} K, emissivity {emissivity:g}"
     if emissivity == 1:
         return Backdrop(name, emitted, np.empty(0), sight.to_ground)
-    light = sky_behind(scenario, 0.0).on_ground
-    for _, table in light:
-        table.in_band_radiance(detector.band)  # raises InputError if it does not cover the band
+    lights = surroundings_of(scenario, sight).reflected
+    for light in lights:
+        light.in_band_radiance(detector.band)  # raises InputError if it does not cover the band
 
     def radiance(wavelengths_um):
-        white = sum(factor * table.at(wavelengths_um) for factor, table in light)
-        return emissivity * emitted(wavelengths_um) + (1 - emissivity) * white
+        reflected = sum(light.at(wavelengths_um) for light in lights)
+        return emissivity * emitted(wavelengths_um) + reflected
 
-    rows = np.unique(np.concatenate([table.wavelengths_um for _, table in light]))
+    rows = np.unique(np.concatenate([light.wavelengths_um for light in lights]))
     above = behind.sky or f"{behind.daytime_sky} by day"
-    through_air = tuple(((1 - emissivity) * factor, table) for factor, table in light)
+    through_air = tuple((1.0, light) for light in lights)
     return Backdrop(f"{name}, below {above}", radiance, rows, sight.to_ground, through_air)

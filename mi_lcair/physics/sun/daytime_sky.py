@@ -16,7 +16,6 @@ from mi_lcair.physics.air.light import AirLight
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.sky import HEIGHT_M, air_mass, mean_nodes
 from mi_lcair.physics.spectrum import Spectrum
-from mi_lcair.physics.sun.sunlight import sunlight
 
 SUN_ELEVATION_DEG = 45.0  # of a sky that states none
 # Elevations above the horizon at which the sky is computed [degrees], for any height
@@ -176,16 +175,8 @@ class ClearSky:
 
     @cached_property
     def on_ground(self) -> list[tuple[float, Spectrum]]:
-        """Radiance that white ground reflects diffusely, as spectra with factors that add up.
-
-        It is the mean of the sky and, by day, also the direct sun.
-        """
-        light = [(1.0, replace(self, height_m=0.0).mean_spectrum())]
-        if self.sun_elevation_deg is not None:
-            elevation = self.sun_elevation_deg
-            sun = sunlight(self.name, elevation, height_m=0.0, weather=self.weather)
-            light.append((np.sin(np.radians(elevation)), sun.over(np.pi)))
-        return light
+        """Radiance of the sky that white ground reflects, as spectra with factors that add up."""
+        return [(1.0, replace(self, height_m=0.0).mean_spectrum())]
 
 
 def between_rings(places: np.ndarray, rings: np.ndarray, values: np.ndarray) -> np.ndarray:

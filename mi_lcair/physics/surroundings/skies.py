@@ -104,7 +104,7 @@ class TableSky:
 
     @cached_property
     def on_ground(self) -> list[tuple[float, Spectrum]]:
-        """Radiance that white ground reflects diffusely, as spectra with factors that add up."""
+        """Radiance of the sky that white ground reflects, as spectra with factors that add up."""
         if not self.by_elevation:
             return [(1.0, *self.components(0))]
         return [(weight, *self.components(ring)) for ring, weight in zip(*mean_nodes())]

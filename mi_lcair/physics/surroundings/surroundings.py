@@ -61,7 +61,8 @@ class Surroundings:
         Height of the viewer above the ground [m]. None if it is not known: no air is then before
         the ground.
     sun_elevation_deg
-        Elevation of the sun whose light the air before the ground scatters; None by night.
+        Elevation of the sun that the ground reflects, and whose light the air before it scatters;
+        None by night.
     """
 
     sky: ClearSky | TableSky | None
@@ -141,9 +142,14 @@ class Surroundings:
         directions.
         """
         reflectance = 1 - self.ground.emissivity
-        if self.sky is None or reflectance == 0:
+        if reflectance == 0:
             return []
-        return [light.scaled(reflectance * factor) for factor, light in self.sky.on_ground]
+        lights = [] if self.sky is None else list(self.sky.on_ground)
+        if self.sun_elevation_deg is not None:
+            air = self.sky.air if isinstance(self.sky, ClearSky) else self.air
+            factor = np.sin(np.radians(self.sun_elevation_deg)) / np.pi
+            lights.append((factor, air.sun(0.0, self.sun_elevation_deg)))
+        return [light.scaled(reflectance * factor) for factor, light in lights]
 
     def in_band_components(
         self, band: Band, elevation_deg: ArrayLike, azimuth_deg: ArrayLike = 0.0

@@ -90,8 +90,11 @@ def test_sunlit_air_before_the_ground(azimuth):
         scattered = AIR.scattered(along, SunDirection(35.0, azimuth)).in_band_radiance(MWIR)
         night = AIR.emitted(along).in_band_radiance(MWIR)
         reflected = sum(
-            light.scaled(0.1 * factor).through(along.amounts[-1])
-            for factor, light in around.sky.on_ground
+            light.scaled(factor).through(along.amounts[-1])
+            for factor, light in (
+                (0.1, around.sky.on_ground[0][1]),
+                (0.1 * np.sin(np.radians(35)) / np.pi, AIR.sun(0.0, 35.0)),
+            )
         )
         expected = night + scattered + MWIR.integral(bands().wavelengths_um, reflected)
         _, other = around.in_band_components(MWIR, elevation, azimuth)
@@ -153,3 +156,13 @@ def test_missing_half():
     assert surroundings("clear").in_band_radiance(LWIR, -5.0) == 0
     with pytest.raises(InputError, match="does not cover band"):
         surroundings("clear").in_band_radiance(band("SWIR"), 5.0)
+
+
+@pytest.mark.parametrize("sky", [270.0, None])
+def test_ground_in_the_sun_below_a_sky_that_knows_none(sky):
+    """It reflects the mean of the sky and sin(elevation) E / pi, whatever the sky is."""
+    around = surroundings(sky, Ground(300.0, 0.9), 40.0)
+    sun = np.sin(np.radians(40)) * AIR.sun(0.0, 40.0).in_band_radiance(MWIR) / np.pi
+    above = 0.0 if sky is None else float(in_band_radiance(MWIR, sky))
+    _, reflected = around.in_band_components(MWIR, -30.0)
+    assert reflected == pytest.approx(0.1 * (above + sun), rel=2e-3)
