@@ -242,13 +242,9 @@ def test_opaque_rows_are_bounded_by_what_is_printed():
         1 - table,
     )
     np.testing.assert_allclose(fine.path(2).transmittance, [5e-9, 5e-9, 1], rtol=1e-9)
-    assert np.all(
-        np.diff(
-            [tabulated("midlat_summer").path(R).transmittance for R in np.linspace(1, 5000, 60)],
-            axis=0,
-        )
-        <= 1e-6
-    )
+    summer = tabulated("midlat_summer")
+    paths = [summer.path(R).transmittance for R in np.linspace(1, 5000, 60)]
+    assert np.all(np.diff(paths, axis=0) <= 1e-6)
 
 
 def test_a_path_too_clear_to_tell_has_the_source_of_the_next_one():
