@@ -21,6 +21,7 @@ MAX_SPP = "Largest --spp for --tolerance (default: 65536)."
 # Arguments that let the renderer choose the number of samples. None of them goes with --spp.
 CHOOSING = ("tolerance", "tolerance_W_m2", "max_spp")
 CHOICE = ("tolerance", "max_spp")
+PLUGINS = "mi_lcair.plugins"  # key of the files of --plugin in click's context
 
 
 @dataclass
@@ -123,7 +124,7 @@ def given(options: dict, prefix: str = "") -> dict:
 
 
 def prepare_renderer(variant: str | None, threads: int | None) -> None:
-    """Set Mitsuba's variant and the number of CPU threads, if they are given."""
+    """Set Mitsuba's variant and the number of CPU threads, if they are given, and run --plugin."""
     if variant:
         import mitsuba
 
@@ -138,6 +139,10 @@ def prepare_renderer(variant: str | None, threads: int | None) -> None:
         import drjit
 
         drjit.set_thread_count(threads)
+    if files := click.get_current_context().meta.get(PLUGINS):
+        from mi_lcair.rendering.loading.plugin_files import run_plugin_files
+
+        run_plugin_files(files)
 
 
 @contextmanager
@@ -188,8 +193,20 @@ def json_option(command):
     return click.option("--json", is_flag=True, help="Print the results as JSON.")(command)
 
 
+def keep_plugins(ctx, param, files) -> None:
+    ctx.meta[PLUGINS] = files
+
+
 def renderer_options(command):
-    """Give a command that renders the options --variant and -t; see `prepare_renderer`."""
+    """Give a command that renders --variant, -t and --plugin; see `prepare_renderer`."""
+    command = file_option(
+        "--plugin",
+        "Run a Python file that registers your BSDFs or emitters with Mitsuba, FILE.py; may be "
+        "repeated.",
+        multiple=True,
+        expose_value=False,
+        callback=keep_plugins,
+    )(command)
     threads = click.option("-t", "--threads", type=POSITIVE, help="CPU threads (default: all).")
     return click.option(
         "--variant", type=click.Choice(VARIANTS), help=f"Mitsuba variant (default: {VARIANTS[0]})."

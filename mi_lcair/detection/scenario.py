@@ -109,6 +109,13 @@ class TargetModel:
 
 
 @dataclass(frozen=True)
+class PluginFiles:
+    """Table [plugins]. files: Python files that register BSDFs or emitters with Mitsuba."""
+
+    files: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Pose:
     """Table [pose]: rotation of the target, degrees.
 
@@ -460,6 +467,7 @@ class Scenario:
     camera: Imager | None = None
     surroundings: Words | None = None
     flight: FlightTable | None = None
+    plugins: PluginFiles = field(default_factory=PluginFiles)
 
     @property
     def heading(self) -> str:
@@ -624,6 +632,9 @@ def locate(tree: dict, folder: Path) -> None:
             and (Path(value).suffix or os.path.isfile(folder / value))
         ):
             part[key] = str(folder / value)
+    plugins = tree.get("plugins")
+    if isinstance(plugins, dict) and isinstance(files := plugins.get("files"), list):
+        plugins["files"] = [str(folder / file) for file in files]
     parameters = tree["target"].get("parameters") if isinstance(tree.get("target"), dict) else None
     for key, value in parameters.items() if isinstance(parameters, dict) else ():
         if isinstance(value, str) and os.path.isfile(folder / value):

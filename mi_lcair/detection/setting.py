@@ -13,6 +13,7 @@ from mi_lcair.physics.air.atmosphere import Atmosphere, LineOfSight
 from mi_lcair.physics.detector import Detector
 from mi_lcair.plugins.emitters.one_sun import check_fits, one_sun
 from mi_lcair.rendering.loading.files import survey
+from mi_lcair.rendering.loading.plugin_files import run_plugin_files
 from mi_lcair.rendering.reflections.number import chosen
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
@@ -132,6 +133,7 @@ def target_scene(scenario: Scenario, detector: Detector) -> Scene:
     parameters, source = scenario.scene_parameters(), scenario.target.scene
     if "band" in survey(scenes.file_of(source), parameters):
         parameters["band"] = scenario.sensor.response or scenario.sensor.band
+    run_plugin_files(scenario.plugins.files)
     words = scenario.surroundings
     band = parameters.get("band", scenario.sensor.band)
     scene = load_with_values(source, parameters, [] if words is None else words.emitters(band))

@@ -22,7 +22,7 @@ from mi_lcair.plugins.columns.tables import (
 )
 from mi_lcair.plugins.emission.sources import spectra
 from mi_lcair.rendering.measurands import Measurands
-from mi_lcair.sensitivity.entries import SCALED, Entry
+from mi_lcair.sensitivity.entries import DIFFERENCED, SCALED, Entry
 from mi_lcair.sensitivity.parameters import chosen
 
 MOST_COLUMNS = SIZES[-1]  # columns of one render
@@ -49,22 +49,24 @@ def explored_by(columns) -> frozenset:
 def without_column(scene, names) -> set[str]:
     """Parameters for which paths do not give the derivative.
 
-    These are motions, all parameters of a scene with materials by wavelength, and see `Plume`.
+    These are motions, numbers of other BSDFs, all parameters of a scene with materials by
+    wavelength, and see `Plume`.
     """
     if has_spectral_materials(scene.mi):
         return set(names)
-    motions = {entry.name for entry in chosen(scene, names) if entry.kind == "motion"}
+    others = {entry.name for entry in chosen(scene, names) if entry.kind in DIFFERENCED}
     with scene.prepared() as tracer:
         if not tracer.emitters.draws:
-            return motions
-    columns = columns_of(scene, [name for name in names if name not in motions])
+            return others
+    columns = columns_of(scene, [name for name in names if name not in others])
     materials = {n: c.surfaces for n, c in columns.items() if isinstance(c, MaterialColumn)}
-    return motions | {name for name, surfaces in materials.items() if any(map(is_plume, surfaces))}
+    return others | {name for name, surfaces in materials.items() if any(map(is_plume, surfaces))}
 
 
 def column_of(entry: Entry) -> MaterialColumn | SourceColumn:
-    if entry.kind == "motion":
-        raise InputError(f"{entry.name} is a motion, which has no derivative here")
+    if entry.kind in DIFFERENCED:
+        what = "a motion" if entry.kind == "motion" else "of a BSDF that is not of this project"
+        raise InputError(f"{entry.name} is {what}, which has no derivative here")
     if entry.kind == "material":
         nodes = tuple(place.node for place in entry.places)
         return MaterialColumn(nodes, entry.places[0].key.removesuffix(".value"))

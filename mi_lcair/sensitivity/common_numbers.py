@@ -139,6 +139,8 @@ def ends(scene, name: str, sensor) -> tuple[float, float]:
 def step_of(of: Parameter) -> float:
     if of.kind == "temperature":
         return TEMPERATURE_STEP * of.value
+    if of.kind == "plugin":
+        return STEP * (abs(of.value) or 1.0)
     return STEP * (of.value if of.kind in SCALED else min(of.upper - of.lower, 1.0))
 
 

@@ -14,12 +14,13 @@ from mi_lcair.physics.spectra.change import CHANGES
 from mi_lcair.physics.spectra.parameters import change_bounds
 from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
-from mi_lcair.plugins.derivatives import nodes
+from mi_lcair.plugins.derivatives import children, nodes
 from mi_lcair.plugins.emission.source import kelvin, rounded
 from mi_lcair.plugins.emission.triangles import is_faceted, triangle_corners
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal, thermal_shapes
 
 SCALED = ("radiance", "emissivity")  # kinds whose several numbers change by a common factor
+DIFFERENCED = ("motion", "plugin")  # kinds whose derivatives are differences of renders
 NEAREST = 1e-3  # fraction of the way to its lower bound that a temperature keeps away from it
 AT = "at_"  # beginning of the name of a spectrum's change at a wavelength, such as "at_8500nm"
 BISECTIONS = 50  # steps in the search for the bound of a feasible material parameter
@@ -34,7 +35,8 @@ class Parameter:
     name : str
         Its name, such as `self.temperature` or `gloss_black.e`.
     kind : str
-        "temperature", "radiance", "emissivity", "material", "spectrum" or "motion".
+        "temperature", "radiance", "emissivity", "material", "spectrum", "plugin" (a number of a
+        BSDF of Mitsuba's or of yours) or "motion".
     value : float
         Present value; the mean if several numbers belong to the name.
     unit : str
@@ -118,6 +120,8 @@ class Entry:
             upper = self.upper * scale
         elif self.kind == "temperature":
             lower, upper = value - values.min(), self.upper - (values.max() - value)
+        elif self.kind == "plugin":
+            lower, upper = 0.0 if value >= 0 else -np.inf, np.inf
         elif self.model is None:
             upper = self.upper - (values.max() - value)
         else:
@@ -200,6 +204,7 @@ def entries(scene) -> dict[str, Entry]:
 
     surfaces = {}
     for node in nodes(scene.mi):
+        kind = "material"
         if is_reflection_bsdf(node):
             material = node.material or node.model.name
             if node.change:
@@ -209,11 +214,14 @@ def entries(scene) -> dict[str, Entry]:
             material, keys = node.id() or "diffuse", ["reflectance.value"]
         elif is_plume(node):
             material, keys = node.id() or "plume", ["transmittance"]
+        elif keys := numbers_of_other(node):
+            material, kind = node.id() or node.class_name(), "plugin"
         else:
             continue
         for key in keys:
             name = f"{material}.{key.removesuffix('.value')}"
-            entry = surfaces.setdefault(name, Entry(name, "material", []))
+            upper = np.inf if kind == "plugin" else 1.0
+            entry = surfaces.setdefault(name, Entry(name, kind, [], upper=upper))
             entry.places.append(Place(node, key, None, np.ones(1)))
     found |= {name: surfaces[name] for name in surfaces if name not in found}
     motions = {
@@ -275,6 +283,23 @@ def is_grey_diffuse(node) -> bool:
         and node.class_name() == "SmoothDiffuse"
         and "reflectance.value" in mi.traverse(node)
     )
+
+
+def numbers_of_other(node) -> list[str]:
+    """Names of the single numbers of another BSDF in which it declares itself differentiable.
+
+    None of a BSDF that wraps others, whose own parameters they are.
+    """
+    if not isinstance(node, mi.BSDF) or any(isinstance(c, mi.BSDF) for c in children(node)):
+        return []
+    parameters = mi.traverse(node)
+    return [
+        key
+        for key, value in parameters.items()
+        if isinstance(value, mi.Float)
+        and len(value) == 1
+        and not parameters.flags(key) & mi.ParamFlags.NonDifferentiable.value
+    ]
 
 
 def primitive_areas(shape) -> np.ndarray:

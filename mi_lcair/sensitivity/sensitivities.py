@@ -29,8 +29,8 @@ class Sensitivities(Result):
         from a source that no path has met.
     method : tuple of str
         How each derivative was found: "linear", "score", "control variate", "mirror" (the same with
-        the radiance of the mirror direction), or for a motion "attached difference" or "difference
-        on the film".
+        the radiance of the mirror direction), "difference" (of renders), or for a motion "attached
+        difference" or "difference on the film".
     by_bounce : ndarray, shape (N,)
         Intensity of paths with 0, 1, ... N - 1 reflections, W/sr.
     paths : int

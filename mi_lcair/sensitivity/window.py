@@ -21,6 +21,7 @@ from mi_lcair.sensitivity.columns import (
     weight_of,
 )
 from mi_lcair.sensitivity.common_numbers import METHOD, PARTS, CommonNumbers, renders_beside
+from mi_lcair.sensitivity.entries import DIFFERENCED
 from mi_lcair.sensitivity.parameters import chosen, units
 from mi_lcair.sensitivity.sensitivities import Sensitivities
 
@@ -53,8 +54,11 @@ def differentiate_intensity(
     numbers = CommonNumbers(scene, sampling, by_spectrum, part)
     if sampling.tolerance is not None:
         numbers.render()
-    motions = [entry.name for entry in chosen(scene, names) if entry.kind == "motion"]
-    by_difference = list(names) if has_spectral_materials(scene.mi) else motions
+    kinds = {entry.name: entry.kind for entry in chosen(scene, names)}
+    motions = [name for name in names if kinds[name] == "motion"]
+    by_difference = [name for name in names if kinds[name] in DIFFERENCED]
+    if has_spectral_materials(scene.mi):
+        by_difference = list(names)
     along_paths = [name for name in names if name not in by_difference]
     explored = explored_by(columns_of(scene, along_paths).values())
     measurands = replace(Measurands.of(SPLITS[part], by_spectrum), explored=explored)
@@ -78,10 +82,11 @@ def differentiate_intensity(
                 for name, channels in batch.channels.items()
             }
     rows_of = partial(mean_and_deviations, channels=["weighted"])
+    of_part = rows_of_part(numbers, weights)
+    several = replace(measurands, channels=replace(measurands.channels, split="target"))
     if first is None:
         numbers.take_aim()
-        rows_of = rows_of_part(numbers, weights)
-        several = replace(measurands, channels=replace(measurands.channels, split="target"))
+        rows_of = of_part
         first = measure(scene, numbers.windows, numbers.sampling, several, aim=numbers.aim)
     value = rows_of(first)
     rest = [name for name in names if name not in motions]
@@ -92,7 +97,7 @@ def differentiate_intensity(
             *ends, step = renders_beside(
                 scene, name, numbers.windows, numbers.repeated, several, numbers.aim
             )
-            high, low = map(rows_of, ends)
+            high, low = map(of_part, ends)
             rows[name], method[name] = (high - low) / step, METHOD
     differences = {name: differences_of(numbers, name, weights).at() for name in motions}
     for name, difference in differences.items():
@@ -159,7 +164,7 @@ def unscattered(scene, total: Totals, names, part: str, weights: Mapping | None)
     for entry in chosen(scene, names):
         numbers, channel = entry.numbers(), PARTS[part]
         relative = 1 / (abs(entry.mean(numbers)) or 1.0)
-        if entry.kind not in ("material", "spectrum"):
+        if entry.kind not in ("material", "spectrum", "plugin"):
             channel = f"group.{entry.name.rpartition('.')[0].partition('@')[0]}"
             channel = channel if part == "scene" else f"target.{channel}"
         if entry.kind == "temperature":

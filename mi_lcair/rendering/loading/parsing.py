@@ -106,7 +106,10 @@ def with_known_plugins(error: Exception) -> Exception:
         return error
     installed = [file.stem for file in (Path(mi.__file__).parent / "plugins").glob("*.*")]
     nearest = get_close_matches(match[1], [*PLUGINS, *installed], n=5, cutoff=0.4)
-    return InputError(f"{error}; the nearest known are: {', '.join(nearest) or 'none'}")
+    return InputError(
+        f"{error}; the nearest known are: {', '.join(nearest) or 'none'}; "
+        "--plugin FILE.py or [plugins] of a scenario registers yours"
+    )
 
 
 def name_objects(state) -> None:
