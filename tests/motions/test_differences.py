@@ -4,6 +4,8 @@ A convex blackbody emits L = sigma T^4 / pi from each facet, so that its intensi
 projected area.
 """
 
+from functools import partial
+
 import mitsuba as mi
 import numpy as np
 import pytest
@@ -64,6 +66,14 @@ def cube_intensity(yaw_deg: float) -> float:
     return L * np.abs(normals @ VIEW).sum()
 
 
+def facets_intensity(points, turn: str, degrees: float) -> float:
+    """Intensity of a convex hull that is turned about the middle of its bounding box [W/sr]."""
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    corners = turned(points, degrees, turn, middle)[ConvexHull(points).simplices]
+    sides = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return L * np.abs(sides @ VIEW).sum() / 4  # front and back project on the same area
+
+
 def derivative(scene, name: str, paths: int = 2**14, seed: int = 0):
     result = mi_lcair.sensitivities(scene, [name], paths=paths, seed=seed)
     return result.differences[name]
@@ -110,14 +120,7 @@ def test_random_hulls(seed):
     points = 0.5 * rng.normal(size=(12, 3))
     scene = scene_of(convex_hull("body", points), window=4)
     turn = list(TURNS)[seed % 3]
-    hull = ConvexHull(points)
-    middle = (points.min(axis=0) + points.max(axis=0)) / 2
-
-    def intensity(angle: float) -> float:
-        corners = turned(points, angle, turn, middle)[hull.simplices]
-        sides = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        return L * np.abs(sides @ VIEW).sum() / 4  # front and back project on the same area
-
+    intensity = partial(facets_intensity, points, turn)
     found = derivative(scene, f"body.{turn}")
     exact = (intensity(0.01) - intensity(-0.01)) / 0.02
     of_step = (intensity(found.step) - intensity(-found.step)) / (2 * found.step)
@@ -131,14 +134,7 @@ def test_cone_whose_facets_turn_away(seed):
     angle = np.arange(48) * 2 * np.pi / 48
     rim = np.stack([0 * angle - 0.3, 0.3 * np.cos(angle), 0.3 * np.sin(angle)], axis=1)
     points = np.concatenate([rim, [[0.7, 0, 0]]])
-    middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    triangles = ConvexHull(points).simplices
-
-    def intensity(pitch: float) -> float:
-        corners = turned(points, pitch, "pitch_deg", middle)[triangles]
-        sides = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        return L * np.abs(sides @ VIEW).sum() / 4
-
+    intensity = partial(facets_intensity, points, "pitch_deg")
     scene = scene_of(convex_hull("cone", points))
     with changed(scene, {"cone.pitch_deg": 40.3}):
         found = derivative(scene, "cone.pitch_deg", 2**16, seed)
@@ -164,6 +160,21 @@ def view_of_wall(depth: float, width: float, height: float, gap: float = 0.0) ->
 WALL = 5.670374419e-8 * 800.0**4 / np.pi
 
 
+def tall_wall(folder):
+    """The open box, with a motion that makes its wall taller by that part of its height."""
+    wall = mi_lcair.load("open_box").mi.shapes()[1]
+    buffers = mi.traverse(wall)
+    tall = buffers["vertex_positions"].numpy().reshape(-1, 3) * [1, 1, 2]
+    buffers["vertex_positions"] = mi.Float(tall.ravel().astype(np.float32))
+    buffers.update()
+    wall.write_ply(str(folder / "tall.ply"))
+    file = folder / "motions.toml"
+    file.write_text(
+        f'[motions]\n"wall.height" = {{groups = ["wall"], displaced = "{folder}/tall.ply"}}\n'
+    )
+    return mi_lcair.load("open_box", motions=file)
+
+
 @pytest.mark.slow
 def test_gap_of_two_plates():
     """The plate moves away from the reflector; nothing that the sensor sees moves."""
@@ -178,17 +189,7 @@ def test_gap_of_two_plates():
 @pytest.mark.slow
 def test_height_of_a_wall(tmp_path):
     """A declared motion: the wall of the open box stays on the floor and grows."""
-    wall = mi_lcair.load("open_box").mi.shapes()[1]
-    buffers = mi.traverse(wall)
-    tall = buffers["vertex_positions"].numpy().reshape(-1, 3) * [1, 1, 2]
-    buffers["vertex_positions"] = mi.Float(tall.ravel().astype(np.float32))
-    buffers.update()
-    wall.write_ply(str(tmp_path / "tall.ply"))
-    file = tmp_path / "motions.toml"
-    file.write_text(
-        f'[motions]\n"wall.height" = {{groups = ["wall"], displaced = "{tmp_path}/tall.ply"}}\n'
-    )
-    found = derivative(mi_lcair.load("open_box", motions=file), "wall.height", 2**16)
+    found = derivative(tall_wall(tmp_path), "wall.height", 2**16)
     h, factor = 1e-5, np.cos(np.pi / 4) * 0.5 * WALL
     low, high = (view_of_wall(0.1, 0.2, 0.1 * (1 + s * h)) for s in (-1, 1))
     exact = factor * (high - low) / (2 * h)
