@@ -245,6 +245,34 @@ class Optics:
         """
         return self.blurred(samples, around, self.transfer)
 
+    def seen_along_columns(self, samples, ends: tuple[int, int]) -> np.ndarray:
+        """The image of a scene that hardly changes along the rows, such as a level horizon.
+
+        Each column is blurred by the line spread function.
+
+        Parameters
+        ----------
+        samples : ndarray, shape (OVERSAMPLING h, W)
+            Values in the middles of the frame's columns.
+        ends : (int, int)
+            Pixels above and below the samples to the frame's border, negative where the samples go
+            beyond it.
+
+        Returns
+        -------
+        ndarray, shape (H, W)
+        """
+        count = len(samples) // OVERSAMPLING
+        reach = self.reach(samples.size)
+        length = fft.next_fast_len(OVERSAMPLING * (count + reach), real=True)
+        step = self.imager.pitch_um / OVERSAMPLING
+        y = fft.rfftfreq(length, 1e-3 * step)
+        factors = np.interp(y, *self.profile) * footprint(y, self.pixel_width_um)
+        factors /= footprint(y, step)
+        blurred = fft.irfft(fft.rfft(samples, length, axis=0) * factors[:, None], length, axis=0)
+        place = np.arange(-ends[0], count + ends[1])
+        return blurred[OVERSAMPLING * place + OVERSAMPLING // 2]
+
     def variance(self, variances, around=FRAME) -> np.ndarray:
         """Variances of the image at the pixels' centres, for independent errors of the samples.
 

@@ -15,6 +15,7 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.physics.surroundings.surroundings import Surroundings
 
 FINER = 8  # parts of a row of samples at the horizon
+LEVEL = 0.03  # rise of a horizon that counts as level, as a share of the frame's width
 BESIDE_HORIZON_DEG = 1e-3  # elevation from the horizon of what stands for a missing sky or ground
 
 
@@ -112,17 +113,25 @@ class Scenery:
         if not self.horizon_between(*places):  # the background is smooth
             return self.at(rule, *self.pixels)
         columns, rows = places
+        # The horizon is highest or lowest in the middle of the frame, or at its sides
+        some, borders = columns[[0, len(columns) // 2, -1]], np.arange(len(rows) + 1)
+        borders = borders / OVERSAMPLING - MARGIN
+        above = self.directions(some, borders)[0] >= self.around.horizon_deg
+        (crossed,) = np.nonzero(np.any(above[1:] != above[:-1], axis=1))
+        crossed = np.arange(crossed.min(initial=len(rows)), crossed.max(initial=-1) + 1)
+        if is_level := len(crossed) < LEVEL * len(columns):
+            columns, _ = self.pixels
         samples = self.at(rule, columns, rows) - level
         # Rows of samples that the horizon crosses are means of finer rows
-        borders = np.arange(len(rows) + 1) / OVERSAMPLING - MARGIN
-        above = self.directions(columns, borders)[0] >= self.around.horizon_deg
-        (crossed,) = np.nonzero(np.any(above[1:] != above[:-1], axis=1))
         parts = (np.arange(FINER) + 0.5) / (FINER * OVERSAMPLING)
         finer = self.at(rule, columns, (borders[crossed, None] + parts).ravel()) - level
         samples[crossed] = finer.reshape(-1, FINER, len(columns)).mean(axis=1)
         far = FARTHEST // 2
-        samples = np.pad(samples, OVERSAMPLING * far, mode="edge")
         cut = (-MARGIN - far, -MARGIN - far)
+        if is_level:
+            samples = np.pad(samples, ((OVERSAMPLING * far,) * 2, (0, 0)), mode="edge")
+            return level + optics.seen_along_columns(samples, cut)
+        samples = np.pad(samples, OVERSAMPLING * far, mode="edge")
         return level + optics.seen(samples, (cut, cut))
 
     def horizon_between(self, columns, rows) -> bool:
