@@ -11,19 +11,21 @@ from mi_lcair.rendering.window import window
 
 POINTS = 4  # paths of the pilot in each cell
 # The same and the cells along each side for one of many windows, which get fewer paths each
-POINTS_OF_MANY, CELLS_OF_MANY = 2, 64
+POINTS_OF_MANY, CELLS_OF_MANY = 2, 128
 # Share of the paths that begin anywhere on the model in one of many windows. It bounds the weight
 # of a path that meets what no other has met, which often decides on the number of paths.
 ON_MODEL_OF_MANY = 0.7
+MOST_PATHS = 2**21  # of a launch of the pilot
 EDGE = 1e-3  # cells by which a rectangle is enlarged, for rounding of positions
 
 
 def aim_at_model(scene, tracer, sensor, seed: int, measurands: Measurands) -> Aim:
     """An aim at the model's facets in each view, and more at those that radiate more.
 
-    A pilot with a few paths in each cell of the window gives the mean radiance of the model there
-    and the share of the cell that it covers. Half of the density follows each of them. Averages
-    over neighbouring cells are used, because a few paths may miss a thin part. Whatever the pilot
+    A pilot with a few paths in each cell of the window gives the mean radiance of the model there,
+    that of its brightest path, and the share of the cell that the model covers. A third of the
+    density follows each of them. Averages over neighbouring cells are used, because a few paths may
+    miss a thin part. Whatever the pilot
     misses adds noise, but no error: some paths begin anywhere. In a view where it meets no
     radiance, they begin evenly where the model may be, so that none has a large weight.
 
@@ -39,19 +41,26 @@ def aim_at_model(scene, tracer, sensor, seed: int, measurands: Measurands) -> Ai
     """
     views = views_of(sensor)
     cells = CELLS if len(views) == 1 else CELLS_OF_MANY
-    launch = Launch(
-        columns=cells * len(views),
-        rows=cells,
-        seed=seed,
-        randomisations=1,
-        points=POINTS if len(views) == 1 else POINTS_OF_MANY,
-        windows=cells**2 * len(views),
-        aim=Aim.anywhere(cells),
-    )
-    channels = measurands.with_columns(None).trace(tracer, sensor, launch).channels
-    hit = channels["hit" if measurands.channels.split == "model" else "target.hit"]
+    points = POINTS if len(views) == 1 else POINTS_OF_MANY
+    columns, recorded = cells * len(views), measurands.with_columns(None)
+    hit = "hit" if measurands.channels.split == "model" else "target.hit"
+    rows_at_once, parts = max(1, MOST_PATHS // (columns * points)), []
+    for row in range(0, cells, rows_at_once):
+        launch = Launch(
+            columns=columns,
+            rows=cells,
+            seed=seed,
+            randomisations=1,
+            points=points,
+            first=row * columns,
+            windows=min(rows_at_once, cells - row) * columns,
+            aim=Aim.anywhere(cells),
+        )
+        sums = recorded.trace(tracer, sensor, launch)
+        of_rows = sums.channels[hit], sums.highest["target"], sums.channels["target"]
+        parts.append([np.ravel(values) for values in of_rows])
     importance = np.zeros((len(views), cells, cells))
-    for values in (hit, channels["target"]):
+    for values in map(np.concatenate, zip(*parts)):
         of_cells = values.reshape(cells, len(views), cells).swapaxes(0, 1)
         importance += shared_out(blurred(of_cells))
     importance[~of_cells.any(axis=(1, 2))] = 0  # of the radiance

@@ -10,6 +10,7 @@ import pytest
 import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.paths.aim import Aim
+from mi_lcair.rendering import aiming
 from mi_lcair.rendering import measure as module
 from mi_lcair.rendering.measurands import ExcessFunction, IntensityInterval, Measurands
 from mi_lcair.rendering.measure import measure
@@ -206,6 +207,17 @@ def test_views_are_aimed_one_by_one():
         assert np.mean(inside) == pytest.approx(0.9 + 0.1 * model[window].mean(), abs=0.01)
         assert weight[inside].max() == pytest.approx(aim.largest_on_model[window], rel=5e-3)
         assert weight.max() == pytest.approx(aim.largest_weight[window], rel=5e-3)
+
+
+def test_a_pilot_in_parts_gives_the_same_aim(monkeypatch):
+    scene = mi_lcair.load("two_plates", resolution=1)
+    arguments = scene.sensor(0), 3, Measurands.of("target")
+    with scene.prepared() as tracer:
+        whole = aiming.aim_at_model(scene, tracer, *arguments)
+        monkeypatch.setattr(aiming, "MOST_PATHS", 50_000)
+        parts = aiming.aim_at_model(scene, tracer, *arguments)
+    np.testing.assert_array_equal(whole.tables.rows.numpy(), parts.tables.rows.numpy())
+    np.testing.assert_array_equal(whole.tables.columns.numpy(), parts.tables.columns.numpy())
 
 
 def test_aimed_views_are_those_of_a_signature():
