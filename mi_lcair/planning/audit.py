@@ -98,13 +98,14 @@ def account(scene: Scene, table: FacetTable, tally: Tally, photons: int) -> Audi
     materials = {
         of: {name: figure(batches) for name, batches in flux.items()} for of, flux in fluxes.items()
     }
-    total = materials.pop("scene")
+    total_by_batch, total = total, materials.pop("scene")
     return Audit(
         scene_name=scene.name,
         band=scene.band.name,
         total=total,
         materials=materials,
         shares=shares,
+        by_reflection=[share(part, total_by_batch["emitted"]) for part in tally.by_reflection],
         remarks=[*scene.notes, *remarks(kind, by_facet, total, materials)],
         photons=photons,
         facets=of_facets(table, by_facet),

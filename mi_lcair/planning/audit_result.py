@@ -27,6 +27,9 @@ class Audit(Result):
     shares : dict
         The same fluxes as shares. Under "scene" they are shares of the flux that the scene emits,
         under a material shares of the flux that arrives at the material.
+    by_reflection : list of tuple
+        (share, standard error) of the emitted flux that leaves surfaces after its first, second,
+        ... reflection.
     remarks : list of str
         Notes on the scene, such as that nothing surrounds its model, and one line for each
         imbalance with the facets that cause most of it.
@@ -44,6 +47,7 @@ class Audit(Result):
     shares: dict[str, dict[str, tuple[float, float]]]
     remarks: list[str]
     photons: int
+    by_reflection: list[tuple[float, float]] = field(default_factory=list)
     facets: dict[str, np.ndarray] = field(default_factory=dict)
 
     kind: ClassVar[str] = "audit"
@@ -76,6 +80,7 @@ class Audit(Result):
             "total": plain(self.total, *watts),
             "photons": self.photons,
             "remarks": self.remarks,
+            "by_reflection": [list(pair) for pair in self.by_reflection],
             "materials": {name: plain(flux, *watts) for name, flux in self.materials.items()},
             "shares": {
                 name: plain(shares, "value", "standard_error")

@@ -16,6 +16,7 @@ from mi_lcair.rendering.views import corners
 
 BATCHES = 8  # independent batches of photons; their scatter gives the standard errors
 MAX_REFLECTIONS = 1000  # flux that still travels after so many is reported as unfinished
+SHOWN = 8  # reflections whose flux is told apart
 SURVIVAL = 0.05  # smallest probability of following a photon further
 
 
@@ -67,17 +68,20 @@ class Tally:
     """What becomes of the photons, as fluxes, W.
 
     by_facet: fluxes by batch and facet. ends: flux by batch, (BATCHES,), that has "escaped", is
-    "unfinished" or comes "from_afar": from the sun or the sky.
+    "unfinished" or comes "from_afar": from the sun or the sky. by_reflection: flux by number of
+    the reflection and batch that leaves after it, (SHOWN, BATCHES).
     """
 
     by_facet: Flux
     ends: dict[str, np.ndarray]
+    by_reflection: np.ndarray
 
     @staticmethod
     def of(facets: int) -> "Tally":
         """A tally of a scene with this number of facets, without any flux."""
         ends = {name: np.zeros(BATCHES) for name in ("escaped", "unfinished", "from_afar")}
-        return Tally(Flux(*np.zeros((len(fields(Flux)), BATCHES, facets))), ends)
+        by_facet = Flux(*np.zeros((len(fields(Flux)), BATCHES, facets)))
+        return Tally(by_facet, ends, np.zeros((SHOWN, BATCHES)))
 
     def add(self, flux: str, batch, facet, values) -> None:
         """Add values, W, to a flux of some batches and facets."""
@@ -163,7 +167,7 @@ def follow(world: World, source, photons: int, seed: int, tally: Tally) -> None:
     ray, flux = emitted(world, source, photons, sampler, batch, tally)
     batch, active = mi.UInt32(batch), flux > 0
     throughput = mi.Float(1)
-    for _ in range(MAX_REFLECTIONS):
+    for number in range(MAX_REFLECTIONS):
         # Drop the photons that have ended, so that the kernels shrink with each reflection.
         kept = dr.compress(active)
         if not len(kept):
@@ -194,6 +198,9 @@ def follow(world: World, source, photons: int, seed: int, tally: Tally) -> None:
             ("scaled", dr.abs(si.wi.z).numpy()[on] < world.grazing[facet]),
         ):
             tally.add(name, lane, facet, arriving * share)
+        if number < SHOWN:
+            leaving = arriving * reflected.numpy()[on]
+            tally.by_reflection[number] += np.bincount(lane, leaving, BATCHES)
 
         # Russian roulette: weak photons end, and the survivors carry their flux.
         throughput *= reflected

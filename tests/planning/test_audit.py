@@ -54,6 +54,16 @@ def test_open_box():
     assert result.remarks == []
 
 
+def test_what_each_reflection_adds():
+    """In a sphere of reflectance 1/2 with the opening f, (1/2 (1 - f))^k leaves after the k-th."""
+    result = mi_lcair.audit(mi_lcair.load("cavity", opening=8), 2**16)
+    assert len(result.by_reflection) == 8
+    for number, (value, error) in enumerate(result.by_reflection, start=1):
+        expected = (0.5 * (1 - 0.030902)) ** number
+        agree((value, error), expected)
+        assert error < 0.1 * expected
+
+
 @pytest.mark.parametrize("tau", [0.25, 0.9])
 def test_plume_emits_what_it_absorbs(plate, tau):  # noqa: F811
     """A sheet of plume over a black plate: both sides of it emit, and flux passes it."""

@@ -32,6 +32,15 @@ def sections(audit) -> list[Section]:
         "are of the emitted flux.",
         Facts(scene),
         Table(columns, rows),
+        "What a reflection adds falls with their number: the share of the emitted flux that leaves "
+        "surfaces after it.",
+        Table(
+            ["reflection", "% of emitted", "standard error, %"],
+            [
+                [number, 100 * value, 100 * error]
+                for number, (value, error) in enumerate(audit.by_reflection, start=1)
+            ],
+        ),
         Lines("", audit.remarks or conclusion),
     ]
     return [Section("Energy audit", parts)]
