@@ -4,10 +4,12 @@ import shlex
 
 import click
 
+import mi_lcair
 from mi_lcair.cli import completion
 from mi_lcair.cli.options import FILE, examples, json_option, output_option
 from mi_lcair.cli.output import print_result
 
+FIRST = 0.02  # tolerance of the first intensity of a model
 AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
 
 
@@ -105,8 +107,13 @@ AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
     metavar="NAME",
     help="Clear air of sky and sun: us_standard (the default) or midlat_summer.",
 )
+@click.option(
+    "--band",
+    metavar="MWIR|LWIR|A-B",
+    help="Also print the intensity of the model in this band, toward the scene's sensor.",
+)
 @json_option
-def command(file, output, check, overwrite, materials, json, **options):
+def command(file, output, check, overwrite, materials, band, json, **options):
     """Import a facet model for rendering.
 
     MODEL is a Wavefront OBJ, glTF (.glb, .gltf), PLY or STL file whose objects or groups are named
@@ -120,7 +127,7 @@ def command(file, output, check, overwrite, materials, json, **options):
         raise click.UsageError("give either -o FOLDER or --check", click.get_current_context())
     words = {name: options.pop(name) for name in ("sky", "ground", "sun", "atmosphere")}
     written = [(f"--{name}", word) for name, word in words.items()]
-    for option, given in (*written, ("--overwrite", overwrite)):
+    for option, given in (*written, ("--overwrite", overwrite), ("--band", band)):
         if check and given:
             raise click.UsageError(
                 f"{option} goes into what -o FOLDER writes; --check writes nothing",
@@ -130,11 +137,15 @@ def command(file, output, check, overwrite, materials, json, **options):
 
     model = models3d.read(file, materials=materials, **options)
     files = _write(model, output, materials, words, overwrite) if output else []
-    rows = []
+    rows, more = [], {"files": files}
+    if band:
+        first = mi_lcair.signature(output, tolerance=FIRST, parameters={"band": band})
+        rows.append(("intensity", first.summary()))
+        more["signature"] = first.as_dict()
     if output:
         after = f"next: mi-lcair signature {shlex.quote(str(output / 'scene.xml'))}"
         rows.append(("written to", f"{output}, {len(files)} files; {after}"))
-    print_result(model, json, rows, {"files": files}, materials=materials)
+    print_result(model, json, rows, more, materials=materials)
 
 
 def _write(model, output, materials, words, overwrite):

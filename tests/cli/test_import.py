@@ -75,6 +75,16 @@ def test_surroundings(run, folder):
     assert mi_lcair.parameters(scene)["ground.emissivity"].value == pytest.approx(0.7)
 
 
+def test_the_first_number_of_a_model(run, folder):
+    """Between sky and ground, by one command; it is that of the scene it has written."""
+    words = ("--sky", "clear", "--ground", "288", "--band", "MWIR")
+    result = run("import", "model.obj", "-o", "boxes", *words, "--json")
+    assert result.exit_code == 0, result.output
+    first = json.loads(result.stdout)["signature"]
+    again = mi_lcair.signature(folder / "boxes", tolerance=0.02, parameters={"band": "MWIR"})
+    assert first["target"] == again.as_dict()["target"]
+
+
 def test_a_sky_file_goes_with_the_scene(run, folder):
     (folder / "day.csv").write_text(SKY)
     assert run("import", "model.obj", "-o", "boxes", "--sky", "day.csv").exit_code == 0
