@@ -171,6 +171,7 @@ def image_differences(
         names=tuple(names),
         radiance=radiance.astype(np.float32),
         derivatives=np.reshape(columns, shape).swapaxes(0, 1).astype(np.float32),
+        missed=np.zeros((1 + len(names), *radiance.shape[1:])),
         method=(METHOD,) * len(names),
         scene_name=scene.name,
         band=scene.band.name,

@@ -208,7 +208,9 @@ class Totals:
             brightest = self.emitters.brightest_of.get(label, np.inf)
         bound = np.minimum(self.bound_of_unmet(draws), brightest) * largest_weight
         largest = np.maximum(bound, np.minimum(self.chance, brightest * largest_weight))
-        return largest if self.unmet is None else np.maximum(largest, self.mean(name))
+        if self.unmet is None:
+            return largest
+        return np.maximum(largest, self.mean(name if name in self.sums else None))
 
     def bound_of_unmet(self, draws: np.ndarray | None = None) -> np.ndarray:
         """Bound of the radiance of sources that paths meet by chance alone, see `largest_unmet`."""

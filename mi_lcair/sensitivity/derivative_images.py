@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
+import scipy
 
+from mi_lcair.rendering.pixels.errors import POOLED
 from mi_lcair.results import Result
 from mi_lcair.sensitivity.sensitivities import per_unit
 
@@ -25,6 +27,8 @@ class DerivativeImages(Result):
         Radiance, W m^-2 sr^-1, in each of R independent randomisations.
     derivatives : ndarray, shape (R, K, height, width), float32
         Its derivatives, per unit of the parameter, from the same randomisations.
+    missed : ndarray, shape (1 + K, height, width)
+        Standard errors of the radiance and the derivatives from sources that no path has met.
     method : tuple of str
         How each derivative was found, as for `Sensitivities`.
     scene_name, band : str
@@ -36,6 +40,7 @@ class DerivativeImages(Result):
     names: tuple[str, ...]
     radiance: np.ndarray
     derivatives: np.ndarray
+    missed: np.ndarray
     method: tuple[str, ...]
     scene_name: str
     band: str
@@ -58,12 +63,12 @@ class DerivativeImages(Result):
     @property
     def error(self) -> np.ndarray:
         """Standard error of `mean`, (height, width); infinite for one randomisation."""
-        return standard_error(self.radiance)
+        return np.hypot(standard_errors(self.radiance), self.missed[0])
 
     @property
     def derivative_error(self) -> np.ndarray:
         """Standard errors of `derivative`, (K, height, width); infinite for one randomisation."""
-        return standard_error(self.derivatives)
+        return np.hypot(standard_errors(self.derivatives), self.missed[1:])
 
     @property
     def channels(self) -> dict[str, np.ndarray]:
@@ -96,7 +101,7 @@ class DerivativeImages(Result):
         """One line with the size of the images, the mean radiance and the number of parameters."""
         randomisations, height, width = self.radiance.shape
         means = self.radiance.mean(axis=(1, 2), dtype=float)
-        error = f" +- {standard_error(means):.2g}" if randomisations > 1 else ""
+        error = f" +- {scipy.stats.sem(means):.2g}" if randomisations > 1 else ""
         return (
             f"derivatives of {self.scene_name}, {self.band}: {width} x {height} pixels, mean "
             f"radiance {means.mean():.6g}{error} W m^-2 sr^-1 (standard error), "
@@ -155,8 +160,13 @@ def mean(images: np.ndarray) -> np.ndarray:
     return images.mean(axis=0, dtype=float)
 
 
-def standard_error(images: np.ndarray) -> np.ndarray:
-    """Standard error of the mean over the first axis."""
+def standard_errors(images: np.ndarray) -> np.ndarray:
+    """Standard errors of the pixels of the mean over the first axis.
+
+    They come from the mean variance in the pixels' neighbourhood, as those of `pixel_errors`.
+    """
     if len(images) < 2:
         return np.full(images.shape[1:], np.inf)
-    return images.std(axis=0, ddof=1, dtype=float) / np.sqrt(len(images))
+    variance = images.var(axis=0, ddof=1, dtype=float) / len(images)
+    pooled = scipy.ndimage.uniform_filter(variance, POOLED, mode="nearest", axes=(-2, -1))
+    return np.sqrt(np.maximum(pooled, 0))

@@ -10,6 +10,7 @@ from mi_lcair.plugins.bins.by_bin import has_spectral_materials
 from mi_lcair.rendering.limits import check_memory
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.pixels.errors import missed_nearby
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
@@ -18,6 +19,7 @@ from mi_lcair.sensitivity.columns import columns_of, explored_by, recordings
 from mi_lcair.sensitivity.common_numbers import METHOD, renders_beside
 from mi_lcair.sensitivity.derivative_images import DerivativeImages
 from mi_lcair.sensitivity.parameters import chosen, units
+from mi_lcair.sensitivity.window import missed_errors
 
 
 def differentiate_image(
@@ -39,12 +41,13 @@ def differentiate_image(
     )
     explored = explored_by(columns_of(scene, along_paths).values())
     measurands = replace(Measurands.of(None), explored=explored)
-    radiance, images, method = None, {}, {}
+    first, images, method = None, {}, {}
     with scene.prepared(explored=explored) as tracer:
         check_memory(windows.count * randomisations * (1 + len(names)), tracer, None)
         batches = recordings(scene, tracer, camera, along_paths, measurands, seed=sampling.seed)
         if not batches:
-            radiance = randomised_images(scene, sampling, randomisations).astype(np.float32)
+            first = measure(scene, windows, sampling, Measurands.of(None))
+            radiance = plain_images(first, windows).astype(np.float32)
         for number, batch in enumerate(batches):
             total = measure(
                 scene,
@@ -52,7 +55,8 @@ def differentiate_image(
                 sampling.part(number, len(batches)),
                 measurands.with_columns(batch.tables),
             )
-            if radiance is None:
+            if first is None:
+                first = total
                 radiance = mean_images(total, ["weighted"], windows)
             method |= batch.method
             for name, channels in batch.channels.items():
@@ -61,11 +65,18 @@ def differentiate_image(
         if name not in images:
             images[name] = difference_images(scene, name, windows, sampling)
             method[name] = ON_FILM if kinds[name] == "motion" else METHOD
+    # A motion moves what paths have met
+    still = [name for name in names if kinds[name] != "motion"]
+    missed = dict(zip(still, missed_errors(scene, first, still)))
+    missed = [first.missed_error(), *(missed.get(name, 0 * first.paths) for name in names)]
     derivatives = np.array([images[name] for name in names]).reshape(-1, *radiance.shape)
     return DerivativeImages(
         names=tuple(names),
         radiance=radiance,
         derivatives=derivatives.swapaxes(0, 1),
+        missed=np.array(
+            [missed_nearby(errors, windows.size).reshape(windows.size) for errors in missed]
+        ),
         method=tuple(method[name] for name in names),
         scene_name=scene.name,
         band=scene.band.name,

@@ -153,14 +153,20 @@ def mean_and_deviations(total, channels) -> np.ndarray:
 
 
 def unscattered(scene, total: Totals, names, part: str, weights: Mapping | None) -> np.ndarray:
-    """Standard errors of the mean radiance and its derivatives that no deviation shows, (1 + K,).
-
-    A source that no path has met adds its share of the error of the radiance to the derivative with
-    respect to its own temperature or radiance. To that with respect to a material's parameter it is
-    taken to add as if the radiance were proportional to the parameter.
-    """
+    """Standard errors of a mean radiance and its derivatives that no deviation shows, (1 + K,)."""
     largest = max(weights.values(), default=0.0) if weights else 1.0
-    errors = [total.unscattered_error(PARTS[part])[0]]
+    missed = [errors[0] for errors in missed_errors(scene, total, names, part)]
+    return largest * np.array([total.unscattered_error(PARTS[part])[0], *missed])
+
+
+def missed_errors(scene, total: Totals, names, part: str = "scene") -> list[np.ndarray]:
+    """Standard errors of derivatives from sources that no path has met, (windows,) each.
+
+    Such a source adds its share of the error of the radiance to the derivative with respect to its
+    own temperature or radiance. To that with respect to a material's parameter it is taken to add
+    as if the radiance were proportional to the parameter.
+    """
+    errors = []
     for entry in chosen(scene, names):
         numbers, channel = entry.numbers(), PARTS[part]
         relative = 1 / (abs(entry.mean(numbers)) or 1.0)
@@ -169,5 +175,5 @@ def unscattered(scene, total: Totals, names, part: str, weights: Mapping | None)
             channel = channel if part == "scene" else f"target.{channel}"
         if entry.kind == "temperature":
             relative = relative_slope(scene.band, np.concatenate(numbers)).max()
-        errors.append(total.missed_error(channel)[0] * relative)
-    return largest * np.array(errors)
+        errors.append(total.missed_error(channel) * relative)
+    return errors

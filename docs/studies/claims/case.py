@@ -149,17 +149,16 @@ class Case:
         exact = self.unlimited
         return self.mean if exact is None else float(exact(self.radiances(), self.materials))
 
-    def derivatives(self) -> Values:
-        """Derivatives of the mean radiance, by the names of `mi_lcair.parameters`."""
+    def derivatives(self) -> dict[str, np.ndarray]:
+        """Derivatives of the radiance by pixel, by the names of `mi_lcair.parameters`."""
 
-        def mean(**changed):
+        def image(**changed):
             materials = {name: changed.get(name, x) for name, x in self.materials.items()}
-            return self.response(self.radiances(**changed), materials).mean(axis=(1, 2)).sum()
+            return self.response(self.radiances(**changed), materials).sum(axis=0)
 
         def difference(name, value):
             step = STEP * value
-            rise = mean(**{name: value + step}) - mean(**{name: value - step})
-            return float(rise / (2 * step))
+            return (image(**{name: value + step}) - image(**{name: value - step})) / (2 * step)
 
         names = {name: f"{name}.temperature" for name in self.temperatures if "@" not in name}
         result = {full: difference(name, self.temperatures[name]) for name, full in names.items()}

@@ -166,21 +166,41 @@ def trend(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
             yield witness.claim("tolerance, view", value, truth, allowed)
 
 
-def sensitivities(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
-    """Errors of derivatives that matter: those of SHARE of the intensity per unit of log."""
-    exact = case.derivatives()
+def parameters_that_matter(case: Case) -> dict[str, np.ndarray]:
+    """Derivatives by pixel of SHARE of the radiance and more per unit of log."""
     sizes = {f"{name}.temperature": T for name, T in case.temperatures.items()} | case.materials
-    names = [
-        name
-        for name, value in exact.items()
-        if name in sizes and abs(value * sizes[name]) > SHARE * case.mean
-    ]
+    return {
+        name: exact
+        for name, exact in case.derivatives().items()
+        if name in sizes and abs(exact.mean() * sizes[name]) > SHARE * case.mean
+    }
+
+
+def kind_of_derivative(name: str) -> str:
+    return "derivative, " + ("source" if name.endswith(".temperature") else "material")
+
+
+def sensitivities(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
+    """Errors of derivatives of an intensity."""
+    exact = parameters_that_matter(case)
     spp = int(2 ** rng.integers(6, 11))
-    result = mi_lcair.sensitivities(scene, names, spp=spp, seed=int(rng.integers(1000)))
+    result = mi_lcair.sensitivities(scene, list(exact), spp=spp, seed=int(rng.integers(1000)))
     factor = student(WINDOW_FREEDOM)
-    for name, value, error in zip(names, result.derivative, result.error[1:]):
-        claim = "derivative, " + ("source" if name.endswith(".temperature") else "material")
-        yield witness.claim(claim, value, exact[name] * case.area, factor * error)
+    for (name, truth), value, error in zip(exact.items(), result.derivative, result.error[1:]):
+        truth = truth.mean() * case.area
+        yield witness.claim(kind_of_derivative(name), value, truth, factor * error)
+
+
+def derivative_images(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
+    """Errors of the pixels of derivatives."""
+    exact = parameters_that_matter(case)
+    spp, factor = int(2 ** rng.integers(4, 9)), student(PIXEL_FREEDOM)
+    seed = int(rng.integers(1000))
+    result = mi_lcair.derivative_images(scene, list(exact), spp=spp, seed=seed)
+    for (name, truth), *images in zip(exact.items(), result.derivative, result.derivative_error):
+        for truth_of_pixel, value, error in zip(truth.ravel(), *map(np.ravel, images)):
+            claim = kind_of_derivative(name) + ", pixel"
+            yield witness.claim(claim, value, truth_of_pixel, factor * error)
 
 
 def budget(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
@@ -202,6 +222,8 @@ def further(case: Case) -> list:
         commands.append(reflections)
     if case.fills_window:
         commands += [image_of_pixels, image_to_tolerance]
+        if case.pixels[0].size > 1:
+            commands.append(derivative_images)
     if case.view is not None:
         commands += [trend, trend, sweep]
         if case.band != "total":

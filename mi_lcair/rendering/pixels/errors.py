@@ -37,9 +37,17 @@ def pixel_errors(total: Totals, size: tuple[int, int]) -> np.ndarray:
     paths = np.maximum(total.paths, 1)
     variance = pooled(total.random_error() ** 2 * paths) / paths
     systematic = pooled((total.systematic * total.mean()) ** 2)
-    # That of as many paths as the neighbourhood would have if all of it had those of the pixel
-    missed = pooled(total.missed_error() * paths) / paths / min(POOLED**2, np.prod(size))
+    missed = missed_nearby(total.missed_error() * paths, size) / paths
     return np.sqrt(variance + systematic + missed**2)
+
+
+def missed_nearby(errors: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """Standard errors of pixels from sources that no path of their neighbourhood has met, (P,).
+
+    errors: those from sources that no path of the pixel has met, (P,), for the same number of paths
+    in all of them. size: rows and columns of the image.
+    """
+    return averaged(errors, size, POOLED) / min(POOLED**2, np.prod(size))
 
 
 def averaged(values: np.ndarray, size: tuple[int, int], side: int) -> np.ndarray:
