@@ -97,12 +97,13 @@ def propagation(output, quick, json):
 
 
 @command.command("cavity", epilog=examples("mi-lcair chart cavity --quick -o charts"))
-@chart_options("cavity.png and cavity.csv")
+@chart_options("cavity.png, cavity.csv and gouffe.png")
 def cavity(output, quick, json):
     """Render the thesis's eight cavities after 0 to 4 reflections.
 
     Printed and written are the areas of its Table B.1, Gouffé's emissivity, the exact one, and the
-    apparent emissivity by reflections (its Fig 4.1). Areas are in m^2, emissivities are fractions.
+    apparent emissivity by reflections (its Fig 4.1). gouffe.png is its Fig 3.33. Areas are
+    in m^2, emissivities are fractions.
     """
     from mi_lcair.cavities.openings import openings
     from mi_lcair.files import filling
@@ -122,7 +123,7 @@ def cavity(output, quick, json):
             *(list(map(_cell, row)) for row in zip(*table.values())),
         ]
     )
-    click.echo(f"wrote cavity.png and cavity.csv to {output}")
+    click.echo(f"wrote cavity.png, cavity.csv and gouffe.png to {output}")
 
 
 @command.command("facet", epilog=examples("mi-lcair chart facet --quick -o charts"))
