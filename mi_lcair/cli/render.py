@@ -38,20 +38,31 @@ from mi_lcair.errors import InputError
     default=0,
     help="Also write the spectral radiance at this number of even wavelengths over the band.",
 )
-def command(options, output, atmosphere, range_m, bins):
+@click.option(
+    "--wavelengths",
+    metavar="A:B:STEP",
+    help="The same at the wavelengths A, A + STEP, ... up to B, um. Sets the scene's `band`.",
+)
+def command(options, output, atmosphere, range_m, bins, wavelengths):
     """Render SCENE to a radiance image.
 
     SCENE is a Mitsuba XML file or the name of a bundled scene. Written is an OpenEXR file in W m^-2
     sr^-1: channel Y is the total radiance, the other channels are its parts, its standard error,
     the apparent temperature in K and the range in m. With --bins it also has the spectral radiance
-    in W m^-2 sr^-1 um^-1, which FILE.hdr in place of FILE.exr makes an ENVI file. Printed are the
-    mean and the error.
+    in W m^-2 sr^-1 um^-1, which FILE.hdr in place of FILE.exr makes an ENVI file, and FILE.nc a
+    netCDF file with the brightness temperatures. Printed are the mean and the error.
     """
     from mi_lcair.files import check_writable
     from mi_lcair.rendering.images.exr import write_exr
 
-    is_envi = bool(bins) and output.suffix.lower() == ".hdr"
-    if output.suffix.lower() != ".exr" and not is_envi:
+    if wavelengths is not None:
+        from mi_lcair.rendering.images.spectral import even_wavelengths
+
+        if bins or "band" in options.parameters:
+            raise InputError("--wavelengths sets bins and band; leave out --bins and -D band")
+        options.parameters["band"], bins = even_wavelengths(wavelengths)
+    is_cube = bool(bins) and output.suffix.lower() in (".hdr", ".nc")
+    if output.suffix.lower() != ".exr" and not is_cube:
         raise InputError(
             f"output '{output}' does not end in .exr; render writes OpenEXR images, and show "
             "makes PNGs"
@@ -65,7 +76,7 @@ def command(options, output, atmosphere, range_m, bins):
 
         air = {"atmosphere": read(atmosphere), "range_m": range_m}
     result = options.run(mi_lcair.render, bins=bins, **air)
-    if is_envi:
+    if is_cube:
         result.save(output)
     else:
         write_exr(output, result.channels, result.header)

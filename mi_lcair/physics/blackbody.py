@@ -41,6 +41,17 @@ def spectral_radiance(wavelength_um, temperature):
     return type(like)(value)
 
 
+def spectral_temperature(wavelength_um, radiance):
+    """Temperature [K] of a blackbody with this spectral radiance [W m^-2 sr^-1 um^-1]; 0 for none.
+
+    It is Planck's law solved for the temperature. The arrays are broadcast.
+    """
+    wavelength, radiance = np.broadcast_arrays(wavelength_um, np.asarray(radiance, dtype=float))
+    is_lit = radiance > 0
+    exponent = np.log1p(C1 / wavelength**5 / np.where(is_lit, radiance, 1))
+    return np.where(is_lit, C2 / (wavelength * exponent), 0.0)
+
+
 def in_band_radiance(band: Band, temperature):
     """In-band radiance of a blackbody, weighted by the band's response [W m^-2 sr^-1].
 

@@ -9,6 +9,7 @@ from mi_lcair.errors import unknown
 from mi_lcair.formats import envi, tiff
 from mi_lcair.formats.channels import column_of, or_nan, spectral_channel
 from mi_lcair.physics.bands import Band
+from mi_lcair.physics.blackbody import spectral_temperature
 from mi_lcair.results import Result
 
 if TYPE_CHECKING:
@@ -84,6 +85,11 @@ class Render(Result):
         """Spectral radiance [W m^-2 sr^-1 um^-1], (wavelengths, H, W); none without `bins`."""
         names = [spectral_channel(wavelength) for wavelength in self.wavelengths_um]
         return np.reshape([self.channels[name] for name in names], (-1, *self.channels["Y"].shape))
+
+    @property
+    def cube_temperature(self) -> np.ndarray:
+        """Brightness temperatures [K], (wavelengths, H, W), of `cube`."""
+        return spectral_temperature(self.wavelengths_um[:, None, None], self.cube)
 
     def suffixes(self) -> list[str]:
         """Suffixes of the files that `save` can write; an ENVI file needs `bins`."""
@@ -174,14 +180,23 @@ class Render(Result):
     def to_xarray(self) -> "xarray.Dataset":
         """The channels as an xarray Dataset over (row, column), with x_m and y_m [m] if known.
 
-        Raises InputError if xarray is not installed.
+        The spectral radiance and its brightness temperature are over wavelength_um, too. Raises
+        InputError if xarray is not installed.
         """
         along = {"row": "row", "y_m": "row", "column": "column", "x_m": "column"}
-        positions = self.positions()
-        return self.dataset(
-            {name: (("row", "column"), values) for name, values in self.images().items()},
-            {name: (along[name], values) for name, values in positions.items()},
-        )
+        axes = {name: (along[name], values) for name, values in self.positions().items()}
+        by_wavelength = {spectral_channel(wavelength) for wavelength in self.wavelengths_um}
+        variables = {
+            column_of(name): (("row", "column"), values)
+            for name, values in self.channels.items()
+            if name not in by_wavelength
+        }
+        if by_wavelength:
+            over = ("wavelength_um", "row", "column")
+            axes["wavelength_um"] = ("wavelength_um", self.wavelengths_um)
+            variables["spectral_radiance_W_m2_sr_um"] = over, self.cube
+            variables["brightness_temperature_K"] = over, self.cube_temperature
+        return self.dataset(variables, axes)
 
 
 def write_tiff(path, render: Render, channel: str = "Y") -> None:

@@ -3,11 +3,12 @@
 import numpy as np
 import scipy
 
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, shown
 from mi_lcair.formats.channels import spectral_channel
 from mi_lcair.physics.air.atmosphere import Atmosphere
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.spectra.bins import Bins
+from mi_lcair.physics.spectral_table import LONGEST_UM
 from mi_lcair.plugins.bins.by_bin import has_spectral_materials
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.scene import Scene
@@ -16,6 +17,26 @@ from mi_lcair.rendering.statistics import Totals
 MOST_BINS = 512  # wavelengths of a spectral image
 # Header of spectral images: A. Fichet, R. Pacanowski and A. Wilkie, JCGT 10(3), 2021
 LAYOUT = {"spectralLayoutVersion": "1.0", "emissiveUnits": "W.m^-2.sr^-1.um^-1"}
+
+
+def even_wavelengths(text: str) -> tuple[str, int]:
+    """Band and number of bins of the wavelengths START:STOP:STEP [um], such as "8:12:0.1".
+
+    STOP is the last wavelength if steps meet it. Raises InputError for a text that is none.
+    """
+    try:
+        start, stop, step = map(float, text.split(":"))
+        count = 1 + int((stop - start) / step + 1e-6)
+        last = start + (count - 1) * step
+        is_usable = 0 < start < last <= LONGEST_UM and 2 <= count <= MOST_BINS
+    except (ValueError, ZeroDivisionError, OverflowError):
+        is_usable = False
+    if not is_usable:
+        raise InputError(
+            f"wavelengths = {shown(text)}; must be START:STOP:STEP in um with 2 to {MOST_BINS} "
+            "wavelengths, such as 8:12:0.1"
+        )
+    return f"{start:.9g}-{last:.9g}", count
 
 
 def check_bins(scene: Scene, bins: int, atmosphere: Atmosphere | None) -> None:

@@ -7,8 +7,9 @@ from click.testing import CliRunner
 import mi_lcair
 from mi_lcair.cli import main
 from mi_lcair.errors import InputError
-from mi_lcair.physics.blackbody import spectral_radiance
+from mi_lcair.physics.blackbody import spectral_radiance, spectral_temperature
 from mi_lcair.rendering.images.exr import read_exr
+from mi_lcair.rendering.images.spectral import even_wavelengths
 from tests.plugins.bins.test_by_bin import SPECTRA, X, integrator, plate, thermal, write
 from tests.plugins.small_scenes import blackbody, camera, scene
 
@@ -82,6 +83,33 @@ def test_files(tmp_path, monkeypatch):
     assert attributes["spectralLayoutVersion"] == "1.0"
     assert "um^-1" in attributes["emissiveUnits"]
     assert ".hdr" not in mi_lcair.render(loaded, spp=4).suffixes()
+
+
+def test_netcdf_with_brightness_temperatures(tmp_path):
+    """A netCDF file has the cube, and the temperature at which Planck's law gives it."""
+    xarray = pytest.importorskip("xarray")
+    image = mi_lcair.render(plate(write(tmp_path), "g", 500.0), spp=16, bins=7)
+    image.save(tmp_path / "cube.nc")
+    with xarray.open_dataset(tmp_path / "cube.nc", engine="scipy") as file:
+        assert file["spectral_radiance_W_m2_sr_um"].dims == ("wavelength_um", "row", "column")
+        x, kelvin = file["wavelength_um"].values, file["brightness_temperature_K"].values[:, 0, 0]
+        assert file["spectral_radiance_W_m2_sr_um"].values == pytest.approx(image.cube)
+    assert spectral_radiance(x, kelvin) == pytest.approx(image.cube[:, 0, 0], rel=1e-6)
+    assert spectral_temperature(4.0, 0.0) == 0
+
+
+def test_wavelengths_set_the_band(tmp_path):
+    assert even_wavelengths("8:12:0.1") == ("8-12", 41)
+    assert even_wavelengths("8:12:0.075") == ("8-11.975", 54)
+    for text in ("8:12", "12:8:0.1", "8:12:0", "8:12:x", "8:12:0.001", "0:4:1", "8:12:nan"):
+        with pytest.raises(InputError, match="START:STOP:STEP"):
+            even_wavelengths(text)
+    output = str(tmp_path / "cube.hdr")
+    common = ["render", "two_plates", "--spp", "4", "-o", output, "--wavelengths", "8:12:1"]
+    assert CliRunner().invoke(main, common).exit_code == 0
+    assert "wavelength = {8, 9, 10, 11, 12}" in (tmp_path / "cube.hdr").read_text()
+    result = CliRunner().invoke(main, [*common, "--bins", "4"])
+    assert result.exit_code == 2 and "leave out --bins" in result.output
 
 
 def test_bad_numbers_of_wavelengths(tmp_path):
