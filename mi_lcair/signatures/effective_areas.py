@@ -20,7 +20,7 @@ from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.physics.spectrum import Spectrum
 from mi_lcair.plugins.emission.source import Source
 from mi_lcair.rendering.scene import Scene
-from mi_lcair.rendering.statistics import Totals
+from mi_lcair.rendering.statistics import UNSEEN, Totals, student_factor
 from mi_lcair.results import Result
 
 PARTS = ("target", "scene")
@@ -105,7 +105,7 @@ class EffectiveAreas(SourcesInBand):
     Attributes
     ----------
     area, error : ndarray, shape (2, sources)
-        Effective areas and their standard errors, m^2.
+        Effective areas and their standard errors, m^2, with what paths may have missed.
     projected_area : float
         Projected area of the model's facets that the sensor sees, m^2.
     covariance : ndarray, shape (2, sources + 1, sources + 1)
@@ -354,6 +354,15 @@ def effective_areas(total: Totals, scene: Scene, window_area: float) -> Effectiv
     ]
     covariance = np.array([of_part @ of_part.T for of_part in deviations])
     areas = mean * scale
+    # The area of a source that no path has met is at most that of the few paths that may have
+    # missed it, and its radiance at most that which the group may lack
+    weight = 1.0 if total.aim is None else total.aim.largest_weight
+    few = UNSEEN / student_factor(np.inf) * weight * window_area / max(total.paths[0], 1)
+    of_groups = [
+        [total.missed_error(f"{prefixes[part]}group.{source.group}")[0] for source in sources]
+        for part in PARTS
+    ]
+    missed = np.minimum(np.reshape(of_groups, (2, -1)) * scale, few)
     # The systematic error is the same fraction of all sources, and is no error of positions
     covariance[:, :-1, :-1] += total.systematic**2 * areas[:, :, None] * areas[:, None, :]
     nodes = all_sources.wavelengths_um
@@ -365,7 +374,7 @@ def effective_areas(total: Totals, scene: Scene, window_area: float) -> Effectiv
         band=scene.band,
         sources=sources,
         area=areas,
-        error=np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))[:, :-1],
+        error=np.hypot(np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))[:, :-1], missed),
         projected_area=total.mean("target.hit")[0] * window_area,
         covariance=covariance,
         nodes_um=nodes,

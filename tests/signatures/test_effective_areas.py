@@ -8,6 +8,10 @@ import numpy as np
 import pytest
 
 import mi_lcair
+from docs.studies.claims.lit import X, Y, turned_to_front
+from docs.studies.claims.scene_file import BLACK, UP, Place, SceneFile, diffuse, thermal
+from docs.studies.claims.sources import corners
+from docs.studies.claims.view_factors import to_polygon
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
@@ -367,3 +371,18 @@ def test_of_a_black_body_the_effective_area_is_the_projected_area(plate):
         and areas.covariance[0, 0, 0] > 0
     )
     assert abs(areas.projected_area - 0.24) < 4 * areas.error[0, 0]
+
+
+def test_a_source_that_no_path_meets_has_an_error(tmp_path):
+    """A lamp of 1 cm above a floor fills 1.3e-4 of its hemisphere; none of 256 paths meets it."""
+    file = SceneFile(Place())
+    file.rectangle(np.zeros(3), X, Y, diffuse(0.5) + thermal("floor", 250.0))
+    lamp = turned_to_front((0.5 * UP, 5e-3 * X, 5e-3 * Y), -UP)
+    file.rectangle(*lamp, BLACK + thermal("lamp", 1000.0))
+    file.camera(0.2 * UP, -UP, Y, 0.02, 4.0)
+    scene = mi_lcair.load(file.write(tmp_path, "MWIR", 1, "false"))
+    areas = mi_lcair.signature(scene, spp=4, seed=1, by_spectrum=True).effective_areas
+    (k,) = (k for k, source in enumerate(areas.sources) if source.group == "lamp")
+    truth = 0.5 * to_polygon(np.zeros((1, 3)), UP, corners(lamp))[0] * 0.04**2
+    assert areas.area[0, k] == 0 and areas.error[0, k] > truth / 2
+    assert areas.error[0, k] < 0.04**2 * 2.5 / 256
