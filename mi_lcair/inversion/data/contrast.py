@@ -11,9 +11,10 @@ from mi_lcair.detection.weather import in_weather
 from mi_lcair.errors import InputError
 from mi_lcair.sensitivity.sensitivities import Sensitivities
 from mi_lcair.sensitivity.window import differentiate_intensity
-from mi_lcair.uncertainty.numbers.contrast_number import ContrastNumber
+from mi_lcair.uncertainty.numbers.contrast_number import BEHIND, ContrastNumber
 from mi_lcair.uncertainty.numbers.number import SOURCE_STEP, shifted
 
+BEHIND_STEP = 1e-4  # relative step of the derivative of a background
 WEATHER_SIGMA = 0.01  # standard deviation of the weather whose derivative is wanted, of its range
 
 
@@ -91,9 +92,22 @@ class MeasuredContrast:
         # The path and the hidden background go with the projected area
         total, window = number.total, number.numbers.area
         area = total.mean("target.hit")[0] + spread(total.deviations("target.hit"))[0]
-        per_amount = number.terms(total, number.areas, {})[1]
+        # Sky and ground around the target are behind it, too
+        behind = {
+            name: number.known[name].value
+            for name in BEHIND
+            if name in number.known and number.is_stated(name)
+        }
+        per_amount = number.terms(total, number.areas, behind)[1]
         of_area = (per_amount[1] - per_amount[2])[-1]
         contrast = each[0][0] + of_area * window * area
+        for name in set(behind) & set(names):
+            step = BEHIND_STEP * number.known[name].value
+            high, low = (
+                number.linear(total, number.areas, behind | {name: behind[name] + end}).value
+                for end in (step, -step)
+            )
+            columns[name] = columns[name] + (high - low) / (2 * step)
         for name in stated:
             sigma = number.known[name].upper - number.known[name].lower
             slope = number.closed_derivative(name, WEATHER_SIGMA * sigma)[0]

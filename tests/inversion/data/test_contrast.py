@@ -3,6 +3,7 @@
 import json
 
 import mitsuba as mi
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -75,6 +76,34 @@ def test_temperature_from_a_contrast(tmp_path, table):
         assert result.exit_code == 0, result.output
         row = json.loads(result.stdout)["rows"][0]
         assert row["total_W_m2"]["value"] == pytest.approx(measured, rel=5e-3)
+
+
+@pytest.mark.slow
+def test_ground_below_and_behind_a_target(tmp_path):
+    """Temperature of the ground from the contrast of a grey disc before it, in vacuum.
+
+    The disc is upright: it reflects sky and ground by halves, and hides the ground.
+    """
+    write_disc(tmp_path)
+    text = (tmp_path / "disc.xml").read_text().replace('"blackbody"', '"0.4"')
+    (tmp_path / "disc.xml").write_text(text)
+    B = lambda T: float(in_band_radiance(band("MWIR"), T))
+    view = np.cos(np.radians(20)) * AREA / 1000**2
+    of = lambda T: float(view * (0.4 * B(320) + 0.3 * (B(260) + B(T)) - B(T)))
+    there = {
+        "observer.elevation_deg": 20,
+        "target.parameters.temperature": 320,
+        "surroundings.sky": 260,
+        "surroundings.ground": 290,
+    }
+    problem = {
+        "data": [entry(tmp_path, of(300.0), 0.01 * abs(of(300.0)), **there)],
+        "unknowns": {"ground.temperature": {}},
+    }
+    answer = mi_lcair.invert(problem, advise=False)["ground.temperature"]
+    slope = (of(300.5) - of(299.5)) / of(300.0)
+    assert answer.value == pytest.approx(300, abs=0.3)
+    assert answer.standard_error == pytest.approx(0.01 / abs(slope), rel=0.1)
 
 
 @pytest.mark.slow
