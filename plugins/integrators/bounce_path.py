@@ -54,6 +54,8 @@ class BouncePath(RBIntegrator):
     ambient_temperature float   kelvin, for closure = ambient
     truncation          float   relative standard error of what is left out beyond max_bounces; it
                                 is part of all errors                                         (0.0)
+    bins                integer bins of a band for materials by wavelength, 2..512; 0: the first of
+                                16, 32 and 64 that causes an error of .02 % or less             (0)
     =================== ======= ====================================================================
 
     .. code-block:: xml
@@ -79,6 +81,7 @@ class BouncePath(RBIntegrator):
         Property("closure", "string", "none", choices=("none", "ambient", "tail")),
         Property("ambient_temperature", "float", upper=HOTTEST, is_positive=True, unit="K"),
         Property("truncation", "float", 0.0, lower=0, upper=1),
+        Property("bins", "integer", 0, lower=0, upper=512),
     )
 
     def __init__(self, props):
@@ -98,6 +101,8 @@ class BouncePath(RBIntegrator):
                 entry.checked(value, "bounce_path")
         if (self.closure == "ambient") != (self.ambient_temperature is not None):
             raise InputError("bounce_path: closure = ambient and ambient_temperature go together")
+        if self.bins == 1:
+            raise InputError("bounce_path: bins = 1; must be 0, or 2 to 512")
         if self.closure == "tail" and self.max_bounces < 2:
             raise InputError(
                 "bounce_path: closure = tail continues the last two bounce counts; "

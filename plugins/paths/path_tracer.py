@@ -77,7 +77,7 @@ class PathTracer(RBIntegrator):
             paths.openings = Openings.of(scene)
         if has_bins:
             T = None if ambient is None else settings.ambient_temperature
-            paths.by_bin = ByBin(scene, emitters.band, T, bins)
+            paths.by_bin = ByBin(scene, emitters.band, T, bins or settings.bins)
             if by_spectrum and not bins:
                 emitters.sources.split(paths.by_bin.sources_by_bin())
         of_tables = max(

@@ -283,6 +283,17 @@ def test_fingerprint_changes_with_the_spectrum(tmp_path):
     assert len(prints) == 2
 
 
+def test_number_of_bins(tmp_path):
+    """A scene may choose its bins; they are named in the remark."""
+    loaded = plate(write(tmp_path), "g", 400.0)
+    loaded.mi.integrator().bins = 24
+    with loaded.prepared() as tracer:
+        assert tracer.paths.by_bin.count == 24
+    loaded.mi.integrator().bins = 1
+    with pytest.raises(InputError, match="bins = 1"), loaded.prepared():
+        pass
+
+
 def test_what_does_not_work_says_so(tmp_path):
     file = write(tmp_path)
     loaded = plate(file, "g", 400.0)
