@@ -27,7 +27,7 @@ class Flight(Result):
     seconds : float
         Time of the calculation, s.
     rendered : int or None
-        Number of a camera's frames that were rendered, the others being as before with new noise;
+        Number of renders for the camera's frames, the other frames being as before with new noise;
         None without frames.
     """
 
@@ -40,7 +40,6 @@ class Flight(Result):
 
     kind: ClassVar[str] = "flight"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.flight:figure"
-    sections_by: ClassVar[str] = "mi_lcair.reports.sections.flight:sections"
 
     @property
     def detections_s(self) -> tuple[float | None, float | None, float | None]:
@@ -77,10 +76,12 @@ class Flight(Result):
         """One line with the number of moments and views, and the first detection."""
         moments = self.table["time_s"]
         missed = f", {self.missed} not to the tolerance" if self.missed else ""
+        frames = "" if self.rendered is None else f", {self.rendered} renders of the camera"
         return (
             f"flight {self.scenario.name}: {len(moments)} moments from {moments[0]:g} to "
-            f"{moments[-1]:g} s from {self.views} traced views{missed}, interpolated within "
-            f"{self.interpolation_error:.2g} of the target's irradiance, {self.detection()}"
+            f"{moments[-1]:g} s from {self.views} traced views{missed}{frames}, "
+            f"interpolated within {self.interpolation_error:.2g} of the target's irradiance, "
+            f"{self.detection()}"
         )
 
     def entries(self) -> dict:
