@@ -10,6 +10,7 @@ from scipy import sparse
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.plugins.bins.by_bin import has_spectral_materials
 from mi_lcair.plugins.emission.triangles import is_faceted, triangle_vertices
 from mi_lcair.plugins.emitters.thermal_emitter import thermal_shapes
 from mi_lcair.plugins.paths.launch import Launch
@@ -129,6 +130,11 @@ def facet_matrix(
     width, height = camera.film().crop_size()
     check_paths(width * height, spp=spp)
     points = -(-spp // randomisations)
+    if has_spectral_materials(scene.mi):
+        raise InputError(
+            f"{scene.name}: temperatures of facets are no unknowns with materials by wavelength; "
+            "give these `average_K`"
+        )
     with scene.prepared() as tracer:
         if tracer.closure == "tail":
             raise InputError(

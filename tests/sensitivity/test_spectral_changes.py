@@ -5,6 +5,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
+from mi_lcair.sensitivity.facets import facet_matrix
 from mi_lcair.sensitivity.parameters import changed, parameters_of, set_values
 from tests.inversion.plate import XML
 from tests.plugins.bins.test_by_bin import (
@@ -110,6 +111,11 @@ def test_bounds_and_bad_values(file):
     assert known["g.slope"].unit == "1/um" and known["g.slope"].value == 0
     with pytest.raises(InputError, match="g.scale = 3 is outside its bounds"):
         set_values(plate(file, "g", 400.0), {"g.scale": 3})
+
+
+def test_facets_are_refused(file):
+    with pytest.raises(InputError, match="average_K"):
+        facet_matrix(plate(file, "g", 400.0), spp=4)
 
 
 @pytest.mark.slow
