@@ -177,13 +177,13 @@ class Differences:
         aims = [self.aim] * len(poses)
         if kind.method == ATTACHED:
             aims = starts_in(self.scene, self.camera, poses, self.seen)
-        sampling, found = replace(self.sampling, paths=paths, spp=None, progress=None), []
+        sampling, renders = replace(self.sampling, paths=paths, spp=None, progress=None), []
         for pose, aim in zip(poses, aims):
             settings = changed(self.scene, emitter_sampling=kind.emitter_sampling)
             with moved(self.scene, pose), settings:
                 windows = Windows.whole(self.camera)
-                found.append(measure(self.scene, windows, sampling, self.measurands, aim=aim))
-        return found
+                renders.append(measure(self.scene, windows, sampling, self.measurands, aim=aim))
+        return renders
 
     def at(self, step: float | None = None) -> Difference:
         """The derivative from renders at +- step, in units of the motion; None chooses it."""

@@ -265,15 +265,15 @@ def single_temperatures(entry: Entry, emitting) -> dict[str, Entry]:
     if len(temperatures) == 1:
         return {}
     parts = np.split(inverse.ravel(), np.cumsum([len(part) for part in labels])[:-1])
-    found = {}
+    singles = {}
     for place, part in zip(entry.places, parts):
         order = np.argsort(part, kind="stable")
         present, start = np.unique(part[order], return_index=True)
         for k, number in zip(present, np.split(order, start[1:])):
             name = f"{group}@{kelvin(temperatures[k])}.temperature"
-            single = found.setdefault(name, replace(entry, name=name, places=[]))
+            single = singles.setdefault(name, replace(entry, name=name, places=[]))
             single.places.append(Place(place.node, place.key, number, place.weight[number]))
-    return found
+    return singles
 
 
 def is_grey_diffuse(node) -> bool:

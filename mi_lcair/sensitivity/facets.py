@@ -75,8 +75,8 @@ class FacetMatrix:
         """
         temperature = self.temperature if temperature is None else temperature
         source = in_band_radiance(self.band, np.broadcast_to(temperature, self.facets.shape))
-        found = [matrix @ source for matrix in self.matrices]
-        return (np.array(found) + self.rest).reshape(len(found), *self.size[::-1])
+        of_facets = [matrix @ source for matrix in self.matrices]
+        return (np.array(of_facets) + self.rest).reshape(len(of_facets), *self.size[::-1])
 
 
 def facet_matrix(

@@ -108,9 +108,9 @@ def set_values(scene: Scene, values: Mapping[str, float]) -> None:
         for place, numbers in zip(entry.places, entry.moved(value) if entry.places else ()):
             array = arrays.setdefault(place.owner, place.array().copy())
             array[... if place.number is None else place.number] = numbers
-    own = {owner: mi.Float(array) for owner, array in arrays.items()}
-    own_memory(own.values())
-    replace(own)
+    by_owner = {owner: mi.Float(array) for owner, array in arrays.items()}
+    own_memory(by_owner.values())
+    replace(by_owner)
     if motions := {entry.name: value for entry, value in wanted if entry.kind == "motion"}:
         set_motions(scene, motions)
 

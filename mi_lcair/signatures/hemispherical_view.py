@@ -221,13 +221,13 @@ def points(facets: FacetTable, facet: int, sample: np.ndarray):
     area = np.linalg.norm(normal, axis=1)
     # The first number chooses a triangle by area. Its remainder is uniform again.
     cumulated = np.cumsum(area) / area.sum()
-    chosen = np.minimum(np.searchsorted(cumulated, sample[:, 0], side="right"), len(area) - 1)
-    within = (sample[:, 0] - np.append(0, cumulated)[chosen]) * (area.sum() / area[chosen])
+    drawn = np.minimum(np.searchsorted(cumulated, sample[:, 0], side="right"), len(area) - 1)
+    within = (sample[:, 0] - np.append(0, cumulated)[drawn]) * (area.sum() / area[drawn])
     # The square root makes the points uniform over the triangle.
     root = np.sqrt(within)[:, None]
-    a, b, c = np.moveaxis(corners[chosen], 1, 0)
+    a, b, c = np.moveaxis(corners[drawn], 1, 0)
     p = (1 - root) * a + root * ((1 - sample[:, 1:]) * b + sample[:, 1:] * c)
-    return mi.Point3f(p.T), mi.Normal3f((normal / area[:, None])[chosen].T)
+    return mi.Point3f(p.T), mi.Normal3f((normal / area[:, None])[drawn].T)
 
 
 def first_hit(tracer, facets: FacetTable, p, n, direction) -> np.ndarray:

@@ -105,8 +105,8 @@ class Trend(Result):
 
     def at_elevation(self, elevation_deg: float) -> "Trend":
         """The rows whose elevation is `elevation_deg`, degrees."""
-        chosen = self.table["elevation_deg"] == elevation_deg
-        return replace(self, table={name: own[chosen] for name, own in self.table.items()})
+        is_there = self.table["elevation_deg"] == elevation_deg
+        return replace(self, table={n: values[is_there] for n, values in self.table.items()})
 
     def parts(self, kind: str) -> dict[str, np.ndarray]:
         """Parts of the intensity, W/sr; `kind` is "group" or "bounce".

@@ -60,9 +60,9 @@ def control_of(tracer, sensor, seed: int) -> Control | None:
     tables = ColumnTables.of_surfaces(objects, surfaces)
     channels = Channels(None, tables=tables)
     # The numbers of the pilot must not be those of the render
-    found = tracer.trace(sensor, pilot_launch(seed ^ 0x5EED, 1), channels).channels
+    arriving = tracer.trace(sensor, pilot_launch(seed ^ 0x5EED, 1), channels).channels
     film = sensor.film()
     border = 2 * film.rfilter().border_size() if film.sample_border() else 0
     columns, rows = np.array(film.crop_size()) + border
-    incoming = incoming_radiance(found, len(surfaces))
+    incoming = incoming_radiance(arriving, len(surfaces))
     return Control(tables.with_incoming(incoming), int(columns), int(rows))

@@ -66,21 +66,21 @@ def depends_on(bsdf, name: str, cos, sin2) -> np.ndarray:
 
 def explored_by_gradients(objects) -> frozenset:
     """The BSDFs of a scene that a replay has to explore, for the parameters that have gradients."""
-    found = differentiated(objects)
-    return frozenset(bsdf for bsdf, names in found.items() if needs_exploring(bsdf, names))
+    names_by_bsdf = differentiated(objects)
+    return frozenset(bsdf for bsdf, names in names_by_bsdf.items() if needs_exploring(bsdf, names))
 
 
 def differentiated(objects) -> dict:
     """The BSDFs of a scene that have parameters with gradients, and the names of these."""
-    found = {}
+    names_by_bsdf = {}
     for bsdf in objects:
         if not isinstance(bsdf, mi.BSDF) or any(isinstance(c, mi.BSDF) for c in children(bsdf)):
             continue
         arrays = [(key, value) for key, value in mi.traverse(bsdf).items() if dr.is_array_v(value)]
         names = {key.removesuffix(".value") for key, v in arrays if attached(components(v))}
         if names:
-            found[bsdf] = names
-    return found
+            names_by_bsdf[bsdf] = names
+    return names_by_bsdf
 
 
 @contextmanager
