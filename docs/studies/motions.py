@@ -1,0 +1,184 @@
+"""Measure derivatives along motions: against closed forms, their intervals, and an airliner's.
+
+    python -m docs.studies.motions [PAGE]
+
+The script writes docs/validation/motions.md from motions.template.md. It takes about three minutes.
+"""
+
+import sys
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import binomtest
+from tqdm import tqdm
+
+import mi_lcair
+from docs.studies.page import label, write_page
+from mi_lcair.motions.differences import ATTACHED, ON_FILM, Difference
+from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.rendering.statistics import student_factor
+from mi_lcair.sensitivity.common_numbers import CommonNumbers
+from mi_lcair.sensitivity.parameters import changed
+from mi_lcair.sensitivity.window import differences_of
+from tests.motions.test_differences import (
+    CUBE,
+    WALL,
+    convex_hull,
+    cube_intensity,
+    facets_intensity,
+    scene_of,
+    tall_wall,
+    view_of_wall,
+)
+
+PAGE = Path(__file__).parents[1] / "validation" / "motions.md"
+FEW, MANY = 2**12, 2**16  # paths of each of the two renders
+SEEDS = {FEW: 20, MANY: 6}
+H = 1e-4  # step of the differences of closed forms
+MOTIONS = Path(__file__).parents[2] / "scenes" / "examples" / "motions.toml"
+SCENES = [
+    ("cylinder_ir_range", {}, "model.pitch_deg"),
+    ("cylinder_ir_range", {}, "model.roll_deg"),
+    ("a340_landing", {"position": 1}, "exhaust.radius"),
+    ("a340_landing", {"position": 2}, "model.pitch_deg"),
+    ("a340_landing", {"position": 3, "band": "LWIR"}, "model.pitch_deg"),
+]
+SIGMA = {"model.yaw_deg": 1.0, "exhaust.radius": 0.05}
+DRAWS = 30
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene, a motion, and the intensity as a function of its value [W/sr]."""
+
+    label: str
+    scene: Callable
+    motion: str
+    value: float
+    intensity: Callable[[float], float]
+
+    @property
+    def exact(self) -> float:
+        high, low = (self.intensity(self.value + h) for h in (H, -H))
+        return (high - low) / (2 * H)
+
+
+def cone() -> np.ndarray:
+    """Rim and tip of a cone of 48 sides, (49, 3) [m]."""
+    angle = np.arange(48) * 2 * np.pi / 48
+    rim = np.stack([0 * angle - 0.3, 0.3 * np.cos(angle), 0.3 * np.sin(angle)], axis=1)
+    return np.concatenate([rim, [[0.7, 0, 0]]])
+
+
+def cases(folder: Path) -> list[Case]:
+    """The closed forms. folder: for the files of own motions."""
+    cube = lambda: scene_of(convex_hull("cube", CUBE))  # noqa: E731
+    gap = lambda x: WALL * view_of_wall(0.2, 0.1, 0.2, -x)  # noqa: E731
+    factor = np.cos(np.pi / 4) * 0.5 * WALL
+    wall = lambda x: factor * view_of_wall(0.1, 0.2, 0.1 * (1 + x))  # noqa: E731
+    return [
+        Case("cube, yaw 30", cube, "cube.yaw_deg", 30.0, cube_intensity),
+        Case("cube, size", cube, "cube.size", 1.0, lambda k: k**2 * cube_intensity(0)),
+        Case(
+            "cone of 48 sides, pitch 40.3",
+            lambda: scene_of(convex_hull("cone", cone())),
+            "cone.pitch_deg",
+            40.3,
+            lambda x: facets_intensity(cone(), "pitch_deg", x),
+        ),
+        Case(
+            "two_plates, gap of 20 mm", lambda: mi_lcair.load("two_plates"), "plate.x_m", -0.02, gap
+        ),
+        Case("open_box, wall's height", lambda: tall_wall(folder), "wall.height", 0.0, wall),
+    ]
+
+
+def derivative(scene, case: Case, paths: int, seed: int) -> Difference:
+    with changed(scene, {case.motion: case.value}):
+        result = mi_lcair.sensitivities(scene, [case.motion], paths=paths, seed=seed)
+    return result.differences[case.motion]
+
+
+def half_width(difference: Difference) -> float:
+    """Half of the 95 % interval of a derivative."""
+    scatter = np.sqrt(np.sum(difference.deviations**2))
+    of_scatter = student_factor(len(difference.deviations) - 1) * scatter
+    return float(np.hypot(of_scatter, student_factor(np.inf) * difference.unscattered))
+
+
+def row(case: Case) -> str:
+    """Row of a closed form: errors with MANY paths, and how many intervals hold."""
+    scene, hold = case.scene(), []
+    for paths, seeds in SEEDS.items():
+        results = [derivative(scene, case, paths, seed) for seed in tqdm(range(seeds), case.label)]
+        off = np.array([result.derivative - case.exact for result in results])
+        inside = int(np.sum(np.abs(off) <= [half_width(result) for result in results]))
+        low, high = binomtest(inside, seeds).proportion_ci(method="wilson")
+        hold.append(f"{inside} of {seeds} ({100 * low:.0f}-{100 * high:.0f} %)")
+    apart, stated = np.sqrt(np.mean(off**2)), np.mean([result.error for result in results])
+    return (
+        f"| {case.label} | {case.exact:.5g} | {100 * apart / abs(case.exact):.3f} % | "
+        f"{100 * stated / abs(case.exact):.3f} % | {' | '.join(hold)} | {results[0].method} | "
+        f"{results[0].verdict} |"
+    )
+
+
+def row_of_scene(name: str, parameters: dict, motion: str) -> str:
+    """Row of a motion of a bundled scene: derivative, and variances of both kinds."""
+    motions = MOTIONS if name == "a340_landing" else None
+    scene = mi_lcair.load(name, motions=motions, **parameters)
+    numbers = CommonNumbers(scene, Sampling(paths=MANY))
+    intensity = numbers.render().mean("target")[0]
+    differences = differences_of(numbers, motion)
+    result, variances = differences.at(), {}
+    for kind in differences.kinds():
+        ends = differences.totals([result.step, -result.step], kind, MANY)
+        high, low = map(differences.rows, ends)
+        variance = np.sum((high[1:] - low[1:]) ** 2)
+        variances[kind.method] = min(variance, variances.get(kind.method, np.inf))
+    gain = variances[ON_FILM] / variances[ATTACHED]
+    scaled = result.scaled(100 / intensity)
+    value = f"{scaled.derivative:.3f} ± {scaled.error:.3f}"
+    return (
+        f"| {label(name, parameters)} | `{motion}` | {value} | "
+        f"{result.step:.3g} | {result.verdict} | {gain:.0f} |"
+    )
+
+
+def budget() -> dict[str, float]:
+    """Standard deviation of an intensity, by the budget and by draws that are rendered."""
+    scene = mi_lcair.load("a340_landing", motions=MOTIONS, position=1)
+    result = mi_lcair.budget(scene, {"sigma": SIGMA}, spp=16)
+    draws = np.random.default_rng(0).normal(size=(DRAWS, len(SIGMA))) * list(SIGMA.values())
+    values = []
+    for draw in tqdm(draws, "draws"):
+        with changed(scene, dict(zip(SIGMA, draw.tolist()))):
+            values.append(mi_lcair.signature(scene, spp=1).target.intensity)
+    return {
+        "of_budget": float(result.sigma),
+        "of_draws": float(np.std(values, ddof=1)),
+        "of_draws_error": float(100 / np.sqrt(2 * (DRAWS - 1))),
+        "renders": result.renders,
+    }
+
+
+def main(page: Path) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        closed = [row(case) for case in cases(Path(folder))]
+    write_page(
+        page,
+        "motions",
+        closed="\n".join(closed),
+        scenes="\n".join(row_of_scene(*scene) for scene in SCENES),
+        few=FEW,
+        many=MANY,
+        draws=DRAWS,
+        **budget(),
+    )
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else PAGE)
