@@ -107,7 +107,7 @@ class AirOfLight:
         result = []
         for source in sources:
             before, light = spectra.get((source.group, source.name), (source, source))
-            if light is not source and source.spectrum is not None:
+            if light is not source:
                 factor = source.in_band / before.in_band  # of a scale that the emitter has not
                 spectrum = light.spectrum.scaled(factor)
                 source = replace(source, in_band=factor * light.in_band, spectrum=spectrum)
