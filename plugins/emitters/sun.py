@@ -112,7 +112,8 @@ class Sun(DistantEmitter):
         """Set irradiance and spectrum to those of its air; a factor of the irradiance stays."""
         light, before = self.light(self.weather), self.through_air
         self.through_air = float(light.in_band_irradiance(self.band))
-        self.scale *= self.through_air / before
+        # A new array, since motions keep the old one
+        self.scale = self.scale * (self.through_air / before)
         self.spectrum = light.over(self.projected_angle)
 
     def move_to(self, azimuth_deg: float, elevation_deg: float) -> None:
