@@ -240,12 +240,10 @@ def test_no_such_file(tmp_path):
 
 
 def test_bundled():
-    assert (
-        scenes.scenarios()
-        == scenes.scenarios("a340_landing")
-        == [f"a340_landing/position_{k}" for k in (1, 2, 3)]
-        and scenes.scenarios("cavity") == []
-    )
+    names = ("approach", "position_1", "position_2", "position_3")
+    known = [f"a340_landing/{name}" for name in names]
+    assert scenes.scenarios() == scenes.scenarios("a340_landing") == known
+    assert scenes.scenarios("cavity") == []
     for name in scenes.scenarios():
         scenario = Scenario.read(name)
         assert (
