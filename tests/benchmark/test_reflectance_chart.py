@@ -24,9 +24,7 @@ def test_time_is_shared_among_repetitions_and_compile_is_apart(monkeypatch):
         5,
         None,
         1.0,
-        lanes=100,
-        repetitions=25,
-        launches=2,
+        reflectance_chart.Work(lanes=100, repetitions=25, launches=2),
     )
     # 25 repetitions take 3 launches of 10, after a first one that compiles.
     assert calls == [(5, 10, seed) for seed in range(4)]

@@ -44,7 +44,8 @@ def test_scenes(command):
 
 
 def test_scenarios():
-    expected = [f"a340_landing/position_{k}" for k in (1, 2, 3)]
+    names = ("approach", "position_1", "position_2", "position_3")
+    expected = [f"a340_landing/{name}" for name in names]
     assert completions("contrast", "a34") == completions("image", "a34") == expected
     assert set(expected) <= set(completions("budget", "a34"))
 
