@@ -59,12 +59,13 @@ def write(folder: Path, points, quick: bool) -> None:
 
 def fields(points, quick: bool) -> dict[str, object]:
     """The fields of the page's template."""
-    cases = chart.names(points, "case")
+    cases, work = chart.names(points, "case"), QUICK if quick else FULL
     return {
         "theta": THETA_DEG,
         "command": "python -m docs.studies.reflectance" + (" --quick" if quick else ""),
         "threads": dr.thread_count(),
-        **{name: (QUICK if quick else FULL)[name] for name in ("repetitions", "lanes")},
+        "repetitions": work.repetitions,
+        "lanes": work.lanes,
         "needs": "\n".join(needs_row(points, case) for case in cases),
         "factors": "\n".join(
             factor_row(points, case, method) for case in cases for method in THESIS_EFFORTS

@@ -330,14 +330,14 @@ def test_what_no_path_has_met_counts():
     response = np.array([[8.0, 10.0, 12.0], [0.0, 0.5, 0.0]])
     of_response = replace(band_of("LWIR"), response=response)
     areas = EffectiveAreas(
-        band_of("LWIR"),
-        [Source("self", "330 K", 1.0, 330.0)],
-        np.full((2, 1), 10.0),
-        np.full((2, 1), 0.1),
-        10.0,
-        np.full((2, 2, 2), 0.01),
-        np.empty(0),
-        np.empty((2, 0)),
+        band=band_of("LWIR"),
+        sources=[Source("self", "330 K", 1.0, 330.0)],
+        area=np.full((2, 1), 10.0),
+        error=np.full((2, 1), 0.1),
+        projected_area=10.0,
+        covariance=np.full((2, 2, 2), 0.01),
+        nodes_um=np.empty(0),
+        by_wavelength=np.empty((2, 0)),
     )
     vacuum = atmosphere("vacuum")
 

@@ -5,6 +5,7 @@ import pytest
 from docs.studies import reflectance
 from mi_lcair.benchmark import reflectance_chart
 from mi_lcair.benchmark.chart import Point
+from mi_lcair.benchmark.reflectance_chart import Work
 
 
 @pytest.fixture
@@ -12,7 +13,7 @@ def points(monkeypatch):
     """A measurement on one material with few samples per launch."""
     monkeypatch.setattr(reflectance_chart, "MATERIALS", reflectance_chart.MATERIALS[:1])
     for module in (reflectance_chart, reflectance):
-        monkeypatch.setattr(module, "QUICK", {"lanes": 2**10, "repetitions": 2, "launches": 1})
+        monkeypatch.setattr(module, "QUICK", Work(2**10, 2, 1))
     steps = []
     measured = reflectance_chart.measure(True, lambda *step: steps.append(step))
     assert steps[-1] == (len(measured), len(measured)) and len(steps) == len(measured)
