@@ -36,8 +36,9 @@ class View:
     elevation_deg: float = 0.0
 
     def __post_init__(self):
-        object.__setattr__(self, "azimuth_deg", round(self.azimuth_deg, DIGITS))
-        object.__setattr__(self, "elevation_deg", round(self.elevation_deg, DIGITS))
+        # Numbers of Python, since the text of NumPy's, from which seeds are made, may be set
+        object.__setattr__(self, "azimuth_deg", round(float(self.azimuth_deg), DIGITS))
+        object.__setattr__(self, "elevation_deg", round(float(self.elevation_deg), DIGITS))
         if not np.isfinite(self.azimuth_deg):
             raise InputError(f"azimuth {self.azimuth_deg:g} degrees must be finite")
         if not -90 <= self.elevation_deg <= 90:

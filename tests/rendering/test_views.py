@@ -188,3 +188,10 @@ def test_bad_input(plate, cylinder):
     slab["emitter"]["facet_type"] = "sky"
     with pytest.raises(InputError, match="no model to look at"):
         Target.of(loaded(slab=slab))
+
+
+def test_the_text_of_a_view_does_not_depend_on_how_numpy_prints():
+    """Seeds are made from the text, also in other processes."""
+    with np.printoptions(legacy="1.25"):
+        old = repr(View(np.float64(0.1), np.float64(-2)))
+    assert repr(View(np.float64(0.1), np.float64(-2))) == old == repr(View(0.1, -2))
