@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from mi_lcair.errors import unknown
 from mi_lcair.plugins.integrators.bounce_path import BouncePath
 from mi_lcair.rendering.scene import Scene
+from mi_lcair.startup.threads import exclusive
 
 INTEGRATOR = tuple(entry.name for entry in BouncePath.PROPERTIES)
 
@@ -25,19 +26,22 @@ def changed(
         if name not in INTEGRATOR:
             raise unknown("setting", name, INTEGRATOR)
     values = {name: getattr(integrator, name) for name in settings}
-    # Recorded by surface, because two surfaces with the same material may have different lobes
-    lobes = [(surface, surface.lobe) for surface in scene.surfaces()]
+    with exclusive:
+        # Recorded by surface, because two surfaces with the same material may have different lobes
+        lobes = [(surface, surface.lobe) for surface in scene.surfaces()]
     try:
-        for material, rung in (lobe if isinstance(lobe, dict) else {None: lobe}).items():
-            if rung is not None:
-                scene.set_lobe(rung, material)
-        set_all(integrator, settings)
-        integrator.check()
+        with exclusive:
+            for material, rung in (lobe if isinstance(lobe, dict) else {None: lobe}).items():
+                if rung is not None:
+                    scene.set_lobe(rung, material)
+            set_all(integrator, settings)
+            integrator.check()
         yield
     finally:
-        set_all(integrator, values)
-        for surface, rung in lobes:
-            surface.set_lobe(rung)
+        with exclusive:
+            set_all(integrator, values)
+            for surface, rung in lobes:
+                surface.set_lobe(rung)
 
 
 def set_all(integrator, values: dict) -> None:

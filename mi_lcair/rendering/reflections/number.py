@@ -13,6 +13,7 @@ from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.statistics import student_factor
 from mi_lcair.rendering.views import View, seen_from
+from mi_lcair.startup.threads import exclusively
 
 DEFAULT_TOLERANCE = 0.01  # error that is allowed for a fixed number of samples
 SHARE = 0.1  # part of the tolerance that reflections beyond the largest number may use
@@ -29,6 +30,7 @@ def reflecting(
     return changed(scene, **chosen(scene, max_bounces, each_pixel, sampling))
 
 
+@exclusively
 def chosen(
     scene: Scene,
     max_bounces: int | str | None,
