@@ -1,5 +1,6 @@
 """Trends on a Dask cluster: workers and schedulers that die, or that were never started."""
 
+import gc
 import json
 import os
 import socket
@@ -25,6 +26,19 @@ from mi_lcair.signatures.trend_file import beside
 distributed = pytest.importorskip("dask.distributed")
 pytestmark = pytest.mark.slow
 HERE = {"processes": False, "threads_per_worker": 1, "dashboard_address": ":0"}
+
+
+@pytest.fixture(autouse=True)
+def without_collection():
+    """No garbage is collected meanwhile.
+
+    Where Dask's own threads collect objects of Mitsuba that earlier tests have left, they wait for
+    Dr.Jit, and a recording in a worker's thread waits for Python's lock, which they hold.
+    """
+    gc.collect()
+    gc.disable()
+    yield
+    gc.enable()
 
 
 @pytest.fixture(scope="module")
