@@ -13,7 +13,7 @@ from mi_lcair.camera.exposure import exposure
 from mi_lcair.camera.scenery import Scenery
 from mi_lcair.camera.view import CameraView
 from mi_lcair.detection.scenario import Scenario
-from mi_lcair.detection.setting import Setting, setting_of, target_scene
+from mi_lcair.detection.setting import Setting, rendered_as, setting_of, target_scene
 from mi_lcair.errors import InputError
 from mi_lcair.files import check_suffix, check_writable, replacing
 from mi_lcair.formats import tiff
@@ -22,7 +22,6 @@ from mi_lcair.plugins.emission.sources import Sources
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
-from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.views import View
 from mi_lcair.signatures.effective_areas import temperatures_of
 
@@ -129,12 +128,11 @@ class FilmedFlight:
         render, scene = self.scenario.render, setting.view
         temperatures = {name: T[number] for name, T in self.moments.temperatures.items()}
         sampling = Sampling(spp=self.scenario.flight.spp, seed=render.seed)
-        bounces = max(render.max_bounces, default=scene.mi.integrator().max_bounces)
 
         def at_temperatures(sources: Sources) -> list[Sources]:
             return [sources, heated(sources, temperatures, scene)] if temperatures else []
 
-        with changed(scene, lobe=render.lobe, max_bounces=bounces):
+        with rendered_as(scene, render, each_pixel=True):
             made = exposure(
                 setting, view, sampling, self.camera.band, scenery.of_parts, at_temperatures
             )

@@ -25,9 +25,9 @@ def aim_at_model(scene, tracer, sensor, seed: int, measurands: Measurands) -> Ai
     A pilot with a few paths in each cell of the window gives the mean radiance of the model there,
     that of its brightest path, and the share of the cell that the model covers. A third of the
     density follows each of them. Averages over neighbouring cells are used, because a few paths may
-    miss a thin part. Whatever the pilot
-    misses adds noise, but no error: some paths begin anywhere. In a view where it meets no
-    radiance, they begin evenly where the model may be, so that none has a large weight.
+    miss a thin part. Whatever the pilot misses adds noise, but no error: some paths begin anywhere.
+    In a view where it meets no radiance, they begin evenly where the model may be, so that none has
+    a large weight.
 
     Parameters
     ----------

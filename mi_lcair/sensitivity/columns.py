@@ -46,15 +46,20 @@ def explored_by(columns) -> frozenset:
     return frozenset(surface for surface in names if needs_exploring(surface, names[surface]))
 
 
-def without_column(scene, names) -> set[str]:
-    """Parameters for which paths do not give the derivative.
+def by_difference(scene, names) -> list[str]:
+    """Parameters whose derivatives are differences of renders.
 
-    These are motions, numbers of other BSDFs, all parameters of a scene with materials by
-    wavelength, and see `Plume`.
+    These are motions, numbers of other BSDFs, and all parameters of a scene with materials by
+    wavelength.
     """
     if has_spectral_materials(scene.mi):
-        return set(names)
-    others = {entry.name for entry in chosen(scene, names) if entry.kind in DIFFERENCED}
+        return list(names)
+    return [entry.name for entry in chosen(scene, names) if entry.kind in DIFFERENCED]
+
+
+def without_column(scene, names) -> set[str]:
+    """Parameters for which paths do not give the derivative: see `by_difference` and `Plume`."""
+    others = set(by_difference(scene, names))
     with scene.prepared() as tracer:
         if not tracer.emitters.draws:
             return others

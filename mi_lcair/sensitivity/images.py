@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from mi_lcair.motions.differences import ON_FILM
-from mi_lcair.plugins.bins.by_bin import has_spectral_materials
 from mi_lcair.rendering.limits import check_memory
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
@@ -15,7 +14,7 @@ from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import Windows
-from mi_lcair.sensitivity.columns import columns_of, explored_by, recordings
+from mi_lcair.sensitivity.columns import by_difference, columns_of, explored_by, recordings
 from mi_lcair.sensitivity.common_numbers import METHOD, renders_beside
 from mi_lcair.sensitivity.derivative_images import DerivativeImages
 from mi_lcair.sensitivity.parameters import chosen, units
@@ -27,18 +26,16 @@ def differentiate_image(
 ) -> DerivativeImages:
     """Images of a loaded scene's radiance and of its derivatives, all from the same paths.
 
-    names: names of parameters. Motions, and all parameters of a scene with materials by wavelength,
-    are differentiated by differences of images with the same random numbers. randomisations: number
-    of independent images.
+    names: names of parameters, some of which are differentiated `by_difference` of images with the
+    same random numbers. randomisations: number of independent images.
     """
     camera = scene.sensor(sampling.sensor)
     sampling = sampling.settled(camera)
     windows = Windows.of_image(camera, randomisations, by_randomisation=True)
     windows.check(sampling)
     kinds = {entry.name: entry.kind for entry in chosen(scene, names)}
-    along_paths = (
-        [] if has_spectral_materials(scene.mi) else [n for n in names if kinds[n] != "motion"]
-    )
+    differenced = by_difference(scene, names)
+    along_paths = [name for name in names if name not in differenced]
     explored = explored_by(columns_of(scene, along_paths).values())
     measurands = replace(Measurands.of(None), explored=explored)
     first, images, method = None, {}, {}
@@ -61,10 +58,9 @@ def differentiate_image(
             method |= batch.method
             for name, channels in batch.channels.items():
                 images[name] = mean_images(total, channels, windows)
-    for name in names:
-        if name not in images:
-            images[name] = difference_images(scene, name, windows, sampling)
-            method[name] = ON_FILM if kinds[name] == "motion" else METHOD
+    for name in differenced:
+        images[name] = difference_images(scene, name, windows, sampling)
+        method[name] = ON_FILM if kinds[name] == "motion" else METHOD
     # A motion moves what paths have met
     still = [name for name in names if kinds[name] != "motion"]
     missed = dict(zip(still, missed_errors(scene, first, still)))

@@ -7,13 +7,13 @@ from functools import partial
 import numpy as np
 
 from mi_lcair.motions.differences import Differences
-from mi_lcair.plugins.bins.by_bin import has_spectral_materials
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.sensitivity.columns import (
+    by_difference,
     columns_of,
     explored_by,
     recordings,
@@ -21,7 +21,6 @@ from mi_lcair.sensitivity.columns import (
     weight_of,
 )
 from mi_lcair.sensitivity.common_numbers import METHOD, PARTS, CommonNumbers, renders_beside
-from mi_lcair.sensitivity.entries import DIFFERENCED
 from mi_lcair.sensitivity.parameters import chosen, units
 from mi_lcair.sensitivity.sensitivities import Sensitivities
 
@@ -54,12 +53,9 @@ def differentiate_intensity(
     numbers = CommonNumbers(scene, sampling, by_spectrum, part)
     if sampling.tolerance is not None:
         numbers.render()
-    kinds = {entry.name: entry.kind for entry in chosen(scene, names)}
-    motions = [name for name in names if kinds[name] == "motion"]
-    by_difference = [name for name in names if kinds[name] in DIFFERENCED]
-    if has_spectral_materials(scene.mi):
-        by_difference = list(names)
-    along_paths = [name for name in names if name not in by_difference]
+    motions = [entry.name for entry in chosen(scene, names) if entry.kind == "motion"]
+    differenced = by_difference(scene, names)
+    along_paths = [name for name in names if name not in differenced]
     explored = explored_by(columns_of(scene, along_paths).values())
     measurands = replace(Measurands.of(SPLITS[part], by_spectrum), explored=explored)
     rows, method, first = {}, {}, None
@@ -93,7 +89,7 @@ def differentiate_intensity(
     missed = unscattered(scene, first, rest, part, weights)
     errors = dict(zip(rest, missed[1:]))
     for name in rest:
-        if name in by_difference:
+        if name in differenced:
             *ends, step = renders_beside(
                 scene, name, numbers.windows, numbers.repeated, several, numbers.aim
             )

@@ -100,7 +100,7 @@ class EffectiveAreas(SourcesInBand):
     """Effective areas of the sources, for the target and for the whole scene.
 
     The first axis of the arrays is that of PARTS: the model's facets (target), and all in the
-    sensor's window (scene). Beside the attributes of `SourcesInBand` they have
+    sensor's window (scene). The attributes of `SourcesInBand` come first.
 
     Attributes
     ----------

@@ -75,6 +75,15 @@ def test_an_own_bsdf_has_the_derivatives_of_the_same_one_of_mitsuba(folder):
     assert parameter.kind == "plugin" and parameter.value == pytest.approx(0.3)
 
 
+def test_images_of_the_derivative_are_those_of_the_same_one_of_mitsuba(folder):
+    run_plugin_files(["tinted.py"])
+    own = mi_lcair.derivative_images("own.xml", ["paint.tint"], spp=64)
+    known = mi_lcair.derivative_images("diffuse.xml", ["paint.reflectance"], spp=64)
+    assert own.method == ("difference",)
+    expected = known.derivative.mean()
+    assert own.derivative.mean() == pytest.approx(expected, rel=0.02) and expected < 0
+
+
 def test_the_option_plugin_serves_a_budget(folder, run):
     Path("sigma.toml").write_text('[sigma]\n"paint.tint" = 0.02\n')
     result = run("budget", "own.xml", "-u", "sigma.toml", "--spp", "64", "--plugin", "tinted.py")
