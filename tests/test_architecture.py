@@ -35,6 +35,7 @@ FLOORS = {
     "mi_lcair.camera": 4,
     "mi_lcair.thermography": 4,
     "mi_lcair.cavities": 4,
+    "mi_lcair.heating": 4,
     "mi_lcair.planning": 4,
     "mi_lcair.uncertainty": 4,
     "mi_lcair.inversion": 4,

@@ -1,0 +1,1 @@
+"""Heat that facets exchange by radiation: conductors between them, and absorbed sunlight."""

@@ -1,0 +1,72 @@
+"""Conductors between facets: heat flows, their sums, groups, and standard errors."""
+
+import numpy as np
+import pytest
+from scipy import sparse
+
+from mi_lcair.heating.conductors import RINGS_DEG, Conductors, Facets, Traced
+from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
+
+RINGS = len(RINGS_DEG) - 1
+
+
+def conductors(rng, n: int) -> Conductors:
+    """Random conductors of n facets, of which most pairs see nothing of each other."""
+    half = sparse.random_array((n, n), density=0.3, rng=rng)
+    between = sparse.csr_array(sparse.triu(half, 1))
+    return Conductors(sparse.csr_array(between + between.T), rng.random((n, RINGS)), rng.random(n))
+
+
+def facets(group: np.ndarray) -> Facets:
+    n = len(group)
+    ones, names = np.ones(n), tuple(f"g{k}" for k in range(group.max() + 1))
+    at = np.zeros((n, 3))
+    return Facets(np.arange(n), ones, ones, at, at, names, group, np.full(n, "m"), ones)
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(20261123)
+
+
+@pytest.mark.parametrize("n", [1, 2, 7, 40])
+def test_facets_of_one_temperature_exchange_no_heat(rng, n):
+    assert np.all(conductors(rng, n).heat(np.full(n, 300.0), 300.0, 300.0) == 0)
+
+
+def test_the_flows_between_facets_add_up_to_zero(rng):
+    C, n = conductors(rng, 40), 40
+    closed = Conductors(C.between, np.zeros((n, RINGS)), np.zeros(n))
+    heat = closed.heat(rng.uniform(200, 600, n), 0.0, 0.0)
+    assert abs(heat.sum()) <= 1e-10 * np.abs(heat).sum()
+
+
+def test_heat_is_that_of_each_pair(rng):
+    C, T = conductors(rng, 7), rng.uniform(200, 600, 7)
+    sky, ground = rng.uniform(200, 300, RINGS), 280.0
+    expected = [
+        sum(C.between[i, j] * (T[j] ** 4 - T[i] ** 4) for j in range(7))
+        + sum(C.to_sky[i, k] * (sky[k] ** 4 - T[i] ** 4) for k in range(RINGS))
+        + C.to_ground[i] * (ground**4 - T[i] ** 4)
+        for i in range(7)
+    ]
+    np.testing.assert_allclose(
+        C.heat(T, sky, ground), STEFAN_BOLTZMANN * np.array(expected), rtol=1e-12
+    )
+    in_all = C.between.toarray().sum(axis=1) + C.to_sky.sum(axis=1) + C.to_ground
+    np.testing.assert_allclose(C.total, in_all)
+
+
+def test_groups_of_isothermal_facets_exchange_the_same_heat(rng):
+    C, group = conductors(rng, 12), rng.integers(0, 3, 12)
+    of_groups = rng.uniform(200, 600, 3)
+    heat = C.by_group(facets(group)).heat(of_groups, 250.0, 290.0)
+    of_facets = C.heat(of_groups[group], 250.0, 290.0)
+    np.testing.assert_allclose(heat, np.bincount(group, of_facets), rtol=1e-12)
+
+
+def test_the_standard_error_is_the_scatter_of_the_randomisations(rng):
+    sets = tuple(conductors(rng, 5) for _ in range(8))
+    error = Traced(sets[0], sets).standard_error(lambda C: C.to_ground)
+    expected = np.sqrt(np.var([C.to_ground for C in sets], axis=0) / 7)
+    np.testing.assert_allclose(error, expected)
