@@ -4,8 +4,9 @@ from os import PathLike
 
 import mitsuba as mi
 
+from mi_lcair.motions.table import MOTIONS
 from mi_lcair.rendering.scene import Scene
-from mi_lcair.sensitivity.parameters import MOTIONS, load_with_values
+from mi_lcair.sensitivity.parameters import load_with_values
 from mi_lcair.startup.threads import exclusively
 
 
@@ -26,7 +27,7 @@ def load(
         scenes` lists; or a scene that Mitsuba's functions load_file, load_dict or load_string
         returned. Its integrator must be `bounce_path`.
     motions : path-like, optional
-        TOML file with motions of its own, see `mi_lcair.motions.declared`.
+        TOML file with motions of its own, see `mi_lcair.motions.table`.
     **parameters
         Values of the scene's $-parameters, and of parameters that `mi_lcair.parameters` lists, such
         as `self.temperature` or `model.yaw_deg`. "lobe.MATERIAL" sets the lobe of one material, as

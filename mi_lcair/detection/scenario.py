@@ -4,6 +4,7 @@ A scenario is read from a TOML file and checked. Each table of the file is a dat
 """
 
 import os
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -16,6 +17,7 @@ from mi_lcair.declared import check_fields, within
 from mi_lcair.detection.flight_path import FlightTable, Moments
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import parse_toml, read_text
+from mi_lcair.motions.table import MOTIONS, Declared, motions_of
 from mi_lcair.physics.air.atmosphere import VACUUM
 from mi_lcair.physics.air.levels import Weather
 from mi_lcair.physics.atmosphere import clear_air_name
@@ -451,6 +453,8 @@ class RenderTable:
 class Scenario:
     """A scenario: its tables, its name, and its title, which is the first comment of the file.
 
+    `motions` are those of the target that the table [motions] declares.
+
     `camera` is None without a table [camera], which only images need. With a table [flight] the
     scenario is that of the flight's first moment.
     """
@@ -468,6 +472,7 @@ class Scenario:
     surroundings: Words | None = None
     flight: FlightTable | None = None
     plugins: PluginFiles = field(default_factory=PluginFiles)
+    motions: dict[str, Declared] = field(default_factory=dict)
 
     @property
     def heading(self) -> str:
@@ -518,8 +523,9 @@ class Scenario:
             if isinstance(tree.get("surroundings"), dict):
                 tree["surroundings"] = dict(map(worded, *zip(*tree["surroundings"].items())))
             for table in tree:
-                if table not in known:
-                    raise unknown("table", table, known)
+                if table not in known and table != MOTIONS:
+                    raise unknown("table", table, [*known, MOTIONS])
+            motions = motions_of(tree.get(MOTIONS, {}), path.parent)
             check_moves(tree)
             lacking = OPTIONAL | ({"observer"} if "flight" in tree else set())
             parts = {
@@ -532,11 +538,15 @@ class Scenario:
                 parts |= placed(parts["target"], parts["flight"].moments(), 0)
         except InputError as error:
             raise InputError(f"scenario '{source}': {error}") from None
-        return Scenario(name, scenes.first_comment(text), **parts)
+        return Scenario(name, scenes.first_comment(text), **parts, motions=motions)
 
     def at_moment(self, moments: Moments, number: int) -> "Scenario":
         """The scenario at one moment of a flight."""
         return replace(self, **placed(self.target, moments, number))
+
+    def with_motions(self, motions: Mapping[str, Declared]) -> "Scenario":
+        """The scenario with further motions of its target."""
+        return replace(self, motions=self.motions | dict(motions))
 
     def check_scene(self) -> None:
         """Raise InputError if there is no such scene; unlike loading, this imports no renderer."""

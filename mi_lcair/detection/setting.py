@@ -136,7 +136,8 @@ def target_scene(scenario: Scenario, detector: Detector) -> Scene:
     run_plugin_files(scenario.plugins.files)
     words = scenario.surroundings
     band = parameters.get("band", scenario.sensor.band)
-    scene = load_with_values(source, parameters, [] if words is None else words.emitters(band))
+    around = [] if words is None else words.emitters(band)
+    scene = load_with_values(source, parameters, around, scenario.motions)
     if scenario.target.solution is not None:
         apply_solution(scene, scenario.target.solution)
     wanted, has = detector.band, scene.band

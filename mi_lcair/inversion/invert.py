@@ -62,7 +62,7 @@ def solve_problem(problem: InverseProblem, advise: bool, progress: Progress | No
     """
     start = time.perf_counter()
     if problem.goal is not None:
-        data = [goal_datum(problem.goal, problem.render)]
+        data = [goal_datum(problem.goal, problem.render, problem.motions)]
         everything = unknowns_of(problem, data)
         check_counts(everything, data)
         state = best_of_starts(everything, data, problem, progress)
@@ -71,7 +71,7 @@ def solve_problem(problem: InverseProblem, advise: bool, progress: Progress | No
         notes = [reached, *remarks(state, answered, chi)]
         answered = [replace(answer, verdict=chosen(answer.verdict)) for answer in answered]
     else:
-        loader, groups = Loader(), facet_groups(problem)
+        loader, groups = Loader(problem.motions), facet_groups(problem)
         entries = enumerate([*problem.data, *problem.candidates])
         loaded = [loader.datum(entry, number, groups) for number, entry in entries]
         data, proposed = loaded[: len(problem.data)], loaded[len(problem.data) :]

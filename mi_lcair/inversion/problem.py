@@ -13,9 +13,10 @@ from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import parse_toml, read_text
 from mi_lcair.inversion.data.measurement import Candidate, Measurement
 from mi_lcair.inversion.tables import Goal, RenderSettings, UnknownEntry
+from mi_lcair.motions.table import MOTIONS, Declared, motions_of
 from mi_lcair.toml_table import filled
 
-TABLES = ("data", "unknowns", "nuisance", "candidates", "goal", "render")
+TABLES = ("data", "unknowns", "nuisance", "candidates", "goal", "render", MOTIONS)
 FILES = (
     "scene",
     "image",
@@ -32,7 +33,8 @@ class InverseProblem:
     """An inverse problem.
 
     name: name of its file. title: first comment of the file. data, unknowns, nuisance, candidates,
-    goal, render: its tables. nuisance: parameters that are uncertain but not sought.
+    goal, render: its tables. nuisance: parameters that are uncertain but not sought. motions: those
+    that all scenes of the data get, by name.
     """
 
     name: str
@@ -43,6 +45,7 @@ class InverseProblem:
     candidates: tuple[Candidate, ...] = ()
     goal: Goal | None = None
     render: RenderSettings = field(default_factory=RenderSettings)
+    motions: dict[str, Declared] = field(default_factory=dict)
 
     @staticmethod
     def read(source) -> "InverseProblem":
@@ -78,6 +81,7 @@ class InverseProblem:
                 candidates=candidates,
                 goal=goal,
                 render=of_table(RenderSettings, tree.get("render", {}), "[render]"),
+                motions=motions_of(tree.get(MOTIONS, {}), folder),
             )
             problem.check()
         except InputError as error:

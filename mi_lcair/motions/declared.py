@@ -1,56 +1,23 @@
-"""Motions that a user declares in the table [motions] of a TOML file.
-
-    [motions]
-    "exhaust.radius" = {groups = ["hot_parts"], scale = [0, 1, 1], each = true}
-    "wing.flap" = {groups = ["self"], displaced = "flap_down.ply"}
+"""Motions that a user declares, see `mi_lcair.motions.table`.
 
 With `scale`, a vertex moves by value x scale x (vertex - middle), component by component. The
 middle is that of the groups or, with `each`, of each connected part. With `displaced`, it moves by
 value x (vertex of that file - vertex). Both are in the axes of the model.
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError, unknown
-from mi_lcair.files import check_file, parse_toml, read_text
+from mi_lcair.files import check_file
 from mi_lcair.models3d.welding import weld
 from mi_lcair.motions.motion import Motion, groups_of_meshes
+from mi_lcair.motions.table import Declared
 from mi_lcair.plugins.emission.triangles import triangle_vertices, vertex_positions
-from mi_lcair.toml_table import filled
 
 LARGEST = 1e3  # bound of the value of a declared motion, which is 0 in the loaded scene
-
-
-@dataclass(frozen=True)
-class Declared:
-    """A table of [motions]; groups: their names. The others: see above."""
-
-    groups: tuple[str, ...]
-    scale: tuple[float, ...] = ()
-    each: bool = False
-    displaced: str = ""
-
-
-def read_motions(file: str | Path) -> dict[str, Declared]:
-    """The motions of a TOML file by name; raises InputError for what cannot be used."""
-    tables = parse_toml(read_text(file, f"motions {file}"), f"motions {file}")
-    if list(tables) != ["motions"] or not isinstance(tables["motions"], dict):
-        raise InputError(f"motions {file}: must have one table, [motions]")
-    declared = {}
-    for name, values in tables["motions"].items():
-        where = f"motions {file}: '{name}'"
-        motion = declared[name] = filled(Declared, values, where)
-        if "." not in name:
-            raise InputError(f"{where} must be of the form OWNER.NAME, such as exhaust.radius")
-        if bool(motion.scale) == bool(motion.displaced):
-            raise InputError(f"{where} needs either scale = [x, y, z] or displaced = FILE.ply")
-        if motion.scale and len(motion.scale) != 3:
-            raise InputError(f"{where}: scale has {len(motion.scale)} numbers; give 3")
-    return declared
 
 
 def declared_motions(scene, declared: dict[str, Declared], points: dict) -> list[Motion]:

@@ -2,13 +2,12 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from pathlib import Path
 
 import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.motions.declared import declared_motions, read_motions
+from mi_lcair.motions.declared import declared_motions
 from mi_lcair.motions.motion import (
     Motion,
     attitude_of,
@@ -26,6 +25,7 @@ from mi_lcair.motions.observer import (
     settings_of,
     sun_motions,
 )
+from mi_lcair.motions.table import Declared
 from mi_lcair.plugins.derivatives import held, own_memory, same_variables
 from mi_lcair.plugins.emission.triangles import is_faceted, points, set_vertices, vertex_buffer
 from mi_lcair.plugins.emitters.one_sun import one_sun
@@ -118,11 +118,17 @@ class Pose:
             set_sensor(sensor, settings)
 
 
-def declare(scene, file: str | Path) -> None:
-    """Give a scene the motions of a TOML file; raises InputError for what cannot be used."""
-    scene.moved[DECLARED] = read_motions(file)
-    scene.moved.pop(POSE, None)
-    Pose.of(scene)
+def declare(scene, motions: dict[str, Declared]) -> None:
+    """Give a scene more motions; raises InputError for what cannot be used."""
+    with moved(scene, {name: of.rest for name, of in Pose.of(scene).motions.items()}):
+        before = dict(scene.moved)
+        scene.moved[DECLARED] = scene.moved.get(DECLARED, {}) | motions
+        del scene.moved[POSE]
+        try:
+            Pose.of(scene)
+        except InputError:
+            scene.moved.update(before)
+            raise
 
 
 def known_motions(scene) -> dict[str, Motion]:

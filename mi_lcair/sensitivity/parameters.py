@@ -25,11 +25,13 @@ multiplies all radiances and emissivities by the same factor.
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from types import MappingProxyType
 
 import mitsuba as mi
 
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.motions.pose import declare, set_motions
+from mi_lcair.motions.table import MOTIONS, Declared, read_motions
 from mi_lcair.plugins.derivatives import own_memory
 from mi_lcair.rendering.scene import LOBE_OF, Scene, SceneLike, load, load_file
 from mi_lcair.sensitivity.entries import (
@@ -41,22 +43,24 @@ from mi_lcair.sensitivity.entries import (
     entries,
 )
 
-MOTIONS = "motions"  # key of a file that declares motions, among values of parameters
-
 
 def load_with_values(
-    scene: SceneLike, parameters: Mapping[str, object], around: Sequence[dict] = ()
+    scene: SceneLike,
+    parameters: Mapping[str, object],
+    around: Sequence[dict] = (),
+    motions: Mapping[str, Declared] = MappingProxyType({}),
 ) -> Scene:
     """Load a scene with values of its parameters, see `mi_lcair.load`.
 
     parameters: $-parameters, names with a dot as in the table above, and MOTIONS: a TOML file.
-    around: as for `load_file`.
+    around: as for `load_file`. motions: further motions that are declared.
     """
     values = {n: v for n, v in parameters.items() if "." in n and not n.startswith(LOBE_OF)}
     in_file = {n: v for n, v in parameters.items() if n not in values and n != MOTIONS}
     loaded = load_file(scene, in_file, around) if around else load(scene, **in_file)
-    if MOTIONS in parameters:
-        declare(loaded, str(parameters[MOTIONS]))
+    in_table = read_motions(str(parameters[MOTIONS])) if MOTIONS in parameters else {}
+    if in_table or motions:
+        declare(loaded, in_table | dict(motions))
     if values:
         chosen(loaded, list(values))  # names before numbers
         set_values(loaded, {name: number(name, value) for name, value in values.items()})

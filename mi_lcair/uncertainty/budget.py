@@ -10,6 +10,7 @@ import numpy as np
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import rendered_as, setting_of
 from mi_lcair.errors import InputError
+from mi_lcair.motions.pose import declare
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import invalid_remark
@@ -182,6 +183,7 @@ def draw_up(
     Parameters
     ----------
     what : Scene or Scenario
+        A scene keeps the motions of `stated`.
     stated : Uncertainties
     sampling : Sampling
         That of a scene; a scenario has its own. Its progress is called with (draws done, expected).
@@ -191,6 +193,10 @@ def draw_up(
         What the result of a scenario is, one of NUMBERS.
     """
     start = time.perf_counter()
+    if isinstance(what, Scenario):
+        what = what.with_motions(stated.motions)
+    elif stated.motions:
+        declare(what, stated.motions)
     names = [*stated.sigma, *(name for group in stated.correlated for name in group.names)]
     with result_of(what, sampling, names, of) as number:
         inputs = Inputs.of(stated, number.known, number.what)

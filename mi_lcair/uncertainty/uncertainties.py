@@ -18,6 +18,9 @@
     walls = 0.5                         # a CSV facet,sigma_K
     self = "self_sigma.csv"
 
+    [motions]                           # motions of the model, see `mi_lcair.motions.table`
+    "exhaust.radius" = {groups = ["hot_parts"], scale = [0, 1, 1], each = true}
+
     [[correlated]]                      # correlations of quantities of [sigma] and [scenario]
     names = ["scenario.transmittance", "scenario.path_radiance"]
     correlation = -0.9                  # of two; or a matrix; or covariance = a matrix
@@ -32,9 +35,10 @@ import numpy as np
 
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import parse_toml, read_text
+from mi_lcair.motions.table import MOTIONS, Declared, motions_of
 from mi_lcair.uncertainty.distributions import KINDS, check_sigma
 
-TABLES = ("sigma", "scenario", "fits", "facets", "correlated")
+TABLES = ("sigma", "scenario", "fits", "facets", "correlated", MOTIONS)
 OF_A_FIT = ("model", "parameters", "standard_error", "correlation")
 # Largest relative difference of a scene's parameter, which is a Float32 number, and a fit's
 SAME_VALUE = 1e-4
@@ -79,6 +83,8 @@ class Uncertainties:
         List of the fits in a report (one for each band) by the name of the material.
     facets : dict
         Standard deviation of the temperature of each facet [K], or the path of a CSV, by group.
+    motions : dict
+        Motions that the scene gets, by name.
     """
 
     source: str
@@ -86,6 +92,7 @@ class Uncertainties:
     correlated: list[Correlated]
     fits: dict[str, list[FittedMaterial]]
     facets: dict[str, float | Path]
+    motions: dict[str, Declared]
 
     @staticmethod
     def read(source) -> "Uncertainties":
@@ -134,7 +141,8 @@ def parsed(tree: Mapping, name: str, folder: Path) -> Uncertainties:
             facets[group] = float(value)
     if not (sigma or fits or facets or correlated):
         raise InputError("holds no uncertainties; give [sigma], [scenario], [facets] or [fits]")
-    return Uncertainties(name, sigma, correlated, fits, facets)
+    motions = motions_of(tree.get(MOTIONS, {}), folder)
+    return Uncertainties(name, sigma, correlated, fits, facets, motions)
 
 
 def flat(table: Mapping, prefix: str = "") -> dict:

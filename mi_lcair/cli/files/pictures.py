@@ -157,14 +157,14 @@ def scene(what, output, parameters):
 def scenario(what, output, parameters):
     """Print what a scenario states, and draw its target from three sides."""
     from mi_lcair.detection.scenario import Scenario
+    from mi_lcair.detection.setting import target_scene
     from mi_lcair.rendering.facets.model import model_of
     from mi_lcair.reports.sections.scenario import scenario_section
 
     stated = Scenario.read(what, **dict(parameters))
     output = output or named_after(Path(Path(what).name), "scenario")
     check_writable(output)
-    band = {"band": stated.sensor.band}
-    loaded = mi_lcair.load(stated.target.scene, **stated.scene_parameters() | band)
+    loaded = target_scene(stated, stated.sensor.detector())
     observer = stated.observer
     where = f"{observer.range_m:g} m"
     if observer.azimuth_deg is not None:

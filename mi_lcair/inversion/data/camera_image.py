@@ -6,6 +6,7 @@ from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from scipy import fft
@@ -55,12 +56,12 @@ class CameraImage:
     scenery: Scenery
 
     @staticmethod
-    def of(source: str, entries: dict) -> "CameraImage":
-        """The image of a scenario with other entries, by dotted key.
+    def of(source: str, entries: Mapping, motions: Mapping = MappingProxyType({})) -> "CameraImage":
+        """The image of a scenario with other entries, by dotted key, and more motions.
 
         Raises InputError if the scenario cannot be used, or has no camera.
         """
-        scenario = Scenario.read(source, **entries)
+        scenario = Scenario.read(source, **entries).with_motions(motions)
         if scenario.camera is None:
             raise InputError(f"{source}: has no table [camera], whose image this could be")
         setting, observer = setting_of(scenario), scenario.observer

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -29,12 +30,14 @@ class MeasuredContrast:
     setting: Setting
 
     @staticmethod
-    def of(source: str, entries: Mapping) -> "MeasuredContrast":
-        """The line of sight of a scenario with other entries, by dotted key.
+    def of(
+        source: str, entries: Mapping, motions: Mapping = MappingProxyType({})
+    ) -> "MeasuredContrast":
+        """The line of sight of a scenario with other entries, by dotted key, and more motions.
 
         Raises InputError if the scenario cannot be used.
         """
-        scenario = Scenario.read(source, **entries)
+        scenario = Scenario.read(source, **entries).with_motions(motions)
         return MeasuredContrast(scenario, setting_of(scenario))
 
     def in_weather(self, values: Mapping[str, float]) -> "MeasuredContrast":

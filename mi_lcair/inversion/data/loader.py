@@ -1,7 +1,8 @@
 """The data of a problem: measured images, numbers and trends, each with its scene."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from mi_lcair.inversion.least_squares.common_noise import CommonNoise
 from mi_lcair.inversion.least_squares.prediction import DatumBlock
 from mi_lcair.inversion.tables import Goal, RenderSettings
 from mi_lcair.inversion.unknowns import Where
+from mi_lcair.motions.table import Declared
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.bins.by_bin import has_spectral_materials
 from mi_lcair.plugins.paths.offsets import UNIT
@@ -42,14 +44,19 @@ ASPECT, INTENSITY, ERROR = (
 
 @dataclass
 class Loader:
-    """Loads the scenes of the data, each once for each set of parameters."""
+    """Loads the scenes of the data, each once for each set of parameters.
 
+    motions: those that all scenes get.
+    """
+
+    motions: dict[str, Declared] = field(default_factory=dict)
     scenes: dict = field(default_factory=dict)
 
     def scene(self, entry: Observation) -> Scene:
         key = entry.scene, tuple(sorted(entry.scene_parameters().items()))
         if key not in self.scenes:
-            self.scenes[key] = load_with_values(entry.scene, entry.scene_parameters())
+            parameters = entry.scene_parameters()
+            self.scenes[key] = load_with_values(entry.scene, parameters, motions=self.motions)
         return self.scenes[key]
 
     def datum(self, entry: Observation, number: int, facet_groups: set[str]) -> Datum:
@@ -62,10 +69,10 @@ class Loader:
     def _datum(self, entry: Observation, number: int, facet_groups: set[str]) -> Datum:
         sight = None
         if isinstance(entry, Measurement) and entry.contrast is not None:
-            sight = MeasuredContrast.of(entry.scene, entry.parameters)
+            sight = MeasuredContrast.of(entry.scene, entry.parameters, self.motions)
         camera = None
         if isinstance(entry, Measurement) and entry.is_of_camera:
-            camera = CameraImage.of(entry.scene, entry.parameters)
+            camera = CameraImage.of(entry.scene, entry.parameters, self.motions)
         seen = sight or camera
         scene = seen.setting.view if seen else self.scene(entry)
         width, height = scene.sensor(entry.sensor).film().crop_size()
@@ -133,10 +140,14 @@ class Loader:
         )
 
 
-def goal_datum(goal: Goal, sampling: RenderSettings) -> Datum:
+def goal_datum(
+    goal: Goal,
+    sampling: RenderSettings,
+    motions: Mapping[str, Declared] = MappingProxyType({}),
+) -> Datum:
     """The datum of a goal: wanted intensities, all with the same small standard deviation."""
     entry = Observation(goal.scene, "goal", dict(goal.parameters))
-    scene = load_with_values(entry.scene, entry.scene_parameters())
+    scene = load_with_values(entry.scene, entry.scene_parameters(), motions=motions)
     check_closure(scene)
     views = views_of(scene, goal.aspects)
     is_contrast = goal.background_K is not None

@@ -1,0 +1,68 @@
+"""The table [motions] of a TOML file, in which a user declares motions.
+
+    [motions]
+    "exhaust.radius" = {groups = ["hot_parts"], scale = [0, 1, 1], each = true}
+    "wing.flap" = {groups = ["self"], displaced = "flap_down.ply"}
+
+A file of motions has this table alone. Scenarios, problems and uncertainties have it beside others.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from mi_lcair.errors import InputError
+from mi_lcair.files import parse_toml, read_text
+from mi_lcair.toml_table import filled
+
+MOTIONS = "motions"  # the table; among the values of a scene's parameters, a file that has it
+
+
+@dataclass(frozen=True)
+class Declared:
+    """A motion that a user declares, see `mi_lcair.motions.declared`.
+
+    groups: names of the groups that move. scale: factors of the displacement along each axis. each:
+    whether each connected part has a middle of its own. displaced: PLY file, in place of scale.
+    """
+
+    groups: tuple[str, ...]
+    scale: tuple[float, ...] = ()
+    each: bool = False
+    displaced: str = ""
+
+
+def read_motions(file: str | Path) -> dict[str, Declared]:
+    """The motions of a TOML file by name; raises InputError for what cannot be used."""
+    where = f"motions {file}"
+    tables = parse_toml(read_text(file, where), where)
+    if list(tables) != [MOTIONS]:
+        raise InputError(f"{where}: must have one table, [motions]")
+    return motions_of(tables[MOTIONS], Path(file).parent, where)
+
+
+def motions_of(
+    table: Mapping, folder: str | Path = ".", where: str = f"[{MOTIONS}]"
+) -> dict[str, Declared]:
+    """The motions of a table by name; raises InputError for what cannot be used.
+
+    folder: to which the names of files are relative. where: name of the table in messages.
+    """
+    if not isinstance(table, Mapping):
+        raise InputError(f"{where}: must have one table, [motions]")
+    declared = {}
+    for name, values in table.items():
+        of_name = f"{where}: '{name}'"
+        if "." not in name:
+            raise InputError(
+                f'{of_name} must be of the form "OWNER.NAME" in quotes, such as "exhaust.radius"'
+            )
+        motion = filled(Declared, values, of_name)
+        if bool(motion.scale) == bool(motion.displaced):
+            raise InputError(f"{of_name} needs either scale = [x, y, z] or displaced = FILE.ply")
+        if motion.scale and len(motion.scale) != 3:
+            raise InputError(f"{of_name}: scale has {len(motion.scale)} numbers; give 3")
+        if motion.displaced:
+            motion = replace(motion, displaced=str(Path(folder) / motion.displaced))
+        declared[name] = motion
+    return declared
