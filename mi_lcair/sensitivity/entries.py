@@ -212,7 +212,7 @@ def entries(scene) -> dict[str, Entry]:
             keys = () if node.change else node.parameters
         elif is_grey_diffuse(node):
             material, keys = node.id() or "diffuse", ["reflectance.value"]
-        elif is_plume(node):
+        elif is_plume(node) and node.spectrum is None:
             material, keys = node.id() or "plume", ["transmittance"]
         elif keys := numbers_of_other(node):
             material, kind = node.id() or node.class_name(), "plugin"

@@ -14,11 +14,13 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import spectral_radiance
+from mi_lcair.physics.reflection.directions import SMALLEST
 from mi_lcair.physics.spectra.bins import COUNTS, bins_for, hats_at
 from mi_lcair.physics.spectra.parameters import SAMPLES
 from mi_lcair.physics.spectrum import Spectrum
 from mi_lcair.plugins.bins.lobes import DIFFUSE, MIRROR, families_of
-from mi_lcair.plugins.bsdfs.reflection_bsdf import LOBES, is_reflection_bsdf, reflection_layers
+from mi_lcair.plugins.bsdfs.plume import is_plume, spectral_plumes
+from mi_lcair.plugins.bsdfs.reflection_bsdf import LOBES, is_reflection_bsdf
 from mi_lcair.plugins.derivatives import children
 from mi_lcair.plugins.emission.groups import at_pointer
 from mi_lcair.plugins.emission.samples import BinnedRadiance
@@ -36,7 +38,7 @@ SPECTRUM_ROWS = 801  # even wavelengths of the spectra of sources by bin
 
 def is_spectral(bsdf) -> bool:
     """Whether a BSDF, or what it wraps, has a spectral material."""
-    return any(map(is_binned, reflection_layers(bsdf)))
+    return any(map(is_binned, (bsdf, *children(bsdf))))
 
 
 def has_spectral_materials(scene) -> bool:
@@ -45,8 +47,8 @@ def has_spectral_materials(scene) -> bool:
 
 
 def is_binned(layer) -> bool:
-    """Whether the BSDF of one side has a spectral material; None has none."""
-    return is_reflection_bsdf(layer) and layer.spectrum is not None
+    """Whether the BSDF of one side depends on wavelength; None does not."""
+    return (is_reflection_bsdf(layer) or is_plume(layer)) and layer.spectrum is not None
 
 
 class ByBin:
@@ -84,6 +86,7 @@ class ByBin:
         self.count = self.bins.count
         self.families = families_of(materials, self.bins)
         self.tabulate_surfaces(materials)
+        self.tabulate_plumes(spectral_plumes(scene))
         self.tabulate_sources(emitters, per_emitter)
 
     def sources_by_bin(self) -> list[Source]:
@@ -151,6 +154,16 @@ class ByBin:
         self.none = mi.UInt32(len(materials))
         dr.make_opaque(self.material, self.lobe, self.rows, self.none)
 
+    def tabulate_plumes(self, plumes) -> None:
+        """Set the transmittance of each plume in each bin, divided by its mean in the band."""
+        relative = [
+            (1 - self.bins.coefficients(plume.spectrum.at(self.bins.grid_um)["emissivity"]))
+            / max(float(plume.transmittance[0]), SMALLEST)
+            for plume in plumes
+        ]
+        self.relative = mi.Float(np.ravel(relative))
+        dr.make_opaque(self.relative)
+
     def tabulate_sources(self, emitters, per_emitter) -> None:
         """Set the source of each primitive, the shares of its bins and its in-band radiance."""
         numbers = {source: k for k, source in enumerate(self.sources)}
@@ -187,8 +200,11 @@ class ByBin:
         material = dr.gather(mi.UInt32, self.material, index, known)
         return material, dr.gather(mi.UInt32, self.lobe, index, known)
 
-    def reflects(self, bsdf, wi, wo, active) -> tuple:
-        """What the bins' values of a BSDF need, for `value`: materials, lobe, terms."""
+    def reflects(self, bsdf, wi, wo, active, passed=()) -> tuple:
+        """What the bins' values of a BSDF need, for `value`: materials, lobe, terms.
+
+        passed: how often a drawn ray passes each spectral plume.
+        """
         material, lobe = self.surface(bsdf, wi.z, active)
         side = dr.select(wi.z < 0, -1, mi.Float(1))
         r, i = mi.Vector3f(wi.x, wi.y, side * wi.z), mi.Vector3f(wo.x, wo.y, side * wo.z)
@@ -197,11 +213,11 @@ class ByBin:
             row = dr.gather(mi.UInt32, rows, material)
             here, row = row != self.none, dr.select(row != self.none, row, 0)
             terms.append((here, row, family.between(row, i, r), family.toward(row, r)))
-        return material > 0, lobe, dr.maximum(i.z, 0), terms
+        return material > 0, lobe, dr.maximum(i.z, 0), terms, passed
 
     def value(self, reflection: tuple, k) -> mi.Float:
         """BSDF times cosine of bin k [1/sr]; HDR for a mirror."""
-        _, lobe, cos, terms = reflection
+        _, lobe, cos, terms, _ = reflection
         total = mi.Float(0)
         for (family, _), (here, row, between, toward) in zip(self.families, terms):
             value = family.f(row, between, k)
@@ -237,7 +253,7 @@ class ByBin:
     def reflect(self, throughputs: dr.Local, hit, bs, weight):
         """Multiply the throughputs by the bins' reflectances along the sampled direction."""
         wi = hit.si.wi
-        reflection = self.reflects(hit.bsdf, wi, bs.wo, hit.reflects)
+        reflection = self.reflects(hit.bsdf, wi, bs.wo, hit.goes_on)
         mean = weight[0] * bs.pdf
         multiplied = reflection[0] & (mean > 0)
         inverse = dr.select(multiplied, 1 / dr.select(multiplied, mean, 1), 0)
@@ -279,10 +295,18 @@ class ByBin:
         return totals
 
     def reflected(self, reflection: tuple | None, k) -> mi.Float:
-        """`value` of a spectral surface; 1 for another one, and where nothing is reflected."""
+        """`value` of a spectral surface, times the transmittances of passed plumes.
+
+        It is 1 for another surface, and where nothing is reflected. The transmittances are relative
+        to their means in the band.
+        """
         if reflection is None:
             return mi.Float(1)
-        return dr.select(reflection[0], self.value(reflection, k), 1)
+        value = dr.select(reflection[0], self.value(reflection, k), 1)
+        for number, times in enumerate(reflection[-1]):
+            relative = dr.gather(mi.Float, self.relative, number * self.count + k)
+            value *= dr.select(times > 0, dr.power(relative, mi.Float(times)), 1)
+        return value
 
     def with_bin(self, totals, factor, sources, k) -> list:
         """The sums of `sums` with those of bin k."""
@@ -338,7 +362,7 @@ class ByBin:
         """
         surface = direct.hit
         emits = self.emits(direct.emitter, surface.bsdf(), surface.wi, direct.counts)
-        reflection = self.reflects(hit.bsdf, hit.si.wi, to, hit.reflects)
+        reflection = self.reflects(hit.bsdf, hit.si.wi, to, hit.reflects, direct.passed)
         result = self.radiance(path, radiance, direct.emitter, parts, emits, reflection)
         factor = dr.select(reflection[0], 1, f[0])
         if direct.transmittance is not None:
@@ -372,7 +396,12 @@ def radiances(sources: list[Source], wavelengths_um: np.ndarray) -> np.ndarray:
 
 
 def sides_of(bsdf) -> tuple:
-    """The reflection models of the front and the back of a BSDF; None for a side without one."""
+    """The reflection models of the front and the back of a BSDF; None for a side without one.
+
+    Both sides of a plume are the same.
+    """
+    if is_plume(bsdf):
+        return bsdf, bsdf
     if bsdf.class_name() == ON_BOTH_SIDES:
         layers = children(bsdf)
         return layers[0], layers[-1]

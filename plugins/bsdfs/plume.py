@@ -4,7 +4,10 @@ import drjit as dr
 import mitsuba as mi
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.properties import Property, read
+from mi_lcair.physics.bands import band
+from mi_lcair.physics.spectra.files import columns_of
+from mi_lcair.physics.spectra.parameters import spectrum
+from mi_lcair.plugins.properties import Property, beside_scene, read
 
 # What a BSDF may do with a ray. A surface whose flags hold only `Null` of these is passed.
 ANY_LOBE = int(mi.BSDFFlags.All)
@@ -16,11 +19,16 @@ class Plume(mi.BSDF):
     ============= ======= ==========================================================================
     transmittance float   share of the radiance that passes through the surface, 0..1; the same in
                           all directions                                            (differentiable)
+    spectrum      string  in place of `transmittance`: a CSV file wavelength_um,transmittance
+    band          string  band in which the scene is rendered, for `spectrum`
     ============= ======= ==========================================================================
 
     .. code-block:: xml
 
         <bsdf type="plume"> <float name="transmittance" value="0.8"/> </bsdf>
+
+    With a `spectrum`, paths carry the transmittance at each wavelength, as for a material that
+    depends on wavelength.
 
     The emissivity is 1 - transmittance on both sides, by Kirchhoff's law for a surface that does
     not reflect. A ray goes straight on, times the transmittance. `bounce_path` does not count this
@@ -36,20 +44,44 @@ class Plume(mi.BSDF):
     passes plumes and then hits nothing.
     """
 
-    PROPERTIES = (Property("transmittance", "float", lower=0, upper=1),)
+    PROPERTIES = (
+        Property("transmittance", "float", lower=0, upper=1),
+        Property("spectrum", "string", is_file=True),
+        Property("band", "string", is_file=True),
+    )
     least_share = 0.0  # not 0: rays pass also a plume of transmittance 0
     material = "plume"  # name of the material in tables of facets
+    lobe = "mirror"  # by wavelength, what passes takes the place of what a mirror reflects
+    spectrum = measured_spectrum = None  # 1 - transmittance over wavelength, as an emissivity
 
     def __init__(self, props):
         mi.BSDF.__init__(self, props)
         values = read(props, "plume", self.PROPERTIES)
-        if values["transmittance"] is None:
-            raise InputError("plume: give `transmittance`, the share that passes, 0..1")
-        self.transmittance = mi.Float(values["transmittance"])
+        given = [name for name in ("transmittance", "spectrum") if values[name] is not None]
+        if len(given) != 1:
+            raise InputError(
+                "plume: give `transmittance`, the share that passes, 0..1, or its `spectrum`"
+            )
+        transmittance = values["transmittance"]
+        if values["spectrum"] is not None:
+            transmittance = self.mean_of(beside_scene(values["spectrum"]), values["band"])
+        self.transmittance = mi.Float(transmittance)
         self.parameters_changed()
 
+    def mean_of(self, path: str, of_band: str | None) -> float:
+        """Mean transmittance in a band of the CSV file at `path`; sets `spectrum`."""
+        if of_band is None:
+            raise InputError("plume: a `spectrum` needs the `band` in which the scene is rendered")
+        wavelengths, transmittance = columns_of(path, {"transmittance": 1.0})
+        rows = {"emissivity": 1 - transmittance}
+        self.spectrum = self.measured_spectrum = spectrum("grey", {}, {}, wavelengths, rows, path)
+        self.spectrum.check_covers(band(of_band), f"plume: {path}")
+        return 1 - self.spectrum.averaged(*self.spectrum.weights(band(of_band), None))[0]
+
     def traverse(self, cb):
-        cb.put("transmittance", self.transmittance, mi.ParamFlags.Differentiable)
+        # The mean of a spectrum only decides which paths go on
+        if self.spectrum is None:
+            cb.put("transmittance", self.transmittance, mi.ParamFlags.Differentiable)
 
     def parameters_changed(self, keys=()):
         self.PROPERTIES[0].checked(float(dr.detach(self.transmittance)[0]), "plume")
@@ -118,6 +150,12 @@ class Plume(mi.BSDF):
 def is_plume(plugin) -> bool:
     """Whether a plugin is a BSDF `plume`, also one that was loaded under another variant."""
     return type(plugin).__name__ == "Plume"
+
+
+def spectral_plumes(scene) -> list:
+    """The plumes of a scene whose transmittance depends on wavelength, in a fixed order."""
+    plumes = {shape.bsdf() for shape in scene.shapes() if is_plume(shape.bsdf())}
+    return sorted((b for b in plumes if b.spectrum is not None), key=lambda b: b.id())
 
 
 def is_passed(flags):

@@ -5,7 +5,7 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.bsdfs.plume import is_passed
+from mi_lcair.plugins.bsdfs.plume import is_passed, spectral_plumes
 from mi_lcair.plugins.emission.draw_table import DrawTable
 from mi_lcair.plugins.emission.drawing.spherical_polygon import Receiver
 from mi_lcair.plugins.emission.field_of_view import FieldOfView
@@ -76,12 +76,15 @@ class EmitterTable:
         self.draws = bool(self.tables)
         flags = {int(bsdf.flags()) for bsdf in {shape.bsdf() for shape in scene.shapes()}}
         self.passes = any(map(is_passed, flags))
+        # Drawn rays count how often they pass each plume that depends on wavelength
+        pointers = map(mi.BSDFPtr, spectral_plumes(scene))
+        self.spectral_plumes = [mi.UInt32(pointer_id(pointer)) for pointer in pointers]
         # No emitter is drawn at a surface that rays pass
         self.transmits = any(
             of_bsdf & int(mi.BSDFFlags.Transmission) and not is_passed(of_bsdf) for of_bsdf in flags
         )
         self.offsets = Offsets(scene)
-        dr.make_opaque(self.sun_id, self.divided_id)
+        dr.make_opaque(self.sun_id, self.divided_id, self.spectral_plumes)
 
     def leave(self, si, d):
         """Start of a ray from the hit `si` in the direction `d`, see `Offsets`."""
@@ -248,10 +251,12 @@ class EmitterTable:
         of_panels = active & (drawn.index < table.panel_count)
         ray = self.spawn_ray(si, ds.d)
         pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active)
-        transmittance, distance = None, ds.dist
+        transmittance, distance, passed = None, ds.dist, []
         if self.passes:
             with dr.suspend_grad():
-                ray, pi, transmittance = self.pass_through(table, scene, ray, pi, drawn, active)
+                ray, pi, transmittance, passed = self.pass_through(
+                    table, scene, ray, pi, drawn, active
+                )
                 distance = dr.norm(ds.p - ray.o)
         met, emitter = active & pi.is_valid(), pi.shape.emitter()
         on_panel, on_other = self.meets(table, ray, pi, drawn, met, of_panels)
@@ -271,7 +276,7 @@ class EmitterTable:
                 hit = pi.compute_surface_interaction(ray, mi.RayFlags.All, met & counts)
         if self.passes:
             counts |= dr.isnan(transmittance)
-        return EmitterSample(drawn, hit, emitter, counts, on_panel, transmittance)
+        return EmitterSample(drawn, hit, emitter, counts, on_panel, transmittance, passed)
 
     def meets(self, table: DrawTable, ray, pi, drawn: DrawnDirection, met, of_panels):
         """Whether hits are the drawn points: on a panel of a mesh, or on another shape.
@@ -309,15 +314,19 @@ class EmitterTable:
 
         Returns
         -------
-        (ray, pi, transmittance) : tuple
-            The last part of the ray, its hit, and the transmittance of the surfaces before; not a
-            number for a ray that passes more than MOST_PASSED.
+        (ray, pi, transmittance, times) : tuple
+            The last part of the ray, its hit, the transmittance of the surfaces before, and how
+            often it passes each of the `spectral_plumes`. The transmittance is not a number for a
+            ray that passes more than MOST_PASSED.
         """
         passed, transmittance = mi.UInt32(0), mi.Float(1)
+        times = [mi.UInt32(0) for _ in self.spectral_plumes]
         active = self.continues(table, ray, pi, drawn, active)
         while dr.hint(active, label="pass_through"):
             si = pi.compute_surface_interaction(ray, mi.RayFlags.All, active)
-            weight = si.bsdf(ray).eval_null_transmission(si, active)[0]
+            bsdf = si.bsdf(ray)
+            times = self.counted(times, bsdf)
+            weight = bsdf.eval_null_transmission(si, active)[0]
             transmittance *= dr.select(passed < MOST_PASSED, weight, dr.nan)
             passed += 1
             # Aimed at the drawn point again, because the start moves sideways by the offset
@@ -325,7 +334,15 @@ class EmitterTable:
             ray = mi.Ray3f(start, dr.normalize(drawn.ds.p - start))
             pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active)
             active &= (transmittance > 0) & self.continues(table, ray, pi, drawn, active)
-        return ray, pi, transmittance
+        return ray, pi, transmittance, times
+
+    def counted(self, times: list, bsdf) -> list:
+        """How often rays have passed each of the `spectral_plumes`, after they pass a BSDF."""
+        pointer = dr.reinterpret_array(mi.UInt32, bsdf)
+        return [
+            number + dr.select(pointer == plume, mi.UInt32(1), 0)
+            for number, plume in zip(times, self.spectral_plumes)
+        ]
 
     def continues(self, table: DrawTable, ray, pi, drawn: DrawnDirection, active):
         """Whether rays pass the surface that they hit; not at or behind the drawn point."""

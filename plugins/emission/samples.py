@@ -1,6 +1,6 @@
 """Directions drawn toward emitters, what rays along them hit, and radiance by bin."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import drjit as dr
 import mitsuba as mi
@@ -35,7 +35,7 @@ class EmitterSample:
     emitter that sends radiance along the ray. counts: whether the first hit is the drawn point, so
     that the sample counts. of_panel: whether it counts and the point is on a panel of a mesh.
     transmittance: that of the surfaces which the ray passes; None in a scene without such
-    surfaces.
+    surfaces. passed: how often it passes each of the table's `spectral_plumes`.
     """
 
     drawn: DrawnDirection
@@ -44,6 +44,7 @@ class EmitterSample:
     counts: mi.Bool
     of_panel: mi.Bool
     transmittance: mi.Float | None = None
+    passed: list[mi.UInt32] = field(default_factory=list)
 
     def radiance(self, si):
         """Radiance from the emitter toward `si`, with derivatives [W m^-2 sr^-1]."""
