@@ -1,0 +1,96 @@
+"""Temperatures of surfaces that exchange heat by radiation and linearly with something else.
+
+With the conductors G [m^2] and the Laplacian L = diag(G 1 + G_out) - G, where G_out leads to the
+surroundings, the temperatures T solve
+
+    sigma L T^4 + C T = P,
+
+where C [W/K] are linear conductances and P [W] is all power that does not depend on T. L is
+symmetric, its off-diagonal elements are not positive and its rows do not sum to less than 0.
+Newton's iteration from above therefore converges for any noise of the conductors.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from mi_lcair.errors import InputError
+from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
+
+MOST_STEPS = 60  # Newton steps; each at least halves the distance to a fourth root
+CLOSED = 1e-12  # residual of the balance, as a fraction of the power that surfaces exchange
+SOLVED = 1e-13  # residual of a linear system, as a fraction of its right-hand side
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Radiative exchange of the facets whose temperatures are sought.
+
+    laplacian: L [m^2], (n, n). STEFAN_BOLTZMANN L T^4 is the power that leaves them.
+    """
+
+    laplacian: sparse.csr_array
+
+    @staticmethod
+    def of(conductors: sparse.csr_array, outward: np.ndarray) -> "Balance":
+        """The balance of symmetric conductors (n, n) and of those that lead outward (n,) [m^2]."""
+        conductors = sparse.csr_array(conductors)
+        total = conductors.sum(axis=1) + outward - conductors.diagonal()
+        conductors = conductors - sparse.diags_array(conductors.diagonal())
+        return Balance(sparse.csr_array(sparse.diags_array(total) - conductors))
+
+    def residual(self, kelvin, power, conductance) -> np.ndarray:
+        """Power that is left over at temperatures [W], (n,)."""
+        emitted = STEFAN_BOLTZMANN * (self.laplacian @ kelvin**4)
+        return power - conductance * kelvin - emitted
+
+    def solve(self, power, conductance, start, closed: float = CLOSED) -> tuple[np.ndarray, float]:
+        """Temperatures [K], (n,), from some start, and the largest residual [W].
+
+        closed: residual at which the iteration ends, as a fraction of the power of a facet.
+
+        Raises InputError if the iteration does not converge.
+        """
+        kelvin = np.array(start, float)
+        diagonal = self.laplacian.diagonal()
+        for _ in range(MOST_STEPS):
+            residual = self.residual(kelvin, power, conductance)
+            scale = STEFAN_BOLTZMANN * diagonal * kelvin**4 + conductance * kelvin + abs(power)
+            worst = float(abs(residual).max())
+            if (abs(residual) <= closed * scale).all():
+                return kelvin, worst
+            step = self.linear(kelvin, conductance, residual[:, None], 0.01 * closed)[:, 0]
+            kelvin = np.maximum(kelvin + step, kelvin / 2)
+            if (abs(step) < 1e-13 * kelvin).all():
+                return kelvin, worst
+        raise InputError(
+            f"the heat balance does not converge: {worst:.3g} W are left over after {MOST_STEPS} "
+            "steps; a surface needs a path for the heat that it takes up"
+        )
+
+    def linear(self, kelvin, conductance, power, solved: float = SOLVED) -> np.ndarray:
+        """Changes of temperature [K], (n, m), that balance small changes of power [W], (n, m).
+
+        Solves (sigma L diag(4 T^3) + diag(C)) x = power by conjugate gradients for diag(4 T^3) x,
+        whose matrix is symmetric and positive, for all columns at once.
+        """
+        slope = 4 * STEFAN_BOLTZMANN * kelvin**3
+        shift = (conductance / slope)[:, None]
+        inverse = 1 / (self.laplacian.diagonal()[:, None] + shift)
+        solution, residual = np.zeros_like(power), power.copy()
+        limit = solved**2 * np.sum(power**2 * inverse, axis=0)
+        direction = inverse * residual
+        before = np.sum(residual * direction, axis=0)
+        for _ in range(10 * len(kelvin) + 10):
+            if (before <= limit).all():
+                break
+            image = self.laplacian @ direction + shift * direction
+            length = before / np.maximum(np.sum(direction * image, axis=0), 1e-300)
+            solution += length * direction
+            residual -= length * image
+            preconditioned = inverse * residual
+            after = np.sum(residual * preconditioned, axis=0)
+            direction = preconditioned + after / np.maximum(before, 1e-300) * direction
+            before = after
+        return solution / slope[:, None]

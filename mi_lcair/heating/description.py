@@ -1,0 +1,266 @@
+"""What a heat.toml says: the scene, the weather, what lies behind its surfaces, uncertainties."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
+from typing import Literal
+
+from mi_lcair.declared import Bounds, check_fields, within
+from mi_lcair.errors import InputError, unknown
+from mi_lcair.files import parse_toml, read_text
+from mi_lcair.fraction import fraction
+from mi_lcair.toml_table import filled
+
+KELVIN = within(lower=10, upper=6000, unit="K")
+POSITIVE = within(is_positive=True)
+NOT_NEGATIVE = within(lower=0)
+TABLES = ("target", "weather", "groups", "sigma", "run", "signature")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TargetTable:
+    """[target]: the scene, and its $-parameters in [target.parameters]."""
+
+    scene: str
+    parameters: dict = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WeatherTable:
+    """[weather]: a file of rows over a day, or numbers that hold all the time.
+
+    Attributes
+    ----------
+    file : str or None
+        EPW file, or CSV with the column `hour` and columns called as the numbers below.
+    day : str or None
+        Date of the day of an EPW file, or of the sun by place: 2026-06-21.
+    air_K : float or None
+        Temperature of the air.
+    h_W_m2_K, wind_m_s : float or None
+        Coefficient of convection, or the wind from which it follows (`convection`).
+    sky_K : float or None
+        Temperature of a blackbody with the total radiance of the sky.
+    ground_K : float or None
+        Temperature of the ground below the horizon; that of the air if it is left out.
+    sun_W_m2, diffuse_W_m2 : float
+        Irradiance of the beam on a plane that faces the sun, and of the sky on a horizontal plane.
+    sun_elevation_deg, sun_azimuth_deg : float or None
+        Direction of the sun in the axes of the scene: azimuth 0 is +x, 90 is +y.
+    albedo : float
+        Share of sunlight that the ground reflects.
+    latitude_deg, longitude_deg, utc_offset_h : float or None
+        Place in place of the sun's direction, and the clock of the hours. An EPW file has them.
+    north_deg : float
+        Azimuth of north, as the emitter `sun` has it.
+    """
+
+    file: str | None = None
+    day: str | None = None
+    air_K: float | None = field(default=None, metadata=KELVIN)
+    h_W_m2_K: float | None = field(default=None, metadata=NOT_NEGATIVE)
+    wind_m_s: float | None = field(default=None, metadata=NOT_NEGATIVE)
+    sky_K: float | None = field(default=None, metadata=within(lower=0, upper=6000, unit="K"))
+    ground_K: float | None = field(default=None, metadata=within(lower=0, upper=6000, unit="K"))
+    sun_W_m2: float = field(default=0.0, metadata=NOT_NEGATIVE)
+    diffuse_W_m2: float = field(default=0.0, metadata=NOT_NEGATIVE)
+    sun_elevation_deg: float | None = field(default=None, metadata=within(lower=-90, upper=90))
+    sun_azimuth_deg: float | None = field(default=None, metadata=within())
+    albedo: float = field(default=0.2, metadata=within(lower=0, upper=1))
+    latitude_deg: float | None = field(default=None, metadata=within(lower=-90, upper=90))
+    longitude_deg: float | None = field(default=None, metadata=within(lower=-180, upper=180))
+    utc_offset_h: float | None = field(default=None, metadata=within(lower=-14, upper=14))
+    north_deg: float = field(default=90.0, metadata=within())
+
+    def __post_init__(self):
+        check_fields(self, "[weather]: ")
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroupTable:
+    """[groups.NAME]: what lies behind the surfaces of a group.
+
+    Attributes
+    ----------
+    temperature : float or None
+        Temperature at which the group is held [K]; nothing else is then given.
+    internal_W_m2 : float
+        Heat that is released below the surface.
+    h_W_m2_K : float or None
+        Coefficient of convection, in place of that of the weather.
+    thickness_mm, conductivity, density, heat_capacity : float or None
+        Wall of one material, in mm, W/(m K), kg/m^3 and J/(kg K).
+    back : str
+        "insulated", unless back_K is given.
+    back_K, back_h : float or None
+        Temperature of the back, or of the air behind it if back_h [W/(m^2 K)] is given.
+    """
+
+    temperature: float | None = field(default=None, metadata=KELVIN)
+    internal_W_m2: float = field(default=0.0, metadata=within())
+    h_W_m2_K: float | None = field(default=None, metadata=NOT_NEGATIVE)
+    thickness_mm: float | None = field(default=None, metadata=POSITIVE)
+    conductivity: float | None = field(default=None, metadata=POSITIVE)
+    density: float | None = field(default=None, metadata=POSITIVE)
+    heat_capacity: float | None = field(default=None, metadata=POSITIVE)
+    back: Literal["insulated"] | None = None
+    back_K: float | None = field(default=None, metadata=KELVIN)
+    back_h: float | None = field(default=None, metadata=POSITIVE)
+
+    WALL = ("thickness_mm", "conductivity", "density", "heat_capacity")
+
+    def check(self, where: str) -> None:
+        """Raise InputError for numbers out of bounds or that do not go together."""
+        check_fields(self, where)
+        given = [name for name in self.WALL if getattr(self, name) is not None]
+        if given and len(given) < len(self.WALL):
+            missing = [name for name in self.WALL if name not in given]
+            raise InputError(f"{where}a wall needs {', '.join(missing)} too")
+        if self.temperature is not None and (given or self.internal_W_m2 or self.back_K):
+            raise InputError(f"{where}a group at a temperature has no wall and no internal_W_m2")
+        if self.back is not None and self.back_K is not None:
+            raise InputError(f'{where}give back = "insulated" or back_K, not both')
+        if self.back_h is not None and self.back_K is None:
+            raise InputError(f"{where}back_h needs back_K, the temperature of the air behind")
+        if self.back_K is not None and not given:
+            raise InputError(f"{where}back_K needs a wall: {', '.join(self.WALL)}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunTable:
+    """[run]: numbers of the computation.
+
+    Attributes
+    ----------
+    steps : int
+        Steps of a day.
+    rays : int
+        Paths from each facet, for conductors and sunlight.
+    seed : int
+    start_K : float or None
+        Temperature at which a series of rows begins; without it the day is repeated until it is
+        periodic.
+    """
+
+    steps: int = field(default=96, metadata=within(lower=4, upper=100_000))
+    rays: int = field(default=1024, metadata=within(lower=64, upper=2**20))
+    seed: int = field(default=0, metadata=within(lower=0, upper=2**32 - 1))
+    start_K: float | None = field(default=None, metadata=KELVIN)
+
+    def __post_init__(self):
+        check_fields(self, "[run]: ")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SignatureTable:
+    """[signature]: intensity over the day, in the band and toward a sensor of the scene.
+
+    Attributes
+    ----------
+    sensor : int
+        Number of the sensor, from 0.
+    spp : int
+        Paths of each pixel.
+    """
+
+    sensor: int = field(default=0, metadata=within(lower=0))
+    spp: int = field(default=64, metadata=within(lower=16, upper=2**20))
+
+    def __post_init__(self):
+        check_fields(self, "[signature]: ")
+
+
+@dataclass(frozen=True)
+class Sigma:
+    """A standard uncertainty: in the unit of its quantity, or relative to it."""
+
+    value: float
+    is_relative: bool
+
+    @staticmethod
+    def of(name: str, given) -> "Sigma":
+        """The uncertainty of an entry of [sigma], such as 0.05 or "30 %"."""
+        where = f"[sigma]: {name}"
+        if isinstance(given, str) and given.strip().endswith("%"):
+            return Sigma(fraction(given), True)
+        if type(given) not in (int, float):
+            raise InputError(f'{where} = {given!r}; must be a number, or a text such as "30 %"')
+        Bounds(is_positive=True).check(float(given), where)
+        return Sigma(float(given), False)
+
+
+@dataclass(frozen=True)
+class Description:
+    """The tables of a heat.toml. folder: that of its paths. name: of the result."""
+
+    target: TargetTable
+    weather: WeatherTable
+    groups: dict[str, GroupTable] = field(default_factory=dict)
+    sigma: dict[str, Sigma] = field(default_factory=dict)
+    run: RunTable = RunTable()
+    signature: SignatureTable | None = None
+    folder: Path = Path()
+    name: str = "heat"
+
+    @staticmethod
+    def read(source: str | PathLike[str] | Mapping) -> "Description":
+        """The description of a TOML file, or of a dictionary of its tables.
+
+        Raises InputError if anything cannot be used.
+        """
+        if isinstance(source, Mapping):
+            return described(source, Path(), "heat")
+        path = Path(source)
+        what = f"heat '{source}'"
+        try:
+            return described(parse_toml(read_text(path, what), what), path.parent, path.stem)
+        except InputError as error:
+            text = str(error)
+            raise InputError(text if text.startswith(what) else f"{what}: {text}") from None
+
+
+def described(tree: Mapping, folder: Path, name: str) -> Description:
+    """The description of the tables of a file in a folder."""
+    for table in tree:
+        if table not in TABLES:
+            raise unknown("table", table, TABLES)
+    stated = dict(tree.get("weather", {}))
+    if "sky" in stated:
+        raise InputError(
+            "[weather]: sky has radiances in two bands only; give sky_K, or an EPW file, for its "
+            "total radiance"
+        )
+    if "day" in stated:
+        stated["day"] = str(stated["day"])
+    target = filled(TargetTable, tree.get("target", {}), "[target]")
+    if Path(target.scene).suffix or (folder / target.scene).exists():
+        target = TargetTable(scene=str(folder / target.scene), parameters=target.parameters)
+    groups = {}
+    for group, values in dict(tree.get("groups", {})).items():
+        where = f"[groups.{group}]"
+        groups[group] = filled(GroupTable, values, where)
+        groups[group].check(f"{where}: ")
+    signature = tree.get("signature")
+    return Description(
+        target=target,
+        weather=filled(WeatherTable, stated, "[weather]"),
+        groups=groups,
+        sigma={key: Sigma.of(key, value) for key, value in flat(tree.get("sigma", {})).items()},
+        run=filled(RunTable, tree.get("run", {}), "[run]"),
+        signature=None if signature is None else filled(SignatureTable, signature, "[signature]"),
+        folder=folder,
+        name=name,
+    )
+
+
+def flat(table: Mapping, before: str = "") -> dict:
+    """Entries of nested tables by dotted names."""
+    entries = {}
+    for key, value in table.items():
+        entries |= (
+            flat(value, f"{before}{key}.")
+            if isinstance(value, Mapping)
+            else {f"{before}{key}": value}
+        )
+    return entries

@@ -1,0 +1,316 @@
+"""The heat balance of a scene: what its facets take up, and what one input changes of it.
+
+Derivatives with respect to the inputs are taken by complex steps: the imaginary part of a power for
+an input that is larger by i times a tiny number is exact to rounding [Squire and Trapp 1998].
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from mi_lcair.errors import InputError, unknown
+from mi_lcair.heating.balance import Balance
+from mi_lcair.heating.conductors import Conductors, Facets, Traced
+from mi_lcair.heating.description import GroupTable, Sigma
+from mi_lcair.heating.wall import Wall
+from mi_lcair.heating.weather import Weather
+from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
+
+STEP = 1e-30  # of complex steps, in standard uncertainties
+OF_WEATHER = ("h", "air_K", "sky_K", "ground_K", "sun_W_m2", "diffuse_W_m2", "albedo")
+OF_WALL = ("thickness_mm", "conductivity", "density", "heat_capacity", "back_K", "back_h")
+OF_SURFACE = ("h", "absorptance", "emissivity", "internal_W_m2", "temperature")
+INPUTS = tuple(dict.fromkeys((*OF_WEATHER, *OF_SURFACE, *OF_WALL)))
+
+
+@dataclass(frozen=True)
+class Sunlit:
+    """Sunlight that the facets absorb, each in m^2.
+
+    beam: (m, n), power by the irradiance of the beam at each time. sky: (n,), by the irradiance of
+    an even sky on a horizontal plane. ground: (n,), by the irradiance that the ground reflects.
+    absorptance: (n,), of the facets in the solar band.
+    """
+
+    beam: np.ndarray
+    sky: np.ndarray
+    ground: np.ndarray
+    absorptance: np.ndarray
+
+
+@dataclass(frozen=True)
+class Change:
+    """An input that differs by a number of standard uncertainties. Without a name nothing does."""
+
+    name: str = ""
+    sigma: Sigma = Sigma(0.0, False)
+    count: complex = 0.0
+
+    def of(self, name: str, value, group: str = ""):
+        """The value of an input, of one group or of all."""
+        if not self.name or self.name not in (name, f"{group}.{name}"):
+            return value
+        return (
+            value * (1 + self.count * self.sigma.value)
+            if self.sigma.is_relative
+            else (value + self.count * self.sigma.value)
+        )
+
+
+@dataclass(frozen=True)
+class Column:
+    """Derivatives of the balance with respect to one input, for one standard uncertainty.
+
+    power, conductance: derivatives of P and C, (m, free). walls: the complex step of an input of
+    walls. radiative: derivative of the heat that the free facets gain by radiation at temperatures
+    (free,) and a time, which P and C do not have [W]. held: that of the temperatures at which
+    facets are held, (n,).
+    """
+
+    name: str
+    power: np.ndarray | float = 0.0
+    conductance: np.ndarray | float = 0.0
+    walls: Change | None = None
+    radiative: Callable[[np.ndarray, int], np.ndarray] | None = None
+    held: np.ndarray | float = 0.0
+
+    def gained(self, kelvin: np.ndarray, k: int) -> np.ndarray:
+        """Power that it adds at temperatures (free,) and a time, apart from walls [W]."""
+        radiative = self.radiative(kelvin, k) if self.radiative else 0.0
+        if np.ndim(self.power) == 0:
+            return radiative
+        return self.power[k] - self.conductance[k] * kelvin + radiative
+
+
+@dataclass(frozen=True, eq=False)
+class Network:
+    """The facets of a scene, what they exchange, and their weather.
+
+    Attributes
+    ----------
+    facets : Facets
+    traced : Traced
+        Conductors in the total band.
+    sunlit : Sunlit
+    weather : Weather
+        At m times.
+    groups : dict of str to GroupTable
+        What was stated of some groups.
+    """
+
+    facets: Facets
+    traced: Traced
+    sunlit: Sunlit
+    weather: Weather
+    groups: dict[str, GroupTable] = field(default_factory=dict)
+
+    def __post_init__(self):
+        for group in self.groups:
+            if group not in self.facets.groups:
+                raise unknown("group", group, self.facets.groups)
+        for group, members in zip(self.tables, self.members):
+            if (empty := self.facets.area[members] <= 0).any():
+                number = self.facets.number[members][empty.argmax()]
+                raise InputError(f"group {group}: facet {number} has no area")
+        self.check_paths()
+
+    @cached_property
+    def tables(self) -> dict[str, GroupTable]:
+        """The table of each group, in the order of the facets' groups."""
+        return {group: self.groups.get(group, GroupTable()) for group in self.facets.groups}
+
+    @cached_property
+    def members(self) -> list[np.ndarray]:
+        """Indices of the facets of each group."""
+        return [np.flatnonzero(self.facets.group == k) for k in range(len(self.facets.groups))]
+
+    @cached_property
+    def is_free(self) -> np.ndarray:
+        """Whether the temperature of a facet is sought, (n,)."""
+        held = [table.temperature is not None for table in self.tables.values()]
+        return ~np.array(held)[self.facets.group]
+
+    @property
+    def conductors(self) -> Conductors:
+        return self.traced.mean
+
+    @cached_property
+    def balance(self) -> Balance:
+        """The balance of the facets whose temperatures are sought."""
+        free = self.is_free
+        between = self.conductors.between
+        inner = between[free][:, free]
+        outward = self.conductors.total[free] - inner.sum(axis=1)
+        return Balance.of(inner, outward)
+
+    def check_paths(self) -> None:
+        """Raise InputError for a group from which heat has no path."""
+        for (group, table), members in zip(self.tables.items(), self.members):
+            h = table.h_W_m2_K if table.h_W_m2_K is not None else self.weather.h_W_m2_K.max()
+            closed = self.conductors.total[members] <= 0
+            if table.temperature is None and not h and table.back_K is None and closed.any():
+                raise InputError(
+                    f"group {group}: facet {self.facets.number[members][closed.argmax()]} has no "
+                    "path for heat; it needs convection, a back at a temperature, or something "
+                    "that it sees"
+                )
+
+    def wall(self, group: str, change: Change = Change()) -> Wall:
+        """The wall of a group; one of thickness 0 if it has none."""
+        table = self.tables[group]
+        if table.thickness_mm is None:
+            return Wall()
+        number = {
+            name: change.of(name, value, group)
+            for name in OF_WALL
+            if (value := getattr(table, name)) is not None
+        }
+        back = np.inf if table.back_K is not None else 0.0
+        return Wall(
+            thickness=number["thickness_mm"] / 1000,
+            conductivity=number["conductivity"],
+            density=number["density"],
+            heat_capacity=number["heat_capacity"],
+            back=number.get("back_h", back),
+            back_temperature=number.get("back_K", 0.0),
+        )
+
+    def held(self, change: Change = Change()) -> np.ndarray:
+        """Temperatures of the facets that are held at one [K], 0 for others, (n,)."""
+        kelvin = [
+            0.0 if table.temperature is None else change.of("temperature", table.temperature, group)
+            for group, table in self.tables.items()
+        ]
+        return np.array(kelvin)[self.facets.group]
+
+    def whole(self, kelvin: np.ndarray) -> np.ndarray:
+        """Temperatures of all facets, from those that are sought, (n,)."""
+        whole = self.held()
+        whole[self.is_free] = kelvin
+        return whole
+
+    def spread(self, changes: np.ndarray, column: Column) -> np.ndarray:
+        """Changes of the temperatures of all facets, from those that are sought, (n,)."""
+        whole = np.zeros(len(self.facets.area)) + column.held
+        whole[self.is_free] = changes
+        return whole
+
+    def loads(self, change: Change = Change()) -> tuple[np.ndarray, np.ndarray]:
+        """P and C of all facets whose temperatures are sought, (m, free) [W, W/K]."""
+        sky, air, weather = self.conductors.to_sky.sum(axis=1), self.weather.air_K, self.weather
+        now = {
+            name: change.of(name, getattr(weather, name))[:, None]
+            for name in ("sky_K", "ground_K", "sun_W_m2", "diffuse_W_m2")
+        }
+        light = now["sun_W_m2"] * weather.height_of_sun[:, None] + now["diffuse_W_m2"]
+        air = change.of("air_K", air)[:, None]
+        emitted = STEFAN_BOLTZMANN * (
+            sky * now["sky_K"] ** 4 + self.conductors.to_ground * now["ground_K"] ** 4
+        )
+        sunlight = self.sunlit.beam * now["sun_W_m2"] + self.sunlit.sky * now["diffuse_W_m2"]
+        sunlight = sunlight + self.sunlit.ground * light * change.of("albedo", weather.albedo)
+        shape = (len(weather.seconds), len(self.facets.area))
+        h, internal, share = (
+            np.zeros(shape, complex),
+            np.zeros(shape[1], complex),
+            np.ones(shape[1], complex),
+        )
+        for (group, table), members in zip(self.tables.items(), self.members):
+            given = (
+                weather.h_W_m2_K if table.h_W_m2_K is None else np.full(shape[0], table.h_W_m2_K)
+            )
+            h[:, members] = change.of("h", given, group)[:, None]
+            internal[members] = change.of("internal_W_m2", table.internal_W_m2, group)
+            absorptance = np.maximum(self.sunlit.absorptance[members], 1e-9)
+            share[members] = change.of("absorptance", absorptance, group) / absorptance
+        conductance = h * self.facets.radiating_area
+        power = emitted + sunlight * share + conductance * air + internal * self.facets.area
+        from_held = STEFAN_BOLTZMANN * (self.conductors.between @ self.held(change) ** 4)
+        free = self.is_free
+        power, conductance = (power + from_held)[:, free], conductance[:, free]
+        return (power, conductance) if change.name else (power.real, conductance.real)
+
+    def column(self, name: str, sigma: Sigma) -> Column:
+        """The derivatives with respect to an input; raises InputError for an unknown one."""
+        group, dot, bare = name.rpartition(".")
+        if bare not in INPUTS:
+            raise unknown("input", bare, INPUTS)
+        if dot and group not in self.facets.groups:
+            raise unknown("group", group, self.facets.groups)
+        if dot and bare in OF_WEATHER and bare != "h":
+            raise InputError(f"[sigma]: {name}: {bare} is of the weather, not of a group")
+        if bare == "emissivity":
+            return Column(name, radiative=self.of_emissivity(name, sigma))
+        change = Change(name, sigma, 1j * STEP)
+        power, conductance = (values.imag / STEP for values in self.loads(change))
+        walls = change if bare in OF_WALL else None
+        return Column(name, power, conductance, walls, held=self.held(change).imag / STEP)
+
+    def of_emissivity(self, name: str, sigma: Sigma) -> Callable:
+        """Derivative of the radiative gains with respect to emissivities, for diffuse surfaces.
+
+        With the conductors GR of the surfaces and of the surroundings, including those to itself,
+        d GR_ij / d eps_k = (d_ik + d_jk) GR_ij / eps_k - GR_ik GR_kj / (A_k eps_k^2).
+        """
+        facets, between = self.facets, self.conductors.between
+        area, eps = facets.radiating_area, np.maximum(facets.emissivity, 1e-9)
+        itself = np.maximum(area * eps - self.conductors.total, 0)
+        change = Change(name, sigma, 1.0)
+        delta = np.zeros(len(area))
+        for group, members in zip(facets.groups, self.members):
+            delta[members] = change.of("emissivity", eps[members], group) - eps[members]
+        outward = self.conductors.to_sky.sum(axis=1)
+
+        def changed(of_facets, of_sky, of_ground):
+            """The derivative of GR times a vector of facets, sky and ground."""
+            applied = between @ of_facets + itself * of_facets + outward * of_sky
+            applied = applied + self.conductors.to_ground * of_ground
+            through = delta / eps * (of_facets - applied / (area * eps))
+            return delta / eps * applied + between @ through + itself * through
+
+        def gained(kelvin, k):
+            whole = self.whole(kelvin)
+            sky, ground = self.weather.sky_K[k], self.weather.ground_K[k]
+            flow = changed(whole**4, sky**4, ground**4) - whole**4 * changed(1.0 + 0 * whole, 1, 1)
+            return STEFAN_BOLTZMANN * flow[self.is_free]
+
+        return gained
+
+    def noise(self) -> list[Column]:
+        """A column for each randomisation of the conductors: its difference from their mean.
+
+        The temperatures of the columns scatter as those of the randomisations.
+        """
+        free = self.is_free
+
+        def of(replicate):
+            def gained(kelvin, k):
+                around = self.whole(kelvin), self.weather.sky_K[k], self.weather.ground_K[k]
+                return (replicate.heat(*around) - self.conductors.heat(*around))[free]
+
+            return gained
+
+        return [
+            Column(f"exchange {number}", radiative=of(replicate))
+            for number, replicate in enumerate(self.traced.replicates)
+        ]
+
+    def mean(self) -> "Network":
+        """The network in the mean weather of its times."""
+        names = ("air_K", "h_W_m2_K", "sky_K", "ground_K", "sun_W_m2", "diffuse_W_m2")
+        weather = self.weather
+        averages = {name: np.mean(getattr(weather, name), keepdims=True) for name in names}
+        averages["sky_K"] = np.mean(weather.sky_K**4, keepdims=True) ** 0.25
+        absorbed = np.mean(weather.sun_W_m2[:, None] * self.sunlit.beam, axis=0, keepdims=True)
+        sun = averages["sun_W_m2"][0]
+        averages |= {
+            name: np.mean(getattr(weather, name), keepdims=True)
+            for name in ("seconds", "elevation_deg", "azimuth_deg")
+        }
+        return replace(
+            self,
+            weather=replace(weather, **averages),
+            sunlit=replace(self.sunlit, beam=absorbed / sun if sun else 0 * absorbed),
+        )

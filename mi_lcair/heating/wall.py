@@ -1,0 +1,96 @@
+"""Conduction through a plane wall of one material, as one spectral element over its depth.
+
+The temperature over the depth is a polynomial of degree `CELLS`, given by its values at the
+Gauss-Lobatto nodes. Node 0 lies on the surface that faces the scene. With the mass matrix M, the
+stiffness K, and the flux q into the surface and q_b into the back [W m^-2],
+
+    M dU/dt + K U = q e_0 + q_b e_n.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import legendre
+
+CELLS = 10  # intervals between the nodes of a wall
+DAY = 86400.0  # [s]
+# Depth in penetration depths of the day. A wave of the day that has gone there and back is smaller
+# by exp(-12). Whatever lies deeper conducts the mean flux only.
+DEEPEST = 6.0
+
+
+def gauss_lobatto(degree: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Nodes in -1..1, weights, and the matrix of the derivative at the nodes."""
+    last = np.eye(degree + 1)[degree]
+    x = np.concatenate([[-1.0], np.sort(legendre.legroots(legendre.legder(last))), [1.0]])
+    value = legendre.legval(x, last)
+    apart = x[:, None] - x + np.eye(degree + 1)
+    derivative = value[:, None] / (value * apart)
+    np.fill_diagonal(derivative, 0)
+    np.fill_diagonal(derivative, -derivative.sum(axis=1))
+    return x, 2 / (degree * (degree + 1) * value**2), derivative
+
+
+NODES, WEIGHTS, DERIVATIVE = gauss_lobatto(CELLS)
+STIFFNESS = DERIVATIVE.T @ (WEIGHTS[:, None] * DERIVATIVE)
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A wall, or nothing behind the surface if its thickness is 0.
+
+    thickness [m], conductivity [W m^-1 K^-1], density [kg m^-3], heat_capacity [J kg^-1 K^-1].
+    back: coefficient of heat transfer at the back [W m^-2 K^-1]; 0 for an insulated back, infinite
+    for a back at a temperature. back_temperature: of the back or of the air behind it [K]. The
+    numbers may be complex, for derivatives by complex steps.
+    """
+
+    thickness: complex = 0.0
+    conductivity: complex = 1.0
+    density: complex = 0.0
+    heat_capacity: complex = 0.0
+    back: complex = 0.0
+    back_temperature: complex = 0.0
+
+    @property
+    def depth(self) -> complex:
+        """Depth down to which heat is stored [m]."""
+        stored = self.density * self.heat_capacity
+        if not np.real(stored * self.thickness):
+            return self.thickness
+        penetration = np.sqrt(self.conductivity * DAY / (np.pi * stored))
+        is_deep = np.real(self.thickness) > DEEPEST * np.real(penetration)
+        return DEEPEST * penetration if is_deep else self.thickness
+
+    @property
+    def outward(self) -> complex:
+        """Conductance from the deepest node to the back [W m^-2 K^-1]."""
+        if self.back == 0:
+            return 0.0
+        resistance = (self.thickness - self.depth) / self.conductivity
+        resistance += 0.0 if np.isinf(np.real(self.back)) else 1 / self.back
+        # The difference from a back at a temperature is 1e-6 of the drop over the wall
+        return 1 / resistance if resistance else 1e6 * self.conductivity / self.depth
+
+    def steady(self) -> tuple[complex, complex]:
+        """Conductance g of the whole wall and temperature r: the flux into it is g (T - r)."""
+        if not self.thickness or self.back == 0:
+            return 0.0, self.back_temperature
+        resistance = self.thickness / self.conductivity
+        resistance += 0.0 if np.isinf(np.real(self.back)) else 1 / self.back
+        return 1 / resistance, self.back_temperature
+
+    def mass(self) -> np.ndarray:
+        """Diagonal of M [J m^-2 K^-1], (nodes,)."""
+        return WEIGHTS * self.density * self.heat_capacity * self.depth / 2
+
+    def conduction(self) -> np.ndarray:
+        """K with the conductance of the back on its diagonal [W m^-2 K^-1], (nodes, nodes)."""
+        matrix = STIFFNESS * (2 * self.conductivity / self.depth)
+        return matrix + np.diag([0.0] * CELLS + [1.0]) * self.outward
+
+    def profile(self, surface: np.ndarray) -> np.ndarray:
+        """Steady temperatures of the nodes below surface temperatures (n,) [K], (nodes, n)."""
+        conductance, _ = self.steady()
+        gradient = conductance * (surface - self.back_temperature) / self.conductivity
+        return surface - np.multiply.outer((NODES + 1) / 2 * self.depth, gradient)

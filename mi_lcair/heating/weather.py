@@ -1,0 +1,261 @@
+"""Weather at the steps of a day: from numbers, from the rows of a CSV, or from an EPW file."""
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mi_lcair.errors import InputError
+from mi_lcair.files import read_text
+from mi_lcair.heating.description import WeatherTable
+from mi_lcair.heating.wall import DAY
+from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
+from mi_lcair.physics.sun.position import sun_position
+from mi_lcair.table import read_table
+
+HOUR = 3600.0
+# Columns of an EPW file [EnergyPlus, Auxiliary Programs, section 2.9], its mark for a missing
+# value, and whether the number is a mean over the hour that ends at its row
+EPW = {
+    "air_K": (6, 99.9, False),
+    "infrared": (12, 9999, True),
+    "sun_W_m2": (14, 9999, True),
+    "diffuse_W_m2": (15, 9999, True),
+    "wind_m_s": (21, 999, False),
+}
+EPW_HEADER = 8  # lines above the rows
+ZERO_CELSIUS = 273.15
+ROWS = ("air_K", "h_W_m2_K", "wind_m_s", "sky_K", "ground_K", "sun_W_m2", "diffuse_W_m2")
+DIRECTION = ("sun_elevation_deg", "sun_azimuth_deg")
+PLACE = ("latitude_deg", "longitude_deg", "utc_offset_h", "day")
+
+
+@dataclass(frozen=True)
+class Weather:
+    """Weather at some times.
+
+    seconds: times since the beginning of the rows, (m,); of one time without a file. The other
+    arrays have the same shape, see `WeatherTable`.
+    """
+
+    seconds: np.ndarray
+    air_K: np.ndarray
+    h_W_m2_K: np.ndarray
+    sky_K: np.ndarray
+    ground_K: np.ndarray
+    sun_W_m2: np.ndarray
+    diffuse_W_m2: np.ndarray
+    elevation_deg: np.ndarray
+    azimuth_deg: np.ndarray
+    albedo: float
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def toward_sun(self) -> np.ndarray:
+        """Unit vectors toward the sun in the axes of the scene, (m, 3)."""
+        elevation, azimuth = np.radians(self.elevation_deg), np.radians(self.azimuth_deg)
+        cos = np.cos(elevation)
+        return np.stack([cos * np.cos(azimuth), cos * np.sin(azimuth), np.sin(elevation)], axis=1)
+
+    @property
+    def height_of_sun(self) -> np.ndarray:
+        """Sine of the sun's elevation, 0 below the horizon, (m,)."""
+        return np.maximum(np.sin(np.radians(self.elevation_deg)), 0)
+
+
+def convection(wind_m_s):
+    """Coefficient of convection [W m^-2 K^-1] from the wind [m/s].
+
+    McAdams' correlation of Juerges' flat plate, Heat Transmission, 3rd ed. (1954), p. 249.
+    """
+    wind = np.asarray(wind_m_s, float)
+    return np.where(wind < 4.88, 5.7 + 3.8 * wind, 6.47 * wind**0.78)
+
+
+def weather(table: WeatherTable, folder: Path, steps: int, is_periodic: bool) -> Weather:
+    """The weather of a [weather] table.
+
+    Parameters
+    ----------
+    table : WeatherTable
+    folder : Path
+        Folder of the files that it names.
+    steps : int
+        Steps of a day, at whose ends the weather of a file is wanted.
+    is_periodic : bool
+        Whether the rows are those of a day that is repeated.
+
+    Raises
+    ------
+    InputError
+        If rows are missing or cannot be used, if something is missing or given twice, or if the sun
+        shines from below the horizon.
+    """
+    constants = {
+        name: value
+        for name in (*ROWS, *DIRECTION, *PLACE)
+        if (value := getattr(table, name)) is not None
+    }
+    if table.file is None:
+        rows, hours, where = {}, np.zeros(1), "[weather]"
+        times = np.zeros(1)
+    else:
+        path = folder / table.file
+        where = f"weather {path}"
+        is_epw = path.suffix.lower() == ".epw"
+        read = epw_rows if is_epw else csv_rows
+        rows, hours, place = read(path, table.day)
+        constants |= place
+        check_hours(where, hours, is_periodic)
+        length = DAY if is_periodic else HOUR * (hours[-1] - hours[0])
+        count = steps if is_periodic else max(1, round(length / DAY * steps))
+        times = hours[0] * HOUR + length / count * np.arange(1, count + 1)
+    values = dict(constants)
+    for name, (centres, numbers) in rows.items():
+        values[name] = interpolated(times, centres * HOUR, numbers, is_periodic)
+    return completed(table, values, times, where)
+
+
+def interpolated(times, centres, numbers, is_periodic: bool) -> np.ndarray:
+    """Numbers of rows at other times, on straight lines; the rows of a day may be repeated."""
+    return np.interp(times, centres, numbers, period=DAY if is_periodic else None)
+
+
+def check_hours(where: str, hours: np.ndarray, is_periodic: bool) -> None:
+    """Raise InputError for rows with gaps, that go back, or that are no day."""
+    if len(hours) < 2:
+        raise InputError(f"{where}: has one row; give at least two")
+    steps = np.diff(hours)
+    usual = float(np.median(steps))
+    if (bad := ~((steps > 0) & (steps < 1.5 * usual))).any():
+        row = int(bad.argmax())
+        raise InputError(
+            f"{where}: from hour {hours[row]:g} to {hours[row + 1]:g} there is a gap, where rows "
+            f"are {usual:g} h apart"
+        )
+    if is_periodic and not -1e-6 <= 24 - (hours[-1] - hours[0]) < 1.5 * usual:
+        raise InputError(
+            f"{where}: the rows last {hours[-1] - hours[0]:g} h, but a day that is repeated has "
+            "24; give start_K of [run] for another series"
+        )
+
+
+def csv_rows(path: Path, day) -> tuple[dict, np.ndarray, dict]:
+    """Rows of a CSV as {name: (hours, numbers)}, their hours, and no place."""
+    table = read_table(path, ("hour",), "weather")
+    names = [name for name in table.columns if name in (*ROWS, *DIRECTION)]
+    if odd := [name for name in table.columns if name not in (*names, "hour")]:
+        raise InputError(
+            f"weather {path}: column {odd[0]} is unknown; known are hour, "
+            f"{', '.join((*ROWS, *DIRECTION))}"
+        )
+    numbers = table.numbers(["hour", *names])
+    for name in names:
+        low, high = (-360, 360) if name in DIRECTION else (0, 6000)
+        table.check_range(name, numbers[name], low, high)
+    hours = numbers.pop("hour")
+    if {"sun_W_m2", "sun_elevation_deg"} <= numbers.keys():
+        below = (numbers["sun_W_m2"] > 0) & (numbers["sun_elevation_deg"] <= 0)
+        if below.any():
+            raise InputError(
+                f"weather {path}, line {table.rows[int(below.argmax())][0]}: sun_W_m2 > 0 with the "
+                "sun below the horizon"
+            )
+    if "sun_azimuth_deg" in numbers:
+        numbers["sun_azimuth_deg"] = np.unwrap(numbers["sun_azimuth_deg"], period=360)
+    return {name: (hours, values) for name, values in numbers.items()}, hours, {}
+
+
+def epw_rows(path: Path, day: str | None) -> tuple[dict, np.ndarray, dict]:
+    """Rows of a day of an EPW file, as `csv_rows`, and the place of its first line.
+
+    The year of the day is ignored, because the months of a typical year come from several years.
+    """
+    lines = list(csv.reader(read_text(path, f"weather {path}").splitlines()))
+    if len(lines) <= EPW_HEADER or not lines[0] or lines[0][0] != "LOCATION":
+        raise InputError(f"weather {path}: is no EPW file, whose first line begins with LOCATION")
+    if day is None:
+        raise InputError(f"weather {path}: name the day, such as day = 2026-06-21")
+    month, date = map(int, day.split("-")[1:])
+    of_day = [
+        (number, row)
+        for number, row in enumerate(lines[EPW_HEADER:], EPW_HEADER + 1)
+        if len(row) > 21 and row[1:3] == [str(month), str(date)]
+    ]
+    if len(of_day) != 24:
+        raise InputError(f"weather {path}: has {len(of_day)} rows of {day}; expected 24")
+    values = {}
+    hours = np.array([float(row[3]) for _, row in of_day])
+    for name, (column, missing, is_mean) in EPW.items():
+        numbers = np.array([float(row[column]) for _, row in of_day])
+        if (absent := numbers >= missing).any():
+            line = of_day[int(absent.argmax())][0]
+            raise InputError(f"weather {path}, line {line}: {name} is missing")
+        values[name] = (hours - 0.5 * is_mean, numbers)
+    values["air_K"] = (hours, values["air_K"][1] + ZERO_CELSIUS)
+    centres, infrared = values.pop("infrared")
+    values["sky_K"] = (centres, (infrared / STEFAN_BOLTZMANN) ** 0.25)
+    names = ("latitude_deg", "longitude_deg", "utc_offset_h")
+    return values, hours, dict(zip(names, map(float, lines[0][6:9])))
+
+
+def completed(table: WeatherTable, values: dict, times: np.ndarray, where: str) -> Weather:
+    """The Weather of the numbers of a table and its rows at some times."""
+    if ("h_W_m2_K" in values) == ("wind_m_s" in values):
+        raise InputError(f"{where}: give h_W_m2_K or wind_m_s, one of them")
+    for name in ("air_K", "sky_K"):
+        if name not in values:
+            raise InputError(f"{where}: {name} is missing")
+    remarks = []
+    if "ground_K" not in values:
+        remarks.append("the ground has the temperature of the air; give ground_K to change it")
+        values["ground_K"] = values["air_K"]
+    elevation, azimuth = directions(table, values, times, where)
+    if "wind_m_s" in values:
+        values["h_W_m2_K"] = convection(values["wind_m_s"])
+    sun = np.broadcast_to(values["sun_W_m2"], times.shape)
+    if table.file is None and sun[0] > 0 and elevation[0] <= 0:
+        raise InputError(f"{where}: sun_W_m2 = {sun[0]:g} with the sun below the horizon")
+    arrays = {
+        name: np.broadcast_to(np.asarray(values[name], float), times.shape)
+        for name in ("air_K", "h_W_m2_K", "sky_K", "ground_K", "diffuse_W_m2")
+    }
+    return Weather(
+        seconds=times,
+        **arrays,
+        sun_W_m2=np.where(elevation > 0, sun, 0.0),
+        elevation_deg=elevation,
+        azimuth_deg=azimuth,
+        albedo=table.albedo,
+        remarks=tuple(remarks),
+    )
+
+
+def directions(table, values: dict, times: np.ndarray, where: str) -> tuple:
+    """Elevation and azimuth of the sun at some times [degrees]; -90 and 0 without a sun."""
+    if all(name in values for name in DIRECTION):
+        return tuple(
+            np.broadcast_to(np.asarray(values[name], float), times.shape) for name in DIRECTION
+        )
+    if not np.any(values["sun_W_m2"]):
+        return np.full(times.shape, -90.0), np.zeros(times.shape)
+    missing = [name for name in PLACE if name not in values]
+    if missing or table.file is None:
+        raise InputError(
+            f"{where}: sunlight needs {' and '.join(DIRECTION)}, or for a file its place: "
+            f"{', '.join(PLACE)}"
+        )
+    midnight = np.datetime64(values["day"]) - np.timedelta64(
+        round(3600 * values["utc_offset_h"]), "s"
+    )
+    suns = [
+        sun_position(
+            values["latitude_deg"],
+            values["longitude_deg"],
+            f"{midnight + np.timedelta64(round(second), 's')}+00:00",
+        )
+        for second in times
+    ]
+    azimuth = table.north_deg - np.array([sun.compass_deg for sun in suns])
+    return np.array([sun.elevation_deg for sun in suns]), np.unwrap(azimuth, period=360)

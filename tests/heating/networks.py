@@ -1,0 +1,53 @@
+"""Networks of a few facets, for tests of the heat balance."""
+
+import numpy as np
+from scipy import sparse
+
+from mi_lcair.heating.conductors import Conductors, Facets, Traced
+from mi_lcair.heating.description import GroupTable
+from mi_lcair.heating.network import Network, Sunlit
+from mi_lcair.heating.weather import Weather
+
+
+def weather(count=1, **numbers) -> Weather:
+    """Weather at times of a day; numbers or arrays by name."""
+    seconds = 86400 / count * np.arange(1, count + 1)
+    usual = {
+        "air_K": 290.0, "h_W_m2_K": 8.0, "sky_K": 260.0, "ground_K": 285.0, "sun_W_m2": 0.0,
+        "diffuse_W_m2": 0.0,
+        "elevation_deg": 45.0, "azimuth_deg": 0.0,
+    }  # fmt: skip
+    arrays = {
+        name: np.broadcast_to(np.asarray(value, float), seconds.shape)
+        for name, value in (usual | numbers).items()
+    }
+    return Weather(seconds=seconds, albedo=0.2, **arrays)
+
+
+def network(between, sky, ground, conditions, *, area=None, beam=0.0, groups=None, replicates=()):
+    """A network of n facets, each in a group g0, g1, ... of its own."""
+    n = len(sky)
+    area = np.ones(n) if area is None else np.asarray(area, float)
+    names = tuple(f"g{k}" for k in range(n))
+
+    def conductors(matrix):
+        to_sky, to_ground = np.reshape(sky, (n, 1)), np.asarray(ground, float)
+        return Conductors(sparse.csr_array(np.asarray(matrix, float)), to_sky, to_ground)
+
+    mean = conductors(between)
+    total = np.maximum(mean.total, 1e-3)
+    facets = Facets(
+        number=np.arange(n), area=area, sides=np.ones(n, int), centre=np.zeros((n, 3)),
+        normal=np.tile([0.0, 0, 1], (n, 1)), groups=names, group=np.arange(n),
+        material=np.array(["grey"] * n), emissivity=np.minimum(total / np.maximum(area, 1e-3), 1),
+    )  # fmt: skip
+    times = len(conditions.seconds)
+    beam = np.broadcast_to(beam, (times, n)).astype(float)
+    sunlit = Sunlit(
+        beam, 0.6 * np.asarray(sky, float), 0.6 * np.asarray(ground, float), np.full(n, 0.6)
+    )
+    tables = {name: GroupTable(**table) for name, table in (groups or {}).items()}
+    for table in tables.values():
+        table.check("")
+    traced = Traced(mean, tuple(map(conductors, replicates)))
+    return Network(facets, traced, sunlit, conditions, tables)

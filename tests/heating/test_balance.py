@@ -1,0 +1,180 @@
+"""Steady temperatures against root finders, closed forms and conservation."""
+
+import numpy as np
+import pytest
+from scipy import sparse
+from scipy.optimize import brentq
+
+from mi_lcair.errors import InputError
+from mi_lcair.heating.balance import Balance
+from mi_lcair.heating.day import steady
+from mi_lcair.heating.description import Sigma
+from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
+from tests.heating.networks import network, weather
+
+WALL = {"thickness_mm": 50, "conductivity": 0.1, "density": 100, "heat_capacity": 1000}
+SIGMAS = {
+    "h": Sigma(0.3, True),
+    "absorptance": Sigma(0.05, False),
+    "emissivity": Sigma(0.02, False),
+    "sky_K": Sigma(10, False),
+    "air_K": Sigma(2, False),
+    "ground_K": Sigma(3, False),
+    "sun_W_m2": Sigma(0.05, True),
+    "albedo": Sigma(0.1, False),
+    "internal_W_m2": Sigma(5, False),
+    "conductivity": Sigma(0.1, True),
+    "back_K": Sigma(1, False),
+    "g1.temperature": Sigma(4, False),
+}
+
+
+@pytest.mark.parametrize("sun", [0.0, 800.0])
+@pytest.mark.parametrize("back", [{}, {"back_K": 300.0}, {"back_K": 300.0, "back_h": 5.0}])
+def test_plate_with_all_terms(sun, back):
+    """1e-9 K of a root finder for the sum of its fluxes."""
+    table = WALL | {"internal_W_m2": 30} | back
+    conditions = weather(sun_W_m2=sun, diffuse_W_m2=100)
+    plate = network([[0]], [0.7], [0.2], conditions, beam=0.5, groups={"g0": table})
+    resistance = 0.05 / 0.1 + 1 / back.get("back_h", np.inf)
+    through = 1 / resistance if back else 0.0
+
+    def surplus(T):
+        radiated = 0.7 * (260**4 - T**4) + 0.2 * (285**4 - T**4)
+        from_ground = 0.2 * (sun * np.sin(np.radians(45)) + 100)
+        absorbed = 0.5 * sun + 0.6 * (0.7 * 100 + 0.2 * from_ground)
+        return STEFAN_BOLTZMANN * radiated + 8 * (290 - T) + absorbed + 30 - through * (T - 300)
+
+    course = steady(plate)
+    assert course.kelvin[0, 0] == pytest.approx(brentq(surplus, 200, 600, xtol=1e-12), abs=1e-9)
+    assert course.residual < 1e-9
+
+
+@pytest.mark.parametrize("shields", [2, 3])
+def test_radiation_shields(shields):
+    """Shields of different emissivity between a hot and a cold plate.
+
+    The resistances 1 / GR of the gaps add, so the flow and all temperatures have a closed form.
+    """
+    eps = np.linspace(0.05, 0.8, shields + 2)
+    gaps = 1 / (1 / eps[:-1] + 1 / eps[1:] - 1)
+    between = np.diag(gaps, 1) + np.diag(gaps, -1)
+    last = shields + 1
+    held = {"g0": {"temperature": 500.0}, f"g{last}": {"temperature": 250.0}}
+    zero = np.zeros(last + 1)
+    kelvin = steady(network(between, zero, zero, weather(h_W_m2_K=0.0), groups=held)).kelvin[0]
+    flow = STEFAN_BOLTZMANN * (500**4 - 250**4) / np.sum(1 / gaps)
+    drops = np.concatenate([[0], np.cumsum(1 / gaps)]) * flow / STEFAN_BOLTZMANN
+    np.testing.assert_allclose(kelvin, (500**4 - drops) ** 0.25, atol=1e-8)
+
+
+def test_isothermal_room_has_its_temperature_whatever_the_noise():
+    """300 K within 1e-6 K for any symmetric conductors, and heat flows that sum to 0."""
+    rng = np.random.default_rng(4)
+    between = sparse.random_array((300, 300), density=0.05, rng=rng)
+    between = between + between.T
+    outward = np.where(rng.random(300) < 0.3, rng.exponential(size=300), 0)
+    balance = Balance.of(between, outward)
+    start = rng.uniform(100, 600, 300)
+    h = np.where(rng.random(300) < 0.5, rng.exponential(10, 300), 0)
+    power = STEFAN_BOLTZMANN * outward * 300.0**4 + h * 300
+    kelvin, _ = balance.solve(power, h, start)
+    np.testing.assert_allclose(kelvin, 300, atol=1e-6)
+    inner = balance.laplacian - sparse.diags_array(outward)
+    flows = inner @ start**4
+    assert abs(flows.sum()) < 1e-10 * abs(flows).sum()
+
+
+def example(**changed):
+    """A network with every kind of input."""
+    between = np.array([[0, 0.2, 0.1], [0.2, 0, 0.3], [0.1, 0.3, 0]])
+    numbers = {
+        "air_K": 290.0,
+        "sky_K": 260.0,
+        "ground_K": 285.0,
+        "sun_W_m2": 700.0,
+        "h_W_m2_K": 8.0,
+    }
+    table = WALL | {"internal_W_m2": 30.0, "back_K": 300.0}
+    g1 = {"temperature": 350.0}
+    for name, value in changed.items():
+        where = {"conductivity": table, "back_K": table, "temperature": g1}.get(name, numbers)
+        where[name] = value
+    groups = {"g0": table, "g1": g1}
+    return network(
+        between,
+        [0.3, 0.1, 0.2],
+        [0.1, 0.1, 0.0],
+        weather(**numbers),
+        beam=[0.5, 0.1, 0],
+        groups=groups,
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("h", {"h_W_m2_K": 8 * 0.3}),
+        ("sky_K", {"sky_K": 10}),
+        ("air_K", {"air_K": 2}),
+        ("ground_K", {"ground_K": 3}),
+        ("sun_W_m2", {"sun_W_m2": 700 * 0.05}),
+        ("conductivity", {"conductivity": 0.1 * 0.1}),
+        ("back_K", {"back_K": 1}),
+        ("g1.temperature", {"temperature": 4}),
+    ],
+)
+def test_derivatives_are_those_of_differences(name, change):
+    """1e-8 of what differences of the solved temperatures give, extrapolated to no step."""
+    ((quantity, sigma),) = change.items()
+    base = {"h_W_m2_K": 8.0, "sky_K": 260.0, "air_K": 290.0, "ground_K": 285.0, "sun_W_m2": 700.0}
+    base |= {"conductivity": 0.1, "back_K": 300.0, "temperature": 350.0}
+
+    def difference(step):
+        ends = [
+            steady(example(**{quantity: base[quantity] + sign * step * sigma})).kelvin[0]
+            for sign in (1, -1)
+        ]
+        return (ends[0] - ends[1]) / (2 * step)
+
+    coarse, middle, fine = map(difference, (0.08, 0.04, 0.02))
+    first, second = (4 * middle - coarse) / 3, (4 * fine - middle) / 3
+    expected = (16 * second - first) / 15
+    column = example().column(name, SIGMAS[name])
+    changes = steady(example(), [column]).changes[0, 0]
+    np.testing.assert_allclose(changes, expected, atol=1e-8 * abs(expected).max() + 1e-9)
+
+
+def test_derivative_with_respect_to_emissivity():
+    """Against differences of conductors that radiosity gives, for three diffuse surfaces."""
+    area = np.array([1.0, 2.0, 0.5])
+    views = np.array([[0.0, 0.5, 0.1], [0.5, 0.3, 0.2], [0.1, 0.2, 0.0]])  # A F, symmetric
+    out = area - views.sum(axis=1)
+
+    def of(eps):
+        # G = A eps (A - F rho)^-1 (F eps and F to the surroundings), F = views
+        inverse = np.linalg.inv(np.diag(area) - views @ np.diag(1 - eps))
+        front = np.diag(area * eps) @ inverse
+        return front @ views @ np.diag(eps), front @ out
+
+    eps = np.array([0.9, 0.3, 0.6])
+
+    def room(shift):
+        matrix, sky = of(eps + shift)
+        np.fill_diagonal(matrix, 0)
+        made = network(matrix, sky, np.zeros(3), weather(h_W_m2_K=2.0, sun_W_m2=500), area=area,
+                       beam=[0.5, 0, 0])  # fmt: skip
+        made.facets.emissivity[:] = eps
+        return made
+
+    column = room(0.0).column("emissivity", Sigma(0.02, False))
+    changes = steady(room(0.0), [column]).changes[0, 0]
+    ends = [steady(room(sign * 1e-5)).kelvin[0] for sign in (1, -1)]
+    np.testing.assert_allclose(changes, (ends[0] - ends[1]) / 2e-5 * 0.02, rtol=1e-5)
+
+
+def test_groups_without_a_path_for_heat_are_refused():
+    with pytest.raises(InputError, match="group g0: facet 0 has no path for heat"):
+        network([[0]], [0.0], [0.0], weather(h_W_m2_K=0.0))
+    with pytest.raises(InputError, match="group g0: facet 0 has no area"):
+        network([[0]], [1.0], [0.0], weather(), area=[0.0])

@@ -1,0 +1,106 @@
+"""Temperatures over a day against closed forms, fine references and differences."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from mi_lcair.heating.day import course
+from mi_lcair.heating.description import Sigma
+from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
+from tests.heating.networks import network, weather
+
+PANEL = {"conductivity": 200.0, "density": 2700.0, "heat_capacity": 900.0}
+SOIL = {"conductivity": 1.2, "density": 1800.0, "heat_capacity": 1100.0, "thickness_mm": 2000.0}
+
+
+def day_of(steps, wall, **groups):
+    """A plate below the sun of a day, and a second one that it warms."""
+    angle = 2 * np.pi * np.arange(1, steps + 1) / steps
+    sunshine = np.maximum(0, -np.cos(angle)) * 900
+    conditions = weather(steps, sun_W_m2=sunshine, air_K=290 - 8 * np.cos(angle))
+    tables = {"g0": wall, "g1": wall} | groups
+    between = [[0, 0.2], [0.2, 0]]
+    return network(between, [0.7, 0.3], [0.1, 0.1], conditions, beam=[0.5, 0.0], groups=tables)
+
+
+@pytest.mark.parametrize(
+    "wall", [SOIL, *({"thickness_mm": d} | PANEL for d in (1.0, 20.0, 100.0))], ids=str
+)
+def test_wave_of_a_day(wall):
+    """Amplitude and phase below air that swings by 20 K.
+
+    The surface has the impedance Z = coth(m L) / (k m) [Carslaw and Jaeger, section 3.6].
+    """
+    steps, h = 192, 8.0
+    angle = 2 * np.pi * np.arange(1, steps + 1) / steps
+    conditions = weather(steps, air_K=290 + 20 * np.cos(angle), h_W_m2_K=h)
+    kelvin = course(network([[0]], [0.0], [0.0], conditions, groups={"g0": wall})).kelvin[:, 0]
+    wave = 2 * np.mean((kelvin - 290) * np.exp(-1j * angle))
+    k, capacity = wall["conductivity"], wall["density"] * wall["heat_capacity"]
+    m = np.sqrt(1j * 2 * np.pi / 86400 * capacity / k)
+    Z = 1 / (k * m * np.tanh(m * wall["thickness_mm"] / 1000))
+    ratio = wave / (20 * h * Z / (1 + h * Z))
+    assert abs(abs(ratio) - 1) < 1e-3
+    assert abs(np.angle(ratio, deg=True)) < 0.5
+
+
+@pytest.mark.parametrize("thickness", [2.0, 20.0])
+def test_day_with_default_steps_against_a_fine_reference(thickness):
+    """0.2 K of an integrator of stiff equations with 10,000 times smaller errors."""
+    wall = {"thickness_mm": thickness} | PANEL
+    result = course(day_of(96, wall))
+    capacity = thickness / 1000 * PANEL["density"] * PANEL["heat_capacity"]
+
+    def rate(t, T):
+        angle = 2 * np.pi * t / 86400
+        sun, air = max(0.0, -np.cos(angle)) * 900, 290 - 8 * np.cos(angle)
+        light = 0.2 * sun * np.sin(np.pi / 4)
+        gain = 0.2 * (T[::-1] ** 4 - T**4) + np.array([0.7, 0.3]) * (260.0**4 - T**4)
+        gain = STEFAN_BOLTZMANN * (gain + 0.1 * (285.0**4 - T**4)) + 8 * (air - T)
+        return (gain + np.array([0.5, 0.0]) * sun + 0.6 * 0.1 * light) / capacity
+
+    days = 1 if thickness < 10 else 3
+    times = np.arange(1, 97) * 900.0 + (days - 1) * 86400
+    exact = solve_ivp(
+        rate, (0, days * 86400), result.kelvin[-1], "LSODA", times, rtol=1e-8, max_step=900
+    )
+    np.testing.assert_allclose(result.kelvin, exact.y.T, atol=0.2)
+
+
+def test_changes_by_inputs_are_those_of_differences():
+    """Columns of the last day against solved days whose inputs differ a little."""
+    wall = {"thickness_mm": 5.0} | PANEL | {"back_K": 295.0, "back_h": 4.0}
+    sigma = Sigma(1e-2, True)
+    network = day_of(48, wall)
+    for name in ("density", "conductivity", "back_h", "back_K"):
+        changes = course(network, [network.column(name, sigma)]).changes[0]
+        ends = [
+            course(day_of(48, wall | {name: wall[name] * (1 + sign * 1e-2)})).kelvin
+            for sign in (1, -1)
+        ]
+        difference = (ends[0] - ends[1]) / 2
+        np.testing.assert_allclose(changes, difference, atol=2e-3 + 1e-3 * abs(difference).max())
+
+
+def test_series_begins_at_its_temperature():
+    """A lumped panel cools exponentially."""
+    wall = {"thickness_mm": 50.0} | PANEL
+    conditions = weather(96, air_K=280.0)
+    cooling = course(network([[0]], [0.0], [0.0], conditions, groups={"g0": wall}), start_K=320.0)
+    constant = 0.05 * 2700 * 900 / 8
+    exact = 280 + 40 * np.exp(-conditions.seconds / constant)
+    np.testing.assert_allclose(cooling.kelvin[:, 0], exact, atol=0.05)
+
+
+def test_scatter_of_the_conductors_reaches_the_temperatures():
+    """Columns of the randomisations are the differences of temperatures that each would give."""
+    rng = np.random.default_rng(1)
+    matrices = [np.array([[0, x], [x, 0]]) for x in 0.3 + 0.01 * rng.standard_normal(8)]
+    mean = np.mean(matrices, axis=0)
+    given = ([0.6, 0.1], [0.0, 0.1], weather(sun_W_m2=600))
+    noisy = network(mean, *given, beam=[0.6, 0], replicates=matrices)
+    changes = course(noisy, noisy.noise()).changes[:, 0]
+    base = course(noisy).kelvin[0]
+    for matrix, change in zip(matrices, changes):
+        solved = course(network(matrix, *given, beam=[0.6, 0])).kelvin[0]
+        np.testing.assert_allclose(change, solved - base, atol=0.02)

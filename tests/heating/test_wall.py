@@ -1,0 +1,48 @@
+"""Walls against the closed forms of conduction."""
+
+import numpy as np
+import pytest
+
+from mi_lcair.heating.wall import CELLS, DAY, Wall
+
+OMEGA = 2 * np.pi / DAY
+
+
+def impedance(wall: Wall) -> complex:
+    """Temperature of the surface for a flux of 1 W/m^2 that oscillates once a day."""
+    matrix = 1j * OMEGA * np.diag(wall.mass()) + wall.conduction()
+    return np.linalg.solve(matrix, np.eye(CELLS + 1)[0])[0]
+
+
+@pytest.mark.parametrize("thickness", [0.001, 0.02, 0.1])
+@pytest.mark.parametrize(("conductivity", "capacity"), [(200, 2.4e6), (0.04, 3e4), (1.5, 2e6)])
+def test_panel_with_an_insulated_back(thickness, conductivity, capacity):
+    """Z = coth(m L) / (k m), m^2 = i omega rho c / k [Carslaw and Jaeger, section 3.6]."""
+    m = np.sqrt(1j * OMEGA * capacity / conductivity)
+    exact = 1 / (conductivity * m * np.tanh(m * thickness))
+    wall = Wall(thickness, conductivity, 1.0, capacity)
+    np.testing.assert_allclose(impedance(wall), exact, rtol=1e-8)
+
+
+@pytest.mark.parametrize("thickness", [0.7, 1.0, 4.0, 50.0])
+def test_soil_is_a_semi_infinite_body(thickness):
+    """Z = 1 / (k m): amplitude within 1e-3 and phase within half a degree, however deep."""
+    wall = Wall(thickness, 1.2, 1800, 1100)
+    exact = 1 / (1.2 * np.sqrt(1j * OMEGA * 1800 * 1100 / 1.2))
+    ratio = impedance(wall) / exact
+    assert abs(abs(ratio) - 1) < 1e-4
+    assert abs(np.angle(ratio, deg=True)) < 0.01
+
+
+@pytest.mark.parametrize("thickness", [0.05, 5.0])
+@pytest.mark.parametrize("back", [np.inf, 4.0, 0.0])
+def test_steady_flux_is_that_of_resistances_in_series(thickness, back):
+    wall = Wall(thickness, 0.5, 1000, 900, back, 280.0)
+    g, r = wall.steady()
+    flux = 0.0 if back == 0 else (310 - 280) / (thickness / 0.5 + 1 / back)
+    assert g * (310 - r) == pytest.approx(flux, rel=1e-12)
+    # The nodes agree with it: the same flux into the surface gives the same profile
+    ends = np.eye(CELLS + 1)[0] * flux + np.eye(CELLS + 1)[-1] * wall.outward * 280
+    if back:
+        nodes = np.linalg.solve(wall.conduction(), ends)
+        np.testing.assert_allclose(nodes, wall.profile(np.array([310.0]))[:, 0], atol=1e-4)
