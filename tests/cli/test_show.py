@@ -190,6 +190,20 @@ def test_each_kind_of_file_has_its_default_picture(run, folder, figures):
     assert figures[-1].axes[0].get_title() == "box, temperature.Y"
 
 
+def test_two_images(run, refused, folder, figures):
+    """Their difference is drawn for the channels that are named, or that both have."""
+    write_exr("a.exr", {"Y": np.ones((2, 2)), "range.Y": np.ones((2, 2))}, {"scene": "box"})
+    write_exr("b.exr", {"Y": np.full((2, 2), 3.0)}, {"scene": "box"})
+    assert run("show", "a.exr", "b.exr").stdout == "a_b.png\n"
+    assert figures[0].axes[4].get_title() == "difference.Y: mean 2, rms 2"
+    assert "unknown channel of both images" in refused("show", "a.exr", "b.exr", "-c", "range.Y")
+    for what in (("a.exr", "b.exr", "a.exr"), ("a.exr", "two_plates")):
+        assert "show takes one WHAT, or two images" in refused("show", *what)
+    assert "--outlines does not go with two images" in refused(
+        "show", "a.exr", "b.exr", "--outlines"
+    )
+
+
 @pytest.mark.slow
 def test_models_and_scenes(run, folder, figures):
     """An OBJ, what import made of it, and a bundled scene."""

@@ -21,8 +21,7 @@ def image(what, output, channels, outlines, scene, parameters, sensor, **scale):
     file = Path(what)
     output = output or file.with_suffix(".png")
     image_channels, header = read_exr(file)
-    usual = next((name for name in USUAL if name in image_channels), next(iter(image_channels)))
-    names = choose("channel", image_channels, channels or (usual,))
+    names = choose("channel", image_channels, channels or usual(image_channels))
     title = ", ".join(str(header[key]) for key in ("scene", "band") if key in header) or file.stem
     drawn = {name: image_channels[name] for name in names}
     if outlines:
@@ -30,6 +29,35 @@ def image(what, output, channels, outlines, scene, parameters, sensor, **scale):
         scale["outlines"] = _outlines_of(file, header, shape, scene, dict(parameters), sensor)
     save_picture(output, drawn, title, window_m=window_of(header), **scale)
     click.echo(output)
+
+
+def comparison(what, output, channels, **scale):
+    """Draw channels of two images beside each other, and their difference."""
+    from mi_lcair.drawing import write_figure
+    from mi_lcair.rendering.images.exr import read_exr, window_of
+    from mi_lcair.reports.pictures.comparison import figure
+
+    files = [Path(name) for name in what]
+    images, headers = zip(*map(read_exr, files))
+    output = output or files[0].with_name(f"{files[0].stem}_{files[1].stem}.png")
+    both = [name for name in images[0] if name in images[1]]
+    names = choose("channel of both images", both, channels or usual(both))
+    windows = [window_of(header) for header in headers]
+    drawn = figure(
+        [{name: image[name] for name in names} for image in images],
+        [file.name if files[0].name != files[1].name else str(file) for file in files],
+        ", ".join(dict.fromkeys(str(header["scene"]) for header in headers if "scene" in header)),
+        window_m=windows[0] if windows[0] == windows[1] else None,
+        **scale,
+    )
+    write_figure(drawn, output)
+    click.echo(output)
+
+
+def usual(channels) -> list[str]:
+    """The channel that is drawn where none is named: the first of USUAL, or the first of all."""
+    known = list(channels)
+    return [*(name for name in USUAL if name in known), *known][:1]
 
 
 def _outlines_of(file, header, shape, scene, parameters, sensor):

@@ -18,11 +18,12 @@ from mi_lcair.files import check_suffix, check_writable
 
 SCALE = ("log", "vmin", "vmax", "cmap", "common_scale", "outlines")
 SCENE = ("parameters", "sensor")
-FACET, COLUMNS = "--facet", "--facets"
+FACET, COLUMNS, TWO = "--facet", "--facets", "two images"
 # The function that draws each kind of picture, and its options beside --output.
 DRAWN = {
     FACET: (pictures.facet_view, ("facet", "parameters", "json")),
     COLUMNS: (pictures.facet_columns, ("facets", "channels", *SCALE, *SCENE)),
+    TWO: (pictures.comparison, ("channels", *SCALE[:-1])),
     "an image": (pictures.image, ("channels", *SCALE, "scene", *SCENE)),
     "a trend": (pictures.trend, ()),
     "a spectrum": (pictures.spectrum, ()),
@@ -50,9 +51,10 @@ NOT_DRAWN = {
     epilog=examples(
         "mi-lcair show open_box.exr -o open_box.png",
         "mi-lcair show gloss_black --band LWIR -o brdf.png",
+        "mi-lcair show before.exr after.exr",
     ),
 )
-@click.argument("what", shell_complete=completion.pictured)
+@click.argument("what", nargs=-1, required=True, metavar="WHAT", shell_complete=completion.pictured)
 @output_option("the picture, FILE.png, .svg or .pdf (default: named after WHAT)")
 @click.option(
     "-c",
@@ -105,6 +107,8 @@ def command(ctx, what, output, **options):
 
     \b
     FILE.exr                            channels of an image
+    FILE.exr FILE.exr                   two images with one scale, and their
+                                        difference
     FILE.csv, FILE.nc                   a trend, or a spectrum of a signature
     FILE.json                           a solution of invert, a budget, or an
                                         audit; a contrast
@@ -121,6 +125,8 @@ def command(ctx, what, output, **options):
     SKY --band BAND                     a sky by wavelength and elevation,
                                         such as us_standard_clear
     """
+    if len(what) == 1:
+        (what,) = what
     kind = _kind(what, **{name: options[name] for name in ("facet", "facets", "materials")})
     draw, names = DRAWN[kind]
     for parameter in ctx.command.params:
@@ -137,8 +143,12 @@ def command(ctx, what, output, **options):
 
 def _kind(what, facet, facets, materials) -> str:
     """What is drawn, a key of DRAWN; raises InputError for what has no picture."""
-    from mi_lcair.formats.kinds import kind_of
+    from mi_lcair.formats.kinds import IMAGE, kind_of
 
+    if isinstance(what, tuple):
+        if len(what) > 2 or {kind_of(file, materials) for file in what} != {IMAGE}:
+            raise InputError("show takes one WHAT, or two images (.exr) to compare")
+        return TWO
     if facet is not None or facets is not None:
         return COLUMNS if facet is None else FACET
     kind = kind_of(what, materials)

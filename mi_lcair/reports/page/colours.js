@@ -4,7 +4,7 @@ const MAPS = {
     below: "#2f7bd9", above: "#3fe8e0" },
   viridis: { stops: ["#440154", "#482475", "#414487", "#355f8d", "#2a788e", "#21918c", "#22a884", "#44bf70", "#7ad151", "#bddf26", "#fde725"],
     below: "#b34700", above: "#ff4fa3" },
-  grey: { stops: ["#000000", "#ffffff"], below: "#2f7bd9", above: "#e5383b" },
+  grey: { stops: ["#000000", "#ffffff"], below: "#7b3fb8", above: "#e5383b", empty: "#4682b4" },
   "blue-red": { stops: ["#053061", "#2166ac", "#4393c3", "#92c5de", "#d1e5f0", "#f7f7f7", "#fddbc7", "#f4a582", "#d6604d", "#b2182b", "#67001f"],
     below: "#00c2b2", above: "#ffb000" },
 };
@@ -13,7 +13,7 @@ const GUARD = 0.008;  // share between a mark and the scale; WebGL mixes colours
 const CATEGORIES = ["#4e79a7", "#f28e2b", "#59a14f", "#e15759", "#76b7b2", "#edc948", "#b07aa1", "#9c755f", "#ff9da7", "#86bcb6",
   "#a0cbe8", "#ffbe7d", "#8cd17d", "#f1ce63", "#d4a6c8", "#499894", "#d37295", "#79706e"];
 const WIDE = 10;  // ratio of robust limits from which a scale is logarithmic at first
-const EMPTY = "#b4bac2";  // colour of what has no value
+const EMPTY = "#b4bac2";  // colour of what has no value, where the map has none of its own
 
 /**
  * What plotly needs to colour values between two limits: a function of a value, the ends of the
@@ -21,7 +21,7 @@ const EMPTY = "#b4bac2";  // colour of what has no value
  * With `hasEmpty`, what has no value gets a mark of its own; otherwise it stays NaN.
  */
 function scaleOf(low, high, log, mapName, hasEmpty = false) {
-  const map = MAPS[mapName];
+  const map = MAPS[mapName], empty = map.empty || EMPTY;
   if (!(high > low)) high = low + (Math.abs(low) * 1e-6 || 1e-30);
   if (log && !(low > 0)) low = high > 0 ? high * 1e-6 : 1e-30;
   const place = log ? Math.log10 : (value) => value;
@@ -29,7 +29,7 @@ function scaleOf(low, high, log, mapName, hasEmpty = false) {
   const at = (value) => GUARD + (1 - 2 * GUARD) * (place(value) - start) / length;
   const first = -MARK * (hasEmpty ? 2 : 1), last = 1 + MARK, share = (x) => (x - first) / (last - first);
   const stops = map.stops.map((colour, k) => [share(GUARD + (1 - 2 * GUARD) * k / (map.stops.length - 1)), colour]);
-  const colorscale = [...(hasEmpty ? [[0, EMPTY], [share(-MARK), EMPTY]] : []), [share(-MARK), map.below], [share(0), map.below],
+  const colorscale = [...(hasEmpty ? [[0, empty], [share(-MARK), empty]] : []), [share(-MARK), map.below], [share(0), map.below],
     [share(0), map.stops[0]], ...stops, [share(1), map.stops.at(-1)], [share(1), map.above], [1, map.above]];
   const marked = (value) => {
     if (!Number.isFinite(value)) return hasEmpty ? -1.5 * MARK : NaN;
@@ -38,7 +38,7 @@ function scaleOf(low, high, log, mapName, hasEmpty = false) {
     return x < GUARD - 1e-6 ? -0.5 * MARK : x > 1 - GUARD + 1e-6 ? 1 + 0.5 * MARK : Math.min(Math.max(x, GUARD), 1 - GUARD);
   };
   const ticks = log ? logTicks(low, high) : evenTicks(low, high);
-  return { marked, first, last, colorscale, tickvals: ticks.map(at), ticktext: ticks.map((value) => shown(value)) };
+  return { marked, first, last, colorscale, empty, tickvals: ticks.map(at), ticktext: ticks.map((value) => shown(value)) };
 }
 
 /** Round numbers between two limits, about six. */

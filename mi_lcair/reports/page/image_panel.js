@@ -2,11 +2,12 @@
 PANELS.image = (place, data) => new ImagePanel(place, data).drawAll();
 
 const MOST_PICTURES = 6;
+const USUAL = "usual";  // temperatures in greys, signed values in blue and red, others in inferno
 
 class ImagePanel {
   constructor(place, data) {
     Object.assign(this, data);
-    this.state = { log: isWide(this.channels[this.shown[0]]), common: false, map: "inferno" };
+    this.state = { log: isWide(this.channels[this.shown[0]]), common: false, map: USUAL };
     this.ratio = this.size_m ? this.size_m[1] / this.size_m[0] : this.height / this.width;
     this.pictures = [];
     this.pinned = null;
@@ -15,15 +16,15 @@ class ImagePanel {
     place.append(
       element("div", { className: "controls" },
         menu("scale", [["linear", "linear"], ["log", "logarithmic"]], this.state.log ? "log" : "linear", (value) => this.set({ log: value === "log" })),
-        menu("colours", Object.keys(MAPS).map((name) => [name, name]), "inferno", (value) => { this.state.map = value; this.drawAll(); }),
+        menu("colours", [USUAL, ...Object.keys(MAPS)].map((name) => [name, name]), USUAL, (value) => { this.state.map = value; this.drawAll(); }),
         tick("common scale", false, (value) => this.set({ common: value })),
         button("robust limits", () => this.reset(false)),
         button("whole range", () => this.reset(true)),
         button("add a picture", () => this.add(this.shown[0]))),
       element("div", { className: "beside" }, this.box, this.readout.element),
       element("p", { className: "note", textContent:
-        `Limits are at first the 0.5 % and 99.5 % quantiles of the pixels${this.part ? " around the target" : ""}, so that a few bright ones do not set the scale. ` +
-        "Pixels beyond the limits have the colours at the ends of the bar; grey ones have no value there." }));
+        `Limits are at first those of all pixels${this.part ? " around the target" : ""}, but for few that would stretch the scale. ` +
+        "Pixels beyond the limits have the colours at the ends of the bar. Those without a value are grey, or blue where the scale is grey." }));
     this.shown.forEach((channel) => this.add(channel, false));
   }
 
@@ -85,7 +86,8 @@ class ImagePanel {
 
   async draw(picture) {
     const { width, height, state } = this, channel = this.channels[picture.channel];
-    const map = state.map === "inferno" && isSigned(channel) && !state.log ? "blue-red" : state.map;
+    const usual = isSigned(channel) && !state.log ? "blue-red" : channel.unit === "K" ? "grey" : "inferno";
+    const map = state.map === USUAL ? usual : state.map;
     const scale = scaleOf(...picture.limits, state.log, map);
     picture.fields.forEach((field, k) => field.show(picture.limits[k]));
     const z = [];
@@ -101,7 +103,7 @@ class ImagePanel {
     Object.assign(trace, metres || { x0: 0, dx: 1, y0: 0, dy: 1 });
     const words = size ? ["right (m)", "up (m)"] : ["column (pixel)", "row (pixel)"];
     const old = picture.ranges || {};
-    const layout = { template: TEMPLATE, height: this.plotHeight(picture), margin: { l: 56, r: 12, t: 10, b: 44 }, plot_bgcolor: EMPTY,
+    const layout = { template: TEMPLATE, height: this.plotHeight(picture), margin: { l: 56, r: 12, t: 10, b: 44 }, plot_bgcolor: scale.empty,
       xaxis: { title: { text: words[0] }, showgrid: false, constrain: "domain", range: old.x },
       yaxis: { title: { text: words[1] }, showgrid: false, scaleanchor: "x", constrain: "domain", range: old.y, autorange: old.y ? false : size ? true : "reversed" } };
     await Plotly.react(picture.plot, [trace], layout, CONFIG);

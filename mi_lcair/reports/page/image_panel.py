@@ -5,10 +5,9 @@ import numpy as np
 from mi_lcair.formats.channels import or_nan
 from mi_lcair.reports.page.arrays import rounded
 from mi_lcair.reports.page.panel import Panel
-from mi_lcair.reports.pictures.colour_scale import LOG_DECADES
+from mi_lcair.reports.pictures.colour_scale import limits_of_channel
 from mi_lcair.reports.pictures.image_channels import channel_quantity
 
-LOW, HIGH = 0.005, 0.995  # quantiles of the pixels that are the default limits of a scale
 SEEN = "seen."
 WHOLE = slice(None), slice(None)  # all rows and columns
 
@@ -47,8 +46,7 @@ def image_panel(channels: dict[str, np.ndarray], shown=(), orthographic_m=None) 
                     "quantity": channel_quantity(name)[0],
                     "unit": channel_quantity(name)[1],
                     "values": pixels.ravel(),
-                    "limits": limits(pixels[part]),
-                    "log_limits": limits(pixels[part], log=True),
+                    **scales(name, pixels[part]),
                     "extent": extent(pixels),
                 }
                 for name, pixels in values.items()
@@ -80,35 +78,19 @@ def with_gaps(name: str, pixels: np.ndarray) -> np.ndarray:
     return or_nan(name, pixels)
 
 
-def limits(values: np.ndarray, log: bool = False, weights=None) -> tuple[float, float]:
-    """Robust limits of a scale: the LOW and HIGH quantiles of the values.
+def scales(name: str, values: np.ndarray, weights=None) -> dict[str, tuple[float, float]]:
+    """Ends of the linear and the logarithmic scale of a channel or column, as in pictures.
 
-    A few very bright pixels then do not make all others dark. A logarithmic scale has at most
-    LOG_DECADES. weights: of each value, such as the areas of facets; equal ones by default.
+    weights: of each value, such as the areas of facets; equal ones by default.
     """
-    values = np.ravel(values)
-    is_drawn = np.isfinite(values) & ((values > 0) | (not log))
-    values = values[is_drawn]
-    if not values.size:
-        return (0.1, 1.0) if log else (0.0, 1.0)
-    if weights is None:
-        low, high = map(float, np.quantile(values, (LOW, HIGH)))
-    else:
-        low, high = weighted_quantiles(values, np.ravel(weights)[is_drawn])
-    if low == high:
-        low, high = float(values.min()), float(values.max())
-    if low == high:  # a scale needs an extent; it is centred on the only value
-        low, high = low - 0.05 * abs(low), high + 0.05 * abs(high) or 1.0
-    return (max(low, high * 10.0**-LOG_DECADES), high) if log else (low, high)
+    is_known = np.isfinite(values)
 
+    def ends(is_drawn, log: bool):
+        of_drawn = None if weights is None else weights[is_drawn]
+        limits = limits_of_channel(name, [values[is_drawn]], log, weights=of_drawn)
+        return limits.lower, limits.upper
 
-def weighted_quantiles(values: np.ndarray, weights: np.ndarray) -> tuple[float, float]:
-    """The LOW and HIGH quantiles of the values, each as often as its weight says."""
-    order = np.argsort(values)
-    shares = np.cumsum(np.nan_to_num(weights[order]))
-    places = np.searchsorted(shares, np.array([LOW, HIGH]) * shares[-1])
-    low, high = values[order][np.minimum(places, len(values) - 1)]
-    return float(low), float(high)
+    return {"limits": ends(is_known, False), "log_limits": ends(is_known & (values > 0), True)}
 
 
 def extent(values: np.ndarray) -> tuple[float | None, float | None]:

@@ -33,7 +33,7 @@ class ModelPanel {
         tick("outlines", false, (value) => { this.state.outlines = value; this.draw(); })),
       element("div", { className: "beside" }, this.plot, this.readout.element),
       element("p", { className: "note", textContent:
-        "Limits are at first the 0.5 % and 99.5 % quantiles of the facets' area. Facets beyond the limits have the colours at the ends of the bar; " +
+        "Limits are at first those of all facets, but for a small area that would stretch the scale. Facets beyond the limits have the colours at the ends of the bar; " +
         "grey ones have no value, such as the radiance of a facet that the sensor does not see. Axes in metres, equal scales." }));
     this.limits = limitsOf(this.column, this.state.log, false);
     this.view = views[0];

@@ -5,7 +5,7 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.reports.page.arrays import rounded
-from mi_lcair.reports.page.image_panel import extent, limits
+from mi_lcair.reports.page.image_panel import extent, scales
 from mi_lcair.reports.page.panel import Panel, column_data
 
 EMISSIVITY = "emissivity_toward_the_sensor"
@@ -78,11 +78,7 @@ def described_column(name: str, values, areas=None) -> dict:
     if "names" in column:
         return column
     numbers = rounded(np.asarray(values, dtype=float)).astype(float)
-    return column | {
-        "limits": limits(numbers, weights=areas),
-        "log_limits": limits(numbers, log=True, weights=areas),
-        "extent": extent(numbers),
-    }
+    return column | scales(name, numbers, areas) | {"extent": extent(numbers)}
 
 
 def with_emissivity(columns: dict[str, np.ndarray], band) -> dict[str, np.ndarray]:

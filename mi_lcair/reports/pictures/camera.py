@@ -4,6 +4,7 @@ import numpy as np
 
 from mi_lcair.camera.image_result import Image
 from mi_lcair.drawing import new_figure, plain, styled, write_figure
+from mi_lcair.reports.pictures.colour_scale import limits_of
 
 SIZE = (11, 7.6)  # inches
 SMALLEST_ERROR = 1e-2  # smallest error of the rendering that is drawn, in noises of the camera
@@ -60,17 +61,16 @@ def _temperature(figure, axes, image: Image) -> None:
         slice(max(left - beside, 0), min(left + columns + beside, width)),
     )
     values = image.channels["temperature.Y"][part]
-    # A few hot or bad pixels must not set the scale
-    low, high = np.quantile(values, [0.002, 0.985])
+    scale = limits_of([values[np.isfinite(values)]], log=False)
     drawn = axes.imshow(
         values,
-        cmap="inferno",
-        vmin=low,
-        vmax=max(high, low + 1e-3),
+        cmap="gray",
+        vmin=scale.lower,
+        vmax=scale.upper,
         extent=(part[1].start, part[1].stop, part[0].stop, part[0].start),
         interpolation="nearest",
     )
-    bar = figure.colorbar(drawn, ax=axes, extend="both", shrink=0.9)
+    bar = figure.colorbar(drawn, ax=axes, extend=scale.extend, shrink=0.9)
     bar.set_label("apparent temperature (K)")
     axes.set_title("(a) first frame, around the target")
     axes.set_xlabel("column (pixel)")

@@ -1,18 +1,23 @@
-"""Limits of colour scales: robust against single hot pixels, common to panels, or given."""
+"""Limits of colour scales: robust against few hot pixels, common to panels, or given.
 
-from dataclasses import dataclass
+Pictures and pages have the same rule.
+"""
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mi_lcair.errors import InputError
 
 LOG_DECADES = 6  # largest extent of a logarithmic scale
-# Single pixels that stretch the scale are cut off: more than STRETCH times the scale of the middle
-# 99.8 % of the values. Few pixels have no such percentiles.
-PERCENTILES, STRETCH, FEW = (0.1, 99.9), 3.0, 1000
+# The values beyond a percentile are cut off if they stretch the scale: to more than STRETCH times
+# that of the values between. Few pixels have no such percentiles.
+PERCENTILES, STRETCH, FEW = (0.5, 99.5), 3.0, 200
 # Temperatures of pixels on an edge, which see the object in a part of their area only, are low. At
 # 64 pixels across an object they are about 4 % of its pixels.
-OF_TEMPERATURE = (5.0, 99.9)
+OF_TEMPERATURE = (5.0, 99.5)
+DIFFERENCE = "difference"  # beginning of the names of differences of two images
+SIGNED = ("d", DIFFERENCE)  # that of channels whose scale has 0 in its middle: derivatives too
 
 
 @dataclass(frozen=True)
@@ -41,12 +46,31 @@ class Limits:
         return "; ".join(parts)
 
 
+def limits_of_channel(
+    name: str,
+    panels: list[np.ndarray],
+    log: bool,
+    vmin: float | None = None,
+    vmax: float | None = None,
+    weights: np.ndarray | None = None,
+) -> Limits:
+    """As `limits_of`, as the quantity of a channel or column `name` needs it."""
+    kind = name.split(".")[0]
+    percentiles = OF_TEMPERATURE if kind == "temperature" else PERCENTILES
+    limits = limits_of(panels, log, vmin, vmax, percentiles, weights)
+    if kind in SIGNED and vmin is None and vmax is None and limits.lower < 0 < limits.upper:
+        end = max(-limits.lower, limits.upper)
+        return replace(limits, lower=-end, upper=end)
+    return limits
+
+
 def limits_of(
     panels: list[np.ndarray],
     log: bool,
     vmin: float | None = None,
     vmax: float | None = None,
     percentiles: tuple[float, float] = PERCENTILES,
+    weights: np.ndarray | None = None,
 ) -> Limits:
     """The limits of one scale for the values of one or more panels.
 
@@ -59,7 +83,9 @@ def limits_of(
     vmin, vmax : float, optional
         Ends that are given.
     percentiles : tuple of float
-        Percentiles between which values do not count as single pixels that stretch the scale.
+        Percentiles between which values do not count as few that stretch the scale.
+    weights : ndarray, optional
+        Weight of each value of every panel in the percentiles, such as the areas of facets.
 
     Raises
     ------
@@ -68,7 +94,11 @@ def limits_of(
     """
     if log and vmin is not None and vmin <= 0:
         raise InputError(f"vmin = {vmin:g} must be above 0 on a logarithmic scale")
-    ends = [_ends(values, log, percentiles) for values in panels if values.size and values.any()]
+    ends = [
+        _ends(values, log, percentiles, weights)
+        for values in panels
+        if values.size and values.any()
+    ]
     values = [v for v in panels if v.size]
     least = float(min((v.min() for v in values), default=0.0))
     greatest = float(max((v.max() for v in values), default=0.0))
@@ -92,12 +122,18 @@ def limits_of(
     return Limits(lower, upper, least, greatest)
 
 
-def _ends(values: np.ndarray, log: bool, percentiles) -> tuple[float, float]:
-    """Lower and upper end for one panel, without single pixels that stretch the scale."""
+def _ends(values: np.ndarray, log: bool, percentiles, weights) -> tuple[float, float]:
+    """Lower and upper end for one panel, without few values that stretch the scale."""
     least, greatest = float(values.min()), float(values.max())
-    if values.size < FEW:
-        return least, greatest
-    lower, upper = map(float, np.percentile(values, percentiles))
+    if weights is None:
+        if values.size < FEW:
+            return least, greatest
+        lower, upper = map(float, np.percentile(values, percentiles))
+    else:
+        order = np.argsort(values)
+        shares = np.cumsum(np.nan_to_num(weights[order]))
+        places = np.searchsorted(shares, np.array(percentiles) / 100 * shares[-1])
+        lower, upper = map(float, values[order][np.minimum(places, len(values) - 1)])
     place = np.log if log else (lambda value: value)
     extent = place(upper) - place(lower)
     if not extent > 0:

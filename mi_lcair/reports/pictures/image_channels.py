@@ -11,9 +11,21 @@ from mi_lcair.drawing import new_figure, plain, styled, write_figure
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.formats.channels import has_value
 from mi_lcair.formats.channels import quantity_of as quantity_of_channel
-from mi_lcair.reports.pictures.colour_scale import OF_TEMPERATURE, PERCENTILES, Limits, limits_of
+from mi_lcair.reports.pictures.colour_scale import (
+    DIFFERENCE,
+    SIGNED,
+    Limits,
+    limits_of_channel,
+)
 from mi_lcair.results.cells import heading, typeset_unit
 
+# Colour maps by the beginning of a channel's name; OTHER_MAP for others
+MAPS = {
+    **dict.fromkeys(("temperature", "mean_temperature"), "gray"),
+    **dict.fromkeys(("range", "stderr"), "viridis"),
+    **dict.fromkeys(SIGNED, "RdBu_r"),
+}
+OTHER_MAP = "inferno"
 NOTHING = {"grey": "0.6", "blue": "steelblue"}  # colours of pixels without a value
 LARGEST = 1e37  # largest value that is drawn; differences and ratios of larger ones overflow
 SMALLEST = 1e-45  # smaller values are drawn as 0, as in Float32
@@ -77,6 +89,7 @@ def figure(
     quantity=channel_quantity,
     window_m: tuple[float, float] | None = None,
     outlines: np.ndarray | None = None,
+    columns: int | None = None,
     **scale: Unpack[Scale],
 ):
     """Figure with one panel and one colour bar for each channel.
@@ -97,6 +110,8 @@ def figure(
         Width and height of the sensor's window [m], for axes in metres from its middle.
     outlines : ndarray of int, shape (H, W), optional
         Number of the facet in each pixel, for lines between the facets.
+    columns : int, optional
+        Number of panels in a row.
     **scale
         Options of the colour scales, see `Scale`.
 
@@ -105,10 +120,10 @@ def figure(
     InputError
         If a value exceeds LARGEST, or for a colour map or limits that cannot be used.
     """
-    cmap = scale.get("cmap")
-    check_cmap(cmap)
+    check_cmap(scale.get("cmap"))
+    is_log = scale.get("log", False)
     drawn = [
-        Channel(name, drawable(name, values), quantity(name), scale.get("log", False))
+        Channel(name, drawable(name, values), quantity(name), is_log and not is_difference(name))
         for name, values in channels.items()
     ]
     scales = _scales(drawn, scale)
@@ -117,7 +132,7 @@ def figure(
     sides = np.array([width, height] if window_m is None else window_m, dtype=float)
     image = np.maximum(sides / sides.max(), 1 / 30) * (6 if single else 3.6)
     cell = image + (LEFT + RIGHT, BOTTOM + TOP)
-    columns = min(ceil(sqrt(len(channels) * cell[1] / cell[0])), len(channels))
+    columns = columns or min(ceil(sqrt(len(channels) * cell[1] / cell[0])), len(channels))
     rows = ceil(len(channels) / columns)
     size = cell * (columns, rows) + (0, 0 if single else TOP)
 
@@ -128,7 +143,7 @@ def figure(
         bar = figure.add_axes(
             ((left + image[0] + BAR) / size[0], bottom / size[1], BAR / size[0], image[1] / size[1])
         )
-        _draw(panel, bar, channel, scales[channel.name], cmap, window_m)
+        _draw(panel, bar, channel, scales[channel.name], scale.get("cmap"), window_m)
         if outlines is not None:
             _draw_outlines(panel, outlines, window_m)
     if single:
@@ -140,6 +155,11 @@ def figure(
     return figure
 
 
+def is_difference(name: str) -> bool:
+    """Whether a channel is a difference of two images, on which given scales have no effect."""
+    return name.split(".")[0] == DIFFERENCE
+
+
 def _scales(channels: list[Channel], scale: Scale) -> dict[str, Limits]:
     """The limits of each channel by name; channels of one quantity may have the same."""
     common, names = scale.get("common_scale", True), {}
@@ -149,14 +169,9 @@ def _scales(channels: list[Channel], scale: Scale) -> dict[str, Limits]:
     limits = {}
     for group in names.values():
         values = [channel.values[channel.has_value] for channel in group]
-        is_temperature = group[0].name.split(".")[0] == "temperature"
-        common_limits = limits_of(
-            values,
-            group[0].is_log,
-            scale.get("vmin"),
-            scale.get("vmax"),
-            OF_TEMPERATURE if is_temperature else PERCENTILES,
-        )
+        name, is_log = group[0].name, group[0].is_log
+        given = () if is_difference(name) else (scale.get("vmin"), scale.get("vmax"))
+        common_limits = limits_of_channel(name, values, is_log, *given)
         limits |= {channel.name: common_limits for channel in group}
     return limits
 
@@ -188,20 +203,21 @@ def _draw(panel, bar_axes, channel: Channel, limits: Limits, cmap, window_m) -> 
     from matplotlib.colors import LogNorm, Normalize
     from matplotlib.ticker import MaxNLocator
 
-    kind, (what, unit) = channel.name.split(".")[0], channel.quantity
+    what, unit = channel.quantity
     values, with_value = channel.values, channel.has_value
     height, width = values.shape
     picture = panel.imshow(
         np.ma.array(values, mask=~with_value),
         norm=(LogNorm if channel.is_log else Normalize)(limits.lower, limits.upper),
         aspect="auto",
-        cmap=cmap or ("viridis" if kind in ("range", "stderr") else "inferno"),
+        cmap=_map_of(channel, limits, cmap),
         extent=_extent(width, height, window_m),
         interpolation="nearest",
     )
     panel.set_title(plain(channel.name), fontsize=9)
     # Grey cannot mean "no value" where it is a colour of the scale
-    nothing = "blue" if np.ptp(picture.cmap(0.5)[:3]) < 0.1 else "grey"
+    away = np.abs(picture.cmap(np.linspace(0, 1, 256))[:, :3] - float(NOTHING["grey"])).max(axis=1)
+    nothing = "blue" if away.min() < 0.1 else "grey"
     panel.set_facecolor(NOTHING[nothing])
     remarks = [] if with_value.all() else [f"{nothing}: no value"]
     remarks += filter(None, [limits.remark])
@@ -225,6 +241,16 @@ def _draw(panel, bar_axes, channel: Channel, limits: Limits, cmap, window_m) -> 
     else:
         bar.formatter.set_useOffset(False)
     bar_axes.yaxis.get_offset_text().set_fontsize(8)
+
+
+def _map_of(channel: Channel, limits: Limits, given: str | None) -> str:
+    """The colour map of a channel with these limits: `given`, or that of its quantity."""
+    kind = channel.name.split(".")[0]
+    if given and not is_difference(channel.name):
+        return given
+    if kind in SIGNED and limits.lower != -limits.upper:  # 0 is not in the middle
+        return OTHER_MAP
+    return MAPS.get(kind, OTHER_MAP)
 
 
 def _extent(width: int, height: int, window_m) -> tuple[float, float, float, float]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from mi_lcair.drawing import new_figure, plain, styled
 from mi_lcair.formats.channels import RADIANCE
+from mi_lcair.reports.pictures.colour_scale import limits_of
 from mi_lcair.results.cells import typeset_unit
 
 SIDE = 2.9  # width of a panel, inches
@@ -115,15 +116,15 @@ def _draw_image(part, fitted) -> None:
     from matplotlib.ticker import MaxNLocator
 
     measured, predicted, residual = part.subplots(1, 3)
-    values = np.concatenate([fitted.measured.ravel(), fitted.predicted.ravel()])
-    low, high = np.nanpercentile(values, (0.5, 99.5))
+    images = fitted.measured, fitted.predicted
+    scale = limits_of([values[np.isfinite(values)] for values in images], log=False)
     for panel, image, title in (
         (measured, fitted.measured, "measured"),
         (predicted, fitted.predicted, "predicted"),
     ):
-        drawn = panel.imshow(image, vmin=low, vmax=high, cmap="inferno")
+        drawn = panel.imshow(image, vmin=scale.lower, vmax=scale.upper, cmap="inferno")
         panel.set_title(title, fontsize=9)
-    bar = part.colorbar(drawn, ax=[measured, predicted], shrink=0.85, extend="both", pad=0.01)
+    bar = part.colorbar(drawn, ax=[measured, predicted], shrink=0.85, extend=scale.extend, pad=0.01)
     is_radiance = fitted.quantity.startswith("radiance")
     bar.set_label(f"radiance ({typeset_unit(RADIANCE)})" if is_radiance else fitted.quantity)
     drawn = residual.imshow(fitted.residual, vmin=-SIGMAS, vmax=SIGMAS, cmap="RdBu_r")

@@ -3,6 +3,7 @@
 import numpy as np
 
 from mi_lcair.drawing import new_figure, plain, styled
+from mi_lcair.reports.pictures.colour_scale import limits_of
 from mi_lcair.thermography.temperature_result import Temperature
 
 
@@ -34,11 +35,11 @@ def figure(temperature: Temperature):
 
 
 def _panel(figure, axes, values, title, cmap) -> None:
-    """Draw an image between its quantiles, with pixels without a value in blue."""
-    low, high = np.nanquantile(values, [0.005, 0.995])
+    """Draw an image with the limits of all pictures, and pixels without a value in blue."""
+    scale = limits_of([values[np.isfinite(values)]], log=False)
     axes.set_facecolor("steelblue")
     drawn = axes.imshow(
-        values, cmap=cmap, vmin=low, vmax=max(high, low + 1e-6), interpolation="nearest"
+        values, cmap=cmap, vmin=scale.lower, vmax=scale.upper, interpolation="nearest"
     )
-    figure.colorbar(drawn, ax=axes, extend="both", shrink=0.9)
+    figure.colorbar(drawn, ax=axes, extend=scale.extend, shrink=0.9)
     axes.set(title=title, xlabel="column (pixel)", ylabel="row (pixel)")

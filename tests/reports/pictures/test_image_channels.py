@@ -3,13 +3,17 @@
 import numpy as np
 import pytest
 from matplotlib import colormaps
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from mi_lcair.errors import InputError
+from mi_lcair.reports.page.image_panel import scales
+from mi_lcair.reports.pictures.comparison import figure as comparison
 from mi_lcair.reports.pictures.image_channels import save_picture
 
 GREY = (0.6, 0.6, 0.6)
+BLUE = to_rgb("steelblue")
 
 
 def colour_at(path, figure, row, column):
@@ -97,15 +101,17 @@ def test_units(tmp_path, figures, name, label):
     ],
 )
 def test_pixels_without_a_value(tmp_path, figures, name, nothing, is_grey):
-    """Pixels without a range or a temperature are grey and do not extend the scale.
+    """Pixels without a range or a temperature do not extend the scale, and are grey.
 
-    A radiance of 0 is a value.
+    They are blue where the scale is grey. A radiance of 0 is a value.
     """
     save_picture(tmp_path / "a.png", {name: np.array([[nothing, 300.0, 310.0]])})
     panel, bar = figures[0].axes
     assert bar.get_ylim() == ((300, 310) if is_grey else (0, 310))
-    assert np.allclose(colour_at(tmp_path / "a.png", figures[0], 0, 0), GREY, atol=0.01) == is_grey
-    assert ("grey" in panel.get_xlabel()) == is_grey
+    word, colour = ("blue", BLUE) if name == "temperature.Y" else ("grey", GREY)
+    drawn = colour_at(tmp_path / "a.png", figures[0], 0, 0)
+    assert np.allclose(drawn, colour, atol=0.01) == is_grey
+    assert (f"{word}: no value" in panel.get_xlabel()) == is_grey
 
 
 @pytest.mark.slow
@@ -240,6 +246,47 @@ def test_edges_do_not_stretch_the_scale_of_a_temperature(tmp_path, figures):
     values[25:] = 100
     save_picture(tmp_path / "b.png", {"temperature.Y": values})
     assert figures[1].axes[1].get_ylim() == (100, pytest.approx(310, abs=1))
+
+
+def test_pages_have_the_limits_of_pictures(tmp_path, figures):
+    """Also for a page of facets, whose areas say how few they are."""
+    rng = np.random.default_rng(1)
+    channels = {
+        "Y": 2 + rng.random((30, 30)),
+        "temperature.Y": 300 + rng.random((30, 30)),
+        "d.self.temperature": rng.random((30, 30)) - 0.7,
+    }
+    channels["Y"][0, :3], channels["temperature.Y"][:, 4] = 90, 120  # .3 % hot, 3 % on an edge
+    for log in (False, True):
+        save_picture(tmp_path / "a.png", channels, log=log, common_scale=False)
+        for (name, values), bar in zip(channels.items(), figures[-1].axes[1::2]):
+            limits = scales(name, values)["log_limits" if log else "limits"]
+            assert bar.get_ylim() == pytest.approx(limits)
+    assert figures[0].axes[1].get_ylim()[1] < 3.01 and figures[0].axes[3].get_ylim()[0] > 299.9
+    assert figures[0].axes[5].get_ylim() == pytest.approx((-0.7, 0.7), abs=0.01)
+    assert figures[0].axes[4].images[0].get_cmap().name == "RdBu_r"
+    radiances, areas = np.array([1.0, 2.0, 3.0, 500.0]), np.array([5.0, 9.0, 5.0, 0.01])
+    assert scales("radiance_W_m2_sr", radiances, areas)["limits"] == (1, 3)
+    assert scales("radiance_W_m2_sr", radiances, np.ones(4))["limits"] == (1, 500)
+
+
+def test_two_images_and_their_difference(figures):
+    """One scale for both, and one with 0 in its middle; mean and rms over what both know."""
+    first = {"temperature.Y": np.array([[300.0, 310.0, 0.0], [305.0, 305.0, 305.0]])}
+    second = {"temperature.Y": first["temperature.Y"] + [[0.0, 20.0, 300.0], [-10.0, 0.0, 0.0]]}
+    panels = comparison((first, second), ("a.exr", "b.exr"), vmin=290.0, cmap="viridis").axes
+    titles = [panel.get_title() for panel in panels[::2]]
+    assert titles[:2] == ["temperature.Y: a.exr", "temperature.Y: b.exr"]
+    assert titles[2] == "difference.temperature.Y: mean 2, rms 10"
+    assert [bar.get_ylim() for bar in panels[1::2]] == [(290, 330), (290, 330), (-20, 20)]
+    assert [panel.images[0].get_cmap().name for panel in panels[::2]] == 2 * ["viridis"] + [
+        "RdBu_r"
+    ]
+    assert (
+        panels[4].images[0].get_array()[0, 1] == 20 and panels[4].images[0].get_array().mask[0, 2]
+    )
+    with pytest.raises(InputError, match="a and b: have 3 x 2 and 2 x 2 pixels"):
+        comparison((first, {"temperature.Y": np.ones((2, 2))}), ("a", "b"))
 
 
 def test_limits_and_colours_that_are_given(tmp_path, figures):
