@@ -4,9 +4,9 @@ import numpy as np
 from scipy import sparse
 
 from mi_lcair.heating.conductors import Conductors, Facets, Traced
-from mi_lcair.heating.description import GroupTable
-from mi_lcair.heating.network import Network, Sunlit
-from mi_lcair.heating.weather import Weather
+from mi_lcair.heating.temperatures.description import GroupTable
+from mi_lcair.heating.temperatures.network import Network, Sunlit
+from mi_lcair.heating.temperatures.weather import Weather
 
 
 def weather(count=1, **numbers) -> Weather:

@@ -6,9 +6,9 @@ from scipy import sparse
 from scipy.optimize import brentq
 
 from mi_lcair.errors import InputError
-from mi_lcair.heating.balance import Balance
-from mi_lcair.heating.day import steady
-from mi_lcair.heating.description import Sigma
+from mi_lcair.heating.temperatures.balance import Balance
+from mi_lcair.heating.temperatures.day import steady
+from mi_lcair.heating.temperatures.description import Sigma
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 from tests.heating.networks import network, weather
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from mi_lcair.heating.day import course
-from mi_lcair.heating.description import Sigma
+from mi_lcair.heating.temperatures.day import course
+from mi_lcair.heating.temperatures.description import Sigma
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 from tests.heating.networks import network, weather
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mi_lcair.heating.wall import CELLS, DAY, Wall
+from mi_lcair.heating.temperatures.wall import CELLS, DAY, Wall
 
 OMEGA = 2 * np.pi / DAY
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.heating.network import STEP, Change, Network
-from mi_lcair.heating.wall import CELLS, Wall
+from mi_lcair.heating.temperatures.network import STEP, Change, Network
+from mi_lcair.heating.temperatures.wall import CELLS, Wall
 
 PERIODIC = 2e-3  # largest change of a temperature from day to day at which the days end [K]
 MOST_DAYS = 400

@@ -8,8 +8,8 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.files import read_text
-from mi_lcair.heating.description import WeatherTable
-from mi_lcair.heating.wall import DAY
+from mi_lcair.heating.temperatures.description import WeatherTable
+from mi_lcair.heating.temperatures.wall import DAY
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 from mi_lcair.physics.sun.position import sun_position
 from mi_lcair.table import read_table
@@ -110,7 +110,8 @@ def weather(table: WeatherTable, folder: Path, steps: int, is_periodic: bool) ->
         check_hours(where, hours, is_periodic)
         length = DAY if is_periodic else HOUR * (hours[-1] - hours[0])
         count = steps if is_periodic else max(1, round(length / DAY * steps))
-        times = hours[0] * HOUR + length / count * np.arange(1, count + 1)
+        begin = 0.0 if is_periodic else hours[0] * HOUR
+        times = begin + length / count * np.arange(1, count + 1)
     values = dict(constants)
     for name, (centres, numbers) in rows.items():
         values[name] = interpolated(times, centres * HOUR, numbers, is_periodic)
@@ -118,7 +119,12 @@ def weather(table: WeatherTable, folder: Path, steps: int, is_periodic: bool) ->
 
 
 def interpolated(times, centres, numbers, is_periodic: bool) -> np.ndarray:
-    """Numbers of rows at other times, on straight lines; the rows of a day may be repeated."""
+    """Numbers of rows at other times, on straight lines.
+
+    The rows of a day are repeated; a last row that is 24 hours after the first is left out.
+    """
+    if is_periodic and centres[-1] - centres[0] >= DAY:
+        centres, numbers = centres[:-1], numbers[:-1]
     return np.interp(times, centres, numbers, period=DAY if is_periodic else None)
 
 

@@ -11,11 +11,11 @@ from functools import cached_property
 import numpy as np
 
 from mi_lcair.errors import InputError, unknown
-from mi_lcair.heating.balance import Balance
 from mi_lcair.heating.conductors import Conductors, Facets, Traced
-from mi_lcair.heating.description import GroupTable, Sigma
-from mi_lcair.heating.wall import Wall
-from mi_lcair.heating.weather import Weather
+from mi_lcair.heating.temperatures.balance import Balance
+from mi_lcair.heating.temperatures.description import GroupTable, Sigma
+from mi_lcair.heating.temperatures.wall import Wall
+from mi_lcair.heating.temperatures.weather import Weather
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 
 STEP = 1e-30  # of complex steps, in standard uncertainties

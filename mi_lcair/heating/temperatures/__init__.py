@@ -1,0 +1,1 @@
+"""Temperatures of facets from their heat balance: steady, and over a day."""

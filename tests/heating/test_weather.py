@@ -1,0 +1,115 @@
+"""Weather from numbers, rows and EPW files, and what is refused."""
+
+import numpy as np
+import pytest
+
+from mi_lcair.errors import InputError
+from mi_lcair.heating.temperatures.description import Description, WeatherTable
+from mi_lcair.heating.temperatures.weather import convection, weather
+from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
+from mi_lcair.physics.sun.position import sun_position
+
+CONSTANT = {"air_K": 290.0, "h_W_m2_K": 8.0, "sky_K": 260.0}
+
+
+def rows(path, cells=lambda hour: f"{290 + hour},260,8,0,-20,0", hours=range(25)):
+    """A CSV of a day, and the table that names it."""
+    head = "hour,air_K,sky_K,h_W_m2_K,sun_W_m2,sun_elevation_deg,sun_azimuth_deg\n"
+    lines = "".join(f"{hour},{cells(hour)}\n" for hour in hours)
+    (path / "day.csv").write_text(head + lines)
+    return WeatherTable(file="day.csv")
+
+
+def epw(path, change=None):
+    """An EPW file of a day in Zurich whose numbers are simple functions of the hour."""
+    head = ["LOCATION,Zurich,-,CHE,made,0,47.48,8.53,1.0,400"] + ["-"] * 7
+    lines = []
+    for hour in range(1, 25):
+        row = [1999, 6, 21, hour, 0, "-"] + [0] * 29
+        row[6], row[12], row[14], row[15], row[21] = 10 + hour, 300 + hour, 20 * hour, 50, 3
+        row = {12: change or row}.get(hour, row)
+        lines.append(",".join(map(str, row)))
+    (path / "site.epw").write_text("\n".join(head + lines) + "\n")
+    return WeatherTable(file="site.epw", day="2026-06-21")
+
+
+def test_numbers_hold_all_the_time(tmp_path):
+    table = WeatherTable(**CONSTANT, sun_W_m2=700, sun_elevation_deg=30, sun_azimuth_deg=90)
+    constant = weather(table, tmp_path, 96, True)
+    assert constant.seconds.shape == (1,)
+    np.testing.assert_allclose(constant.toward_sun, [[0, np.sqrt(3) / 2, 0.5]], atol=1e-12)
+    assert constant.height_of_sun == pytest.approx(0.5)
+    assert constant.ground_K == 290
+    assert "ground" in constant.remarks[0]
+
+
+def test_rows_are_interpolated(tmp_path):
+    day = weather(rows(tmp_path), tmp_path, 48, True)
+    np.testing.assert_allclose(day.seconds, 1800 * np.arange(1, 49))
+    np.testing.assert_allclose(day.air_K[:46], 290 + 0.5 * np.arange(1, 47))
+    assert np.all(day.sun_W_m2 == 0)
+    series = weather(rows(tmp_path, hours=range(7)), tmp_path, 96, False)
+    np.testing.assert_allclose(series.seconds, 900 * np.arange(1, 25))
+
+
+def test_epw_file(tmp_path):
+    """Air and wind at the hour, sun and infrared in the middle of the hour that ends there."""
+    day = weather(epw(tmp_path), tmp_path, 48, True)
+    at_noon, half_past = 23, 24
+    assert day.air_K[at_noon] == pytest.approx(273.15 + 22)
+    assert day.h_W_m2_K[at_noon] == pytest.approx(convection(3.0)) == pytest.approx(5.7 + 11.4)
+    assert STEFAN_BOLTZMANN * day.sky_K[half_past] ** 4 == pytest.approx(313, rel=1e-3)
+    assert day.sun_W_m2[half_past] == pytest.approx(260)
+    sun = sun_position(47.48, 8.53, "2026-06-21T12:00:00+01:00")
+    assert day.elevation_deg[at_noon] == pytest.approx(sun.elevation_deg, abs=1e-6)
+    x, y, _ = day.toward_sun[at_noon]
+    assert np.degrees(np.arctan2(x, y)) % 360 == pytest.approx(sun.compass_deg, abs=1e-6)
+    assert day.sun_W_m2[0] == 0  # the sun is below the horizon
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda p: rows(p, hours=[*range(5), *range(7, 25)]), "from hour 4 to 7 there is a gap"),
+        (lambda p: rows(p, hours=range(12)), "the rows last 11 h"),
+        (lambda p: rows(p, lambda hour: "290,,8,0,-20,0"), "line 2: '' in column 'sky_K'"),
+        (lambda p: rows(p, lambda hour: "290,260,8,5,-20,0"), "sun below the horizon"),
+        (lambda p: rows(p, hours=[3]), "one row"),
+        (lambda p: epw(p, [1999, 6, 21, 12, 0, "-", *[9999] * 29]), "line 20: air_K is missing"),
+        (lambda p: WeatherTable(file="site.epw"), "day = 2026-06-21"),
+        (lambda p: WeatherTable(**CONSTANT, wind_m_s=3.0), "one of them"),
+        (lambda p: WeatherTable(air_K=290.0, h_W_m2_K=8.0), "sky_K is missing"),
+        (lambda p: WeatherTable(**CONSTANT, sun_W_m2=900.0), "sunlight needs"),
+        (
+            lambda p: WeatherTable(
+                **CONSTANT, sun_W_m2=900.0, sun_elevation_deg=-1, sun_azimuth_deg=0
+            ),
+            "sun below the horizon",
+        ),
+    ],
+)
+def test_refused(tmp_path, make, message):
+    epw(tmp_path)
+    with pytest.raises(InputError, match=message) as caught:
+        weather(make(tmp_path), tmp_path, 96, True)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("tables", "message"),
+    [
+        ({"weather": {"sky": "clear"}}, "two bands only"),
+        ({"groups": {"self": {"conductivity": -1.0}}}, r"groups.self.: conductivity = -1"),
+        ({"groups": {"self": {"thickness_mm": 2.0}}}, "needs conductivity, density, heat_capacity"),
+        ({"groups": {"self": {"temperature": 300.0, "internal_W_m2": 5.0}}}, "at a temperature"),
+        ({"groups": {"self": {"back_h": 5.0}}}, "back_h needs back_K"),
+        ({"groups": {"self": {"back_K": 300.0}}}, "back_K needs a wall"),
+        ({"sigma": {"h": "nine"}}, "h = 'nine'"),
+        ({"sigma": {"h": -1.0}}, "h = -1"),
+        ({"sun": {}}, "table 'sun'"),
+        ({"target": {}}, "scene is missing"),
+    ],
+)
+def test_descriptions_that_are_refused(tables, message):
+    with pytest.raises(InputError, match=message):
+        Description.read({"target": {"scene": "box"}, "weather": CONSTANT} | tables)
