@@ -11,6 +11,7 @@ from mi_lcair.api.load import load as load
 from mi_lcair.api.materials import materials as materials
 from mi_lcair.api.parameters import parameters as parameters
 from mi_lcair.api.render import render as render
+from mi_lcair.api.render_with_errors import render_with_errors as render_with_errors
 from mi_lcair.api.report import report as report
 from mi_lcair.api.sensitivities import sensitivities as sensitivities
 from mi_lcair.api.signature import signature as signature

@@ -8,11 +8,13 @@ imported find the classes of the current variant, because a module's names are r
 import importlib
 import sys
 from dataclasses import dataclass
+from functools import partial
 from graphlib import TopologicalSorter
 from types import FunctionType
 
 import mitsuba as mi
 
+from mi_lcair.errors import InputError
 from mi_lcair.physics.reflection import NAMES
 
 DEFAULT_VARIANT = "llvm_ad_mono"
@@ -68,9 +70,11 @@ def define(old: str | None, new: str) -> None:
     """Load the plugins' modules under the variant `new`; a callback of Mitsuba.
 
     A variant that was set before gets its first classes again, which its loaded scenes and other
-    modules hold. Variants without derivatives get no plugins.
+    modules hold. Variants without derivatives refuse the plugins.
     """
     if "_ad_" not in new:
+        for plugin in PLUGINS.values():
+            vars(mi)[f"register_{plugin.kind}"](plugin.name, partial(refuse, plugin.name, new))
         return
     if new in _names:
         for name, names in _names[new].items():
@@ -82,6 +86,14 @@ def define(old: str | None, new: str) -> None:
     for plugin in PLUGINS.values():
         importlib.import_module(plugin.module)
     _names[new] = {name: dict(vars(sys.modules[name])) for name in bound_to_variant()}
+
+
+def refuse(name: str, variant: str, properties) -> None:
+    """Raise InputError: a plugin is named in a variant without Dr.Jit's arrays."""
+    raise InputError(
+        f"plugin '{name}' needs Dr.Jit's arrays, which variant {variant} lacks; set llvm_ad_mono, "
+        "or any that begins with llvm_ for the sampler in a scene of Mitsuba's plugins"
+    )
 
 
 def bound_to_variant() -> list[str]:

@@ -16,6 +16,7 @@ import numpy as np
 
 import mi_lcair  # it chooses the LLVM and must precede the use of Dr.Jit
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
+from mi_lcair.plugins.emission.triangles import set_triangles
 from mi_lcair.scenes import build_meshes
 
 REFLECTIONS = 10  # number of reflections that each path is followed
@@ -92,12 +93,7 @@ def write_ply(path, vertices, facets):
     """Write a mesh whose facets are divided into triangles."""
     triangles, _ = build_meshes.triangles(facets)
     mesh = mi.Mesh(path.stem, len(vertices), len(triangles))
-    parameters = mi.traverse(mesh)
-    parameters["vertex_positions"], parameters["faces"] = (
-        np.float32(vertices).ravel(),
-        np.uint32(triangles).ravel(),
-    )
-    parameters.update()
+    set_triangles(mesh, np.asarray(vertices), np.asarray(triangles))
     mesh.write_ply(str(path))
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from mi_lcair.cavities.view import View
 from mi_lcair.cavities.walls import Wall
 from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.plugins.emission.triangles import set_triangles
 from mi_lcair.plugins.recorders.by_bounce import SIZES
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.measurands import ExcessFunction, Measurands
@@ -108,10 +109,7 @@ def _mesh(name, corners, faces, surface: dict, emission: dict, kelvin=None) -> m
     mesh = mi.Mesh(name, len(used), len(faces.ravel()) // 3, props=properties)
     if kelvin is not None:
         mesh.add_attribute("face_temperature", 1, kelvin.astype(np.float32))
-    values = mi.traverse(mesh)
-    values["vertex_positions"] = corners[used].astype(np.float32).ravel()
-    values["faces"] = faces.astype(np.uint32).ravel()
-    values.update()
+    set_triangles(mesh, corners[used], faces)
     return mesh
 
 

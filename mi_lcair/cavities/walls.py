@@ -10,6 +10,7 @@ import numpy as np
 from mi_lcair.cavities.shape import Shape
 from mi_lcair.errors import InputError, mitsuba_error
 from mi_lcair.files import check_file, check_suffix
+from mi_lcair.plugins.emission.triangles import triangle_vertices, vertex_positions
 
 SIDES = 720  # sides of the polygon that stands for a circle
 ARC_RINGS = 360  # rings of a sphere
@@ -92,11 +93,11 @@ class OwnMesh:
         if not path.is_file():
             raise InputError(f"mesh {path}: there is no such file")
         try:
-            values = mi.traverse(mi.load_dict({"type": kind, "filename": str(path)}))
+            mesh = mi.load_dict({"type": kind, "filename": str(path)})
         except RuntimeError as error:
             raise mitsuba_error(error) from None
-        corners = np.array(values["vertex_positions"], dtype=float).reshape(-1, 3)
-        return of_triangles(corners, np.array(values["faces"]).reshape(-1, 3), path.name)
+        corners = vertex_positions(mesh).astype(float)
+        return of_triangles(corners, triangle_vertices(mesh), path.name)
 
 
 def of_triangles(corners: np.ndarray, faces: np.ndarray, name: str) -> OwnMesh:

@@ -7,7 +7,9 @@ import numpy as np
 from mi_lcair.plugins.derivatives import members
 
 ABSENT = 0xFFFFFFFF  # entry of a mesh that is not in the table
-VERTICES, FACES = "vertex_positions", "faces"  # names of a mesh's buffers in Mitsuba
+# Names of a mesh's buffers in Mitsuba 3.9. In 3.10 they begin without "vertex_", and are tensors.
+VERTICES, NORMALS, TEXTURE = "vertex_positions", "vertex_normals", "vertex_texcoords"
+FACES = "faces"
 
 
 def pointer_id(pointer) -> int:
@@ -36,6 +38,14 @@ def vertex_positions(mesh) -> np.ndarray:
 def points(buffer: mi.Float) -> np.ndarray:
     """The coordinates in a buffer of vertices, (n, 3)."""
     return buffer.numpy().reshape(-1, 3)
+
+
+def set_triangles(mesh, vertices: np.ndarray, triangles: np.ndarray) -> None:
+    """Give a mesh its vertices [m], (n, 3), and its triangles, the numbers of vertices, (m, 3)."""
+    parameters = mi.traverse(mesh)
+    parameters[VERTICES] = vertices.astype(np.float32).ravel()
+    parameters[FACES] = triangles.astype(np.uint32).ravel()
+    parameters.update()
 
 
 def set_vertices(scene: mi.Scene, buffers: dict) -> None:

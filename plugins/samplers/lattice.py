@@ -51,8 +51,10 @@ class Lattice(mi.Sampler):
     sample_count integer points of a pixel                                        (4)
     ============ ======= ===========================================================
 
-    With Mitsuba's own integrators each pixel gets one randomisation of `sample_count` points. With
-    `bounce_path`, see `Launch`.
+    With Mitsuba's own integrators each pixel gets one randomisation of `sample_count` points, from
+    `first_point` on, in any variant that starts with `llvm_`. `mi_lcair.render_with_errors` renders
+    several randomisations and continues them. Variants that start with `cuda_` are untried, and
+    those that start with `scalar_` lack the sampler. With `bounce_path`, see `Launch`.
 
     Source: R. Cools, F. Y. Kuo, D. Nuyens, SIAM J. Sci. Comput. 28 (2006) 2162.
     """
@@ -63,6 +65,7 @@ class Lattice(mi.Sampler):
         super().__init__(props)
         self.vector = mi.UInt32(VECTOR) if vector is None else vector
         self.reversed_index, self.key, self.dimension = (mi.UInt32(0) for _ in range(3))
+        self.first_point = 0  # point of a pixel's randomisation that `seed` begins with
 
     @staticmethod
     def at(
@@ -89,7 +92,8 @@ class Lattice(mi.Sampler):
         # An opaque seed, so that one kernel serves all seeds
         seed = mi.UInt32(seed)
         dr.make_opaque(seed)
-        self.place(lane // points, lane % points, seed)
+        first = dr.opaque(mi.UInt32, self.first_point)
+        self.place(lane // points, first + lane % points, seed)
 
     def advance(self):
         super().advance()
@@ -124,8 +128,9 @@ class Lattice(mi.Sampler):
         return number
 
     def fork(self):
-        """A sampler with the same sample count, not seeded."""
+        """A sampler with the same sample count and first point, not seeded."""
         sampler = Lattice(mi.Properties())
+        sampler.first_point = self.first_point
         sampler.set_sample_count(self.sample_count())
         return sampler
 

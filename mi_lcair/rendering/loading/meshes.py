@@ -10,7 +10,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.models3d.modellers.obj import check_obj
 from mi_lcair.models3d.modellers.ply import check_ply
 from mi_lcair.plugins.derivatives import children, members
-from mi_lcair.plugins.emission.triangles import VERTICES, is_faceted
+from mi_lcair.plugins.emission.triangles import NORMALS, TEXTURE, VERTICES, is_faceted
 from mi_lcair.plugins.properties import HOTTEST, beside_scene
 from mi_lcair.rendering.loading.nodes import BOUNDS, FARTHEST, properties
 
@@ -116,11 +116,11 @@ def mesh_attribute(shape, texture, name: str) -> tuple[np.ndarray, str]:
     attribute = match[1] if match else "?"
     buffers = members(shape)
     known = [key for key in buffers if key.startswith(("face_", "vertex_"))]
-    attributes = [key for key in known if key not in (VERTICES, "vertex_normals")]
+    attributes = [key for key in known if key not in (VERTICES, NORMALS)]
     if attribute not in attributes or not is_faceted(shape):
         raise InputError(
             f"{name} names the mesh attribute '{attribute}', which the shape does not have; it has "
-            f"{', '.join(key for key in attributes if key != 'vertex_texcoords') or 'none'}"
+            f"{', '.join(key for key in attributes if key != TEXTURE) or 'none'}"
         )
     values = buffers[attribute].numpy()
     of = "facet" if attribute.startswith("face_") else "vertex"

@@ -10,6 +10,7 @@ from mi_lcair.plugins.emission.triangles import (
     TriangleTable,
     is_faceted,
     random_integer,
+    set_triangles,
     triangle_corners,
 )
 
@@ -41,10 +42,7 @@ class Openings:
     def __init__(self, triangles: np.ndarray):
         """triangles: those of all lids, (n, 3, 3) [m]."""
         mesh = mi.Mesh("lids", 3 * len(triangles), len(triangles))
-        parameters = mi.traverse(mesh)
-        parameters["vertex_positions"] = triangles.astype(np.float32).ravel()
-        parameters["faces"] = np.arange(3 * len(triangles), dtype=np.uint32)
-        parameters.update()
+        set_triangles(mesh, triangles, np.arange(3 * len(triangles)))
         even = np.ones(len(triangles))
         self.panels = Panels(TriangleTable([mesh]), even, even > 0)
         self.tree = LightTree(self.panels)

@@ -4,7 +4,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
-from scipy.stats import kstest
+from scipy.stats import chisquare, kstest
 
 from mi_lcair.plugins.samplers.lattice import VECTOR, Lattice
 
@@ -84,6 +84,31 @@ def test_a_mean_over_the_lattice_has_less_noise():
     independent = np.sqrt([(1 + 1 / 48) ** 4 - 1, 0.25]) / 32
     assert np.all(error < independent / [15, 15])
     assert np.all(np.abs(means.mean(axis=0) - [1, 0.5]) < 4 * error / np.sqrt(200))
+
+
+@pytest.mark.parametrize("dimensions, bins", [(1, 256), (2, 16), (3, 6)])
+def test_a_point_of_many_randomisations_is_uniform(dimensions, bins):
+    """Chi-square of the counts in the cells of a grid, as Mitsuba tests its samplers."""
+    count = 2**14
+    sampler = Lattice.at(dr.arange(mi.UInt32, count), mi.UInt32(5), mi.UInt32(SEED))
+    u = np.stack([sampler.next_1d().numpy() for _ in range(dimensions)], axis=1)
+    counts, _ = np.histogramdd(u, bins=bins, range=[(0, 1)] * dimensions)
+    assert chisquare(counts.ravel()).pvalue > 1e-4
+
+
+def test_points_are_stratified():
+    """1,024 points of a pixel in 16 x 16 cells: 4 each, 2 more or fewer at most.
+
+    Mitsuba's own samplers have 4 each in the two numbers of one call, and are independent between
+    calls: there some cell has 8 or more.
+    """
+    for seed in range(4):
+        sampler = mi.load_dict({"type": "lattice", "sample_count": 1024})
+        sampler.seed(seed, 1024)
+        u = np.stack([sampler.next_1d().numpy() for _ in range(8)], axis=1)
+        for pair in zip(u.T, u.T[1:]):
+            counts, *_ = np.histogram2d(*pair, bins=16, range=[(0, 1)] * 2)
+            assert counts.min() >= 2 and counts.max() <= 6
 
 
 def test_positions_are_sheared():
