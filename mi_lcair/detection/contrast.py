@@ -75,6 +75,7 @@ def measure_contrast(scenario: Scenario, progress) -> Contrast:
         rows=rows,
         remarks=[
             *view.remarks,
+            *([f"through the air, and with the sensor: {result.bins}"] if result.bins else []),
             *invalid_remark(invalid, paths),
             *unlit_sky(view, scenario, detector),
             *multiplied_light(setting, irradiance.areas.sources),

@@ -11,6 +11,7 @@ from mi_lcair.detection.weather import AirOfLight
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.atmosphere import Atmosphere, LineOfSight
 from mi_lcair.physics.detector import Detector
+from mi_lcair.physics.spectra.bins import filter_of
 from mi_lcair.plugins.emitters.one_sun import check_fits, one_sun
 from mi_lcair.rendering.loading.files import survey
 from mi_lcair.rendering.loading.plugin_files import run_plugin_files
@@ -87,6 +88,9 @@ def setting_of(scenario: Scenario, scene: Scene | None = None) -> Setting:
     view = seen_from(
         scene, View(observer.azimuth_deg, observer.elevation_deg), scenario.render.resolution
     )
+    if not view.band.is_total:
+        air = path.wavelengths_um, path.transmittance
+        view.mi.integrator().filters = (filter_of(view.band, detector.band, *air),)
     return Setting(detector, sight, sight.air, path, behind, target, view, direction, light)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.physics.spectra.bins import Binning
 from mi_lcair.plugins.columns.tables import ColumnTables
 from mi_lcair.plugins.paths.launch import Launch, ParallelRays
 from mi_lcair.plugins.paths.sums import Sums
@@ -45,6 +46,10 @@ class Measurands:
     def of(split: str | None, by_spectrum: bool = False, bins: int = 0) -> "Measurands":
         """The channels of a split, see `Channels`."""
         return Measurands(Channels(split), by_spectrum=by_spectrum, bins=bins)
+
+    def binning(self, tolerance: float | None) -> Binning:
+        """What decides on the bins of wavelength, with the tolerance of the measurement."""
+        return Binning.of(self.bins, tolerance, self.by_spectrum)
 
     def with_columns(self, tables: ColumnTables | None) -> "Measurands":
         """These measurands, and the derivatives with respect to the parameters of the tables."""

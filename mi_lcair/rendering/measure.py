@@ -64,7 +64,8 @@ def measure(
     elif sampling.spp is not None:
         raise InputError(TWO_CHOICES)
     windows.check(sampling)
-    with scene.prepared(measurands.by_spectrum, measurands.explored, measurands.bins) as tracer:
+    binning = measurands.binning(sampling.tolerance)
+    with scene.prepared(measurands.by_spectrum, measurands.explored, binning) as tracer:
         kept = windows.count * (windows.randomisations if windows.by_randomisation else 1)
         check_memory(kept, tracer, None if measurands.reduced else measurands.channels.split)
         if criterion is not None:

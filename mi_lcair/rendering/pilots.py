@@ -83,7 +83,8 @@ def pilot(scene, windows, sampling, measurands, criterion) -> tuple:
         windows = replace(windows, randomisations=RANDOMISATIONS)
     points = min(windows.first_points(), windows.points(sampling.limit))
     active = np.arange(windows.count)
-    with scene.prepared(measurands.by_spectrum, bins=measurands.bins) as tracer:
+    binning = measurands.binning(sampling.tolerance)
+    with scene.prepared(measurands.by_spectrum, binning=binning) as tracer:
         criterion.check(tracer, scene.name)
         total = windows.totals(tracer)
         for launch in windows.launches(active, 0, points, sampling.seed, total.aim):

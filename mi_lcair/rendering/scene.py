@@ -13,6 +13,7 @@ import numpy as np
 from mi_lcair import scenes
 from mi_lcair.errors import InputError, mitsuba_error, unknown
 from mi_lcair.physics.bands import Band
+from mi_lcair.physics.spectra.bins import Binning
 from mi_lcair.plugins import PLUGINS
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
 from mi_lcair.plugins.derivatives import deriving_plugins, nodes
@@ -170,13 +171,13 @@ class Scene:
         self,
         by_spectrum: bool = False,
         explored: Collection[mitsuba.BSDF] = (),
-        bins: int = 0,
+        binning: Binning = Binning(),
     ) -> AbstractContextManager:
         """Context manager that gives the scene's `PathTracer`, see `BouncePath.prepared`.
 
         It is the same one as before if nothing has changed, with its tables and its recordings.
         """
-        return self.mi.integrator().prepared(self.mi, by_spectrum, self._tracers, explored, bins)
+        return self.mi.integrator().prepared(self.mi, by_spectrum, self._tracers, explored, binning)
 
     def surfaces(self) -> list[mitsuba.BSDF]:
         """The scene's BSDFs of reflection models."""
@@ -313,7 +314,8 @@ def checked(loaded: mi.Scene, path: Path | None, parameters: dict[str, str]) -> 
         # The void around bundled scenes is meant
         is_bundled = path is not None and path.parent == scenes.FOLDER
         of_nothing = [] if is_bundled else reflections_of_nothing(loaded, emitters)
-        of_bins = tracer.paths.remarks()
+        bins = tracer.paths.bins
+        of_bins = [f"materials by wavelength: {bins} without air and tolerance"] if bins else []
     if emitters.band is None:
         raise InputError(
             f"{where}: no thermal emitter names a band; "

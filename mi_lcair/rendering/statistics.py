@@ -52,7 +52,8 @@ class Totals:
     hit; None: there are none. systematic: relative error that more samples do not reduce. It is
     part of every standard error. aim: where in the windows the paths begin; None for anywhere.
     emitters: `EmitterTable` of the scene. excess: ratio of the error to the allowed error of each
-    window, (windows,); None without a criterion.
+    window, (windows,); None without a criterion. bins: the bins of wavelength in words; empty
+    without spectral materials.
     """
 
     def __init__(
@@ -66,7 +67,7 @@ class Totals:
         emitters=None,
     ):
         self.by_randomisation, self.systematic = by_randomisation, systematic
-        self.aim, self.emitters, self.excess = aim, emitters, None
+        self.aim, self.emitters, self.excess, self.bins = aim, emitters, None, ""
         self.valid, self.radiance = (np.zeros((windows, randomisations)) for _ in range(2))
         self.sums = {}
         self.unmet, self.chance, self.draws = unmet, np.zeros(windows), np.zeros(windows)

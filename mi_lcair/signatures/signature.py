@@ -70,6 +70,7 @@ def measure_signature(
             reached=total.reached,
             tolerance=sampling.tolerance,
             aim=total.aim,
+            bins=total.bins,
             remarks=scene.notes,
         )
 

@@ -101,6 +101,8 @@ class Signature(Result):
         Where in the window the paths began. Renders with one aim and one number share their paths.
     remarks : sequence of str
         Remarks on the scene, one line each.
+    bins : str
+        Bins of wavelength and their error, in words; empty without spectral materials.
     """
 
     scene_name: str
@@ -120,6 +122,7 @@ class Signature(Result):
     reached: bool | None = None
     aim: "Aim | None" = None
     remarks: Sequence[str] = ()
+    bins: str = ""
 
     kind: ClassVar[str] = "signature"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.signature:figure"
@@ -189,7 +192,7 @@ class Signature(Result):
             "tolerance": self.tolerance,
             "reached": self.reached,
             "remarks": list(self.remarks),
-        }
+        } | ({"bins": self.bins} if self.bins else {})
         if self.effective_areas is not None:
             entries["effective_areas"] = self.effective_areas.as_list()
             entries["spectrum"] = self.effective_areas.columns()

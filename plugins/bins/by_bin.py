@@ -15,7 +15,7 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.reflection.directions import SMALLEST
-from mi_lcair.physics.spectra.bins import COUNTS, bins_for, hats_at
+from mi_lcair.physics.spectra.bins import COUNTS, Binning, bins_for, hats_at
 from mi_lcair.physics.spectra.parameters import SAMPLES
 from mi_lcair.physics.spectrum import Spectrum
 from mi_lcair.plugins.bins.lobes import DIFFUSE, MIRROR, families_of
@@ -58,9 +58,11 @@ class ByBin:
     one for each spectrum.
     """
 
-    def __init__(self, scene, band, ambient_temperature: float | None, count: int = 0):
+    def __init__(
+        self, scene, band, ambient_temperature: float | None, count: int, binning: Binning
+    ):
         """ambient_temperature: of the closure [K]; None without it. count: number of bins; 0 for as
-        many as the materials need.
+        many as the materials need. binning: decides on that.
         """
         bsdfs = {shape.bsdf() for shape in scene.shapes()}
         spectral = {id(b): b for b in sorted(bsdfs, key=lambda b: b.id()) if is_spectral(b)}
@@ -82,7 +84,7 @@ class ByBin:
         spectra_at = partial(radiances, projected)
         # A change of a spectrum, as for a derivative, must not change the number of bins
         measured = list(dict.fromkeys(layer.measured_spectrum for layer in layers))
-        self.bins, self.binning_error = bins_for(band, measured, spectra_at, counts)
+        self.bins, self.binning_error = bins_for(band, measured, spectra_at, counts, binning)
         self.count = self.bins.count
         self.families = families_of(materials, self.bins)
         self.tabulate_surfaces(materials)

@@ -4,12 +4,15 @@ It can record the radiance separately for each number of reflections.
 """
 
 from contextlib import contextmanager
+from dataclasses import replace
 
 import drjit as dr
 import mitsuba as mi
 from mitsuba.python.ad.integrators.common import RBIntegrator
 
 from mi_lcair.errors import InputError
+from mi_lcair.physics.spectra.bins import Binning
+from mi_lcair.plugins.bins.by_bin import is_binned
 from mi_lcair.plugins.columns.exploring import (
     explored_by_gradients,
     explored_table,
@@ -55,7 +58,8 @@ class BouncePath(RBIntegrator):
     truncation          float   relative standard error of what is left out beyond max_bounces; it
                                 is part of all errors                                         (0.0)
     bins                integer bins of a band for materials by wavelength, 2..512; 0: the first of
-                                16, 32 and 64 that causes an error of .02 % or less             (0)
+                                16, 32 and 64 that causes an error below a tenth of the
+                                tolerance, or below .02 % without one                           (0)
     =================== ======= ====================================================================
 
     .. code-block:: xml
@@ -83,6 +87,8 @@ class BouncePath(RBIntegrator):
         Property("truncation", "float", 0.0, lower=0, upper=1),
         Property("bins", "integer", 0, lower=0, upper=512),
     )
+
+    filters: tuple = ()  # air and response between the scene and a result, see `Binning`
 
     def __init__(self, props):
         super().__init__(props)
@@ -117,7 +123,12 @@ class BouncePath(RBIntegrator):
 
     @contextmanager
     def prepared(
-        self, scene, by_spectrum: bool = False, kept: dict | None = None, explored=(), bins: int = 0
+        self,
+        scene,
+        by_spectrum: bool = False,
+        kept: dict | None = None,
+        explored=(),
+        binning: Binning = Binning(),
     ):
         """Context manager that gives a `PathTracer` for the scene.
 
@@ -134,8 +145,9 @@ class BouncePath(RBIntegrator):
             them is given again if nothing has changed since, and a new one is added.
         explored : set of mi.BSDF or None
             BSDFs that are explored, see `exploring`. None: those whose gradients need it.
-        bins : int
-            Number of bins of wavelength; 0 for as many as spectral materials need.
+        binning : Binning
+            Decides on the bins of wavelength of a scene with spectral materials; its filters are
+            those of the integrator.
         """
         self.check()
         with exclusive:
@@ -146,7 +158,11 @@ class BouncePath(RBIntegrator):
                     plugin.refresh()
             if explored is None:
                 explored = explored_by_gradients(objects)
-            settings, kept = (by_spectrum, frozenset(explored), bins), {} if kept is None else kept
+            binning = replace(binning, filters=self.filters)
+            if not any(map(is_binned, objects)):
+                binning = Binning()  # so that the tracer is the same one as before
+            settings = by_spectrum, frozenset(explored), binning
+            kept = {} if kept is None else kept
             with tracing(plugins), exploring(objects, explored):
                 yield self.tracer(scene, objects, settings, kept)
 
@@ -154,7 +170,7 @@ class BouncePath(RBIntegrator):
         """A tracer for the present state of a scene and its objects: a kept one, or a new one.
 
         One is kept for each of the last MOST_KEPT settings of the integrator. of_tracer: whether
-        emission is recorded by spectrum, the BSDFs that are explored, and the number of bins.
+        emission is recorded by spectrum, the BSDFs that are explored, and the `Binning`.
         """
         settings = [getattr(self, entry.name) for entry in self.PROPERTIES]
         settings = [False if value == AUTO else value for value in settings]
@@ -162,9 +178,9 @@ class BouncePath(RBIntegrator):
         if key in kept and kept[key][0] == state:
             return kept[key][1]
         refresh_geometry(scene)
-        by_spectrum, explored, bins = of_tracer
+        by_spectrum, explored, binning = of_tracer
         explored = explored_table(objects, explored)
-        tracer = PathTracer(self, scene, by_spectrum, state, explored, bins)
+        tracer = PathTracer(self, scene, by_spectrum, state, explored, binning)
         if not state.has_gradients:
             kept.pop(key, None)
             kept[key] = state, tracer

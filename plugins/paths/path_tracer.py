@@ -10,6 +10,7 @@ from mitsuba.python.ad.integrators.common import RBIntegrator
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.physics.spectra.bins import Binning
 from mi_lcair.plugins.bins.by_bin import ByBin, has_spectral_materials
 from mi_lcair.plugins.bins.sums import BinSums, ByBinOfPath, SourceSums, SpectralSums
 from mi_lcair.plugins.bsdfs.plume import is_plume
@@ -57,9 +58,11 @@ class PathTracer(RBIntegrator):
     scene alone. The data derived from the scene must therefore belong to the integrator.
     """
 
-    def __init__(self, settings, scene, by_spectrum: bool, state: SceneState, explored, bins: int):
-        """settings: the integrator `bounce_path`, with its properties. explored: see `Walk`. bins:
-        number of bins of wavelength that are recorded; 0 for none.
+    def __init__(
+        self, settings, scene, by_spectrum: bool, state: SceneState, explored, binning: Binning
+    ):
+        """settings: the integrator `bounce_path`, with its properties. explored: see `Walk`.
+        binning: decides on the bins of wavelength.
         """
         super().__init__(mi.Properties())
         has_bins = has_spectral_materials(scene)
@@ -77,8 +80,10 @@ class PathTracer(RBIntegrator):
             paths.openings = Openings.of(scene)
         if has_bins:
             T = None if ambient is None else settings.ambient_temperature
-            paths.by_bin = ByBin(scene, emitters.band, T, bins or settings.bins)
-            if by_spectrum and not bins:
+            paths.by_bin = ByBin(
+                scene, emitters.band, T, binning.recorded or settings.bins, binning
+            )
+            if by_spectrum and not binning.recorded:
                 emitters.sources.split(paths.by_bin.sources_by_bin())
         of_tables = max(
             (
@@ -100,7 +105,7 @@ class PathTracer(RBIntegrator):
             systematic_error=hypot(
                 rounding_error(most), of_tables, paths.binning_error, settings.truncation
             ),
-            records_bins=has_bins and bool(bins),
+            records_bins=has_bins and bool(binning.recorded),
             recorded=Recorded(state),
             is_complete=True,
         )

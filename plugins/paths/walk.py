@@ -131,14 +131,12 @@ class Walk:
         """Relative error of a radiance that the bins of wavelength cause."""
         return 0.0 if self.by_bin is None else self.by_bin.binning_error
 
-    def remarks(self) -> list[str]:
-        """Remarks on the bins of wavelength, for when a scene is loaded."""
+    @property
+    def bins(self) -> str:
+        """The bins of wavelength in words; empty in a scene without spectral materials."""
         if self.by_bin is None:
-            return []
-        return [
-            f"materials by wavelength: {self.by_bin.count} bins; they cause a relative error of "
-            f"{self.binning_error:.1e}, without the air"
-        ]
+            return ""
+        return f"{self.by_bin.count} bins, which cause a relative error of {self.binning_error:.1e}"
 
     @dr.syntax
     def walk(self, mode, sampler, ray, adjoint, active, recorders: Recorders):

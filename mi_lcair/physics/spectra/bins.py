@@ -17,9 +17,41 @@ from mi_lcair.physics.reflection import sandford_robertson_equations as sr
 from mi_lcair.physics.spectra.parameters import SAMPLES, SpectralParameters
 
 COUNTS = (16, 32, 64)  # numbers of bins; the first whose binning error is small is taken
-# Binning error that is small: a tenth of a tolerance of 0.2 %
-SMALL_ERROR = 2e-4
+SMALL_ERROR = 2e-4  # allowed relative binning error where no tolerance says another
+OF_TOLERANCE = 0.1  # allowed binning error, as a fraction of a tolerance
 ANGLES_DEG = (0, 45, 60, 75)  # angles at which the binning error is projected
+
+
+@dataclass(frozen=True)
+class Binning:
+    """What decides on the number of bins of a render.
+
+    recorded: number of bins whose spectral radiance is recorded; 0 for none. allowed: relative
+    error that the bins may cause if their number is free. filters: transmittances between the scene
+    and the result, at the grid of the band, see `filter_of`.
+    """
+
+    recorded: int = 0
+    allowed: float = SMALL_ERROR
+    filters: tuple[tuple[float, ...], ...] = ()
+
+    @staticmethod
+    def of(recorded: int, tolerance: float | None, by_spectrum: bool) -> "Binning":
+        """The binning for a tolerance; a spectrum is as fine as without one, or finer."""
+        allowed = SMALL_ERROR if tolerance is None else OF_TOLERANCE * tolerance
+        return Binning(recorded, min(allowed, SMALL_ERROR) if by_spectrum else allowed)
+
+
+def filter_of(band: Band, detector: Band, wavelengths_um, transmittance) -> tuple[float, ...]:
+    """A detector's response times the transmittance of air, at the grid of a band.
+
+    wavelengths_um, transmittance: rows of the air; none for vacuum.
+    """
+    grid = Bins(band, COUNTS[0]).grid_um
+    response = detector.response_at(grid)
+    if len(wavelengths_um):
+        response = response * np.interp(grid, wavelengths_um, transmittance)
+    return tuple(response.tolist())
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,16 +180,18 @@ def binning_error(bins: Bins, materials: list[SpectralParameters], spectra: np.n
 
 
 def bins_for(
-    band: Band, materials: list[SpectralParameters], spectra, counts=COUNTS
+    band: Band, materials: list[SpectralParameters], spectra, counts=COUNTS, binning=Binning()
 ) -> tuple[Bins, float]:
-    """The first of some counts whose binning error is SMALL_ERROR or less, or the last; its error.
+    """The first of some counts whose binning error is allowed, or the last; its error.
 
     spectra: function of wavelengths [um]: the spectral radiances of the sources (sources, n).
+    binning: the allowed error, and filters through which the sources are seen too.
     """
     radiances = spectra(Bins(band, COUNTS[0]).grid_um)
+    radiances = np.concatenate([radiances, *(radiances * row for row in binning.filters)])
     for count in counts:
         bins = Bins(band, count)
         error = binning_error(bins, materials, radiances)
-        if error <= SMALL_ERROR:
+        if error <= binning.allowed:
             break
     return bins, error

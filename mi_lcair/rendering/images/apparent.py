@@ -1,5 +1,7 @@
 """Apparent radiance of each pixel: the model's radiance after transmission by the atmosphere."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,8 +10,10 @@ import scipy
 from mi_lcair.physics.air.atmosphere import Atmosphere
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
+from mi_lcair.physics.spectra.bins import filter_of
 from mi_lcair.plugins.emission.source import Source
 from mi_lcair.plugins.emission.sources import Sources
+from mi_lcair.rendering.scene import Scene
 
 REST = "rest"  # radiance of unknown spectrum
 
@@ -64,6 +68,24 @@ def apparent(
     path[on] = air.path * share[on]
     arrives[on] = air.of_parts({name: values[on] for name, values in parts.items()})
     return {"apparent.Y": radiance - parts["target"] + arrives + path, "path.Y": path}
+
+
+@contextmanager
+def through(scene: Scene, atmosphere: Atmosphere | None, range_m: float | None) -> Iterator[None]:
+    """Context manager in which the bins of wavelength are chosen for what passes the air.
+
+    range_m: range of the model [m]. None: the longest one of the atmosphere.
+    """
+    integrator = scene.mi.integrator()
+    before = integrator.filters
+    if atmosphere is not None and not (atmosphere.is_vacuum or scene.band.is_total):
+        path = atmosphere.path(atmosphere.ranges_m[-1] if range_m is None else range_m)
+        air = path.wavelengths_um, path.transmittance
+        integrator.filters = (filter_of(scene.band, scene.band, *air),)
+    try:
+        yield
+    finally:
+        integrator.filters = before
 
 
 @dataclass(frozen=True)

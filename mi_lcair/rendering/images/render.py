@@ -13,7 +13,7 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import brightness_temperature
 from mi_lcair.physics.spectra.bins import Bins
 from mi_lcair.plugins.recorders.by_bounce import BOUNCE_CHANNELS
-from mi_lcair.rendering.images.apparent import apparent
+from mi_lcair.rendering.images.apparent import apparent, through
 from mi_lcair.rendering.images.render_result import Render
 from mi_lcair.rendering.images.spectral import (
     LAYOUT,
@@ -66,15 +66,12 @@ def render_image(
     sampling = sampling.settled(camera)
     randomisations = min(PIXEL_RANDOMISATIONS, sampling.spp or PILOT_SPP)
     windows = Windows.of_image(camera, randomisations)
-    total = measure(
-        scene,
-        windows,
-        sampling,
-        spectral_measurands(scene, split, bins)
-        if bins
-        else Measurands.of(split, by_spectrum=atmosphere is not None),
-        None if sampling.tolerance is None else PixelError(sampling.tolerance),
-    )
+    measurands = Measurands.of(split, by_spectrum=atmosphere is not None)
+    if bins:
+        measurands = spectral_measurands(scene, split, bins)
+    criterion = None if sampling.tolerance is None else PixelError(sampling.tolerance)
+    with through(scene, atmosphere, range_m):
+        total = measure(scene, windows, sampling, measurands, criterion)
     spp = round(total.traced.mean())
     closure_error = None
     if total.tail is not None:
@@ -173,6 +170,8 @@ def header(scene: Scene, sampling: Sampling, spp: int, total: Totals, closure_er
         f"drjit {dr.__version__}, {mi.variant()}",
     }
     size = window_size(scene.sensor(sampling.sensor))
+    if total.bins:
+        entries["wavelengths"] = total.bins
     if size is not None:
         entries["window_m"] = f"{size[0]:.9g} {size[1]:.9g}"
     if closure_error is not None:

@@ -64,6 +64,7 @@ def intensity(entries: dict):
             ),
             error_row(error, entries["tolerance"], entries["reached"]),
             ("paths", entries["paths"]),
+            *([("wavelengths", entries["bins"])] if entries.get("bins") else []),
         ]
     )
     bounces = zip(*(column for part in parts for column in by_bounce(part)))

@@ -9,10 +9,12 @@ from mi_lcair.physics import reflection
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.spectra.bins import (
+    Binning,
     Bins,
     binning_error,
     bins_for,
     emissivities,
+    filter_of,
     reflectances,
 )
 from mi_lcair.physics.spectra.parameters import SpectralParameters
@@ -133,3 +135,44 @@ def test_the_first_count_that_suffices_is_taken():
     assert bins.count == 64 and error > 2e-4
     assert error < binning_error(Bins(MWIR, 32), [sharp], sources(Bins(MWIR, 2).grid_um))
     assert bins_for(MWIR, [sharp], sources, (9,))[0].count == 9
+
+
+def test_a_tolerance_decides_on_the_bins():
+    def sources(x):
+        return spectral_radiance(x, np.array([[400.0]]))
+
+    wavy, counts = grey(0.5 + 0.4 * np.sin(4 * X)), []
+    for tolerance in (None, 0.1, 0.02, 0.005):
+        binning = Binning.of(0, tolerance, by_spectrum=False)
+        bins, error = bins_for(MWIR, [wavy], sources, binning=binning)
+        counts.append(bins.count)
+        assert error <= binning.allowed or bins.count == 64
+    assert counts == [64, 16, 32, 64]
+    # A spectrum of the result is as fine as without a tolerance
+    assert Binning.of(0, 0.1, by_spectrum=True).allowed == 2e-4
+    assert Binning.of(0, 1e-4, by_spectrum=True).allowed == pytest.approx(1e-5)
+
+
+def test_bins_for_what_passes_the_air():
+    """Lines of the air where the fit of the reflectance is too low count in its error."""
+    wavy, bins = grey(0.5 + 0.4 * np.sin(4 * X)), Bins(MWIR, 16)
+    residual = bins.hats(bins.grid_um) @ bins.coefficients(
+        reflectances(wavy, bins.grid_um)[:, 0]
+    ) - (0.5 - 0.4 * np.interp(bins.grid_um, X, np.sin(4 * X)))
+    rows = np.linspace(3, 5, 4001)
+    comb = np.where(residual > 0, 1.0, 0.0)
+    detector = SimpleNamespace(response_at=lambda x: np.where(x < 4.9, 3.0, 0.0))
+    air = filter_of(MWIR, detector, rows, comb)
+    assert np.allclose(air, np.where(bins.grid_um < 4.9, 3 * comb, 0))
+    assert set(filter_of(MWIR, detector, [], [])) == {0.0, 3.0}
+
+    def sources(x):
+        return spectral_radiance(x, np.array([[400.0]]))
+
+    _, error = bins_for(MWIR, [wavy], sources, (16,), Binning(filters=(air,)))
+    S = sources(bins.grid_um)[0] * air
+    emissivity = np.interp(bins.grid_um, X, 0.5 + 0.4 * np.sin(4 * X))
+    of_emission = (S @ residual) / (S @ emissivity)
+    assert error >= 0.99 * of_emission
+    assert error > 1.1 * bins_for(MWIR, [wavy], sources, (16,))[1]
+    assert error == pytest.approx(binning_error(bins, [wavy], S[None]))

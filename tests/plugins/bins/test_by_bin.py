@@ -284,11 +284,14 @@ def test_fingerprint_changes_with_the_spectrum(tmp_path):
 
 
 def test_number_of_bins(tmp_path):
-    """A scene may choose its bins; they are named in the remark."""
+    """A scene or a tolerance chooses the bins."""
     loaded = plate(write(tmp_path), "g", 400.0)
     loaded.mi.integrator().bins = 24
     with loaded.prepared() as tracer:
         assert tracer.paths.by_bin.count == 24
+    loaded.mi.integrator().bins = 0
+    bins = [mi_lcair.signature(loaded, tolerance=tolerance).bins for tolerance in (0.05, 0.01)]
+    assert [text.split()[0] for text in bins] == ["32", "64"]
     loaded.mi.integrator().bins = 1
     with pytest.raises(InputError, match="bins = 1"), loaded.prepared():
         pass
