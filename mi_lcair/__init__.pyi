@@ -18,6 +18,7 @@ from mi_lcair.api.signature import signature as signature
 from mi_lcair.api.sweep import sweep as sweep
 from mi_lcair.api.temperature import temperature as temperature
 from mi_lcair.api.trend import trend as trend
+from mi_lcair.api.workers import workers as workers
 from mi_lcair.errors import InputError as InputError
 from mi_lcair.fitting.estimation import fit as fit
 from mi_lcair.rendering.scene import Scene as Scene

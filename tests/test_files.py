@@ -28,8 +28,7 @@ from mi_lcair.files import (
 )
 from mi_lcair.formats import tiff
 from mi_lcair.rendering.images.exr import write_exr
-from mi_lcair.rendering.views import View
-from mi_lcair.signatures.trend_file import TrendFile
+from mi_lcair.signatures.trend_result import Trend, write_csv
 
 CHECKOUT = Path(mi_lcair.__file__).parents[1]
 LIMIT = 4096  # bytes that a file may have, as on a disk that is nearly full
@@ -54,14 +53,8 @@ def tif(path):
 
 
 def trend(path):
-    views = tuple(View(float(azimuth), 0.0) for azimuth in range(360))
-    file = TrendFile(path, {"scene": "x"}, [(0, views)])
-    file.add(
-        {
-            view: {"azimuth_deg": view.azimuth_deg, "elevation_deg": 0.0, "a_W_sr": 1 / 3}
-            for view in views
-        }
-    )
+    columns = ("azimuth_deg", "elevation_deg", "intensity_W_sr")
+    write_csv(path, Trend("x", dict.fromkeys(columns, np.arange(360.0) / 7), "MWIR"))
 
 
 @contextmanager

@@ -72,8 +72,6 @@ def test_a_scene_of_mitsuba(plain):
     assert (scene.mi, scene.path, scene.parameters) == (plain, None, {})
     assert (scene.band.name, scene.groups) == ("total", ["other", "plate"])
     assert scene.fingerprint == mi_lcair.load(plain).fingerprint
-    with pytest.raises(InputError, match="workers load a scene from its file, .* leave dask out"):
-        mi_lcair.trend(plain, [0], dask="tcp://127.0.0.1:1")
     with pytest.raises(InputError, match=r"its \$-parameters \(spp\) are set; mi.load_file takes"):
         mi_lcair.load(plain, spp=4)
 

@@ -54,14 +54,14 @@ def test_the_lock_is_held(name):
 
 
 def test_every_public_function_takes_its_turn():
-    """But those that use no Dr.Jit, or may wait for workers in the same process."""
+    """But those that use no Dr.Jit, or wait for workers."""
     functions = {name: getattr(mi_lcair, name) for name in mi_lcair.__all__}
     free = {
         name
         for name, function in functions.items()
         if inspect.isfunction(function) and not hasattr(function, "__wrapped__")
     }
-    assert free == {"sweep", "temperature", "trend"}
+    assert free == {"sweep", "temperature", "trend", "workers"}
 
 
 def test_functions_take_turns():

@@ -1,24 +1,20 @@
-"""Measure the speed of `trend` against separate signatures, and on a Dask cluster.
+"""Measure the speed of `trend` against separate signatures.
 
     python -m docs.studies.trend
 
-The scene is the cylinder in its range, in LWIR. The first comparison has 180 views of 64 x 64
-pixels, each intensity to 1 %. The second has 900 views to 0.5 %, in this process and by two worker
-processes of one thread each. Everything runs once before it is timed, so that kernels are compiled.
-Times are medians of ROUNDS alternating runs. The script takes a few minutes.
+The scene is the cylinder in its range, in LWIR. There are 180 views of 64 x 64 pixels,
+each intensity to 1 %. Everything runs once before it is timed, so that kernels are compiled. Times are medians of ROUNDS alternating runs. The script takes a few minutes.
 """
 
 import time
 from statistics import median
 
 import numpy as np
-from distributed import LocalCluster
 
 import mi_lcair
 
 ROUNDS = 5  # number of timed runs of each variant
 AZIMUTHS = np.arange(0, 360, 2.0)
-ELEVATIONS = (-10.0, 0.0, 10.0, 20.0, 30.0)
 TOLERANCE = 0.01  # half of the 95 % interval of each intensity
 
 
@@ -36,11 +32,6 @@ def apart(views=AZIMUTHS):
         target = mi_lcair.signature(scene, tolerance=TOLERANCE).target
         errors.append(target.half_width / target.intensity)
     return np.array(errors)
-
-
-def many(scene, dask=None):
-    """Render 900 views by one trend, in this process or on a Dask cluster."""
-    return mi_lcair.trend(scene, AZIMUTHS, ELEVATIONS, tolerance=0.005, batch=60, dask=dask)
 
 
 def timed(function, *args):
@@ -67,17 +58,6 @@ def main():
         f"largest half width {max(map(max, signature_errors)):.2%}"
     )
     print(f"ratio {median(ratios):.1f} (smallest {min(ratios):.1f})")
-
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
-        address = cluster.scheduler_address
-        here, there = many(scene), many(scene, address)
-        same = all(np.array_equal(here.table[name], there.table[name]) for name in here.table)
-        rounds = [(timed(many, scene)[0], timed(many, scene, address)[0]) for _ in range(ROUNDS)]
-    print(
-        f"900 views here: {median(a for a, _ in rounds):.2f} s; "
-        f"by two workers: {median(b for _, b in rounds):.2f} s; "
-        f"speed {median(a / b for a, b in rounds):.2f} of the local one; the same numbers: {same}"
-    )
 
 
 if __name__ == "__main__":

@@ -183,6 +183,6 @@ np.testing.assert_allclose(radiance, planck, rtol=1e-5)
 #
 # - [From Blender](../howto/blender.md): export settings, names, other file formats.
 # - [Labels and facets](../howto/labels.md): a temperature for each facet, sky and terrain.
-# - [Trend and cluster](../howto/trend.md): large trends that are written to a file and resumed.
+# - [Trend](../howto/trend.md): large trends, which go on when they were interrupted.
 # - [A scatterometer's data become a material](material.py): your own paint on this model.
 # - [From a scenario to a detection range](detection_range.py): the air, the sun and a camera.

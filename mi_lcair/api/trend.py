@@ -14,9 +14,9 @@ from mi_lcair.rendering.scene import SceneLike
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.views import View
 from mi_lcair.signatures.many_views import DEFAULT_TOLERANCE
-from mi_lcair.signatures.trend import Sweep, render_trend
-from mi_lcair.signatures.trend_file import TrendFile
 from mi_lcair.signatures.trend_result import Trend
+from mi_lcair.sweeps.areas_folder import AreasFolder
+from mi_lcair.sweeps.trend import measure_trend
 
 
 def trend(
@@ -28,17 +28,15 @@ def trend(
     tolerance: float | str | None = None,
     max_spp: int | None = None,
     seed: int = 0,
-    batch: int | None = None,
-    path: str | PathLike[str] | None = None,
-    resume: bool = False,
-    overwrite: bool = False,
-    dask: str | None = None,
+    areas: str | PathLike[str] | None = None,
     progress: Progress | None = None,
     *,
     parameters: Mapping[str, object] | None = None,
     max_bounces: int | str | None = None,
 ) -> Trend:
     """Intensity of a scene's model toward each azimuth and elevation of the observer.
+
+    It is a sweep over the aspect alone, with the parts of the intensity by group and by reflection.
 
     Parameters
     ----------
@@ -61,17 +59,9 @@ def trend(
         Largest number of samples per pixel for the tolerance.
     seed : int
         Seed of the random numbers.
-    batch : int, optional
-        Views that are rendered together; by default as many as fit into a pass.
-    path : path-like, optional
-        CSV file to write, see `TrendFile`. It is complete after each batch.
-    resume : bool
-        Keep the views that the file holds already.
-    overwrite : bool
-        Replace a file that exists. Without it and `resume` such a file is refused.
-    dask : str, optional
-        Address of a Dask scheduler whose workers render the batches. They load the scene from the
-        same path. The numbers are the same.
+    areas : path-like, optional
+        Folder that keeps what is traced. A trend that was interrupted goes on from there, and what
+        it holds is not traced again.
     progress : callable, optional
         Called with (views done, all views).
     parameters : mapping of str to object, optional
@@ -86,8 +76,8 @@ def trend(
     Raises
     ------
     InputError
-        If the arguments do not fit together, if a view is missing or given twice, or if the file or
-        the scheduler cannot be used.
+        If the arguments do not fit together, if a view is missing or given twice, or if the folder
+        cannot be used.
     """
     scene = scene_of(scene, parameters)
     sampling = Sampling(spp=spp, tolerance=fraction(tolerance), max_spp=max_spp, seed=seed)
@@ -100,14 +90,9 @@ def trend(
         for azimuth in azimuths
     )
     settings = chosen(scene, max_bounces, False, sampling, views)
+    folder = None if areas is None else AreasFolder(areas)
     with changed(scene, **settings):
-        sweep = Sweep.of(scene, views, resolution, sampling, batch, settings)
-        file = TrendFile(path, sweep.header(scene), sweep.batches())
-        if resume:
-            file.resume()
-        elif not overwrite:
-            file.refuse_to_overwrite()
-        return render_trend(scene, sweep, file, dask, progress)
+        return measure_trend(scene, views, resolution, sampling, settings, folder, progress)
 
 
 def angles(name: str, values: Iterable[float]) -> list[float]:

@@ -1,8 +1,10 @@
 """Options that the commands with a SCENE share, and the functions that carry them out."""
 
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import wraps
+from importlib.util import find_spec
 from pathlib import Path
 
 import click
@@ -211,6 +213,49 @@ def renderer_options(command):
     return click.option(
         "--variant", type=click.Choice(VARIANTS), help=f"Mitsuba variant (default: {VARIANTS[0]})."
     )(threads(command))
+
+
+def workers_options(command):
+    """Give a command --workers and --dask, and run it within `mi_lcair.workers`."""
+
+    @click.option("--workers", type=POSITIVE, help="Work in this number of processes.")
+    @click.option("--dask", metavar="ADDRESS", help="Work on the workers of this Dask scheduler.")
+    @wraps(command)
+    def on_workers(workers, dask, **arguments):
+        with mi_lcair.workers(workers, dask):
+            return command(**arguments)
+
+    return on_workers
+
+
+areas_option = click.option(
+    "--areas",
+    type=FILE,
+    metavar="FOLDER",
+    help="Keep what is traced in this folder. A later call that finds it there traces nothing "
+    "again (default: FILE.areas, which is removed at the end).",
+)
+overwrite_option = click.option(
+    "--overwrite", "--resume", "overwrite", is_flag=True, help="Replace an output that exists."
+)
+
+
+@contextmanager
+def kept_areas(output: Path, areas: Path | None, overwrite: bool) -> Iterator[Path | None]:
+    """Context manager that gives the folder of --areas; without one, a folder beside the output.
+
+    That folder is removed if all goes well. None if xarray, which writes it, is not installed.
+    Raises InputError if the output exists and is not to be replaced.
+    """
+    if output.exists() and not overwrite:
+        raise InputError(f"output '{output}' exists; give --overwrite, or name another file")
+    if areas is not None or find_spec("xarray") is None:
+        yield areas
+        return
+    from mi_lcair.sweeps.areas_folder import AreasFolder
+
+    yield (folder := Path(f"{output}.areas"))
+    AreasFolder(folder).clear()
 
 
 def sensor_option(command):

@@ -8,17 +8,20 @@ import mi_lcair
 from mi_lcair.cli.options import (
     MAX_SPP,
     POSITIVE,
+    areas_option,
     examples,
+    kept_areas,
     loading_options,
     max_bounces_option,
     output_option,
+    overwrite_option,
     plot_option,
     progress_bar,
     sampling_options,
+    workers_options,
 )
 from mi_lcair.cli.output import check_outputs, print_result, print_written
 from mi_lcair.drawing import PICTURES
-from mi_lcair.errors import InputError
 from mi_lcair.files import together
 
 MOST_ANGLES = 100_000  # largest number of angles in START:STOP:STEP
@@ -102,51 +105,34 @@ class Azimuths(Angles):
     max_spp=MAX_SPP,
 )
 @max_bounces_option
-@click.option(
-    "--batch", type=POSITIVE, help="Views rendered together (default: as many as a pass holds)."
-)
-@click.option("--resume", is_flag=True, help="Keep the views that FILE.csv holds already.")
-@click.option("--overwrite", is_flag=True, help="Replace an output that exists.")
-@click.option(
-    "--dask", metavar="ADDRESS", help="Render the batches on the workers of this Dask scheduler."
-)
-def command(options, azimuth, elevation, output, plot, resume, overwrite, **settings):
+@areas_option
+@overwrite_option
+@workers_options
+def command(options, azimuth, elevation, output, plot, areas, overwrite, **settings):
     """Intensity of SCENE's model toward observers around it.
 
-    SCENE is a Mitsuba XML file or the name of a bundled scene. FILE.csv has a row for each view
-    with the intensity in W/sr and its error; printed are least, mean and greatest intensity. The
-    model is everything but sky and terrain. Each view is an orthographic window around it. Views
-    are rendered together in batches. FILE.csv is complete after each batch, so that --resume can
-    continue an interrupted run. FILE.csv.json beside it states how the rows were made. FILE.nc is
-    written at the end.
+    SCENE is a Mitsuba XML file or the name of a bundled scene. FILE has a row for each view with
+    the intensity in W/sr and its error; printed are least, mean and greatest intensity. The model
+    is everything but sky and terrain. Each view is an orthographic window around it. Views are
+    rendered together in batches. A trend that was interrupted goes on when the same command is
+    given again. FILE.csv.json beside FILE.csv states how the rows were made.
     """
     check_outputs((output, (".csv", ".nc")), (plot, PICTURES))
-    is_table = output.suffix.lower() == ".csv"
-    if resume and overwrite:
-        raise InputError("--resume keeps the views of the output and --overwrite drops them")
-    if resume and not is_table:
-        raise InputError(
-            f"--resume goes with a CSV, not with '{output}'; convert makes a .nc of it"
-        )
-    if not (is_table or overwrite) and output.exists():
-        raise InputError(f"output '{output}' exists; give --overwrite, or name another file")
-    scene = options.load(with_sensors=False)
-    with progress_bar("views") as progress:
-        result = mi_lcair.trend(
-            scene,
-            azimuth,
-            elevation,
-            **options.sampling,
-            **settings,
-            path=output if is_table else None,
-            resume=resume,
-            overwrite=overwrite,
-            progress=progress,
-        )
-    with together():
-        if not is_table:
+    with kept_areas(output, areas, overwrite) as folder:
+        scene = options.load(with_sensors=False)
+        with progress_bar("views") as progress:
+            result = mi_lcair.trend(
+                scene,
+                azimuth,
+                elevation,
+                **options.sampling,
+                **settings,
+                areas=folder,
+                progress=progress,
+            )
+        with together():
             result.save(output)
-        if plot:
-            result.plot(plot)
+            if plot:
+                result.plot(plot)
     print_result(result, options.json)
     print_written(output, plot)

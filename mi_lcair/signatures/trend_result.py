@@ -1,14 +1,18 @@
 """The table that `trend` returns."""
 
-from dataclasses import dataclass, replace
+import json
+from dataclasses import dataclass, field, replace
 from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from mi_lcair.errors import InputError, escaped
+from mi_lcair.files import read_text, replacing
+from mi_lcair.formats import csv, netcdf, tables
 from mi_lcair.results import Result, named
 from mi_lcair.signatures.many_views import FAINT
-from mi_lcair.signatures.trend_file import read_trend
 
 if TYPE_CHECKING:
     import xarray
@@ -32,16 +36,20 @@ class Trend(Result):
         Label of the band.
     tolerance : float or None
         Tolerance of the intensities; None if spp was fixed.
+    made : dict of str to str
+        How the rows were made. A CSV has it in a file beside it, FILE.csv.json.
     """
 
     scene_name: str
     table: dict[str, np.ndarray]
     band: str
     tolerance: float | None = None
+    made: dict[str, str] = field(default_factory=dict)
 
     kind: ClassVar[str] = "trend"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.trend:figure"
     sections_by: ClassVar[str] = "mi_lcair.reports.sections.trend:sections"
+    saved_by: ClassVar[dict[str, str]] = {".csv": "mi_lcair.signatures.trend_result:write_csv"}
 
     @staticmethod
     def read(path: str | PathLike[str]) -> "Trend":
@@ -50,7 +58,15 @@ class Trend(Result):
         The scene's name and the band of a CSV are in the file beside it, if there is one. Raises
         InputError for a file of another kind.
         """
-        return Trend(*read_trend(path))
+        path = Path(path)
+        made = stated(path)
+        columns = tables.read_columns(path)
+        needed = tables.KNOWN_BY[tables.TREND]
+        if not set(needed) <= set(columns):
+            raise InputError(f"{path}: is no trend, which has the columns {', '.join(needed)}")
+        rows = np.isfinite(columns["intensity_W_sr"])  # others are points without a view
+        table = {name: values[rows] for name, values in columns.items()}
+        return Trend(made.get("scene", path.stem), table, made.get("band", ""))
 
     @property
     def missed(self) -> int:
@@ -118,3 +134,33 @@ class Trend(Result):
             for name, values in self.table.items()
             if name.startswith(f"{kind}.")
         }
+
+
+def beside(path: Path) -> Path:
+    """The file beside a trend's CSV `path` that states how its rows were made."""
+    return path.with_name(f"{path.name}.json")
+
+
+def write_csv(path: Path, trend: Trend) -> None:
+    """Write the table of a trend, and the file beside it."""
+    made = {key: escaped(value) for key, value in trend.made.items()}
+    with replacing(beside(path)) as partial:
+        partial.write_text(json.dumps({"made": made}, indent=2) + "\n", encoding="utf-8")
+        csv.write(path, trend.table)
+
+
+def stated(path: Path) -> dict[str, str]:
+    """Scene's name and band of a trend in a .csv or .nc file, as far as they are stated."""
+    made = {}
+    if path.suffix.lower() == ".nc":
+        made = netcdf.read_attributes(path)
+    elif beside(path).exists():
+        try:
+            made = dict(json.loads(read_text(beside(path)))["made"])
+        except (ValueError, TypeError, KeyError, RecursionError) as error:
+            if isinstance(error, InputError):
+                raise
+            raise InputError(
+                f"{beside(path)}: does not state how the rows of a trend were made; remove it"
+            ) from None
+    return {name: str(made[name]) for name in ("scene", "band") if name in made}

@@ -10,12 +10,14 @@ from mi_lcair.errors import InputError
 from mi_lcair.extras import optional
 from mi_lcair.files import check_writable
 from mi_lcair.formats import netcdf
+from mi_lcair.signatures.trend import TrendRows
 from mi_lcair.signatures.view_areas import ViewAreas, of_dataset
-from mi_lcair.sweeps.subject import Batch
+from mi_lcair.sweeps.subject import Batch, Views
 
 if TYPE_CHECKING:
     import xarray
 
+READERS = {ViewAreas.kind: of_dataset, TrendRows.kind: TrendRows.of_dataset}
 BATCH = re.compile(r"[0-9a-f]{32}\.nc")  # names of the files
 
 
@@ -49,24 +51,24 @@ class AreasFolder:
         """The file of a batch."""
         return self.path / f"{batch.key}.nc"
 
-    def read(self, batch: Batch) -> ViewAreas | None:
-        """The effective areas of a batch; None if they are not there, or if they are damaged."""
+    def read(self, batch: Batch) -> Views | None:
+        """What was traced for a batch; None if it is not there, or damaged."""
         path = self.file_of(batch)
         if not path.exists():
             return None
         try:
             dataset = netcdf.read(path)
             if dataset.attrs["checksum"] == checksum(dataset):
-                return of_dataset(dataset)
+                return READERS[dataset.attrs["kind"]](dataset)
         except (InputError, KeyError, ValueError):
             pass
         warnings.warn(f"{path}: does not match its checksum and is traced again", stacklevel=2)
         return None
 
-    def write(self, batch: Batch, areas: ViewAreas) -> None:
-        """Keep the effective areas of a batch."""
+    def write(self, batch: Batch, traced: Views) -> None:
+        """Keep what was traced for a batch."""
         self.path.mkdir(exist_ok=True)
-        dataset = areas.to_xarray()
+        dataset = traced.to_xarray()
         netcdf.write(self.file_of(batch), dataset.assign_attrs(checksum=checksum(dataset)))
 
     def clear(self) -> None:

@@ -19,7 +19,7 @@ from mi_lcair.signatures.view_areas import Estimates, ViewAreas
 from mi_lcair.sweeps.areas_folder import AreasFolder
 from mi_lcair.sweeps.flight_result import Flight
 from mi_lcair.sweeps.lines import TEMPERATURE, Line, sightline
-from mi_lcair.sweeps.measure import Runner, areas_of, planned, run_here, sources_of
+from mi_lcair.sweeps.measure import planned, results_of, sources_of
 from mi_lcair.sweeps.rows import beside_noise, of_terms, terms_of
 from mi_lcair.sweeps.subject import Subject, loaded
 
@@ -29,7 +29,6 @@ STEP_DEG = 4.0  # largest angle between aspects that are traced at first, degree
 def measure_flight(
     scenario: Scenario,
     folder: AreasFolder | None = None,
-    run: Runner = run_here,
     progress: Progress | None = None,
 ) -> Flight:
     """Contrast of the target of a scenario at the moments of its flight.
@@ -38,7 +37,7 @@ def measure_flight(
     ----------
     scenario : Scenario
         It has a table [flight].
-    folder, run
+    folder
         As for `measure_sweep`.
     progress : callable or None
         Called with (moments done, all moments).
@@ -48,7 +47,7 @@ def measure_flight(
         raise InputError("has no table [flight]; give the CSV of a path in it: path = 'path.csv'")
     loaded.cache_clear()  # files may have changed since the last flight
     sources_of.cache_clear()
-    aspects = Aspects(scenario, scenario.flight.moments(), folder, run)
+    aspects = Aspects(scenario, scenario.flight.moments(), folder)
     errors = aspects.refine(scenario.flight.tolerance)
     table = table_of(aspects, errors, progress)
     return Flight(
@@ -84,7 +83,7 @@ class Aspects:
     ----------
     scenario : Scenario
     moments : Moments
-    folder, run
+    folder
         As for `measure_sweep`.
 
     Attributes
@@ -93,10 +92,8 @@ class Aspects:
         Effective areas by number of the moment.
     """
 
-    def __init__(
-        self, scenario: Scenario, moments: Moments, folder: AreasFolder | None, run: Runner
-    ):
-        self.scenario, self.moments, self.folder, self.run = scenario, moments, folder, run
+    def __init__(self, scenario: Scenario, moments: Moments, folder: AreasFolder | None):
+        self.scenario, self.moments, self.folder = scenario, moments, folder
         self.sampling, self.turned_deg = sampling_of(scenario), moments.turned_deg
         self.scene = self.subject(0).load()
         self.sun = sun_over(scenario, self.scene)
@@ -133,7 +130,7 @@ class Aspects:
             below_m = float(np.max(target.centre[2] - target.points[:, 2]))
             self.moments.check_above(below_m, self.moments.attitude_deg[number])
         batches = planned(lines, self.scenario.render.resolution, self.sampling)
-        of_lit, _ = areas_of(batches, self.folder, self.run, None)
+        of_lit, _ = results_of(batches, self.folder, None)
         for number, line in zip(new, lines):
             lit = line.subject, line.light
             areas = replace(of_lit[lit], sources=sources_of(*lit))

@@ -1,9 +1,7 @@
 """Cases of a sweep that share a line of sight, and the subjects and views that they need."""
 
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -18,7 +16,7 @@ from mi_lcair.plugins.emitters.distant_emitter import DistantEmitter
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import Target, View
 from mi_lcair.sweeps.conditions import Conditions
-from mi_lcair.sweeps.subject import Subject
+from mi_lcair.sweeps.subject import Subject, whole_path
 
 AZIMUTH, ELEVATION = "azimuth_deg", "elevation_deg"
 # Short names of entries of a scenario
@@ -214,8 +212,3 @@ def number(name: str, value) -> float:
     if type(value) not in (int, float):
         raise InputError(f"{name} = {value!r}; must be a number")
     return float(value)
-
-
-def whole_path(text: str) -> str:
-    """The absolute path of a file, because a worker has another working folder; others as are."""
-    return str(Path(text).resolve()) if os.path.exists(text) else text

@@ -1,11 +1,10 @@
 """A sweep: traces the views that are not known yet, and calculates all cases from them."""
 
 import time
-from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import lru_cache
+from typing import TypeVar
 
-import mitsuba as mi
 import numpy as np
 
 from mi_lcair.detection.weather import AirOfLight
@@ -14,42 +13,24 @@ from mi_lcair.plugins.emission.source import Source
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.views import View
-from mi_lcair.signatures.cluster import computed
 from mi_lcair.signatures.effective_areas import temperatures_of
 from mi_lcair.signatures.view_areas import ViewAreas
+from mi_lcair.startup.tasks import computed
 from mi_lcair.startup.threads import exclusively
 from mi_lcair.sweeps.areas_folder import AreasFolder
 from mi_lcair.sweeps.conditions import Conditions
 from mi_lcair.sweeps.lines import Line, lines_of
 from mi_lcair.sweeps.rows import detection_ranges_of, rows_of
-from mi_lcair.sweeps.subject import Batch, Subject, batches_of, loaded
+from mi_lcair.sweeps.subject import Batch, Subject, Views, loaded
 from mi_lcair.sweeps.sweep_result import Sweep
 
-Runner = Callable[[list[Batch]], Iterable[tuple[int, ViewAreas]]]
+Key = TypeVar("Key")
 Lit = tuple[Subject, AirOfLight | None]  # a subject, and the air of its light
-
-
-def run_on(address: str) -> Runner:
-    """A function that traces batches on the workers of a Dask cluster."""
-
-    def run(batches: list[Batch]) -> Iterator[tuple[int, ViewAreas]]:
-        if batches:
-            jobs = [batch.run for batch in batches]
-            yield from computed(jobs, batches[0].variant, address)
-
-    return run
-
-
-def run_here(batches: list[Batch]) -> Iterator[tuple[int, ViewAreas]]:
-    """Trace batches in this process; yields the number and the effective areas of each."""
-    for number, batch in enumerate(batches):
-        yield number, batch.run()
 
 
 def measure_sweep(
     conditions: Conditions,
     folder: AreasFolder | None = None,
-    run: Runner = run_here,
     progress: Progress | None = None,
 ) -> Sweep:
     """Signatures over a table of conditions.
@@ -59,8 +40,6 @@ def measure_sweep(
     conditions : Conditions
     folder : AreasFolder or None
         Where effective areas are kept, and found again.
-    run : callable
-        Traces a list of batches; yields the number and the effective areas of each that is done.
     progress : callable or None
         Called with (views done, all views).
     """
@@ -80,39 +59,34 @@ def measure_sweep(
             temperatures_of(sources_of(line.subject, line.light), line.temperatures)
     batches = planned(lines, conditions.sampling.resolution, conditions.sampling.sampling())
     views = sum(len(batch.views) for of_lit in batches.values() for batch in of_lit)
-    of_lit, traced = areas_of(batches, folder, run, progress)
+    of_lit, traced = results_of(batches, folder, progress)
     table = table_of(lines, of_lit, conditions)
     return Sweep(conditions, table, views, traced, time.perf_counter() - start)
 
 
-def areas_of(
-    batches: dict[Lit, list[Batch]],
-    folder: AreasFolder | None,
-    run: Runner,
-    progress: Progress | None,
-) -> tuple[dict[Lit, ViewAreas], int]:
-    """Effective areas by subject and light, and the number of views now traced."""
-    everything = [batch for of_lit in batches.values() for batch in of_lit]
+def results_of(
+    batches: dict[Key, list[Batch]], folder: AreasFolder | None, progress: Progress | None
+) -> tuple[dict[Key, Views], int]:
+    """What is traced for the batches of each key, together, and the number of views now traced."""
+    everything = [batch for of_key in batches.values() for batch in of_key]
     known = {}
     if folder is not None:
         read = ((batch, folder.read(batch)) for batch in everything)
-        known = {batch.key: areas for batch, areas in read if areas is not None}
+        known = {batch.key: traced for batch, traced in read if traced is not None}
     missing = [batch for batch in everything if batch.key not in known]
     views = sum(len(batch.views) for batch in everything)
-    traced = sum(len(batch.views) for batch in missing)
-    done = views - traced
-    for number, areas in run(missing):
+    new = sum(len(batch.views) for batch in missing)
+    done = views - new
+    for number, traced in computed([batch.run for batch in missing]):
         batch = missing[number]
-        known[batch.key] = areas
+        known[batch.key] = traced
         if folder is not None:
-            folder.write(batch, areas)
+            folder.write(batch, traced)
         done += len(batch.views)
         if progress:
             progress(done, views)
-    joint = {
-        lit: ViewAreas.joined([known[batch.key] for batch in of]) for lit, of in batches.items()
-    }
-    return joint, traced
+    parts = {key: [known[batch.key] for batch in of_key] for key, of_key in batches.items()}
+    return {key: of_key[0].joined(of_key) for key, of_key in parts.items()}, new
 
 
 def planned(lines: list[Line], resolution: int, sampling: Sampling) -> dict[Lit, list[Batch]]:
@@ -120,24 +94,9 @@ def planned(lines: list[Line], resolution: int, sampling: Sampling) -> dict[Lit,
     views: dict[Lit, dict[View, None]] = {}
     for line in lines:
         views.setdefault((line.subject, line.light), {}).update(dict.fromkeys(line.views))
-    fingerprints = {}
-    for subject, _ in views:
-        if subject not in fingerprints:
-            fingerprints[subject] = subject.load().fingerprint
     return {
-        (subject, light): [
-            Batch(
-                subject=subject,
-                fingerprint=fingerprints[subject],
-                light=light,
-                views=some,
-                resolution=resolution,
-                sampling=sampling,
-                variant=mi.variant(),
-            )
-            for some in batches_of(list(of_lit), resolution)
-        ]
-        for (subject, light), of_lit in views.items()
+        lit: Batch.of_views(*lit, list(of_lit), resolution, sampling)
+        for lit, of_lit in views.items()
     }
 
 

@@ -1,8 +1,11 @@
 """What is traced in a sweep: a scene as one combination of conditions makes it."""
 
+import os
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from hashlib import sha256
+from pathlib import Path
 
 import mitsuba as mi
 import numpy as np
@@ -19,28 +22,47 @@ from mi_lcair.rendering.settings import set_all
 from mi_lcair.rendering.views import View
 from mi_lcair.rendering.window import PASS_SAMPLES
 from mi_lcair.sensitivity.parameters import load_with_values
+from mi_lcair.signatures.trend import TrendRows
 from mi_lcair.signatures.view_areas import ViewAreas, measure_view_areas
 from mi_lcair.startup.threads import exclusively
 
 VIEWS_AT_ONCE = 256  # views of a batch
+Views = ViewAreas | TrendRows  # what is kept of some views
 
 
 @dataclass(frozen=True)
 class Subject:
     """A scene with its parameters, or the scene of a scenario with its settings.
 
-    key: text that tells this subject from others of the sweep. scenario: None for a scene. The
-    scenario's range, air and background do not count.
+    key: text that tells this subject from others of the sweep. settings: properties of the
+    integrator. scenario: None for a scene. The scenario's range, air and background do not count.
+    given: the scene, if it is loaded. A worker loads it again.
     """
 
     key: str
     scene: str = ""
     parameters: tuple[tuple[str, str], ...] = ()
+    settings: tuple[tuple[str, object], ...] = ()
     scenario: Scenario | None = field(default=None, compare=False)
+    given: Scene | None = field(default=None, compare=False)
+
+    @staticmethod
+    def of(scene: Scene, settings: Mapping[str, object]) -> "Subject":
+        """A loaded scene, and the settings of its integrator that differ from its file's."""
+        parameters = tuple((name, whole_path(v)) for name, v in sorted(scene.parameters.items()))
+        return Subject(scene.name, scene.source, parameters, tuple(settings.items()), given=scene)
+
+    def __getstate__(self) -> dict:
+        if self.given is not None and self.given.path is None:
+            raise InputError(
+                f"{self.given.name}: workers load a scene from its file, and this one was loaded "
+                "by Mitsuba; leave the workers out, or give the file"
+            )
+        return vars(self) | {"given": None}
 
     def load(self) -> Scene:
         """The loaded scene, of which nothing else may change but the air of its light."""
-        return loaded(self, mi.variant())
+        return self.given or loaded(self, mi.variant())
 
 
 @lru_cache(maxsize=2)
@@ -49,7 +71,9 @@ def loaded(subject: Subject, variant: str) -> Scene:
     """The scene of a subject; the last ones are kept."""
     scenario = subject.scenario
     if scenario is None:
-        return load_with_values(subject.scene, dict(subject.parameters))
+        scene = load_with_values(subject.scene, dict(subject.parameters))
+        set_all(scene.mi.integrator(), dict(subject.settings))
+        return scene
     scene = target_scene(scenario, scenario.sensor.detector())
     render, observer = scenario.render, scenario.observer
     if render.lobe is not None:
@@ -78,6 +102,8 @@ class Batch:
     sampling : Sampling
     variant : str
         Variant of Mitsuba.
+    measure : callable
+        `measure_view_areas`, or another function of the same arguments.
     """
 
     subject: Subject
@@ -87,17 +113,45 @@ class Batch:
     resolution: int
     sampling: Sampling
     variant: str
+    measure: Callable = measure_view_areas
+
+    @staticmethod
+    def of_views(
+        subject: Subject,
+        light: AirOfLight | None,
+        views: Sequence[View],
+        resolution: int,
+        sampling: Sampling,
+        measure: Callable = measure_view_areas,
+    ) -> list["Batch"]:
+        """Batches of nearly equal size."""
+        most = max(1, min(VIEWS_AT_ONCE, PASS_SAMPLES // resolution**2))
+        bounds = np.linspace(0, len(views), -(-len(views) // most) + 1).round().astype(int)
+        fingerprint, variant = subject.load().fingerprint, mi.variant()
+        return [
+            Batch(
+                subject=subject,
+                fingerprint=fingerprint,
+                light=light,
+                views=tuple(views[low:high]),
+                resolution=resolution,
+                sampling=sampling,
+                variant=variant,
+                measure=measure,
+            )
+            for low, high in zip(bounds, bounds[1:])
+        ]
 
     @property
     def key(self) -> str:
         """32 hexadecimal digits that stand for everything on which the results depend."""
         sampling = replace(self.sampling, progress=None)
         made = (self.fingerprint, self.light, self.views, self.resolution, sampling)
-        text = repr((*made, self.variant, mi_lcair.__version__))
+        text = repr((*made, self.variant, mi_lcair.__version__, self.measure.__name__))
         return sha256(text.encode()).hexdigest()[:32]
 
     @exclusively
-    def run(self) -> ViewAreas:
+    def run(self) -> Views:
         """Trace the views. Raises InputError if the files here give another scene."""
         scene = self.subject.load()
         if scene.fingerprint != self.fingerprint:  # perhaps of a file that has changed since
@@ -115,12 +169,9 @@ class Batch:
         views = int(sha256(repr(self.views).encode()).hexdigest()[:16], 16)
         seed = np.random.SeedSequence([self.sampling.seed, views]).generate_state(1)
         sampling = replace(self.sampling, seed=int(seed[0]))
-        return measure_view_areas(scene, list(self.views), self.resolution, sampling)
+        return self.measure(scene, list(self.views), self.resolution, sampling)
 
 
-def batches_of(views: list[View], resolution: int) -> list[tuple[View, ...]]:
-    """Views in batches of nearly equal size."""
-    most = max(1, min(VIEWS_AT_ONCE, PASS_SAMPLES // resolution**2))
-    count = -(-len(views) // most)
-    bounds = np.linspace(0, len(views), count + 1).round().astype(int)
-    return [tuple(views[low:high]) for low, high in zip(bounds, bounds[1:])]
+def whole_path(text: str) -> str:
+    """The absolute path of a file, because a worker has another working folder; others as are."""
+    return str(Path(text).resolve()) if os.path.exists(text) else text

@@ -278,10 +278,10 @@ def test_bad_input(tmp_path, change, message):
 def test_processes_give_the_same_bytes(tmp_path):
     write_disc(tmp_path)
     conditions = {"azimuth_deg": {"from": 0, "to": 350, "step": 1}, "range_m": RANGES}
-    for name, options in {"one": {}, "two": {"workers": 2}}.items():
-        sweep(tmp_path, conditions, areas=tmp_path / "areas", **options).save(
-            tmp_path / f"{name}.nc"
-        )
+    for name, count in {"one": None, "two": 2}.items():
+        with mi_lcair.workers(count):
+            made = sweep(tmp_path, conditions, areas=tmp_path / "areas")
+        made.save(tmp_path / f"{name}.nc")
         shutil.rmtree(tmp_path / "areas")
     one, two = (netcdf.read(tmp_path / f"{name}.nc") for name in ("one", "two"))
     for name in one.variables:  # to say which of them differs

@@ -134,7 +134,7 @@ def _table(source, output, suffix):
         csv.write(output, columns)
         return
     if Path(f"{source}.json").is_file():
-        from mi_lcair.signatures.trend_file import stated
+        from mi_lcair.signatures.trend_result import stated
 
         attributes = stated(Path(source))
     netcdf.write(output, netcdf.dataset(columns, **attributes))

@@ -11,6 +11,7 @@ from mi_lcair.cli.options import (
     plot_option,
     scenario_options,
     seed_option,
+    workers_options,
 )
 from mi_lcair.cli.output import check_outputs, print_result, print_written, time_row
 from mi_lcair.drawing import PICTURES
@@ -37,6 +38,7 @@ from mi_lcair.files import together
 @file_option("--frames", "Write the frames of [camera] as 16-bit counts, pages of FILE.tif.")
 @file_option("--video", "Write them for people, FILE.gif.")
 @seed_option("Seed of the camera's noise and fixed pattern.")
+@workers_options
 @plot_option("contrast, signal-to-noise ratio and range")
 def command(options, output, areas, frames, video, seed, plot):
     """Contrast of a scenario's target along a path.

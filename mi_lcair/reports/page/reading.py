@@ -20,8 +20,7 @@ from mi_lcair.reports.sections.spectrum import spectrum_section
 from mi_lcair.results.cells import unpacked
 from mi_lcair.results.result import details
 from mi_lcair.results.sections import Facts, Remarks, Section
-from mi_lcair.signatures.trend_file import beside
-from mi_lcair.signatures.trend_result import Trend
+from mi_lcair.signatures.trend_result import Trend, beside
 from mi_lcair.table import lines_of
 
 MADE = "How it was made"
