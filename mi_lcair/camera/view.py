@@ -18,6 +18,19 @@ MOST_PARTS = 2**20  # parts along a side of the frame; their places are known in
 
 
 @dataclass(frozen=True)
+class Pointing:
+    """Error of a camera's pointing, as what it does to the image, see `mi_lcair.motions.observer`.
+
+    x_px, y_px: shift of the image to the right and down [pixels]. roll_deg: turn of the camera
+    about its axis, to the right [deg].
+    """
+
+    x_px: float = 0.0
+    y_px: float = 0.0
+    roll_deg: float = 0.0
+
+
+@dataclass(frozen=True)
 class CameraView:
     """Position and pointing of a camera, and the window of its frame that holds the model.
 
@@ -64,8 +77,19 @@ class CameraView:
     is_cut: bool
 
     @staticmethod
-    def of(target: Target, view: View, range_m: float, imager: Imager) -> "CameraView":
+    def of(
+        target: Target,
+        view: View,
+        range_m: float,
+        imager: Imager,
+        pointing: Pointing = Pointing(),
+        present: Target | None = None,
+        room: int = 0,
+    ) -> "CameraView":
         """The view of a camera at `range_m`, m, from the middle of the target.
+
+        pointing: error of the camera's pointing. present: the target in another pose, if the window
+        is to hold that. room: pixels that the window has around the target in addition.
 
         Raises
         ------
@@ -77,17 +101,12 @@ class CameraView:
                 f"the camera is inside the target: range {range_m:g} m, but the target reaches "
                 f"{target.radius:.4g} m from its middle"
             )
-        above = UP if abs(view.elevation_deg) < POLE_DEG else BESIDE
-        right = unit(np.cross(above, view.direction))
-        up = np.cross(view.direction, right)
-        aside, higher = np.tan(np.radians([imager.right_deg, imager.up_deg]))
-        axis = unit(aside * right + higher * up - view.direction)
-        right = unit(np.cross(axis, up))
-        up = np.cross(right, axis)
-        eye = target.centre + range_m * view.direction
-        middle = (target.centre - eye) @ axis
-        near = max(middle - BEFORE * target.radius, 1e-4 * target.radius)
-        seen = target.points - eye
+        axes = axes_of(target, view, range_m, imager, pointing)
+        eye, axis, right, up = axes.values()
+        present = present or target
+        middle = (present.centre - eye) @ axis - room * range_m * imager.pixel_angle
+        near = max(middle - BEFORE * present.radius, 1e-4 * present.radius)
+        seen = present.points - eye
         scale = imager.pixel_angle
         if imager.projection == "perspective":
             distance = seen @ axis
@@ -115,7 +134,7 @@ class CameraView:
         first, size, beyond, is_cut = [], [], [], False
         for place, count in ((columns, imager.width), (rows, imager.height)):
             start, end = (int(np.clip(np.floor(value), -1e9, 1e9)) for value in ends(place * parts))
-            end += 1
+            start, end = start - room * parts, end + 1 + room * parts
             if not max(start, 0) < min(end, count * parts):
                 raise outside
             is_cut |= start < 0 or end > count * parts
@@ -125,19 +144,16 @@ class CameraView:
             rest = max(lower - start, 0), max(end - upper, 0)
             beyond.insert(0, tuple(min(-(-more // parts), FARTHEST) for more in rest))
         return CameraView(
-            imager,
-            eye,
-            -view.direction,
-            axis,
-            right,
-            up,
-            near,
-            range_m * imager.pixel_angle,
-            parts,
-            tuple(first),
-            tuple(size),
-            tuple(beyond),
-            is_cut,
+            imager=imager,
+            **axes,
+            toward=-view.direction,
+            near_m=near,
+            pixel_m=range_m * imager.pixel_angle,
+            parts=parts,
+            first=tuple(first),
+            size=tuple(size),
+            beyond=tuple(beyond),
+            is_cut=is_cut,
         )
 
     @property
@@ -231,6 +247,31 @@ class CameraView:
         side = self.parts // OVERSAMPLING
         whole = whole.reshape(rows * OVERSAMPLING, side, columns * OVERSAMPLING, side)
         return np.pad(whole.mean(axis=(1, 3)), OVERSAMPLING * np.array(self.beyond), mode="edge")
+
+
+def axes_of(
+    target: Target, view: View, range_m: float, imager: Imager, pointing: Pointing
+) -> dict[str, np.ndarray]:
+    """Position and unit vectors of a camera: eye, axis, right and up, see `CameraView`."""
+    above = UP if abs(view.elevation_deg) < POLE_DEG else BESIDE
+    right = unit(np.cross(above, view.direction))
+    up = np.cross(view.direction, right)
+    aside, higher = np.tan(np.radians([imager.right_deg, imager.up_deg]))
+    axis = unit(aside * right + higher * up - view.direction)
+    right = unit(np.cross(axis, up))
+    up = np.cross(right, axis)
+    eye = target.centre + range_m * view.direction
+    # An image that lies farther to the right is that of a camera which points farther to the left
+    turn = imager.pixel_angle * (pointing.y_px * up - pointing.x_px * right)
+    if imager.projection == "orthographic":
+        eye = eye + range_m * turn
+    else:
+        axis = unit(axis + turn)
+        right = unit(np.cross(axis, up))
+    roll = np.radians(pointing.roll_deg)
+    up = np.cross(right, axis)
+    right, up = np.cos(roll) * right - np.sin(roll) * up, np.cos(roll) * up + np.sin(roll) * right
+    return {"eye": eye, "axis": axis, "right": right, "up": up}
 
 
 def film_size(imager: Imager) -> tuple[int, int]:

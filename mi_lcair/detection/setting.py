@@ -1,7 +1,10 @@
 """What the contrast of a scenario is computed from, after all checks."""
 
+from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from mi_lcair import scenes
 from mi_lcair.detection.irradiance import Backdrop
@@ -9,6 +12,7 @@ from mi_lcair.detection.line_of_sight import Sight, backdrop, background_sun
 from mi_lcair.detection.scenario import RenderTable, Scenario
 from mi_lcair.detection.weather import AirOfLight
 from mi_lcair.errors import InputError
+from mi_lcair.motions.pose import moved
 from mi_lcair.physics.air.atmosphere import Atmosphere, LineOfSight
 from mi_lcair.physics.detector import Detector
 from mi_lcair.physics.spectra.bins import filter_of
@@ -85,13 +89,30 @@ def setting_of(scenario: Scenario, scene: Scene | None = None) -> Setting:
     light.shine_on(scene)
     target = Target.of(scene)
     check_outside(target, observer.range_m, scene.name)
-    view = seen_from(
-        scene, View(observer.azimuth_deg, observer.elevation_deg), scenario.render.resolution
-    )
+    view = seen_by_observer(scenario, scene, target)
     if not view.band.is_total:
         air = path.wavelengths_um, path.transmittance
         view.mi.integrator().filters = (filter_of(view.band, detector.band, *air),)
     return Setting(detector, sight, sight.air, path, behind, target, view, direction, light)
+
+
+def seen_by_observer(scenario: Scenario, scene: Scene, target: Target) -> Scene:
+    """A scene with the sensor of a scenario's observer, whose window holds the target."""
+    view = View(scenario.observer.azimuth_deg, scenario.observer.elevation_deg)
+    return seen_from(scene, view, scenario.render.resolution, target)
+
+
+def holding(setting: Setting, scenario: Scenario, poses: Iterable[Mapping]) -> Setting:
+    """The setting of a scenario, whose window also holds its target as motions move it.
+
+    poses: values of motions by name.
+    """
+    points = [Target.of(setting.view).points]
+    for pose in poses:
+        with moved(setting.view, pose):
+            points.append(Target.of(setting.view).points)
+    target = Target.around(np.concatenate(points))
+    return replace(setting, view=seen_by_observer(scenario, setting.view, target))
 
 
 def sun_over(scenario: Scenario, scene: Scene) -> tuple[float, float] | None:

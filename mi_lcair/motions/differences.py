@@ -93,6 +93,31 @@ class Difference:
         )
 
 
+def scale_of(motion: Motion, value: float) -> float:
+    """A change of a motion that changes the scene by about as much as it is."""
+    if motion.unit == "deg":
+        return 180 / np.pi
+    if motion.unit == "1":
+        return abs(value) or 1.0
+    boxes = [shape.bbox() for shape in motion.shapes]
+    low = np.min([np.ravel(box.min) for box in boxes], axis=0)
+    return float(np.linalg.norm(np.max([np.ravel(box.max) for box in boxes], axis=0) - low))
+
+
+def default_step(motion: Motion, value: float) -> float:
+    if motion.unit == "deg":
+        return TURN_STEP_DEG
+    return scale_of(motion, value) * (SHIFT_STEP if motion.unit == "m" else SIZE_STEP)
+
+
+def poses_around(scene, name: str, step: float) -> list[dict[str, float]]:
+    """The poses of a motion between which differences over a step are taken."""
+    motion = known_motions(scene)[name]
+    value = value_of(scene, motion)
+    ends = value + 2 * step, value - 2 * step
+    return [{name: min(max(end, motion.lower), motion.upper)} for end in ends]
+
+
 class Differences:
     """Differences of a number that renders give, with respect to one motion.
 
@@ -139,19 +164,7 @@ class Differences:
 
     @cached_property
     def scale(self) -> float:
-        """A change of the motion that changes the scene by about as much as it is."""
-        if self.motion.unit == "deg":
-            return 180 / np.pi
-        if self.motion.unit == "1":
-            return abs(self.value) or 1.0
-        boxes = [shape.bbox() for shape in self.motion.shapes]
-        low = np.min([np.ravel(box.min) for box in boxes], axis=0)
-        return float(np.linalg.norm(np.max([np.ravel(box.max) for box in boxes], axis=0) - low))
-
-    def default_step(self) -> float:
-        if self.motion.unit == "deg":
-            return TURN_STEP_DEG
-        return self.scale * (SHIFT_STEP if self.motion.unit == "m" else SIZE_STEP)
+        return scale_of(self.motion, self.value)
 
     def poses(self, offsets) -> list[dict[str, float]]:
         """Values of the motion at distances from its present value."""
@@ -187,7 +200,7 @@ class Differences:
 
     def at(self, step: float | None = None) -> Difference:
         """The derivative from renders at +- step, in units of the motion; None chooses it."""
-        h = self.default_step() if step is None else step
+        h = default_step(self.motion, self.value) if step is None else step
         h = min(h, self.motion.upper - self.value, self.value - self.motion.lower)
         pilots = {kind: self.pilot(h, kind) for kind in self.kinds()}
         kind = min(pilots, key=lambda kind: pilots[kind].noise)

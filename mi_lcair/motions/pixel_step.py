@@ -13,9 +13,12 @@ MOST = {"deg": 1.0, "1": 0.02}  # longest steps by unit: coarse pixels would ask
 TRIAL = 1e-3  # change of a motion from which its displacement is taken, in its unit
 
 
-def pixel_step(scene, sensor, motion: Motion) -> float:
-    """Change of a motion that moves what a sensor sees by PIXELS at most, in the motion's unit."""
-    return min(of_pixels(scene, sensor, motion), MOST.get(motion.unit, np.inf))
+def pixel_step(scene, sensor, motion: Motion, parts: int = 1) -> float:
+    """Change of a motion that moves what a sensor sees by PIXELS at most, in the motion's unit.
+
+    parts: pixels of the sensor's film along each side of a pixel.
+    """
+    return min(parts * of_pixels(scene, sensor, motion), MOST.get(motion.unit, np.inf))
 
 
 def of_pixels(scene, sensor, motion: Motion) -> float:

@@ -81,7 +81,11 @@ class Target:
             raise InputError(
                 f"{scene.name}: has no model to look at; all its surfaces are sky or terrain"
             )
-        points = np.concatenate(points)
+        return Target.around(np.concatenate(points))
+
+    @staticmethod
+    def around(points: np.ndarray) -> "Target":
+        """The extent of some points, (n, 3) [m]."""
         if len(points) > FEW_POINTS:
             # Without the option QJ, Qhull fails for a flat model
             points = points[scipy.spatial.ConvexHull(points, qhull_options="QJ").vertices]
@@ -183,10 +187,13 @@ def cameras(scene: Scene, target: Target, views: list[View]):
     )
 
 
-def seen_from(scene: Scene, view: View, resolution: int) -> Scene:
-    """The same scene with a single sensor, for this view, of resolution x resolution pixels."""
+def seen_from(scene: Scene, view: View, resolution: int, target: Target | None = None) -> Scene:
+    """The same scene with a single sensor, for this view, of resolution x resolution pixels.
+
+    target: what the sensor's window holds; by default the scene's model.
+    """
     check_resolution(resolution)
-    camera = Target.of(scene).camera(view, resolution, depth(scene))
+    camera = (target or Target.of(scene)).camera(view, resolution, depth(scene))
     camera["sampler"] = {"type": scene.sampler}
     return replace(scene, sensors=[mi.load_dict(camera)])
 

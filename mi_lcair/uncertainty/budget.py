@@ -200,6 +200,7 @@ def draw_up(
     names = [*stated.sigma, *(name for group in stated.correlated for name in group.names)]
     with result_of(what, sampling, names, of) as number:
         inputs = Inputs.of(stated, number.known, number.what)
+        number.make_room(inputs.names, inputs.sigma)
         number.start()
         rendered = {
             name: number.known[name].value for name in inputs.names if number.needs_render(name)

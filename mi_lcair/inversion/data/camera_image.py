@@ -17,16 +17,20 @@ from mi_lcair.camera.electronics.response import electrons
 from mi_lcair.camera.exposure import Exposure, exposure
 from mi_lcair.camera.optics import OVERSAMPLING
 from mi_lcair.camera.scenery import Scenery
-from mi_lcair.camera.view import CameraView
+from mi_lcair.camera.view import CameraView, Pointing, axes_of
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import Setting, rendered_as, setting_of
 from mi_lcair.detection.weather import QUANTITIES, in_weather, weather_quantities
 from mi_lcair.errors import InputError
 from mi_lcair.inversion.data.images import check_size
+from mi_lcair.motions.motion import FULL_TURN_DEG
+from mi_lcair.motions.observer import LARGEST_PX, OBSERVER
+from mi_lcair.motions.pixel_step import MOST, PIXELS, pixel_step
+from mi_lcair.motions.pose import known_motions
 from mi_lcair.plugins.emission.source import rounded
 from mi_lcair.plugins.emission.sources import Sources
 from mi_lcair.rendering.images.measured import COLDEST, TEMPERATURE, read_values
-from mi_lcair.rendering.views import View
+from mi_lcair.rendering.views import Target, View
 from mi_lcair.sensitivity.entries import Parameter
 from mi_lcair.sensitivity.parameters import changed as with_values
 from mi_lcair.sensitivity.parameters import parameter
@@ -36,8 +40,15 @@ COUNTS = "counts"
 CHANNELS = {COUNTS: "counts.Y", TEMPERATURE: "temperature.Y"}  # of the file of `mi-lcair image`
 SPREAD_PIXELS = 64  # pixels along a side in which the spread of the optics is computed
 # Kinds of parameters whose derivatives are differences; "scenario" is the weather
-BY_DIFFERENCES = ("material", "spectrum", "emissivity", "scenario")
+BY_DIFFERENCES = ("material", "spectrum", "emissivity", "scenario", "motion")
 STEP = 0.01  # change of a parameter for such a difference, relative to its range
+ROOM = 1  # pixels around the model that the window has, so that the model can move
+# Motions of the camera by name: the entry of `Pointing`, unit and bound
+POINTING = {
+    f"{OBSERVER}.x_px": ("x_px", "pixel", LARGEST_PX),
+    f"{OBSERVER}.y_px": ("y_px", "pixel", LARGEST_PX),
+    f"{OBSERVER}.roll_deg": ("roll_deg", "deg", FULL_TURN_DEG),
+}
 FULL = 4.0  # distance from the full well, in standard deviations, up to which a pixel is saturated
 
 
@@ -46,7 +57,8 @@ class CameraImage:
     """A scenario whose image a camera recorded.
 
     scenario: the scenario. setting: its scene, air and background. camera: its optics and
-    electronics. view: where the camera is. scenery: the background in its frame.
+    electronics. view: where the camera is. scenery: the background in its frame. pointing: values
+    of POINTING.
     """
 
     scenario: Scenario
@@ -54,6 +66,7 @@ class CameraImage:
     camera: Camera
     view: CameraView
     scenery: Scenery
+    pointing: Pointing = Pointing()
 
     @staticmethod
     def of(source: str, entries: Mapping, motions: Mapping = MappingProxyType({})) -> "CameraImage":
@@ -64,32 +77,73 @@ class CameraImage:
         scenario = Scenario.read(source, **entries).with_motions(motions)
         if scenario.camera is None:
             raise InputError(f"{source}: has no table [camera], whose image this could be")
-        setting, observer = setting_of(scenario), scenario.observer
+        setting = setting_of(scenario)
         setting.air.check_covers(setting.view.band)
-        behind = setting.backdrop.at_sensor(observer.range_m)
+        behind = setting.backdrop.at_sensor(scenario.observer.range_m)
         camera = Camera.of(scenario, setting.detector, behind, 0)
-        direction = View(observer.azimuth_deg, observer.elevation_deg)
-        view = CameraView.of(setting.target, direction, observer.range_m, scenario.camera)
-        scenery = Scenery.of(scenario, setting, view)
-        return CameraImage(scenario, setting, camera, view, scenery)
+        return CameraImage(scenario, setting, camera, None, None).facing()
 
-    def in_weather(self, values: Mapping[str, float]) -> "CameraImage":
-        """The image for values of the weather, in which its scene is lit from then on."""
-        scenario = in_weather(self.scenario, values)
-        setting = self.setting.through(scenario)
-        setting.light.shine_on(setting.view)
-        scenery = Scenery.of(scenario, setting, self.view)
-        return replace(self, scenario=scenario, setting=setting, scenery=scenery)
+    @property
+    def aspect(self) -> tuple:
+        """What a view of the target depends on, for `CameraView.of` and `axes_of`."""
+        observer = self.scenario.observer
+        direction = View(observer.azimuth_deg, observer.elevation_deg)
+        return self.setting.target, direction, observer.range_m, self.scenario.camera
+
+    def facing(self, room: int = 0) -> "CameraImage":
+        """The image with a window for the present pose of the model, and room in it [pixels]."""
+        present = Target.of(self.setting.view)
+        return self.through(CameraView.of(*self.aspect, self.pointing, present, room))
+
+    def through(self, view: CameraView) -> "CameraImage":
+        """The image in another view of the camera."""
+        return replace(self, view=view, scenery=Scenery.of(self.scenario, self.setting, view))
+
+    def known(self) -> dict[str, Parameter]:
+        """The weather of the air, and the pointing of the camera, by name."""
+        pointing = {
+            name: Parameter(name, "motion", getattr(self.pointing, entry), unit, -most, most)
+            for name, (entry, unit, most) in POINTING.items()
+        }
+        return pointing | weather_quantities(self.scenario.atmosphere)
+
+    def in_conditions(self, values: Mapping[str, float]) -> "CameraImage":
+        """The image for values of weather and pointing; its scene is lit in it from then on."""
+        weather = {name: value for name, value in values.items() if name in QUANTITIES}
+        pointing = {POINTING[name][0]: value for name, value in values.items() if name in POINTING}
+        image = replace(self, pointing=replace(self.pointing, **pointing))
+        if weather:
+            scenario = in_weather(self.scenario, weather)
+            setting = self.setting.through(scenario)
+            setting.light.shine_on(setting.view)
+            image = replace(image, scenario=scenario, setting=setting)
+        axes = axes_of(*self.aspect, image.pointing)
+        return image.through(replace(self.view, **axes))
 
     def with_value(self, name: str, value: float, predict: Callable) -> np.ndarray:
-        """What `predict` gives of this image with another value of a parameter or the weather."""
-        if name not in QUANTITIES:
+        """What `predict` gives of this image with another value of a parameter, in this window."""
+        if name not in self.known():
             with with_values(self.setting.view, {name: value}):
                 return predict(self)
         try:
-            return predict(self.in_weather({name: value}))
+            return predict(self.in_conditions({name: value}))
         finally:
             self.setting.light.shine_on(self.setting.view)
+
+    def step(self, of: Parameter) -> float:
+        """Change of a parameter over which its derivative is taken."""
+        if of.kind == "scenario":
+            return STEP * (of.upper - of.lower)
+        if of.kind != "motion":
+            return STEP * min(of.upper - of.lower, 1.0)
+        if of.unit == "pixel":
+            return PIXELS
+        if of.name in POINTING:
+            angle = PIXELS / (np.hypot(*self.view.size) / 2 / self.view.parts)
+            return min(float(np.degrees(angle)), MOST[of.unit])
+        scene = self.setting.view
+        motion = known_motions(scene)[of.name]
+        return pixel_step(scene, self.view.sensor(scene), motion, self.view.parts)
 
     @cached_property
     def spread(self) -> float:
@@ -163,15 +217,15 @@ class CameraImage:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Electrons of independent renders, (R, H, W), and derivatives, (R, K, H, W).
 
-        names: temperatures of groups, or of parts of groups, parameters of materials and quantities
-        of the weather. The paths do not depend on the temperatures, and each source reaches a pixel
-        with its own spectrum through the air. Derivatives with respect to materials and weather are
-        differences of renders with the same random numbers.
+        names: temperatures of groups, or of parts of groups, parameters of materials, quantities of
+        the weather, motions of the model and those of POINTING. The paths do not depend on the
+        temperatures, and each source reaches a pixel with its own spectrum through the air.
+        Derivatives with respect to the others are differences of renders with the same random
+        numbers.
         """
-        scene = self.setting.view
+        scene, known = self.setting.view, self.known()
         images, columns = [], []
-        weather = weather_quantities(self.scenario.atmosphere)
-        parameters = {name: weather.get(name) or parameter(scene, name) for name in names}
+        parameters = {name: known.get(name) or parameter(scene, name) for name in names}
         is_hot = any(of.kind not in BY_DIFFERENCES for of in parameters.values())
 
         def ends(sources: Sources) -> list[Sources]:
@@ -219,8 +273,7 @@ def difference(of_image: CameraImage, of: Parameter, image: np.ndarray, predict)
     The difference is central, or one-sided where a value beside it is not possible. image: that at
     the value of the parameter. predict: gives the electrons of a `CameraImage`.
     """
-    span, ends = of.upper - of.lower, []
-    step = STEP * (span if of.kind == "scenario" else min(span, 1.0))
+    step, ends = of_image.step(of), []
     for value in (of.value + step, of.value - step):
         if of.lower <= value <= of.upper:
             with suppress(InputError):
@@ -255,6 +308,6 @@ def numbers_of(sources: Sources, name: str, value: float) -> list[int]:
     if not name.endswith(".temperature") or not numbers:
         raise InputError(
             f"'{name}' is unknown; of a camera's image only temperatures of groups, of few "
-            "temperatures, parameters of materials and the weather can be unknown"
+            "temperatures, parameters of materials, motions and the weather can be unknown"
         )
     return numbers

@@ -7,11 +7,19 @@ from types import MappingProxyType
 import numpy as np
 
 from mi_lcair.detection.scenario import Scenario
-from mi_lcair.detection.setting import Setting, rendered_as, setting_of
-from mi_lcair.detection.weather import in_weather
+from mi_lcair.detection.setting import Setting, holding, rendered_as, setting_of
+from mi_lcair.detection.weather import in_weather, weather_quantities
 from mi_lcair.errors import InputError
+from mi_lcair.motions.differences import default_step, poses_around
+from mi_lcair.motions.pose import known_motions, value_of
+from mi_lcair.sensitivity.entries import Parameter
 from mi_lcair.sensitivity.sensitivities import Sensitivities
-from mi_lcair.sensitivity.window import differentiate_intensity
+from mi_lcair.sensitivity.window import (
+    differences_of,
+    differentiate_intensity,
+    mean_and_deviations,
+    rows_of_part,
+)
 from mi_lcair.uncertainty.numbers.contrast_number import BEHIND, ContrastNumber
 from mi_lcair.uncertainty.numbers.number import SOURCE_STEP, shifted
 
@@ -40,7 +48,11 @@ class MeasuredContrast:
         scenario = Scenario.read(source, **entries).with_motions(motions)
         return MeasuredContrast(scenario, setting_of(scenario))
 
-    def in_weather(self, values: Mapping[str, float]) -> "MeasuredContrast":
+    def known(self) -> dict[str, Parameter]:
+        """The weather of the air, by name."""
+        return weather_quantities(self.scenario.atmosphere)
+
+    def in_conditions(self, values: Mapping[str, float]) -> "MeasuredContrast":
         """The line of sight for values of the weather, in which its scene is lit from then on."""
         scenario = in_weather(self.scenario, values)
         setting = self.setting.through(scenario)
@@ -73,20 +85,29 @@ class MeasuredContrast:
         sampling = replace(self.scenario.render, seed=seed)
         if spp is not None:
             sampling = replace(sampling, spp=spp, tolerance=None, tolerance_W_m2=None, max_spp=None)
-        with rendered_as(self.setting.view, sampling):
-            number = ContrastNumber(replace(self.scenario, render=sampling), self.setting)
+        setting, motions = self.setting, known_motions(self.setting.view)
+        steps = {
+            n: default_step(m, value_of(setting.view, m)) for n, m in motions.items() if n in names
+        }
+        if steps or any(value_of(setting.view, m) != m.rest for m in motions.values()):
+            poses = [p for n, step in steps.items() for p in poses_around(setting.view, n, step)]
+            setting = holding(setting, self.scenario, poses)
+        with rendered_as(setting.view, sampling):
+            number = ContrastNumber(replace(self.scenario, render=sampling), setting)
             number.start()
             if not number.has_weights:
                 raise InputError(
                     "the target has too many temperatures for its contrast to be followed; give an "
                     "image in place of the contrast"
                 )
-            return self._contrast(number, names)
+            return self._contrast(number, names, steps)
 
-    def _contrast(self, number: ContrastNumber, names) -> tuple[np.ndarray, np.ndarray]:
+    def _contrast(
+        self, number: ContrastNumber, names, steps: dict
+    ) -> tuple[np.ndarray, np.ndarray]:
         hot = [name for name in names if number.known[name].kind == "temperature"]
         stated = [name for name in names if number.is_own(name)]
-        rest = [name for name in names if name not in (*hot, *stated)]
+        rest = [name for name in names if name not in (*hot, *stated, *steps)]
         parts = [number_of(number, rest, number.weights())]
         if hot:
             parts.append(number_of(number, hot, slope_weights(number)))
@@ -104,6 +125,15 @@ class MeasuredContrast:
         per_amount = number.terms(total, number.areas, behind)[1]
         of_area = (per_amount[1] - per_amount[2])[-1]
         contrast = each[0][0] + of_area * window * area
+        rows = rows_of_part(number.numbers, number.weights())
+        for name, step in steps.items():
+            difference = differences_of(number.numbers, name).at(step)
+            high, low = (
+                rows(end) + of_area * mean_and_deviations(end, ["target.hit"])
+                for end in difference.ends
+            )
+            slope = window * (high - low) / (2 * difference.step)
+            columns[name] = slope[0] + spread(slope[1:])
         for name in set(behind) & set(names):
             step = BEHIND_STEP * number.known[name].value
             high, low = (

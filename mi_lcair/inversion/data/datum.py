@@ -8,8 +8,7 @@ import numpy as np
 from scipy import sparse
 from scipy.ndimage import maximum_filter
 
-from mi_lcair.detection.weather import QUANTITIES
-from mi_lcair.inversion.data.camera_image import CameraImage
+from mi_lcair.inversion.data.camera_image import ROOM, CameraImage
 from mi_lcair.inversion.data.contrast import MeasuredContrast, of_randomisations
 from mi_lcair.inversion.data.images import slope
 from mi_lcair.inversion.data.measurement import Observation
@@ -164,16 +163,19 @@ class Datum:
     def at(self, unknowns: list[Unknown], x: np.ndarray):
         """Context manager in which the scene has the values x of the unknowns.
 
-        It gives the datum with the weather that they say.
+        It gives the datum with the weather and the pointing of its camera that they say.
         """
         values, datum = self.settings(unknowns, x), self
-        if weather := {name: values.pop(name) for name in QUANTITIES if name in values}:
-            measured = {name: of for name in ("sight", "camera") if (of := getattr(self, name))}
-            datum = replace(self, **{n: of.in_weather(weather) for n, of in measured.items()})
+        measured = {name: of for name in ("sight", "camera") if (of := getattr(self, name))}
+        around = [name for of in measured.values() for name in of.known() if name in values]
+        if conditions := {name: values.pop(name) for name in around}:
+            datum = replace(self, **{n: of.in_conditions(conditions) for n, of in measured.items()})
         with (
             changed(self.scene, values),
             with_facets(self.scene, self.facet_settings(unknowns, x)),
         ):
+            if datum.camera and any(unknowns[k].kind == "motion" for k in self.numbers(unknowns)):
+                datum = replace(datum, camera=datum.camera.facing(ROOM))
             yield datum
 
     def weight(

@@ -6,7 +6,6 @@ from types import MappingProxyType
 
 import numpy as np
 
-from mi_lcair.detection.weather import weather_quantities
 from mi_lcair.errors import InputError
 from mi_lcair.inversion.data.camera_image import COUNTS, CameraImage
 from mi_lcair.inversion.data.contrast import MeasuredContrast
@@ -112,7 +111,7 @@ class Loader:
             entry.name,
             scene.band.name,
             entry.state,
-            parameters_of(scene) | (weather_quantities(seen.scenario.atmosphere) if seen else {}),
+            parameters_of(scene) | (seen.known() if seen else {}),
             facet_temperatures(scene, facet_groups),
             FacetTable(scene).centre if facet_groups else None,
         )

@@ -10,9 +10,10 @@ import numpy as np
 from mi_lcair.detection.irradiance import TERMS, Backdrop, Estimate, Irradiance, RenderError
 from mi_lcair.detection.line_of_sight import backdrop
 from mi_lcair.detection.scenario import Scenario
-from mi_lcair.detection.setting import Setting
+from mi_lcair.detection.setting import Setting, holding
 from mi_lcair.detection.weather import QUANTITIES, in_weather, weather_quantities
 from mi_lcair.errors import InputError
+from mi_lcair.motions.differences import poses_around
 from mi_lcair.physics.air.atmosphere import LineOfSight
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import spectral_radiance
@@ -37,6 +38,7 @@ BEHIND = {
 TARGET, PATH, BACKGROUND = (TERMS.index(name) for name in ("target", "path", "background"))
 # Quantities that the irradiances of target, path and background are proportional to
 AMOUNTS = "transmittance", "path_radiance", "background_radiance"
+MOST_SIGMA = 4  # standard deviations of a motion over which the target stays in the window
 SPECTRAL = re.compile(r"scenario\.transmittance@(\d+\.?\d*)-(\d+\.?\d*)")  # wavelengths in um
 
 
@@ -119,10 +121,21 @@ class ContrastNumber(Number):
         self.scene, self.what = setting.view, scenario.name
         self.known = parameters_of(self.scene) | self.scenario_quantities()
         self.known |= {name: self.in_interval(name) for name in names if in_um(name)}
-        table = scenario.render
-        sampling = table.of_render(progress)
-        criterion = ExcessFunction(self.excess) if table.has_tolerance else None
-        self.numbers = CommonNumbers(self.scene, sampling, True, criterion=criterion)
+        self.sampling = scenario.render.of_render(progress)
+        self.criterion = ExcessFunction(self.excess) if scenario.render.has_tolerance else None
+        self.numbers = CommonNumbers(self.scene, self.sampling, True, criterion=self.criterion)
+
+    def make_room(self, names, sigma):
+        poses = [
+            pose
+            for name, deviation in zip(names, sigma)
+            if self.known[name].kind == "motion"
+            for pose in poses_around(self.scene, name, MOST_SIGMA / 2 * deviation)
+        ]
+        if poses:
+            self.setting = holding(self.setting, self.scenario, poses)
+            self.scene = self.setting.view
+            self.numbers = CommonNumbers(self.scene, self.sampling, True, criterion=self.criterion)
 
     def start(self):
         super().start()

@@ -84,6 +84,13 @@ class Number(ABC):
     columns = 0  # renders of derivatives so far
     of_motions = ()  # (name, value, number for this value) of motions
 
+    def make_room(self, names, sigma) -> None:
+        """Let the window hold what quantities move, whose standard deviations are `sigma`.
+
+        That of a scene's own sensor stays as it is.
+        """
+        return
+
     def start(self) -> None:
         """Render the scene once, and prepare everything that follows from that."""
         self.total = self.numbers.render()

@@ -127,7 +127,7 @@ def test_what_a_camera_s_image_does_not_take(scenario, tmp_path):
     ):
         with pytest.raises(InputError, match=message):
             mi_lcair.invert(given | {"data": [data | changes]}, advise=False)
-    with pytest.raises(InputError, match="parameters of materials and the weather can be unk"):
+    with pytest.raises(InputError, match="motions and the weather can be unk"):
         numbers_of(SimpleNamespace(list=[]), "terrain.radiance", 30.0)
 
 
