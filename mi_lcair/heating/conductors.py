@@ -59,11 +59,13 @@ class Conductors:
 
     between: (n, n), sparse, symmetric, without a diagonal. to_sky: (n, rings), to the rings of the
     sky between the elevations `RINGS_DEG`. to_ground: (n,), to what lies below the horizon.
+    to_self: (n,), what a facet emits and absorbs again; no heat flows through it.
     """
 
     between: sparse.csr_array
     to_sky: np.ndarray
     to_ground: np.ndarray
+    to_self: np.ndarray
 
     @cached_property
     def total(self) -> np.ndarray:
@@ -87,6 +89,17 @@ class Conductors:
         of_ground = self.to_ground * (ground_K**4 - fourth)
         return STEFAN_BOLTZMANN * (of_pairs + of_sky + of_ground)
 
+    def irradiance(self, kelvin: np.ndarray, sky_K: np.ndarray | float, ground_K: float):
+        """Irradiance of each facet [W m^-2], (n,), as its surface absorbs it; see `heat`.
+
+        It is sigma T^4 where everything around the facet has the temperature T.
+        """
+        fourth = kelvin**4
+        rings = np.broadcast_to(np.asarray(sky_K, float) ** 4, self.to_sky.shape[1])
+        arrives = self.between @ fourth + self.to_self * fourth + self.to_sky @ rings
+        arrives += self.to_ground * ground_K**4
+        return STEFAN_BOLTZMANN * arrives / (self.total + self.to_self)
+
     @cached_property
     def pairs(self) -> tuple[np.ndarray, np.ndarray]:
         """Rows and columns of the entries of `between`."""
@@ -97,9 +110,10 @@ class Conductors:
         """The conductors between groups of isothermal facets."""
         M = facets.membership
         between = sparse.csr_array(M @ self.between @ M.T)
+        to_self = M @ self.to_self + between.diagonal()
         between.setdiag(0)
         between.eliminate_zeros()
-        return Conductors(between, M @ self.to_sky, M @ self.to_ground)
+        return Conductors(between, M @ self.to_sky, M @ self.to_ground, to_self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,5 +134,9 @@ class Traced:
         balance F(T, C) = 0 change by -J^-1 F(T, C_k), where C_k are the replicates and J is the
         Jacobian at the mean.
         """
-        values = np.array([function(replicate) for replicate in self.replicates])
-        return values.std(axis=0, ddof=1) / np.sqrt(len(values))
+        return standard_error(np.array([function(replicate) for replicate in self.replicates]))
+
+
+def standard_error(values: np.ndarray) -> np.ndarray:
+    """Standard error of the mean of independent values along the first axis."""
+    return values.std(axis=0, ddof=1) / np.sqrt(len(values))

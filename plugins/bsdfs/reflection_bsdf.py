@@ -77,6 +77,7 @@ class ReflectionBSDF(mi.BSDF):
     notes: tuple[str, ...] = ()  # remarks on the material's spectrum
     spectrum = None  # parameters over wavelength; `parameters` are then those of the mean
     change: dict[str, mi.Float] = {}  # numbers that change the spectrum, see `Change`
+    named: tuple | None = None  # name and file of its material; None if given by numbers
     least_share = 0.0  # least probability of the floor and of the lobe, see `explore`
 
     def __init_subclass__(cls):
@@ -126,10 +127,10 @@ class ReflectionBSDF(mi.BSDF):
             return self.read_numbers(props)
         given = read(props, plugin, OF_MATERIALS)
         self.material = given["material"]
+        self.named = beside_scene(self.material), given["materials"]
         of_band = None if given["band"] is None else band(given["band"])
-        entry = materials.material(
-            beside_scene(self.material), of_band, given["materials"], given["allow_band"]
-        )
+        name, file = self.named
+        entry = materials.material(name, of_band, file, given["allow_band"])
         if entry.spectrum is not None:
             entry = self.averaged(entry, of_band, given["average_K"])
         # A grey surface is a limit of the other models, and any plugin takes its material

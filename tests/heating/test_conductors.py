@@ -14,7 +14,9 @@ def conductors(rng, n: int) -> Conductors:
     """Random conductors of n facets, of which most pairs see nothing of each other."""
     half = sparse.random_array((n, n), density=0.3, rng=rng)
     between = sparse.csr_array(sparse.triu(half, 1))
-    return Conductors(sparse.csr_array(between + between.T), rng.random((n, RINGS)), rng.random(n))
+    return Conductors(
+        sparse.csr_array(between + between.T), rng.random((n, RINGS)), rng.random(n), rng.random(n)
+    )
 
 
 def facets(group: np.ndarray) -> Facets:
@@ -36,7 +38,7 @@ def test_facets_of_one_temperature_exchange_no_heat(rng, n):
 
 def test_the_flows_between_facets_add_up_to_zero(rng):
     C, n = conductors(rng, 40), 40
-    closed = Conductors(C.between, np.zeros((n, RINGS)), np.zeros(n))
+    closed = Conductors(C.between, np.zeros((n, RINGS)), np.zeros(n), C.to_self)
     heat = closed.heat(rng.uniform(200, 600, n), 0.0, 0.0)
     assert abs(heat.sum()) <= 1e-10 * np.abs(heat).sum()
 
@@ -70,3 +72,25 @@ def test_the_standard_error_is_the_scatter_of_the_randomisations(rng):
     error = Traced(sets[0], sets).standard_error(lambda C: C.to_ground)
     expected = np.sqrt(np.var([C.to_ground for C in sets], axis=0) / 7)
     np.testing.assert_allclose(error, expected)
+
+
+def test_irradiance_of_a_room_of_one_temperature_is_that_of_a_blackbody(rng):
+    C = conductors(rng, 7)
+    expected = STEFAN_BOLTZMANN * 300.0**4
+    np.testing.assert_allclose(C.irradiance(np.full(7, 300.0), 300.0, 300.0), expected, rtol=1e-12)
+
+
+def test_absorbed_less_emitted_is_the_heat(rng):
+    C, T = conductors(rng, 7), rng.uniform(200, 600, 7)
+    absorbed = C.irradiance(T, 250.0, 290.0) * (C.total + C.to_self)
+    emitted = STEFAN_BOLTZMANN * T**4 * (C.total + C.to_self)
+    np.testing.assert_allclose(absorbed - emitted, C.heat(T, 250.0, 290.0), rtol=1e-10)
+
+
+def test_what_groups_exchange_within_is_their_own(rng):
+    C, group = conductors(rng, 12), rng.integers(0, 3, 12)
+    by_group = C.by_group(facets(group))
+    np.testing.assert_allclose(
+        (by_group.total + by_group.to_self).sum(), (C.total + C.to_self).sum(), rtol=1e-12
+    )
+    assert np.all(by_group.between.diagonal() == 0)

@@ -1,0 +1,217 @@
+"""Exchange of heat between the facets of a scene, from paths that begin on the facets."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from mi_lcair.errors import InputError
+from mi_lcair.heating.conductors import Conductors, Facets, Traced, standard_error
+from mi_lcair.heating.paths import ENDS, RANDOMISATIONS, RINGS, FacetPaths, Means
+from mi_lcair.heating.surfaces import TOTAL, Surfaces, hemispherical_emissivity
+from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
+from mi_lcair.rendering.scene import Scene
+from mi_lcair.results import Result
+
+RAYS = 1024  # paths of each facet
+MOST_LOST = 1e-3  # share of a group's radiation that may end on backs and passive surfaces
+ASYMMETRY, SIGNIFICANT = 0.01, 4.0  # relative difference of two directions and its z for a remark
+
+
+def combined(means: Means, area: np.ndarray) -> Traced:
+    """Conductors from the means of paths of facets with these areas of their sides [m^2], (n,).
+
+    Paths of facet i estimate GR_ij with a variance that is proportional to A_i. The two directions
+    of each pair are therefore combined with weights 1 / A, which do not depend on the outcome:
+
+        GR_ij = (g_ij + g_ji) A_i A_j / (A_i + A_j)
+    """
+    replicates = []
+    for g, ends in zip(means.between, means.ends):
+        both = sparse.coo_array(g + g.T)
+        i, j = both.coords
+        values = both.data * area[i] * area[j] / (area[i] + area[j])
+        apart = i != j
+        between = (values[apart], (i[apart], j[apart]))
+        replicates.append(
+            Conductors(
+                between=sparse.csr_array(between, shape=both.shape),
+                to_sky=area[:, None] * ends[:, :RINGS],
+                to_ground=area * ends[:, RINGS + ENDS.index("ground")],
+                to_self=area * g.diagonal(),
+            )
+        )
+    return Traced(mean_of(replicates), tuple(replicates))
+
+
+def mean_of(conductors: list[Conductors]) -> Conductors:
+    """The mean of some conductors."""
+    n = len(conductors)
+    return Conductors(
+        between=sparse.csr_array(sum(c.between for c in conductors) / n),
+        to_sky=sum(c.to_sky for c in conductors) / n,
+        to_ground=sum(c.to_ground for c in conductors) / n,
+        to_self=sum(c.to_self for c in conductors) / n,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Asymmetry:
+    """How much two directions of the exchange between groups differ.
+
+    relative: (groups, groups), difference of the two estimates of a conductor, divided by their
+    mean. z: the difference in standard errors. Both are 0 where nothing is exchanged.
+    """
+
+    relative: np.ndarray
+    z: np.ndarray
+
+    @staticmethod
+    def of(means: Means, facets: Facets, rays: int) -> "Asymmetry":
+        """From the paths of the facets, of which each has sent out `rays`."""
+        M, A = facets.membership, facets.radiating_area
+        one_way = np.array([(M @ (g * A[:, None]) @ M.T).toarray() for g in means.between])
+        difference = one_way - np.swapaxes(one_way, 1, 2)
+        # A large facet may have met a small one with no path, of which the scatter knows nothing
+        one_path = np.array([A[facets.group == k].max() for k in range(len(facets.groups))]) / rays
+        unmet = np.hypot(one_path[:, None], one_path)
+        mean, error = difference.mean(axis=0), np.hypot(standard_error(difference), unmet)
+        both = one_way.mean(axis=0)
+        both = (both + both.T) / 2
+        relative = np.divide(mean, both, out=np.zeros_like(mean), where=both > 0)
+        return Asymmetry(relative, np.divide(mean, error, out=np.zeros_like(mean), where=error > 0))
+
+
+@dataclass(frozen=True, eq=False)
+class Exchange(Result):
+    """Radiative conductors between the facets of a scene, with their errors.
+
+    Attributes
+    ----------
+    scene : str
+        Name of the scene.
+    facets : Facets
+    traced : Traced
+        The conductors and their randomisations [m^2].
+    temperature : ndarray, shape (n,)
+        Temperatures of the facets in the scene [K]; NaN if they have none.
+    sky_K, ground_K : float or None
+        Temperatures of sky and ground for the irradiance [K].
+    buried : ndarray, shape (n,)
+        Share of each facet's radiation that begins inside a closed body, where facets of two bodies
+        cross. It reaches nothing.
+    truncated : ndarray, shape (n,)
+        Share in reflections after the last.
+    lost : ndarray, shape (n,)
+        Share that ended on surfaces that do not take part.
+    asymmetry : Asymmetry
+    rays, seed : int
+        Paths of each facet, and the seed of their random numbers.
+    remarks : tuple of str
+    """
+
+    scene: str
+    facets: Facets
+    traced: Traced
+    temperature: np.ndarray
+    sky_K: float | None
+    ground_K: float | None
+    buried: np.ndarray
+    truncated: np.ndarray
+    lost: np.ndarray
+    asymmetry: Asymmetry
+    rays: int
+    seed: int
+    remarks: tuple[str, ...]
+
+    @property
+    def conductors(self) -> Conductors:
+        """The mean of the randomisations."""
+        return self.traced.mean
+
+
+def exchange(
+    scene: Scene,
+    rays: int = RAYS,
+    seed: int = 0,
+    sky_K: float | None = None,
+    ground_K: float | None = None,
+) -> Exchange:
+    """The exchange of heat between the facets of a scene; see `mi_lcair.exchange`."""
+    surfaces = Surfaces.of(scene, TOTAL)
+    paths = FacetPaths(scene, surfaces)
+    facets = facets_of(paths)
+    points = max(1, -(-rays // RANDOMISATIONS))
+    rays = points * RANDOMISATIONS
+    means = paths.means(points, seed)
+    sent = np.maximum(facets.emissivity, np.finfo(float).tiny)
+    lost = (means.end("backs") + means.end("passive")).mean(axis=0) / sent
+    check_lost(scene, facets, lost, means.lost, paths)
+    asymmetry = Asymmetry.of(means, facets, rays)
+    return Exchange(
+        scene=scene.name,
+        facets=facets,
+        traced=combined(means, facets.radiating_area),
+        temperature=paths.table.temperature[paths.number],
+        sky_K=sky_K,
+        ground_K=ground_K,
+        buried=means.end("buried").mean(axis=0) / sent,
+        truncated=means.end("truncated").mean(axis=0) / sent,
+        lost=lost,
+        asymmetry=asymmetry,
+        rays=rays,
+        seed=seed,
+        remarks=(*surfaces.remarks, *remarks_on_asymmetry(asymmetry, facets)),
+    )
+
+
+def facets_of(paths: FacetPaths) -> Facets:
+    """The facets on which paths begin. Raises InputError if there are none."""
+    table, number = paths.table, paths.number
+    if not len(number):
+        raise InputError(f"{paths.scene.name}: no surface emits, so that no heat is exchanged")
+    groups, group = np.unique(table.group[number].astype(str), return_inverse=True)
+    emissivity = np.array([hemispherical_emissivity(s) for s in paths.surfaces.different])
+    of_shape = np.array(paths.surfaces.of_shape)
+    return Facets(
+        number=number,
+        area=table.area[number],
+        sides=paths.sides,
+        centre=table.centre[number],
+        normal=table.normal[number],
+        groups=tuple(groups.tolist()),
+        group=group,
+        material=table.material[number].astype(str),
+        emissivity=emissivity[of_shape[table.shape_index[number]]],
+    )
+
+
+def check_lost(scene: Scene, facets: Facets, lost, of_shapes, paths: FacetPaths) -> None:
+    """Raise InputError if too much of a group's radiation ends where nothing takes part."""
+    sent = facets.radiating_area * facets.emissivity
+    M = facets.membership
+    share = (M @ (lost * sent)) / np.maximum(M @ sent, np.finfo(float).tiny)
+    worst = int(share.argmax())
+    if share[worst] <= MOST_LOST:
+        return
+    shape = paths.shapes[int(of_shapes.argmax())]
+    why = (
+        "its BSDF is one-sided and is met from behind; make it `twosided` or close the mesh"
+        if is_thermal(shape.emitter())
+        else 'it does not emit; give it <emitter type="thermal">'
+    )
+    raise InputError(
+        f"{scene.name}: {share[worst]:.2%} of the radiation of group {facets.groups[worst]} ends "
+        f"on surfaces that take no part in the exchange, most on shape '{shape.id()}': {why}"
+    )
+
+
+def remarks_on_asymmetry(asymmetry: Asymmetry, facets: Facets) -> list[str]:
+    """Remarks on conductors between groups whose two directions differ."""
+    differs = (asymmetry.relative > ASYMMETRY) & (asymmetry.z > SIGNIFICANT)
+    return [
+        f"the exchange between {facets.groups[a]} and {facets.groups[b]} differs by "
+        f"{asymmetry.relative[a, b]:.1%} between the two directions (z = {asymmetry.z[a, b]:.1f}), "
+        "because a reflection model is not reciprocal; their mean is used"
+        for a, b in np.argwhere(differs)
+    ]

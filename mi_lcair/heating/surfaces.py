@@ -1,0 +1,146 @@
+"""Surfaces of a scene in the band in which heat is exchanged or sunlight is absorbed.
+
+The scene keeps its band. A material that has a name is taken from its materials file in the band
+that is asked for. A surface that is given by numbers, or a BSDF of Mitsuba's, stays as it is.
+"""
+
+from dataclasses import dataclass, field
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mi_lcair.errors import InputError
+from mi_lcair.physics import materials
+from mi_lcair.physics.bands import band
+from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.plugins.bsdfs.plume import is_plume
+from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
+from mi_lcair.plugins.derivatives import children
+from mi_lcair.plugins.emission.emissivity import Emissivity, Table, emissivity_of
+from mi_lcair.rendering.scene import Scene
+
+TOTAL, SOLAR = "total", "0.3-2.5"  # bands of the exchanged heat and of sunlight, um
+STAND_IN = "LWIR"  # band that stands in for the total band
+ROOM_K = 300.0  # temperature of the radiation over which a spectrum is averaged [K]
+SUN_K = 5772.0  # effective temperature of the sun [K]
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A BSDF and its emissivity; equal BSDFs of a scene share one."""
+
+    bsdf: mi.BSDF
+    emissivity: Emissivity | Table
+
+    @property
+    def sides(self) -> tuple[int, ...]:
+        """The sides that emit: 1 in front, -1 behind."""
+        return tuple(
+            side
+            for side, flag in ((1, mi.BSDFFlags.FrontSide), (-1, mi.BSDFFlags.BackSide))
+            if int(self.bsdf.flags()) & flag
+        )
+
+
+@dataclass
+class Surfaces:
+    """The different surfaces of a scene in a band.
+
+    of_band: TOTAL or SOLAR. different: the surfaces. of_shape: index of each shape's surface.
+    remarks: what stands in for what, one line each.
+    """
+
+    of_band: str
+    different: list[Surface] = field(default_factory=list)
+    of_shape: list[int] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
+
+    @staticmethod
+    def of(scene: Scene, of_band: str) -> "Surfaces":
+        """The surfaces of a scene in the band TOTAL or SOLAR.
+
+        Raises InputError for a plume that transmits, for a BSDF whose emissivity cannot be known,
+        and for a material without an entry that could be used.
+        """
+        surfaces, index = Surfaces(of_band), {}
+        for shape in scene.mi.shapes():
+            bsdf = shape.bsdf()
+            if is_plume(bsdf) and bsdf.transmits:
+                raise InputError(
+                    f"shape '{shape.id()}': the transmittance of a plume holds in the band "
+                    f"{scene.band.label} and not for heat; leave the plume out or make it opaque"
+                )
+            key, make = surfaces._in_band(bsdf, scene)
+            if key not in index:
+                index[key] = len(surfaces.different)
+                made = make()
+                surfaces.different.append(Surface(made, emissivity_of(made)))
+            surfaces.of_shape.append(index[key])
+        surfaces.remarks = list(dict.fromkeys(surfaces.remarks))
+        return surfaces
+
+    def _in_band(self, bsdf, scene: Scene):
+        """A key that is equal for equal surfaces, and a function that makes the BSDF."""
+        layers = children(bsdf) if bsdf.class_name() == "TwoSidedBRDF" else [bsdf]
+        if not all(is_reflection_bsdf(layer) for layer in layers):
+            return bsdf, lambda: bsdf
+        entries = [self._entry(layer, scene.band.label) for layer in layers]
+        described = [
+            {"type": model, **parameters, "form": form, "lobe": layer.lobe}
+            for layer, (model, parameters, form) in zip(layers, entries)
+        ]
+        if layers[0] is not bsdf:
+            described = [{"type": "twosided", **dict(zip(("front", "back"), described))}]
+        return repr(described), lambda: mi.load_dict(described[0])
+
+    def _entry(self, layer, label: str) -> tuple[str, dict, str]:
+        """Model, parameters and form of a layer in the band; label: of the scene's band."""
+        if layer.named is None:
+            if label != TOTAL and layer.model.name != "grey":
+                self._stands_in(f"bsdf '{layer.id()}'", label)
+            return layer.model.name, dict(zip(layer.model.names, layer.values)), layer.form
+        name, file = layer.named
+        wanted = band(self.of_band)
+        try:
+            entry = materials.material(name, wanted, file)
+        except InputError:
+            entry = self._stand_in(name, file, wanted)
+        return entry.model.name, entry.parameters, entry.form
+
+    def _stand_in(self, name: str, file, wanted) -> materials.Material:
+        """The entry of a material that stands in for the missing one of the band."""
+        bands = materials.bands_of(name, file)
+        try:
+            nearest = band(STAND_IN) if wanted.is_total else wanted
+            entry = materials.material(name, nearest, file, allow_band=not wanted.is_total)
+        except InputError:
+            wanted_or = f"{TOTAL} or {STAND_IN}" if wanted.is_total else SOLAR
+            raise InputError(
+                f"material '{name}': has no entry for the band {wanted_or}, only for "
+                f'{", ".join(bands)}; add [{name}."{self.of_band}"] to its materials file'
+            ) from None
+        self._stands_in(f"material '{name}'", STAND_IN if wanted.is_total else entry.band)
+        return entry
+
+    def _stands_in(self, what: str, label: str) -> None:
+        of, kelvin = ("sunlight", SUN_K) if self.of_band == SOLAR else ("heat", ROOM_K)
+        whole = in_band_radiance(band(TOTAL), kelvin)
+        self.remarks.append(
+            f"{what}: its numbers of the band {label} stand in for {self.of_band}, although that "
+            f"band holds {in_band_radiance(band(label), kelvin) / whole:.0%} of the {of} at "
+            f"{kelvin:g} K"
+        )
+
+
+def hemispherical_emissivity(surface: Surface, nodes: int = 64) -> float:
+    """Hemispherical emissivity of a surface, the mean over the sides that emit."""
+    x, w = np.polynomial.legendre.leggauss(nodes)
+    sin2 = np.tile((x + 1) / 2, len(surface.sides))  # cos sin d(theta) = d(sin^2) / 2
+    side = np.repeat(surface.sides, nodes)
+    si = dr.zeros(mi.SurfaceInteraction3f, len(side))
+    si.n, si.sh_frame = mi.Normal3f(0, 0, 1), mi.Frame3f(mi.Normal3f(0, 0, 1))
+    si.wi = mi.Vector3f(mi.Float(np.sqrt(sin2)), 0, mi.Float(side * np.sqrt(1 - sin2)))
+    emitted = surface.emissivity.eval(surface.bsdf, si, mi.Bool(True))
+    emitted = np.broadcast_to(emitted.numpy(), len(side)).astype(float)
+    return float(emitted @ np.tile(w, len(surface.sides)) / 2 / max(len(surface.sides), 1))

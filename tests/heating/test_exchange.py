@@ -1,0 +1,137 @@
+"""Exchange of heat against closed forms: plates, spheres, cubes, sky, and what is refused."""
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+from mi_lcair.errors import InputError
+from mi_lcair.heating.conductors import RINGS_DEG
+from mi_lcair.heating.exchange import exchange
+from tests.heating.scenes import between, box, emits, grey, mirror_box, rings_of, scene_of, square
+
+T = mi.ScalarTransform4f()
+
+
+def spheres(inner: dict, outer: dict):
+    """Two concentric spheres of radii 1 and 2 m."""
+    return scene_of(
+        inner={"type": "sphere", "bsdf": inner, "emitter": emits("inner")},
+        outer={
+            "type": "sphere",
+            "radius": 2,
+            "flip_normals": True,
+            "bsdf": outer,
+            "emitter": emits("outer"),
+        },
+    )
+
+
+@pytest.mark.parametrize(("e1", "e2"), [(0.9, 0.9), (0.5, 0.2), (0.1, 0.1)])
+def test_plates_between_mirrors_are_infinite_plates(e1, e2):
+    result = exchange(scene_of(**mirror_box(e1, e2)), rays=8192)
+    assert between(result, "lower", "upper") == pytest.approx(4 / (1 / e1 + 1 / e2 - 1), rel=1e-4)
+
+
+def test_concentric_diffuse_spheres():
+    result = exchange(spheres(grey(0.5), grey(0.3)), rays=65536)
+    A1, A2 = 4 * np.pi, 16 * np.pi
+    expected = A1 / (1 / 0.5 + A1 / A2 * (1 / 0.3 - 1))
+    assert between(result, "inner", "outer") == pytest.approx(expected, rel=2e-4)
+
+
+def test_a_mirror_around_a_sphere_acts_as_a_plate():
+    result = exchange(spheres(grey(0.5), grey(0.3, lobe="mirror")), rays=131072)
+    expected = 4 * np.pi / (1 / 0.5 + 1 / 0.3 - 1)
+    # Rays start 13 um off the spheres
+    assert between(result, "inner", "outer") == pytest.approx(expected, rel=5e-5)
+
+
+def test_an_enclosure_keeps_what_it_emits():
+    result = exchange(scene_of(box=box(grey(0.3), emitter=emits())), rays=2048)
+    kept = result.conductors.to_self + result.conductors.total
+    assert kept.sum() == pytest.approx(0.3 * 24, rel=1e-4)
+    assert result.conductors.to_sky.sum() + result.conductors.to_ground.sum() == 0
+
+
+def test_view_factors_of_a_black_cube():
+    result = exchange(scene_of(box=box(grey(1.0), emitter=emits())), rays=131072)
+    normal = np.round(result.facets.normal).astype(int)
+    GR = result.conductors.between.toarray() + np.diag(result.conductors.to_self)
+    faces = np.unique(normal, axis=0)
+    of_face = np.array([(normal == face).all(axis=1) for face in faces], dtype=float)
+    F = of_face @ GR @ of_face.T / 4
+    opposite = faces @ faces.T == -1
+    beside = faces @ faces.T == 0
+    np.testing.assert_allclose(F[opposite], 0.199825, rtol=1e-3)
+    np.testing.assert_allclose(F[beside], 0.200044, rtol=1e-3)
+
+
+def test_a_square_that_faces_up_sees_the_rings_of_the_sky():
+    result = exchange(scene_of(plate=square(grey(0.8), emitter=emits())), rays=8192)
+    expected = 0.8 * 4 * rings_of(lambda h: np.sin(h) ** 2, RINGS_DEG)
+    np.testing.assert_allclose(result.conductors.to_sky[0], expected, atol=2e-3)
+    assert result.conductors.to_ground[0] == 0
+
+
+def test_a_sheet_radiates_from_both_sides():
+    sheet = square({"type": "twosided", "bsdf": grey(0.8)}, T.rotate([1, 0, 0], 90))
+    result = exchange(scene_of(sheet=sheet | {"emitter": emits()}), rays=8192)
+    C = result.conductors
+    assert result.facets.sides.tolist() == [2]
+    assert C.to_sky.sum() == pytest.approx(0.8 * 4, rel=1e-3)
+    assert C.to_ground.sum() == pytest.approx(0.8 * 4, rel=1e-3)
+    # Vertical: half of the hemisphere is sky, in rings of (2 h + sin 2h) / pi from the horizon
+    expected = 3.2 * rings_of(lambda h: (2 * h + np.sin(2 * h)) / np.pi, RINGS_DEG)
+    np.testing.assert_allclose(C.to_sky[0], expected, atol=6e-3)
+
+
+def test_what_is_inside_a_body_is_buried():
+    other = box(grey(1.0), inward=False, to_world=T.translate([1, 1, 1]))
+    scene = scene_of(
+        a=box(grey(1.0), inward=False, emitter=emits("a")), b=other | {"emitter": emits("b")}
+    )
+    result = exchange(scene, rays=2048)
+    # A quarter of each of three of the six faces
+    buried = (result.buried * result.facets.area).sum() / result.facets.area.sum()
+    assert buried == pytest.approx(0.125, rel=1e-2)
+
+
+def test_an_open_shell_that_is_seen_from_behind_is_refused():
+    plates = {
+        "below": square(grey(0.8), emitter=emits("below")),
+        "above": square(grey(0.8), T.translate([0, 0, 1]), emitter=emits("above")),
+    }
+    with pytest.raises(InputError, match="group below .* shape 'above': its BSDF is one-sided"):
+        exchange(scene_of(**plates), rays=256)
+
+
+def test_a_surface_that_absorbs_and_does_not_emit_is_refused():
+    scene = scene_of(
+        below=square(grey(0.8), emitter=emits("below")),
+        above=square(grey(0.5), T.translate([0, 0, 1]).rotate([1, 0, 0], 180)),
+    )
+    with pytest.raises(InputError, match="shape 'above': it does not emit"):
+        exchange(scene, rays=256)
+
+
+def test_a_plume_that_transmits_is_refused():
+    plume = square({"type": "plume", "transmittance": 0.5}, emitter=emits("plume"))
+    with pytest.raises(InputError, match="shape 'plume': the transmittance of a plume"):
+        exchange(scene_of(plume=plume), rays=256)
+
+
+def rough(epsilon: float, rho_d: float, e: float) -> dict:
+    numbers = {"epsilon": epsilon, "rho_d": rho_d, "b": 0.1, "e": e}
+    return {"type": "sandford_robertson", **numbers}
+
+
+def test_a_model_that_is_not_reciprocal_gets_a_remark():
+    """A rough lobe over a plate that sees the other at grazing angles."""
+    scene = scene_of(
+        a=square(rough(0.2, 0.05, 0.3), emitter=emits("a")),
+        b=square(grey(1.0), T.translate([0, 2, 1]).rotate([1, 0, 0], 90), emitter=emits("b")),
+    )
+    result = exchange(scene, rays=65536)
+    relative = abs(result.asymmetry.relative[0, 1])
+    remarked = [remark for remark in result.remarks if "not reciprocal" in remark]
+    assert bool(remarked) == (relative > 0.01)
