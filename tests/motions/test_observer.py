@@ -89,6 +89,30 @@ def test_derivative_of_an_image():
     assert np.abs(images.derivative[1]).max() > 50
 
 
+def test_derivative_of_a_perspective_image():
+    """Of a distant observer's image: the cube covers pixels as the square of size over range."""
+    scene = seen_by("perspective")
+    with changed(scene, {"observer.range_m": 60.0, "observer.roll_deg": 20.0}):
+        set_field_of_view(scene, 4.0)
+        names = ["cube.size", "observer.range_m", "observer.y_px", "cube.yaw_deg"]
+        images = mi_lcair.derivative_images(scene, names, spp=256)
+        with changed(scene, {"cube.yaw_deg": 0.5}):
+            high = image(scene).sum()
+        with changed(scene, {"cube.yaw_deg": -0.5}):
+            low = image(scene).sum()
+    sums, total = images.derivative.sum(axis=(1, 2)), images.radiance.mean(axis=0).sum()
+    assert sums[0] == pytest.approx(2 * total, rel=0.05)
+    assert sums[1] == pytest.approx(-2 / 60 * total, rel=0.05)
+    assert abs(sums[2]) < 0.01 * np.abs(images.derivative[2]).sum()
+    assert sums[3] == pytest.approx(high - low, rel=0.2)
+
+
+def set_field_of_view(scene, degrees: float):
+    parameters = mi.traverse(scene.sensors[0])
+    parameters["x_fov"] = degrees
+    parameters.update()
+
+
 def test_sun_stands_where_the_scene_parameters_put_it():
     """The sun moves with its light through the air, and goes back exactly."""
     place = {"sun_azimuth_deg": 20, "sun_elevation_deg": 30}
