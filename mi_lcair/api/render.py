@@ -1,6 +1,6 @@
 """`render`, which renders an image of a scene."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from os import PathLike
 
 from mi_lcair.api.scene import scene_of
@@ -31,6 +31,7 @@ def render(
     *,
     parameters: Mapping[str, object] | None = None,
     bins: int = 0,
+    errors_um: Sequence[float] = (),
     max_bounces: int | str | None = None,
 ) -> Render:
     """Render a scene.
@@ -66,6 +67,9 @@ def render(
         Number of even wavelengths over the band, its ends included, at which the spectral radiance
         is rendered too. The response of each is a triangle as wide at half its height as their
         distance.
+    errors_um : sequence of float, optional
+        Wavelengths [um] of which the nearest `bins` get a standard error of each pixel, in channels
+        such as "stderr.S0.8000,000000nm".
     max_bounces : int, "auto" or None
         Largest number of reflections, in place of the scene's. "auto" lets pilot paths choose it,
         so that at most a tenth of the tolerance (1 %) is left out. The errors include the rest.
@@ -91,4 +95,4 @@ def render(
     scene = scene_of(scene, parameters)
     atmosphere = None if atmosphere is None else read_atmosphere(atmosphere)
     with reflecting(scene, max_bounces, True, sampling):
-        return render_image(scene, sampling, split, atmosphere, range_m, bins)
+        return render_image(scene, sampling, split, atmosphere, range_m, bins, errors_um)

@@ -43,7 +43,16 @@ from mi_lcair.errors import InputError
     metavar="A:B:STEP",
     help="The same at the wavelengths A, A + STEP, ... up to B, um. Sets the scene's `band`.",
 )
-def command(options, output, atmosphere, range_m, bins, wavelengths):
+@click.option(
+    "--errors",
+    "errors_um",
+    type=float,
+    multiple=True,
+    metavar="UM",
+    help="Also write the standard error of each pixel at this wavelength of --bins or "
+    "--wavelengths, um; may be repeated.",
+)
+def command(options, output, atmosphere, range_m, bins, wavelengths, errors_um):
     """Render SCENE to a radiance image.
 
     SCENE is a Mitsuba XML file or the name of a bundled scene. Written is an OpenEXR file in W m^-2
@@ -75,7 +84,7 @@ def command(options, output, atmosphere, range_m, bins, wavelengths):
         from mi_lcair.physics.atmosphere import atmosphere as read
 
         air = {"atmosphere": read(atmosphere), "range_m": range_m}
-    result = options.run(mi_lcair.render, bins=bins, **air)
+    result = options.run(mi_lcair.render, bins=bins, errors_um=errors_um, **air)
     if is_cube:
         result.save(output)
     else:

@@ -1,5 +1,7 @@
 """Channels of radiance images: what they hold, in which unit, and where they have no value."""
 
+import re
+
 import numpy as np
 
 from mi_lcair.results.cells import UNITS
@@ -12,6 +14,7 @@ CHANNELS = {
     "temperature": ("brightness temperature", "K"),
     "range": ("range", "m"),
     "stderr": ("standard error of radiance", RADIANCE),
+    f"stderr.{SPECTRAL}": ("standard error of spectral radiance", f"{RADIANCE} um-1"),
     "stderr.d": ("standard error of derivative", f"{RADIANCE} per unit"),
     "mean_temperature": ("apparent temperature without noise", "K"),
     "stderr_K": ("standard error of the rendering", "K"),
@@ -35,6 +38,16 @@ def spectral_channel(wavelength_um: float) -> str:
     images, JCGT 10(3), 2021: Stokes component 0, and a comma as the decimal mark.
     """
     return f"{SPECTRAL}.{1000 * wavelength_um:.6f}nm".replace(".", ",").replace(",", ".", 1)
+
+
+def wavelengths_of(channels) -> dict[str, float]:
+    """The channels of a spectral image and their wavelengths [um], by rising wavelength."""
+    known = {
+        name: float(match[1].replace(",", ".")) / 1000
+        for name in channels
+        if (match := re.fullmatch(rf"{SPECTRAL}\.([0-9]+,[0-9]+)nm", name))
+    }
+    return dict(sorted(known.items(), key=lambda item: item[1]))
 
 
 def quantity_of(channel: str) -> tuple[str, str]:

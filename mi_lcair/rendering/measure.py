@@ -71,7 +71,9 @@ def measure(
         if criterion is not None:
             criterion.check(tracer, scene.name)
         result = _until_met(scene, tracer, windows, sampling, measurands, criterion, aim)
+        bins = tracer.paths.bins
     if isinstance(result, Totals):
+        result.bins = bins
         return result
     with changed(scene, **result):
         return measure(scene, windows, sampling, measurands, criterion, aim)

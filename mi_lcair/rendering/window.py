@@ -98,7 +98,7 @@ class Windows:
         """Totals without paths, for paths that begin anywhere, or as `aim` says."""
         if aim is None and not self.are_pixels:
             aim = Aim.anywhere()
-        total = Totals(
+        return Totals(
             self.count,
             self.randomisations,
             self.by_randomisation,
@@ -107,8 +107,6 @@ class Windows:
             aim,
             tracer.emitters,
         )
-        total.bins = tracer.paths.bins
-        return total
 
     def points(self, spp: int) -> int:
         """Points of each randomisation for at least this number of samples per pixel."""

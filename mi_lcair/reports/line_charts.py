@@ -30,7 +30,8 @@ class Curve:
 
     name: in the legend. values: over the chart's abscissa. unit: of the values, as UDUNITS has it.
     colour: number of its colour; None for the main curve. on_right: the values are fractions, over
-    an axis of their own on the right.
+    an axis of their own on the right. errors: lengths of error bars, NaN where a value has none;
+    None for a curve without them.
     """
 
     name: str
@@ -38,6 +39,7 @@ class Curve:
     unit: str
     colour: int | None = None
     on_right: bool = False
+    errors: np.ndarray | None = None
 
     @property
     def line(self) -> dict:
@@ -52,7 +54,8 @@ class LineChart:
     """Curves over one abscissa.
 
     title: as plain text. x: abscissa. x_label, y_label: of its axes, with units. curves: the main
-    one has the unit of the ordinate. from_zero: whether the ordinate begins at 0.
+    one has the unit of the ordinate. from_zero: whether the ordinate begins at 0. is_close: whether
+    it spans the positive values alone.
     """
 
     title: str
@@ -61,6 +64,7 @@ class LineChart:
     y_label: str
     curves: list[Curve]
     from_zero: bool = False
+    is_close: bool = False
 
 
 def label(quantity: str, unit: str) -> str:
@@ -96,15 +100,20 @@ def draw(panel, chart: LineChart) -> None:
         style = {"linewidth": 0.7 * curve.line["width"], "color": curve.line["color"]}
         target = right if curve.on_right else panel
         lines += target.plot(chart.x, curve.values, label=plain(curve.name), **style)
+        if curve.errors is not None:
+            target.errorbar(chart.x, curve.values, curve.errors, fmt="none", capsize=3, **style)
         if curve.on_right:
             target.set_ylabel(curve.name.removesuffix(" (right)"))
     values = np.concatenate([curve.values for curve in chart.curves if not curve.on_right])
     low, high = min(values.min(), 0), max(values.max(), 0)
+    if chart.is_close:
+        low = values.min(where=values > 0, initial=high)
     extent = (high - low) or 1e-30
     # A quarter more than the largest value leaves room for the legend.
     panel.set_ylim(0 if chart.from_zero else low - 0.05 * extent, high + 0.25 * extent)
     panel.set_xlim(chart.x.min(), chart.x.max())
-    panel.axhline(0, color="black", linewidth=0.5)
+    if not chart.is_close:
+        panel.axhline(0, color="black", linewidth=0.5)
     panel.set_title(fill(plain(chart.title), WIDEST_TITLE))
     panel.set_ylabel(chart.y_label)
     if len(lines) > 1:

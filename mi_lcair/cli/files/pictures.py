@@ -31,6 +31,19 @@ def image(what, output, channels, outlines, scene, parameters, sensor, **scale):
     click.echo(output)
 
 
+def pixel_spectrum(what, output, pixel):
+    """Draw the spectrum of a pixel of a spectral image."""
+    from mi_lcair.drawing import write_figure
+    from mi_lcair.rendering.images.exr import read_exr
+    from mi_lcair.reports.pictures.pixel_spectrum import figure
+
+    file = Path(what)
+    channels, header = read_exr(file)
+    output = output or named_after(file, "spectrum")
+    write_figure(figure(channels, pixel, str(header.get("scene", file.stem))), output)
+    click.echo(output)
+
+
 def comparison(what, output, channels, **scale):
     """Draw channels of two images beside each other, and their difference."""
     from mi_lcair.drawing import write_figure

@@ -18,11 +18,12 @@ from mi_lcair.files import check_suffix, check_writable
 
 SCALE = ("log", "vmin", "vmax", "cmap", "common_scale", "outlines")
 SCENE = ("parameters", "sensor")
-FACET, COLUMNS, TWO = "--facet", "--facets", "two images"
+FACET, COLUMNS, PIXEL, TWO = "--facet", "--facets", "--pixel", "two images"
 # The function that draws each kind of picture, and its options beside --output.
 DRAWN = {
     FACET: (pictures.facet_view, ("facet", "parameters", "json")),
     COLUMNS: (pictures.facet_columns, ("facets", "channels", *SCALE, *SCENE)),
+    PIXEL: (pictures.pixel_spectrum, ("pixel",)),
     TWO: (pictures.comparison, ("channels", *SCALE[:-1])),
     "an image": (pictures.image, ("channels", *SCALE, "scene", *SCENE)),
     "a trend": (pictures.trend, ()),
@@ -88,6 +89,12 @@ NOT_DRAWN = {
     metavar="FILE.csv",
     help="Table with a column `facet` and others to colour the facets by.",
 )
+@click.option(
+    "--pixel",
+    type=(int, int),
+    metavar="ROW COLUMN",
+    help="Pixel of a spectral image whose spectrum is drawn, from 0 at the upper left.",
+)
 @changes_option("Set a $-parameter of the scene, or change an entry of the scenario", "parameters")
 @sensor_option
 @click.option("--band", help="Band (default: that of a fit of one band, or MWIR).")
@@ -109,6 +116,8 @@ def command(ctx, what, output, **options):
     FILE.exr                            channels of an image
     FILE.exr FILE.exr                   two images with one scale, and their
                                         difference
+    FILE.exr --pixel ROW COLUMN         the spectrum of a pixel of an image
+                                        that render --bins has written
     FILE.csv, FILE.nc                   a trend, or a spectrum of a signature
     FILE.json                           a solution of invert, a budget, or an
                                         audit; a contrast
@@ -127,7 +136,9 @@ def command(ctx, what, output, **options):
     """
     if len(what) == 1:
         (what,) = what
-    kind = _kind(what, **{name: options[name] for name in ("facet", "facets", "materials")})
+    kind = _kind(
+        what, **{name: options[name] for name in ("facet", "facets", "materials", "pixel")}
+    )
     draw, names = DRAWN[kind]
     for parameter in ctx.command.params:
         given = ctx.get_parameter_source(parameter.name) is click.core.ParameterSource.COMMANDLINE
@@ -141,7 +152,7 @@ def command(ctx, what, output, **options):
     draw(what, output, **{name: options[name] for name in names})
 
 
-def _kind(what, facet, facets, materials) -> str:
+def _kind(what, facet, facets, materials, pixel) -> str:
     """What is drawn, a key of DRAWN; raises InputError for what has no picture."""
     from mi_lcair.formats.kinds import IMAGE, kind_of
 
@@ -152,6 +163,8 @@ def _kind(what, facet, facets, materials) -> str:
     if facet is not None or facets is not None:
         return COLUMNS if facet is None else FACET
     kind = kind_of(what, materials)
+    if kind == IMAGE and pixel is not None:
+        return PIXEL
     if kind in NOT_DRAWN:
         raise InputError(f"'{what}' is {kind}; {NOT_DRAWN[kind].format(what)}")
     return kind

@@ -2,6 +2,7 @@
 
 import json
 import time
+from collections.abc import Sequence
 
 import drjit as dr
 import mitsuba as mi
@@ -37,6 +38,7 @@ def render_image(
     atmosphere: Atmosphere | None = None,
     range_m: float | None = None,
     bins: int = 0,
+    errors_um: Sequence[float] = (),
 ) -> Render:
     """Render the image of a loaded scene under its own settings.
 
@@ -53,9 +55,10 @@ def render_image(
         Range of the model for the atmosphere [m]. None: each pixel's own range.
     bins : int
         Number of wavelengths at which the spectral radiance is recorded; 0 for none.
+    errors_um : sequence of float
+        Wavelengths of which the nearest ones get a standard error of each pixel [um].
     """
-    if bins:
-        check_bins(scene, bins, atmosphere)
+    check_bins(scene, bins, errors_um, atmosphere)
     if atmosphere is not None:
         atmosphere.check_covers(scene.band)
         if range_m is not None:
@@ -65,7 +68,7 @@ def render_image(
     camera = scene.sensor(sampling.sensor)
     sampling = sampling.settled(camera)
     randomisations = min(PIXEL_RANDOMISATIONS, sampling.spp or PILOT_SPP)
-    windows = Windows.of_image(camera, randomisations)
+    windows = Windows.of_image(camera, randomisations, by_randomisation=bool(errors_um))
     measurands = Measurands.of(split, by_spectrum=atmosphere is not None)
     if bins:
         measurands = spectral_measurands(scene, split, bins)
@@ -92,7 +95,7 @@ def render_image(
             range_m,
         )
     wavelengths = Bins(scene.band, bins)
-    channels |= spectral_channels(total, wavelengths) if bins else {}
+    channels |= spectral_channels(total, wavelengths, size, errors_um) if bins else {}
     return Render(
         channels={
             name: np.ascontiguousarray(values.reshape(size), dtype=np.float32)
@@ -127,7 +130,7 @@ def image_channels(total: Totals, band: Band, size: tuple[int, int]) -> dict[str
         channels["stderr.Y"] = pixel_errors(total, size)
     if np.ptp(total.traced):
         channels["spp.Y"] = total.traced
-    parts = {name: total.mean(name) for name in total.sums}
+    parts = {name: total.mean(name) for name in total.sums if not name.startswith("bin.")}
     if parts:
         by_bounce = [values for name, values in parts.items() if name.startswith("bounce.")]
         for k in range(min(len(by_bounce), BOUNCE_CHANNELS)):

@@ -1,16 +1,18 @@
 """Spectral radiance of each pixel, from sums by bin of wavelength or by source."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import scipy
 
 from mi_lcair.errors import InputError, shown
 from mi_lcair.formats.channels import spectral_channel
-from mi_lcair.physics.air.atmosphere import Atmosphere
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.spectra.bins import Bins
 from mi_lcair.physics.spectral_table import LONGEST_UM
 from mi_lcair.plugins.bins.by_bin import has_spectral_materials
 from mi_lcair.rendering.measurands import Measurands
+from mi_lcair.rendering.pixels.errors import pixel_errors
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
 
@@ -39,14 +41,21 @@ def even_wavelengths(text: str) -> tuple[str, int]:
     return f"{start:.9g}-{last:.9g}", count
 
 
-def check_bins(scene: Scene, bins: int, atmosphere: Atmosphere | None) -> None:
+def check_bins(scene: Scene, bins: int, errors_um: Sequence[float], atmosphere) -> None:
     """Raise InputError for a spectral image that cannot be rendered."""
+    if not bins:
+        if errors_um:
+            raise InputError("errors_um are those of a spectral image; give its number of bins")
+        return
     if not 2 <= bins <= MOST_BINS:
         raise InputError(f"bins = {bins}; must be 2 to {MOST_BINS}")
     if scene.band.is_total:
         raise InputError("bins: band total has no wavelengths; choose a band with limits")
     if atmosphere is not None:
         raise InputError("bins: a spectral image has no air; leave out the atmosphere")
+    for wavelength in errors_um:
+        if not scene.band.lower_um <= wavelength <= scene.band.upper_um:
+            raise InputError(f"errors_um = {wavelength:g} um; must lie in band {scene.band.label}")
 
 
 def spectral_measurands(scene: Scene, split: str | None, bins: int) -> Measurands:
@@ -59,14 +68,28 @@ def spectral_measurands(scene: Scene, split: str | None, bins: int) -> Measurand
     return Measurands.of("target", by_spectrum=True)
 
 
-def spectral_channels(total: Totals, bins: Bins) -> dict[str, np.ndarray]:
+def spectral_channels(
+    total: Totals, bins: Bins, size: tuple[int, int], errors_um: Sequence[float]
+) -> dict[str, np.ndarray]:
     """Mean spectral radiance around each node, by channel, (P,) each [W m^-2 sr^-1 um^-1].
 
     The radiance beyond the last reflection, of a closure, counts only for spectral materials.
+
+    size: rows and columns of the image. errors_um: wavelengths of which the nearest nodes get
+    channels of standard errors [um]; `total` must then hold its sums by randomisation.
     """
     names = [spectral_channel(wavelength) for wavelength in bins.nodes_um]
-    if not total.emitters.sources.by_spectrum:
-        return {name: total.mean(f"bin.{k}") for k, name in enumerate(names)}
+    if total.emitters.sources.by_spectrum:
+        add_bins(total, bins)
+    channels = {name: total.mean(f"bin.{k}") for k, name in enumerate(names)}
+    for wavelength in errors_um:
+        k = int(np.argmin(np.abs(bins.nodes_um - wavelength)))
+        channels[f"stderr.{names[k]}"] = pixel_errors(total, size, f"bin.{k}")
+    return channels
+
+
+def add_bins(total: Totals, bins: Bins) -> None:
+    """Add the sums of the bins to totals, from those of the sources."""
     sources, parts = total.emitters.sources, {}
     for k, source in enumerate(sources.list):
         if source.name is not None and source.in_band > 0:
@@ -81,5 +104,7 @@ def spectral_channels(total: Totals, bins: Bins) -> dict[str, np.ndarray]:
     if nodes.size:  # the spectrum of many blackbodies is a polynomial through the nodes
         basis = scipy.interpolate.BarycentricInterpolator(nodes, np.eye(len(nodes)))(bins.grid_um)
         parts |= {f"wavelength.{k}": column for k, column in enumerate(basis.T)}
-    cube = sum(np.outer(bins.means(spectrum), total.mean(name)) for name, spectrum in parts.items())
-    return dict(zip(names, cube))
+    means = {name: bins.means(spectrum) for name, spectrum in parts.items()}
+    for k in range(bins.count):
+        terms = (mean[k] * total.sums[name] for name, mean in means.items())
+        total.sums[f"bin.{k}"] = sum(terms, start=np.zeros((len(total.valid), 1)))

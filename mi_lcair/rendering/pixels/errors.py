@@ -20,24 +20,25 @@ FAINTEST = 1e-100  # stands for 0 where a quotient or a logarithm is taken [W m^
 SMALLEST = 1e-3  # variance around a pixel, as a fraction of that of the image, if none was measured
 
 
-def pixel_errors(total: Totals, size: tuple[int, int]) -> np.ndarray:
-    """Standard errors of pixels, from the scatter in their neighbourhood, (P,).
+def pixel_errors(total: Totals, size: tuple[int, int], name: str | None = None) -> np.ndarray:
+    """Standard errors of a channel of pixels, from the scatter in their neighbourhood, (P,).
 
     The scatter of a few paths through one pixel says little about its error: where paths rarely
     meet a source, most pixels have none. The mean variance of a path in POOLED x POOLED pixels says
     more. A source that no path through the neighbourhood has met is one that these paths may have
-    missed.
+    missed. For a channel other than the radiance, it is taken to have the spectrum of the image.
 
-    size: rows and columns of the image.
+    size: rows and columns of the image. name: the channel; None for the radiance.
     """
 
     def pooled(values):
         return averaged(values, size, POOLED)
 
     paths = np.maximum(total.paths, 1)
-    variance = pooled(total.random_error() ** 2 * paths) / paths
-    systematic = pooled((total.systematic * total.mean()) ** 2)
-    missed = missed_nearby(total.missed_error() * paths, size) / paths
+    variance = pooled(total.random_error(name) ** 2 * paths) / paths
+    systematic = pooled((total.systematic * total.mean(name)) ** 2)
+    share = total.mean(name).mean() / max(total.mean().mean(), FAINTEST)
+    missed = missed_nearby(share * total.missed_error() * paths, size) / paths
     return np.sqrt(variance + systematic + missed**2)
 
 

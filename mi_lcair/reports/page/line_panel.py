@@ -41,6 +41,7 @@ def line_panel(charts: list[LineChart], across: bool = False) -> Panel:
                 legendgroup=curve.name,
                 showlegend=curve.name not in names,
                 line=curve.line,
+                error_y=None if curve.errors is None else {"array": curve.errors},
                 hovertemplate=f"%{{x:.4g}} µm: %{{y:.5g}} {unit}",
             )
             figure.add_trace(trace, **place, secondary_y=curve.on_right)

@@ -2,6 +2,9 @@
 
 from functools import partial
 
+import numpy as np
+
+from mi_lcair.formats.channels import wavelengths_of
 from mi_lcair.fraction import percent
 from mi_lcair.rendering.images.exr import window_of
 from mi_lcair.rendering.statistics import invalid_remark
@@ -49,10 +52,26 @@ def image_sections(channels: dict, header: dict) -> list[Section]:
     words = f"{width} × {height} pixels, {len(channels)} channels. {meanings(channels)}"
     drawing = Drawing(partial(image_panel, channels, shown, window_of(header)))
     rows = [(words_of(name), unpacked(value)) for name, value in header.items()]
+    parts = [words, drawing]
+    if spectral := wavelengths_of(channels):
+        brightest = sum(channels[name] for name in spectral).argmax()
+        row, column = map(int, np.unravel_index(brightest, (height, width)))
+        parts += [
+            f"The brightest pixel, in row {row} and column {column}, by wavelength:",
+            Drawing(partial(pixel_spectrum, channels, (row, column))),
+        ]
     return [
-        Section("Image", [words, drawing]),
+        Section("Image", parts),
         Section("How the image was made", [Facts(rows)], is_detail=True),
     ]
+
+
+def pixel_spectrum(channels: dict, pixel: tuple[int, int]):
+    """The panel of the spectrum of a pixel (row, column)."""
+    from mi_lcair.reports.page.line_panel import line_panel
+    from mi_lcair.reports.pictures.pixel_spectrum import charts
+
+    return line_panel(charts(channels, pixel))
 
 
 def meanings(channels: dict) -> str:

@@ -10,6 +10,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import spectral_radiance, spectral_temperature
 from mi_lcair.rendering.images.exr import read_exr
 from mi_lcair.rendering.images.spectral import even_wavelengths
+from mi_lcair.reports.pictures.pixel_spectrum import charts, figure
 from tests.plugins.bins.test_by_bin import SPECTRA, X, integrator, plate, thermal, write
 from tests.plugins.small_scenes import blackbody, camera, scene
 
@@ -121,3 +122,53 @@ def test_bad_numbers_of_wavelengths(tmp_path):
         mi_lcair.render(loaded, spp=4, bins=4, atmosphere="us_standard", range_m=100.0)
     result = CliRunner().invoke(main, ["render", "open_box", "-o", str(tmp_path / "x.hdr")])
     assert result.exit_code == 2 and ".exr" in result.output
+
+
+@pytest.mark.parametrize("surface", ["spectral", "constant"])
+def test_errors_of_bins_are_the_scatter_of_images(tmp_path, surface):
+    """The standard errors of pixels against the scatter of images with other seeds."""
+    lamp = {
+        "type": "sphere",
+        "center": [1, 0, 2],
+        "radius": 0.6,
+        "bsdf": {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}},
+        "emitter": thermal(900.0, group="lamp"),
+    }
+    bsdf = {"type": "grey", "emissivity": 0.6} if surface == "constant" else "g"
+    loaded = plate(write(tmp_path), bsdf, 300.0, bounces=1, lamp=lamp)
+    wanted = {"spp": 64, "bins": 9, "errors_um": (3.0, 4.1), "split": None}
+    images = [mi_lcair.render(loaded, seed=seed, **wanted).channels for seed in range(40)]
+    for name in ("S0.3000,000000nm", "S0.4000,000000nm"):
+        scatter = np.std([image[name] for image in images], ddof=1)
+        stated = np.sqrt(np.mean([image[f"stderr.{name}"] ** 2 for image in images]))
+        assert 0.6 < stated / scatter < 1.6  # 40 draws, each of 3 degrees of freedom
+    assert "stderr.S0.3250,000000nm" not in images[0]
+
+
+def test_errors_of_no_bins(tmp_path):
+    loaded = plate(write(tmp_path), "g", 500.0)
+    with pytest.raises(InputError, match="number of bins"):
+        mi_lcair.render(loaded, spp=4, errors_um=[4.0])
+    with pytest.raises(InputError, match="errors_um = 6 um; must lie in band"):
+        mi_lcair.render(loaded, spp=4, bins=4, errors_um=[6.0])
+
+
+def test_the_spectrum_of_a_pixel_is_drawn(tmp_path, monkeypatch):
+    image = mi_lcair.render(plate(write(tmp_path), "g", 500.0), spp=16, bins=7, errors_um=[4.0])
+    image.save(tmp_path / "cube.exr")
+    radiance, temperature = charts(image.channels, (0, 0))
+    assert radiance.x == pytest.approx(image.wavelengths_um)
+    assert radiance.curves[0].values == pytest.approx(image.cube[:, 0, 0])
+    assert np.isfinite(radiance.curves[0].errors).tolist() == [k == 3 for k in range(7)]
+    assert spectral_radiance(radiance.x, temperature.curves[0].values) == pytest.approx(
+        image.cube[:, 0, 0], rel=1e-5
+    )
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(main, ["show", "cube.exr", "--pixel", "0", "0"])
+    assert result.exit_code == 0 and (tmp_path / "cube_spectrum.png").is_file()
+    result = CliRunner().invoke(main, ["show", "cube.exr", "--pixel", "0", "1"])
+    assert result.exit_code == 2 and "outside the image" in result.output
+    (section,) = (section for section in image.sections() if section.title == "Image")
+    assert any("row 0 and column 0" in part for part in section.parts if isinstance(part, str))
+    with pytest.raises(InputError, match="no spectral radiance"):
+        figure(mi_lcair.render("two_plates", spp=4).channels, (0, 0), "")
