@@ -71,7 +71,7 @@ def measure(
         if criterion is not None:
             criterion.check(tracer, scene.name)
         result = _until_met(scene, tracer, windows, sampling, measurands, criterion, aim)
-        bins = tracer.paths.bins
+        bins = tracer.bins
     if isinstance(result, Totals):
         result.bins = bins
         return result

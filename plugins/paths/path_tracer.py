@@ -52,7 +52,8 @@ class PathTracer(RBIntegrator):
     closure: the settings at the time when it was made. paths: the `Walk` that follows paths.
     ambient_radiance: radiance beyond the last reflection for closure = ambient [W m^-2 sr^-1]; None
     for another closure. systematic_error: relative error of a radiance that more samples do not
-    reduce. It comes from Float32 rounding, from tabulated emissivities and from `truncation`.
+    reduce. It comes from Float32 rounding, from tabulated emissivities, from the bins of wavelength
+    and from `truncation`. bins: the bins of wavelength in words, see `Walk`.
 
     This is a separate integrator because the render methods of RBIntegrator call `sample` with the
     scene alone. The data derived from the scene must therefore belong to the integrator.
@@ -105,6 +106,7 @@ class PathTracer(RBIntegrator):
             systematic_error=hypot(
                 rounding_error(most), of_tables, paths.binning_error, settings.truncation
             ),
+            bins=paths.bins,
             records_bins=has_bins and bool(binning.recorded),
             recorded=Recorded(state),
             is_complete=True,

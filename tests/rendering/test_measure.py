@@ -28,7 +28,7 @@ ANY_SENSOR = SimpleNamespace(class_name=lambda: "PerspectiveCamera")
 class Tracer:
     """Window w has the mean 1 + w and an error of noise[w] / points, as a lattice has at best."""
 
-    max_bounces, systematic_error, closure = 1, 0.0, "none"
+    max_bounces, systematic_error, closure, bins = 1, 0.0, "none", ""
     emitters = SimpleNamespace(unbounded=(), labels=())
 
     def __init__(self, noise=(0.0,), invalid=0.0):
