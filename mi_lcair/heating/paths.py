@@ -19,8 +19,8 @@ from scipy import sparse
 
 from mi_lcair.heating.closed import closed_shapes
 from mi_lcair.heating.conductors import RINGS_DEG
+from mi_lcair.heating.parts import Parts
 from mi_lcair.heating.surfaces import Surfaces
-from mi_lcair.plugins.derivatives import own_memory
 from mi_lcair.plugins.emission.triangles import pointer_id
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 from mi_lcair.plugins.paths.offsets import Offsets
@@ -38,76 +38,12 @@ RINGS = len(RINGS_DEG) - 1
 ENDS = ("ground", "truncated", "buried", "backs", "passive")
 
 
-@dataclass
-class Parts:
-    """Parts of the facets on which paths begin: triangles, or whole shapes that are no meshes.
-
-    facet: index of each part's facet; it rises. until: share of the facet's area in its parts up to
-    this one. shape, primitive, is_triangle: of each part.
-    """
-
-    facet: mi.UInt32
-    until: mi.Float
-    shape: mi.UInt32
-    primitive: mi.UInt32
-    is_triangle: mi.Bool
-
-    @staticmethod
-    def of(table: FacetTable, numbers: np.ndarray, shapes: list) -> "Parts":
-        """The parts of the facets with these numbers, which rise."""
-        shape = table.shape_index[table.triangle_facet]
-        primitive = np.arange(len(shape)) - np.searchsorted(shape, shape)
-        p0, p1, p2 = np.moveaxis(table.triangles, 1, 0)
-        area = np.linalg.norm(np.cross(p1 - p0, p2 - p0), axis=1)
-        whole = numbers[~np.isin(numbers, table.triangle_facet)]
-        facet = np.concatenate([table.triangle_facet, whole])
-        area = np.concatenate([area, np.ones(len(whole))])
-        primitive = np.concatenate([primitive, np.zeros(len(whole), int)])
-        of_facet = np.argsort(facet, kind="stable")
-        of_facet = of_facet[np.isin(facet[of_facet], numbers)]
-        index = np.searchsorted(numbers, facet[of_facet])
-        total = np.bincount(index, area[of_facet])
-        until = np.cumsum(area[of_facet]) - (np.cumsum(total) - total)[index]
-        ids = np.array([pointer_id(mi.ShapePtr(shape)) for shape in shapes])
-        arrays = [
-            mi.UInt32(index.astype(np.uint32)),
-            mi.Float(until / total[index]),
-            mi.UInt32(ids[table.shape_index[facet[of_facet]]].astype(np.uint32)),
-            mi.UInt32(primitive[of_facet].astype(np.uint32)),
-        ]
-        own_memory(arrays)
-        return Parts(*arrays, mi.Bool(of_facet < len(table.triangle_facet)))
-
-    def point(self, facet: mi.UInt32, u: mi.Float, sample: mi.Point2f) -> mi.SurfaceInteraction3f:
-        """Uniform points of facets; `wi` is not set."""
-
-        def is_before(k):
-            of_part = dr.gather(mi.UInt32, self.facet, k)
-            until = dr.gather(mi.Float, self.until, k)
-            return (of_part < facet) | ((of_part == facet) & (until < u))
-
-        part = dr.binary_search(0, dr.width(self.facet) - 1, is_before)
-        shape = dr.reinterpret_array(mi.ShapePtr, dr.gather(mi.UInt32, self.shape, part))
-        is_triangle = dr.gather(mi.Bool, self.is_triangle, part)
-        pi = dr.zeros(mi.PreliminaryIntersection3f, dr.width(facet))
-        pi.prim_index = dr.gather(mi.UInt32, self.primitive, part)
-        pi.prim_uv, pi.shape = mi.warp.square_to_uniform_triangle(sample), shape
-        si = shape.compute_surface_interaction(dr.zeros(mi.Ray3f), pi, mi.RayFlags.All, is_triangle)
-        ps = shape.sample_position(0, sample, ~is_triangle)
-        si.p = dr.select(is_triangle, si.p, ps.p)
-        si.n = dr.select(is_triangle, si.n, ps.n)
-        si.uv = dr.select(is_triangle, si.uv, ps.uv)
-        si.sh_frame = mi.Frame3f(dr.select(is_triangle, si.sh_frame.n, ps.n))
-        si.shape, si.prim_index, si.t = shape, pi.prim_index, mi.Float(0)
-        return si
-
-
 @dataclass(frozen=True, eq=False)
 class Means:
     """Means of what the paths of n facets met, for each randomisation.
 
-    between: sparse, (n, n), what the paths of each row's facet met of the others. ends:
-    (RANDOMISATIONS, n, rings and ENDS). lost: (shapes,), sums over the facets of the shares that
+    between: sparse, (rows, n), what the paths of each row met of the facets. ends:
+    (RANDOMISATIONS, rows, rings and ENDS). lost: (shapes,), sums over the rows of the shares that
     ended on the backs of shapes or on shapes that do not emit.
     """
 
@@ -116,19 +52,21 @@ class Means:
     lost: np.ndarray
 
     @staticmethod
-    def of(n: int, facet, run, column, values, lost) -> "Means":
-        """The means from the values of entries."""
+    def of(rows: int, n: int, cells, values, lost) -> "Means":
+        """The means from values of cells, which are numbered by row, randomisation and column."""
+        place, column = np.divmod(cells, n + RINGS + len(ENDS))
+        row, run = np.divmod(place, RANDOMISATIONS)
         is_end, between = column >= n, []
-        ends = np.zeros((RANDOMISATIONS, n, RINGS + len(ENDS)))
-        ends[run[is_end], facet[is_end], column[is_end] - n] = values[is_end]
+        ends = np.zeros((RANDOMISATIONS, rows, RINGS + len(ENDS)))
+        ends[run[is_end], row[is_end], column[is_end] - n] = values[is_end]
         for k in range(RANDOMISATIONS):
             of_run = ~is_end & (run == k)
-            places = facet[of_run], column[of_run]
-            between.append(sparse.csr_array((values[of_run], places), shape=(n, n)))
+            places = row[of_run], column[of_run]
+            between.append(sparse.csr_array((values[of_run], places), shape=(rows, n)))
         return Means(between, ends, lost)
 
     def end(self, name: str) -> np.ndarray:
-        """The means that ended in one of ENDS, (RANDOMISATIONS, n)."""
+        """The means that ended in one of ENDS, (RANDOMISATIONS, rows)."""
         return self.ends[:, :, RINGS + ENDS.index(name)]
 
 
@@ -143,9 +81,17 @@ class FacetPaths:
     surfaces : Surfaces
     sides : (n,)
         Number of sides of each facet that emit.
+    reflected : bool
+        Whether paths are of the light that a side of a facet has reflected, or else of what a facet
+        absorbs.
+    rows : (rows,)
+        Index of the facet of each row of paths: one for each side of `reflected` light, otherwise
+        one for each facet.
+    row_sides : (rows,)
+        Side of each row, 1 in front and -1 behind; 0 for any.
     """
 
-    def __init__(self, scene: Scene, surfaces: Surfaces):
+    def __init__(self, scene: Scene, surfaces: Surfaces, reflected: bool = False):
         self.scene, self.surfaces, self.table = scene, surfaces, FacetTable(scene)
         self.shapes = list(scene.mi.shapes())
         table = self.table
@@ -173,12 +119,17 @@ class FacetPaths:
         by_pointer[3, ids] = backs
         self.index_of, self.surface_of, self.flags_of, self.back_of = map(mi.UInt32, by_pointer)
         self.column = mi.UInt32(column.astype(np.uint32))
-        # The side of a path: in front, or behind for the share of the numbers above
-        in_front = np.array([s.count(1) / max(len(s), 1) for s in sides])
-        self.in_front = mi.Float(in_front)
+        self.in_front = mi.Float([s.count(1) / max(len(s), 1) for s in sides])
+        self.reflected = reflected
+        self.rows = np.repeat(np.arange(n), self.sides) if reflected else np.arange(n)
+        self.row_sides = np.zeros(n)
+        if reflected:
+            self.row_sides = np.concatenate([sides[k] for k in of_facet])
+        self.row_facet = mi.UInt32(self.rows.astype(np.uint32))
+        self.row_side = mi.Float(self.row_sides)
         self.vector = mi.UInt32(VECTOR)
         dr.eval(self.index_of, self.surface_of, self.flags_of, self.back_of, self.column)
-        dr.eval(self.in_front)
+        dr.eval(self.in_front, self.row_facet, self.row_side)
 
     @property
     def columns(self) -> int:
@@ -210,68 +161,89 @@ class FacetPaths:
             return targets[0](si, active)
         return dr.switch(self.at(self.surface_of, si), targets, si, active)
 
+    def sides_at(self, si, active=True) -> tuple[mi.Bool, mi.Bool]:
+        """Whether `si.wi` is in front, and whether it is behind, of a surface with such a side."""
+        flags = self.at(self.flags_of, si, active)
+        in_front = mi.has_flag(flags, mi.BSDFFlags.FrontSide) & (si.wi.z > 0)
+        return in_front, mi.has_flag(flags, mi.BSDFFlags.BackSide) & (si.wi.z < 0)
+
+    def sees_sky(self, si, to) -> mi.Bool:
+        """Whether nothing but the sky is in the directions `to` from points."""
+        pi = self.scene.mi.ray_intersect_preliminary(
+            mi.Ray3f(self.offsets.leave(si, to), to), coherent=False
+        )
+        facet = self.table.number(pi.shape, pi.prim_index, pi.is_valid())
+        column = dr.gather(mi.UInt32, self.column, facet, pi.is_valid())
+        return ~pi.is_valid() | (column == len(self.number))
+
     def at(self, table: mi.UInt32, si, active=True) -> mi.UInt32:
         """The number of each hit's shape in a table by the pointer to it."""
         return dr.gather(mi.UInt32, table, dr.reinterpret_array(mi.UInt32, si.shape), active)
 
-    def start(self, facet: mi.UInt32, sampler: Lattice) -> mi.SurfaceInteraction3f:
-        """Points on facets with a direction `wi`, drawn by the cosine on one of the sides."""
+    def start(self, row: mi.UInt32, sampler: Lattice) -> mi.SurfaceInteraction3f:
+        """Points on the facets of rows with a direction `wi`, drawn by the cosine."""
         sample, u, v = sampler.next_2d(), sampler.next_1d(), sampler.next_2d()
-        si = self.parts.point(facet, u, sample)
+        si = self.parts.point(dr.gather(mi.UInt32, self.row_facet, row), u, sample)
         in_front = dr.gather(mi.Float, self.in_front, self.at(self.surface_of, si))
-        wi = mi.warp.square_to_cosine_hemisphere(v)
-        wi.z = dr.select(sampler.next_1d() < in_front, wi.z, -wi.z)
-        si.wi = wi
+        side = dr.gather(mi.Float, self.row_side, row)
+        side = dr.select(side != 0, side, in_front - sampler.next_1d())
+        si.wi = mi.warp.square_to_cosine_hemisphere(v)
+        si.wi.z = dr.mulsign(si.wi.z, side)
         return si
 
-    def means(self, points: int, seed: int) -> "Means":
-        """What the paths of the facets meet.
+    def means(self, points: int, seed: int) -> Means:
+        """What the paths of the rows meet.
 
         Parameters
         ----------
         points : int
-            Paths of each facet in each of the RANDOMISATIONS.
+            Paths of each row in each of the RANDOMISATIONS.
         seed : int
 
         Returns
         -------
         Means
         """
-        n, C, Float64 = len(self.number), self.columns, dr.float64_array_t(mi.Float)
+        rows, C, Float64 = len(self.rows), self.columns, dr.float64_array_t(mi.Float)
         lost, parts = dr.zeros(mi.Float, len(self.shapes)), []
-        step = max(1, min(n, CELLS // (RANDOMISATIONS * C)))
-        for first in range(0, n, step):
-            facets = min(step, n - first)
-            met = dr.zeros(Float64, facets * RANDOMISATIONS * C)
-            most = max(1, LANES // (facets * RANDOMISATIONS))
+        step = max(1, min(rows, CELLS // (RANDOMISATIONS * C)))
+        for first in range(0, rows, step):
+            count = min(step, rows - first)
+            met = dr.zeros(Float64, count * RANDOMISATIONS * C)
+            most = max(1, LANES // (count * RANDOMISATIONS))
             for point in range(0, points, most):
-                self._launch(first, facets, point, min(most, points - point), seed, met, lost)
+                self._launch(first, count, point, min(most, points - point), seed, met, lost)
             # Facets meet few of the others, so that the cells are compressed before they are copied
             cell = dr.compress(met > 0)
-            values = dr.gather(Float64, met, cell).numpy()
+            values = dr.gather(Float64, met, cell).numpy() / points
             parts.append((cell.numpy() + np.int64(first) * RANDOMISATIONS * C, values))
         cells, values = (np.concatenate(column) for column in zip(*parts))
-        row, column = np.divmod(cells, C)
-        facet, run = np.divmod(row, RANDOMISATIONS)
         lost = lost.numpy() / (points * RANDOMISATIONS)
-        return Means.of(n, facet, run, column, values / points, lost)
+        return Means.of(rows, len(self.number), cells, values, lost)
 
-    def _launch(self, first, facets, point, points, seed, met, lost) -> None:
-        """Trace `points` paths from `point` on, of each randomisation of each facet."""
-        lane = dr.arange(mi.UInt32, facets * RANDOMISATIONS * points)
+    def _launch(self, first, rows, point, points, seed, met, lost) -> None:
+        """Trace `points` paths from `point` on, of each randomisation of each row."""
+        lane = dr.arange(mi.UInt32, rows * RANDOMISATIONS * points)
         first, points, seed, point = (dr.opaque(mi.UInt32, k) for k in (first, points, seed, point))
-        row, number = lane // points, lane % points
-        sampler = Lattice.at(first * RANDOMISATIONS + row, point + number, seed, self.vector)
-        si = self.start(first + row // RANDOMISATIONS, sampler)
-        weight = self.emissivity(si, mi.Bool(True))
+        run, number = lane // points, lane % points
+        sampler = Lattice.at(first * RANDOMISATIONS + run, point + number, seed, self.vector)
+        si = self.start(first + run // RANDOMISATIONS, sampler)
+        absorbed = self.emissivity(si, mi.Bool(True))
+        # What is absorbed of the sky's light is the same for light that arrives. Light that a side
+        # has reflected begins with the weight 1.
+        weight = mi.Float(1) if self.reflected else absorbed
+        of_escape = absorbed if self.reflected else mi.Float(1)
         to = si.to_world(si.wi)
         ray = mi.Ray3f(self.offsets.leave(si, to), to)
-        self._follow(ray, weight, sampler, row * self.columns, met, lost)
+        self._follow(ray, weight, of_escape, sampler, run * self.columns, met, lost)
         dr.eval(met, lost)
 
     @dr.syntax
-    def _follow(self, ray, weight, sampler, row, met, lost):
-        """Follow paths and add what they meet to the cells from `row` on."""
+    def _follow(self, ray, weight, of_escape, sampler, row, met, lost):
+        """Follow paths and add what they meet to the cells from `row` on.
+
+        of_escape: factor of what escapes.
+        """
         n, Float64 = len(self.number), dr.float64_array_t(mi.Float)
         scene, weight, active = self.scene.mi, mi.Float(weight), weight > 0
         reflections = mi.UInt32(0)
@@ -285,13 +257,12 @@ class FacetPaths:
             escapes = active & (~hits | (column == n))
             hits &= ~escapes
             to, factor, emissivity = self.respond(si, (sampler.next_1d(), sampler.next_2d()), hits)
-            flags = self.at(self.flags_of, si, hits)
-            in_front = mi.has_flag(flags, mi.BSDFFlags.FrontSide) & (si.wi.z > 0)
-            behind = mi.has_flag(flags, mi.BSDFFlags.BackSide) & (si.wi.z < 0)
+            in_front, behind = self.sides_at(si, hits)
             is_back = hits & ~in_front & ~behind
             column = dr.select(is_back, self.at(self.back_of, si, hits), column)
             column = dr.select(escapes, n + self.ring(ray.d), column)
-            part = dr.select(hits & ~is_back, weight * emissivity, weight)
+            part = weight * dr.select(hits & ~is_back, emissivity, 1)
+            part *= dr.select(escapes, of_escape, 1)
             dr.scatter_add(met, Float64(part), row + column, active)
             is_lost = hits & (column >= n + RINGS + ENDS.index("backs"))
             dr.scatter_add(lost, part, self.at(self.index_of, si, hits), is_lost)

@@ -1,0 +1,111 @@
+"""Sunlight that facets absorb: directly, and after reflections.
+
+The sun's light falls on a side of a facet through shadow rays. What the facet does not absorb it
+reflects, and paths in the solar band say who absorbs that light. They begin with the cosine, as if
+the first reflection were diffuse; the later reflections are those of the surfaces.
+"""
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from scipy import sparse
+
+from mi_lcair.heating.paths import ENDS, LANES, RANDOMISATIONS, RINGS, FacetPaths, Means
+from mi_lcair.heating.surfaces import SOLAR, Surfaces, hemispherical_emissivity
+from mi_lcair.plugins.samplers.lattice import Lattice
+from mi_lcair.rendering.scene import Scene
+
+SHADOW_RAYS = 64  # of each facet toward each position of the sun
+
+
+@dataclass(frozen=True, eq=False)
+class SolarAreas:
+    """Areas by which m beams of sunlight heat n facets [m^2], for each randomisation.
+
+    The absorbed power is the area times the irradiance of the beam on a surface across it. lit:
+    (RANDOMISATIONS, m, n), area across the beam that it lights. direct: of it, what is absorbed.
+    reflected: area by which light that other facets, or the facet itself, have reflected is
+    absorbed.
+    """
+
+    lit: np.ndarray
+    direct: np.ndarray
+    reflected: np.ndarray
+
+    @property
+    def absorbing(self) -> np.ndarray:
+        """Area by which the facets absorb sunlight, with all reflections."""
+        return self.direct + self.reflected
+
+
+class Sunlight:
+    """Absorption of sunlight by the facets of a scene, in the solar band.
+
+    Attributes
+    ----------
+    paths : FacetPaths
+    absorptance : ndarray, shape (n,)
+        Hemispherical absorptance of the facets.
+    of_sky : ndarray, shape (RANDOMISATIONS, n, rings)
+        Absorbed power of a ring of the sky divided by pi times its radiance [m^2].
+    of_ground : ndarray, shape (RANDOMISATIONS, n)
+        The same of what lies below the horizon.
+    remarks : list of str
+    """
+
+    def __init__(self, scene: Scene, rays: int, seed: int = 0):
+        surfaces = Surfaces.of(scene, SOLAR)
+        self.paths, self.seed = FacetPaths(scene, surfaces, reflected=True), seed
+        table, number = self.paths.table, self.paths.number
+        self.area, self.remarks = table.area[number], surfaces.remarks
+        by_surface = np.array([hemispherical_emissivity(s) for s in surfaces.different])
+        self.absorptance = by_surface[np.array(surfaces.of_shape)[table.shape_index[number]]]
+        self.means: Means = self.paths.means(max(1, -(-rays // RANDOMISATIONS)), seed)
+        sides = sparse.csr_array(
+            (self.area[self.paths.rows], (self.paths.rows, np.arange(len(self.paths.rows))))
+        )
+        self.of_sky = np.array([sides @ ends[:, :RINGS] for ends in self.means.ends])
+        ground = RINGS + ENDS.index("ground")
+        self.of_ground = np.array([sides @ ends[:, ground] for ends in self.means.ends])
+
+    def areas(self, directions: np.ndarray, rays: int = SHADOW_RAYS) -> SolarAreas:
+        """The areas for directions to the sun, unit vectors (m, 3), with `rays` a facet and sun."""
+        points, rows = max(1, -(-rays // RANDOMISATIONS)), self.paths.rows
+        step = max(1, LANES // (len(self.area) * RANDOMISATIONS * points))
+        blocks = [
+            self._lit(directions[k : k + step], points) for k in range(0, len(directions), step)
+        ]
+        lit, absorbed = np.concatenate(blocks, axis=3) * self.area
+        side = np.where(self.paths.row_sides > 0, 0, 1)
+        left = (lit - absorbed)[side, :, :, rows]  # (rows, RANDOMISATIONS, m)
+        reflected = [left[:, run].T @ g for run, g in enumerate(self.means.between)]
+        return SolarAreas(lit.sum(axis=0), absorbed.sum(axis=0), np.array(reflected))
+
+    def _lit(self, directions: np.ndarray, points: int) -> np.ndarray:
+        """Shares of the facets' areas across m beams, (2, 2, RANDOMISATIONS, m, n).
+
+        First what is lit, in front and behind, then what is absorbed of it.
+        """
+        paths, m, n = self.paths, len(directions), len(self.area)
+        lane = dr.arange(mi.UInt32, RANDOMISATIONS * m * n * points)
+        of_run, size, seed = (dr.opaque(mi.UInt32, k) for k in (m * n, points, self.seed))
+        cell, number = lane // size, lane % size
+        facet = cell % n
+        sampler = Lattice.at(cell // of_run * n + facet, number, seed, paths.vector)
+        sample = sampler.next_2d()
+        si = paths.parts.point(facet, sampler.next_1d(), sample)
+        beams = mi.Float(np.ravel(directions))
+        to = dr.gather(mi.Vector3f, beams, cell % of_run // n)
+        si.wi = si.to_local(to)
+        absorbs = paths.emissivity(si, mi.Bool(True))
+        in_front, behind = paths.sides_at(si)
+        lit = (in_front | behind) & paths.sees_sky(si, to)
+        cos = dr.select(lit, dr.abs(si.wi.z), 0)
+        sums = [
+            dr.block_sum(dr.select(side, value, 0), points).numpy() / points
+            for value in (cos, cos * absorbs)
+            for side in (in_front, behind)
+        ]
+        return np.reshape(sums, (2, 2, RANDOMISATIONS, m, n)).astype(float)
