@@ -32,7 +32,8 @@ def network(between, sky, ground, conditions, *, area=None, beam=0.0, groups=Non
 
     def conductors(matrix):
         to_sky, to_ground = np.reshape(sky, (n, 1)), np.asarray(ground, float)
-        return Conductors(sparse.csr_array(np.asarray(matrix, float)), to_sky, to_ground)
+        between = sparse.csr_array(np.asarray(matrix, float))
+        return Conductors(between, to_sky, to_ground, to_self=np.zeros(n))
 
     mean = conductors(between)
     total = np.maximum(mean.total, 1e-3)
