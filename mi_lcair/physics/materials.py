@@ -71,7 +71,11 @@ class Material:
         The weights are the band's response times the spectral radiance of a blackbody; without a
         temperature [K], the response alone.
         """
-        self.spectrum.check_covers(band, f"material '{self.name}'")
+        self.spectrum.check_covers(
+            band,
+            f"material '{self.name}'",
+            '; outside = "constant" in its entry continues the first and the last row',
+        )
         values = self.spectrum.averaged(*self.spectrum.weights(band, temperature))
         return replace(self, parameters=dict(zip(self.model.names, values)))
 

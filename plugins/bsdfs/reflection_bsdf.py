@@ -149,12 +149,13 @@ class ReflectionBSDF(mi.BSDF):
         temperature: of the radiation for which it is constant in the band [K]; None for none.
         """
         if temperature is None:
-            self.notes, self.spectrum = entry.spectrum.remarks, entry.spectrum
+            self.notes, self.spectrum = entry.spectrum.remarks_in(of_band), entry.spectrum
             self.measured_spectrum, self.of_band = entry.spectrum, of_band
             self.change = {name: mi.Float(value) for name, (_, value) in CHANGES.items()}
             self.change["nodes"] = mi.Float(np.zeros(NODES))
             return entry
-        self.notes = *entry.spectrum.remarks, entry.spectrum.remark_on_average(of_band, temperature)
+        of_average = entry.spectrum.remark_on_average(of_band, temperature)
+        self.notes = *entry.spectrum.remarks_in(of_band), of_average
         return entry.averaged(of_band, temperature)
 
     def read_numbers(self, props) -> tuple[tuple[float, ...], str]:

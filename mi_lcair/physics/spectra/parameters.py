@@ -37,7 +37,8 @@ KINDS = {
     "dhr": ("sandford_robertson", ()),
     "emissivity": ("grey", ()),
 }
-TEXTS = ("model", "form", "source", "wavelengths", "shape")
+TEXTS = ("model", "form", "source", "wavelengths", "shape", "outside")
+CONSTANT = "constant"  # `outside`: the first and the last row hold beyond the rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +62,8 @@ class SpectralParameters:
         What a user should know about the spectrum, one line each.
     change : Change
         Change of what the surface absorbs.
+    is_extended : bool
+        Whether the first and the last row hold outside the rows.
     """
 
     model: reflection.ReflectionModel
@@ -71,6 +74,7 @@ class SpectralParameters:
     source: str
     remarks: tuple[str, ...] = field(default=())
     change: Change = field(default=Change())
+    is_extended: bool = False
 
     @property
     def digest(self) -> str:
@@ -141,14 +145,33 @@ class SpectralParameters:
             weights = radiance if radiance.sum() > 0 else weights
         return wavelengths, weights
 
-    def check_covers(self, band: Band, what: str) -> None:
-        """Raise InputError if the rows do not cover a band; `what` begins the message."""
-        lower, upper = self.wavelengths_um[[0, -1]]
-        if band.is_total or band.lower_um < lower or band.upper_um > upper:
+    def check_covers(self, band: Band, what: str, remedy: str = "") -> None:
+        """Raise InputError if the rows do not cover a band.
+
+        what, remedy: beginning and end of the message.
+        """
+        if band.is_total or not (self.is_extended or self.covered(band) == 1):
+            lower, upper = self.wavelengths_um[[0, -1]]
             raise InputError(
                 f"{what}: its spectrum has {lower:.6g}-{upper:.6g} um and does not cover band "
-                f"{band.label}"
+                f"{band.label}{remedy}"
             )
+
+    def covered(self, band: Band) -> float:
+        """Share of a band that lies between the first and the last row."""
+        lower, upper = self.wavelengths_um[[0, -1]]
+        inside = min(upper, band.upper_um) - max(lower, band.lower_um)
+        return max(inside, 0.0) / (band.upper_um - band.lower_um)
+
+    def remarks_in(self, band: Band) -> tuple[str, ...]:
+        """The remarks on the spectrum, and one on a band that its rows do not cover."""
+        if self.covered(band) == 1:
+            return self.remarks
+        lower, upper = self.wavelengths_um[[0, -1]]
+        return *self.remarks, (
+            f"its spectrum has {lower:.6g}-{upper:.6g} um, and is taken to be constant in the "
+            f"other {1 - self.covered(band):.0%} of band {band.label}"
+        )
 
     def reflectance_at_normal(self, values: tuple[float, ...]) -> float:
         """HDR along the normal of the surface with these parameters."""
@@ -317,8 +340,12 @@ def spectrum(model, entry, common, wavelengths, rows, source, remarks=()) -> Spe
     model = reflection.model(model)
     form = entry.get("form", model.forms[0])
     model.check_form(form)
-    source = entry.get("source", source)
-    return SpectralParameters(model, form, common, wavelengths, rows, source, tuple(remarks))
+    source, is_extended = entry.get("source", source), entry.get("outside") == CONSTANT
+    if "outside" in entry and not is_extended:
+        raise InputError(f"outside = '{entry['outside']}'; must be \"{CONSTANT}\" or left out")
+    return SpectralParameters(
+        model, form, common, wavelengths, rows, source, tuple(remarks), is_extended=is_extended
+    )
 
 
 def check_rows(parameters: SpectralParameters) -> None:

@@ -12,6 +12,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.materials import material
 from mi_lcair.physics.reflection import sandford_robertson_equations as sr
+from mi_lcair.physics.spectra.parameters import spectral_parameters
 
 MWIR = band("MWIR")
 
@@ -163,6 +164,21 @@ def test_an_average_is_compared_with_the_farther_temperature(tmp_path):
     spectrum = material("own", MWIR, path).spectrum
     for temperature, other in ((300.0, 800), (450.0, 800), (600.0, 300), (1200.0, 300)):
         assert f"for {other} K it would" in spectrum.remark_on_average(MWIR, temperature)
+
+
+def test_constant_outside_the_rows(tmp_path):
+    """Asked for, the first and the last row hold beyond them, and a remark says how far."""
+    (tmp_path / "grey.csv").write_text("wavelength_um,emissivity\n3.5,0.4\n4.5,0.8\n")
+    entry = {"emissivity": "grey.csv"}
+    with pytest.raises(InputError, match="does not cover band MWIR"):
+        spectral_parameters("own", entry, tmp_path).check_covers(MWIR, "own")
+    spectrum = spectral_parameters("own", entry | {"outside": "constant"}, tmp_path)
+    spectrum.check_covers(MWIR, "own")
+    assert spectrum.at(np.array([3.0, 4.0, 5.0]))["emissivity"] == pytest.approx([0.4, 0.6, 0.8])
+    assert "3.5-4.5 um" in spectrum.remarks_in(MWIR)[-1] and "50%" in spectrum.remarks_in(MWIR)[-1]
+    assert spectrum.remarks_in(band("3.6-4.4")) == spectrum.remarks
+    with pytest.raises(InputError, match="outside = 'linear'; must be"):
+        spectral_parameters("own", entry | {"outside": "linear"}, tmp_path)
 
 
 BAD = {
