@@ -123,8 +123,8 @@ assert in_vacuum.largest_m > 1.3 * reach.largest_m
 # ## By day
 #
 # The scene has a parameter for the light. The sun stands 45° high. The sky behind the aircraft is
-# now the one with scattered sunlight, and has to know the sun's azimuth as well. Azimuths count
-# from the nose toward the left side, where we stand.
+# now the one with scattered sunlight, and its sun is that of the scene. Azimuths count from the
+# nose toward the left side, where we stand.
 
 
 # %%
@@ -134,7 +134,6 @@ def daylight(azimuth_deg):
         "target.parameters.light": "day",
         "target.parameters.sun_azimuth_deg": azimuth_deg,
         "background.daytime_sky": "midlat_summer",
-        "background.sun_azimuth_deg": azimuth_deg,
     }
 
 

@@ -30,8 +30,9 @@ PHOTONS = 2**16  # photons from each emitter in the audit of a page
 SPP = 64  # samples per pixel of a scenario that states none
 TAKEN = (
     "report takes a radiance image (.exr), the .json of a signature, fit, contrast, solution, "
-    "budget or audit, the .csv of a trend, of facets or of a spectrum, a model (.obj and others), "
-    "a scene (.xml, bundled name or the folder of an import) and a scenario (.toml or bundled name)"
+    "budget or audit, the .csv or .nc of a trend, facets, a spectrum, a sweep or a flight, a model "
+    "(.obj and others), a scene (.xml, bundled name or the folder of an import) and a scenario "
+    "(.toml or bundled name)"
 )
 
 
@@ -88,8 +89,9 @@ def report(
     ----------
     what : str, path-like, Scene, result, or sequence of these
         A radiance image (EXR); the JSON of a signature, fit, contrast, solution, budget or audit;
-        the CSV of a trend, facets or spectrum; a model; a scene (XML or bundled name), which is
-        rendered; a scenario (TOML or bundled name), which is measured; or a result in memory.
+        the CSV or netCDF of a trend, facets, a spectrum, a sweep or a flight; a model; a scene (XML
+        or bundled name), which is rendered; a scenario (TOML or bundled name), which is measured;
+        or a result in memory.
     path : path-like
         File to write, FILE.html.
     scene : Scene, str, Path or mi.Scene, optional

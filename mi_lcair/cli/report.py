@@ -62,7 +62,8 @@ def command(call, what, output, parameters, variant, threads, **options):
     FILE.json            tables of a signature, contrast, solution, budget or
                          audit; data and curves of a fit
     MODEL.obj            the facets of a model
-    FILE.csv             polar curves of a trend; facets; spectra
+    FILE.csv, FILE.nc    polar curves of a trend; facets; spectra; the table
+                         of a sweep or a flight
     SCENE                image, signature, facets, spectrum, audit
     SCENARIO             image through the air, contrast, ranges, and the rest
 

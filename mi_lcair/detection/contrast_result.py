@@ -188,7 +188,7 @@ class Contrast(Result):
     def entries(self) -> dict:
         """Entries for JSON: the scenario as it was read, the results, the rows, and the spectra.
 
-        The spectra are those of the last row.
+        Spectra and groups are those of the last row.
         """
         render = self.scenario.render
         return {
@@ -212,6 +212,7 @@ class Contrast(Result):
             "remarks": self.remarks,
             "time_s": self.seconds,
             "rows": [row.as_dict() for row in self.rows],
+            "groups": self.groups(),
             "spectrum": self.spectrum(),
         }
 
@@ -227,6 +228,20 @@ class Contrast(Result):
         for name in self.rows[0].numbers():
             columns[name] = np.array([row.numbers()[name] for row in self.rows], dtype=float)
         return columns
+
+    def groups(self, number: int = -1) -> dict[str, dict[str, dict[str, float]]]:
+        """The target of a row by the group that emitted it, with standard errors.
+
+        They are the intensity before the air (intensity_W_sr) and the apparent irradiance
+        (target_W_m2). Empty for a scene with too many temperatures to be told apart.
+        """
+        return {
+            group: {
+                f"{name}_{unit}": parts[name]._asdict()
+                for name, unit in (("intensity", "W_sr"), ("target", "W_m2"))
+            }
+            for group, parts in self.rows[number].irradiance.by_group(self.path).items()
+        }
 
     def spectrum(self, number: int = -1) -> dict[str, np.ndarray]:
         """Spectra of a row, by name with the unit: columns over wavelength_um.

@@ -219,7 +219,23 @@ class Irradiance(LineOfSources):
         the irradiances of the path and of the hidden background, W m^-2; and the contrast (3.19),
         W m^-2, which may be negative.
         """
-        per_amount = self.per_amount(path)
+        return self._estimates(TERMS, self.per_amount(path))
+
+    def by_group(self, path: LineOfSight) -> dict[str, dict[str, Estimate]]:
+        """The intensity and the target's irradiance of `at` by the group that emitted them.
+
+        They are empty for a scene with too many temperatures.
+        """
+        if self.covariance is None:
+            return {}
+        groups, per_amount = [source.group for source in self.areas.sources], self.per_amount(path)
+        return {
+            group: self._estimates(TERMS[:2], per_amount * [*(g == group for g in groups), False])
+            for group in dict.fromkeys(groups)
+        }
+
+    def _estimates(self, names, per_amount: np.ndarray) -> dict[str, Estimate]:
+        """Values by name, whose derivatives with respect to the amounts are `per_amount`."""
         if self.covariance is None:
             errors = np.abs(per_amount) @ self.errors
         else:
@@ -228,7 +244,7 @@ class Irradiance(LineOfSources):
             )
         return {
             name: Estimate(float(value), float(error))
-            for name, value, error in zip(TERMS, per_amount @ self.amounts, errors)
+            for name, value, error in zip(names, per_amount @ self.amounts, errors)
         }
 
     def half_width(self, path: LineOfSight) -> float:

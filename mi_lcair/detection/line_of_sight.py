@@ -23,7 +23,7 @@ from mi_lcair.physics.atmosphere import HEIGHT_M, atmosphere, clear_air_name
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.detector import Detector
 from mi_lcair.physics.sky import clear_name
-from mi_lcair.physics.sun.daytime_sky import ClearSky
+from mi_lcair.physics.sun.daytime_sky import SUN_ELEVATION_DEG, ClearSky
 from mi_lcair.physics.surroundings.skies import CLEAR, TableSky, sky_of
 from mi_lcair.physics.surroundings.surroundings import ATMOSPHERE, Ground, Surroundings
 
@@ -180,22 +180,20 @@ def backdrop(scenario: Scenario, detector: Detector, sight: Sight) -> Backdrop:
         )
     # Past the ground, the sky is that at the target, and the air before the target is added
     height_m = sight.observer_m if upward >= 0 else sight.target_m
-    sky = sky_behind(scenario, HEIGHT_M if height_m is None else height_m)
+    sun = None if behind.daytime_sky is None else sight.sun
+    sky = sky_behind(scenario, HEIGHT_M if height_m is None else height_m, sun)
     if sky.by_elevation and sight.meets_ground:
         raise InputError(
             f"the line of sight looks down, by {-upward:g} degrees, where no sky is behind "
             "the target; give [background] a temperature or ground_temperature"
         )
-    sun = background_sun(scenario)
     if sun is None:
         table = sky.at(upward)
     else:
-        direction = from_sun(scenario.observer.azimuth_deg, *sun)
         name = (
-            f"{sky.name} by day, {upward:.4g} deg, azimuth {direction.azimuth_deg:.4g} deg from "
-            "the sun"
+            f"{sky.name} by day, {upward:.4g} deg, azimuth {sun.azimuth_deg:.4g} deg from the sun"
         )
-        table = replace(sky.at(upward, direction.azimuth_deg), name=name)
+        table = replace(sky.at(upward, sun.azimuth_deg), name=name)
     table.in_band_radiance(detector.band)  # raises InputError if the table does not cover the band
     through_air = None, ()
     if sky.by_elevation and upward < 0:
@@ -204,10 +202,13 @@ def backdrop(scenario: Scenario, detector: Detector, sight: Sight) -> Backdrop:
 
 
 def background_sun(scenario: Scenario) -> tuple[float, float] | None:
-    """Azimuth and elevation of the sun of a daytime sky [degrees]; None without one."""
-    behind = scenario.background
-    if behind.daytime_sky is None:
+    """Azimuth and elevation of the sun of a daytime sky [degrees]; None without one.
+
+    They hold for a scene that has no sun of its own.
+    """
+    if scenario.background.daytime_sky is None:
         return None
+    behind = scenario.background.with_sun(0.0, SUN_ELEVATION_DEG)
     return behind.sun_azimuth_deg, behind.sun_elevation_deg
 
 
@@ -218,13 +219,14 @@ def weather_of(scenario: Scenario, name: str | None) -> Weather:
     return of_air.weather if same else Weather()
 
 
-def sky_behind(scenario: Scenario, height_m: float) -> ClearSky | TableSky:
-    """The sky of a scenario's background, as it is seen from a height [m]."""
+def sky_behind(
+    scenario: Scenario, height_m: float, sun: SunDirection | None
+) -> ClearSky | TableSky:
+    """The sky of a scenario's background, as it is seen from a height [m]; sun: None by night."""
     behind = scenario.background
     name = behind.daytime_sky or clear_name(behind.sky)
-    sun = background_sun(scenario)
     sky = behind.sky if behind.daytime_sky is None else CLEAR
-    elevation = None if sun is None else sun[1]
+    elevation = None if sun is None else sun.elevation_deg
     return sky_of(sky, name or ATMOSPHERE, elevation, height_m, weather_of(scenario, name))
 
 
@@ -237,7 +239,8 @@ def surroundings_of(scenario: Scenario, sight: Sight) -> Surroundings | None:
     if behind.temperature is not None:
         return None
     if behind.sky is not None or behind.daytime_sky is not None:
-        sky = sky_behind(scenario, HEIGHT_M if sight.observer_m is None else sight.observer_m)
+        height_m = HEIGHT_M if sight.observer_m is None else sight.observer_m
+        sky = sky_behind(scenario, height_m, None if behind.daytime_sky is None else sight.sun)
         if behind.ground_temperature is None and not sky.by_elevation:
             return None
     if behind.ground_temperature is not None:

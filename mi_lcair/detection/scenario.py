@@ -253,11 +253,11 @@ class Background:
     daytime_sky : str, optional
         Clear air whose sky with scattered sunlight is the sky. The ground then reflects the sun,
         too.
-    sun_azimuth_deg : float
-        Azimuth of that sun in the scene's axes, from +x toward +y, degrees. It is that of the
-        scene's emitter `sun`, if it has one.
-    sun_elevation_deg : float
-        Elevation of that sun, degrees.
+    sun_azimuth_deg : float, optional
+        Azimuth of that sun in the scene's axes, from +x toward +y, degrees. By default it is that
+        of the scene's emitter `sun`, or 0 if it has none.
+    sun_elevation_deg : float, optional
+        Elevation of that sun, degrees. By default it is that of the scene's emitter `sun`, or 45.
     temperature : float, optional
         Apparent temperature of a blackbody, K, instead of sky and ground.
     ground_temperature : float, optional
@@ -268,8 +268,8 @@ class Background:
 
     sky: str | None = None
     daytime_sky: str | None = None
-    sun_azimuth_deg: float = 0.0
-    sun_elevation_deg: float = field(default=45.0, metadata=within(lower=1, upper=90))
+    sun_azimuth_deg: float | None = None
+    sun_elevation_deg: float | None = field(default=None, metadata=within(lower=1, upper=90))
     temperature: float | None = field(default=None, metadata=KELVIN)
     ground_temperature: float | None = field(default=None, metadata=KELVIN)
     ground_emissivity: float = field(default=1.0, metadata=within(is_positive=True, upper=1))
@@ -292,6 +292,15 @@ class Background:
                 f"[background]: ground_emissivity = {self.ground_emissivity:g} without {missing}; "
                 "ground that is not black reflects the sky, so give sky and ground_temperature"
             )
+
+    def with_sun(self, azimuth_deg: float, elevation_deg: float) -> "Background":
+        """The background with the sun at a place [degrees], if it states no other."""
+        azimuth, elevation = self.sun_azimuth_deg, self.sun_elevation_deg
+        return replace(
+            self,
+            sun_azimuth_deg=azimuth_deg if azimuth is None else azimuth,
+            sun_elevation_deg=elevation_deg if elevation is None else elevation,
+        )
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from mi_lcair.motions.pose import moved
 from mi_lcair.physics.air.atmosphere import Atmosphere, LineOfSight
 from mi_lcair.physics.detector import Detector
 from mi_lcair.physics.spectra.bins import filter_of
+from mi_lcair.physics.sun.daytime_sky import SUN_ELEVATION_DEG
 from mi_lcair.plugins.emitters.one_sun import check_fits, one_sun
 from mi_lcair.rendering.loading.files import survey
 from mi_lcair.rendering.loading.plugin_files import run_plugin_files
@@ -121,9 +122,12 @@ def sun_over(scenario: Scenario, scene: Scene) -> tuple[float, float] | None:
     Raises InputError if the two do not fit.
     """
     sun = one_sun(scene.mi.emitters())
-    if sun is not None and scenario.background.daytime_sky is not None:
-        check_fits(sun, scenario.background, "the daytime_sky of [background]")
-    if sun is not None and sun.elevation_deg > 0:
+    is_up, behind = sun is not None and sun.elevation_deg > 0, scenario.background
+    if sun is not None and behind.daytime_sky is not None:
+        elevation = sun.elevation_deg if is_up else SUN_ELEVATION_DEG
+        sky = behind.with_sun(sun.azimuth_deg, elevation)
+        check_fits(sun, sky, "the daytime_sky of [background]")
+    if is_up:
         return sun.azimuth_deg, sun.elevation_deg
     return background_sun(scenario)
 

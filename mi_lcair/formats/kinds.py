@@ -7,7 +7,7 @@ from mi_lcair import scenes
 from mi_lcair.errors import InputError
 from mi_lcair.files import parse_json, read_text
 from mi_lcair.formats import MODELS, check_model, tables
-from mi_lcair.formats.tables import FACETS, SPECTRUM, TREND
+from mi_lcair.formats.tables import FACETS, RESULTS, SPECTRUM, TREND
 from mi_lcair.results import Result, named
 
 # Kinds beside those of tables, as messages name them
@@ -35,8 +35,8 @@ CLASSES = {
 
 __all__ = [
     "AIR", "AUDIT", "BLACKBODIES", "BUDGET", "CONTRAST", "FACETS", "FIT", "IMAGE", "MATERIAL",
-    "MODEL", "SCENARIO", "SCENE", "SIGNATURE", "SKY", "SOLUTION", "SPECTRUM", "TREND", "kind_of",
-    "read_json", "read_result",
+    "MODEL", "RESULTS", "SCENARIO", "SCENE", "SIGNATURE", "SKY", "SOLUTION", "SPECTRUM", "TREND",
+    "kind_of", "read_json", "read_result",
 ]  # fmt: skip
 
 

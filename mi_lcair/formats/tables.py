@@ -15,6 +15,8 @@ KNOWN_BY = {
     SPECTRUM: ("wavelength_um", "target_W_sr_um"),
     FACETS: ("facet",),
 }
+RESULTS = "a table of results"  # that of a sweep or a flight, known by the INTERVALS in its columns
+INTERVALS = "_half_width"
 
 
 def read_columns(path: str | Path) -> dict[str, np.ndarray]:
@@ -35,14 +37,17 @@ def read_columns(path: str | Path) -> dict[str, np.ndarray]:
 
 
 def kind_of(path: str | Path, names) -> str:
-    """TREND, SPECTRUM or FACETS, by the names of a table's columns.
+    """TREND, SPECTRUM, FACETS or RESULTS, by the names of a table's columns.
 
     Raises InputError for another table; `path` is that of its file in the message.
     """
+    if any(INTERVALS in name for name in names):
+        return RESULTS
     for kind, needed in KNOWN_BY.items():
         if set(needed) <= set(names):
             return kind
     trend, spectrum, facets = (", ".join(needed) for needed in KNOWN_BY.values())
     raise InputError(
-        f"'{path}': neither a trend ({trend}), nor a spectrum ({spectrum}), nor facets ({facets})"
+        f"'{path}': neither a trend ({trend}), nor a spectrum ({spectrum}), nor facets ({facets}), "
+        f"nor the table of a sweep or a flight (with columns *{INTERVALS}*)"
     )

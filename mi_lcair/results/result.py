@@ -180,7 +180,8 @@ class Result:
 
     def suffixes(self) -> list[str]:
         """Suffixes of the files that `save` can write."""
-        return [".json", *WRITERS, *(PICTURES if self.drawn_by else ()), *(PAGE | self.saved_by)]
+        of_result = WRITERS | PAGE | self.saved_by
+        return [".json", *of_result, *(PICTURES if self.drawn_by else ())]
 
     def save(self, path: str | PathLike[str], **options: Any) -> None:
         """Write the result to a file, whose suffix chooses the format (`suffixes`).

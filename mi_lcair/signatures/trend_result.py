@@ -143,7 +143,8 @@ def beside(path: Path) -> Path:
 
 def write_csv(path: Path, trend: Trend) -> None:
     """Write the table of a trend, and the file beside it."""
-    made = {key: escaped(value) for key, value in trend.made.items()}
+    made = {"scene": trend.scene_name, "band": trend.band} | trend.made
+    made = {key: escaped(value) for key, value in made.items()}
     with replacing(beside(path)) as partial:
         partial.write_text(json.dumps({"made": made}, indent=2) + "\n", encoding="utf-8")
         csv.write(path, trend.table)

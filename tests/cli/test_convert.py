@@ -91,6 +91,8 @@ def test_tables_there_and_back(run, folder):
     trends = [Trend.read(folder / name) for name in ("t.csv", "t.nc")]
     assert [(trend.scene_name, trend.band) for trend in trends] == [("truck", "LWIR")] * 2
     assert run("convert", "t.nc", "u.csv").exit_code == 0
+    back_again = Trend.read(folder / "u.csv")
+    assert (back_again.scene_name, back_again.band) == ("truck", "LWIR")
     columns = ["azimuth_deg", "elevation_deg", "intensity_W_sr"]
     back = pandas.read_csv("u.csv")[columns].sort_values(columns[1::-1], ignore_index=True)
     pandas.testing.assert_frame_equal(back, pandas.read_csv("t.csv"), check_dtype=False)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import mi_lcair
+from mi_lcair.formats import netcdf
 from mi_lcair.rendering.images.exr import write_exr
 from mi_lcair.results import Result
 from mi_lcair.scenes import FOLDER
@@ -102,6 +103,20 @@ def test_trend(run, folder):
     assert result.exit_code == 0, result.output
     page = (folder / "trend.html").read_text()
     assert "Trend of cylinder_ir_range" in page and "20° elevation" in page
+
+
+def test_the_table_of_a_sweep(run, refused, folder):
+    """A table of azimuths and elevations with errors of each quantity is no trend."""
+    names = "azimuth_deg", "elevation_deg", "intensity_W_sr", "intensity_half_width_W_sr", "air"
+    rows = ["0,5,2.5,0.1,us_standard", "90,5,4.5,0.2,midlat_summer"]
+    (folder / "s.csv").write_text("\n".join([",".join(names), *rows]))
+    columns = {name: np.array([0.5, 7.5]) for name in names[:4]}
+    netcdf.write("s.nc", netcdf.table(columns, title="sweep of a box"))
+    for name, extremes in (("s.csv", "2.5 to 4.5"), ("s.nc", "0.5 to 7.5")):
+        assert run("report", name, "-o", "page.html").exit_code == 0
+        page = (folder / "page.html").read_text()
+        assert extremes in page and ("sweep of a box" in page) == (name == "s.nc")
+        assert f"'{name}' is a table of results; report shows it" in refused("show", name)
 
 
 @pytest.mark.slow

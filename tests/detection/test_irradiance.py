@@ -56,6 +56,17 @@ def test_terms_through_grey_air():
     assert terms["total"].value == pytest.approx(total, rel=1e-4)
 
 
+def test_groups_are_parts_of_the_target():
+    """Each has the error of its own effective area; together they are the target."""
+    groups = two_sources().by_group(grey_air().path(RANGE))
+    assert list(groups) == ["hot", "cold"]
+    for part, radiance, area, variance in zip(groups.values(), (L[HOT], L_COLD), (AREA, 4), (4, 9)):
+        intensity, error = radiance * area, radiance * np.sqrt(variance / 100)
+        assert part["intensity"] == pytest.approx((intensity, error), rel=1e-6)
+        at_sensor = TAU / RANGE**2
+        assert part["target"] == pytest.approx((at_sensor * intensity, at_sensor * error), rel=1e-5)
+
+
 def test_errors_follow_from_the_covariance():
     """The square root of g C g, with g the derivative with respect to each area."""
     terms = two_sources().at(grey_air().path(RANGE))

@@ -262,8 +262,19 @@ def test_the_sun_of_scene_and_background_is_one(tmp_path, azimuth, elevation, fi
         <float name="azimuth_deg" value="{azimuth}"/>
         <float name="elevation_deg" value="{elevation}"/> </emitter></scene>'''
     (tmp_path / "disc.xml").write_text(text.replace("</scene>", sun))
-    given = {"background__daytime_sky": "us_standard", "background__sun_azimuth_deg": 60}
-    scenario = disc(tmp_path, observer__elevation_deg=-30, **given)
+    given = {"background__daytime_sky": "us_standard", "observer__elevation_deg": -30}
+    unstated = setting_of(disc(tmp_path, **given))
+    assert unstated.sun == (azimuth, elevation)
+    sun = {"background__sun_azimuth_deg": azimuth, "background__sun_elevation_deg": elevation}
+    x = np.linspace(8.5, 11.5, 5)
+    stated = setting_of(disc(tmp_path, **given, **sun))
+    np.testing.assert_array_equal(unstated.backdrop.at(x), stated.backdrop.at(x))
+    scenario = disc(
+        tmp_path,
+        **given,
+        background__sun_azimuth_deg=60,
+        background__sun_elevation_deg=45,
+    )
     if fits:
         setting = setting_of(scenario)
         assert not unlit_sky(setting.view, scenario, setting.detector)
@@ -437,6 +448,7 @@ def test_ground_reflects_the_mean_of_the_sky():
     light = sky_behind(
         SimpleNamespace(background=Background(sky="us_standard_clear"), atmosphere=air),
         0.0,
+        None,
     ).on_ground
     assert sum(factor for factor, _ in light) == pytest.approx(1, rel=1e-12)
     square = (np.arange(400) + 0.5) / 400

@@ -127,17 +127,16 @@ def _image(source, output, suffix, channel):
 def _table(source, output, suffix):
     """A table of this project from CSV to netCDF or back."""
     from mi_lcair.formats import csv, netcdf
-    from mi_lcair.formats.tables import read_columns
+    from mi_lcair.formats.tables import KNOWN_BY, TREND, read_columns
+    from mi_lcair.signatures.trend_result import Trend, stated
 
-    columns, attributes = read_columns(source), {}
-    if suffix == ".csv":
+    columns, made = read_columns(source), stated(Path(source))
+    if suffix == ".nc":
+        netcdf.write(output, netcdf.dataset(columns, **made))
+    elif made and set(KNOWN_BY[TREND]) <= set(columns):
+        Trend.read(source).save(output)
+    else:
         csv.write(output, columns)
-        return
-    if Path(f"{source}.json").is_file():
-        from mi_lcair.signatures.trend_result import stated
-
-        attributes = stated(Path(source))
-    netcdf.write(output, netcdf.dataset(columns, **attributes))
 
 
 def _result(source, output, suffix):

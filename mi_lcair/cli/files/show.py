@@ -43,7 +43,7 @@ DRAWN = {
 }
 NOT_DRAWN = {
     "a table of facets": "name its scene: mi-lcair show SCENE --facets {} -c COLUMN",
-    "a signature": "report shows it",
+    **dict.fromkeys(("a signature", "a table of results"), "report shows it"),
 }
 
 
@@ -52,7 +52,6 @@ NOT_DRAWN = {
     epilog=examples(
         "mi-lcair show open_box.exr -o open_box.png",
         "mi-lcair show gloss_black --band LWIR -o brdf.png",
-        "mi-lcair show before.exr after.exr",
     ),
 )
 @click.argument("what", nargs=-1, required=True, metavar="WHAT", shell_complete=completion.pictured)

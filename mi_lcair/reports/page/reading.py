@@ -8,7 +8,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.files import parse_json, read_bytes, read_text
-from mi_lcair.formats import kinds, tables
+from mi_lcair.formats import kinds, netcdf, tables
 from mi_lcair.physics.bands import Band
 from mi_lcair.reports.page.model_panel import rows_by_facet
 from mi_lcair.reports.sections import contrast as contrast_sections
@@ -17,9 +17,10 @@ from mi_lcair.reports.sections.facets import facets_section, known_band
 from mi_lcair.reports.sections.render import image_sections
 from mi_lcair.reports.sections.signature import columns_of, sections_of_entries
 from mi_lcair.reports.sections.spectrum import spectrum_section
+from mi_lcair.reports.sections.sweep import extremes
 from mi_lcair.results.cells import unpacked
 from mi_lcair.results.result import details
-from mi_lcair.results.sections import Facts, Remarks, Section
+from mi_lcair.results.sections import Facts, LongTable, Remarks, Section
 from mi_lcair.signatures.trend_result import Trend, beside
 from mi_lcair.table import lines_of
 
@@ -180,6 +181,13 @@ def spectrum(what: str, model):
     return f"Spectrum ({Path(what).name})", sections
 
 
+def results(what: str, model):
+    """The table of a sweep or a flight."""
+    columns = tables.read_columns(what)
+    table = Section("Results", [extremes(columns), LongTable(columns)])
+    return f"Results ({Path(what).name})", [table, file_section(what, made_rows(what))]
+
+
 def facets(what: str, model):
     """A table of facets, on their model if it is given."""
     columns, made = tables.read_columns(what), made_rows(what)
@@ -215,6 +223,8 @@ def made_rows(what: str) -> list[tuple[str, object]]:
         if line.lstrip().startswith("#"):
             key, colon, value = line.lstrip("# ").partition(": ")
             rows.append((key, value) if colon else ("remark", key))
+    if what.lower().endswith(".nc"):
+        rows += netcdf.read_attributes(what).items()
     file = beside(Path(what))
     if file.is_file():
         try:
@@ -255,4 +265,5 @@ READERS = {
     kinds.TREND: trend,
     kinds.SPECTRUM: spectrum,
     kinds.FACETS: facets,
+    kinds.RESULTS: results,
 }

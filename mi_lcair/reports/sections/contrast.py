@@ -21,6 +21,7 @@ def sections(contrast, ranges: bool = True) -> list[Section]:
             [
                 Facts(setting(contrast)),
                 irradiances([row.as_dict() for row in contrast.rows]),
+                *groups(contrast.groups()),
                 Remarks(contrast.remarks),
             ],
         )
@@ -33,7 +34,14 @@ def sections(contrast, ranges: bool = True) -> list[Section]:
 def sections_of_entries(entries: dict) -> list[Section]:
     """Irradiances and spectra of a contrast from the entries of its JSON."""
     return [
-        Section("Contrast", [irradiances(entries["rows"]), Remarks(entries["remarks"])]),
+        Section(
+            "Contrast",
+            [
+                irradiances(entries["rows"]),
+                *groups(entries.get("groups", {})),
+                Remarks(entries["remarks"]),
+            ],
+        ),
         Section("Spectra", [Drawing(partial(spectra, entries))]),
     ]
 
@@ -104,6 +112,24 @@ def irradiances(entries: list[dict]) -> Table:
         for row in entries
     ]
     return Table([*columns, *more], rows)
+
+
+def groups(parts: dict) -> list[Table]:
+    """The target of the last row by what emitted it, from a contrast's entry `groups`.
+
+    There is no table for one group.
+    """
+    whole = sum(part["target_W_m2"]["value"] for part in parts.values()) or 1.0
+    rows = [
+        [
+            group,
+            *(tuple(estimate.values()) for estimate in part.values()),
+            f"{part['target_W_m2']['value'] / whole:.1%}",
+        ]
+        for group, part in parts.items()
+    ]
+    columns = ["emitted by", ("intensity", "W sr-1"), ("target", WATTS), "share"]
+    return [Table(columns, rows)] if len(rows) > 1 else []
 
 
 def detection_ranges(contrast) -> Table:

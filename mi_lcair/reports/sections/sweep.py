@@ -8,10 +8,17 @@ from mi_lcair.results.sections import Facts, LongTable, Section
 
 def sections(sweep) -> list[Section]:
     """The conditions, the extremes of the quantities, and the table of a sweep."""
-    extremes = [
-        (name, f"{np.nanmin(values):.5g} to {np.nanmax(values):.5g}")
-        for name, values in sweep.table.items()
-        if not ("_standard_error" in name or "_half_width" in name or np.isnan(values).all())
-    ]
-    parts = [summary_of(sweep), Facts(extremes), LongTable(sweep.columns())]
+    parts = [summary_of(sweep), extremes(sweep.table), LongTable(sweep.columns())]
     return [Section("Signatures by condition", parts)]
+
+
+def extremes(columns: dict[str, np.ndarray]) -> Facts:
+    """The least and the greatest value of each column of numbers that is no error."""
+    return Facts(
+        [
+            (name, f"{np.nanmin(values):.5g} to {np.nanmax(values):.5g}")
+            for name, values in columns.items()
+            if values.dtype.kind in "iuf"
+            and not ("_standard_error" in name or "_half_width" in name or np.isnan(values).all())
+        ]
+    )
