@@ -186,3 +186,35 @@ def test_addresses_that_dask_itself_must_try():
 def test_refused(count, address, message):
     with pytest.raises(InputError, match=message), on_workers(count, address):
         pass
+
+
+@pytest.mark.slow
+def test_draws_of_a_budget_are_the_same_to_the_bit(address):
+    sigma = {"sigma": {"bare_aluminum.epsilon": 0.01, "self.temperature": 2.0}}
+    scene = mi_lcair.load("cylinder_ir_range", resolution=8, finish="bare_aluminum", max_bounces=1)
+    draw = lambda: mi_lcair.budget(scene, sigma, spp=4, draws=20).monte_carlo.results
+    here = draw()
+    with mi_lcair.workers(dask=address):
+        np.testing.assert_array_equal(draw(), here)
+    assert np.ptp(here) > 0
+
+
+@pytest.mark.slow
+def test_starts_of_an_inversion_are_the_same_to_the_bit(address):
+    problem = {
+        "data": [
+            {
+                "name": "plates",
+                "scene": "two_plates",
+                "parameters": {"resolution": "8"},
+                "intensity": 2000.0,
+                "sigma": 20.0,
+            }
+        ],
+        "unknowns": {"plate.temperature": {"start": 700, "lower": 300, "upper": 1200}},
+        "render": {"starts": 3, "spp": 16, "iterations": 5},
+    }
+    here = mi_lcair.invert(problem, advise=False).as_dict()
+    with mi_lcair.workers(dask=address):
+        there = mi_lcair.invert(problem, advise=False).as_dict()
+    assert {**there, "time_s": 0} == {**here, "time_s": 0}

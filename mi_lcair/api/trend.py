@@ -92,7 +92,7 @@ def trend(
     settings = chosen(scene, max_bounces, False, sampling, views)
     folder = None if areas is None else AreasFolder(areas)
     with changed(scene, **settings):
-        return measure_trend(scene, views, resolution, sampling, settings, folder, progress)
+        return measure_trend(scene, views, resolution, sampling, folder, progress)
 
 
 def angles(name: str, values: Iterable[float]) -> list[float]:

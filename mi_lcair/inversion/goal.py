@@ -1,6 +1,8 @@
 """Several first guesses, and a wanted intensity or contrast in place of measurements."""
 
-from dataclasses import replace
+import pickle
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -10,9 +12,12 @@ from mi_lcair.inversion.data.datum import Datum
 from mi_lcair.inversion.least_squares.estimate import estimate
 from mi_lcair.inversion.least_squares.prediction import cost_of
 from mi_lcair.inversion.least_squares.solve import State
+from mi_lcair.inversion.loaded import loaded
 from mi_lcair.inversion.problem import InverseProblem
 from mi_lcair.inversion.tables import RenderSettings
 from mi_lcair.inversion.unknowns import Unknown
+from mi_lcair.progress import Progress
+from mi_lcair.startup.tasks import in_order
 
 DRAWS = 100  # random values drawn for one first guess that a surface can have
 
@@ -23,17 +28,43 @@ def best_of_starts(everything, data, problem: InverseProblem, progress) -> State
     The first guess is that of the unknowns, the others are random within the bounds. Guesses that
     no surface can have are drawn again.
     """
-    best = None
-    for start in first_guesses(everything, data, problem):
-        tried = [replace(unknown, start=float(value)) for unknown, value in zip(everything, start)]
-        if problem.goal is None and best is not None:
+    starts = Starts(everything, data, problem, progress)
+    guesses = list(first_guesses(everything, data, problem))
+    tasks = [partial(starts.estimate, guess, k > 0) for k, guess in enumerate(guesses)]
+    if len(tasks) == 1:
+        return tasks[0]()
+    return min(in_order(tasks), key=lambda state: cost_of(state.blocks, state.x))
+
+
+@dataclass(frozen=True)
+class Starts:
+    """Unknowns and data from which estimates start. A worker makes them again from the problem."""
+
+    everything: list[Unknown]
+    data: list[Datum]
+    problem: InverseProblem
+    progress: Progress | None = None
+
+    def __reduce__(self) -> tuple:
+        return starts_of, (pickle.dumps(self.problem),)
+
+    def estimate(self, guess: np.ndarray, is_further: bool) -> State:
+        """The estimate from a first guess."""
+        pairs = zip(self.everything, guess)
+        tried = [replace(unknown, start=float(value)) for unknown, value in pairs]
+        if self.problem.goal is None and is_further:
             # What is known beforehand does not depend on where an iteration starts
-            known = [unknown.prior or (unknown.start, unknown.span) for unknown in everything]
+            known = [unknown.prior or (unknown.start, unknown.span) for unknown in self.everything]
             tried = [replace(unknown, prior=prior) for unknown, prior in zip(tried, known)]
-        state = estimate(tried, data, problem.render, progress)
-        if best is None or cost_of(state.blocks, state.x) < cost_of(best.blocks, best.x):
-            best = state
-    return best
+        return estimate(tried, self.data, self.problem.render, self.progress)
+
+
+@lru_cache(maxsize=1)
+def starts_of(problem: bytes) -> Starts:
+    """The starts of a pickled problem, which a worker loads once."""
+    stated = pickle.loads(problem)
+    _, data, _, everything = loaded(stated)
+    return Starts(everything, data, stated)
 
 
 def first_guesses(everything: list[Unknown], data: list[Datum], problem: InverseProblem):

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 from scipy import sparse
 
-from mi_lcair.errors import InputError
 from mi_lcair.fitting.judgement.quality import OVERSTATED, SIGNIFICANCE
 from mi_lcair.fraction import percent
 from mi_lcair.inversion.advice import (
@@ -30,14 +29,14 @@ from mi_lcair.inversion.answers import (
     withdrawn,
 )
 from mi_lcair.inversion.data.datum import Datum
-from mi_lcair.inversion.data.loader import Loader, goal_datum
 from mi_lcair.inversion.fitted import fitted, materials
 from mi_lcair.inversion.goal import achieved, best_of_starts, chosen
 from mi_lcair.inversion.least_squares.newton import is_informed
 from mi_lcair.inversion.least_squares.solve import State, with_noise
-from mi_lcair.inversion.problem import InverseProblem, parts
+from mi_lcair.inversion.loaded import loaded, unknowns_of
+from mi_lcair.inversion.problem import InverseProblem
 from mi_lcair.inversion.solution import Solution
-from mi_lcair.inversion.unknowns import FACETS, INSTRUMENT, Unknown, instruments, unknowns
+from mi_lcair.inversion.unknowns import INSTRUMENT, Unknown
 from mi_lcair.progress import Progress
 
 NOISY = 0.75  # share of a variance from which the noise of the render is said to dominate
@@ -61,22 +60,14 @@ def solve_problem(problem: InverseProblem, advise: bool, progress: Progress | No
         Called with (renders of each datum done, largest number).
     """
     start = time.perf_counter()
+    loader, data, proposed, everything = loaded(problem)
     if problem.goal is not None:
-        data = [goal_datum(problem.goal, problem.render, problem.motions)]
-        everything = unknowns_of(problem, data)
-        check_counts(everything, data)
         state = best_of_starts(everything, data, problem, progress)
         answered, chi, pairs, advised = answers(everything, state), UNTESTED, [], []
         reached = achieved(data[0], state, everything, problem.render)
         notes = [reached, *remarks(state, answered, chi)]
         answered = [replace(answer, verdict=chosen(answer.verdict)) for answer in answered]
     else:
-        loader, groups = Loader(problem.motions), facet_groups(problem)
-        entries = enumerate([*problem.data, *problem.candidates])
-        loaded = [loader.datum(entry, number, groups) for number, entry in entries]
-        data, proposed = loaded[: len(problem.data)], loaded[len(problem.data) :]
-        everything = [*unknowns_of(problem, data), *instruments(data)]
-        check_counts(everything, data)
         state = best_of_starts(everything, data, problem, progress)
         chi = chi_square(state.blocks, state.x, determined(state))
         tested, scaling = chi, []
@@ -111,23 +102,6 @@ def solve_problem(problem: InverseProblem, advise: bool, progress: Progress | No
         trace=state.trace,
         seconds=time.perf_counter() - start,
     )
-
-
-def facet_groups(problem: InverseProblem) -> set[str]:
-    """Groups whose facets are unknown."""
-    names = [parts(text)[0] for text in (*problem.unknowns, *problem.nuisance)]
-    return {name.removesuffix(FACETS) for name in names if name.endswith(FACETS)}
-
-
-def check_counts(everything: list[Unknown], data: list[Datum]) -> None:
-    """Raise InputError for more unknowns without a prior than data."""
-    free = sum(unknown.prior is None for unknown in everything)
-    points = sum(len(datum.measured) for datum in data)
-    if free > points:
-        raise InputError(
-            f"{free} unknowns without a prior, but only {points} measured "
-            f"{'values' if points != 1 else 'value'}; measure more, or give priors"
-        )
 
 
 def determined(state: State) -> float:
@@ -235,12 +209,6 @@ def unseen_facets(state: State, answered: list[Answer]) -> list[int]:
         for answer, seen in zip(answered, is_seen)
         if answer.kind == "facet" and not seen
     ]
-
-
-def unknowns_of(problem: InverseProblem, data: list[Datum], more=()) -> list[Unknown]:
-    """The unknowns of a problem's data, and of more data that may be measured."""
-    places = [datum.where for datum in (*data, *more)]
-    return unknowns(problem.unknowns, problem.nuisance, places, len(data))
 
 
 def advice_for(

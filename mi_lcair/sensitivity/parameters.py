@@ -23,8 +23,12 @@ A change of the value adds the same difference to all temperatures and material 
 multiplies all radiances and emissivities by the same factor.
 """
 
+import copyreg
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import lru_cache
+from pathlib import Path
 from types import MappingProxyType
 
 import mitsuba as mi
@@ -33,7 +37,9 @@ from mi_lcair.errors import InputError, unknown
 from mi_lcair.motions.pose import declare, set_motions
 from mi_lcair.motions.table import MOTIONS, Declared, read_motions
 from mi_lcair.plugins.derivatives import own_memory
+from mi_lcair.rendering.loading.plugin_files import RUN, run_plugin_files
 from mi_lcair.rendering.scene import LOBE_OF, Scene, SceneLike, load, load_file
+from mi_lcair.rendering.settings import INTEGRATOR, set_all
 from mi_lcair.sensitivity.entries import (
     Entry,
     Parameter,
@@ -42,6 +48,7 @@ from mi_lcair.sensitivity.entries import (
     check_materials,
     entries,
 )
+from mi_lcair.startup.threads import exclusively
 
 
 def load_with_values(
@@ -66,6 +73,63 @@ def load_with_values(
         set_values(loaded, {name: number(name, value) for name, value in values.items()})
     loaded.parameters.update({n: str(v) for n, v in parameters.items() if n not in in_file})
     return loaded
+
+
+@exclusively
+def reduced(scene: Scene) -> tuple:
+    """What pickle keeps of a scene: what a worker needs to load it again.
+
+    Raises InputError for a scene without a file.
+    """
+    if scene.path is None:
+        raise InputError(
+            f"{scene.name}: workers load a scene from its file, and this one was loaded by "
+            "Mitsuba; leave the workers out, or give the file"
+        )
+    integrator = scene.mi.integrator()
+    return loaded_again, (
+        scene.source,
+        tuple((name, whole_path(value)) for name, value in sorted(scene.parameters.items())),
+        tuple((name, getattr(integrator, name)) for name in INTEGRATOR),
+        tuple(surface.lobe for surface in scene.surfaces()),
+        tuple(sorted({str(path) for path, _ in RUN})),
+        scene.fingerprint,
+    )
+
+
+copyreg.pickle(Scene, reduced)
+
+
+@lru_cache(maxsize=2)
+@exclusively
+def loaded_again(
+    source: str, parameters: tuple, settings: tuple, lobes: tuple, plugins: tuple, fingerprint: str
+) -> Scene:
+    """The scene that `reduced` describes, which a worker loads once.
+
+    Raises InputError if the files here give another scene.
+    """
+    run_plugin_files(plugins)
+    scene = load_with_values(source, dict(parameters))
+    set_all(scene.mi.integrator(), dict(settings))
+    for surface, lobe in zip(scene.surfaces(), lobes):
+        surface.set_lobe(lobe)
+    check_same(scene, fingerprint)
+    return scene
+
+
+def check_same(scene: Scene, fingerprint: str) -> None:
+    """Raise InputError if a scene has another fingerprint."""
+    if scene.fingerprint != fingerprint:
+        raise InputError(
+            f"scene '{scene.name}' has changed since it was loaded, or is another one on a worker, "
+            "whose files or version of mi_lcair differ"
+        )
+
+
+def whole_path(text: str) -> str:
+    """The absolute path of a file, because a worker has another working folder; others as are."""
+    return str(Path(text).resolve()) if os.path.exists(text) else text
 
 
 def number(name: str, value: object) -> float:

@@ -13,6 +13,7 @@ from mi_lcair.files import read_text, replacing
 from mi_lcair.formats import csv, netcdf, tables
 from mi_lcair.results import Result, named
 from mi_lcair.signatures.many_views import FAINT
+from mi_lcair.table import read_table
 
 if TYPE_CHECKING:
     import xarray
@@ -60,8 +61,12 @@ class Trend(Result):
         """
         path = Path(path)
         made = stated(path)
-        columns = tables.read_columns(path)
         needed = tables.KNOWN_BY[tables.TREND]
+        if path.suffix.lower() == ".nc":
+            columns = netcdf.read_columns(path)
+        else:
+            table = read_table(path, needed)
+            columns = table.numbers(table.columns, may_lack=True)
         if not set(needed) <= set(columns):
             raise InputError(f"{path}: is no trend, which has the columns {', '.join(needed)}")
         texts = [name for name, values in columns.items() if values.dtype.kind not in "iuf"]

@@ -15,8 +15,9 @@ from mi_lcair.physics.detector import Detector
 from mi_lcair.plugins.emitters.distant_emitter import DistantEmitter
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import Target, View
+from mi_lcair.sensitivity.parameters import whole_path
 from mi_lcair.sweeps.conditions import Conditions
-from mi_lcair.sweeps.subject import Subject, whole_path
+from mi_lcair.sweeps.subject import Subject
 
 AZIMUTH, ELEVATION = "azimuth_deg", "elevation_deg"
 # Short names of entries of a scenario

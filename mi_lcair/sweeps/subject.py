@@ -1,11 +1,9 @@
 """What is traced in a sweep: a scene as one combination of conditions makes it."""
 
-import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from hashlib import sha256
-from pathlib import Path
 
 import mitsuba as mi
 import numpy as np
@@ -14,14 +12,13 @@ import mi_lcair
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import target_scene
 from mi_lcair.detection.weather import AirOfLight
-from mi_lcair.errors import InputError
 from mi_lcair.rendering.reflections.number import chosen
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.settings import set_all
 from mi_lcair.rendering.views import View
 from mi_lcair.rendering.window import PASS_SAMPLES
-from mi_lcair.sensitivity.parameters import load_with_values
+from mi_lcair.sensitivity.parameters import check_same, load_with_values
 from mi_lcair.signatures.trend import TrendRows
 from mi_lcair.signatures.view_areas import ViewAreas, measure_view_areas
 from mi_lcair.startup.threads import exclusively
@@ -34,31 +31,15 @@ Views = ViewAreas | TrendRows  # what is kept of some views
 class Subject:
     """A scene with its parameters, or the scene of a scenario with its settings.
 
-    key: text that tells this subject from others of the sweep. settings: properties of the
-    integrator. scenario: None for a scene. The scenario's range, air and background do not count.
-    given: the scene, if it is loaded. A worker loads it again.
+    key: text that tells this subject from others of the sweep. scenario: None for a scene. The
+    scenario's range, air and background do not count. given: the scene, if it is loaded.
     """
 
     key: str
     scene: str = ""
     parameters: tuple[tuple[str, str], ...] = ()
-    settings: tuple[tuple[str, object], ...] = ()
     scenario: Scenario | None = field(default=None, compare=False)
     given: Scene | None = field(default=None, compare=False)
-
-    @staticmethod
-    def of(scene: Scene, settings: Mapping[str, object]) -> "Subject":
-        """A loaded scene, and the settings of its integrator that differ from its file's."""
-        parameters = tuple((name, whole_path(v)) for name, v in sorted(scene.parameters.items()))
-        return Subject(scene.name, scene.source, parameters, tuple(settings.items()), given=scene)
-
-    def __getstate__(self) -> dict:
-        if self.given is not None and self.given.path is None:
-            raise InputError(
-                f"{self.given.name}: workers load a scene from its file, and this one was loaded "
-                "by Mitsuba; leave the workers out, or give the file"
-            )
-        return vars(self) | {"given": None}
 
     def load(self) -> Scene:
         """The loaded scene, of which nothing else may change but the air of its light."""
@@ -71,9 +52,7 @@ def loaded(subject: Subject, variant: str) -> Scene:
     """The scene of a subject; the last ones are kept."""
     scenario = subject.scenario
     if scenario is None:
-        scene = load_with_values(subject.scene, dict(subject.parameters))
-        set_all(scene.mi.integrator(), dict(subject.settings))
-        return scene
+        return load_with_values(subject.scene, dict(subject.parameters))
     scene = target_scene(scenario, scenario.sensor.detector())
     render, observer = scenario.render, scenario.observer
     if render.lobe is not None:
@@ -157,11 +136,7 @@ class Batch:
         if scene.fingerprint != self.fingerprint:  # perhaps of a file that has changed since
             loaded.cache_clear()
             scene = self.subject.load()
-        if scene.fingerprint != self.fingerprint:
-            raise InputError(
-                f"scene '{scene.name}' has changed, or is another one on a worker, whose files or "
-                "version of mi_lcair differ"
-            )
+        check_same(scene, self.fingerprint)
         if self.light is not None:
             self.light.shine_on(scene)
         # The same views have the same random numbers in all subjects, whose differences are then
@@ -170,8 +145,3 @@ class Batch:
         seed = np.random.SeedSequence([self.sampling.seed, views]).generate_state(1)
         sampling = replace(self.sampling, seed=int(seed[0]))
         return self.measure(scene, list(self.views), self.resolution, sampling)
-
-
-def whole_path(text: str) -> str:
-    """The absolute path of a file, because a worker has another working folder; others as are."""
-    return str(Path(text).resolve()) if os.path.exists(text) else text

@@ -20,7 +20,6 @@ def measure_trend(
     views: tuple[View, ...],
     resolution: int,
     sampling: Sampling,
-    settings: dict[str, object],
     folder: AreasFolder | None = None,
     progress: Progress | None = None,
 ) -> Trend:
@@ -33,8 +32,6 @@ def measure_trend(
         Each once.
     resolution, sampling
         As for `render_views`.
-    settings : dict
-        Properties of the scene's integrator that differ from those of its file.
     folder, progress
         As for `measure_sweep`.
     """
@@ -43,7 +40,7 @@ def measure_trend(
             "a trend needs views, each once; an azimuth or elevation is missing or given twice"
         )
     check_resolution(resolution)
-    subject = Subject.of(scene, settings)
+    subject = Subject(scene.name, given=scene)
     batches = Batch.of_views(subject, None, views, resolution, sampling, measure_rows)
     results, _ = results_of({scene.name: batches}, folder, progress)
     samples = f"spp {sampling.spp} over each view"

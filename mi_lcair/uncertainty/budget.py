@@ -1,8 +1,10 @@
 """Uncertainty budget of an intensity or of a contrast."""
 
+import pickle
 import time
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -199,6 +201,7 @@ def draw_up(
         declare(what, stated.motions)
     names = [*stated.sigma, *(name for group in stated.correlated for name in group.names)]
     with result_of(what, sampling, names, of) as number:
+        number.sent = started, (what, replace(sampling, progress=None), names, of)
         inputs = Inputs.of(stated, number.known, number.what)
         number.make_room(inputs.names, inputs.sigma)
         number.start()
@@ -242,6 +245,15 @@ def draw_up(
             paths=number.numbers.paths,
             seconds=time.perf_counter() - start,
         )
+
+
+@lru_cache(maxsize=1)
+def started(recipe: bytes) -> Number:
+    """The `Number` of pickled arguments of `result_of`, which a worker makes once."""
+    number = (block := ExitStack()).enter_context(result_of(*pickle.loads(recipe)))
+    number.start()
+    number.block = block  # it stays open as long as the number is used
+    return number
 
 
 @contextmanager

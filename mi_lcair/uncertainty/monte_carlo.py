@@ -1,15 +1,18 @@
 """Propagation of distributions by random draws (GUM supplement 1, JCGM 101:2008)."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.startup.tasks import computed
 from mi_lcair.uncertainty.inputs import Inputs
 from mi_lcair.uncertainty.numbers.number import Number
 
 MOST_OUTSIDE = 0.9  # share of infeasible draws from which no distribution can be drawn
 LEAST_DRAWS = 10
+AT_ONCE = 8  # draws of a task
 LINEAR_DRAWS = 4000  # draws for the spread of the linear answer inside the bounds
 
 
@@ -97,16 +100,17 @@ def monte_carlo(
     """
     check_draws(draws)
     feasible = FeasibleDraws(number, inputs, np.random.default_rng(seed))
-    results, changes = [], []
-    for _ in range(draws):
-        values = feasible.draw()
-        together = independent * feasible.random.standard_normal()
-        results.append(number.at(dict(zip(inputs.names, values))) + together)
-        changes.append(derivative @ (values - inputs.values) + together)
+    pairs = [(feasible.draw(), feasible.random.standard_normal()) for _ in range(draws)]
+    values, together = (np.array(parts) for parts in zip(*pairs))
+    together *= independent
+    results, outside = np.empty(draws), feasible.outside
+    parts = [slice(first, first + AT_ONCE) for first in range(0, draws, AT_ONCE)]
+    tasks = [partial(results_at, number, inputs.names, values[part]) for part in parts]
+    for done, (k, some) in enumerate(computed(tasks)):
+        results[parts[k]] = some + together[parts[k]]
         if progress:
-            progress(len(results), draws)
-    results, outside = np.array(results), feasible.outside
-    plain, linear = squares(results), squares(np.array(changes))
+            progress(min((done + 1) * AT_ONCE, draws), draws)
+    plain, linear = squares(results), squares((values - inputs.values) @ derivative + together)
     known, error_of_known = linear_variance(feasible, inputs, derivative)
     slope = np.cov(plain, linear)[0, 1] / linear.var(ddof=1) if linear.var() > 0 else 0.0
     controlled = plain - slope * (linear - known - independent**2)
@@ -125,6 +129,11 @@ def monte_carlo(
         interval=tuple(np.quantile(results, (0.025, 0.975)).tolist()),
         results=results,
     )
+
+
+def results_at(number: Number, names: list[str], values: np.ndarray) -> np.ndarray:
+    """The result for each row of values, (n,)."""
+    return np.array([number.at(dict(zip(names, row))) for row in values])
 
 
 class FeasibleDraws:

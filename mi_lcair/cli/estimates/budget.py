@@ -24,6 +24,7 @@ from mi_lcair.cli.options import (
     seed_option,
     sensor_option,
     solution_option,
+    workers_options,
 )
 from mi_lcair.cli.output import check_outputs, print_result, print_written, time_row
 from mi_lcair.drawing import PICTURES
@@ -74,6 +75,7 @@ COMMON = ("variant", "threads", "json")  # options that go into SceneOptions and
 @solution_option
 @motions_option
 @sensor_option
+@workers_options
 @renderer_options
 @json_option
 def command(what, uncertainties, output, plot, image, draws, of, **options):

@@ -12,6 +12,7 @@ from mi_lcair.cli.options import (
     prepare_renderer,
     progress_bar,
     renderer_options,
+    workers_options,
 )
 from mi_lcair.cli.output import check_outputs, print_result, print_written, time_row
 from mi_lcair.drawing import PICTURES
@@ -30,6 +31,7 @@ from mi_lcair.files import together
 @output_option("the solution, FILE.json, for --solution of commands with a SCENE")
 @plot_option("measured, predicted and their difference in standard deviations")
 @click.option("--no-advice", is_flag=True, help="Do not compute what to measure next.")
+@workers_options
 @renderer_options
 @json_option
 def command(problem, output, plot, no_advice, variant, threads, json):

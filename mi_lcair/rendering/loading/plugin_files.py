@@ -9,7 +9,7 @@ import mitsuba as mi
 
 from mi_lcair.errors import InputError
 
-_run: set[tuple[Path, str]] = set()  # files that have been run, each with Mitsuba's variant
+RUN: set[tuple[Path, str]] = set()  # files that have been run, each with Mitsuba's variant
 
 
 def run_plugin_files(files: Iterable[str | Path]) -> None:
@@ -19,7 +19,7 @@ def run_plugin_files(files: Iterable[str | Path]) -> None:
     """
     for file in files:
         path = Path(file).resolve()
-        if (path, mi.variant()) in _run:
+        if (path, mi.variant()) in RUN:
             continue
         if path.suffix != ".py" or not path.is_file():
             raise InputError(
@@ -35,4 +35,4 @@ def run_plugin_files(files: Iterable[str | Path]) -> None:
             raise InputError(
                 f"plugin '{file}': {what} ({Path(line.filename).name}, line {line.lineno})"
             ) from None
-        _run.add((path, mi.variant()))
+        RUN.add((path, mi.variant()))

@@ -5,6 +5,7 @@ therefore gives the result for all temperatures of the sources. Only parameters 
 another render, which repeats the same paths.
 """
 
+import pickle
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -83,6 +84,11 @@ class Number(ABC):
     part: str = "target"
     columns = 0  # renders of derivatives so far
     of_motions = ()  # (name, value, number for this value) of motions
+    sent: tuple  # a function that makes the number again on a worker, and its arguments
+
+    def __reduce__(self) -> tuple:
+        make, arguments = self.sent
+        return make, (pickle.dumps(arguments),)
 
     def make_room(self, names, sigma) -> None:
         """Let the window hold what quantities move, whose standard deviations are `sigma`.

@@ -8,7 +8,7 @@ from mi_lcair.detection.scenario import Scenario
 from mi_lcair.inversion.data.camera_image import ROOM, CameraImage
 from mi_lcair.inversion.data.contrast import MeasuredContrast
 from mi_lcair.inversion.data.loader import Loader
-from mi_lcair.inversion.invert import unknowns_of
+from mi_lcair.inversion.loaded import unknowns_of
 from mi_lcair.inversion.problem import InverseProblem
 from mi_lcair.sensitivity.parameters import changed
 from tests.inversion.corner import SCENARIO
