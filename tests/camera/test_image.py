@@ -1,8 +1,11 @@
 """Images of scenarios, against closed forms and against `contrast`."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from mi_lcair import scenes
 from mi_lcair.api.contrast import contrast
 from mi_lcair.api.image import image
 from mi_lcair.api.signature import signature
@@ -40,6 +43,12 @@ SUN = """<emitter type="sun">
     <float name="azimuth_deg" value="0"/> <float name="elevation_deg" value="0"/>
     <string name="band" value="$band"/>
 </emitter>"""
+
+EXAMPLES = Path(scenes.__file__).parent / "examples"
+TITANIUM = """<bsdf type="material">
+    <string name="material" value="titanium"/> <string name="band" value="$band"/>
+    <string name="materials" value="smooth.toml"/>
+</bsdf>"""
 
 
 @pytest.fixture
@@ -90,6 +99,30 @@ def test_electrons_through_the_air(scenario):
     background = electrons(result.band, 280.0)
     total = (result.channels["electrons.Y"].astype(float) - background).sum()
     assert total == pytest.approx(expected, rel=0.01)
+
+
+def test_electrons_of_titanium(tmp_path):
+    """Emissivity by wavelength, from Fresnel's equations, times the photons at each wavelength."""
+    changes = {"background__temperature": 30, "target__parameters": {}, "render__spp": 16}
+    made = plate(tmp_path, 2.0, 2.0, **changes)
+    text = (tmp_path / "disc.xml").read_text().replace('value="400"', 'value="800"')
+    (tmp_path / "smooth.toml").write_text(
+        "[titanium.spectral]\nalpha = 1e-3\ngamma = 4\nrho_d = 0\n"
+        f'nk = "{EXAMPLES / "titanium.csv"}"\n'
+    )
+    counts = {}
+    for name, bsdf in (("blackbody", ""), ("titanium", TITANIUM)):
+        start, end = text.index("<bsdf"), text.index("</bsdf>") + len("</bsdf>")
+        (tmp_path / "disc.xml").write_text(text[:start] + (bsdf or text[start:end]) + text[end:])
+        result = image(made, frames=1)
+        counts[name] = result.channels["electrons.Y"].astype(float).sum()
+    x = np.linspace(3.0, 5.0, 20001)
+    rows = np.genfromtxt(EXAMPLES / "titanium.csv", delimiter=",", skip_header=3)
+    n, k = (np.interp(x, rows[:, 0], rows[:, column]) for column in (1, 2))
+    emissivity = 4 * n / ((n + 1) ** 2 + k**2)  # along the normal
+    photons = x * spectral_radiance(x, 800.0)
+    expected = np.trapezoid(emissivity * photons, x) / np.trapezoid(photons, x)
+    assert counts["titanium"] / counts["blackbody"] == pytest.approx(expected, rel=1e-5)
 
 
 def test_same_contrast_as_a_detector(scenario):
