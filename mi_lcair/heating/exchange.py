@@ -82,54 +82,6 @@ class Asymmetry:
         return Asymmetry(relative, np.divide(mean, error, out=np.zeros_like(mean), where=error > 0))
 
 
-@dataclass(frozen=True, eq=False)
-class Exchange(Result):
-    """Radiative conductors between the facets of a scene, with their errors.
-
-    Attributes
-    ----------
-    scene : str
-        Name of the scene.
-    facets : Facets
-    traced : Traced
-        The conductors and their randomisations [m^2].
-    temperature : ndarray, shape (n,)
-        Temperatures of the facets in the scene [K]; NaN if they have none.
-    sky_K, ground_K : float or None
-        Temperatures of sky and ground for the irradiance [K].
-    buried : ndarray, shape (n,)
-        Share of each facet's radiation that begins inside a closed body, where facets of two bodies
-        cross. It reaches nothing.
-    truncated : ndarray, shape (n,)
-        Share in reflections after the last.
-    lost : ndarray, shape (n,)
-        Share that ended on surfaces that do not take part.
-    asymmetry : Asymmetry
-    rays, seed : int
-        Paths of each facet, and the seed of their random numbers.
-    remarks : tuple of str
-    """
-
-    scene: str
-    facets: Facets
-    traced: Traced
-    temperature: np.ndarray
-    sky_K: float | None
-    ground_K: float | None
-    buried: np.ndarray
-    truncated: np.ndarray
-    lost: np.ndarray
-    asymmetry: Asymmetry
-    rays: int
-    seed: int
-    remarks: tuple[str, ...]
-
-    @property
-    def conductors(self) -> Conductors:
-        """The mean of the randomisations."""
-        return self.traced.mean
-
-
 def exchange(
     scene: Scene,
     rays: int = RAYS,
