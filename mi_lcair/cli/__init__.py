@@ -30,6 +30,7 @@ PURPOSES = {
         "flight": "scenarios.flight",
         "temperature": "files.temperature",
         "cavity": "scenarios.cavity",
+        "exchange": "scenarios.exchange",
     },
     "Scenes and materials": {
         "scenes": "scenes",

@@ -1,17 +1,18 @@
 """Exchange of heat between the facets of a scene, from paths that begin on the facets."""
 
-from dataclasses import dataclass
+from time import perf_counter
 
 import numpy as np
 from scipy import sparse
 
 from mi_lcair.errors import InputError
 from mi_lcair.heating.conductors import Conductors, Facets, Traced, standard_error
+from mi_lcair.heating.exchange_result import Asymmetry, Exchange
 from mi_lcair.heating.paths import ENDS, RANDOMISATIONS, RINGS, FacetPaths, Means
+from mi_lcair.heating.sunlight import Sunlight
 from mi_lcair.heating.surfaces import TOTAL, Surfaces, hemispherical_emissivity
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 from mi_lcair.rendering.scene import Scene
-from mi_lcair.results import Result
 
 RAYS = 1024  # paths of each facet
 MOST_LOST = 1e-3  # share of a group's radiation that may end on backs and passive surfaces
@@ -55,65 +56,74 @@ def mean_of(conductors: list[Conductors]) -> Conductors:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Asymmetry:
-    """How much two directions of the exchange between groups differ.
-
-    relative: (groups, groups), difference of the two estimates of a conductor, divided by their
-    mean. z: the difference in standard errors. Both are 0 where nothing is exchanged.
-    """
-
-    relative: np.ndarray
-    z: np.ndarray
-
-    @staticmethod
-    def of(means: Means, facets: Facets, rays: int) -> "Asymmetry":
-        """From the paths of the facets, of which each has sent out `rays`."""
-        M, A = facets.membership, facets.radiating_area
-        one_way = np.array([(M @ (g * A[:, None]) @ M.T).toarray() for g in means.between])
-        difference = one_way - np.swapaxes(one_way, 1, 2)
-        # A large facet may have met a small one with no path, of which the scatter knows nothing
-        one_path = np.array([A[facets.group == k].max() for k in range(len(facets.groups))]) / rays
-        unmet = np.hypot(one_path[:, None], one_path)
-        mean, error = difference.mean(axis=0), np.hypot(standard_error(difference), unmet)
-        both = one_way.mean(axis=0)
-        both = (both + both.T) / 2
-        relative = np.divide(mean, both, out=np.zeros_like(mean), where=both > 0)
-        return Asymmetry(relative, np.divide(mean, error, out=np.zeros_like(mean), where=error > 0))
+def asymmetry_of(means: Means, facets: Facets, rays: int) -> Asymmetry:
+    """How much the two directions differ. rays: number of paths of each facet."""
+    M, A = facets.membership, facets.radiating_area
+    one_way = np.array([(M @ (g * A[:, None]) @ M.T).toarray() for g in means.between])
+    difference = one_way - np.swapaxes(one_way, 1, 2)
+    # A large facet may have met a small one with no path, of which the scatter knows nothing
+    one_path = np.array([A[facets.group == k].max() for k in range(len(facets.groups))]) / rays
+    unmet = np.hypot(one_path[:, None], one_path)
+    mean, error = difference.mean(axis=0), np.hypot(standard_error(difference), unmet)
+    both = one_way.mean(axis=0)
+    both = (both + both.T) / 2
+    relative = np.divide(mean, both, out=np.zeros_like(mean), where=both > 0)
+    return Asymmetry(relative, mean / error)
 
 
 def exchange(
     scene: Scene,
     rays: int = RAYS,
     seed: int = 0,
+    *,
     sky_K: float | None = None,
     ground_K: float | None = None,
+    toward_sun: np.ndarray | None = None,
 ) -> Exchange:
-    """The exchange of heat between the facets of a scene; see `mi_lcair.exchange`."""
+    """The exchange of heat between the facets of a scene; see `mi_lcair.exchange`.
+
+    toward_sun: unit vector, (3,); None without sunlight.
+    """
+    began = perf_counter()
     surfaces = Surfaces.of(scene, TOTAL)
     paths = FacetPaths(scene, surfaces)
     facets = facets_of(paths)
     points = max(1, -(-rays // RANDOMISATIONS))
-    rays = points * RANDOMISATIONS
     means = paths.means(points, seed)
-    sent = np.maximum(facets.emissivity, np.finfo(float).tiny)
-    lost = (means.end("backs") + means.end("passive")).mean(axis=0) / sent
-    check_lost(scene, facets, lost, means.lost, paths)
-    asymmetry = Asymmetry.of(means, facets, rays)
+    emissivity = np.maximum(facets.emissivity, np.finfo(float).tiny)
+
+    def share(*names):
+        return sum(means.end(name).mean(axis=0) for name in names) / emissivity
+
+    lost = share("backs", "passive")
+    check_lost(facets, lost, means.lost, paths)
+    asymmetry = asymmetry_of(means, facets, points * RANDOMISATIONS)
+    remarks = [*surfaces.remarks, *remarks_on_asymmetry(asymmetry, facets)]
+    sun = absorptance = None
+    if toward_sun is not None:
+        sunlight = Sunlight(scene, rays, seed)
+        sun, absorptance = sunlight.areas(toward_sun[None], rays), sunlight.absorptance
+        remarks += sunlight.remarks
+    in_facets = np.isin(paths.table.triangle_facet, facets.number)
     return Exchange(
-        scene=scene.name,
+        scene_name=scene.name,
         facets=facets,
         traced=combined(means, facets.radiating_area),
-        temperature=paths.table.temperature[paths.number],
+        temperature=paths.table.temperature[facets.number],
         sky_K=sky_K,
         ground_K=ground_K,
-        buried=means.end("buried").mean(axis=0) / sent,
-        truncated=means.end("truncated").mean(axis=0) / sent,
+        buried=share("buried"),
+        truncated=share("truncated"),
         lost=lost,
         asymmetry=asymmetry,
-        rays=rays,
+        sun=sun,
+        absorptance=absorptance,
+        triangles=paths.table.triangles[in_facets],
+        triangle_facet=paths.table.triangle_facet[in_facets],
+        rays=points * RANDOMISATIONS,
         seed=seed,
-        remarks=(*surfaces.remarks, *remarks_on_asymmetry(asymmetry, facets)),
+        seconds=perf_counter() - began,
+        remarks=tuple(remarks),
     )
 
 
@@ -138,7 +148,7 @@ def facets_of(paths: FacetPaths) -> Facets:
     )
 
 
-def check_lost(scene: Scene, facets: Facets, lost, of_shapes, paths: FacetPaths) -> None:
+def check_lost(facets: Facets, lost, of_shapes, paths: FacetPaths) -> None:
     """Raise InputError if too much of a group's radiation ends where nothing takes part."""
     sent = facets.radiating_area * facets.emissivity
     M = facets.membership
@@ -153,8 +163,9 @@ def check_lost(scene: Scene, facets: Facets, lost, of_shapes, paths: FacetPaths)
         else 'it does not emit; give it <emitter type="thermal">'
     )
     raise InputError(
-        f"{scene.name}: {share[worst]:.2%} of the radiation of group {facets.groups[worst]} ends "
-        f"on surfaces that take no part in the exchange, most on shape '{shape.id()}': {why}"
+        f"{paths.scene.name}: {share[worst]:.2%} of the radiation of group "
+        f"{facets.groups[worst]} ends on surfaces that take no part in the exchange, most on shape "
+        f"'{shape.id()}': {why}"
     )
 
 

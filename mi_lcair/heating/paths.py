@@ -28,8 +28,10 @@ from mi_lcair.plugins.samplers.lattice import VECTOR, Lattice
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.scene import Scene
 
-LEFT = 1e-6  # throughput at which a path ends
-MOST_REFLECTIONS = 10_000
+FAINT = 1e-4  # throughput below which half of the paths end, and the others count twice
+MOST_REFLECTIONS = (
+    10_000  # bound of the reflections in a closed cavity that absorbs hardly anything
+)
 RANDOMISATIONS = 8
 CELLS, LANES = 2**24, 2**22  # most numbers that a launch adds up, and most of its paths
 RINGS = len(RINGS_DEG) - 1
@@ -268,9 +270,11 @@ class FacetPaths:
             dr.scatter_add(lost, part, self.at(self.index_of, si, hits), is_lost)
 
             weight *= factor
+            # Russian roulette keeps the means
+            weight *= dr.select(weight < FAINT, dr.select(sampler.next_1d() < 0.5, 2, 0), 1)
             reflections += 1
             active = hits & ~is_back & (weight > 0)
-            ends = active & ((weight < LEFT) | (reflections >= MOST_REFLECTIONS))
+            ends = active & (reflections >= MOST_REFLECTIONS)
             dr.scatter_add(met, Float64(weight), row + n + RINGS + ENDS.index("truncated"), ends)
             active &= ~ends
             d = si.to_world(to)

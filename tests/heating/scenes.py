@@ -35,6 +35,20 @@ def box(bsdf: dict, inward: bool = True, **more) -> dict:
     return {"type": "cube", "flip_normals": inward, "bsdf": bsdf, **more}
 
 
+def spheres(inner: dict, outer: dict):
+    """Two concentric spheres of radii 1 and 2 m."""
+    return scene_of(
+        inner={"type": "sphere", "bsdf": inner, "emitter": emits("inner")},
+        outer={
+            "type": "sphere",
+            "radius": 2,
+            "flip_normals": True,
+            "bsdf": outer,
+            "emitter": emits("outer"),
+        },
+    )
+
+
 def mirror_box(e1: float, e2: float, gap: float = 1.0) -> dict:
     """Two squares that face each other between four perfect mirrors."""
     T = mi.ScalarTransform4f()

@@ -7,23 +7,19 @@ import pytest
 from mi_lcair.errors import InputError
 from mi_lcair.heating.conductors import RINGS_DEG
 from mi_lcair.heating.exchange import exchange
-from tests.heating.scenes import between, box, emits, grey, mirror_box, rings_of, scene_of, square
+from tests.heating.scenes import (
+    between,
+    box,
+    emits,
+    grey,
+    mirror_box,
+    rings_of,
+    scene_of,
+    spheres,
+    square,
+)
 
 T = mi.ScalarTransform4f()
-
-
-def spheres(inner: dict, outer: dict):
-    """Two concentric spheres of radii 1 and 2 m."""
-    return scene_of(
-        inner={"type": "sphere", "bsdf": inner, "emitter": emits("inner")},
-        outer={
-            "type": "sphere",
-            "radius": 2,
-            "flip_normals": True,
-            "bsdf": outer,
-            "emitter": emits("outer"),
-        },
-    )
 
 
 @pytest.mark.parametrize(("e1", "e2"), [(0.9, 0.9), (0.5, 0.2), (0.1, 0.1)])

@@ -1,0 +1,74 @@
+"""`exchange`, the radiative conductors between the facets of a scene."""
+
+from collections.abc import Mapping, Sequence
+
+from mi_lcair.api.scene import scene_of
+from mi_lcair.declared import Bounds
+from mi_lcair.heating import exchange as heating
+from mi_lcair.heating.exchange_result import Exchange
+from mi_lcair.motions.observer import toward
+from mi_lcair.rendering.scene import SceneLike
+from mi_lcair.startup.threads import exclusively
+
+KELVIN, ELEVATION = Bounds(lower=0), Bounds(lower=-90, upper=90)
+
+
+@exclusively
+def exchange(
+    scene: SceneLike,
+    rays: int = heating.RAYS,
+    seed: int = 0,
+    sky_K: float | None = None,
+    ground_K: float | None = None,
+    sun_deg: Sequence[float] | None = None,
+    *,
+    parameters: Mapping[str, object] | None = None,
+) -> Exchange:
+    """Trace the exchange of heat by radiation between the facets of a scene.
+
+    Facet i gains from facet j the heat GR_ij sigma (T_j^4 - T_i^4), over all reflections. Paths
+    begin on the facets. Materials are taken in the total band, whatever the band of the scene is.
+
+    Parameters
+    ----------
+    scene : Scene, str, Path or mi.Scene
+        A loaded scene, or what `mi_lcair.load` takes. It needs no sun and no sky: what escapes
+        upward goes to the sky, and what escapes downward to the ground.
+    rays : int
+        Number of paths of each facet.
+    seed : int
+        The same seed gives the same result.
+    sky_K, ground_K : float or None
+        Temperatures of blackbodies in place of sky and ground [K]. With them the result has the
+        irradiance of the facets at their temperatures in the scene.
+    sun_deg : pair of float or None
+        Elevation and azimuth of the sun [degrees], for the sunlight that facets absorb.
+    parameters : mapping of str to object, optional
+        Values of $-parameters, for a name or a path.
+
+    Returns
+    -------
+    Exchange
+        Conductors with standard errors from independent randomisations.
+
+    Raises
+    ------
+    InputError
+        If more than 0.1 % of what a group emits ends on the backs of one-sided surfaces or on
+        surfaces that do not emit, for a plume that transmits, and for a material without an entry
+        for the total band or LWIR.
+    """
+    for name, kelvin in (("sky_K", sky_K), ("ground_K", ground_K)):
+        if kelvin is not None:
+            KELVIN.check(kelvin, name)
+    if sun_deg is not None:
+        elevation_deg, azimuth_deg = sun_deg
+        ELEVATION.check(elevation_deg, "elevation of the sun")
+    return heating.exchange(
+        scene_of(scene, parameters),
+        rays,
+        seed,
+        sky_K=sky_K,
+        ground_K=ground_K,
+        toward_sun=None if sun_deg is None else toward(azimuth_deg, elevation_deg)[:, 0],
+    )

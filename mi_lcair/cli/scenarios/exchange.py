@@ -1,0 +1,51 @@
+"""mi-lcair exchange: radiative conductors between the facets of a scene."""
+
+import click
+
+import mi_lcair
+from mi_lcair.cli.options import POSITIVE, examples, given, loading_options, output_option
+from mi_lcair.cli.output import check_outputs, print_result, print_written, time_row
+from mi_lcair.drawing import PICTURES
+from mi_lcair.formats import VTK
+
+SUFFIXES = (".csv", ".json", ".html", ".nc", ".npz", *PICTURES, *VTK)
+
+
+@click.command(
+    "exchange",
+    epilog=examples(
+        "mi-lcair exchange box/scene.xml --sky-K 250 --ground-K 290 -o facets.csv",
+        "mi-lcair exchange box/scene.xml --sun 40 120 -o exchange.npz",
+    ),
+)
+@loading_options
+@click.option("--rays", type=POSITIVE, help="Number of paths of each facet (default: 1024).")
+@click.option("--sky-K", "sky_K", type=float, help="Temperature of the sky, for irradiances [K].")
+@click.option("--ground-K", "ground_K", type=float, help="Temperature of the ground [K].")
+@click.option(
+    "--sun",
+    "sun_deg",
+    nargs=2,
+    type=float,
+    metavar="ELEVATION AZIMUTH",
+    help="Position of the sun in degrees, for the sunlight that facets absorb.",
+)
+@output_option(
+    "the facets (.csv, .json, .html, .vtp, .vtu), the facets and the sparse matrix of their "
+    "conductors (.nc, .npz), or a picture (.png, .svg, .pdf)"
+)
+def command(options, rays, sky_K, ground_K, sun_deg, output):
+    """Heat that the facets of SCENE exchange by radiation.
+
+    Printed are for each group the shares of what it emits that reach sky, ground, itself and other
+    groups, and the conductors GR in m^2 between groups: the heat flow is GR sigma (T1^4 - T2^4).
+    All values have standard errors.
+    """
+    check_outputs((output, SUFFIXES))
+    arguments = {"rays": rays, "sky_K": sky_K, "ground_K": ground_K, "sun_deg": sun_deg}
+    scene = options.load(with_sensors=False)
+    result = mi_lcair.exchange(scene, **options.sampling, **given(arguments))
+    if output:
+        result.save(output)
+    print_result(result, options.json, [time_row(result)])
+    print_written(output)

@@ -1,0 +1,257 @@
+"""The exchange of heat between facets, as a result."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from scipy import sparse
+
+from mi_lcair.files import replacing
+from mi_lcair.formats import VTK
+from mi_lcair.heating.conductors import Conductors, Facets, Traced, standard_error
+from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
+from mi_lcair.rendering.facets.polygons import FacetPolygons
+from mi_lcair.results import Result
+
+if TYPE_CHECKING:
+    import xarray
+
+    from mi_lcair.heating.sunlight import SolarAreas
+
+
+@dataclass(frozen=True, eq=False)
+class Asymmetry:
+    """How much two directions of the exchange between groups differ.
+
+    relative: (groups, groups), difference of the two estimates of a conductor, divided by their
+    mean. z: the difference in standard errors. Both are 0 where nothing is exchanged.
+    """
+
+    relative: np.ndarray
+    z: np.ndarray
+
+
+@dataclass(frozen=True, repr=False)
+class Exchange(Result):
+    """Radiative conductors between the facets of a scene, with their errors.
+
+    Facet i gains from facet j the heat GR_ij sigma (T_j^4 - T_i^4). Standard errors follow from
+    independent randomisations of the paths.
+
+    Attributes
+    ----------
+    scene_name : str
+    facets : Facets
+    traced : Traced
+        The conductors and their randomisations [m^2].
+    temperature : ndarray, shape (n,)
+        Temperatures of the facets in the scene [K]; NaN if they have none.
+    sky_K, ground_K : float or None
+        Temperatures of blackbodies in place of sky and ground, for the irradiance [K].
+    buried : ndarray, shape (n,)
+        Share of each facet's radiation that begins inside a closed body, where facets of two bodies
+        cross. It reaches nothing.
+    truncated : ndarray, shape (n,)
+        Share in reflections after the last.
+    lost : ndarray, shape (n,)
+        Share that ended on surfaces that do not take part.
+    asymmetry : Asymmetry
+    sun : SolarAreas or None
+        Areas by which the facets absorb sunlight, of one beam.
+    absorptance : ndarray, shape (n,), or None
+        Hemispherical absorptance of the facets for sunlight.
+    triangles, triangle_facet : ndarray, shapes (T, 3, 3) and (T,)
+        Corners of the triangles [m], and the number of the facet of each.
+    rays, seed : int
+        Paths of each facet, and the seed of their random numbers.
+    seconds : float
+    remarks : tuple of str
+    """
+
+    scene_name: str
+    facets: Facets
+    traced: Traced
+    temperature: np.ndarray
+    sky_K: float | None
+    ground_K: float | None
+    buried: np.ndarray
+    truncated: np.ndarray
+    lost: np.ndarray
+    asymmetry: Asymmetry
+    sun: "SolarAreas | None"
+    absorptance: np.ndarray | None
+    triangles: np.ndarray
+    triangle_facet: np.ndarray
+    rays: int
+    seed: int
+    seconds: float
+    remarks: tuple[str, ...]
+
+    kind: ClassVar[str] = "exchange"
+    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.exchange:figure"
+    sections_by: ClassVar[str] = "mi_lcair.reports.sections.exchange:sections"
+    saved_by: ClassVar[dict[str, str]] = {
+        ".nc": f"{__name__}:write_netcdf",
+        ".npz": f"{__name__}:write_npz",
+        **dict.fromkeys(VTK, f"{__name__}:write_vtk"),
+    }
+
+    @property
+    def conductors(self) -> Conductors:
+        """The mean of the randomisations."""
+        return self.traced.mean
+
+    def by_group(self, function: Callable[[Conductors], np.ndarray]) -> tuple:
+        """A linear function of the conductors between groups, and its standard error."""
+
+        def of_groups(conductors: Conductors) -> np.ndarray:
+            return function(conductors.by_group(self.facets))
+
+        return of_groups(self.conductors), self.traced.standard_error(of_groups)
+
+    @property
+    def emitting_area(self) -> np.ndarray:
+        """Area times emissivity of all sides [m^2], (n,)."""
+        return self.facets.radiating_area * self.facets.emissivity
+
+    def of_groups(self, shares: np.ndarray) -> np.ndarray:
+        """Shares of what each group emits, from those of the facets, (groups,)."""
+        M, emitted = self.facets.membership, self.emitting_area
+        return (M @ (shares * emitted)) / np.maximum(M @ emitted, np.finfo(float).tiny)
+
+    @property
+    def has_irradiance(self) -> bool:
+        """Whether all that radiates has a temperature."""
+        to_sky, to_ground = self.conductors.to_sky.any(), self.conductors.to_ground.any()
+        return bool(
+            np.isfinite(self.temperature).all()
+            and (self.sky_K is not None or not to_sky)
+            and (self.ground_K is not None or not to_ground)
+        )
+
+    @cached_property
+    def irradiance(self) -> tuple[np.ndarray, np.ndarray]:
+        """Irradiance of the facets [W m^-2] at the scene's temperatures, and its error, (n,)."""
+        runs = np.array(
+            [
+                replicate.irradiance(self.temperature, self.sky_K or 0.0, self.ground_K or 0.0)
+                for replicate in self.traced.replicates
+            ]
+        )
+        mean = self.conductors.irradiance(self.temperature, self.sky_K or 0.0, self.ground_K or 0.0)
+        return mean, standard_error(runs)
+
+    def summary(self) -> str:
+        """One line with the numbers of facets, groups and paths."""
+        return (
+            f"exchange in {self.scene_name}: {len(self.facets.number)} facets of "
+            f"{len(self.facets.groups)} groups, {self.conductors.between.nnz // 2} conductors "
+            f"from {self.rays} paths of each facet"
+        )
+
+    def entries(self) -> dict:
+        """Entries for JSON: groups, their conductors, and the table of facets."""
+        conductors, errors = self.by_group(lambda C: C.between.toarray())
+        return {
+            "scene_name": self.scene_name,
+            "rays": self.rays,
+            "seed": self.seed,
+            "remarks": self.remarks,
+            "groups": self.facets.groups,
+            "conductors_m2": conductors,
+            "conductors_error_m2": errors,
+            "asymmetry": self.asymmetry.relative,
+            "asymmetry_z": self.asymmetry.z,
+            "truncated": self.of_groups(self.truncated),
+            "lost": self.of_groups(self.lost),
+            "columns": self.columns(),
+            "time_s": self.seconds,
+        }
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """A row for each facet. Shares are those of what the facet emits."""
+        facets, C, error = self.facets, self.conductors, self.traced.standard_error
+        emitted = np.maximum(self.emitting_area, np.finfo(float).tiny)
+        columns = {
+            "facet": facets.number,
+            "group": np.array(facets.groups)[facets.group],
+            "material": facets.material,
+            "temperature_K": self.temperature,
+            "area_m2": facets.area,
+            "sides": facets.sides,
+            "emissivity": facets.emissivity,
+            "conductor_m2": C.total,
+            "conductor_error_m2": error(lambda c: c.total),
+            "sky": C.to_sky.sum(axis=1) / emitted,
+            "sky_error": error(lambda c: c.to_sky.sum(axis=1)) / emitted,
+            "ground": C.to_ground / emitted,
+            "ground_error": error(lambda c: c.to_ground) / emitted,
+            "itself": C.to_self / emitted,
+            "itself_error": error(lambda c: c.to_self) / emitted,
+            "buried": self.buried,
+        }
+        if self.has_irradiance:
+            E, E_error = self.irradiance
+            kelvin = (E / STEFAN_BOLTZMANN) ** 0.25
+            columns |= {
+                "irradiance_W_m2": E,
+                "irradiance_error_W_m2": E_error,
+                "environment_K": kelvin,
+                "environment_error_K": kelvin * E_error / (4 * np.maximum(E, 1e-300)),
+            }
+        if self.sun is not None:
+            columns["absorptance"] = self.absorptance
+            for name in ("lit", "direct", "reflected"):
+                runs = getattr(self.sun, name)[:, 0]
+                columns[f"sun_{name}_m2"] = runs.mean(axis=0)
+                columns[f"sun_{name}_error_m2"] = standard_error(runs)
+        return columns
+
+    def pairs(self) -> dict[str, np.ndarray]:
+        """The conductors between facets, a row for each pair with the facets' numbers."""
+        upper = sparse.coo_array(sparse.triu(self.conductors.between))
+        i, j = upper.coords
+        squares = sum(c.between.power(2) for c in self.traced.replicates)
+        n = len(self.traced.replicates)
+        variance = sparse.csr_array(squares - self.conductors.between.power(2) * n) / (n * (n - 1))
+        number = self.facets.number
+        return {
+            "facet": number[i],
+            "other_facet": number[j],
+            "conductor_m2": upper.data,
+            "conductor_error_m2": np.sqrt(np.maximum(variance[i, j], 0)),
+        }
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """The facets over `facet`, their conductors to the rings of the sky, and the pairs."""
+        C, error = self.conductors, self.traced.standard_error
+        rows = {name: (("facet",), value) for name, value in self.columns().items()}
+        pairs = {f"pair_{name}": (("pair",), value) for name, value in self.pairs().items()}
+        rings = {
+            "to_sky_m2": (("facet", "ring"), C.to_sky),
+            "to_sky_error_m2": (("facet", "ring"), error(lambda c: c.to_sky)),
+        }
+        facet = rows.pop("facet")
+        return self.dataset(rows | rings | pairs, {"facet": facet})
+
+
+def write_netcdf(path, exchange: Exchange) -> None:
+    """Write the facets, their conductors to the sky, and those between them, as netCDF."""
+    from mi_lcair.formats import netcdf
+
+    netcdf.write(path, exchange.to_xarray())
+
+
+def write_npz(path, exchange: Exchange) -> None:
+    """Write the sparse matrix of conductors and its errors with the table of facets, as .npz."""
+    pairs = {f"pair_{name}": value for name, value in exchange.pairs().items()}
+    C = exchange.conductors
+    with replacing(path) as partial, partial.open("wb") as file:
+        np.savez_compressed(file, **exchange.columns(), to_sky_m2=C.to_sky, **pairs)
+
+
+def write_vtk(path, exchange: Exchange) -> None:
+    """Write facets with all columns of their table as a .vtp or .vtu file."""
+    FacetPolygons.of(exchange.triangles, exchange.triangle_facet).write(path, exchange.columns())

@@ -1,0 +1,55 @@
+"""Picture of the exchange of heat: where radiation of the groups goes, and their conductors."""
+
+import numpy as np
+
+from mi_lcair.drawing import new_figure, plain, styled
+from mi_lcair.heating.conductors import RINGS_DEG
+from mi_lcair.heating.exchange_result import Exchange
+
+MOST_NUMBERS = 8  # groups up to which the conductors are written into the picture
+
+
+@styled
+def figure(exchange: Exchange):
+    """Figure of the shares of what each group emits, and of the conductors between groups."""
+    from matplotlib import colormaps
+    from matplotlib.colors import LogNorm
+
+    C, facets = exchange.conductors.by_group(exchange.facets), exchange.facets
+    names = [plain(name) for name in facets.groups]
+    emitted = facets.membership @ exchange.emitting_area
+    figure = new_figure((11, 1.8 + 0.45 * len(names) + 1.2), layout="constrained")
+    bars, matrix = figure.subplots(1, 2)
+
+    blues = colormaps["Blues"](np.linspace(0.85, 0.25, len(RINGS_DEG) - 1))
+    parts = [
+        (f"sky, {low:g}-{high:g}°", C.to_sky[:, k], blues[k])
+        for k, (low, high) in enumerate(zip(RINGS_DEG, RINGS_DEG[1:]))
+    ]
+    parts += [
+        ("ground", C.to_ground, "C2"),
+        ("the group itself", C.to_self, "0.6"),
+        ("other groups", C.between.sum(axis=1), "C1"),
+        ("inside bodies", exchange.of_groups(exchange.buried) * emitted, "0.9"),
+    ]
+    left = np.zeros(len(names))
+    for label, values, color in parts:
+        bars.barh(names, values / emitted, left=left, color=color, label=label)
+        left = left + values / emitted
+    bars.set(xlabel="share of what the group emits", xlim=(0, 1.02), title="where it is absorbed")
+    bars.invert_yaxis()
+    bars.legend(fontsize=7, ncols=4, loc="upper center", bbox_to_anchor=(0.5, -0.22))
+
+    GR = C.between.toarray()
+    if (GR > 0).any():
+        drawn = matrix.imshow(np.where(GR > 0, GR, np.nan), norm=LogNorm(), cmap="viridis")
+        figure.colorbar(drawn, ax=matrix, label="conductor GR (m²)")
+        for i, j in np.argwhere(GR > 0) if len(names) <= MOST_NUMBERS else ():
+            color = "k" if drawn.norm(GR[i, j]) > 0.6 else "w"
+            matrix.text(j, i, f"{GR[i, j]:.3g}", ha="center", va="center", color=color, fontsize=8)
+    matrix.set_xticks(range(len(names)), names, rotation=30, ha="right")
+    matrix.set_yticks(range(len(names)), names)
+    matrix.grid(False)
+    matrix.set_title("conductors between groups")
+    figure.suptitle(plain(exchange.summary()), fontsize=10)
+    return figure

@@ -1,0 +1,89 @@
+"""Sections of the exchange of heat between facets."""
+
+from itertools import combinations
+
+import numpy as np
+
+from mi_lcair.fraction import percent
+from mi_lcair.heating.conductors import RINGS_DEG, standard_error
+from mi_lcair.reports.sections.facets import facets_section
+from mi_lcair.results.result import summary_of
+from mi_lcair.results.sections import Facts, Remarks, Section, Table
+
+
+def sections(result) -> list[Section]:
+    """Shares of the groups, the conductors between them, their sky by elevation, and facets."""
+    M, names = result.facets.membership, result.facets.groups
+    emitted = M @ result.emitting_area
+    per_group = {
+        "sky": lambda C: C.to_sky.sum(axis=1) / emitted,
+        "ground": lambda C: C.to_ground / emitted,
+        "itself": lambda C: C.to_self / emitted,
+        "other groups": lambda C: C.between.sum(axis=1) / emitted,
+    }
+    shares = [list(zip(*result.by_group(function))) for function in per_group.values()]
+    counts, area = M.sum(axis=1).astype(int), M @ result.facets.area
+    groups = Table(
+        ["group", "facets", ("area", "m2"), "emissivity", *per_group, "inside bodies"],
+        [
+            (name, count, size, eps, *row, inside)
+            for name, count, size, eps, row, inside in zip(
+                names,
+                counts,
+                area,
+                emitted / (M @ result.facets.radiating_area),
+                zip(*shares),
+                result.of_groups(result.buried),
+            )
+        ],
+    )
+    GR, error = result.by_group(lambda C: C.between.toarray())
+    pairs = Table(
+        ["group", "and", ("conductor", "m2"), "difference of the two directions", "z"],
+        [
+            (
+                names[a],
+                names[b],
+                (GR[a, b], error[a, b]),
+                percent(result.asymmetry.relative[a, b]),
+                f"{result.asymmetry.z[a, b]:.1f}",
+            )
+            for a, b in combinations(range(len(names)), 2)
+            if GR[a, b]
+        ],
+    )
+    facts = [
+        ("left after the last reflection", percent(result.of_groups(result.truncated).max())),
+        ("on surfaces that take no part", percent(result.of_groups(result.lost).max())),
+    ]
+    parts = [summary_of(result), groups, *([pairs] if pairs.rows else []), Facts(facts)]
+    parts += [sky_table(result, emitted), *sun_table(result), Remarks(list(result.remarks))]
+    drawn = np.isin(result.facets.number, result.triangle_facet)  # a sphere has no triangles
+    columns = {name: values[drawn] for name, values in result.columns().items()}
+    model = (result.triangles, result.triangle_facet) if drawn.any() else None
+    return [Section("Exchange of heat", parts), facets_section(columns, model)]
+
+
+def sky_table(result, emitted: np.ndarray) -> Table:
+    """What reaches the rings of the sky of what each group emits."""
+    to_sky, error = result.by_group(lambda C: C.to_sky / emitted[:, None])
+    rings = [f"{low:g}-{high:g} deg" for low, high in zip(RINGS_DEG, RINGS_DEG[1:])]
+    rows = [
+        (name, *zip(values, errors))
+        for name, values, errors in zip(result.facets.groups, to_sky, error)
+    ]
+    return Table(["sky at elevations of", *rings], rows)
+
+
+def sun_table(result) -> list[Table]:
+    """Areas by which the groups absorb sunlight."""
+    if result.sun is None:
+        return []
+    M = result.facets.membership
+    names = {"lit": "lit", "direct": "absorbs directly", "reflected": "absorbs after reflections"}
+    columns = []
+    for name in names:
+        runs = (M @ getattr(result.sun, name)[:, 0].T).T
+        columns.append(list(zip(runs.mean(axis=0), standard_error(runs))))
+    head = ["sunlight", *((words, "m2") for words in names.values())]
+    return [Table(head, list(zip(result.facets.groups, *columns)))]

@@ -1,0 +1,106 @@
+"""The result of an exchange: table, pairs with errors, files, console, picture, and its claims."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy import sparse
+
+import mi_lcair
+from mi_lcair.errors import InputError
+from mi_lcair.heating.conductors import RINGS_DEG
+from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
+from mi_lcair.rendering.statistics import student_factor
+from mi_lcair.results.sections import Table
+from tests.heating.scenes import box, emits, grey, mirror_box, scene_of, spheres, square
+
+
+@pytest.fixture(scope="module")
+def result():
+    """A black box in whose middle a plate floats, both with temperatures."""
+    plate = square({"type": "twosided", "bsdf": grey(0.5)}, emitter=emits("plate", 350.0))
+    plate["to_world"] = plate["to_world"] @ plate["to_world"].scale([0.5, 0.5, 1])
+    scene = scene_of(box=box(grey(0.8), emitter=emits("box")), plate=plate)
+    return mi_lcair.exchange(scene, rays=512, sun_deg=(40, 30))
+
+
+def test_the_irradiance_is_that_of_both_temperatures(result):
+    columns = result.columns()
+    assert "irradiance_W_m2" in columns  # nothing escapes
+    low, high = STEFAN_BOLTZMANN * np.array([300.0, 350.0]) ** 4
+    E, error = columns["irradiance_W_m2"], columns["irradiance_error_W_m2"]
+    assert low < E.min() and E.max() < high and np.all(error < 0.1 * E)
+    np.testing.assert_allclose(STEFAN_BOLTZMANN * columns["environment_K"] ** 4, E)
+
+
+def test_pairs_have_their_errors(result):
+    pairs = result.pairs()
+    n = result.facets.number.max() + 1
+    i, j = pairs["facet"], pairs["other_facet"]
+    upper = sparse.triu(result.conductors.between).toarray()
+    dense = sparse.coo_array((pairs["conductor_m2"], (i, j)), shape=(n, n)).toarray()
+    np.testing.assert_allclose(dense, upper)
+    expected = result.traced.standard_error(lambda C: C.between.toarray())[i, j]
+    np.testing.assert_allclose(pairs["conductor_error_m2"], expected, atol=1e-9)
+
+
+def test_files_hold_the_facets_and_the_matrix(result, tmp_path):
+    xarray = pytest.importorskip("xarray")
+    for suffix in (".csv", ".nc", ".npz", ".vtp", ".png", ".json"):
+        result.save(tmp_path / f"exchange{suffix}")
+    arrays = np.load(tmp_path / "exchange.npz")
+    np.testing.assert_array_equal(arrays["pair_conductor_m2"], result.pairs()["conductor_m2"])
+    with xarray.open_dataset(tmp_path / "exchange.nc", engine="scipy") as dataset:
+        assert dataset["to_sky_m2"].shape == (len(result.facets.number), len(RINGS_DEG) - 1)
+        np.testing.assert_array_equal(dataset["pair_facet"], result.pairs()["facet"])
+    result.save(tmp_path / "exchange.html")
+    entries = json.loads((tmp_path / "exchange.json").read_text())
+    assert entries["groups"] == ["box", "plate"]
+
+
+def test_the_console_shows_groups_conductors_and_sunlight(result):
+    tables = [part for part in result.sections()[0].parts if isinstance(part, Table)]
+    groups, pairs, sky, sun = tables
+    assert [row[:2] for row in groups.rows] == [("box", 12), ("plate", 1)]
+    shares = np.array([[cell[0] for cell in row[4:8]] for row in groups.rows])
+    np.testing.assert_allclose(shares.sum(axis=1), 1, atol=0.02)
+    assert pairs.rows[0][:2] == ("box", "plate") and len(sky.rows) == len(sun.rows) == 2
+
+
+def test_the_irradiance_needs_all_temperatures():
+    scene = scene_of(plate=square(grey(0.8), emitter=emits()))
+    assert not mi_lcair.exchange(scene, rays=64).has_irradiance
+    result = mi_lcair.exchange(scene, rays=64, sky_K=250.0)
+    np.testing.assert_allclose(result.columns()["environment_K"], 250.0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [({"sky_K": -1.0}, "sky_K = -1"), ({"sun_deg": (91, 0)}, "elevation of the sun = 91")],
+)
+def test_bad_arguments_are_refused(arguments, message):
+    with pytest.raises(InputError, match=message):
+        mi_lcair.exchange("cavity", **arguments)
+
+
+def test_intervals_of_conductors_cover_the_truth():
+    """40 seeds of concentric spheres: 34 to 40 of the 95 % intervals hold the exact conductor."""
+    scene = spheres(grey(0.5), grey(0.3))
+    exact = 4 * np.pi / (1 / 0.5 + (1 / 0.3 - 1) / 4)
+    covers = 0
+    for seed in range(40):
+        traced = mi_lcair.exchange(scene, rays=256, seed=seed).traced
+        error = traced.standard_error(lambda C: C.between[[0], [1]])[0]
+        covers += abs(traced.mean.between[0, 1] - exact) < student_factor(7) * error
+    assert covers >= 34
+
+
+def test_derivatives_follow_from_common_random_numbers():
+    """The conductor of grey plates for two emissivities with the same seed."""
+    step = 1e-3
+    low, high = (
+        mi_lcair.exchange(scene_of(**mirror_box(e, 0.2)), rays=512).conductors.between[0, 1]
+        for e in (0.5 - step, 0.5 + step)
+    )
+    exact = 4 / (1 / 0.5 + 1 / 0.2 - 1) ** 2 / 0.5**2
+    assert (high - low) / (2 * step) == pytest.approx(exact, rel=1e-3)
