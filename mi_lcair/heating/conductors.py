@@ -89,7 +89,9 @@ class Conductors:
         of_ground = self.to_ground * (ground_K**4 - fourth)
         return STEFAN_BOLTZMANN * (of_pairs + of_sky + of_ground)
 
-    def irradiance(self, kelvin: np.ndarray, sky_K: np.ndarray | float, ground_K: float):
+    def irradiance(
+        self, kelvin: np.ndarray, sky_K: np.ndarray | float, ground_K: float
+    ) -> np.ndarray:
         """Irradiance of each facet [W m^-2], (n,), as its surface absorbs it; see `heat`.
 
         It is sigma T^4 where everything around the facet has the temperature T.

@@ -11,14 +11,13 @@ from scipy import sparse
 from mi_lcair.files import replacing
 from mi_lcair.formats import VTK
 from mi_lcair.heating.conductors import Conductors, Facets, Traced, standard_error
+from mi_lcair.heating.sunlight import SolarAreas
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 from mi_lcair.rendering.facets.polygons import FacetPolygons
 from mi_lcair.results import Result
 
 if TYPE_CHECKING:
     import xarray
-
-    from mi_lcair.heating.sunlight import SolarAreas
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +79,7 @@ class Exchange(Result):
     truncated: np.ndarray
     lost: np.ndarray
     asymmetry: Asymmetry
-    sun: "SolarAreas | None"
+    sun: SolarAreas | None
     absorptance: np.ndarray | None
     triangles: np.ndarray
     triangle_facet: np.ndarray
