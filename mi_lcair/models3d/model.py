@@ -35,7 +35,8 @@ class Model(Result):
     labels: the labels. label: index into `labels` of each facet, (F,). temperature: (F,) [K].
     triangles: indices of vertices, without slivers, (T, 3). triangle_facet: the facet of each
     triangle, (T,). off_plane: largest distance of a facet's corners from its mean plane, (F,).
-    remarks: what a user should know about the reading of the file, one line each.
+    names: that of each facet's object, group or material in the file, "" without one, (F,); None
+    for no names. remarks: what a user should know about the reading of the file, one line each.
     """
 
     vertices: np.ndarray
@@ -47,6 +48,7 @@ class Model(Result):
     triangles: np.ndarray
     triangle_facet: np.ndarray
     off_plane: np.ndarray
+    names: np.ndarray | None = None
     remarks: tuple[str, ...] = ()
 
     kind: ClassVar[str] = "model"
@@ -93,6 +95,11 @@ class Model(Result):
         used = np.zeros(len(self.vertices), bool)
         used[self.corners] = True
         return np.stack([self.vertices[used].min(axis=0), self.vertices[used].max(axis=0)])
+
+    def called(self, facets, most: int = 3) -> str:
+        """What some facets are called in the file, in words; "" if they have no names there."""
+        names = [] if self.names is None else [*dict.fromkeys(filter(None, self.names[facets]))]
+        return ", ".join(names[:most]) + ", ..." * (len(names) > most)
 
     def facets_of(self, kind: str) -> np.ndarray:
         """Mask (F,) of the facets of a type: f (model), s (sky) or t (terrain)."""
@@ -184,8 +191,14 @@ def read(
         labels=labels,
         label=label,
         temperature=kelvins,
+        names=np.array([_called(part) for part in obj.parts], object)[obj.part],
         remarks=_remarks(obj, labels, label, table, kind != "glTF" and not (forward or up)),
     )
+
+
+def _called(part) -> str:
+    """The name of a face's object, group or material, the first that is no label; "" for none."""
+    return next((name for name in part[::-1] if name and "*" not in name), "")
 
 
 def _welded(obj: Obj, scale: float, turn: np.ndarray) -> dict:

@@ -18,7 +18,8 @@ def report(model: Model) -> dict:
     area_by_material [m^2]; non_planar_mm, the greatest distance of a corner from its facet's mean
     plane; bounding_box [m]; temperature_min and temperature_max [K]; back_to_back and
     one_on_the_other: how many pairs of facets overlap in one plane, facing opposite ways or the
-    same way, and the first pair's numbers (None without one).
+    same way, and the first pair's numbers (None without one) and names. inward_names: what the
+    facets that face inward are called.
     """
     areas = np.bincount(model.triangle_facet, checks.triangle_areas(model), model.count)
     duplicate, copy = checks.repeated(model)
@@ -26,6 +27,7 @@ def report(model: Model) -> dict:
     volumes = np.where(copy, 0, checks.signed_volumes(model, edges))
     facets = {TYPES[kind]: model.facets_of(kind) for kind in TYPES}
     material = np.array([label.material for label in model.labels])[model.label]
+    inward = checks.inward(model, volumes, facets["model"] & ~copy)
     sheets = overlaps(model.vertices[model.triangles])
     return {
         "facets": model.count,
@@ -38,7 +40,8 @@ def report(model: Model) -> dict:
         "area_by_material": {
             str(name): areas[material == name].sum() for name in np.unique(material)
         },
-        "inward": np.count_nonzero(checks.inward(model, volumes, facets["model"] & ~copy)),
+        "inward": np.count_nonzero(inward),
+        "inward_names": model.called(inward),
         "degenerate": np.count_nonzero(checks.degenerate(model)),
         "duplicate": np.count_nonzero(duplicate),
         "non_planar": np.count_nonzero(checks.non_planar(model)),
@@ -55,4 +58,6 @@ def _facet_pairs(model, triangles):
     """How many pairs of facets pairs of triangles (P, 2) belong to, and the first."""
     facets = np.sort(model.triangle_facet[triangles], axis=1)
     facets = np.unique(facets[facets[:, 0] != facets[:, 1]], axis=0)
-    return {"count": len(facets), "first": facets[0].tolist() if len(facets) else None}
+    first = facets[0].tolist() if len(facets) else None
+    names = [model.called([facet]) for facet in first or ()]
+    return {"count": len(facets), "first": first, "names": names}

@@ -227,6 +227,20 @@ def test_files_are_replaced_and_others_left_alone(run, refused, folder):
         path.write_text(written)
 
 
+def test_remarks_have_the_names_of_the_file(run, folder):
+    """What an object of Blender is called, and not the numbers of its facets alone."""
+    square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+    faces = "o Wing.001\nusemtl Skin\nf 1 2 3 4\no Fin\nusemtl Skin\nf 4 3 2 1\n"
+    (folder / "model.obj").write_text(square + faces)
+    names = folder / "names.csv"
+    names.write_text("name,material,kelvin\nSkin,bareAl,300\n")
+    remarks = run("import", "model.obj", "--names", names, "--check").stderr
+    assert "facets 0 (Wing.001) and 1 (Fin) lie back to back" in remarks
+    (folder / "model.obj").write_text(cube(flip=[1], label="Tail\nusemtl Skin"))
+    remarks = run("import", "model.obj", "--names", names, "--check").stderr
+    assert "1 model facet faces inward (Tail)" in remarks
+
+
 def test_thin_sheets_are_remarked(run, folder):
     """Two facets back to back, such as a wing without thickness, are remarked."""
     square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"

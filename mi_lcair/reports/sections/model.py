@@ -47,13 +47,17 @@ def remarkable(figures: dict, materials):
     if figures["temperature_min"] < COLD:
         yield f"the lowest temperature is {figures['temperature_min']:g} K"
     if count := figures["inward"]:
+        called = f" ({names})" if (names := figures["inward_names"]) else ""
         yield (
-            f"{count} model facet{'s face' if count > 1 else ' faces'} inward; the back of a facet "
+            f"{count} model facet{'s face' if count > 1 else ' faces'} inward{called}; the back of a facet "
             "neither emits nor reflects"
         )
     for key, how in OVERLAPS:
         if count := figures[key]["count"]:
-            a, b = figures[key]["first"]
+            a, b = (
+                f"{facet} ({name})" if name else f"{facet}"
+                for facet, name in zip(figures[key]["first"], figures[key]["names"])
+            )
             more = f" ({count - 1} more pairs)" if count > 1 else ""
             yield (
                 f"facets {a} and {b} lie {how} in one plane{more}; which of them is seen is left "

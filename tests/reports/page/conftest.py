@@ -48,9 +48,9 @@ class Visit:
     cpu_s: CPU time of the page's main thread until all was drawn, s.
     """
 
-    def __init__(self, browser, file):
+    def __init__(self, browser, file, width=1280):
         self.errors, self.requests = [], []
-        context = browser.new_context(viewport={"width": 1280, "height": 900})
+        context = browser.new_context(viewport={"width": width, "height": 900})
         context.route("**/*", self.only_the_file)
         self.page = context.new_page()
         client = context.new_cdp_session(self.page)
@@ -101,8 +101,8 @@ def visit(chromium):
     """Function that opens a page and waits until it is drawn."""
     visits = []
 
-    def opened(file) -> Visit:
-        visits.append(Visit(chromium, file))
+    def opened(file, **options) -> Visit:
+        visits.append(Visit(chromium, file, **options))
         return visits[-1]
 
     yield opened
