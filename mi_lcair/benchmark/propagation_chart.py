@@ -6,6 +6,7 @@ which replaces the bounces that are left out.
 
 import time
 from dataclasses import dataclass, replace
+from functools import partial
 
 import drjit as dr
 import numpy as np
@@ -15,6 +16,7 @@ from mi_lcair.benchmark.memory import peak_memory
 from mi_lcair.benchmark.propagation import METHODS, exact, path_tracing, problems
 from mi_lcair.benchmark.propagation.problem import Method, Problem
 from mi_lcair.progress import stepper
+from mi_lcair.startup.tasks import in_order
 
 MOST_SECONDS, LEAST_REPETITIONS = 3.0, 5
 # Pairs of the number of bounces and the closure.
@@ -103,32 +105,36 @@ def measure(quick: bool = False, progress=None) -> Chart:
 
     quick: whether to do less work. progress: function of (steps done, steps in total).
     """
-    effort = QUICK if quick else FULL
-    total = 6 * effort.repetitions + len(exact.CAVITY_BLOCKS) + 3
-    step = stepper(progress, total)
-    points, closures, cases = [], [], problems.all_problems(quick)
-    for problem in cases:
-        points += curves(problem, METHODS, effort, step)
-    cavities = [problems.cavity(opening) for opening in exact.CAVITY_BLOCKS]
-    for opening, problem in zip(exact.CAVITY_BLOCKS, cavities):
-        closures += closed(
-            problem,
-            f"cavity, {opening} facets removed",
-            exact.cavity_opening_fraction(opening),
-            effort,
-        )
+    openings = list(exact.CAVITY_BLOCKS)
+    tasks = [partial(of_case, number, quick) for number in range(len(problems.CASES))]
+    tasks += [partial(of_cavity, opening, quick) for opening in openings]
+    step, results = stepper(progress, len(tasks)), []
+    for result in in_order(tasks):
+        results.append(result)
         step()
-    for problem in cases[3:]:
-        closures += closed(problem, problem.name, None, effort)
-        step()
-    return Chart(cases, points, closures, quick)
+    cases, curves_of, of_cases = zip(*results[: len(problems.CASES)])
+    closures = [*results[len(problems.CASES) :], *of_cases]
+    return Chart(list(cases), sum(curves_of, []), sum(closures, []), quick)
 
 
-def curves(problem: Problem, methods, effort: Effort, step=lambda: None) -> list[chart.Point]:
+def of_case(number: int, quick: bool) -> tuple[Problem, list[chart.Point], list[Closure]]:
+    """A problem without its scenes, the points of all methods, and the errors of closures."""
+    problem, effort = problems.case(number, quick), QUICK if quick else FULL
+    closures = closed(problem, problem.name, None, effort) if number in problems.CLOSED else []
+    points = curves(problem, METHODS, effort)
+    return replace(problem, scene=None, independent=None), points, closures
+
+
+def of_cavity(opening: int, quick: bool) -> list[Closure]:
+    """The errors of closures in the cavity with so many facets removed."""
+    share, name = exact.cavity_opening_fraction(opening), f"cavity, {opening} facets removed"
+    return closed(problems.cavity(opening), name, share, QUICK if quick else FULL)
+
+
+def curves(problem: Problem, methods, effort: Effort) -> list[chart.Point]:
     """The points of methods on one problem, each by rising effort up to its first slow run.
 
-    The methods run in turn, so that a change of the machine's load concerns all of them. step: a
-    function that is called after each round, `effort.repetitions` times.
+    The methods run in turn, so that a change of the machine's load concerns all of them.
     """
     compiles, runs, memory = {}, {}, {}
     for method in methods:
@@ -139,12 +145,10 @@ def curves(problem: Problem, methods, effort: Effort, step=lambda: None) -> list
             memory[method, level] = peak_memory(method.run, problem, level, 1)
             if run[-1] > effort.seconds:
                 break
-    step()
     for seed in range(2, effort.repetitions + 1):
         for (method, level), done in runs.items():
             if seed <= wanted(method, done, effort):
                 done.append(timed(problem, method, level, seed))
-        step()
     points = []
     for (method, level), done in runs.items():
         seconds, values, rays, _ = (np.array(column) for column in zip(*done))

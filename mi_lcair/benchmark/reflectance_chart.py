@@ -5,6 +5,7 @@ The chart shows Figures 3.15 and 3.17-3.20 of the thesis on one page for each of
 
 import math
 import time
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import drjit as dr
@@ -12,9 +13,10 @@ import numpy as np
 
 from mi_lcair.benchmark import chart
 from mi_lcair.benchmark.chart import Point
-from mi_lcair.benchmark.reflectance import METHODS, problem
+from mi_lcair.benchmark.reflectance import METHODS, ReflectanceProblem, problem
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.materials import material
+from mi_lcair.startup.tasks import in_order
 
 THETA_DEG = 30  # angle of incidence in the main charts [degrees]
 MATERIALS = [
@@ -45,29 +47,32 @@ def measure(quick: bool = False, progress=None) -> list[Point]:
     done, steps in total).
     """
     tasks = [
-        (names, method, effort)
+        partial(point_of, names, number, effort, quick)
         for names in MATERIALS
-        for method in METHODS
+        for number, method in enumerate(METHODS)
         for effort in (method.efforts[::2] if quick else method.efforts)
         if not quick or method.samples(effort) <= MOST_SAMPLES_IF_QUICK
     ]
-    problems = {names: named_problem(*names) for names in MATERIALS}
-    exact = {names: p.exact() for names, p in problems.items()}
     points = []
-    for names, method, effort in tasks:
-        points.append(
-            measured(
-                " ".join(names),
-                method,
-                effort,
-                problems[names],
-                exact[names],
-                QUICK if quick else FULL,
-            )
-        )
+    for point in in_order(tasks):
+        points.append(point)
         if progress:
             progress(len(points), len(tasks))
     return points
+
+
+def point_of(names: tuple[str, str], number: int, effort: int, quick: bool) -> Point:
+    """The Point of one of the METHODS on a material in a band."""
+    problem, exact = known(names)
+    work = QUICK if quick else FULL
+    return measured(" ".join(names), METHODS[number], effort, problem, exact, work)
+
+
+@lru_cache
+def known(names: tuple[str, str]) -> tuple[ReflectanceProblem, float]:
+    """The reflectance integral of a material in a band, and its exact value."""
+    problem = named_problem(*names)
+    return problem, problem.exact()
 
 
 def named_problem(name, band_name, theta_deg=THETA_DEG):

@@ -1,9 +1,11 @@
 """Frames of a camera along a flight, which are rendered anew when the target has moved."""
 
+import pickle
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from copy import copy
 from dataclasses import replace
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +26,9 @@ from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import View
 from mi_lcair.signatures.effective_areas import temperatures_of
+from mi_lcair.startup.tasks import in_order
 
+AT_ONCE = 16  # frames of a task
 STEADY = 1e-3  # relative change of a temperature up to which a render is kept
 VIDEO_COLUMNS = 320  # columns of a video, whose pixels are means of the frame's
 VIDEO_QUANTILES = 0.001, 0.999  # counts that are black and white in a video
@@ -47,41 +51,62 @@ class FilmedFlight:
 
     Attributes
     ----------
-    rendered : int
-        Number of renders so far.
+    rendered_at, viewed_at : list of int
+        The moment whose render of the target, and whose background, each moment has.
     """
 
     def __init__(self, scenario: Scenario, seed: int):
-        self.scenario, self.moments = scenario, scenario.flight.moments()
+        self.scenario, self.seed, self.moments = scenario, seed, scenario.flight.moments()
         self.turned = np.radians(self.moments.turned_deg)
         self.scenes: dict = {}  # the last pose and its scene
         setting = self.setting(0)
+        self.radius_m, self.has_sun = setting.target.radius, setting.sun is not None
         behind = setting.backdrop.at_sensor(self.moments.range_m[0])
         self.camera = Camera.of(scenario, setting.detector, behind, seed)
-        self.rendered, self.last_render, self.last_view = 0, None, None
+        self.rendered_at, self.viewed_at = [0], [0]
+        for number in range(1, len(self.moments.time_s)):
+            render, view = self.rendered_at[-1], self.viewed_at[-1]
+            if self.has_moved(number, render):
+                render = view = number
+            elif self.has_turned(number, view):
+                view = number
+            self.rendered_at.append(render)
+            self.viewed_at.append(view)
+        self.last_render = self.last_view = None
+        self.sights: dict = {}  # the last moment, and what the camera looks at
+
+    def __reduce__(self) -> tuple:
+        return filmed, (pickle.dumps((self.scenario, self.seed)),)
 
     def counts(self) -> Iterator[np.ndarray]:
         """Yield the counts (H, W) of each moment, uint16."""
-        for number in range(len(self.moments.time_s)):
-            yield self.camera.frame(self.signal(number), number)
+        first = np.flatnonzero(np.diff(self.rendered_at)) + 1
+        spans = np.split(np.arange(len(self.rendered_at)), first)
+        parts = [span[k : k + AT_ONCE] for span in spans for k in range(0, len(span), AT_ONCE)]
+        for pages in in_order([partial(self.pages, part) for part in parts]):
+            yield from pages
+
+    def pages(self, numbers: np.ndarray) -> np.ndarray:
+        """Counts (n, H, W) of some moments, uint16."""
+        return np.stack([self.camera.frame(self.signal(number), number) for number in numbers])
 
     def signal(self, number: int) -> np.ndarray:
         """Mean electrons of the pixels at a moment, (H, W)."""
-        is_new = self.last_render is None or self.has_moved(number)
-        if is_new or self.has_turned(number):
-            setting, view, scenery = self.seen(number)
-            optics = self.camera.optics.at(self.moments.range_m[number])
-            if is_new:
-                exposed = self.exposed(number, setting, view, scenery)
-                self.target = optics.seen(exposed, view.around)
-                self.rendered, self.last_render = self.rendered + 1, number
-            self.background = scenery.image(self.camera.band, optics)
-            self.last_view = number
+        render, view = self.rendered_at[number], self.viewed_at[number]
+        if self.last_render != render:
+            setting, seen, scenery = self.seen(render)
+            exposed = self.exposed(render, setting, seen, scenery)
+            optics = self.camera.optics.at(self.moments.range_m[render])
+            self.target, self.last_render = optics.seen(exposed, seen.around), render
+        if self.last_view != view:
+            scenery = self.seen(view)[2]
+            optics = self.camera.optics.at(self.moments.range_m[view])
+            self.background, self.last_view = scenery.image(self.camera.band, optics), view
         return self.camera.design.undone(np.maximum(self.background + self.target, 0))
 
-    def has_moved(self, number: int) -> bool:
-        """Whether the target must be rendered anew."""
-        last, moments = self.last_render, self.moments
+    def has_moved(self, number: int, last: int) -> bool:
+        """Whether the target must be rendered anew, if moment `last` was."""
+        moments = self.moments
         for history in moments.temperatures.values():
             if abs(history[number] / history[last] - 1) > STEADY:
                 return True
@@ -90,9 +115,9 @@ class FilmedFlight:
         turned = abs(self.turned[number] - self.turned[last]) + nearer
         return turned * self.radius_m / range_m > self.angle
 
-    def has_turned(self, number: int) -> bool:
-        """Whether the background must be calculated anew."""
-        lines = self.moments.to_observer_m[[self.last_view, number]]
+    def has_turned(self, number: int, last: int) -> bool:
+        """Whether the background must be calculated anew, if that of moment `last` was."""
+        lines = self.moments.to_observer_m[[last, number]]
         first, second = lines / np.linalg.norm(lines, axis=1)[:, None]
         turned = np.abs(np.arcsin(second[2]) - np.arcsin(first[2]))
         if self.has_sun:
@@ -109,17 +134,18 @@ class FilmedFlight:
         scenario = self.scenario.at_moment(self.moments, number)
         if scenario.pose not in self.scenes:
             self.scenes = {scenario.pose: target_scene(scenario, scenario.sensor.detector())}
-        setting = setting_of(scenario, self.scenes[scenario.pose])
-        self.radius_m, self.has_sun = setting.target.radius, setting.sun is not None
-        return setting
+        return setting_of(scenario, self.scenes[scenario.pose])
 
     def seen(self, number: int) -> tuple[Setting, CameraView, Scenery]:
-        """What the camera looks at."""
+        """What the camera looks at; the last answer is kept."""
+        if number in self.sights:
+            return self.sights[number]
         setting, scenario = self.setting(number), self.scenario.at_moment(self.moments, number)
         observer = scenario.observer
         direction = View(observer.azimuth_deg, observer.elevation_deg)
         view = CameraView.of(setting.target, direction, observer.range_m, scenario.camera)
-        return setting, view, Scenery.of(scenario, setting, view)
+        self.sights = {number: (setting, view, Scenery.of(scenario, setting, view))}
+        return self.sights[number]
 
     def exposed(
         self, number: int, setting: Setting, view: CameraView, scenery: Scenery
@@ -140,6 +166,12 @@ class FilmedFlight:
             return made.contrast
         before, after = (sum(variant.values()) for variant in made.variants)
         return made.contrast + after - before
+
+
+@lru_cache(maxsize=1)
+def filmed(arguments: bytes) -> FilmedFlight:
+    """The flight of pickled arguments, which a worker makes once."""
+    return FilmedFlight(*pickle.loads(arguments))
 
 
 def heated(sources: Sources, temperatures: dict[str, float], scene: Scene) -> Sources:
@@ -209,7 +241,7 @@ def film(
                 progress(number + 1, count)
         if video is not None:
             write_video(video, pictures, flight.moments.time_s)
-    return flight.rendered
+    return len(set(flight.rendered_at))
 
 
 def brightness(flight: FilmedFlight) -> Callable:

@@ -4,6 +4,7 @@ Table B.1 has the areas of the openings and walls, Fig 4.1 the apparent emissivi
 """
 
 from dataclasses import dataclass
+from functools import partial
 from math import pi
 
 import numpy as np
@@ -17,6 +18,7 @@ from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import load
 from mi_lcair.rendering.window import Windows
+from mi_lcair.startup.tasks import in_order
 
 WALL_M2, SPHERE_M2 = 3.106, pi  # S and S0 of Table B.1
 # Facets removed -> s [m^2] and s/S, as Table B.1 prints them
@@ -69,30 +71,33 @@ class Opening:
 
 def openings(paths: int, seed: int = 0, progress=None) -> list[Opening]:
     """The eight cavities, each rendered with a number of paths."""
-    step = stepper(progress, len(PRINTED))
-    rows = []
-    for facets, (s, printed) in PRINTED.items():
-        scene = load("cavity", opening=facets)
-        windows = Windows.whole(scene.sensor(0))
-        totals = measure(scene, windows, Sampling(paths=paths, seed=seed), Measurands.of("image"))
-        L = in_band_radiance(scene.band, 800.0)
-        terms = [f"bounce.{k}" for k in REFLECTIONS]
-        apparent = np.cumsum([totals.mean(name)[0] for name in terms]) / L
-        deviations = np.cumsum([totals.deviations(name)[0] for name in terms], axis=0) / L
-        share = exact.cavity_opening_fraction(facets)
-        rows.append(
-            Opening(
-                facets=facets,
-                s=s,
-                printed=printed,
-                ratio=s / WALL_M2,
-                contradicts=f"{s / WALL_M2:.4f}" != f"{printed:.4f}",
-                share=share,
-                gouffe=gouffe(exact.GREY, s, WALL_M2, SPHERE_M2),
-                exact=cavity_emissivity(exact.GREY, share, 1.0),
-                apparent=apparent,
-                error=np.sqrt(np.sum(deviations**2, axis=1)),
-            )
-        )
+    step, rows = stepper(progress, len(PRINTED)), []
+    for row in in_order([partial(opening, facets, paths, seed) for facets in PRINTED]):
+        rows.append(row)
         step()
     return rows
+
+
+def opening(facets: int, paths: int, seed: int) -> Opening:
+    """The cavity with so many facets removed."""
+    s, printed = PRINTED[facets]
+    scene = load("cavity", opening=facets)
+    windows = Windows.whole(scene.sensor(0))
+    totals = measure(scene, windows, Sampling(paths=paths, seed=seed), Measurands.of("image"))
+    L = in_band_radiance(scene.band, 800.0)
+    terms = [f"bounce.{k}" for k in REFLECTIONS]
+    apparent = np.cumsum([totals.mean(name)[0] for name in terms]) / L
+    deviations = np.cumsum([totals.deviations(name)[0] for name in terms], axis=0) / L
+    share = exact.cavity_opening_fraction(facets)
+    return Opening(
+        facets=facets,
+        s=s,
+        printed=printed,
+        ratio=s / WALL_M2,
+        contradicts=f"{s / WALL_M2:.4f}" != f"{printed:.4f}",
+        share=share,
+        gouffe=gouffe(exact.GREY, s, WALL_M2, SPHERE_M2),
+        exact=cavity_emissivity(exact.GREY, share, 1.0),
+        apparent=apparent,
+        error=np.sqrt(np.sum(deviations**2, axis=1)),
+    )

@@ -99,6 +99,7 @@ class Cluster:
             if refusal is not None:
                 client.cancel(list(numbers))
                 raise InputError(refusal)
+            future.release()  # the worker may forget the result
             yield numbers[future], result
 
 

@@ -4,7 +4,13 @@ from dataclasses import asdict, fields
 
 import click
 
-from mi_lcair.cli.options import examples, json_option, output_option, progress_bar
+from mi_lcair.cli.options import (
+    examples,
+    json_option,
+    output_option,
+    progress_bar,
+    workers_options,
+)
 from mi_lcair.cli.output import print_columns, print_json
 
 OF_PROPAGATION = (
@@ -41,6 +47,7 @@ def chart_options(files: str):
 
 @command.command("reflectance", epilog=examples("mi-lcair chart reflectance --quick -o charts"))
 @chart_options("reflectance.png and reflectance.csv")
+@workers_options
 def reflectance(output, quick, json):
     """Compare eight methods that integrate a BRDF over the hemisphere.
 
@@ -64,6 +71,7 @@ def reflectance(output, quick, json):
 
 @command.command("propagation", epilog=examples("mi-lcair chart propagation --quick -o charts"))
 @chart_options(OF_PROPAGATION)
+@workers_options
 def propagation(output, quick, json):
     """Compare methods that follow radiation from facet to facet.
 
@@ -98,6 +106,7 @@ def propagation(output, quick, json):
 
 @command.command("cavity", epilog=examples("mi-lcair chart cavity --quick -o charts"))
 @chart_options("cavity.png, cavity.csv and gouffe.png")
+@workers_options
 def cavity(output, quick, json):
     """Render the thesis's eight cavities after 0 to 4 reflections.
 
