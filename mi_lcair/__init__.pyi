@@ -6,6 +6,7 @@ from mi_lcair.api.contrast import contrast as contrast
 from mi_lcair.api.derivative_images import derivative_images as derivative_images
 from mi_lcair.api.exchange import exchange as exchange
 from mi_lcair.api.flight import flight as flight
+from mi_lcair.api.heat import heat as heat
 from mi_lcair.api.image import image as image
 from mi_lcair.api.invert import invert as invert
 from mi_lcair.api.load import load as load

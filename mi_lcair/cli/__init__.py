@@ -31,6 +31,7 @@ PURPOSES = {
         "temperature": "files.temperature",
         "cavity": "scenarios.cavity",
         "exchange": "scenarios.exchange",
+        "heat": "scenarios.heat",
     },
     "Scenes and materials": {
         "scenes": "scenes",

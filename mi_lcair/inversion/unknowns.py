@@ -17,6 +17,7 @@ from mi_lcair.sensitivity.parameters import Parameter
 VALUES_PER = {
     "temperature": ("state",),
     "facet": ("state",),
+    "mode": ("state",),
     "material": ("band",),
     "spectrum": (),
     "emissivity": ("band",),
@@ -32,6 +33,7 @@ SPAN_OFFSET = 100.0  # the same for an unknown offset, W m^-2 sr^-1
 PRECISION = {
     "temperature": (1.0, 0.0),
     "facet": (1.0, 0.0),
+    "mode": (0.5, 0.0),
     "radiance": (0.0, 0.05),
     "emissivity": (0.02, 0.0),
     "material": (0.02, 0.25),
@@ -59,7 +61,7 @@ class Unknown:
     name : str
         Name of the scene's parameter.
     kind : str
-        "temperature", "facet", "radiance", "emissivity", "material", "spectrum", "motion",
+        "temperature", "facet", "mode", "radiance", "emissivity", "material", "spectrum", "motion",
         "scenario" (of weather), "gain", "offset" or "model".
     unit : str
         Unit of the value.

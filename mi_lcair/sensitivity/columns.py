@@ -75,6 +75,8 @@ def column_of(entry: Entry) -> MaterialColumn | SourceColumn:
     if entry.kind == "material":
         nodes = tuple(place.node for place in entry.places)
         return MaterialColumn(nodes, entry.places[0].key.removesuffix(".value"))
+    if entry.kind == "mode":
+        return mode_column(entry)
     mean, relative = entry.mean(entry.numbers()), {}
     if not mean > 0:
         raise InputError(f"{entry.name} = {mean:g} has no derivative; give it a positive value")
@@ -92,6 +94,16 @@ def column_of(entry: Entry) -> MaterialColumn | SourceColumn:
             others[place.number] = False
             slope[others] = 0
         relative[emitter] = slope
+    return SourceColumn(relative)
+
+
+def mode_column(entry: Entry) -> SourceColumn:
+    """The column of a mode: all temperatures change by their part of its pattern."""
+    relative = {}
+    for place in entry.places:
+        emitter = place.node.emitter()
+        slope = relative_slope(emitter.band, place.array().astype(float))
+        relative[emitter] = slope * entry.changes[place.node]
     return SourceColumn(relative)
 
 

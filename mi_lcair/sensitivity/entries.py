@@ -21,6 +21,7 @@ from mi_lcair.plugins.emitters.thermal_emitter import is_thermal, thermal_shapes
 
 SCALED = ("radiance", "emissivity")  # kinds whose several numbers change by a common factor
 DIFFERENCED = ("motion", "plugin")  # kinds whose derivatives are differences of renders
+LARGEST_AMPLITUDE = 100.0  # of a mode
 NEAREST = 1e-3  # fraction of the way to its lower bound that a temperature keeps away from it
 AT = "at_"  # beginning of the name of a spectrum's change at a wavelength, such as "at_8500nm"
 BISECTIONS = 50  # steps in the search for the bound of a feasible material parameter
@@ -35,8 +36,8 @@ class Parameter:
     name : str
         Its name, such as `self.temperature` or `gloss_black.e`.
     kind : str
-        "temperature", "radiance", "emissivity", "material", "spectrum", "plugin" (a number of a
-        BSDF of Mitsuba's or of yours) or "motion".
+        "temperature", "mode" (amplitude of a pattern of temperatures), "radiance", "emissivity",
+        "material", "spectrum", "plugin" (a number of a BSDF of Mitsuba's or of yours) or "motion".
     value : float
         Present value; the mean if several numbers belong to the name.
     unit : str
@@ -319,10 +320,12 @@ def check_apart(wanted: list[Entry]) -> None:
     for entry in wanted:
         for place in entry.places:
             others = owner.setdefault(place.owner, [])
-            for other, number in others:
+            for other, kind, number in others:
+                if kind == entry.kind == "mode":
+                    continue
                 if number is None or place.number is None or np.isin(number, place.number).any():
                     raise InputError(f"'{other}' and '{entry.name}' change the same numbers")
-            others.append((entry.name, place.number))
+            others.append((entry.name, entry.kind, place.number))
 
 
 def check_emission(wanted) -> None:

@@ -87,7 +87,7 @@ def facet_matrix(
     spp: int | None = None,
     seed: int = 0,
     randomisations: int = RANDOMISATIONS,
-    progress=None,
+    model_only: bool = False,
 ) -> FacetMatrix:
     """Trace a scene once, for the images of all temperatures of its facets.
 
@@ -109,8 +109,8 @@ def facet_matrix(
     seed : int
     randomisations : int
         Number of independent randomisations of each pixel's points.
-    progress : callable or None
-        Called with the number of paths that are done and the total.
+    model_only : bool
+        Whether only paths that first hit the model count, as those of a target's intensity.
 
     Returns
     -------
@@ -147,7 +147,7 @@ def facet_matrix(
         blocks, invalid, done = {}, 0, 0
         with unit_radiance(emitters):
             for launch in launches(width, height, seed, randomisations, points, slots(tracer)):
-                found = contributions(tracer, camera, launch, table)
+                found = contributions(tracer, camera, launch, table, model_only)
                 invalid += int((~found.valid).sum())
                 summed = pass_sums(found, launch, shape[-1])
                 before = blocks.get(launch.first)
@@ -155,8 +155,6 @@ def facet_matrix(
                     summed if before is None else [a + b for a, b in zip(before, summed)]
                 )
                 done += launch.paths
-                if progress:
-                    progress(done, width * height * randomisations * points)
         check_valid(invalid, done, scene.name)
     sums, rest, valid = zip(*blocks.values())
     valid = np.maximum(np.concatenate(valid), 1)

@@ -48,7 +48,10 @@ from mi_lcair.sensitivity.entries import (
     check_materials,
     entries,
 )
+from mi_lcair.sensitivity.modes import MODES, declare_modes, modes_of
 from mi_lcair.startup.threads import exclusively
+
+NOT_IN_FILE = (MOTIONS, MODES)  # parameters that name files which declare more parameters
 
 
 def load_with_values(
@@ -59,15 +62,18 @@ def load_with_values(
 ) -> Scene:
     """Load a scene with values of its parameters, see `mi_lcair.load`.
 
-    parameters: $-parameters, names with a dot as in the table above, and MOTIONS: a TOML file.
+    parameters: $-parameters, names with a dot as in the table above, MOTIONS: a TOML file, and
+    MODES: a CSV file.
     around: as for `load_file`. motions: further motions that are declared.
     """
     values = {n: v for n, v in parameters.items() if "." in n and not n.startswith(LOBE_OF)}
-    in_file = {n: v for n, v in parameters.items() if n not in values and n != MOTIONS}
+    in_file = {n: v for n, v in parameters.items() if n not in values and n not in NOT_IN_FILE}
     loaded = load_file(scene, in_file, around) if around else load(scene, **in_file)
     in_table = read_motions(str(parameters[MOTIONS])) if MOTIONS in parameters else {}
     if in_table or motions:
         declare(loaded, in_table | dict(motions))
+    if MODES in parameters:
+        declare_modes(loaded, str(parameters[MODES]))
     if values:
         chosen(loaded, list(values))  # names before numbers
         set_values(loaded, {name: number(name, value) for name, value in values.items()})
@@ -142,7 +148,12 @@ def number(name: str, value: object) -> float:
 
 def parameters_of(scene: Scene) -> dict[str, Parameter]:
     """All parameters of a loaded scene that have derivatives or can be changed, by name."""
-    return {name: entry.described() for name, entry in entries(scene).items()}
+    return {name: entry.described() for name, entry in known_entries(scene).items()}
+
+
+def known_entries(scene) -> dict[str, Entry]:
+    """All parameters of a scene with their places, modes included."""
+    return entries(scene) | modes_of(scene)
 
 
 def parameter(scene: Scene, name: str) -> Parameter:
@@ -175,7 +186,10 @@ def set_values(scene: Scene, values: Mapping[str, float]) -> None:
     for entry, value in wanted:
         for place, numbers in zip(entry.places, entry.moved(value) if entry.places else ()):
             array = arrays.setdefault(place.owner, place.array().copy())
-            array[... if place.number is None else place.number] = numbers
+            number = ... if place.number is None else place.number
+            if entry.kind == "mode":  # several modes change the same temperatures
+                numbers = array[number] + (numbers - place.read())
+            array[number] = numbers
     by_owner = {owner: mi.Float(array) for owner, array in arrays.items()}
     own_memory(by_owner.values())
     replace(by_owner)
@@ -226,7 +240,7 @@ def replace(arrays: Mapping[tuple[mi.Object, str], mi.Float]) -> None:
 def chosen(scene, names) -> list[Entry]:
     if isinstance(names, str):
         raise InputError(f"names = '{names}' is one text; give a sequence of names: ['{names}']")
-    known = entries(scene)
+    known = known_entries(scene)
     for name in names:
         if name not in known:
             raise unknown(f"parameter of {scene.name}", name, known)

@@ -166,9 +166,12 @@ def missed_errors(scene, total: Totals, names, part: str = "scene") -> list[np.n
     for entry in chosen(scene, names):
         numbers, channel = entry.numbers(), PARTS[part]
         relative = 1 / (abs(entry.mean(numbers)) or 1.0)
-        if entry.kind not in ("material", "spectrum", "plugin"):
+        if entry.kind not in ("material", "spectrum", "plugin", "mode"):
             channel = f"group.{entry.name.rpartition('.')[0].partition('@')[0]}"
             channel = channel if part == "scene" else f"target.{channel}"
+        if entry.kind == "mode":
+            slopes = columns_of(scene, [entry.name])[entry.name].relative.values()
+            relative = max(float(abs(slope).max()) for slope in slopes)
         if entry.kind == "temperature":
             relative = relative_slope(scene.band, np.concatenate(numbers)).max()
         errors.append(total.missed_error(channel) * relative)

@@ -10,6 +10,7 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.triangles import ABSENT, PrimitiveEntries, pointer_id
 from mi_lcair.plugins.paths.launch import Launch, ParallelRays
+from mi_lcair.plugins.recorders.first_hit import FirstHit
 from mi_lcair.plugins.recorders.recorder import Emission, Recorder, Recorders
 
 
@@ -91,8 +92,12 @@ def slots(tracer) -> int:
     return 1 + tracer.max_bounces * (1 + len(tracer.emitters.tables))
 
 
-def contributions(tracer, sensor, launch: Launch, table: ColumnTable) -> Contributions:
+def contributions(
+    tracer, sensor, launch: Launch, table: ColumnTable, model_only: bool = False
+) -> Contributions:
     """Trace the paths of a launch and record what each facet contributes.
+
+    model_only: follow only the paths that first hit the model.
 
     Call it inside the context `BouncePath.prepared`, with `unit_radiance` for the emitters of
     `table`.
@@ -110,7 +115,9 @@ def contributions(tracer, sensor, launch: Launch, table: ColumnTable) -> Contrib
         sampler, *start, _, _ = paths.begin()
         ray = tracer.first_ray(paths, ParallelRays.of(sensor) or sensor, sampler, *start)
         store = Store(table, paths.lane, slots(tracer))
-        recorders = Recorders([ByFacet(mi.Float(0), mi.UInt32(0), store)])
+        by_facet = ByFacet(mi.Float(0), mi.UInt32(0), store)
+        first_hit = [FirstHit.of(tracer.scene, tracer.emitters, None, True)] if model_only else []
+        recorders = Recorders([*first_hit, by_facet])
         L, recorders = tracer.radiance(sampler, ray, recorders)
         rest = recorders.of(ByFacet).rest
         # One kernel traces the paths and fills the store

@@ -1,0 +1,96 @@
+"""Temperatures of a loaded scene for a heat.toml."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from mi_lcair.heating.exchange import exchange
+from mi_lcair.heating.sunlight import sunlight
+from mi_lcair.heating.temperatures.day import course
+from mi_lcair.heating.temperatures.description import Description, SignatureTable
+from mi_lcair.heating.temperatures.heat_result import AllFacets, Heat, Intensity
+from mi_lcair.heating.temperatures.network import Network, Sunlit
+from mi_lcair.heating.temperatures.weather import Weather, weather
+from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.rendering.facets.polygons import FacetPolygons
+from mi_lcair.rendering.facets.table import FacetTable
+from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.window import window_area
+from mi_lcair.sensitivity.facets import facet_matrix
+
+
+def temperatures(scene: Scene, description: Description) -> Heat:
+    """The temperatures of a scene's facets; see `mi_lcair.heat`."""
+    run = description.run
+    conditions = weather(
+        description.weather, description.folder, run.steps, is_periodic=run.start_K is None
+    )
+    radiation = exchange(scene, run.rays, run.seed)
+    light, of_light = sunlit(scene, radiation.facets, conditions, description)
+    network = Network(radiation.facets, radiation.traced, light, conditions, description.groups)
+    columns = [network.column(name, sigma) for name, sigma in description.sigma.items()]
+    solved = course(network, [*columns, *network.noise()], run.start_K)
+    changes = dict(zip(description.sigma, solved.changes))
+    replicates = solved.changes[len(columns) :]
+    table = FacetTable(scene)
+    result = Heat(
+        name=scene.name,
+        facets=radiation.facets,
+        seconds=conditions.seconds,
+        kelvin=solved.kelvin,
+        sigmas=description.sigma,
+        changes=changes,
+        noise=replicates.std(axis=0, ddof=1) / np.sqrt(len(replicates)),
+        residual_W=solved.residual,
+        days=solved.days,
+        drift_K=solved.drift,
+        intensity=None,
+        all_facets=AllFacets(
+            FacetPolygons.of(table.triangles, table.triangle_facet), table.temperature
+        ),
+        remarks=tuple(dict.fromkeys((*radiation.remarks, *of_light, *conditions.remarks))),
+    )
+    if description.signature is None:
+        return result
+    return replace(result, intensity=intensity(scene, result, description.signature, run.seed))
+
+
+def sunlit(scene: Scene, facets, conditions: Weather, description: Description):
+    """The sunlight that facets absorb at the times of a weather, and remarks on it."""
+    n, times = len(facets.area), len(conditions.seconds)
+    if not conditions.sun_W_m2.any() and not conditions.diffuse_W_m2.any():
+        return Sunlit(np.zeros((times, n)), np.zeros(n), np.zeros(n), np.ones(n)), ()
+    light = sunlight(scene, facets, description.run.rays, description.run.seed)
+    beam, shines = np.zeros((times, n)), conditions.sun_W_m2 > 0
+    beam[shines] = [light.absorbing_area(d) for d in conditions.toward_sun[shines]]
+    of_sky = light.of_sky.sum(axis=1)
+    return Sunlit(beam, of_sky, light.of_ground, light.absorptance), light.remarks
+
+
+def intensity(scene: Scene, heat: Heat, table: SignatureTable, seed: int) -> Intensity:
+    """The intensity of the model at all times, from one render by facet.
+
+    Raises InputError for a sensor that is not orthographic.
+    """
+    area = window_area(scene.sensor(table.sensor), scene.name)
+    traced = facet_matrix(scene, sensor=table.sensor, spp=table.spp, seed=seed, model_only=True)
+    pixel = area / np.prod(traced.size)
+    weights = pixel * np.array([np.asarray(m.sum(axis=0)).ravel() for m in traced.matrices])
+    rest = pixel * traced.rest.sum(axis=1)
+    place = {number: k for k, number in enumerate(heat.facets.number)}
+    is_solved = np.array([number in place for number in traced.facets])
+    column = [place[number] for number in traced.facets[is_solved]]
+
+    def of(kelvin):
+        """Intensities of temperatures (m, n) by randomisation, (R, m)."""
+        whole = np.tile(traced.temperature, (len(kelvin), 1))
+        whole[:, is_solved] = kelvin[:, column]
+        return (in_band_radiance(traced.band, whole) @ weights.T + rest).T
+
+    values = of(heat.kelvin)
+    changes = {
+        name: (of(heat.kelvin + change) - of(heat.kelvin - change)).mean(axis=0) / 2
+        for name, change in (heat.changes | {"exchange": heat.noise}).items()
+    }
+    error = values.std(axis=0, ddof=1) / np.sqrt(len(values))
+    return Intensity(traced.band.label, values.mean(axis=0), error, changes)

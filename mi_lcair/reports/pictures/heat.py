@@ -1,0 +1,37 @@
+"""Picture of temperatures from a heat balance: of groups over the day, and the intensity."""
+
+import numpy as np
+
+from mi_lcair.drawing import new_figure, plain, styled
+
+
+@styled
+def figure(heat):
+    """Figure of the mean temperature of each group, and of the intensity if it is known."""
+    figure = new_figure((9 if heat.intensity else 6, 3.8), layout="constrained")
+    left, *rest = np.atleast_1d(figure.subplots(1, 2 if heat.intensity else 1))
+    mean, error = heat.of_groups(heat.kelvin), heat.of_groups(heat.error_K)
+    if heat.is_steady:
+        places = np.arange(len(heat.facets.groups))
+        left.errorbar(mean[0], places, xerr=2 * error[0], fmt="o", capsize=3)
+        left.set(xlabel="mean temperature (K), k = 2", yticks=places)
+        left.set_yticklabels([plain(group) for group in heat.facets.groups])
+    else:
+        for g, group in enumerate(heat.facets.groups):
+            (line,) = left.plot(heat.hours, mean[:, g], label=plain(group))
+            band = mean[:, g] - 2 * error[:, g], mean[:, g] + 2 * error[:, g]
+            left.fill_between(heat.hours, *band, color=line.get_color(), alpha=0.2, lw=0)
+        left.set(xlabel="hour", ylabel="mean temperature (K), k = 2")
+        left.legend()
+    for axes in rest:
+        value, sigma = heat.intensity.values, heat.intensity.sigma
+        if heat.is_steady:
+            axes.errorbar([0], value, 2 * sigma, fmt="o", capsize=3)
+            axes.set(xticks=[])
+        else:
+            axes.plot(heat.hours, value)
+            axes.fill_between(heat.hours, value - 2 * sigma, value + 2 * sigma, alpha=0.2, lw=0)
+            axes.set(xlabel="hour")
+        axes.set(ylabel=f"intensity, {plain(heat.intensity.band)} (W/sr), k = 2")
+    figure.suptitle(plain(heat.summary()), fontsize=10)
+    return figure

@@ -1,0 +1,114 @@
+"""Modes: patterns of facet temperatures, whose amplitudes are parameters of a scene.
+
+A file of modes is a CSV facet,kelvin,by_NAME_K,... as `mi-lcair heat` writes it. A scene that is
+loaded with it has its temperatures, and for each column `by_NAME_K` the parameter `heat.NAME`. For
+an amplitude a of it, the temperatures are a times the column higher. The columns of `heat` are the
+changes for one standard uncertainty of an input, so that a is its error in standard uncertainties.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from os import PathLike
+from typing import ClassVar
+
+import numpy as np
+
+from mi_lcair.errors import InputError
+from mi_lcair.rendering.scene import Scene
+from mi_lcair.sensitivity.entries import LARGEST_AMPLITUDE, Entry, Parameter, Place
+from mi_lcair.sensitivity.facet_temperatures import facets_of_shapes, set_facets
+from mi_lcair.table import read_table
+
+MODES = "modes"  # among the values of a scene's parameters, a file of modes
+HEAT, BEFORE, AFTER = "heat", "by_", "_K"  # owner of the names, and the ends of a column's name
+
+
+@dataclass(frozen=True, kw_only=True)
+class Patterns:
+    """The modes of a scene.
+
+    loaded: temperatures of the primitives of each shape without modes [K]. changes: {name: {shape:
+    change of its primitives for an amplitude of 1}} [K].
+    """
+
+    loaded: dict
+    changes: dict[str, dict]
+
+    def values(self) -> dict[str, float]:
+        """The present amplitudes, which least squares give from the temperatures."""
+        columns = [np.concatenate([*of.values()]) for of in self.changes.values()]
+        now = [place_of(shape).read() - kelvin for shape, kelvin in self.loaded.items()]
+        amplitudes = np.linalg.lstsq(np.stack(columns, axis=1), np.concatenate(now))[0]
+        return dict(zip(self.changes, amplitudes.tolist()))
+
+
+@dataclass(frozen=True, kw_only=True)
+class OfMode(Entry):
+    """The amplitude of a mode. changes: of the primitives of each shape for a value of 1 [K]."""
+
+    value: float
+    changes: dict
+    model: ClassVar[None] = None
+
+    def numbers(self) -> list[np.ndarray]:
+        return [np.array([self.value])]
+
+    def mean(self, numbers: list[np.ndarray]) -> float:
+        return float(numbers[0][0])
+
+    def moved(self, value: float) -> list[np.ndarray]:
+        step = value - self.value
+        return [place.read() + step * self.changes[place.node] for place in self.places]
+
+    def described(self) -> Parameter:
+        bounds = -LARGEST_AMPLITUDE, LARGEST_AMPLITUDE
+        return Parameter(self.name, self.kind, self.value, self.unit, *bounds)
+
+
+def place_of(shape) -> Place:
+    """The temperatures of a shape's primitives."""
+    return Place(shape, shape.emitter().attribute, None, np.ones(1))
+
+
+def declare_modes(scene: Scene, path: str | PathLike[str]) -> None:
+    """Give a scene the temperatures of a file, and its modes as parameters.
+
+    Raises InputError for a file without modes, for a facet that the scene does not have, and for
+    emitters without a temperature for each facet.
+    """
+    table = read_table(path, ("facet", "kelvin"), MODES)
+    columns = [name for name in table.columns if name.startswith(BEFORE) and name.endswith(AFTER)]
+    if not columns:
+        raise InputError(f"{MODES} {path}: has no column {BEFORE}NAME{AFTER}")
+    numbers = table.numbers(("facet", "kelvin", *columns))
+    table.check_range("kelvin", numbers["kelvin"], 1, 1e5)
+    facets = numbers["facet"].astype(int).tolist()
+    set_facets(scene, dict(zip(facets, numbers["kelvin"].tolist())))
+    row = {facet: number for number, facet in enumerate(facets)}
+    rows = {}
+    for shape, of_primitives in facets_of_shapes(scene):
+        known = np.array([row.get(int(facet), -1) for facet in of_primitives])
+        if (known >= 0).any():
+            rows[shape] = known
+    if not rows:
+        raise InputError(f"{MODES} {path}: {scene.name} has none of its facets")
+    changes = {
+        HEAT + "." + name[len(BEFORE) : -len(AFTER)]: {
+            shape: np.where(known >= 0, numbers[name][known], 0) for shape, known in rows.items()
+        }
+        for name in columns
+    }
+    loaded = {shape: place_of(shape).read() for shape in rows}
+    scene.moved[MODES] = Patterns(loaded=loaded, changes=changes)
+
+
+def modes_of(scene: Scene) -> Mapping[str, OfMode]:
+    """The modes of a scene by name; none if it has none."""
+    patterns = scene.moved.get(MODES)
+    if patterns is None:
+        return {}
+    values = patterns.values()
+    return {
+        name: OfMode(name, "mode", [place_of(s) for s in of], value=values[name], changes=of)
+        for name, of in patterns.changes.items()
+    }
