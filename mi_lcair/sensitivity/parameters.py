@@ -48,7 +48,7 @@ from mi_lcair.sensitivity.entries import (
     check_materials,
     entries,
 )
-from mi_lcair.sensitivity.modes import MODES, declare_modes, modes_of
+from mi_lcair.sensitivity.temperatures.modes import MODES, declare_modes, modes_of
 from mi_lcair.startup.threads import exclusively
 
 NOT_IN_FILE = (MOTIONS, MODES)  # parameters that name files which declare more parameters

@@ -32,9 +32,9 @@ def command(heat, output, hour, variant, threads, json):
     """Temperatures of the facets of a scene from their heat balance.
 
     HEAT.toml has the tables [target], [weather], [groups.NAME], [sigma], [run] and [signature].
-    Printed are the mean temperatures of the groups with their standard uncertainty, and what each
-    uncertain input contributes. FILE.csv is what `mi-lcair import --temperatures` takes; FILE.nc
-    has all times.
+    Printed are the mean temperatures of the groups in K with their standard uncertainty, and what
+    each uncertain input contributes. FILE.csv is what `mi-lcair import --temperatures` takes;
+    FILE.nc has all times.
     """
     check_outputs((output, SUFFIXES))
     options = {} if hour is None else {"hour": hour}

@@ -12,13 +12,15 @@ What remains is one equation for each facet, see `balance`.
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import expm
 
 from mi_lcair.errors import InputError
 from mi_lcair.heating.temperatures.network import STEP, Change, Network
-from mi_lcair.heating.temperatures.wall import CELLS, Wall
+from mi_lcair.heating.temperatures.wall import CELLS, DAY, Wall
+from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 
-PERIODIC = 2e-3  # largest change of a temperature from day to day at which the days end [K]
-MOST_DAYS = 400
+PERIODIC = 2e-3  # largest distance of a temperature from its periodic value [K]
+MOST_DAYS = 60
 DAILY = 1e-9  # residual of the balance of a step, as a fraction of the power
 BDF2, EULER = 1.5, 1.0  # coefficients of the new temperatures in a step
 PARTS = 16  # implicit Euler steps in place of a first step of BDF2
@@ -29,8 +31,8 @@ class Course:
     """Temperatures of the facets over the times of a weather.
 
     kelvin: (m, n). changes: (columns, m, n), their changes by the columns [K]. residual: largest
-    power that is left over [W]. days: number of days that were calculated. drift: change of a
-    temperature from the last day to the one before [K].
+    power that is left over [W]. days: number of days that were calculated. drift: largest distance
+    of a temperature from its periodic value, as the last day shows it [K].
     """
 
     kelvin: np.ndarray
@@ -121,14 +123,12 @@ def course(network: Network, columns=(), start_K: float | None = None) -> Course
     while drift >= PERIODIC:
         if days == MOST_DAYS:
             raise InputError(f"the temperatures still change by {drift:.2g} K after {days} days")
-        before = march.state
-        march.run(with_columns=False)
-        days, drift = days + 1, float(abs(march.state - before).max())
-    for _ in range(MOST_DAYS if columns else 0):
-        before = march.tangents
-        march.run()
-        if abs(march.tangents - before).max() < PERIODIC:
+        days, drift = days + 1, march.repeat()
+    drift_of_columns = np.inf if columns else 0.0
+    for _ in range(MOST_DAYS):
+        if drift_of_columns < PERIODIC:
             break
+        drift_of_columns = march.repeat_columns()
     return march.course(days, drift)
 
 
@@ -179,6 +179,45 @@ class March:
         self.residual = 0.0
         for k in range(first, len(self.kelvin)):
             self.step(k, BDF2, with_columns)
+
+    def repeat(self) -> float:
+        """Take the steps of a day; returns how far its beginning was from a periodic one [K]."""
+        before = self.state
+        self.run(with_columns=False)
+        change = self.state[1] - before[1]
+        left = self.left(change)
+        self.state = self.state + left
+        return float(abs(change + left).max())
+
+    def repeat_columns(self) -> float:
+        """The same of the changes by the columns."""
+        state, before = self.state, self.tangents
+        self.run()
+        change = self.tangents[1] - before[1]
+        left = self.left(change)
+        self.state, self.tangents = state, self.tangents + left
+        return float(abs(change + left).max())
+
+    def left(self, change: np.ndarray) -> np.ndarray:
+        """How far temperatures still are from periodic ones, from their change over a day.
+
+        A wall below a surface that loses heat in proportion to its temperature changes by
+        U = Phi U from day to day, so that (I - Phi)^-1 Phi of a change is left to do. change:
+        (..., nodes, n).
+        """
+        result, facets = np.zeros_like(change), self.network.facets
+        loss = np.full(len(facets.area), np.nan)
+        slope = 4 * STEFAN_BOLTZMANN * self.kelvin.mean(axis=0) ** 3 * self.network.conductors.total
+        loss[self.network.is_free] = self.conductance.mean(axis=0)
+        loss = (loss + slope) / facets.area
+        for group, members in self.walls.items():
+            wall = self.network.wall(group)
+            matrix = wall.conduction()
+            matrix[0, 0] += loss[members].mean()
+            day = expm(-matrix / wall.mass()[:, None] * DAY)
+            rest = np.linalg.solve(np.eye(CELLS + 1) - day, day)
+            result[..., members] = rest @ change[..., members]
+        return result
 
     def step(self, k: int, scheme: float, with_columns: bool) -> None:
         """Take the step to a time."""

@@ -179,7 +179,7 @@ class Sigma:
     is_relative: bool
 
     @staticmethod
-    def of(name: str, given) -> "Sigma":
+    def of(name: str, given: object) -> "Sigma":
         """The uncertainty of an entry of [sigma], such as 0.05 or "30 %"."""
         where = f"[sigma]: {name}"
         if isinstance(given, str) and given.strip().endswith("%"):

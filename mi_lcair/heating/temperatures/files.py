@@ -9,15 +9,15 @@ import numpy as np
 from mi_lcair.files import replacing
 from mi_lcair.formats import csv
 from mi_lcair.heating.temperatures.heat_result import Heat
-from mi_lcair.sensitivity.modes import AFTER, BEFORE
+from mi_lcair.sensitivity.temperatures.modes import AFTER, BEFORE
 
 
 def write_csv(path: str | PathLike[str], heat: Heat, hour: float | None = None) -> None:
     """Write facet,kelvin,error_K of all facets of the scene, as `mi-lcair import` takes them.
 
     A column `by_NAME_K` for each uncertain input has the change for one standard uncertainty, see
-    `mi_lcair.sensitivity.modes`. Facets that exchange no heat keep their temperature, with the
-    error 0. Those without an area have the mean temperature of the others.
+    `mi_lcair.sensitivity.temperatures.modes`. Facets that exchange no heat keep their temperature,
+    with the error 0. Those without an area have the mean temperature of the others.
 
     Parameters
     ----------

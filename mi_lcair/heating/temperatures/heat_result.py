@@ -1,7 +1,7 @@
 """Temperatures of a scene's facets from their heat balance, as a result."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -10,6 +10,9 @@ from mi_lcair.heating.conductors import Facets
 from mi_lcair.heating.temperatures.description import Sigma
 from mi_lcair.rendering.facets.polygons import FacetPolygons
 from mi_lcair.results import Result
+
+if TYPE_CHECKING:
+    import xarray
 
 HOUR = 3600.0
 HOURS = Bounds(lower=0)
@@ -185,7 +188,7 @@ class Heat(Result):
             },
         }
 
-    def to_xarray(self):
+    def to_xarray(self) -> "xarray.Dataset":
         """An xarray Dataset over time and facet; `dT` has the changes by input [K].
 
         Raises InputError if xarray is not installed.

@@ -25,19 +25,24 @@ OF_SURFACE = ("h", "absorptance", "emissivity", "internal_W_m2", "temperature")
 INPUTS = tuple(dict.fromkeys((*OF_WEATHER, *OF_SURFACE, *OF_WALL)))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sunlit:
-    """Sunlight that the facets absorb, each in m^2.
+    """Sunlight that the facets absorb, for each of R randomisations, in m^2.
 
-    beam: (m, n), power by the irradiance of the beam at each time. sky: (n,), by the irradiance of
-    an even sky on a horizontal plane. ground: (n,), by the irradiance that the ground reflects.
-    absorptance: (n,), of the facets in the solar band.
+    beam: (R, m, n), power by the irradiance of the beam at each time. sky: (R, n), by the
+    irradiance of an even sky on a horizontal plane. ground: (R, n), by the irradiance that the
+    ground reflects. absorptance: (n,), of the facets in the solar band.
     """
 
     beam: np.ndarray
     sky: np.ndarray
     ground: np.ndarray
     absorptance: np.ndarray
+
+    def absorbed(self, sun, diffuse, from_ground) -> np.ndarray:
+        """Power for irradiances (m, 1) of the beam, the sky and the ground, (R, m, n) [W]."""
+        of_sky = self.sky[:, None] * diffuse
+        return self.beam * sun + of_sky + self.ground[:, None] * from_ground
 
 
 @dataclass(frozen=True)
@@ -78,10 +83,11 @@ class Column:
 
     def gained(self, kelvin: np.ndarray, k: int) -> np.ndarray:
         """Power that it adds at temperatures (free,) and a time, apart from walls [W]."""
+        power, conductance = (
+            values[k] if np.ndim(values) else values for values in (self.power, self.conductance)
+        )
         radiative = self.radiative(kelvin, k) if self.radiative else 0.0
-        if np.ndim(self.power) == 0:
-            return radiative
-        return self.power[k] - self.conductance[k] * kelvin + radiative
+        return power - conductance * kelvin + radiative
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,16 +207,13 @@ class Network:
         """P and C of all facets whose temperatures are sought, (m, free) [W, W/K]."""
         sky, air, weather = self.conductors.to_sky.sum(axis=1), self.weather.air_K, self.weather
         now = {
-            name: change.of(name, getattr(weather, name))[:, None]
-            for name in ("sky_K", "ground_K", "sun_W_m2", "diffuse_W_m2")
+            name: change.of(name, getattr(weather, name))[:, None] for name in ("sky_K", "ground_K")
         }
-        light = now["sun_W_m2"] * weather.height_of_sun[:, None] + now["diffuse_W_m2"]
         air = change.of("air_K", air)[:, None]
         emitted = STEFAN_BOLTZMANN * (
             sky * now["sky_K"] ** 4 + self.conductors.to_ground * now["ground_K"] ** 4
         )
-        sunlight = self.sunlit.beam * now["sun_W_m2"] + self.sunlit.sky * now["diffuse_W_m2"]
-        sunlight = sunlight + self.sunlit.ground * light * change.of("albedo", weather.albedo)
+        sunlight = self.sunlight(change).mean(axis=0)
         shape = (len(weather.seconds), len(self.facets.area))
         h, internal, share = (
             np.zeros(shape, complex),
@@ -231,6 +234,14 @@ class Network:
         free = self.is_free
         power, conductance = (power + from_held)[:, free], conductance[:, free]
         return (power, conductance) if change.name else (power.real, conductance.real)
+
+    def sunlight(self, change: Change = Change()) -> np.ndarray:
+        """Sunlight that the facets absorb, for each randomisation, (R, m, n) [W]."""
+        weather = self.weather
+        sun = change.of("sun_W_m2", weather.sun_W_m2)[:, None]
+        diffuse = change.of("diffuse_W_m2", weather.diffuse_W_m2)[:, None]
+        light = sun * weather.height_of_sun[:, None] + diffuse
+        return self.sunlit.absorbed(sun, diffuse, light * change.of("albedo", weather.albedo))
 
     def column(self, name: str, sigma: Sigma) -> Column:
         """The derivatives with respect to an input; raises InputError for an unknown one."""
@@ -256,7 +267,7 @@ class Network:
         """
         facets, between = self.facets, self.conductors.between
         area, eps = facets.radiating_area, np.maximum(facets.emissivity, 1e-9)
-        itself = np.maximum(area * eps - self.conductors.total, 0)
+        itself = self.conductors.to_self
         change = Change(name, sigma, 1.0)
         delta = np.zeros(len(area))
         for group, members in zip(facets.groups, self.members):
@@ -279,7 +290,7 @@ class Network:
         return gained
 
     def noise(self) -> list[Column]:
-        """A column for each randomisation of the conductors: its difference from their mean.
+        """A column for each randomisation of the paths: its difference from their mean.
 
         The temperatures of the columns scatter as those of the randomisations.
         """
@@ -292,9 +303,12 @@ class Network:
 
             return gained
 
+        light = self.sunlight()[:, :, free]
+        shape = (len(self.traced.replicates), *light.shape[1:])
+        light = np.broadcast_to(light - light.mean(axis=0), shape)
         return [
-            Column(f"exchange {number}", radiative=of(replicate))
-            for number, replicate in enumerate(self.traced.replicates)
+            Column(f"randomisation {number}", power=power, radiative=of(replicate))
+            for number, (power, replicate) in enumerate(zip(light, self.traced.replicates))
         ]
 
     def mean(self) -> "Network":
@@ -303,7 +317,7 @@ class Network:
         weather = self.weather
         averages = {name: np.mean(getattr(weather, name), keepdims=True) for name in names}
         averages["sky_K"] = np.mean(weather.sky_K**4, keepdims=True) ** 0.25
-        absorbed = np.mean(weather.sun_W_m2[:, None] * self.sunlit.beam, axis=0, keepdims=True)
+        absorbed = np.mean(weather.sun_W_m2[:, None] * self.sunlit.beam, axis=1, keepdims=True)
         sun = averages["sun_W_m2"][0]
         averages |= {
             name: np.mean(getattr(weather, name), keepdims=True)

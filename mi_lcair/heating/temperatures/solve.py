@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from mi_lcair.heating.exchange import exchange
-from mi_lcair.heating.sunlight import sunlight
+from mi_lcair.heating.sunlight import Sunlight
 from mi_lcair.heating.temperatures.day import course
 from mi_lcair.heating.temperatures.description import Description, SignatureTable
 from mi_lcair.heating.temperatures.heat_result import AllFacets, Heat, Intensity
@@ -58,12 +58,15 @@ def temperatures(scene: Scene, description: Description) -> Heat:
 def sunlit(scene: Scene, facets, conditions: Weather, description: Description):
     """The sunlight that facets absorb at the times of a weather, and remarks on it."""
     n, times = len(facets.area), len(conditions.seconds)
-    if not conditions.sun_W_m2.any() and not conditions.diffuse_W_m2.any():
-        return Sunlit(np.zeros((times, n)), np.zeros(n), np.zeros(n), np.ones(n)), ()
-    light = sunlight(scene, facets, description.run.rays, description.run.seed)
-    beam, shines = np.zeros((times, n)), conditions.sun_W_m2 > 0
-    beam[shines] = [light.absorbing_area(d) for d in conditions.toward_sun[shines]]
-    of_sky = light.of_sky.sum(axis=1)
+    shines = conditions.sun_W_m2 > 0
+    if not shines.any() and not conditions.diffuse_W_m2.any():
+        dark = np.zeros((1, n))
+        return Sunlit(dark[:, None] + np.zeros((times, 1)), dark, dark, np.ones(n)), ()
+    light = Sunlight(scene, description.run.rays, description.run.seed)
+    beam = np.zeros((len(light.of_ground), times, n))
+    if shines.any():
+        beam[:, shines] = light.areas(conditions.toward_sun[shines]).absorbing
+    of_sky = light.of_sky.sum(axis=2)
     return Sunlit(beam, of_sky, light.of_ground, light.absorptance), light.remarks
 
 

@@ -26,8 +26,8 @@ from mi_lcair.rendering.images.render import render_image
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import View, seen_from
-from mi_lcair.sensitivity.facet_temperatures import facet_temperatures
 from mi_lcair.sensitivity.parameters import load_with_values, parameters_of
+from mi_lcair.sensitivity.temperatures.facets import facet_temperatures
 from mi_lcair.signatures.signature import measure_signature
 from mi_lcair.table import read_table
 

@@ -16,7 +16,7 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.sensitivity.entries import LARGEST_AMPLITUDE, Entry, Parameter, Place
-from mi_lcair.sensitivity.facet_temperatures import facets_of_shapes, set_facets
+from mi_lcair.sensitivity.temperatures.facets import facets_of_shapes, set_facets
 from mi_lcair.table import read_table
 
 MODES = "modes"  # among the values of a scene's parameters, a file of modes

@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from mi_lcair.heating.temperatures.day import course
 from mi_lcair.heating.temperatures.description import Sigma
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
-from tests.heating.networks import network, weather
+from tests.heating.temperatures.networks import network, weather
 
 PANEL = {"conductivity": 200.0, "density": 2700.0, "heat_capacity": 900.0}
 SOIL = {"conductivity": 1.2, "density": 1800.0, "heat_capacity": 1100.0, "thickness_mm": 2000.0}

@@ -10,7 +10,7 @@ from mi_lcair.heating.temperatures.balance import Balance
 from mi_lcair.heating.temperatures.day import steady
 from mi_lcair.heating.temperatures.description import Sigma
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
-from tests.heating.networks import network, weather
+from tests.heating.temperatures.networks import network, weather
 
 WALL = {"thickness_mm": 50, "conductivity": 0.1, "density": 100, "heat_capacity": 1000}
 SIGMAS = {
@@ -161,7 +161,6 @@ def test_derivative_with_respect_to_emissivity():
 
     def room(shift):
         matrix, sky = of(eps + shift)
-        np.fill_diagonal(matrix, 0)
         made = network(matrix, sky, np.zeros(3), weather(h_W_m2_K=2.0, sun_W_m2=500), area=area,
                        beam=[0.5, 0, 0])  # fmt: skip
         made.facets.emissivity[:] = eps

@@ -32,8 +32,9 @@ def network(between, sky, ground, conditions, *, area=None, beam=0.0, groups=Non
 
     def conductors(matrix):
         to_sky, to_ground = np.reshape(sky, (n, 1)), np.asarray(ground, float)
-        between = sparse.csr_array(np.asarray(matrix, float))
-        return Conductors(between, to_sky, to_ground, to_self=np.zeros(n))
+        itself = np.diag(np.asarray(matrix, float))
+        between = sparse.csr_array(np.asarray(matrix, float) - np.diag(itself))
+        return Conductors(between, to_sky, to_ground, to_self=itself)
 
     mean = conductors(between)
     total = np.maximum(mean.total, 1e-3)
@@ -44,9 +45,8 @@ def network(between, sky, ground, conditions, *, area=None, beam=0.0, groups=Non
     )  # fmt: skip
     times = len(conditions.seconds)
     beam = np.broadcast_to(beam, (times, n)).astype(float)
-    sunlit = Sunlit(
-        beam, 0.6 * np.asarray(sky, float), 0.6 * np.asarray(ground, float), np.full(n, 0.6)
-    )
+    diffuse = 0.6 * np.array([[sky], [ground]], float)
+    sunlit = Sunlit(beam[None], *diffuse, np.full(n, 0.6))
     tables = {name: GroupTable(**table) for name, table in (groups or {}).items()}
     for table in tables.values():
         table.check("")

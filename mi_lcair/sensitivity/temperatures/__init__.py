@@ -1,0 +1,1 @@
+"""Temperatures of single facets, and patterns of them."""

@@ -1,0 +1,113 @@
+"""`heat` on the box of the examples: results, files, and what is refused."""
+
+import shutil
+import tomllib
+
+import numpy as np
+import pytest
+
+import mi_lcair
+from mi_lcair import models3d, scenes
+from mi_lcair.cli import main
+from mi_lcair.errors import InputError
+from mi_lcair.heating.temperatures.description import Description
+from mi_lcair.sensitivity.temperatures.facets import set_facets
+
+EXAMPLES = scenes.FOLDER / "examples"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """The box and its heat.toml with few steps and paths."""
+    path = tmp_path_factory.mktemp("heat")
+    models3d.export(models3d.read(EXAMPLES / "box.obj"), path / "box")
+    shutil.copy(EXAMPLES / "day.csv", path)
+    text = (EXAMPLES / "heat.toml").read_text()
+    (path / "heat.toml").write_text(f"{text}\n[run]\nsteps = 12\nrays = 64\n")
+    return path
+
+
+@pytest.fixture(scope="module")
+def day(folder):
+    return mi_lcair.heat(folder / "heat.toml")
+
+
+def test_day(day):
+    assert day.kelvin.shape == (12, 7)
+    lid = day.of_groups(day.kelvin)[:, day.facets.groups.index("lid")]
+    assert lid.argmax() in (5, 6, 7)
+    assert np.ptp(lid) > 30
+    assert (
+        set(day.changes) == set(day.sigmas) == set(Description.read(EXAMPLES / "heat.toml").sigma)
+    )
+    assert (day.changes["sky_K"] > 0).all()
+    assert day.residual_W < 1e-3
+    assert "kelvin" not in day.summary()
+
+
+def test_intensity_is_that_of_a_render_with_its_temperatures(day, folder):
+    scene = mi_lcair.load(folder / "box" / "scene.xml")
+    set_facets(scene, dict(zip(day.facets.number.tolist(), day.kelvin[6].tolist())))
+    rendered = mi_lcair.signature(scene, spp=256)
+    error = np.hypot(rendered.target.standard_error, day.intensity.error[6])
+    assert abs(rendered.target.intensity - day.intensity.values[6]) < 4 * error
+
+
+def test_files(day, tmp_path, folder):
+    import meshio
+    import xarray
+
+    day.save(tmp_path / "t.csv", hour=14)
+    model = models3d.read(EXAMPLES / "box.obj", temperatures=tmp_path / "t.csv")
+    np.testing.assert_allclose(model.temperature, day.kelvin[6], rtol=1e-8)
+    assert (tmp_path / "t.csv").read_text().startswith("facet,kelvin,error_K,by_h_K")
+    day.save(tmp_path / "t.nc")
+    with xarray.open_dataset(tmp_path / "t.nc") as data:
+        np.testing.assert_allclose(data.temperature_K, day.kelvin)
+        assert data.change_K.dims == ("input", "time", "facet")
+    day.save(tmp_path / "t.vtu", hour=14)
+    cells = meshio.read(tmp_path / "t.vtu").cell_data["temperature_K"]
+    np.testing.assert_allclose(np.concatenate(cells), day.kelvin[6])
+    day.save(tmp_path / "t.vtp.series")
+    assert len(list(tmp_path.glob("t_*.vtp"))) == 12
+    day.save(tmp_path / "t.png")
+    day.save(tmp_path / "t.json")
+    scene = mi_lcair.load(folder / "box" / "scene.xml", modes=tmp_path / "t.csv")
+    assert mi_lcair.parameters(scene)["heat.terrain.conductivity"].value == 0
+
+
+def test_steady_state_of_a_sunlit_room_of_one_temperature(folder):
+    """Everything at 300 K stays there: surroundings, air and no sun."""
+    weather = {"air_K": 300.0, "sky_K": 300.0, "ground_K": 300.0, "h_W_m2_K": 5.0}
+    target = {"scene": str(folder / "box" / "scene.xml")}
+    room = mi_lcair.heat({"target": target, "weather": weather, "run": {"rays": 64}})
+    np.testing.assert_allclose(room.kelvin, 300, atol=1e-6)
+    assert "steady state" in room.summary()
+    assert room.residual_W < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("tables", "message"),
+    [
+        ({"groups": {"wing": {}}}, "unknown group 'wing'"),
+        ({"sigma": {"wind": 1.0}}, "unknown input 'wind'"),
+        ({"sigma": {"lid.sky_K": 1.0}}, "sky_K is of the weather"),
+        ({"weather": {"h_W_m2_K": 5.0, "sky_K": 250.0}}, "air_K is missing"),
+    ],
+)
+def test_refused(folder, tables, message):
+    text = (folder / "heat.toml").read_text()
+    tree = tomllib.loads(text) | {"weather": {"air_K": 290.0, "h_W_m2_K": 5.0, "sky_K": 250.0}}
+    tree["target"]["scene"] = str(folder / "box" / "scene.xml")
+    with pytest.raises(InputError, match=message):
+        mi_lcair.heat(tree | tables)
+
+
+def test_command_refuses_in_one_line(folder, capsys):
+    (folder / "bad.toml").write_text(
+        '[target]\nscene = "box/scene.xml"\n[groups.lid]\ndensity = -1\n'
+    )
+    with pytest.raises(SystemExit) as status:
+        main(["heat", str(folder / "bad.toml")])
+    assert status.value.code == 2
+    assert capsys.readouterr().err.count("\n") == 1
