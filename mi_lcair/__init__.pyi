@@ -12,6 +12,7 @@ from mi_lcair.api.invert import invert as invert
 from mi_lcair.api.load import load as load
 from mi_lcair.api.materials import materials as materials
 from mi_lcair.api.parameters import parameters as parameters
+from mi_lcair.api.pose import pose as pose
 from mi_lcair.api.render import render as render
 from mi_lcair.api.render_with_errors import render_with_errors as render_with_errors
 from mi_lcair.api.report import report as report

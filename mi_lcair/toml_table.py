@@ -1,5 +1,7 @@
 """Dataclasses from the tables of a TOML file, with one line about what cannot be used."""
 
+import json
+import re
 from dataclasses import MISSING, fields
 from types import UnionType
 from typing import Literal, Union, get_args, get_origin
@@ -44,6 +46,28 @@ def filled(kind, values, where: str):
             for key, value in values.items()
         }
     )
+
+
+def text_of(tables: dict[str, dict]) -> str:
+    """The TOML of tables of texts, numbers, lists and inner tables."""
+    lines = (
+        [f"[{table}]", *(f"{keyed(key)} = {worded(value)}" for key, value in entries.items()), ""]
+        for table, entries in tables.items()
+    )
+    return "\n".join(line for part in lines for line in part)
+
+
+def keyed(key: str) -> str:
+    return key if re.fullmatch(r"[\w-]+", key, re.ASCII) else json.dumps(key)
+
+
+def worded(value) -> str:
+    """A value in one line; texts and numbers of TOML are those of JSON."""
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{keyed(k)} = {worded(v)}' for k, v in value.items())}}}"
+    if isinstance(value, list):
+        return f"[{', '.join(map(worded, value))}]"
+    return json.dumps(value)
 
 
 def required(kind):

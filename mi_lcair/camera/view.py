@@ -253,13 +253,11 @@ def axes_of(
     target: Target, view: View, range_m: float, imager: Imager, pointing: Pointing
 ) -> dict[str, np.ndarray]:
     """Position and unit vectors of a camera: eye, axis, right and up, see `CameraView`."""
-    above = UP if abs(view.elevation_deg) < POLE_DEG else BESIDE
-    right = unit(np.cross(above, view.direction))
-    up = np.cross(view.direction, right)
+    right, up = level_sides(view)
     aside, higher = np.tan(np.radians([imager.right_deg, imager.up_deg]))
     axis = unit(aside * right + higher * up - view.direction)
     right = unit(np.cross(axis, up))
-    up = np.cross(right, axis)
+    right, up = rolled(right, np.cross(right, axis), imager.roll_deg)
     eye = target.centre + range_m * view.direction
     # An image that lies farther to the right is that of a camera which points farther to the left
     turn = imager.pixel_angle * (pointing.y_px * up - pointing.x_px * right)
@@ -268,10 +266,30 @@ def axes_of(
     else:
         axis = unit(axis + turn)
         right = unit(np.cross(axis, up))
-    roll = np.radians(pointing.roll_deg)
-    up = np.cross(right, axis)
-    right, up = np.cos(roll) * right - np.sin(roll) * up, np.cos(roll) * up + np.sin(roll) * right
+    right, up = rolled(right, np.cross(right, axis), pointing.roll_deg)
     return {"eye": eye, "axis": axis, "right": right, "up": up}
+
+
+def pointing_of(view: View, right: np.ndarray, axis: np.ndarray) -> dict[str, float]:
+    """right_deg, up_deg and roll_deg of a camera, from its unit vectors: inverse of `axes_of`."""
+    level, above = level_sides(view)
+    aside, higher = np.degrees(np.arctan2([axis @ level, axis @ above], -axis @ view.direction))
+    level = unit(np.cross(axis, above))
+    roll = np.degrees(np.arctan2(-right @ np.cross(level, axis), right @ level))
+    return {"right_deg": float(aside), "up_deg": float(higher), "roll_deg": float(roll)}
+
+
+def level_sides(view: View) -> tuple[np.ndarray, np.ndarray]:
+    """Unit vectors to the right and upward of a camera that looks against a view's direction."""
+    above = UP if abs(view.elevation_deg) < POLE_DEG else BESIDE
+    right = unit(np.cross(above, view.direction))
+    return right, np.cross(view.direction, right)
+
+
+def rolled(right: np.ndarray, up: np.ndarray, angle_deg: float) -> tuple[np.ndarray, np.ndarray]:
+    """The vectors to the right and upward of a camera that turns to the right about its axis."""
+    cos, sin = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
+    return cos * right - sin * up, cos * up + sin * right
 
 
 def film_size(imager: Imager) -> tuple[int, int]:

@@ -32,6 +32,7 @@ PURPOSES = {
         "cavity": "scenarios.cavity",
         "exchange": "scenarios.exchange",
         "heat": "scenarios.heat",
+        "pose": "scenarios.pose",
     },
     "Scenes and materials": {
         "scenes": "scenes",

@@ -510,25 +510,13 @@ class Scenario:
         InputError
             If the file or a change cannot be used.
         """
-        if not isinstance(source, (str, PathLike)):
-            raise InputError(f"{type(source).__name__} is no scenario; {STATED}")
-        path, name = Path(source), Path(source).stem
-        if path.suffix.lower() == ".xml" or str(source) in scenes.names():
-            raise InputError(f"'{source}' is a scene and no scenario; {STATED}")
-        if not path.suffix and not os.path.isfile(path):
-            path, name = scenes.scenario_path(str(source)), str(source)
-        text = read_text(path, f"scenario '{source}'")
-        tree = parse_toml(text, f"scenario '{source}'")
+        path, name, title, tree = tables_of(source, changes)
         try:
             known = {
                 entry.name: kind
                 for entry in fields(Scenario)
                 if is_dataclass(kind := required(entry.type))
             }
-            locate(tree, path.parent)
-            for key, value in changes.items():
-                # The name of a parameter may have a dot of its own
-                change(tree, key.split(".", 2 if key.startswith(OF_SCENE) else -1), value)
             if isinstance(tree.get("surroundings"), dict):
                 tree["surroundings"] = dict(map(worded, *zip(*tree["surroundings"].items())))
             for table in tree:
@@ -547,7 +535,7 @@ class Scenario:
                 parts |= placed(parts["target"], parts["flight"].moments(), 0)
         except InputError as error:
             raise InputError(f"scenario '{source}': {error}") from None
-        return Scenario(name, scenes.first_comment(text), **parts, motions=motions)
+        return Scenario(name, title, **parts, motions=motions)
 
     def at_moment(self, moments: Moments, number: int) -> "Scenario":
         """The scenario at one moment of a flight."""
@@ -571,6 +559,30 @@ class Scenario:
             name: str(value).lower() if isinstance(value, bool) else str(value)
             for name, value in (self.target.parameters | pose).items()
         }
+
+
+def tables_of(source: str | PathLike[str], changes: Mapping[str, object]) -> tuple:
+    """File, name, title and tables of a scenario, whose paths are resolved, with the changes.
+
+    Arguments and errors are those of `Scenario.read`. The tables are not checked.
+    """
+    if not isinstance(source, (str, PathLike)):
+        raise InputError(f"{type(source).__name__} is no scenario; {STATED}")
+    path, name = Path(source), Path(source).stem
+    if path.suffix.lower() == ".xml" or str(source) in scenes.names():
+        raise InputError(f"'{source}' is a scene and no scenario; {STATED}")
+    if not path.suffix and not os.path.isfile(path):
+        path, name = scenes.scenario_path(str(source)), str(source)
+    text = read_text(path, f"scenario '{source}'")
+    tree = parse_toml(text, f"scenario '{source}'")
+    try:
+        locate(tree, path.parent)
+        for key, value in changes.items():
+            # The name of a parameter may have a dot of its own
+            change(tree, key.split(".", 2 if key.startswith(OF_SCENE) else -1), value)
+    except InputError as error:
+        raise InputError(f"scenario '{source}': {error}") from None
+    return path, name, scenes.first_comment(text), tree
 
 
 def check_moves(tree: dict) -> None:

@@ -71,6 +71,8 @@ class Imager:
         Whether the camera corrects its non-uniformity with two uniform scenes.
     right_deg, up_deg : float
         Angle of the optical axis to the right of the target's middle and above it, degrees.
+    roll_deg : float
+        Turn of the camera about its optical axis, clockwise as seen from behind it, degrees.
     projection : str
         "perspective", or "orthographic" with the scale of the target's range.
     least_pixels : float
@@ -108,6 +110,7 @@ class Imager:
     nuc: bool = False
     right_deg: float = field(default=0.0, metadata=ASIDE)
     up_deg: float = field(default=0.0, metadata=ASIDE)
+    roll_deg: float = field(default=0.0, metadata=within(lower=-180, upper=180))
     projection: str = "perspective"
     least_pixels: float = field(default=1.0, metadata=NOT_NEGATIVE)
 

@@ -1,0 +1,1 @@
+"""Where a camera is: its pose from points whose pixels are known."""

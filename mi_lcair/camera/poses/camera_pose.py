@@ -1,0 +1,187 @@
+"""The pose of a camera from points, as a result, and as a scenario with this camera."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from mi_lcair.camera.poses.from_points import Solved, solve
+from mi_lcair.camera.view import pointing_of
+from mi_lcair.detection.scenario import Observer, Scenario, change
+from mi_lcair.detection.setting import target_scene
+from mi_lcair.errors import InputError
+from mi_lcair.files import replacing
+from mi_lcair.rendering.statistics import student_factor
+from mi_lcair.rendering.views import Target, View
+from mi_lcair.results import Result
+from mi_lcair.toml_table import text_of
+
+COLUMNS = ("x_m", "y_m", "z_m", "column_px", "row_px")
+
+
+@dataclass(frozen=True, repr=False)
+class CameraPose(Result):
+    """Where a camera is that sees points of a scene in known pixels.
+
+    Attributes
+    ----------
+    name : str
+        Name of the scenario.
+    points : ndarray, shape (n, 5)
+        Points in the scene's axes [m], with column and row [pixels].
+    position_m : ndarray, shape (3,)
+        Position in the scene's axes.
+    position_error_m : ndarray, shape (3,)
+        Standard errors of its coordinates.
+    turn_error_deg : ndarray, shape (3,)
+        Standard errors of turns about the directions to the right, upward, and along the axis.
+    factor : float
+        Half of a 95 % interval in standard errors (Student's, where the residuals are the noise).
+    residual_px : ndarray, shape (n, 2)
+        Predicted columns and rows less the given ones.
+    observer : Observer
+        The position from the middle of the scene's model.
+    pointing : dict of str to float
+        right_deg, up_deg and roll_deg of a table [camera].
+    tables : dict
+        Tables of the scenario with this camera.
+    remarks : tuple of str
+    """
+
+    name: str
+    points: np.ndarray
+    position_m: np.ndarray
+    position_error_m: np.ndarray
+    turn_error_deg: np.ndarray
+    factor: float
+    residual_px: np.ndarray
+    observer: Observer
+    pointing: dict[str, float]
+    tables: dict[str, dict]
+    remarks: tuple[str, ...] = ()
+
+    kind: ClassVar[str] = "pose"
+    sections_by: ClassVar[str] = "mi_lcair.reports.sections.pose:sections"
+    saved_by: ClassVar[dict[str, str]] = {
+        ".toml": "mi_lcair.camera.poses.camera_pose:write_scenario"
+    }
+
+    @property
+    def rms_px(self) -> float:
+        """Rms residual of a column or row [pixels]."""
+        return float(np.sqrt(np.mean(self.residual_px**2)))
+
+    def summary(self) -> str:
+        """One line with the position, its 95 % interval, and the residual."""
+        place = ", ".join(f"{value:.5g}" for value in self.position_m)
+        half = ", ".join(f"{value:.2g}" for value in self.factor * self.position_error_m)
+        return (
+            f"pose of the camera of {self.name}: at ({place}) m, 95 % +- ({half}) m, "
+            f"{self.rms_px:.2g} pixels rms"
+        )
+
+    def entries(self) -> dict:
+        """Entries for JSON: the pose, its errors, and the points."""
+        observer = self.observer
+        return {
+            "scenario": self.name,
+            "position_m": self.position_m,
+            "position_error_m": self.position_error_m,
+            "turn_error_deg": self.turn_error_deg,
+            "half_width_in_errors": self.factor,
+            "rms_px": self.rms_px,
+            "observer": {
+                "position_m": observer.position_m,
+                "range_m": observer.range_m,
+                "azimuth_deg": observer.azimuth_deg,
+                "elevation_deg": observer.elevation_deg,
+            },
+            "camera": self.pointing,
+            "columns": self.columns(),
+            "remarks": self.remarks,
+        }
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """The points, their pixels, and the residuals."""
+        residuals = zip(("residual_column_px", "residual_row_px"), self.residual_px.T)
+        return dict(zip(COLUMNS, self.points.T)) | dict(residuals)
+
+
+def camera_pose(
+    scenario: Scenario, tables: dict, points: np.ndarray, sigma_px: float | None
+) -> CameraPose:
+    """The pose in which the camera of a scenario sees points; see `mi_lcair.pose`.
+
+    tables: those of the scenario's file.
+    """
+    imager = scenario.camera
+    if imager is None or imager.projection != "perspective":
+        raise InputError(
+            "a pose needs a table [camera] with focal_length_mm, pitch_um, width and height, and "
+            "projection = perspective"
+        )
+    if scenario.flight is not None:
+        raise InputError("the scenario has a [flight]; a pose needs an [observer] in its place")
+    solved = solve(points[:, :3], points[:, 3:], imager, sigma_px)
+    target = Target.of(target_scene(scenario, scenario.sensor.detector()))
+    from_middle = solved.eye - target.centre
+    observer = Observer(position_m=tuple(map(float, from_middle)))
+    view = View(observer.azimuth_deg, observer.elevation_deg)
+    pointing = pointing_of(view, solved.sides[0], solved.sides[2])
+    change(tables, ["observer", "position_m"], list(observer.position_m))
+    for name, angle in pointing.items():
+        change(tables, ["camera", name], angle)
+    return CameraPose(
+        scenario.name,
+        points,
+        solved.eye,
+        solved.errors[3:],
+        np.degrees(solved.errors[:3]),
+        solved.factor,
+        solved.residual_px,
+        observer,
+        pointing,
+        tables,
+        remarks_on(solved, sigma_px),
+    )
+
+
+def remarks_on(solved: Solved, sigma_px: float | None) -> tuple[str, ...]:
+    """What a user should know about a pose."""
+    remarks = []
+    if solved.second is not None:
+        place = ", ".join(f"{value:.4g}" for value in solved.second.eye)
+        remarks.append(
+            f"a second pose explains the points as well, at ({place}) m; points off their plane, "
+            "or nearer ones, tell the two apart"
+        )
+    if sigma_px is not None and solved.rms_px > 2 * sigma_px:
+        remarks.append(
+            f"the points miss their pixels by {solved.rms_px:.2g} (rms), more than sigma = "
+            f"{sigma_px:g}; the errors are too small: check focal length, pixels and points"
+        )
+    freedom = solved.residual_px.size - 6
+    if sigma_px is None and freedom < 4:
+        remarks.append(
+            f"{len(solved.residual_px)} points leave {freedom} degrees of freedom for the noise: "
+            f"half of an interval is {student_factor(freedom):.3g} standard errors; state "
+            "sigma, or add points"
+        )
+    return tuple(remarks)
+
+
+def write_scenario(path: Path, pose: CameraPose) -> None:
+    """Write the scenario with this camera as TOML, which `image` and `invert` take."""
+
+    def moved(value):
+        if isinstance(value, dict):
+            return {key: moved(entry) for key, entry in value.items()}
+        if isinstance(value, str) and Path(value).suffix and os.path.isfile(value):
+            return os.path.relpath(value, path.parent)
+        return [moved(entry) for entry in value] if isinstance(value, list) else value
+
+    title = f"# {pose.name} as a camera sees it that was found from {len(pose.points)} points.\n"
+    with replacing(path) as partial:
+        partial.write_text(title + text_of(moved(pose.tables)), encoding="utf-8")

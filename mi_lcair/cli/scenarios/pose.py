@@ -1,0 +1,51 @@
+"""mi-lcair pose: where a camera is, from points and their pixels."""
+
+import click
+
+import mi_lcair
+from mi_lcair.cli.options import (
+    FILE,
+    changes_option,
+    examples,
+    json_option,
+    output_option,
+    prepare_renderer,
+    renderer_options,
+)
+from mi_lcair.cli.output import check_outputs, print_result, print_written
+
+
+@click.command(
+    "pose",
+    epilog=examples(
+        "mi-lcair pose box.toml corners.csv -D pose.yaw_deg=0 -o seen.toml",
+        "mi-lcair image seen.toml --spp 4 -o seen.exr",
+    ),
+)
+@click.argument("scenario")
+@click.argument("points", type=FILE, metavar="POINTS.csv")
+@changes_option("Change an entry of the scenario, such as camera.focal_length_mm=50")
+@click.option(
+    "--sigma",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="PX",
+    help="Standard deviation of a column or row, pixels (default: that of the residuals).",
+)
+@output_option("the scenario with this camera to FILE.toml; or a table, .csv, .json, .html")
+@renderer_options
+@json_option
+def command(scenario, points, changes, sigma, output, variant, threads, json):
+    """Find where a camera is that sees points of a scene in known pixels.
+
+    SCENARIO is a TOML file with a table [camera]. POINTS.csv has the columns x_m, y_m, z_m,
+    column_px and row_px: four or more points, such as corners of facets, in the scene's axes, and
+    where they are in the frame, whose upper left corner is (0, 0). Printed are position and
+    pointing with 95 % intervals, in m and degrees. `image` and `invert` take FILE.toml.
+    """
+    check_outputs((output, (".toml", ".csv", ".json", ".html", ".nc")))
+    prepare_renderer(variant, threads)
+    result = mi_lcair.pose(scenario, points, sigma, parameters=dict(changes))
+    if output:
+        result.save(output)
+    print_result(result, json)
+    print_written(output)
