@@ -168,6 +168,47 @@ class MicrofacetFamily:
         return value + floor * (1 - self.facet(row, x_i, k)) * (1 - self.facet(row, x_r, k))
 
 
+class DirectionalFamily:
+    """Spectral materials whose emissivity is known by angle, with a reciprocal diffuse reflection.
+
+    f = rho(theta_i) rho(theta_r) / (pi m) with the mean m of rho over the hemisphere, weighted by
+    the cosine, has the HDR rho(theta_r) = 1 - emissivity(theta_r).
+    """
+
+    saturates = False
+
+    def __init__(self, materials: list[SpectralParameters], bins: Bins):
+        self.count, cos = bins.count, np.linspace(0, 1, STEPS_OF_F + 1) ** 2
+        tables = [
+            bins.coefficients(material.facet_reflectance(bins.grid_um, cos))
+            for material in materials
+        ]
+        means = np.ravel([2 * np.trapezoid(rho * cos, cos, axis=1) for rho in tables])
+        self.rho = mi.Float(np.ravel(tables))
+        self.inverse = mi.Float(np.divide(1, np.pi * means, where=means > 0, out=0 * means))
+        dr.make_opaque(self.rho, self.inverse)
+
+    def reflectance(self, row, x, k) -> mi.Float:
+        """Reflectance of a bin at the place sqrt(cos)."""
+        return interpolate_row(self.rho, row * self.count + k, STEPS_OF_F, x)
+
+    def toward(self, row, r) -> mi.Float:
+        """What HDR(theta_r) needs of the observer's direction."""
+        return dr.sqrt(cos_theta(r))
+
+    HDR = reflectance
+
+    def between(self, row, i, r) -> tuple:
+        """What f needs of the directions; multiplied by the cosine of i."""
+        above = dr.select((i.z > 0) & (r.z > 0), cos_theta(i), 0)
+        return above, dr.sqrt(cos_theta(i)), dr.sqrt(cos_theta(r))
+
+    def f(self, row, terms, k) -> mi.Float:
+        above, x_i, x_r = terms
+        both = self.reflectance(row, x_i, k) * self.reflectance(row, x_r, k)
+        return above * both * dr.gather(mi.Float, self.inverse, row * self.count + k)
+
+
 def largest_HDR(family, materials: int) -> float:
     """Largest HDR of the materials of a family, at the angles of its tables and in any bin."""
     lane = dr.arange(mi.UInt32, materials * family.count * STEPS)
@@ -231,14 +272,13 @@ def families_of(materials: list[SpectralParameters], bins: Bins) -> list[tuple]:
     """The families of some materials, each with the numbers of its materials."""
     kinds = {}
     for number, material in enumerate(materials):
-        is_microfacet = material.model.name == "microfacet"
-        kinds.setdefault((is_microfacet, material.form), []).append(number)
+        family = SandfordRobertsonFamily
+        if material.by_angle is not None:
+            family = DirectionalFamily
+        elif material.model.name == "microfacet":
+            family = MicrofacetFamily
+        kinds.setdefault((family, material.form), []).append(number)
     return [
-        (
-            (MicrofacetFamily if of[0] else SandfordRobertsonFamily)(
-                [materials[number] for number in numbers], bins
-            ),
-            numbers,
-        )
-        for of, numbers in kinds.items()
+        (family([materials[number] for number in numbers], bins), numbers)
+        for (family, _), numbers in kinds.items()
     ]

@@ -124,8 +124,11 @@ def reflectances(spectrum: SpectralParameters, wavelengths_um: np.ndarray) -> np
     """Numbers in which the reflectance of a material is linear, (wavelengths, numbers).
 
     Sandford and Robertson's: absorbed (epsilon + rho_d) / G and floor rho_d / G; grey: the
-    reflectance; microfacet: the Fresnel reflectance at ANGLES_DEG. All lie in 0..1.
+    reflectance; microfacet: the Fresnel reflectance at ANGLES_DEG; known by angle: the reflectance
+    there. All lie in 0..1.
     """
+    if spectrum.by_angle is not None:
+        return spectrum.facet_reflectance(wavelengths_um, np.cos(np.radians(ANGLES_DEG)))
     given = spectrum.at(wavelengths_um)
     if spectrum.model.name == "grey":
         return 1 - given["emissivity"][:, None]
@@ -144,6 +147,8 @@ def of_falloff(spectrum: SpectralParameters) -> float:
 
 def emissivities(spectrum: SpectralParameters, numbers: np.ndarray) -> np.ndarray:
     """Emissivities (..., angles) at ANGLES_DEG from `reflectances` (..., numbers)."""
+    if spectrum.by_angle is not None:
+        return 1 - numbers
     if spectrum.model.name == "grey":
         return np.repeat(1 - numbers, len(ANGLES_DEG), axis=-1)
     if spectrum.model.name == "microfacet":

@@ -6,7 +6,7 @@ Sandford and Robertson enter it linearly, n and k do not.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
@@ -23,12 +23,13 @@ from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.reflection import microfacet_fresnel as fresnel
 from mi_lcair.physics.reflection import sandford_robertson_equations as sr
 from mi_lcair.physics.spectra.change import Change
-from mi_lcair.physics.spectra.files import columns_of, spectrum_of
+from mi_lcair.physics.spectra.files import by_angle, columns_of, spectrum_of
 from mi_lcair.physics.spectra.refractive_index import refractive_index
 
 SAMPLES = 4001  # even wavelengths of a band at which a spectral material is evaluated
 ROOM_K, HOT_K = 300.0, 800.0  # the average is compared with that for the farther temperature
 COSINES = np.linspace(0, 1, 65)[1:] ** 2  # at which Fresnel reflectances are averaged
+NODES_OF_COSINE = np.linspace(0, 1, 513) ** 2  # at which emissivities by angle are averaged
 ANGLE_DEG = Bounds(meaning="angle of incidence", unit="degrees", lower=0, upper=89)
 # What makes an entry: the key of its file, the model, and the common parameters of the entry.
 KINDS = {
@@ -64,6 +65,9 @@ class SpectralParameters:
         Change of what the surface absorbs.
     is_extended : bool
         Whether the first and the last row hold outside the rows.
+    by_angle : tuple of ndarray or None
+        Rising angles, radians, (m,), and emissivities, (n, m), of a surface whose emissivity is
+        known by angle, see `DirectionalFamily`. Its row "emissivity" is that of the hemisphere.
     """
 
     model: reflection.ReflectionModel
@@ -75,11 +79,13 @@ class SpectralParameters:
     remarks: tuple[str, ...] = field(default=())
     change: Change = field(default=Change())
     is_extended: bool = False
+    by_angle: tuple[np.ndarray, np.ndarray] | None = None
 
     @property
     def digest(self) -> str:
         """Hexadecimal digits that change with the spectrum."""
         arrays = [self.wavelengths_um, *self.rows.values(), np.array(list(self.common.values()))]
+        arrays += self.by_angle or ()
         content = b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)
         return sha256(content + f"{self.form}{self.change}".encode()).hexdigest()
 
@@ -89,7 +95,10 @@ class SpectralParameters:
         The change of a microfacet spectrum is one of `facet_reflectance` alone.
         """
         given = self.unchanged_at(wavelengths_um)
-        if self.model.name != "microfacet":
+        if self.by_angle is not None:
+            emissivity = 1 - self.facet_reflectance(wavelengths_um, NODES_OF_COSINE)
+            given["emissivity"] = of_hemisphere(emissivity)
+        elif self.model.name != "microfacet":
             given[self.model.names[0]] = self.change.of(*self.absorbed(wavelengths_um, given))
         return given
 
@@ -104,8 +113,11 @@ class SpectralParameters:
     def absorbed(self, wavelengths_um: np.ndarray, given: dict, cos=COSINES) -> tuple:
         """The arguments of `Change.of`: wavelengths, what is absorbed there, and the most of it.
 
-        given: of `unchanged_at`. cos: cosines at the facets of a rough surface.
+        given: of `unchanged_at`. cos: cosines at the facets of a rough surface, or toward the
+        observer of one whose emissivity is known by angle.
         """
+        if self.by_angle is not None:
+            return wavelengths_um, self.emitted_at(wavelengths_um, cos), 1.0
         if self.model.name == "microfacet":
             F = fresnel_reflectance(given["n"][:, None], given["k"][:, None], cos)
             return wavelengths_um, 1 - F, 1.0
@@ -114,8 +126,24 @@ class SpectralParameters:
             most = float(sr.G(Float64(self.common["b"]))[0]) - given["rho_d"]
         return wavelengths_um, given[self.model.names[0]], most
 
+    def emitted_at(self, wavelengths_um: np.ndarray, cos: np.ndarray) -> np.ndarray:
+        """Unchanged emissivity at cosines, (wavelengths, cosines), of one that is known by angle.
+
+        It is linear between rows and angles, and that of the nearest one outside them.
+        """
+        theta, values = self.by_angle
+        place = np.interp(np.arccos(cos), theta, np.arange(len(theta)))
+        low = np.minimum(place.astype(int), max(len(theta) - 2, 0))
+        high, share = np.minimum(low + 1, len(theta) - 1), place - low
+        of_angles = (1 - share) * values[:, low] + share * values[:, high]
+        x = self.wavelengths_um
+        return np.stack([np.interp(wavelengths_um, x, column) for column in of_angles.T], axis=1)
+
     def facet_reflectance(self, wavelengths_um: np.ndarray, cos: np.ndarray) -> np.ndarray:
-        """Fresnel reflectance of a microfacet spectrum at cosines, (wavelengths, cosines)."""
+        """Fresnel reflectance of a microfacet spectrum at cosines, (wavelengths, cosines).
+
+        For an emissivity that is known by angle, it is the reflectance toward these directions.
+        """
         given = self.unchanged_at(wavelengths_um)
         return 1 - self.change.of(*self.absorbed(wavelengths_um, given, cos))
 
@@ -190,6 +218,11 @@ class SpectralParameters:
             f"reflectance of {averaged:.4g} along the normal; for {other:g} K it "
             f"would be {of_other:.4g}"
         )
+
+
+def of_hemisphere(values: np.ndarray) -> np.ndarray:
+    """Mean over the hemisphere of values at NODES_OF_COSINE (..., angles), weighted by cosines."""
+    return 2 * np.trapezoid(values * NODES_OF_COSINE, NODES_OF_COSINE, axis=-1)
 
 
 @lru_cache(maxsize=64)
@@ -290,6 +323,15 @@ def of_columns(entry, files, common, fit) -> SpectralParameters:
 
 def of_emissivity(entry, files, common, fit) -> SpectralParameters:
     path = files["emissivity"]
+    if "wavelengths" not in files and (table := by_angle(path)) is not None:
+        wavelengths, theta, values = table
+        angles = np.arccos(NODES_OF_COSINE)
+        rows = np.stack([np.interp(angles, theta, row) for row in values])
+        remark = "an average over the band has the emissivity of the hemisphere at all angles"
+        grey = spectrum(
+            "grey", entry, common, wavelengths, {"emissivity": of_hemisphere(rows)}, path, (remark,)
+        )
+        return replace(grey, by_angle=(theta, values))
     wavelengths, emissivity = spectrum_of(path, "emissivity", files.get("wavelengths"))
     return spectrum("grey", entry, common, wavelengths, {"emissivity": emissivity}, path)
 
