@@ -12,6 +12,7 @@ from mi_lcair.motions.motion import Motion
 from mi_lcair.motions.pose import known_motions, value_of
 from mi_lcair.physics.spectra.change import CHANGES
 from mi_lcair.physics.spectra.parameters import change_bounds
+from mi_lcair.plugins import PLUGINS
 from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
 from mi_lcair.plugins.derivatives import children, nodes
@@ -37,7 +38,8 @@ class Parameter:
         Its name, such as `self.temperature` or `gloss_black.e`.
     kind : str
         "temperature", "mode" (amplitude of a pattern of temperatures), "radiance", "emissivity",
-        "material", "spectrum", "plugin" (a number of a BSDF of Mitsuba's or of yours) or "motion".
+        "material", "spectrum", "plugin" (a number of a BSDF or emitter of Mitsuba's or of yours) or
+        "motion".
     value : float
         Present value; the mean if several numbers belong to the name.
     unit : str
@@ -216,7 +218,8 @@ def entries(scene) -> dict[str, Entry]:
         elif is_plume(node) and node.spectrum is None:
             material, keys = node.id() or "plume", ["transmittance"]
         elif keys := numbers_of_other(node):
-            material, kind = node.id() or node.class_name(), "plugin"
+            owner = node.group if is_thermal(node) else node.id()
+            material, kind = owner or node.class_name(), "plugin"
         else:
             continue
         for key in keys:
@@ -287,18 +290,23 @@ def is_grey_diffuse(node) -> bool:
 
 
 def numbers_of_other(node) -> list[str]:
-    """Names of the single numbers of another BSDF in which it declares itself differentiable.
+    """Names of the single numbers of another BSDF or emitter in which it can be differentiated.
 
-    None of a BSDF that wraps others, whose own parameters they are.
+    None of a BSDF that wraps others, whose own parameters they are. None of an emitter of this
+    project, and none that an emitter declares as its `parameters`.
     """
-    if not isinstance(node, mi.BSDF) or any(isinstance(c, mi.BSDF) for c in children(node)):
+    is_bsdf = isinstance(node, mi.BSDF) and not any(isinstance(c, mi.BSDF) for c in children(node))
+    known = [plugin.type for plugin in PLUGINS.values()]
+    if not is_bsdf and (not isinstance(node, mi.Emitter) or type(node) in known):
         return []
     parameters = mi.traverse(node)
+    declared = {entry.key for entry in node.parameters()} if is_thermal(node) else set()
     return [
         key
         for key, value in parameters.items()
         if isinstance(value, mi.Float)
         and len(value) == 1
+        and key not in declared
         and not parameters.flags(key) & mi.ParamFlags.NonDifferentiable.value
     ]
 

@@ -9,7 +9,8 @@ import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.rendering.loading.plugin_files import run_plugin_files
 
-TINTED = Path(__file__).parents[1] / "data" / "tinted.py"
+DATA = Path(__file__).parents[1] / "data"
+TINTED, GLOW = DATA / "tinted.py", DATA / "glow.py"
 SCENE = """<scene version="3.0.0">
   <integrator type="bounce_path"><integer name="max_bounces" value="2"/></integrator>
   <sensor type="orthographic">
@@ -28,6 +29,36 @@ SCENE = """<scene version="3.0.0">
       <float name="temperature" value="400"/><string name="group" value="side"/></emitter></shape>
 </scene>
 """
+# A plate at 60 degrees that glows, beside a diffuse one under a sloping sky
+EMITTERS = """<scene version="3.0.0">
+  <integrator type="bounce_path"><integer name="max_bounces" value="1"/></integrator>
+  <sensor type="orthographic">
+    <transform name="to_world"><scale x="0.5" y="0.5"/>
+      <lookat origin="0,0,5" target="0,0,0" up="0,1,0"/></transform>
+    <film type="hdrfilm"><integer name="width" value="4"/><integer name="height" value="4"/>
+      <string name="pixel_format" value="luminance"/><rfilter type="box"/></film>
+  </sensor>
+  <shape type="rectangle"><transform name="to_world">$place</transform>
+    <bsdf type="diffuse"><spectrum name="reflectance" value="0.4"/></bsdf>$emitter</shape>$sky
+</scene>
+"""
+PLATE = {
+    "glow": (
+        '<scale value="2"/><rotate y="1" angle="60"/>',
+        '<emitter type="glow" id="glow"><float name="radiance" value="3"/>'
+        '<float name="exponent" value="2"/></emitter>',
+        '<shape type="rectangle"><transform name="to_world"><translate x="9"/></transform>'
+        '<emitter type="thermal"><string name="band" value="LWIR"/>'
+        '<float name="temperature" value="300"/></emitter></shape>',
+    ),
+    "sky": (
+        '<scale value="1"/>',
+        '<emitter type="thermal"><string name="band" value="LWIR"/>'
+        '<float name="temperature" value="1"/></emitter>',
+        '<emitter type="sloping_sky"><string name="band" value="LWIR"/>'
+        '<float name="exponent" value="2"/></emitter>',
+    ),
+}
 SCENARIO = """[target]
 scene = "own.xml"
 [observer]
@@ -122,3 +153,31 @@ def test_mitsubas_other_bsdfs_have_numbers(folder):
     assert "paint.alpha" in parameters
     result = mi_lcair.sensitivities(str(scene), ["paint.alpha"], spp=16)
     assert np.isfinite(result.derivative[0]) and 0 < result.error[1] < np.inf
+
+
+@pytest.mark.parametrize(
+    "kind, derivatives",
+    [
+        # 3 cos(60)^2 seen directly, on 1 m^2
+        ("glow", {"glow.radiance": 0.25, "glow.exponent": 0.75 * np.log(0.5)}),
+        # 0.4 times the irradiance 2 pi / (n + 2), divided by pi
+        ("sky", {"sky.scale": 0.2, "sky.exponent": -0.8 / 16}),
+    ],
+)
+def test_own_emitters_have_derivatives(folder, run, kind, derivatives):
+    """Closed forms, for an emitter in the style of Mitsuba's tutorial and for one of a group."""
+    Path("glow.py").write_text(GLOW.read_text())
+    text = EMITTERS
+    for name, part in zip(("$place", "$emitter", "$sky"), PLATE[kind]):
+        text = text.replace(name, part)
+    Path("own_emitter.xml").write_text(text)
+    run_plugin_files(["glow.py"])
+    scene = mi_lcair.load("own_emitter.xml")
+    assert derivatives.keys() <= mi_lcair.parameters(scene).keys()
+    names = list(derivatives)
+    result = mi_lcair.sensitivities(scene, names, spp=512)
+    assert result.derivative == pytest.approx(list(derivatives.values()), rel=0.02)
+    Path("sigma.toml").write_text("[sigma]\n" + "".join(f'"{name}" = 0.1\n' for name in names))
+    command = ["budget", "own_emitter.xml", "-u", "sigma.toml", "--spp", "256"]
+    printed = run(*command, "--plugin", "glow.py").stdout
+    assert all(name in printed for name in names)
