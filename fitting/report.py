@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 import mi_lcair
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, option
 from mi_lcair.fitting.judgement.quality import Quality
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
 from mi_lcair.physics.reflection import MODELS
@@ -213,7 +213,8 @@ def check_bands(measurements: list[Measurements]) -> None:
         if band is None:
             raise InputError(
                 f"{file}: which band is it? several files are one material with a fit for each "
-                f"band; say it in the file, '# band_um: 3 5', or with --band for each file"
+                f"band; say it in the file, '# band_um: 3 5', or with {option('band')} for "
+                "each file"
             )
         if band in file_of_band:
             raise InputError(

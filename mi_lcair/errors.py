@@ -1,12 +1,15 @@
 """Errors of the user's input as one line, and safe printing of text from files and names."""
 
 import re
+from contextlib import contextmanager
+from contextvars import ContextVar
 from difflib import SequenceMatcher
 
 LONGEST = 500  # largest length of a message [characters]
 MOST_NAMED = 300  # largest length of a list of known names [characters]
 # Of more known names than ALL, the message lists the NEAREST ones only.
 ALL, NEAREST = 12, 5
+_in_shell = ContextVar("in_shell", default=False)  # whether the command line is the caller
 MOST_QUOTED = 60  # largest length of an unknown name in a message [characters]
 
 EXCEPTION = re.compile(r"\w[\w.]*(: |:?$)")  # an exception's name in an unindented traceback line
@@ -75,6 +78,27 @@ def unknown(kind: str, name: str, names) -> InputError:
     if len(known) > MOST_NAMED:
         known = known[: known.rindex(", ", 0, MOST_NAMED)] + ", ..."
     return InputError(f"unknown {kind} '{name}'; known: {known}")
+
+
+def option(name: str, value: object = None) -> str:
+    """An option as the caller writes it: --max-spp in the shell, max_spp in Python.
+
+    value: what to give, such as "Z"; True for an option that is only switched on.
+    """
+    if _in_shell.get():
+        dashed = f"--{name.replace('_', '-')}"
+        return dashed if value in (None, True) else f"{dashed} {value}"
+    return name if value is None else f"{name}={value!r}"
+
+
+@contextmanager
+def in_shell():
+    """Context manager: messages that are made within it name the options of the command line."""
+    token = _in_shell.set(True)
+    try:
+        yield
+    finally:
+        _in_shell.reset(token)
 
 
 def mitsuba_error(error: BaseException) -> Exception:

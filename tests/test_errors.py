@@ -1,8 +1,23 @@
 """Text from outside becomes one printable line of bearable length."""
 
+import ast
+import re
+from pathlib import Path
+
 import pytest
 
-from mi_lcair.errors import LONGEST, InputError, escaped, mitsuba_error, printable, shown, unknown
+import mi_lcair
+from mi_lcair.errors import (
+    LONGEST,
+    InputError,
+    escaped,
+    in_shell,
+    mitsuba_error,
+    option,
+    printable,
+    shown,
+    unknown,
+)
 
 
 @pytest.mark.parametrize(
@@ -74,3 +89,31 @@ def test_an_exception_of_several_lines_is_told_whole():
         "TypeError: scene.xml (line 2): exp(): incompatible arguments:     1. exp(arg)  "
         "Invoked with types: ndarray"
     )
+
+
+def test_options_are_named_as_the_caller_writes_them():
+    """Python's names in Python, and those of the command line within a command."""
+    assert option("max_spp") == "max_spp" and option("up", "-Z") == "up='-Z'"
+    assert option("robust", True) == "robust=True"
+    with in_shell():
+        assert option("max_spp") == "--max-spp" and option("up", "-Z") == "--up -Z"
+        assert option("robust", True) == "--robust"
+    assert option("max_spp") == "max_spp"
+
+
+def test_messages_outside_the_command_line_name_no_options():
+    """They use `option`, because Python callers see them too."""
+    folder = Path(mi_lcair.__file__).parent
+    named = re.compile(r"""["' (]--[a-z][a-z-]+""")
+    for file in folder.rglob("*.py"):
+        if "cli" in file.relative_to(folder).parts:
+            continue
+        texts = [
+            node for node in ast.walk(ast.parse(file.read_text())) if isinstance(node, ast.Constant)
+        ]
+        texts = [
+            node.value for node in texts if isinstance(node.value, str) and "\n" not in node.value
+        ]
+        assert not [text for text in texts if named.search(text) and "in the shell" not in text], (
+            file
+        )

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from mi_lcair.errors import option
 from mi_lcair.fitting.judgement.uncertainty import (
     CONFIDENCE,
     Linearized,
@@ -179,9 +180,8 @@ def verdict(
     if at_bound:
         return f"at its bound {at_bound}: interval {span}{advice}"
     if doubt.outliers:
-        return (
-            f"weakly determined: interval {span}, drawn by {doubt.outliers} outliers; try --robust"
-        )
+        drawn = f"drawn by {doubt.outliers} outliers; try {option('robust', True)}"
+        return f"weakly determined: interval {span}, {drawn}"
     if half <= max(parameter.precision * value, parameter.absolute_precision):
         return "determined"
     return f"weakly determined: interval {span}{advice}"

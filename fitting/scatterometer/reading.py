@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.errors import InputError, shown, unknown
+from mi_lcair.errors import InputError, option, shown, unknown
 from mi_lcair.files import read_bytes, read_text
 from mi_lcair.fitting.scatterometer.astm import is_astm, parse_astm
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
@@ -87,12 +87,12 @@ def read(
         If the file cannot be read or leaves a question open.
     """
     path = Path(path)
-    for option, value, known in (
+    for name, value, known in (
         ("quantity", quantity, QUANTITIES),
         ("theta_r_positive", theta_r_positive, SIDES),
     ):
         if value is not None and value not in known:
-            raise unknown(option, value, known)
+            raise unknown(name, value, known)
     text = read_text(path)
     if not text.strip():
         raise InputError(f"{path}: the file is empty")
@@ -385,7 +385,7 @@ def _side(table, azimuths, stated, name, points) -> tuple[str, str]:
     raise InputError(
         f"{table.file}: on which side is theta_r positive? {reason}; say it in the header, "
         "'# theta_r_positive: specular' (or source; THETA_R_POSITIVE in ASTM files), or with "
-        "--theta-r-positive"
+        f"{option('theta_r_positive')}"
     )
 
 

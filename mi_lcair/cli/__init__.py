@@ -15,7 +15,7 @@ import mi_lcair
 from mi_lcair import interrupts
 from mi_lcair.cli import completion  # noqa: F401  registers its script for Bash
 from mi_lcair.cli.output import quiet_option, warnings_as_notes
-from mi_lcair.errors import InputError, mitsuba_error, printable, unknown
+from mi_lcair.errors import InputError, in_shell, mitsuba_error, printable, unknown
 from mi_lcair.interrupts import INTERRUPTED
 
 # Module of each command, by what the commands are for.
@@ -88,7 +88,7 @@ class Main(click.Group):
         click handles a closed pipe: `echo` flushes, and the program ends without a message.
         """
         try:
-            with warnings_as_notes():
+            with warnings_as_notes(), in_shell():
                 status = super().main(args, prog_name, standalone_mode=False, **extra) or 0
         except (Exception, KeyboardInterrupt) as error:
             if os.environ.get("MI_LCAIR_DEBUG"):

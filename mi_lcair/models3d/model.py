@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from mi_lcair.errors import InputError, shown
+from mi_lcair.errors import InputError, option, shown
 from mi_lcair.files import read_text
 from mi_lcair.formats import check_model
 from mi_lcair.models3d.label import TYPES, Label, find_material, kelvin
@@ -166,7 +166,8 @@ def read(
     if temperature is not None:
         temperature = kelvin(f"{temperature:.9g}")
         if table_of_temperatures:
-            raise InputError("--temperature and --temperatures exclude each other; give one")
+            names = f"{option('temperature')} and {option('temperatures')}"
+            raise InputError(f"{names} exclude each other; give one")
     check_model(path)
     kind, usual = exchange.KINDS.get(Path(path).suffix.lower(), ("OBJ", axes.AS_BLENDER))
     turn = axes.rotation(forward or usual[0], up or usual[1], nose)
@@ -214,7 +215,7 @@ def _welded(obj: Obj, scale: float, turn: np.ndarray) -> dict:
     if away > FARTHEST:
         raise InputError(
             f"{obj.path}: a corner lies {away:g} m from the origin, more than {FARTHEST:g} m; see "
-            "--scale"
+            f"{option('scale')}"
         )
     if away > SIZES_AWAY * size > 0:
         raise InputError(

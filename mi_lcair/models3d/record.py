@@ -4,7 +4,7 @@ import re
 from hashlib import sha256
 from pathlib import Path
 
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, option
 from mi_lcair.files import read_bytes
 
 RECORD = re.compile(rb"<!-- checksum ([0-9a-f]{16}) of file (.*) -->\n")
@@ -49,7 +49,7 @@ def check_unedited(folder: Path, contents: dict[str, bytes]) -> None:
         raise InputError(
             f"{', '.join(edited)}: {'was' if len(edited) == 1 else 'were'} written by somebody "
             "else or edited since the import; move away what you need, name another folder, or "
-            "give --overwrite"
+            f"give {option('overwrite', True)}"
         )
 
 

@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 
+from mi_lcair.errors import option
 from mi_lcair.fraction import percent
 from mi_lcair.table import NUMBER
 
@@ -137,7 +138,7 @@ def error_row(
     tolerance: float | str | None = None,
     reached: bool | None = None,
     where: str = "",
-    remedy: str = "raise --max-spp",
+    remedy: str = "",
 ) -> tuple[str, str]:
     """Row (label, text) of `Facts`: the error of a result and whether it was allowed.
 
@@ -152,12 +153,13 @@ def error_row(
     where : str
         Which of several results reached it.
     remedy : str
-        What to do if it was not reached.
+        What to do if it was not reached; by default to raise max_spp.
     """
     if tolerance is None:
         return "error", error
     allowed = tolerance if isinstance(tolerance, str) else f"{100 * tolerance:.4g} %"
     where = f" {where}" if where else ""
+    remedy = remedy or f"raise {option('max_spp')}"
     if reached:
         return "tolerance", f"{allowed} reached{where}: {error}"
     return "tolerance", f"{allowed} NOT reached{where}: {error}; {remedy}"

@@ -58,7 +58,7 @@ class Check:
             outside = "plus" if self.plus is None else "minus"
             return (
                 f"{self.quantity}: {outside} one sigma is outside its bounds, so that the linear "
-                "answer holds on one side only; use --monte-carlo"
+                "answer holds on one side only; use Monte Carlo"
             )
         sides = [
             f"{word} one sigma changes the result by {change:+.3g} {unit}"
@@ -71,7 +71,7 @@ class Check:
         sides += [f"{word} one sigma is outside its bounds" for word in lacking]
         return (
             f"{self.quantity}: the linear answer fails: {' and '.join(sides)}, where the "
-            f"derivative says +-{abs(self.linear):.3g}; use --monte-carlo"
+            f"derivative says +-{abs(self.linear):.3g}; use Monte Carlo"
         )
 
 

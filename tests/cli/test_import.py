@@ -303,7 +303,7 @@ def test_axes(run, refused, folder):
     result = run(*upright)
     assert "bounding box           3 x 2 x 5 m" in result.stdout and not result.stderr
     assert "bounding box           2 x 3 x 5 m" in run(*upright, "--nose", "Y").stdout
-    assert "--forward Y and --up Y lie on one line" in refused(
+    assert "--forward Y --up Y lie on one line" in refused(
         "import", "lying.obj", "--up", "Y", "--check"
     )
     assert "'--up'" in refused("import", "lying.obj", "--up", "up", "--check")

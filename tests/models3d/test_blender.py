@@ -108,7 +108,7 @@ def test_a_model_without_labels(folder, file, facets):
     model = read(folder / file, **PAINTED, **axes)
     check_shape(model, turned_over=6 if file.endswith("ply") else 0)
     assert model.count == facets and set(model.temperature) == {300}
-    with pytest.raises(InputError, match="has no label; .* give --material and --temperature$"):
+    with pytest.raises(InputError, match="has no label; .* give material and temperature$"):
         read(folder / file, **axes)
 
 
@@ -147,5 +147,5 @@ def test_a_default_export_is_remarked(folder):
     """
     model = read(folder / "default.obj")
     (remark,) = model.remarks
-    assert "Blender 5." in remark and "give --forward -Z --up Y" in remark
+    assert "Blender 5." in remark and "give forward='-Z' up='Y'" in remark
     assert np.ptp(model.box, axis=0) == pytest.approx([4, 1.85, 2.2], abs=1e-6)

@@ -22,7 +22,7 @@ def test_the_interval_is_a_fraction_of_what_is_not_zero():
         ((0.01, True), ("tolerance", "1 % reached: wide")),
         (
             ("2 W", False, "in 1 view"),
-            ("tolerance", "2 W NOT reached in 1 view: wide; raise --max-spp"),
+            ("tolerance", "2 W NOT reached in 1 view: wide; raise max_spp"),
         ),
         ((0.01, False, "", "wait"), ("tolerance", "1 % NOT reached: wide; wait")),
     ],

@@ -62,7 +62,7 @@ def test_sentences():
     """A side whose change is known but wrong is stated beside the one without a change."""
     assert Check("a", 2.0, 3.0, -2.0, False).sentence("W/sr") == (
         "a: the linear answer fails: plus one sigma changes the result by +3 W/sr and minus one "
-        "sigma changes the result by -2 W/sr, where the derivative says +-2; use --monte-carlo"
+        "sigma changes the result by -2 W/sr, where the derivative says +-2; use Monte Carlo"
     )
     wrong = Check("a", -2.0, None, 2.3, False).sentence("K")
     assert "minus one sigma changes the result by +2.3 K and plus one sigma is outside" in wrong

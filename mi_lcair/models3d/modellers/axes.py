@@ -7,7 +7,7 @@ coordinates, z then points up, and the nose points along the axis `nose`.
 
 import numpy as np
 
-from mi_lcair.errors import InputError, unknown
+from mi_lcair.errors import InputError, option, unknown
 
 AXES = ("X", "Y", "Z", "-X", "-Y", "-Z")
 AS_BLENDER = ("Y", "Z")  # forward and up of a file whose coordinates are those of Blender
@@ -25,16 +25,16 @@ def rotation(forward: str = "Y", up: str = "Z", nose: str = "X") -> np.ndarray:
     Blender's coordinates along which the nose points. Each is one of AXES. Raises InputError for
     other names, and for axes that exclude each other.
     """
-    for option, name in (("forward", forward), ("up", up), ("nose", nose)):
-        if name not in AXES:
-            raise unknown(f"axis in --{option}", name, AXES)
+    for name, axis in (("forward", forward), ("up", up), ("nose", nose)):
+        if axis not in AXES:
+            raise unknown(f"axis in {option(name)}", axis, AXES)
     if forward[-1] == up[-1]:
         raise InputError(
-            f"--forward {forward} and --up {up} lie on one line; Blender's OBJ exporter has "
-            f"--forward {EXPORTED[0]} --up {EXPORTED[1]} unless it is set otherwise"
+            f"{_given(forward, up)} lie on one line; Blender's OBJ exporter has "
+            f"{_given(*EXPORTED)} unless it is set otherwise"
         )
     if nose[-1] == "Z":
-        raise InputError(f"--nose {nose} is vertical in Blender; give X, Y, -X or -Y")
+        raise InputError(f"{option('nose', nose)} is vertical in Blender; give X, Y, -X or -Y")
     y, z, x = _vector(forward), _vector(up), _vector(nose)
     to_blender = np.stack([np.cross(y, z), y, z])
     to_model = np.stack([x, np.cross([0, 0, 1], x), [0, 0, 1]])
@@ -51,8 +51,7 @@ def remark(points: np.ndarray, blender: str) -> str | None:
     points: corners (N, 3) of the model in the file's coordinates. blender: version of Blender that
     wrote the file, or "".
     """
-    undo = f"--forward {EXPORTED[0]} --up {EXPORTED[1]}"
-    keep = f"--forward {AS_BLENDER[0]} --up {AS_BLENDER[1]}"
+    undo, keep = _given(*EXPORTED), _given(*AS_BLENDER)
     about_y, about_z = _is_symmetric(points, 1), _is_symmetric(points, 2)
     if about_z and not about_y:
         writer = f"Blender {blender} wrote the file, and the" if blender else "the"
@@ -66,6 +65,11 @@ def remark(points: np.ndarray, blender: str) -> str | None:
             f"{undo} if the export dialogue said so, or {keep} if it said that"
         )
     return None
+
+
+def _given(forward: str, up: str) -> str:
+    """The options forward and up with their values, as the caller writes them."""
+    return f"{option('forward', forward)} {option('up', up)}"
 
 
 def _is_symmetric(points, axis):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.errors import InputError, shown, unknown
+from mi_lcair.errors import InputError, option, shown, unknown
 from mi_lcair.files import parse_toml, read_text
 from mi_lcair.models3d.label import Label, parse, unlabelled
 from mi_lcair.models3d.modellers.obj import Obj
@@ -174,10 +174,10 @@ def without_number(text: str, others) -> str:
 def _no_label(obj, face, table, options):
     """The error for a face that has no label."""
     missing = " and ".join(
-        option
-        for option, given in (
-            ("--material", options["material"]),
-            ("--temperature", options["temperature"] or options["has_temperatures"]),
+        option(name)
+        for name, given in (
+            ("material", options["material"]),
+            ("temperature", options["temperature"] or options["has_temperatures"]),
         )
         if not given
     )
@@ -194,7 +194,7 @@ def _no_label(obj, face, table, options):
         if len(called) == 1:
             way = "add it to the table"
     else:
-        reason, way = "the face has no label", "give --names with a table of names"
+        reason, way = "the face has no label", f"give {option('names')} with a table of names"
         if names := _names_of(obj):
             way += f" (here {names})"
     return InputError(

@@ -18,7 +18,7 @@ SMALLEST_K2 = 1e-24  # added to k^2, so that the derivative of its root is finit
 # Relative excess over a bound that is accepted, for parameters that were rounded to Float32.
 ROUNDING = 1e-6
 
-ADVICE = "measure the emissivity and give --emissivity"
+ADVICE = "measure the emissivity and fit it too"
 PARAMETERS = (
     ModelParameter(
         "alpha",

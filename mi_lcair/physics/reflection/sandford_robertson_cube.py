@@ -34,7 +34,7 @@ class SandfordRobertsonCube(ReflectionModel):
             upper=1,
             precision=0.1,
             absolute_precision=0.025,
-            advice="measure it and give --emissivity",
+            advice="measure it and fit it too",
         ),
         ModelParameter(
             "rho_d",

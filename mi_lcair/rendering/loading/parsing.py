@@ -108,7 +108,8 @@ def with_known_plugins(error: Exception) -> Exception:
     nearest = get_close_matches(match[1], [*PLUGINS, *installed], n=5, cutoff=0.4)
     return InputError(
         f"{error}; the nearest known are: {', '.join(nearest) or 'none'}; "
-        "--plugin FILE.py or [plugins] of a scenario registers yours"
+        "register yours with --plugin FILE.py in the shell, [plugins] in a scenario, or in Python "
+        "with mi.register_bsdf and its kind"
     )
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, option
 from mi_lcair.files import parse_json, read_bytes, read_text
 from mi_lcair.formats import kinds, netcdf, tables
 from mi_lcair.physics.bands import Band
@@ -205,7 +205,7 @@ def facets_on_model(what: str, columns: dict, model: SceneModel | None, band=Non
     """
     if model is None:
         section = facets_section(columns, band=band)
-        remark = f"{what}: give --scene SCENE to show the facets on its model"
+        remark = f"{what}: give {option('scene', 'SCENE')} to show the facets on its model"
         return Section(section.title, [*section.parts, Remarks([remark])])
     try:
         rows_by_facet(columns["facet"], model.triangle_facet)

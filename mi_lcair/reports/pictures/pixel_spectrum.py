@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, option
 from mi_lcair.formats.channels import quantity_of, wavelengths_of
 from mi_lcair.physics.blackbody import spectral_temperature
 from mi_lcair.reports.line_charts import Curve, LineChart, figure_of, label
@@ -15,7 +15,9 @@ def figure(channels: dict[str, np.ndarray], pixel: tuple[int, int], title: str):
     """
     by_wavelength = wavelengths_of(channels)
     if not by_wavelength:
-        raise InputError("the image has no spectral radiance; render it with --bins")
+        raise InputError(
+            f"the image has no spectral radiance; render it with {option('bins', True)}"
+        )
     rows, columns = channels[next(iter(by_wavelength))].shape
     row, column = pixel
     if not (0 <= row < rows and 0 <= column < columns):

@@ -2,6 +2,7 @@
 
 from functools import partial
 
+from mi_lcair.errors import option
 from mi_lcair.reports.page.line_panel import line_panel
 from mi_lcair.reports.pictures.contrast import charts
 from mi_lcair.results.cells import error_row, interval
@@ -167,7 +168,7 @@ def accuracy(contrast) -> tuple[str, str]:
         " or ".join(allowed) or None,
         contrast.reached,
         where=f"in {len(stated)} of {len(rows)} rows" if several else "",
-        remedy="give --tolerance-W-m2, as no fraction of zero can be reached"
+        remedy=f"give {option('tolerance_W_m2')}, as no fraction of zero can be reached"
         if may_be_zero and not absolute
-        else "raise --max-spp",
+        else "",
     )

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from mi_lcair.errors import option
 from mi_lcair.fitting.judgement.quality import tested
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData
 from mi_lcair.physics import reflection
@@ -13,7 +14,7 @@ from mi_lcair.reports.page.fit_panel import fit_panel
 from mi_lcair.results.cells import unpacked, words_of
 from mi_lcair.results.sections import Drawing, Facts, Section, Table
 
-UNKNOWN_BAND = "unknown: scenes need it; give --band 3-5, or '# band_um: 3 5' in the data"
+UNKNOWN_BAND = "unknown: scenes need it; give {}, or '# band_um: 3 5' in the data"
 SHOWN_DEG = (0, 30, 60, 80)  # angles at which the predicted emissivity is listed
 CORRELATED = 0.9  # correlation of errors from which a pair of parameters is listed
 COMPARED = ["model", "free parameters", ("rms deviation", "decades"), "criterion", "chosen"]
@@ -64,9 +65,10 @@ def described(report: dict, fit) -> list[tuple[str, str]]:
     explained = "" if noise is None else f"; sigma explains {noise:.4f}"
     dropped = "; ".join(f"{count} {reason}" for reason, count in report["dropped"].items())
     emissivity = report["emissivity"]["rms_error"]
+    unknown_band = UNKNOWN_BAND.format(option("band", "3-5"))
     rows = [
         ("surface", f"{report['name'] or 'not named'} ({report['source'][0]['file']})"),
-        ("band", f"{report['band']} um" if report["band"] else UNKNOWN_BAND),
+        ("band", f"{report['band']} um" if report["band"] else unknown_band),
         ("model", model_of(fit)),
         ("points used", str(report["used"])),
         ("left out", dropped or "none"),

@@ -49,8 +49,8 @@ def remarkable(figures: dict, materials):
     if count := figures["inward"]:
         called = f" ({names})" if (names := figures["inward_names"]) else ""
         yield (
-            f"{count} model facet{'s face' if count > 1 else ' faces'} inward{called}; the back of a facet "
-            "neither emits nor reflects"
+            f"{count} model facet{'s face' if count > 1 else ' faces'} inward{called}; the back of "
+            "a facet neither emits nor reflects"
         )
     for key, how in OVERLAPS:
         if count := figures[key]["count"]:

@@ -26,7 +26,7 @@ def exported(forward, up):
 @pytest.mark.parametrize("up", axes.AXES)
 def test_an_export_is_undone(forward, up):
     if forward[-1] == up[-1]:
-        with pytest.raises(InputError, match=f"--forward {forward} and --up {up} lie on one line"):
+        with pytest.raises(InputError, match=f"forward=.{forward}. up=.{up}. lie on one line"):
             axes.rotation(forward, up)
         return
     assert (axes.rotation(forward, up) @ exported(forward, up) == np.eye(3)).all()
@@ -44,9 +44,9 @@ def test_the_nose_points_along_x(nose, direction):
 @pytest.mark.parametrize(
     "names, reason",
     [
-        ({"forward": "x"}, "unknown axis in --forward 'x'; known: X,"),
-        ({"up": "Y"}, "--forward Y and --up Y lie on one line; .* has --forward -Z --up Y"),
-        ({"nose": "-Z"}, "--nose -Z is vertical"),
+        ({"forward": "x"}, "unknown axis in forward 'x'; known: X,"),
+        ({"up": "Y"}, "forward=.Y. up=.Y. lie on one line; .* has forward=.-Z. up=.Y."),
+        ({"nose": "-Z"}, "nose=.-Z. is vertical"),
     ],
 )
 def test_refused(names, reason):
@@ -73,7 +73,7 @@ def test_models_on_their_side():
     points = corners(read_obj(MODELS / "a340.obj"))
     lying = points @ exported("-Z", "Y").T
     assert "symmetric about z = 0 and not about y = 0" in axes.remark(lying, "")
-    assert "give --forward -Z --up Y" in axes.remark(lying, "")
+    assert "give forward='-Z' up='Y'" in axes.remark(lying, "")
     assert "Blender 4.2.0 wrote the file" in axes.remark(lying, "4.2.0")
     # A file of Blender whose symmetry shows that z points up needs no remark; any other does.
     assert axes.remark(points, "4.2.0") is None

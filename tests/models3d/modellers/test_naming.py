@@ -179,5 +179,5 @@ def test_entries_of_a_table(tmp_path):
 
 
 def test_the_error_without_labels_lists_the_names_for_a_table(load):
-    with pytest.raises(InputError, match=r"--names with a table of names \(here Hot_steel\)"):
+    with pytest.raises(InputError, match=r"give names with a table of names \(here Hot_steel\)"):
         load(cube(label="Hot steel.001"))

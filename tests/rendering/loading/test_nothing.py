@@ -67,4 +67,4 @@ def test_once_and_in_json():
     made = mi_lcair.load(scene(PATH, camera(4, 1.0), plate=PLATE))
     result = mi_lcair.signature(made, spp=4).as_dict()
     (remark,) = [line for line in result["remarks"] if "comes from nothing (0 K)" in line]
-    assert remark.startswith("100 % of what the target reflects") and "--sky and --ground" in remark
+    assert remark.startswith("100 % of what the target reflects") and "an emitter sky" in remark

@@ -42,6 +42,6 @@ def reflections_of_nothing(scene: mi.Scene, emitters: EmitterTable) -> list[str]
     if not lost > max(LEAST_SHARE * total, LEAST_REFLECTED * met):
         return []
     return [
-        f"{percent(lost / total)} of what the target reflects comes from nothing (0 K); --sky and "
-        "--ground give it surroundings, as do [surroundings] of a scenario and an emitter sky"
+        f"{percent(lost / total)} of what the target reflects comes from nothing (0 K); an "
+        "emitter sky, [surroundings] of a scenario, or sky and ground of an import surround it"
     ]
