@@ -35,6 +35,25 @@ def box(bsdf: dict, inward: bool = True, **more) -> dict:
     return {"type": "cube", "flip_normals": inward, "bsdf": bsdf, **more}
 
 
+def cube_of(emissivities) -> dict:
+    """The faces of a grey cube of edge 1 m that is seen from inside, as groups face0 to face5.
+
+    Face 2 k lies at 0 and face 2 k + 1 at 1 of axis k.
+    """
+    T, turns = mi.ScalarTransform4f(), {0: ([0, 1, 0], 90), 1: ([1, 0, 0], -90)}
+    shapes = {}
+    for face, emissivity in enumerate(emissivities):
+        axis, at = divmod(face, 2)
+        middle = [0.5, 0.5, 0.5]
+        middle[axis] = float(at)
+        turn = T.rotate([1, 0, 0], 180) if at else T
+        if axis in turns:
+            turn = T.rotate(*turns[axis]) @ turn
+        to_world = T.translate(middle) @ turn @ T.scale([0.5, 0.5, 1])
+        shapes[f"face{face}"] = square(grey(emissivity), to_world, emitter=emits(f"face{face}"))
+    return shapes
+
+
 def spheres(inner: dict, outer: dict):
     """Two concentric spheres of radii 1 and 2 m."""
     return scene_of(

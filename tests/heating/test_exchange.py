@@ -7,9 +7,11 @@ import pytest
 from mi_lcair.errors import InputError
 from mi_lcair.heating.conductors import RINGS_DEG
 from mi_lcair.heating.exchange import exchange
+from tests.heating.radiosity import extrapolated_cube
 from tests.heating.scenes import (
     between,
     box,
+    cube_of,
     emits,
     grey,
     mirror_box,
@@ -60,6 +62,17 @@ def test_view_factors_of_a_black_cube():
     beside = faces @ faces.T == 0
     np.testing.assert_allclose(F[opposite], 0.199825, rtol=1e-3)
     np.testing.assert_allclose(F[beside], 0.200044, rtol=1e-3)
+
+
+def test_unlike_faces_of_a_grey_cube_exchange_as_by_fine_radiosity():
+    emissivities = np.array([0.1, 0.3, 0.5, 0.7, 0.9, 0.2])
+    traced = exchange(scene_of(**cube_of(emissivities)), rays=16384).traced
+    pairs = np.triu_indices(6, 1)
+    error = traced.standard_error(lambda C: C.between.toarray()[pairs])
+    expected = extrapolated_cube(emissivities)[pairs]
+    z = (traced.mean.between.toarray()[pairs] - expected) / error
+    assert np.all(error < 0.02 * expected)
+    assert np.mean(z**2) < 3  # 1.4 for Student's distribution with 7 degrees of freedom
 
 
 def test_a_square_that_faces_up_sees_the_rings_of_the_sky():
@@ -116,18 +129,20 @@ def test_a_plume_that_transmits_is_refused():
         exchange(scene_of(plume=plume), rays=256)
 
 
-def rough(epsilon: float, rho_d: float, e: float) -> dict:
-    numbers = {"epsilon": epsilon, "rho_d": rho_d, "b": 0.1, "e": e}
-    return {"type": "sandford_robertson", **numbers}
-
-
-def test_a_model_that_is_not_reciprocal_gets_a_remark():
-    """A rough lobe over a plate that sees the other at grazing angles."""
-    scene = scene_of(
-        a=square(rough(0.2, 0.05, 0.3), emitter=emits("a")),
-        b=square(grey(1.0), T.translate([0, 2, 1]).rotate([1, 0, 0], 90), emitter=emits("b")),
+def strip_between(surface: dict):
+    """A plate between a black strip above its middle and a black wall behind its edge."""
+    above = T.translate([0.3, 0, 0.7]).rotate([1, 0, 0], 180).scale([0.3, 1, 1])
+    beside = T.translate([-1, 0, 0.3]).rotate([0, 1, 0], 90).scale([0.3, 1, 1])
+    return scene_of(
+        plate=square(surface, emitter=emits("plate")),
+        strip=square(grey(1.0), above, emitter=emits("strip")),
+        wall=square(grey(1.0), beside, emitter=emits("wall")),
     )
-    result = exchange(scene, rays=65536)
-    relative = abs(result.asymmetry.relative[0, 1])
-    remarked = [remark for remark in result.remarks if "not reciprocal" in remark]
-    assert bool(remarked) == (relative > 0.01)
+
+
+@pytest.mark.parametrize(("e", "is_remarked"), [(0.005, False), (0.6, True)])
+def test_a_rough_lobe_that_is_not_reciprocal_gets_a_remark(e, is_remarked):
+    """Strip and wall exchange heat through the plate, from which one sees the other."""
+    numbers = {"epsilon": 0.2, "rho_d": 0.05, "b": 0.1, "e": e}
+    result = exchange(strip_between({"type": "sandford_robertson", **numbers}), rays=65536)
+    assert any("not reciprocal" in remark for remark in result.remarks) == is_remarked
