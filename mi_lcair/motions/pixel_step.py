@@ -7,6 +7,7 @@ from mi_lcair.motions.motion import Motion
 from mi_lcair.motions.observer import direction_of, matrix_of
 from mi_lcair.motions.pose import moved, value_of
 from mi_lcair.plugins.emission.triangles import vertex_positions
+from mi_lcair.rendering.loading.origin import extent
 
 PIXELS = 0.25  # shift of an image for a difference: more blurs edges, less has more noise
 MOST = {"deg": 1.0, "1": 0.02}  # longest steps by unit: coarse pixels would ask for longer ones
@@ -38,9 +39,9 @@ def of_pixels(scene, sensor, motion: Motion) -> float:
         return PIXELS / half_diagonal * motion.rest
     turn = PIXELS / half_diagonal
     if name != "roll_deg":  # a turn about the origin
-        box = scene.mi.bbox()
-        turn *= half_diagonal * pixel_pitch(sensor, np.ravel(box.center()))
-        turn /= max(float(np.linalg.norm(np.ravel(box.max) - np.ravel(box.min))) / 2, 1e-12)
+        low, high = extent(scene.mi)
+        turn *= half_diagonal * pixel_pitch(sensor, (low + high) / 2)
+        turn /= max(float(np.linalg.norm(high - low)) / 2, 1e-12)
     return float(np.degrees(turn))
 
 

@@ -10,6 +10,7 @@ import scipy
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.triangles import is_faceted, vertex_positions
 from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of
+from mi_lcair.rendering.loading.origin import extent
 from mi_lcair.rendering.scene import Scene
 
 # Ratio of the window to the model's size, and of the camera's distance to the model's radius.
@@ -226,5 +227,5 @@ def meets_model(scene: Scene, cells: int) -> tuple[mi.Ray3f, mi.Bool]:
 
 def depth(scene: Scene) -> float:
     """A distance [m] beyond everything in the scene."""
-    box = scene.mi.bbox()
-    return 2 * float(np.linalg.norm(np.array(box.max) - np.array(box.min)))
+    low, high = extent(scene.mi)
+    return 2 * float(np.linalg.norm(high - low))

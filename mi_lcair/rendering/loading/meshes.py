@@ -53,6 +53,8 @@ def check_shapes(scene: mi.Scene) -> None:
     """
     for shape in scene.shapes():
         name = f"shape '{shape.id()}'"
+        if not shape.bbox().valid() and is_faceted(shape):
+            shape.recompute_bbox()  # `mi.load_dict` does not when it merges shapes of one BSDF
         box = shape.bbox()
         low, high = np.array(box.min, dtype=float), np.array(box.max, dtype=float)
         if not (np.isfinite(low).all() and np.isfinite(high).all() and (low <= high).all()):

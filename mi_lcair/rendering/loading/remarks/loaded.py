@@ -12,7 +12,7 @@ from mi_lcair.plugins.emitters.one_sun import one_sun
 from mi_lcair.plugins.emitters.thermal_emitter import thermal_shapes
 from mi_lcair.plugins.paths.launch import numbers
 from mi_lcair.rendering.loading.nodes import properties, references
-from mi_lcair.rendering.loading.origin import far_origin
+from mi_lcair.rendering.loading.origin import extent, far_origin
 from mi_lcair.rendering.loading.parsing import INDEPENDENT
 
 CELSIUS = 4.3  # temperatures below are those of helium and of space [K]
@@ -123,8 +123,7 @@ def clipped(loaded, sensors) -> list[str]:
 
     Mitsuba's defaults are 0.01 m and 10 km.
     """
-    box, lines = loaded.bbox(), []
-    low, high = np.array(box.min), np.array(box.max)
+    (low, high), lines = extent(loaded), []
     for number, sensor in enumerate(sensors):
         clips, place = members(sensor), members(sensor).get("to_world")
         if place is None or "near_clip" not in clips:
