@@ -1,11 +1,14 @@
 """The benchmarks for asv: each runs in a tiny setting and gives a positive number."""
 
 import json
+from dataclasses import fields
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from benchmarks import errors, speed, timing, work
+from benchmarks import errors, gpu, speed, timing, work
+from mi_lcair.fitting.report import Fit
 
 ROOT = Path(__file__).parents[2]
 
@@ -58,3 +61,43 @@ def test_throughput():
 def test_memory():
     work.peakmem_image(resolution=16, spp=4)
     work.peakmem_signature(paths=2**10)
+
+
+@pytest.mark.slow
+def test_gpu_tasks_run_and_are_compared(monkeypatch):
+    """On the processor against itself: nothing is apart, and each task has a row of numbers."""
+    monkeypatch.setattr(gpu, "AZIMUTHS", (0, 90))
+    # The fit takes seconds
+    of_size = gpu.tasks
+    names = ["render", "signature", "trend", "derivative"]
+    quick = lambda size: {name: task for name, task in of_size(size).items() if name in names}
+    monkeypatch.setattr(gpu, "tasks", quick)
+    assert {"parameters", "standard_error"} <= {entry.name for entry in fields(Fit)}
+    results = gpu.run(gpu.PROCESSOR, 4)
+    assert list(results) == names
+    for name, line in zip(results, gpu.table(results, results).splitlines()[2:], strict=True):
+        cells = line.strip("| ").split(" | ")
+        assert cells[0] == name and float(cells[1]) != 0 and cells[2:4] == ["0.0e+00", "0"]
+        assert np.all(np.array(results[name]["errors"]) > 0)
+
+
+def test_a_gpu_that_fails_or_is_off_is_seen():
+    """A value that is 1 % off is 10 of its standard errors off; a failure is the row's text."""
+    processor = {"values": [2.0, 100.0], "errors": [1.0, 0.1], "seconds": 0.4}
+    off = {"values": [2.0, 101.0], "errors": [1.0, 0.1], "seconds": 0.1}
+    assert (
+        gpu.row("trend", processor, off) == "| trend | 2 | 1.0e-02 | 10 | 400 ms | 100 ms | 4.0 |"
+    )
+    failed = gpu.row("fit", processor, {"failed": "RuntimeError: no"})
+    assert failed.startswith("| fit | cuda_ad_mono: RuntimeError: no |") and failed.count("|") == 8
+
+
+def test_without_a_gpu_one_line_says_so(monkeypatch):
+    import mitsuba
+
+    def refuse(variant):
+        raise ImportError(variant)
+
+    monkeypatch.setattr(mitsuba, "set_variant", refuse)
+    with pytest.raises(SystemExit, match="no GPU here: cuda_ad_mono cannot start"):
+        gpu.main([])
