@@ -218,3 +218,16 @@ def test_starts_of_an_inversion_are_the_same_to_the_bit(address):
     with mi_lcair.workers(dask=address):
         there = mi_lcair.invert(problem, advise=False).as_dict()
     assert {**there, "time_s": 0} == {**here, "time_s": 0}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("options", [{"spp": 20}, {"tolerance": 0.03}], ids=["spp", "tolerance"])
+def test_images_are_the_same_to_the_bit(address, monkeypatch, options):
+    monkeypatch.setattr("mi_lcair.rendering.window.PASS_SAMPLES", 2**11)
+    scene, steps = mi_lcair.load("open_box", resolution=16), []
+    here = mi_lcair.render(scene, **options, progress=lambda *done: steps.append(done))
+    assert len(steps) > 1
+    with mi_lcair.workers(dask=address):
+        there = mi_lcair.render(scene, **options)
+    for name, values in here.channels.items():
+        np.testing.assert_array_equal(there.channels[name], values, err_msg=name)

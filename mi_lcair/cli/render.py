@@ -3,7 +3,7 @@
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import examples, output_option, scene_options
+from mi_lcair.cli.options import examples, output_option, scene_options, workers_options
 from mi_lcair.cli.output import print_result, time_row
 from mi_lcair.errors import InputError
 
@@ -52,6 +52,7 @@ from mi_lcair.errors import InputError
     help="Also write the standard error of each pixel at this wavelength of --bins or "
     "--wavelengths, um; may be repeated.",
 )
+@workers_options
 def command(options, output, atmosphere, range_m, bins, wavelengths, errors_um):
     """Render SCENE to a radiance image.
 

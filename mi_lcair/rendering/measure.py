@@ -7,13 +7,13 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.paths.aim import Aim
-from mi_lcair.plugins.paths.launch import ParallelRays
 from mi_lcair.rendering.aiming import aim_at_model
 from mi_lcair.rendering.limits import check_memory
 from mi_lcair.rendering.measurands import Criterion, Measurands
 from mi_lcair.rendering.pilots import WORTH_ASKING, cheapest, open_settings
 from mi_lcair.rendering.pixels.allocation import Allocation, allocate
 from mi_lcair.rendering.pixels.errors import PixelCriterion
+from mi_lcair.rendering.pixels.passes import traced
 from mi_lcair.rendering.sampling import TWO_CHOICES, Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.settings import changed
@@ -23,6 +23,9 @@ from mi_lcair.rendering.window import Windows
 # Ratio of the error to the allowed error, after the first paths, from which on the paths are aimed
 # at the model. The pilot for that takes 2^18 paths.
 WORTH_AIMING = 8
+# Points of each randomisation that a pass adds to a window, at least. Passes of few points would
+# send the sums of a window from workers more often.
+LEAST_OF_PASS = 256
 
 
 def measure(
@@ -96,16 +99,24 @@ def _until_met(
     else:
         limit = windows.points(sampling.limit)
         goal = min(windows.first_points(), limit)
-    rays, done = ParallelRays.of(windows.sensor), 0
+    done, scale = 0, windows.randomisations * windows.parts
     allocation = Allocation(np.ones(windows.count))
     may_share = isinstance(criterion, PixelCriterion) and tracer.closure != "tail"
     # The windows that need more paths, with the ratios and the points of the last estimate
     active, last, before = np.arange(windows.count), np.zeros(windows.count), 0
     while done < goal:
-        points = min(goal - done, windows.points_of_pass(len(active)))
-        for some, first, more in allocation.spans(active, done, done + points):
-            for launch in windows.launches(some, first, more, sampling.seed, total.aim):
-                total.add(launch, measurands.trace(tracer, windows.sensor, launch, rays))
+        points = min(goal - done, max(windows.points_of_pass(len(active)), LEAST_OF_PASS))
+        launches = [
+            launch
+            for some, first, more in allocation.spans(active, done, done + points)
+            for launch in windows.launches(some, first, more, sampling.seed, total.aim)
+        ]
+        sums = traced(scene, tracer, windows, measurands, sampling.tolerance, launches)
+        for number, (launch, of_launch) in enumerate(zip(launches, sums)):
+            total.add(launch, of_launch)
+            if sampling.progress and number:
+                part = done + points * number / len(launches)
+                sampling.progress(int(part * scale), goal * scale)
         done += points
         check_valid(total.invalid, int(total.traced.sum()), scene.name)
         if criterion is not None and done >= goal:
@@ -136,6 +147,5 @@ def _until_met(
                 active, last = np.arange(windows.count), np.zeros(windows.count)
                 goal, done = done, 0
         if sampling.progress:
-            scale = windows.randomisations * windows.parts
             sampling.progress(done * scale, goal * scale)
     return total

@@ -11,6 +11,7 @@ import logging
 import os
 import pickle
 import socket
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager
@@ -27,7 +28,10 @@ RETRIES = 3  # attempts for a task that failed on a worker; Dask itself replaces
 CONNECTION_S = 3  # time until the scheduler's machine takes a connection, s
 TIMEOUT_S = 10  # time until the scheduler answers on it, s
 WORKER_TIMEOUT_S = 60  # time until the scheduler has a worker, s
+COLLECTION_S = 10  # time between collections of garbage on a worker, s
 PACKAGES = ("mi_lcair", "mitsuba", "drjit")  # whose versions a worker must have too
+
+_collected = 0.0  # when a task last collected garbage, on a worker
 
 
 class Cluster:
@@ -127,6 +131,11 @@ def on_workers(count: int | None = None, address: str | None = None) -> Iterator
             PRESENT.reset(token)
 
 
+def has_workers() -> bool:
+    """Whether tasks run on workers."""
+    return PRESENT.get() is not None
+
+
 def computed(tasks: Sequence[Callable[[], Result]]) -> Iterator[tuple[int, Result]]:
     """Yield (number, result) of each task as soon as it is known.
 
@@ -222,7 +231,10 @@ def run_here(variant: str, task: bytes, host: str) -> tuple:
         except InputError as error:
             return f"{error} (on the Dask worker at {host})", None
         finally:
-            gc.collect()
+            global _collected
+            if time.monotonic() - _collected > COLLECTION_S:
+                gc.collect()
+                _collected = time.monotonic()
 
 
 def imported_distributed():

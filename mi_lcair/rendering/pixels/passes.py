@@ -1,0 +1,72 @@
+"""Launches of a measurement, one after the other here, or those of an image on workers."""
+
+import pickle
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import lru_cache, partial
+
+from mi_lcair.plugins.paths.launch import Launch, ParallelRays
+from mi_lcair.plugins.paths.sums import Sums
+from mi_lcair.rendering.measurands import Measurands
+from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.window import Windows
+from mi_lcair.startup.tasks import has_workers, in_order
+from mi_lcair.startup.threads import exclusively
+
+AT_ONCE = 4  # launches of a task
+
+
+def traced(
+    scene: Scene,
+    tracer,
+    windows: Windows,
+    measurands: Measurands,
+    tolerance: float | None,
+    launches: list[Launch],
+) -> Iterator[Sums]:
+    """Yield the sums of each launch; those of an image from a scene's sensor come from workers.
+
+    tolerance: that of the sampling, which decides on bins of wavelength.
+    """
+    if has_workers() and may_be_sent(scene, windows, measurands):
+        number = scene.sensors.index(windows.sensor)
+        sent = pickle.dumps((scene, number, measurands, tolerance, windows.by_randomisation))
+        parts = [launches[k : k + AT_ONCE] for k in range(0, len(launches), AT_ONCE)]
+        for sums in in_order([partial(trace_sent, sent, part) for part in parts]):
+            yield from sums
+    else:
+        rays = ParallelRays.of(windows.sensor)
+        for launch in launches:
+            yield measurands.trace(tracer, windows.sensor, launch, rays)
+
+
+def may_be_sent(scene: Scene, windows: Windows, measurands: Measurands) -> bool:
+    """Whether a worker can trace launches: those of an image from a sensor of the scene."""
+    is_plain = not (measurands.facets or measurands.explored or measurands.reduced)
+    is_image = windows.are_pixels and windows.sensor in scene.sensors
+    has_own_air = bool(scene.mi.integrator().filters)
+    return is_plain and is_image and measurands.channels.tables is None and not has_own_air
+
+
+@lru_cache(maxsize=1)
+def received(sent: bytes) -> tuple:
+    """What `traced` sends, which a worker unpacks once."""
+    return pickle.loads(sent)
+
+
+@exclusively
+def trace_sent(sent: bytes, launches: list[Launch]) -> list[Sums]:
+    """The sums of some launches on a worker."""
+    scene, number, measurands, tolerance, by_randomisation = received(sent)
+    binning = measurands.binning(tolerance)
+    with scene.prepared(measurands.by_spectrum, measurands.explored, binning) as tracer:
+        sensor = scene.sensors[number]
+        rays = ParallelRays.of(sensor)
+        made = [measurands.trace(tracer, sensor, launch, rays) for launch in launches]
+    return made if by_randomisation else [summed(sums) for sums in made]
+
+
+def summed(sums: Sums) -> Sums:
+    """Sums whose channels are those over the randomisations, as `Totals` would; less is sent."""
+    channels = {name: values.sum(axis=1, keepdims=True) for name, values in sums.channels.items()}
+    return replace(sums, channels=channels)
