@@ -12,7 +12,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics import materials
-from mi_lcair.physics.bands import band
+from mi_lcair.physics.bands import Band, band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
@@ -85,7 +85,7 @@ class Surfaces:
         layers = children(bsdf) if bsdf.class_name() == "TwoSidedBRDF" else [bsdf]
         if not all(is_reflection_bsdf(layer) for layer in layers):
             return bsdf, lambda: bsdf
-        entries = [self._entry(layer, scene.band.label) for layer in layers]
+        entries = [self._entry(layer, scene.band) for layer in layers]
         described = [
             {"type": model, **parameters, "form": form, "lobe": layer.lobe}
             for layer, (model, parameters, form) in zip(layers, entries)
@@ -94,23 +94,25 @@ class Surfaces:
             described = [{"type": "twosided", **dict(zip(("front", "back"), described))}]
         return repr(described), lambda: mi.load_dict(described[0])
 
-    def _entry(self, layer, label: str) -> tuple[str, dict, str]:
-        """Model, parameters and form of a layer in the band; label: of the scene's band."""
+    def _entry(self, layer, of_scene: Band) -> tuple[str, dict, str]:
+        """Model, parameters and form of a layer in the band; of_scene: the scene's band."""
         if layer.named is None:
-            if label != TOTAL and layer.model.name != "grey":
-                self._stands_in(f"bsdf '{layer.id()}'", label)
+            if not of_scene.is_total and layer.model.name != "grey":
+                self._stands_in(f"bsdf '{layer.id()}'", of_scene)
             return layer.model.name, dict(zip(layer.model.names, layer.values)), layer.form
         name, file = layer.named
-        wanted = band(self.of_band)
+        used = band(self.of_band)
         try:
-            entry = materials.material(name, wanted, file)
+            entry = materials.material(name, used, file)
         except InputError:
-            entry = self._stand_in(name, file, wanted)
+            entry, used = self._stand_in(name, file)
+        if entry.spectrum is not None:
+            entry = entry.averaged(used, self.kelvin)
         return entry.model.name, entry.parameters, entry.form
 
-    def _stand_in(self, name: str, file, wanted) -> materials.Material:
-        """The entry of a material that stands in for the missing one of the band."""
-        bands = materials.bands_of(name, file)
+    def _stand_in(self, name: str, file) -> tuple[materials.Material, Band]:
+        """The entry of a material that stands in for the missing one of the band, and its band."""
+        wanted = band(self.of_band)
         try:
             nearest = band(STAND_IN) if wanted.is_total else wanted
             entry = materials.material(name, nearest, file, allow_band=not wanted.is_total)
@@ -118,18 +120,24 @@ class Surfaces:
             wanted_or = f"{TOTAL} or {STAND_IN}" if wanted.is_total else SOLAR
             raise InputError(
                 f"material '{name}': has no entry for the band {wanted_or}, only for "
-                f'{", ".join(bands)}; add [{name}."{self.of_band}"] to its materials file'
+                f'{", ".join(materials.bands_of(name, file))}; add [{name}."{self.of_band}"] to '
+                "its materials file"
             ) from None
-        self._stands_in(f"material '{name}'", STAND_IN if wanted.is_total else entry.band)
-        return entry
+        used = band(entry.band)
+        self._stands_in(f"material '{name}'", used)
+        return entry, used
 
-    def _stands_in(self, what: str, label: str) -> None:
-        of, kelvin = ("sunlight", SUN_K) if self.of_band == SOLAR else ("heat", ROOM_K)
-        whole = in_band_radiance(band(TOTAL), kelvin)
+    @property
+    def kelvin(self) -> float:
+        """Temperature of the radiation that the band is for [K]."""
+        return SUN_K if self.of_band == SOLAR else ROOM_K
+
+    def _stands_in(self, what: str, used: Band) -> None:
+        of = "sunlight" if self.of_band == SOLAR else "heat"
+        share = in_band_radiance(used, self.kelvin) / in_band_radiance(band(TOTAL), self.kelvin)
         self.remarks.append(
-            f"{what}: its numbers of the band {label} stand in for {self.of_band}, although that "
-            f"band holds {in_band_radiance(band(label), kelvin) / whole:.0%} of the {of} at "
-            f"{kelvin:g} K"
+            f"{what}: its numbers of the band {used.label} stand in for {self.of_band}, although "
+            f"that band holds {share:.0%} of the {of} at {self.kelvin:g} K"
         )
 
 
