@@ -68,9 +68,19 @@ class Conductors:
     to_self: np.ndarray
 
     @cached_property
+    def parts(self) -> dict[str, np.ndarray]:
+        """Conductors to the sky, the ground, the facet itself and all others, (n,) each."""
+        return {
+            "sky": self.to_sky.sum(axis=1),
+            "ground": self.to_ground,
+            "itself": self.to_self,
+            "others": self.between.sum(axis=1),
+        }
+
+    @cached_property
     def total(self) -> np.ndarray:
         """Sum of each facet's conductors to all others, to the sky and to the ground, (n,)."""
-        return self.between.sum(axis=1) + self.to_sky.sum(axis=1) + self.to_ground
+        return self.parts["sky"] + self.to_ground + self.parts["others"]
 
     def heat(self, kelvin: np.ndarray, sky_K: np.ndarray | float, ground_K: float) -> np.ndarray:
         """Heat that each facet gains [W], (n,).

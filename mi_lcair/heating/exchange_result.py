@@ -183,14 +183,11 @@ class Exchange(Result):
             "emissivity": facets.emissivity,
             "conductor_m2": C.total,
             "conductor_error_m2": error(lambda c: c.total),
-            "sky": C.to_sky.sum(axis=1) / emitted,
-            "sky_error": error(lambda c: c.to_sky.sum(axis=1)) / emitted,
-            "ground": C.to_ground / emitted,
-            "ground_error": error(lambda c: c.to_ground) / emitted,
-            "itself": C.to_self / emitted,
-            "itself_error": error(lambda c: c.to_self) / emitted,
-            "buried": self.buried,
         }
+        for name, value in C.parts.items():
+            columns[name] = value / emitted
+            columns[f"{name}_error"] = error(lambda c, name=name: c.parts[name]) / emitted
+        columns["buried"] = self.buried
         if self.has_irradiance:
             E, E_error = self.irradiance
             kelvin = (E / STEFAN_BOLTZMANN) ** 0.25

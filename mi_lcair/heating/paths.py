@@ -72,6 +72,14 @@ class Means:
         return self.ends[:, :, RINGS + ENDS.index(name)]
 
 
+@dataclass
+class Tally:
+    """What paths add up: `met` by row, randomisation and column, and `lost` by shape."""
+
+    met: mi.Float64
+    lost: mi.Float
+
+
 class FacetPaths:
     """Traces paths from the facets of a scene that emit.
 
@@ -206,24 +214,24 @@ class FacetPaths:
         -------
         Means
         """
-        rows, C, Float64 = len(self.rows), self.columns, dr.float64_array_t(mi.Float)
+        rows, C = len(self.rows), self.columns
         lost, parts = dr.zeros(mi.Float, len(self.shapes)), []
         step = max(1, min(rows, CELLS // (RANDOMISATIONS * C)))
         for first in range(0, rows, step):
             count = min(step, rows - first)
-            met = dr.zeros(Float64, count * RANDOMISATIONS * C)
+            tally = Tally(dr.zeros(mi.Float64, count * RANDOMISATIONS * C), lost)
             most = max(1, LANES // (count * RANDOMISATIONS))
             for point in range(0, points, most):
-                self._launch(first, count, point, min(most, points - point), seed, met, lost)
+                self._launch(first, count, point, min(most, points - point), seed, tally)
             # Facets meet few of the others, so that the cells are compressed before they are copied
-            cell = dr.compress(met > 0)
-            values = dr.gather(Float64, met, cell).numpy() / points
+            cell = dr.compress(tally.met > 0)
+            values = dr.gather(mi.Float64, tally.met, cell).numpy() / points
             parts.append((cell.numpy() + np.int64(first) * RANDOMISATIONS * C, values))
         cells, values = (np.concatenate(column) for column in zip(*parts))
         lost = lost.numpy() / (points * RANDOMISATIONS)
         return Means.of(rows, len(self.number), cells, values, lost)
 
-    def _launch(self, first, rows, point, points, seed, met, lost) -> None:
+    def _launch(self, first, rows, point, points, seed, tally: Tally) -> None:
         """Trace `points` paths from `point` on, of each randomisation of each row."""
         lane = dr.arange(mi.UInt32, rows * RANDOMISATIONS * points)
         first, points, seed, point = (dr.opaque(mi.UInt32, k) for k in (first, points, seed, point))
@@ -237,16 +245,16 @@ class FacetPaths:
         of_escape = absorbed if self.reflected else mi.Float(1)
         to = si.to_world(si.wi)
         ray = mi.Ray3f(self.offsets.leave(si, to), to)
-        self._follow(ray, weight, of_escape, sampler, run * self.columns, met, lost)
-        dr.eval(met, lost)
+        self._follow(ray, weight, of_escape, sampler, run * self.columns, tally)
+        dr.eval(tally.met, tally.lost)
 
     @dr.syntax
-    def _follow(self, ray, weight, of_escape, sampler, row, met, lost):
+    def _follow(self, ray, weight, of_escape, sampler, row, tally: Tally):
         """Follow paths and add what they meet to the cells from `row` on.
 
         of_escape: factor of what escapes.
         """
-        n, Float64 = len(self.number), dr.float64_array_t(mi.Float)
+        n, met, lost = len(self.number), tally.met, tally.lost
         scene, weight, active = self.scene.mi, mi.Float(weight), weight > 0
         reflections = mi.UInt32(0)
         while dr.hint(active, label="exchange"):
@@ -265,7 +273,7 @@ class FacetPaths:
             column = dr.select(escapes, n + self.ring(ray.d), column)
             part = weight * dr.select(hits & ~is_back, emissivity, 1)
             part *= dr.select(escapes, of_escape, 1)
-            dr.scatter_add(met, Float64(part), row + column, active)
+            dr.scatter_add(met, mi.Float64(part), row + column, active)
             is_lost = hits & (column >= n + RINGS + ENDS.index("backs"))
             dr.scatter_add(lost, part, self.at(self.index_of, si, hits), is_lost)
 
@@ -275,7 +283,7 @@ class FacetPaths:
             reflections += 1
             active = hits & ~is_back & (weight > 0)
             ends = active & (reflections >= MOST_REFLECTIONS)
-            dr.scatter_add(met, Float64(weight), row + n + RINGS + ENDS.index("truncated"), ends)
+            dr.scatter_add(met, mi.Float64(weight), row + n + RINGS + ENDS.index("truncated"), ends)
             active &= ~ends
             d = si.to_world(to)
             ray = mi.Ray3f(self.offsets.leave(si, d), d)

@@ -27,9 +27,9 @@ def figure(exchange: Exchange):
         for k, (low, high) in enumerate(zip(RINGS_DEG, RINGS_DEG[1:]))
     ]
     parts += [
-        ("ground", C.to_ground, "C2"),
-        ("the group itself", C.to_self, "0.6"),
-        ("other groups", C.between.sum(axis=1), "C1"),
+        ("ground", C.parts["ground"], "C2"),
+        ("the group itself", C.parts["itself"], "0.6"),
+        ("other groups", C.parts["others"], "C1"),
         ("inside bodies", exchange.of_groups(exchange.buried) * emitted, "0.9"),
     ]
     left = np.zeros(len(names))

@@ -10,29 +10,25 @@ from mi_lcair.reports.sections.facets import facets_section
 from mi_lcair.results.result import summary_of
 from mi_lcair.results.sections import Facts, Remarks, Section, Table
 
+PARTS = ("sky", "ground", "itself", "other groups")  # of what a group emits
+
 
 def sections(result) -> list[Section]:
     """Shares of the groups, the conductors between them, their sky by elevation, and facets."""
     M, names = result.facets.membership, result.facets.groups
     emitted = M @ result.emitting_area
-    per_group = {
-        "sky": lambda C: C.to_sky.sum(axis=1) / emitted,
-        "ground": lambda C: C.to_ground / emitted,
-        "itself": lambda C: C.to_self / emitted,
-        "other groups": lambda C: C.between.sum(axis=1) / emitted,
-    }
-    shares = [list(zip(*result.by_group(function))) for function in per_group.values()]
+    shares = zip(*result.by_group(lambda C: np.transpose([*C.parts.values()]) / emitted[:, None]))
     counts, area = M.sum(axis=1).astype(int), M @ result.facets.area
     groups = Table(
-        ["group", "facets", ("area", "m2"), "emissivity", *per_group, "inside bodies"],
+        ["group", "facets", ("area", "m2"), "emissivity", *PARTS, "inside bodies"],
         [
-            (name, count, size, eps, *row, inside)
-            for name, count, size, eps, row, inside in zip(
+            (name, count, size, eps, *zip(*share), inside)
+            for name, count, size, eps, share, inside in zip(
                 names,
                 counts,
                 area,
                 emitted / (M @ result.facets.radiating_area),
-                zip(*shares),
+                shares,
                 result.of_groups(result.buried),
             )
         ],
