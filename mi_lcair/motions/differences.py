@@ -44,6 +44,9 @@ NOTICED = 0.05
 MOST_CHANGES = 4  # of the default step, by a factor of 2
 FINE = 3e-3  # error as a fraction of the derivative for which no other step is tried
 WORTH = 0.7  # ratio of the errors of two steps from which on the better one is taken
+# What is uncovered over less than the step shows in the emission over a part of the step
+NEAR, NEAR_PATHS = 1 / 4, 2**16  # that part, and the paths of its renders without reflections
+UNLIKE = 0.3  # change of the difference by then, as a fraction of it, from which on it is told
 SIGNIFICANT = 5.0  # standard errors, with 7 degrees of freedom: noise exceeds it once in 600
 
 
@@ -207,7 +210,8 @@ class Differences:
         pilot = pilots[kind]
         if step is None:
             h, pilot = self.better_step(h, pilot, kind)
-        is_kink = pilot.verdict == "kink"
+        verdict = pilot.verdict
+        is_kink = verdict == "kink"
         ends = self.totals([h, -h, *([0] if is_kink else [])], kind, self.sampling.paths)
         high, low = map(self.rows, ends[:2])
         slope = (high - low) / (2 * h)
@@ -216,6 +220,8 @@ class Differences:
             jump = float(high[0] + low[0] - 2 * self.rows(ends[2])[0]) / h
         scatter = float(np.sqrt(np.sum(slope[1:] ** 2)))
         floor = self.floor(ends[:2], kind, h)
+        if verdict == "smooth" and self.differs_nearby(slope[0], h, kind):
+            verdict = "step-dependent"
         parts = [
             np.sqrt(max(floor**2 - scatter**2, 0)),
             rounding_error(self.scene.mi.integrator().max_bounces) * abs(high[0]) / h,
@@ -229,10 +235,28 @@ class Differences:
             step=h,
             truncation=pilot.truncation,
             method=kind.method,
-            verdict=pilot.verdict,
+            verdict=verdict,
             one_sided=(float(slope[0]) - jump / 2, float(slope[0]) + jump / 2),
             ends=tuple(ends[:2]),
         )
+
+    def differs_nearby(self, slope: float, h: float, kind: Kind) -> bool:
+        """Whether the difference over a part of the step `h` is another one, as emission shows.
+
+        slope: the difference over the step. Surfaces that lie on each other may come apart within
+        it. Their emission, without reflections, has much less noise than the number itself.
+        """
+        offsets = np.array([1, -1, NEAR, -NEAR]) * h
+        with changed(self.scene, max_bounces=0):
+            totals = self.totals(offsets, kind, NEAR_PATHS)
+        rows, slopes, errors = [self.rows(total) for total in totals], [], []
+        for k in (0, 2):
+            step = offsets[k]
+            slopes.append((rows[k] - rows[k + 1]) / (2 * step))
+            scatter = float(np.sqrt(np.sum(slopes[-1][1:] ** 2)))
+            errors.append(max(scatter, self.floor(totals[k : k + 2], kind, step)))
+        change = abs(slopes[1][0] - slopes[0][0])
+        return bool(change > max(SIGNIFICANT * hypot(*errors), UNLIKE * abs(slope)))
 
     def better_step(self, h: float, pilot: "Pilot", kind: Kind) -> tuple[float, "Pilot"]:
         """A step with less error than `h`, and its pilot.

@@ -5,6 +5,7 @@ projected area.
 """
 
 from functools import partial
+from itertools import product
 
 import mitsuba as mi
 import numpy as np
@@ -12,8 +13,12 @@ import pytest
 from scipy.spatial import ConvexHull
 
 import mi_lcair
+from mi_lcair.motions.differences import ATTACHED, Kind
 from mi_lcair.motions.motion import TURNS, turned
+from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.sensitivity.common_numbers import CommonNumbers
 from mi_lcair.sensitivity.parameters import changed
+from mi_lcair.sensitivity.window import differences_of
 
 L = 5.670374419e-8 * 300.0**4 / np.pi
 VIEW = np.array([np.cos(np.radians(20)), 0, np.sin(np.radians(20))])  # to the observer
@@ -99,6 +104,22 @@ def test_kink_of_a_cube():
     assert slope == pytest.approx(2.3978, rel=1e-4)
     assert found.verdict == "kink"
     assert found.one_sided == pytest.approx((-slope, slope), rel=0.01)
+
+
+def box(low, high):
+    """Corners of a box, (8, 3)."""
+    return np.array([[x, y, z] for x, y, z in product(*zip(low, high))])
+
+
+@pytest.mark.parametrize(("overlap", "expected"), [(0.0025, True), (0.2, False)])
+def test_a_part_that_is_soon_uncovered(overlap, expected):
+    """A cover moves up: behind its top is another part, which sticks out by that much or not."""
+    cover = convex_hull("cover", box([0, -0.5, -0.5], [0.001, 0.5, 0.5]))
+    behind = convex_hull("behind", box([-0.001, -0.5, 0.1], [0, 0.5, 0.5 + overlap]))
+    numbers = CommonNumbers(scene_of(cover, behind), Sampling(paths=2**14))
+    differences = differences_of(numbers, "cover.z_m")
+    step, rate = 0.01, L * np.cos(np.radians(20)) / 16  # of the mean over the window [1/m]
+    assert differences.differs_nearby(rate, step, Kind(ATTACHED, False)) == expected
 
 
 def test_size_is_an_area():
