@@ -17,6 +17,7 @@ import mitsuba as mi
 import numpy as np
 from scipy import sparse
 
+from mi_lcair.errors import InputError
 from mi_lcair.heating.closed import closed_shapes
 from mi_lcair.heating.conductors import RINGS_DEG
 from mi_lcair.heating.parts import Parts
@@ -107,9 +108,12 @@ class FacetPaths:
         table = self.table
         emits = np.array([is_thermal(shape.emitter()) for shape in self.shapes])
         exists = table.shape_index >= 0
-        self.number = np.flatnonzero(
-            exists & (table.type != "sky") & emits[table.shape_index] & (table.area > 0)
-        )
+        self.number = np.flatnonzero(exists & (table.type != "sky") & emits[table.shape_index])
+        for number in self.number[~(table.area[self.number] > 0)]:
+            shape = self.shapes[table.shape_index[number]]
+            raise InputError(
+                f"{scene.name}: facet {number} of shape '{shape.id()}' has no area; remove it"
+            )
         self.parts = Parts.of(table, self.number, self.shapes)
         self.offsets = Offsets(scene.mi)
         of_shape = np.array(surfaces.of_shape)

@@ -51,6 +51,15 @@ def test_an_enclosure_keeps_what_it_emits():
     assert result.conductors.to_sky.sum() + result.conductors.to_ground.sum() == 0
 
 
+def test_conductors_are_the_same_however_many_paths_a_launch_has(monkeypatch):
+    scene = scene_of(box=box(grey(0.3), emitter=emits()))
+    whole = exchange(scene, rays=64).conductors
+    monkeypatch.setattr("mi_lcair.heating.paths.LANES", 100)
+    monkeypatch.setattr("mi_lcair.heating.paths.CELLS", 1000)
+    parts = exchange(scene, rays=64).conductors
+    np.testing.assert_allclose(parts.between.toarray(), whole.between.toarray(), rtol=1e-12)
+
+
 def test_view_factors_of_a_black_cube():
     result = exchange(scene_of(box=box(grey(1.0), emitter=emits())), rays=131072)
     normal = np.round(result.facets.normal).astype(int)
@@ -121,6 +130,22 @@ def test_a_surface_that_absorbs_and_does_not_emit_is_refused():
     )
     with pytest.raises(InputError, match="shape 'above': it does not emit"):
         exchange(scene, rays=256)
+
+
+def test_a_facet_without_area_is_refused():
+    mesh = mi.Mesh("flat", 3, 1, props=properties(grey(0.5), emits()))
+    values = mi.traverse(mesh)
+    values["vertex_positions"] = [0.0, 0, 0, 1, 0, 0, 2, 0, 0]
+    values["faces"] = [0, 1, 2]
+    values.update()
+    with pytest.raises(InputError, match="facet 0 of shape 'flat' has no area"):
+        exchange(scene_of(flat=mesh, plate=square(grey(0.8), emitter=emits())), rays=64)
+
+
+def properties(bsdf: dict, emitter: dict):
+    values = mi.Properties()
+    values["mesh_bsdf"], values["mesh_emitter"] = mi.load_dict(bsdf), mi.load_dict(emitter)
+    return values
 
 
 def test_a_plume_that_transmits_is_refused():

@@ -37,6 +37,14 @@ def test_a_sheet_is_lit_on_the_side_of_the_sun():
     assert sun.of_ground.mean(axis=0).sum() == pytest.approx(0.7 * 4, rel=1e-5)
 
 
+def test_areas_are_the_same_however_many_suns_a_launch_has(monkeypatch):
+    sun = Sunlight(scene_of(plate=square(grey(0.7), emitter=emits())), rays=64)
+    suns = np.concatenate([UP, slanted(30), slanted(60)])
+    together = sun.areas(suns).absorbing
+    monkeypatch.setattr("mi_lcair.heating.sunlight.LANES", 1)
+    np.testing.assert_array_equal(sun.areas(suns).absorbing, together)
+
+
 def test_a_roof_casts_its_shadow():
     scene = scene_of(
         floor=square(grey(0.7), emitter=emits("floor")),
