@@ -47,7 +47,7 @@ PATHS, ROOM_BINS, ALONE = 2**14, 32, (3, 15, 28)
 # Expected emissivity, its standard deviation and correlation length [um], temperatures [K]
 SURFACES = {"paint": 0.8, "oxide": 0.6, "metal": 0.3}
 SPREAD, LENGTH_UM, KELVIN = 0.05, 1.0, (290.0, 330.0)
-DRAWS, CHANNELS = 8, 40
+DRAWS, CHANNELS = 4, 40
 TIMED_PATHS, ROUNDS, IMAGE_BINS = 2**17, 7, 54
 
 

@@ -6,7 +6,7 @@ radiance of an emission is then the sum over the bins of their throughputs, each
 the source's radiance in the bin.
 """
 
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 
 import drjit as dr
 import mitsuba as mi
@@ -33,6 +33,7 @@ ON_BOTH_SIDES = "TwoSidedBRDF"
 MOST_BY_BIN = 2048  # sources by bin whose covariances are kept
 MOST_PROJECTED = 16  # sources for which the binning error is projected
 AT_ONCE = 512  # sources that are tabulated together, to bound the memory
+NEIGHBOURS = -1, 0, 1  # bins whose hats overlap that of a bin, counted from it
 SPECTRUM_ROWS = 801  # even wavelengths of the spectra of sources by bin
 
 
@@ -118,13 +119,14 @@ class ByBin:
             ]
         return result
 
-    def densities(self, neighbours: tuple[int, ...]) -> np.ndarray:
-        """int S h_k h_(k + step) dlambda / int h_k dlambda of the sources, for steps in neighbours.
+    @cached_property
+    def densities(self) -> np.ndarray:
+        """int S h_k h_(k + step) dlambda / int h_k dlambda of the sources, for steps in NEIGHBOURS.
 
         They are divided by the in-band radiance, (sources, count, neighbours) [1/um]. The response
         of the band does not enter.
         """
-        weights = products(self.count, neighbours)
+        weights = products(self.count, NEIGHBOURS)
         in_band = np.array([source.in_band for source in self.sources])
         means = [
             np.tensordot(radiances(self.sources[k : k + AT_ONCE], self.bins.grid_um), weights, 1)

@@ -7,7 +7,7 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.bins.by_bin import ByBin
+from mi_lcair.plugins.bins.by_bin import NEIGHBOURS, ByBin
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
 from mi_lcair.plugins.paths.launch import Launch, Paths
 from mi_lcair.plugins.recorders.recorder import Emission, Recorder, zeros
@@ -18,23 +18,22 @@ MOST_SUMS = 2**27  # sums of one launch, of 8 bytes each
 class BinSums:
     """Sums for each window, randomisation and bin of wavelength.
 
-    There is one array for all paths, outside of what the loop carries. It has separate sums for the
-    paths that first hit the model, and for the others.
+    There is one array for all paths, outside of what the loop carries.
 
     neighbours: bins, counted from that bin, whose reflectances enter the sum of a bin. by_bin:
-    the scene's tables. launch: the launch. sources: number of sources that are told apart. table:
-    factors of their radiance, (sources of the scene, bins, neighbours).
+    the scene's tables. launch: the launch. shape: of the sums. table: factors of the radiance of
+    the sources, (sources of the scene, bins, neighbours).
     """
 
     neighbours: tuple[int, ...] = (0,)
     counts_closure = False  # whether the radiance beyond the last reflection counts
 
-    def __init__(self, by_bin: ByBin, launch: Launch, sources: int, table):
-        self.count, self.sources, self.table = by_bin.count, sources, table
-        self.shape = launch.windows, launch.randomisations, 2, sources * self.count
+    def __init__(self, by_bin: ByBin, launch: Launch, shape: tuple[int, ...], table):
+        self.count, self.shape, self.table = by_bin.count, shape, table
         if np.prod(self.shape, dtype=float) > MOST_SUMS:
+            of_window = int(np.prod(shape)) // (launch.windows * launch.randomisations)
             raise InputError(
-                f"{launch.windows} pixels or views with {self.shape[-1]} sums by wavelength are "
+                f"{launch.windows} pixels or views with {of_window} sums by wavelength are "
                 "too many at once; use fewer pixels or bins, or make the materials constant in the "
                 "band with `average_K`"
             )
@@ -49,32 +48,38 @@ class BinSums:
             value += factors.read(number) * dr.gather(mi.Float, self.table, first + column)
         return value
 
-    def add(self, place, k, value) -> None:
-        """Add radiance of bin k to the sums of a row, and of a source if they are told apart."""
+    def add(self, index, value) -> None:
+        """Add radiance to the sum with a number."""
         active = (value != 0) & dr.isfinite(value)
         value = dr.float64_array_t(mi.Float)(value)
-        dr.scatter_add(self.array, value, place * self.count + k, active, mode=dr.ReduceMode.Local)
-
-    def add_parts(self, row, parts, k, base, factors, of_path) -> None:
-        """Add the radiance of bin k to a row, see `ByBinOfPath`."""
-        for source, share in parts:
-            value = base * share * self.value(source, k, factors)
-            self.add(row * self.sources + source, k, value)
+        dr.scatter_add(self.array, value, index, active, mode=dr.ReduceMode.Local)
 
     def of_path(self) -> dr.Local | None:
         """Sums of one path; None where all that a path brings is added to those of the launch."""
         return None
 
     def sums(self) -> np.ndarray:
-        """The sums (windows, randomisations, 2, sources and bins); the second part is the model."""
+        """The sums in their shape."""
         return self.array.numpy().reshape(self.shape)
 
 
 class SourceSums(BinSums):
-    """Sums of the in-band radiance of each source in each bin."""
+    """Sums of the in-band radiance of each source in each bin.
+
+    There are separate sums for the paths that first hit the model: (windows, randomisations, 2,
+    sources and bins), of which the second part is the model.
+    """
 
     def __init__(self, by_bin: ByBin, launch: Launch):
-        super().__init__(by_bin, launch, len(by_bin.sources), mi.Float(by_bin.shares))
+        self.sources = len(by_bin.sources)
+        shape = launch.windows, launch.randomisations, 2, self.sources * by_bin.count
+        super().__init__(by_bin, launch, shape, mi.Float(by_bin.shares))
+
+    def add_parts(self, row, parts, k, base, factors, of_path) -> None:
+        """Add the radiance of bin k to a row, see `ByBinOfPath`."""
+        for source, share in parts:
+            value = base * share * self.value(source, k, factors)
+            self.add((row * self.sources + source) * self.count + k, value)
 
     def channels(self, split: str) -> dict[str, np.ndarray]:
         """Sums by the names of channels, (windows, randomisations) each; split: see `Channels`."""
@@ -89,13 +94,18 @@ class SourceSums(BinSums):
 
 
 class SpectralSums(BinSums):
-    """Sums of the spectral radiance of all sources in each bin [W m^-2 sr^-1 um^-1]."""
+    """Sums of the spectral radiance of all sources in each bin [W m^-2 sr^-1 um^-1].
 
-    neighbours = -1, 0, 1
+    The sums of a bin lie together, (bins, windows, randomisations), since they are added up later.
+    """
+
+    neighbours = NEIGHBOURS
     counts_closure = True
 
     def __init__(self, by_bin: ByBin, launch: Launch):
-        super().__init__(by_bin, launch, 1, mi.Float(by_bin.densities(self.neighbours).ravel()))
+        shape = by_bin.count, launch.windows, launch.randomisations
+        super().__init__(by_bin, launch, shape, mi.Float(by_bin.densities.ravel()))
+        self.rows = dr.opaque(mi.UInt32, launch.windows * launch.randomisations)
 
     def of_path(self) -> dr.Local:
         """Sums of one path, which are added to those of the launch at its end."""
@@ -107,8 +117,7 @@ class SpectralSums(BinSums):
 
     def channels(self, split: str) -> dict[str, np.ndarray]:
         """Sums by the names of channels, (windows, randomisations) each."""
-        whole = self.sums().sum(axis=2)
-        return {f"bin.{k}": whole[:, :, k] for k in range(self.count)}
+        return {f"bin.{k}": sums for k, sums in enumerate(self.sums())}
 
 
 @dataclass
@@ -161,5 +170,6 @@ class ByBinOfPath(Recorder):
         """Add each sum of a path to a row."""
         k = mi.UInt32(0)
         while k < self.sums.count:
-            self.sums.add(row, k, of_path.read(k))
+            # The paths that first hit the model have odd rows
+            self.sums.add(k * self.sums.rows + row // 2, of_path.read(k))
             k += 1
