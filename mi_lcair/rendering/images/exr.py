@@ -13,14 +13,19 @@ from mi_lcair.files import check_file, replacing
 
 MAGIC = b"\x76\x2f\x31\x01"
 
-# Attributes of the file format. The OpenEXR package sets them, so a caller must not.
+# Attributes of the file format. The OpenEXR package sets them or wants a type of its own for them,
+# so a caller must not set them.
 STRUCTURE = {
+    "adoptedNeutral",
     "channels",
+    "chromaticities",
     "chunkCount",
     "compression",
     "dataWindow",
     "displayWindow",
     "lineOrder",
+    "name",
+    "originalDataWindow",
     "pixelAspectRatio",
     "screenWindowCenter",
     "screenWindowWidth",
