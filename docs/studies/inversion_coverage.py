@@ -1,6 +1,6 @@
 """Measure how often the 95 % intervals of `mi-lcair invert` hold the truth, case by case.
 
-    python -m docs.studies.inversion_coverage [CASE[=DRAWS] ... | page]
+    python -m docs.studies.inversion_coverage [CASE[=DRAWS] ... | page] [workers=N | dask=ADDRESS]
 
 The cases are problems with known answers, see `CASES`. The script adds what it measures to
 docs/validation/inversion/coverage.json and writes docs/validation/inversion_coverage.md from all
@@ -12,6 +12,7 @@ import json
 import sys
 import tempfile
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from mi_lcair.files import replacing
 from mi_lcair.inversion.data.images import noise_of_netd
 from mi_lcair.inversion.smoothness import matern
 from mi_lcair.rendering.facets.table import FacetTable
+from mi_lcair.startup.tasks import in_order
 from tests.inversion import ball, corner, plate
 from tests.sensitivity import waist
 
@@ -284,18 +286,27 @@ def row(name: str, of: dict) -> str:
     )
 
 
+def of_case(case, draws: int) -> tuple[str, dict]:
+    """Name of a case, and what its solutions say."""
+    with tempfile.TemporaryDirectory() as folder:
+        return case.__name__, measured(case(Path(folder), draws))
+
+
 def main(*arguments: str) -> None:
-    """Measure cases, and write the page."""
+    """Measure cases, and write the page. workers=N or dask=ADDRESS measures them at once."""
     known = json.loads(MEASURED.read_text(encoding="utf-8")) if MEASURED.exists() else {}
     wanted = dict(argument.partition("=")[::2] for argument in arguments)
-    for case, draws in CASES.items():
-        name = case.__name__
-        if not wanted or name in wanted:
-            with tempfile.TemporaryDirectory() as folder:
-                known[name] = measured(case(Path(folder), int(wanted.get(name) or draws)))
-            print(row(name, known[name]), flush=True)
-            with replacing(MEASURED) as partial:
-                partial.write_text(json.dumps(known, indent=1) + "\n", encoding="utf-8")
+    workers, dask = wanted.pop("workers", None), wanted.pop("dask", None)
+    cases = {case: n for case, n in CASES.items() if not wanted or case.__name__ in wanted}
+    tasks = [
+        partial(of_case, case, int(wanted.get(case.__name__) or cases[case])) for case in cases
+    ]
+    with mi_lcair.workers(workers and int(workers), dask):
+        for name, of in in_order(tasks):
+            known[name] = of
+            print(row(name, of), flush=True)
+            with replacing(MEASURED) as part:
+                part.write_text(json.dumps(known, indent=1) + "\n", encoding="utf-8")
     names = [case.__name__ for case in CASES if case.__name__ in known]
     write_page(PAGE, "inversion_coverage", rows="\n".join(row(n, known[n]) for n in names))
 

@@ -83,13 +83,14 @@ class Cluster:
         import mitsuba
 
         client = self.connected()
+        import cloudpickle  # of distributed; it also sends functions of a script
         from dask.distributed import as_completed
         from distributed.comm import CommClosedError
 
         about = versions(), (socket.gethostname(), os.getpid()), mitsuba.variant()
         run = opener()
         numbers = {
-            client.submit(run, *about, pickle.dumps(task), pure=False, retries=RETRIES): number
+            client.submit(run, *about, cloudpickle.dumps(task), pure=False, retries=RETRIES): number
             for number, task in enumerate(tasks)
         }
         for future in as_completed(numbers):

@@ -1,7 +1,7 @@
 """Draw adverse scenes, run the commands on them, and count the claims that hold.
 
     python -m docs.studies.claims [--scenes N] [--seed S] [--first K] [--kind TEXT] [--page FILE]
-                                  [--csv FILE] [--read FILE ...]
+                                  [--csv FILE] [--read FILE ...] [--workers N | --dask ADDRESS]
 
 A scene takes about two seconds. `--scenes 1 --first K` repeats the scene K of the seed S and prints
 its claims. `--page docs/validation/claims.md` writes the page. Several processes may each write a
@@ -11,14 +11,17 @@ part of the claims with `--first` and `--csv`. `--read` then takes them all in p
 import argparse
 import csv
 from dataclasses import astuple, fields
+from functools import partial
 from pathlib import Path
 
 from tqdm import tqdm
 
+import mi_lcair
 from docs.studies.claims.claims import Claim, claims
 from docs.studies.claims.coverage import FALSE, defects, is_tolerance, rows
 from docs.studies.claims.page import write
 from docs.studies.claims.scenes import case
+from mi_lcair.startup.tasks import in_order
 
 
 def parsed(arguments=None) -> argparse.Namespace:
@@ -30,20 +33,26 @@ def parsed(arguments=None) -> argparse.Namespace:
     parser.add_argument("--page", help="file of the page to write")
     parser.add_argument("--csv", help="file to which a row for each claim is added")
     parser.add_argument("--read", nargs="+", help="CSV files of earlier runs, in place of a run")
+    parser.add_argument("--workers", type=int, help="draw the scenes in this number of processes")
+    parser.add_argument("--dask", help="draw them on the workers of this Dask scheduler")
     return parser.parse_args(arguments)
 
 
 def run(seed: int, numbers, kind: str = "", path: str | None = None) -> list[Claim]:
     """The claims of the cases with these numbers; those of each case are added to a CSV file."""
     found = []
-    for number in tqdm(numbers, unit="scene"):
-        drawn = case(seed, number)
-        if kind in drawn.kind:
-            of_case = claims(drawn, seed, number)
-            found += of_case
-            if path:
-                add_to(path, of_case)
+    tasks = [partial(claims_of, seed, number, kind) for number in numbers]
+    for of_case in tqdm(in_order(tasks), unit="scene", total=len(tasks)):
+        found += of_case
+        if path:
+            add_to(path, of_case)
     return found
+
+
+def claims_of(seed: int, number: int, kind: str) -> list[Claim]:
+    """The claims of a case, if its kind contains a text."""
+    drawn = case(seed, number)
+    return claims(drawn, seed, number) if kind in drawn.kind else []
 
 
 def add_to(path: str, found: list[Claim]) -> None:
@@ -82,7 +91,8 @@ def main(arguments=None) -> None:
         read = [claim for path in options.read for claim in read_from(path)]
         found = [claim for claim in read if claim.seed == options.seed and claim.number in numbers]
     else:
-        found = run(options.seed, numbers, options.kind, options.csv)
+        with mi_lcair.workers(options.workers, options.dask):
+            found = run(options.seed, numbers, options.kind, options.csv)
     if options.scenes == 1:
         for claim in found:
             print(claim)
