@@ -2,8 +2,9 @@
 
     python -m docs.studies.trend
 
-The scene is the cylinder in its range, in LWIR. There are 180 views of 64 x 64 pixels,
-each intensity to 1 %. Everything runs once before it is timed, so that kernels are compiled. Times are medians of ROUNDS alternating runs. The script takes a few minutes.
+The scene is the cylinder in its range, in LWIR. There are 180 views of 64 x 64 pixels, each
+intensity to 1 %. Everything runs once before it is timed, so that kernels are compiled. Times are
+medians of ROUNDS alternating runs. The script takes a few minutes.
 """
 
 import time

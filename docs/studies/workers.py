@@ -128,8 +128,8 @@ def main(rounds: int = 3) -> None:
         number, task, result = size[name]
         own, far = (median(r[k] for r in times[name, 2]) / number for k in (1, 2))
         paper.append(
-            f"| {name} | {number} | {task / 1e3:.3g} | {result / 1e3:.3g} | {far:.3g} | {own:.3g} | "
-            f"{on_paper(far, own, task + result):.2f} |"
+            f"| {name} | {number} | {task / 1e3:.3g} | {result / 1e3:.3g} | {far:.3g} | "
+            f"{own:.3g} | {on_paper(far, own, task + result):.2f} |"
         )
     write_page(
         PAGE,

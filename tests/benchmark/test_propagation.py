@@ -24,7 +24,8 @@ from mi_lcair.benchmark.propagation.primary import (
 )
 from mi_lcair.benchmark.propagation.problem import Problem
 from mi_lcair.benchmark.propagation.quadrature import plan
-from mi_lcair.benchmark.propagation.radiosity import view_factors
+from mi_lcair.benchmark.propagation.radiance_maps import radiance_maps
+from mi_lcair.benchmark.propagation.radiosity import parts_of, view_factors
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.rendering.scene import Scene
@@ -133,6 +134,10 @@ CLOSED_FORMS = [  # method, problem, effort, stated error
     ("radiosity", problems.two_plates, 4**10, 3e-3),
     ("radiosity", problems.open_box, 4**10, 3e-3),
     ("radiosity", problems.cavity, 4**9, 3e-3),
+    ("radiosity, radiance maps", problems.two_plates, 4**9, 5e-3),
+    ("radiosity, radiance maps", problems.open_box, 4**9, 5e-3),
+    ("radiosity, radiance maps", problems.cavity, 4**9, 5e-3),
+    ("radiosity, radiance maps", problems.furnace, 4**9, 5e-3),
     ("lattice points", problems.two_plates, 2**21, 6e-3),
     ("lattice points", problems.cavity, 2**16, 1e-3),
     ("lattice points", problems.furnace, 2**16, 2e-4),
@@ -259,6 +264,24 @@ def test_radiosity_against_path_tracing(plate):
         radiosity, _ = BY_NAME["radiosity"].run(case, 4**10, 1)
         paths, _ = path_tracing.intensity(case, count, 1, emitter_sampling=case.name == "open_box")
         assert radiosity == pytest.approx(paths, rel=3e-3), case.name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lobe", ["brdf", "mirror"])
+def test_radiance_maps_of_bare_aluminium(lobe):
+    """A cylinder whose lobe is narrower than a cell, and an isothermal room in all directions."""
+    case = problems.in_range("cylinder", problems.loaded("cylinder_ir_range"), 1024, 2**10)
+    for scene in (case.scene, case.independent):
+        scene.set_lobe(lobe)
+    case = problems.referred(case, 2**18)
+    value, _ = BY_NAME["radiosity, radiance maps"].run(case, 4**9, 1)
+    assert value == pytest.approx(case.answer, rel=0.01)
+    furnace = problems.furnace()
+    corners, divisions, _ = parts_of(furnace, 200)
+    maps = radiance_maps(furnace, corners, divisions, 4, 1)
+    L = in_band_radiance(furnace.scene.band, 300)
+    assert np.mean(maps) == pytest.approx(L, rel=0.01)
+    assert np.quantile(maps, 0.02) == pytest.approx(L, rel=0.02)
 
 
 def test_view_factors(plate):

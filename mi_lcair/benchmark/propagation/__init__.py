@@ -14,6 +14,7 @@ from mi_lcair.benchmark.propagation.path_tracing import (
     TAIL,
 )
 from mi_lcair.benchmark.propagation.quadrature import HEMISPHERE, PEAK, STRATIFIED
+from mi_lcair.benchmark.propagation.radiance_maps import RADIANCE_MAPS
 from mi_lcair.benchmark.propagation.radiosity import RADIOSITY
 from mi_lcair.benchmark.propagation.stock import STOCK
 
@@ -22,7 +23,7 @@ GROUPS = {
     "lattice": (LATTICE, LATTICE_EMITTERS),
     "independent": (INDEPENDENT, INDEPENDENT_EMITTERS),
     "stock": (STOCK,),
-    "thesis": (SINGLE, MULTIPLE, HEMISPHERE, STRATIFIED, PEAK, RADIOSITY),
+    "thesis": (SINGLE, MULTIPLE, HEMISPHERE, STRATIFIED, PEAK, RADIOSITY, RADIANCE_MAPS),
     "closure": (AMBIENT, TAIL),
 }
 METHODS = tuple(method for group in GROUPS.values() for method in group)

@@ -39,20 +39,7 @@ def intensity(problem: Problem, patches: int, rays: int, seed: int) -> tuple[flo
     tuple[float, int]
         Intensity [W/sr] and number of rays traced.
     """
-    table = problem.facets
-    sides = np.linalg.norm(
-        np.cross(
-            table.triangles[:, 1] - table.triangles[:, 0],
-            table.triangles[:, 2] - table.triangles[:, 0],
-        ),
-        axis=1,
-    )
-    divisions = np.maximum(1, np.round(np.sqrt(patches * sides / sides.sum()))).astype(int)
-    owner = np.repeat(np.arange(len(divisions)), divisions**2)
-    corners = np.empty((len(owner), 3, 3))
-    for n in np.unique(divisions):
-        corners[divisions[owner] == n] = part_corners(table.triangles[divisions == n], n)
-
+    corners, divisions, owner = parts_of(problem, patches)
     points = visible_points(problem, len(corners), corners, owner)
     with problem.prepared() as (scene, emitters):
         E, rho = at_middles(scene, emitters, corners)
@@ -67,14 +54,42 @@ def intensity(problem: Problem, patches: int, rays: int, seed: int) -> tuple[flo
     return float(visible_area @ B / np.pi), len(corners) * rays + points.cast
 
 
+def parts_of(problem: Problem, patches: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """About so many patches: corners (P, 3, 3) [m], divisions (T,) and triangles (P,)."""
+    table = problem.facets
+    sides = np.linalg.norm(
+        np.cross(
+            table.triangles[:, 1] - table.triangles[:, 0],
+            table.triangles[:, 2] - table.triangles[:, 0],
+        ),
+        axis=1,
+    )
+    divisions = np.maximum(1, np.round(np.sqrt(patches * sides / sides.sum()))).astype(int)
+    owner = np.repeat(np.arange(len(divisions)), divisions**2)
+    corners = np.empty((len(owner), 3, 3))
+    for n in np.unique(divisions):
+        corners[divisions[owner] == n] = part_corners(table.triangles[divisions == n], n)
+    return corners, divisions, owner
+
+
 def at_middles(scene, emitters, corners) -> tuple[np.ndarray, np.ndarray]:
     """Emitted exitance [W m^-2] and reflectance of each patch, evaluated at its middle."""
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    above = corners.mean(axis=1) + ABOVE * np.abs(corners).max() * normal
-    si = scene.ray_intersect(mi.Ray3f(mi.Point3f(above.T), mi.Vector3f(-normal.T)))
+    si = middles(scene, corners)
     rho = si.bsdf().eval_diffuse_reflectance(si)[0]
     return np.pi * emitted(si, scene).numpy().astype(float), rho.numpy().astype(float)
+
+
+def middles(scene, corners) -> mi.SurfaceInteraction3f:
+    """The middles of the patches, seen along their normals."""
+    normal = normals(corners)
+    above = corners.mean(axis=1) + ABOVE * np.abs(corners).max() * normal
+    return scene.ray_intersect(mi.Ray3f(mi.Point3f(above.T), mi.Vector3f(-normal.T)))
+
+
+def normals(corners: np.ndarray) -> np.ndarray:
+    """Unit normals of the patches, (P, 3)."""
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return normal / np.linalg.norm(normal, axis=1, keepdims=True)
 
 
 def view_factors(scene, emitters, triangles, corners, divisions, rays: int, seed: int) -> csr_array:
@@ -98,21 +113,42 @@ def view_factors(scene, emitters, triangles, corners, divisions, rays: int, seed
     seed
         Seed of the lattice's shifts.
     """
+
+    def cosine(k, u):
+        return mi.warp.square_to_cosine_hemisphere(u)
+
+    known, patch, receiver, _ = sent(
+        scene, emitters, triangles, corners, divisions, rays, seed, cosine
+    )
+    return csr_array(
+        (np.full(known.sum(), 1 / rays), (patch[known], receiver[known])),
+        shape=(len(corners), len(corners)),
+    )
+
+
+def sent(
+    scene, emitters, triangles, corners, divisions, rays: int, seed: int, direction
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, mi.Vector3f]:
+    """Trace rays from all patches, see `view_factors`.
+
+    direction: a function of the number of a patch's ray and of two random numbers, which gives its
+    direction in the patch's frame. Returns whether each ray hits a patch's front, the patches that
+    send and receive it, and the direction back in the receiver's frame.
+    """
     patches, first = len(corners), np.cumsum(divisions**2) - divisions**2
     index = dr.arange(mi.UInt32, patches * rays)
     patch, k = index // dr.opaque(mi.UInt32, rays), index % dr.opaque(mi.UInt32, rays)
-    sampler = Lattice.at(patch, k, dr.opaque(mi.UInt32, seed))
+    sampler, normal = Lattice.at(patch, k, dr.opaque(mi.UInt32, seed)), normals(corners)
     p0, p1, p2 = (
         dr.gather(mi.Point3f, mi.Point3f(corners[:, corner].T), patch) for corner in range(3)
     )
     uv = mi.warp.square_to_uniform_triangle(sampler.next_2d())
     si = dr.zeros(mi.SurfaceInteraction3f, patches * rays)
     si.p = p0 + uv.x * (p1 - p0) + uv.y * (p2 - p0)
-    si.n = mi.Normal3f(dr.normalize(dr.cross(p1 - p0, p2 - p0)))
+    si.n = dr.gather(mi.Normal3f, mi.Normal3f(normal.T), patch)
     si.sh_frame = mi.Frame3f(si.n)
-    wo = mi.warp.square_to_cosine_hemisphere(sampler.next_2d())
 
-    ray = emitters.spawn_ray(si, si.to_world(wo))
+    ray = emitters.spawn_ray(si, si.to_world(direction(k, sampler.next_2d())))
     pi = scene.ray_intersect_preliminary(ray)
     hit = pi.compute_surface_interaction(ray)
     triangle, known = triangles.find(pi.shape, pi.prim_index, pi.is_valid())
@@ -120,12 +156,10 @@ def view_factors(scene, emitters, triangles, corners, divisions, rays: int, seed
     n = dr.gather(mi.UInt32, mi.UInt32(divisions.astype(np.uint32)), triangle, known)
     receiver = dr.gather(mi.UInt32, mi.UInt32(first.astype(np.uint32)), triangle, known)
     receiver += part_index(pi.prim_uv, n)
-    dr.eval(known, patch, receiver)
-    received = known.numpy()
-    return csr_array(
-        (np.full(received.sum(), 1 / rays), (patch.numpy()[received], receiver.numpy()[received])),
-        shape=(patches, patches),
-    )
+    there = mi.Frame3f(dr.gather(mi.Normal3f, mi.Normal3f(normal.T), receiver, known))
+    back = there.to_local(-ray.d)
+    dr.eval(known, patch, receiver, back)
+    return known.numpy(), patch.numpy(), receiver.numpy(), back
 
 
 def run(problem: Problem, effort: int, seed: int) -> tuple[float, int]:
