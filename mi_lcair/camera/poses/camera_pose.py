@@ -9,7 +9,7 @@ import numpy as np
 
 from mi_lcair.camera.poses.from_points import Solved, solve
 from mi_lcair.camera.view import pointing_of
-from mi_lcair.detection.scenario import Observer, Scenario, change
+from mi_lcair.detection.scenario import POLAR, Observer, Scenario, change
 from mi_lcair.detection.setting import target_scene
 from mi_lcair.errors import InputError
 from mi_lcair.files import replacing
@@ -92,12 +92,7 @@ class CameraPose(Result):
             "turn_error_deg": self.turn_error_deg,
             "half_width_in_errors": self.factor,
             "rms_px": self.rms_px,
-            "observer": {
-                "position_m": observer.position_m,
-                "range_m": observer.range_m,
-                "azimuth_deg": observer.azimuth_deg,
-                "elevation_deg": observer.elevation_deg,
-            },
+            "observer": {name: getattr(observer, name) for name in ("position_m", *POLAR)},
             "camera": self.pointing,
             "columns": self.columns(),
             "remarks": self.remarks,
@@ -125,8 +120,9 @@ def camera_pose(
     if scenario.flight is not None:
         raise InputError("the scenario has a [flight]; a pose needs an [observer] in its place")
     solved = solve(points[:, :3], points[:, 3:], imager, sigma_px)
-    target = Target.of(target_scene(scenario, scenario.sensor.detector()))
-    from_middle = solved.eye - target.centre
+    scene = target_scene(scenario, scenario.sensor.detector())
+    # The loaded scene may have been moved near its origin
+    from_middle = solved.eye - (Target.of(scene).centre + scene.origin)
     observer = Observer(position_m=tuple(map(float, from_middle)))
     view = View(observer.azimuth_deg, observer.elevation_deg)
     pointing = pointing_of(view, solved.sides[0], solved.sides[2])

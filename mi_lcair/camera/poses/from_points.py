@@ -22,8 +22,8 @@ APART = 3.0  # least distance of a second pose, in standard errors
 
 
 @dataclass(frozen=True)
-class Solved:
-    """A pose, and how well points determine it.
+class Minimum:
+    """A pose at which the sum of the squared residuals has a minimum.
 
     Attributes
     ----------
@@ -33,30 +33,38 @@ class Solved:
         Unit vectors to the right, upward, and along the optical axis, one a row.
     residual_px : ndarray, shape (n, 2)
         Predicted columns and rows less the measured ones.
-    covariance : ndarray, shape (6, 6)
-        Of the turns about right, up and axis [rad] and of the position [m].
-    factor : float
-        Half of a 95 % interval in standard errors.
-    second : Solved or None
-        Another pose that explains the points as well.
+    slopes : ndarray, shape (2n, 6)
+        Derivatives of the residuals with respect to turns about right, up and axis [1/rad], and to
+        the position [1/m].
     """
 
     eye: np.ndarray
     sides: np.ndarray
     residual_px: np.ndarray
-    covariance: np.ndarray
-    factor: float
-    second: "Solved | None" = None
+    slopes: np.ndarray
+
+    @property
+    def square(self) -> float:
+        """Sum of the squared residuals [pixels^2]."""
+        return float(np.sum(self.residual_px**2))
 
     @property
     def rms_px(self) -> float:
         """Rms residual of a column or row [pixels]."""
         return float(np.sqrt(np.mean(self.residual_px**2)))
 
-    @property
-    def errors(self) -> np.ndarray:
-        """Standard errors of the turns [rad] and of the position [m], (6,)."""
-        return np.sqrt(np.diag(self.covariance))
+
+@dataclass(frozen=True)
+class Solved(Minimum):
+    """The deepest minimum, and how well the points determine it.
+
+    errors: standard errors of the turns [rad] and of the position [m], (6,). factor: half of a 95 %
+    interval in standard errors. second: another pose that explains the points as well, or None.
+    """
+
+    errors: np.ndarray
+    factor: float
+    second: Minimum | None
 
 
 def pixels(points: np.ndarray, eye: np.ndarray, sides: np.ndarray, imager: Imager) -> np.ndarray:
@@ -89,29 +97,30 @@ def solve(points: np.ndarray, places: np.ndarray, imager: Imager, sigma_px: floa
         For points that do not determine a pose.
     """
     check_points(points, places)
-    poses = minima(points, places, imager)
-    best = poses[0]
-    if rms(best) > MISFIT_PX:
+    best, *others = minima(points, places, imager)
+    if best.rms_px > MISFIT_PX:
         # Seen through the camera's middle, points behind it are those in front of it, inverted
         middle = points.mean(axis=0)
         behind = minima(2 * middle - points, places, imager)[0]
-        if BETTER * rms(behind) < rms(best):
+        if BETTER * behind.rms_px < best.rms_px:
             raise InputError(
                 f"the points would be behind the camera: in front of it they miss their pixels by "
-                f"{rms(best):.3g} (rms); are x, y, z right-handed, and do the rows go down?"
+                f"{best.rms_px:.3g} (rms); are x, y, z right-handed, and do the rows go down?"
             )
     freedom = places.size - 6
-    variance = 2 * best.cost / freedom if sigma_px is None else sigma_px**2
+    variance = best.square / freedom if sigma_px is None else sigma_px**2
+    try:
+        covariance = variance * np.linalg.inv(best.slopes.T @ best.slopes)
+    except LinAlgError:
+        raise InputError("the points do not determine the pose; add points beside them") from None
+    errors = np.sqrt(np.diag(covariance))
+    second = None
+    for other in others:
+        alike = other.square - best.square < ALIKE * max(variance, 1e-12)
+        if alike and np.any(abs(other.eye - best.eye) > APART * errors[3:]):
+            second = other
     factor = student_factor(freedom if sigma_px is None else np.inf)
-    result = solved(best, variance, factor)
-    for other in poses[1:]:
-        apart = other.eye - best.eye
-        alike = 2 * (other.cost - best.cost) < ALIKE * max(variance, 1e-12)
-        if alike and np.any(abs(apart) > APART * result.errors[3:]):
-            second = solved(other, variance, factor)
-            values = (result.eye, result.sides, result.residual_px, result.covariance)
-            return Solved(*values, factor, second)
-    return result
+    return Solved(**vars(best), errors=errors, factor=factor, second=second)
 
 
 def check_points(points: np.ndarray, places: np.ndarray) -> None:
@@ -165,25 +174,6 @@ def starts(points: np.ndarray, places: np.ndarray, imager: Imager) -> list[tuple
     return result
 
 
-@dataclass(frozen=True)
-class Minimum:
-    """A minimum of the squared residuals.
-
-    cost: half of their sum [pixels^2]. slopes: derivatives of the residuals with respect to the
-    turns [1/rad] and the position [1/m], (2n, 6).
-    """
-
-    eye: np.ndarray
-    sides: np.ndarray
-    residual_px: np.ndarray
-    cost: float
-    slopes: np.ndarray
-
-
-def rms(minimum: Minimum) -> float:
-    return float(np.sqrt(np.mean(minimum.residual_px**2)))
-
-
 def minima(points: np.ndarray, places: np.ndarray, imager: Imager) -> list[Minimum]:
     """The minima of the squared residuals that the first guesses lead to, the deepest first."""
     result = []
@@ -204,17 +194,7 @@ def minima(points: np.ndarray, places: np.ndarray, imager: Imager) -> list[Minim
             return (pixels(points, eye + step[3:], sides @ turn, imager) - places).ravel()
 
         slopes = least_squares(turned, np.zeros(6), x_scale=[1, 1, 1, *[scale] * 3], max_nfev=1).jac
-        miss = fit.fun.reshape(-1, 2)
-        result.append(Minimum(eye, sides, miss, float(fit.cost), slopes))
+        result.append(Minimum(eye, sides, fit.fun.reshape(-1, 2), slopes))
     if not result:
         raise InputError("the pixels do not fit to a view of the points; check their order")
-    return sorted(result, key=lambda minimum: minimum.cost)
-
-
-def solved(minimum: Minimum, variance: float, factor: float) -> Solved:
-    """The pose of a minimum with its covariance for a variance of a column or row [pixels^2]."""
-    try:
-        covariance = variance * np.linalg.inv(minimum.slopes.T @ minimum.slopes)
-    except LinAlgError:
-        raise InputError("the points do not determine the pose; add points beside them") from None
-    return Solved(minimum.eye, minimum.sides, minimum.residual_px, covariance, factor)
+    return sorted(result, key=lambda minimum: minimum.square)

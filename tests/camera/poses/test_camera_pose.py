@@ -66,6 +66,22 @@ def test_a_pose_found_again_is_that_of_the_scenario(folder, azimuth, elevation, 
     np.testing.assert_allclose(sides_again, sides, atol=1e-6)
 
 
+def test_a_scene_far_from_its_origin(folder):
+    """Points are in the axes of the file, although the loaded scene was moved to its origin."""
+    scene = folder / "disc.xml"
+    text = scene.read_text().replace("</transform>", '<translate x="5000" y="-900"/></transform>')
+    scene.write_text(text)
+    scenario = Scenario.read("plate.toml")
+    origin = np.array(target_scene(scenario, scenario.sensor.detector()).origin)
+    assert np.linalg.norm(origin) > 1000
+    eye, sides = camera(scenario)
+    points = np.array(list(product((-1, 1), (-0.7, 0.7), (-0.4, 0.4))))
+    places = pixels(points, eye, sides, scenario.camera)
+    result = mi_lcair.pose("plate.toml", np.hstack([points + origin, places]), 0.3)
+    np.testing.assert_allclose(result.position_m, eye + origin, atol=1e-3)
+    assert result.observer.range_m == pytest.approx(300.0, abs=1e-3)
+
+
 def test_pointing_is_the_inverse_of_the_axes(folder):
     for azimuth, elevation, roll in AROUND:
         entries = {"camera.right_deg": 3.0, "camera.up_deg": -2.0, "camera.roll_deg": roll}
