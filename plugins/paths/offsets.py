@@ -57,10 +57,13 @@ class Offsets:
 
 
 def extent(shape) -> float:
-    """Longest side of a shape's triangles, or the diagonal of another shape's box [m]."""
+    """Longest side of a shape's triangles, or a quarter of the diagonal of another shape's box [m].
+
+    A hit on a sphere is computed from its radius, and has a smaller error than one on a triangle.
+    """
     if not is_faceted(shape):
         box = shape.bbox()
-        return float(np.linalg.norm(np.array(box.max) - np.array(box.min)))
+        return float(np.linalg.norm(np.array(box.max) - np.array(box.min))) / 4
     a, b, c = triangle_corners(shape)
     return max(
         float(np.linalg.norm(p - q, axis=1).max(initial=0.0)) for p, q in ((a, b), (b, c), (c, a))
