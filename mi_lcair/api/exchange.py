@@ -10,7 +10,7 @@ from mi_lcair.motions.observer import toward
 from mi_lcair.rendering.scene import SceneLike
 from mi_lcair.startup.threads import exclusively
 
-KELVIN, ELEVATION = Bounds(lower=0), Bounds(lower=-90, upper=90)
+POSITIVE, KELVIN, ELEVATION = Bounds(lower=1), Bounds(lower=0), Bounds(lower=-90, upper=90)
 
 
 @exclusively
@@ -58,6 +58,7 @@ def exchange(
         surfaces that do not emit, for a plume that transmits, and for a material without an entry
         for the total band or LWIR.
     """
+    POSITIVE.check(rays, "rays")
     for name, kelvin in (("sky_K", sky_K), ("ground_K", ground_K)):
         if kelvin is not None:
             KELVIN.check(kelvin, name)

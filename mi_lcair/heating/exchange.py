@@ -8,7 +8,7 @@ from scipy import sparse
 from mi_lcair.errors import InputError
 from mi_lcair.heating.conductors import Conductors, Facets, Traced, standard_error
 from mi_lcair.heating.exchange_result import Asymmetry, Exchange
-from mi_lcair.heating.paths import ENDS, RANDOMISATIONS, RINGS, FacetPaths, Means
+from mi_lcair.heating.paths import ENDS, RANDOMISATIONS, RINGS, FacetPaths, Means, points_of
 from mi_lcair.heating.sunlight import Sunlight
 from mi_lcair.heating.surfaces import TOTAL, Surfaces, hemispherical_emissivity
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
@@ -88,7 +88,7 @@ def exchange(
     surfaces = Surfaces.of(scene, TOTAL)
     paths = FacetPaths(scene, surfaces)
     facets = facets_of(paths)
-    points = max(1, -(-rays // RANDOMISATIONS))
+    points = points_of(rays)
     means = paths.means(points, seed)
     emissivity = np.maximum(facets.emissivity, np.finfo(float).tiny)
 

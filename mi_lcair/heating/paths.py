@@ -41,6 +41,11 @@ RINGS = len(RINGS_DEG) - 1
 ENDS = ("ground", "truncated", "buried", "backs", "passive")
 
 
+def points_of(rays: int) -> int:
+    """Number of points of each randomisation for at least so many paths."""
+    return -(-rays // RANDOMISATIONS)
+
+
 @dataclass(frozen=True, eq=False)
 class Means:
     """Means of what the paths of n facets met, for each randomisation.

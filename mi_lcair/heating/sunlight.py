@@ -12,7 +12,7 @@ import mitsuba as mi
 import numpy as np
 from scipy import sparse
 
-from mi_lcair.heating.paths import ENDS, LANES, RANDOMISATIONS, RINGS, FacetPaths, Means
+from mi_lcair.heating.paths import ENDS, LANES, RANDOMISATIONS, RINGS, FacetPaths, Means, points_of
 from mi_lcair.heating.surfaces import SOLAR, Surfaces, hemispherical_emissivity
 from mi_lcair.plugins.samplers.lattice import Lattice
 from mi_lcair.rendering.scene import Scene
@@ -62,7 +62,7 @@ class Sunlight:
         self.area, self.remarks = table.area[number], surfaces.remarks
         by_surface = np.array([hemispherical_emissivity(s) for s in surfaces.different])
         self.absorptance = by_surface[np.array(surfaces.of_shape)[table.shape_index[number]]]
-        self.means: Means = self.paths.means(max(1, -(-rays // RANDOMISATIONS)), seed)
+        self.means: Means = self.paths.means(points_of(rays), seed)
         sides = sparse.csr_array(
             (self.area[self.paths.rows], (self.paths.rows, np.arange(len(self.paths.rows))))
         )
@@ -72,7 +72,7 @@ class Sunlight:
 
     def areas(self, directions: np.ndarray, rays: int = SHADOW_RAYS) -> SolarAreas:
         """The areas for directions to the sun, unit vectors (m, 3), with `rays` a facet and sun."""
-        points, rows = max(1, -(-rays // RANDOMISATIONS)), self.paths.rows
+        points, rows = points_of(rays), self.paths.rows
         step = max(1, LANES // (len(self.area) * RANDOMISATIONS * points))
         blocks = [
             self._lit(directions[k : k + step], points) for k in range(0, len(directions), step)

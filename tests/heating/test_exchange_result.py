@@ -76,7 +76,11 @@ def test_the_irradiance_needs_all_temperatures():
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
-    [({"sky_K": -1.0}, "sky_K = -1"), ({"sun_deg": (91, 0)}, "elevation of the sun = 91")],
+    [
+        ({"rays": 0}, "rays = 0"),
+        ({"sky_K": -1.0}, "sky_K = -1"),
+        ({"sun_deg": (91, 0)}, "elevation of the sun = 91"),
+    ],
 )
 def test_bad_arguments_are_refused(arguments, message):
     with pytest.raises(InputError, match=message):
