@@ -13,7 +13,14 @@ from mi_lcair.cli.options import (
     progress_bar,
     seed_option,
 )
-from mi_lcair.cli.output import check_outputs, note, print_json, print_sections, print_written
+from mi_lcair.cli.output import (
+    check_outputs,
+    note,
+    print_json,
+    print_next,
+    print_sections,
+    print_written,
+)
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 from mi_lcair.files import replacing, together
@@ -174,6 +181,9 @@ def command(files, output, plot, bands, json, **settings):
             time = ("time", f"{fitted.seconds:.2f} s, of which {compiled}")
             print_sections(fitted.sections(), [time])
     print_written(output, plot)
+    if output and (band := content.get("band")):
+        given = ["-D", f"material={output}", "-D", f"band={band}"]
+        print_next(["render", "furnace", *given, "-o", f"{output.stem}_furnace.exr"])
 
 
 def _companions(files, emissivities, dhrs):

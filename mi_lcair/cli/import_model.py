@@ -7,7 +7,7 @@ import click
 import mi_lcair
 from mi_lcair.cli import completion
 from mi_lcair.cli.options import FILE, examples, json_option, output_option
-from mi_lcair.cli.output import print_result
+from mi_lcair.cli.output import Called, note, print_next, print_result, print_written
 
 FIRST = 0.02  # tolerance of the first intensity of a model
 AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
@@ -15,6 +15,7 @@ AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
 
 @click.command(
     "import",
+    cls=Called,
     epilog=examples(
         "mi-lcair import box.obj -o box",
         "mi-lcair import box.obj --check",
@@ -113,8 +114,9 @@ AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
     help="Also print the intensity of the model in this band, toward the scene's sensor.",
 )
 @json_option
-def command(file, output, check, overwrite, materials, band, json, **options):
-    """Import a facet model for rendering.
+@click.pass_context
+def command(ctx, file, output, check, overwrite, materials, band, json, **options):
+    """Import a facet model, or a scene of Mitsuba, for rendering.
 
     MODEL is a Wavefront OBJ, glTF (.glb, .gltf), PLY or STL file whose objects or groups are named
     {f|s|t}*{material}*{kelvin}*{anything}, such as f*bare_aluminum*300*. The first letter stands
@@ -122,7 +124,12 @@ def command(file, output, check, overwrite, materials, band, json, **options):
     --temperature, or a table --names. Written are the meshes, in m and with the temperature of each
     facet in K, and a picture. Look at FOLDER/model.png: the nose must be at +x and the top at +z.
     FOLDER/scene.xml is then ready for render and signature.
+
+    A Mitsuba scene, MODEL.xml, becomes thermal with --temperature: all its shapes emit.
     """
+    if file.suffix.lower() == ".xml":
+        _import_scene(ctx, file, output, options["temperature"], band or "LWIR")
+        return
     if bool(output) == check:
         raise click.UsageError("give either -o FOLDER or --check", click.get_current_context())
     words = {name: options.pop(name) for name in ("sky", "ground", "sun", "atmosphere")}
@@ -146,6 +153,25 @@ def command(file, output, check, overwrite, materials, band, json, **options):
         after = f"next: mi-lcair signature {shlex.quote(str(output / 'scene.xml'))}"
         rows.append(("written to", f"{output}, {len(files)} files; {after}"))
     print_result(model, json, rows, more, materials=materials)
+    if check:
+        words = [word for word in ctx.obj if word != "--check"]
+        print_next([*words, "-o", file.stem])
+
+
+def _import_scene(ctx, file, output, temperature, band) -> None:
+    """Write a thermal version of a scene that was written for Mitsuba."""
+    from mi_lcair.models3d.mitsuba_scene import thermal_scene
+
+    for parameter in ctx.command.params:
+        given = ctx.get_parameter_source(parameter.name) is click.core.ParameterSource.COMMANDLINE
+        if given and parameter.name not in ("file", "output", "temperature", "band"):
+            raise click.UsageError(f"{parameter.opts[-1]} does not go with a scene of Mitsuba", ctx)
+    if output is None or temperature is None:
+        raise click.UsageError("a scene of Mitsuba needs -o FOLDER and --temperature K", ctx)
+    for remark in thermal_scene(file, output, temperature, band):
+        note(remark)
+    print_written(output / "scene.xml")
+    print_next(["render", output / "scene.xml", "-o", f"{output.name}.exr"])
 
 
 def _write(model, output, materials, words, overwrite):

@@ -2,6 +2,7 @@
 
 import json
 import logging
+import shlex
 import sys
 import warnings
 from contextlib import contextmanager
@@ -106,6 +107,21 @@ def print_written(*paths) -> None:
         click.echo(f"wrote {printable(path)}", err=True)
 
 
+class Called(click.Command):
+    """A command whose context keeps the arguments of its call as `obj`, a list of words."""
+
+    def make_context(self, info_name, args, parent=None, **extra):
+        words = [info_name, *args]
+        context = super().make_context(info_name, args, parent, **extra)
+        context.obj = words
+        return context
+
+
+def line_of(words) -> str:
+    """The line that calls the command line with these words."""
+    return shlex.join(["mi-lcair", *map(str, words)])
+
+
 # Notes of a command that has traced no path yet. Its input may still be refused, in one line.
 _held: list[str] = []
 
@@ -117,6 +133,12 @@ def note(text: object) -> None:
     """
     if not quiet():
         _held.append(f"mi-lcair: note: {printable(text)}")
+
+
+def print_next(words) -> None:
+    """Print on stderr, at the end, the command that may come next, unless -q is given."""
+    if not quiet():
+        _held.append(f"next: {line_of(words)}")
 
 
 def print_notes() -> None:

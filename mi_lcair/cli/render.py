@@ -4,7 +4,7 @@ import click
 
 import mi_lcair
 from mi_lcair.cli.options import examples, output_option, scene_options, workers_options
-from mi_lcair.cli.output import print_result, time_row
+from mi_lcair.cli.output import print_next, print_result, time_row
 from mi_lcair.errors import InputError
 
 
@@ -92,3 +92,5 @@ def command(options, output, atmosphere, range_m, bins, wavelengths, errors_um):
         write_exr(output, result.channels, result.header)
     rows = [("file", str(output)), time_row(result)]
     print_result(result, options.json, rows, {"file": str(output)})
+    if not is_cube:
+        print_next(["show", output])

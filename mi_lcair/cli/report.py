@@ -1,7 +1,5 @@
 """mi-lcair report: a page in HTML of results, scenes and scenarios."""
 
-import shlex
-
 import click
 
 import mi_lcair
@@ -17,18 +15,8 @@ from mi_lcair.cli.options import (
     progress_bar,
     renderer_options,
 )
-from mi_lcair.cli.output import note
+from mi_lcair.cli.output import Called, line_of, note
 from mi_lcair.errors import InputError
-
-
-class Called(click.Command):
-    """A command that keeps its arguments, so that a page can say how it was made."""
-
-    def make_context(self, info_name, args, parent=None, **extra):
-        call = shlex.join(["mi-lcair", info_name, *args])
-        context = super().make_context(info_name, args, parent, **extra)
-        context.obj = call
-        return context
 
 
 @click.command(
@@ -78,7 +66,12 @@ def command(call, what, output, parameters, variant, threads, **options):
     prepare_renderer(variant, threads)
     with progress_bar() as progress:
         notes = mi_lcair.report(
-            what, output, parameters=dict(parameters), command=call, progress=progress, **options
+            what,
+            output,
+            parameters=dict(parameters),
+            command=line_of(call),
+            progress=progress,
+            **options,
         )
     for remark in notes:
         note(remark)

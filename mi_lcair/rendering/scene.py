@@ -299,7 +299,11 @@ def checked(loaded: mi.Scene, path: Path | None, parameters: dict[str, str]) -> 
         now = "" if integrator is None else f", not {integrator.class_name()}"
         raise InputError(
             f'{where}: the integrator must be bounce_path{now}: <integrator type="bounce_path"/>'
-            + (', or {"type": "bounce_path"} for mi.load_dict' if path is None else "")
+            + (
+                ', or {"type": "bounce_path"} for mi.load_dict'
+                if path is None
+                else "; mi-lcair import makes a thermal scene of one that was written for Mitsuba"
+            )
         )
     if not loaded.sensors():
         raise InputError(f"{where}: has no sensor")

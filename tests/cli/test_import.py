@@ -199,6 +199,7 @@ def test_remarks(run, folder):
         "mi-lcair: note: the lowest temperature is 150 K",
         "mi-lcair: note: 1 model facet faces inward; the back of a facet neither emits nor "
         "reflects",
+        "next: mi-lcair import model.obj -o model",
     ]
 
 
@@ -298,10 +299,11 @@ def test_axes(run, refused, folder):
     upright = ("import", "lying.obj", "--forward", "-Z", "--up", "Y", "--check")
     result = run("import", "lying.obj", "--check")
     assert "bounding box           3 x 5 x 2 m" in result.stdout
-    (note,) = result.stderr.splitlines()
+    note, after = result.stderr.splitlines()
+    assert after == "next: mi-lcair import lying.obj -o lying"
     assert "Blender 4.5.1 wrote the file" in note and "give --forward -Z --up Y" in note
     result = run(*upright)
-    assert "bounding box           3 x 2 x 5 m" in result.stdout and not result.stderr
+    assert "bounding box           3 x 2 x 5 m" in result.stdout and "note" not in result.stderr
     assert "bounding box           2 x 3 x 5 m" in run(*upright, "--nose", "Y").stdout
     assert "--forward Y --up Y lie on one line" in refused(
         "import", "lying.obj", "--up", "Y", "--check"

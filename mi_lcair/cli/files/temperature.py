@@ -1,10 +1,12 @@
 """mi-lcair temperature: the temperature of an object from an image of a thermographic camera."""
 
+from pathlib import Path
+
 import click
 
 import mi_lcair
 from mi_lcair.cli.options import examples, given, json_option, output_option
-from mi_lcair.cli.output import check_outputs, print_result, print_written
+from mi_lcair.cli.output import Called, check_outputs, print_next, print_result, print_written
 
 QUANTITIES = {
     "reflected": ("K", "Apparent temperature of what the object reflects."),
@@ -27,6 +29,7 @@ def quantities(command):
 
 @click.command(
     "temperature",
+    cls=Called,
     epilog=examples(
         "mi-lcair temperature 305.2 --band LWIR --emissivity 0.92+-0.02 --reflected 293+-2",
         "mi-lcair temperature seen.exr --emissivity 0.92+-0.02 --reflected 285+-2 "
@@ -49,7 +52,8 @@ def quantities(command):
 )
 @output_option("the temperatures to FILE (.tif, .csv, .exr with their uncertainty), or a picture")
 @json_option
-def command(image, band, output, json, sigma, **measurement):
+@click.pass_obj
+def command(call, image, band, output, json, sigma, **measurement):
     """Temperature of an object with its uncertainty.
 
     IMAGE holds apparent temperatures in K, as a camera shows them for an emissivity of 1: a TIFF,
@@ -64,3 +68,5 @@ def command(image, band, output, json, sigma, **measurement):
         result.save(output)
     print_result(result, json)
     print_written(output)
+    if not output and result.kelvin.ndim == 2:
+        print_next([*call, "-o", f"{Path(image).stem}_object.png"])

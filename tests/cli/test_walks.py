@@ -1,0 +1,107 @@
+"""Walks from a user's own file to a first result, by the commands that the commands print.
+
+Each begins with a command of README for the user's file. The next command is the line `next: ...`
+of the one before, until a command prints none.
+"""
+
+import re
+import shlex
+import shutil
+
+import numpy as np
+import pytest
+
+from mi_lcair.physics.bands import band
+from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.rendering.images.exr import read_exr
+from mi_lcair.scenes import FOLDER
+
+NEXT = re.compile(r"next: mi-lcair (.*)")
+MOST = 5  # commands of a walk
+STOCK = (FOLDER / "examples" / "stock.xml").read_text()
+
+
+@pytest.fixture
+def walk(run, folder):
+    """Function that walks from a command on; returns the names of the commands and all output.
+
+    Options of `smaller`, by command, only make the test faster.
+    """
+
+    def walked(line, **smaller):
+        names, output = [], ""
+        while line and len(names) < MOST:
+            words = shlex.split(line)
+            names.append(words[0])
+            result = run(*words, *smaller.get(words[0], ()))
+            assert result.exit_code == 0, result.output
+            output += result.output
+            line = next(iter(NEXT.findall(result.output)), "")
+        return names, output
+
+    return walked
+
+
+def copied(folder, *names):
+    for name in names:
+        shutil.copy(FOLDER / "examples" / name, folder)
+
+
+@pytest.mark.slow
+def test_a_model_of_blender(walk, folder):
+    copied(folder, "drone.obj", "drone.csv")
+    names, output = walk(
+        "import drone.obj --names drone.csv --forward -Z --up Y --check",
+        signature=("--spp", 4, "-D", "resolution=16"),
+    )
+    assert names == ["import", "import", "signature"] and "W/sr" in output
+    assert (folder / "drone" / "model.png").is_file()
+
+
+@pytest.mark.slow
+def test_the_csv_of_a_scatterometer(walk, folder):
+    copied(folder, "paint.csv")
+    names, output = walk(
+        "fit paint.csv --model microfacet --starts 2 -o paint.json",
+        render=("--spp", 2, "-D", "resolution=8"),
+    )
+    assert names == ["fit", "render", "show"] and "emissivity  standard error" in output
+    assert (folder / "paint_furnace.png").is_file()
+
+
+@pytest.mark.slow
+def test_a_scene_of_mitsuba(walk, refused, folder):
+    copied(folder, "plate.ply", "stock.xml")
+    assert "mi-lcair import makes a thermal scene" in refused("render", "stock.xml", "-o", "a.exr")
+    names, output = walk("import stock.xml --temperature 300 -o thermal")
+    assert names == ["import", "render", "show"] and "left out: constant" in output
+    channels, header = read_exr("thermal.exr")
+    # The plate emits 1 - 0.25 of a blackbody, and little of what it reflects is the sphere
+    radiance = 0.75 * in_band_radiance(band("LWIR"), 300.0)
+    assert np.median(channels["Y"][channels["range.Y"] > 0]) == pytest.approx(radiance, rel=1e-3)
+    assert (folder / "thermal.png").is_file()
+
+
+def test_the_image_of_a_thermograph(walk, folder):
+    np.savetxt(folder / "seen.csv", [[300.0, 310.0], [320.0, 330.0]], delimiter=",")
+    names, output = walk(
+        "temperature seen.csv --band LWIR --emissivity .92+-.02 --reflected 293+-2"
+    )
+    assert names == ["temperature", "temperature"] and "emissivity" in output
+    assert (folder / "seen_object.png").is_file()
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        (("<scene", "<stage"), "is no XML"),
+        (('type="sphere"', 'type="instance"'), "a shape instance cannot emit"),
+        (("<integrator", '<default name="band" value="1"/><integrator'), "a parameter band of its"),
+    ],
+)
+def test_scenes_that_cannot_become_thermal(refused, folder, change, message):
+    (folder / "a.xml").write_text(STOCK.replace(*change))
+    assert message in refused("import", "a.xml", "-o", "a", "--temperature", 300)
+    assert "needs -o FOLDER and --temperature" in refused("import", "a.xml", "-o", "a")
+    assert "--nose does not go with a scene" in refused("import", "a.xml", "--nose", "X")
+    assert not (folder / "a").exists()
