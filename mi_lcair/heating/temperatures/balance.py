@@ -60,7 +60,7 @@ class Balance:
             worst = float(abs(residual).max())
             if (abs(residual) <= closed * scale).all():
                 return kelvin, worst
-            step = self.linear(kelvin, conductance, residual[:, None], 0.01 * closed)[:, 0]
+            step = self.linear(kelvin, conductance, residual[:, None], closed**0.5)[:, 0]
             kelvin = np.maximum(kelvin + step, kelvin / 2)
             if (abs(step) < 1e-13 * kelvin).all():
                 return kelvin, worst

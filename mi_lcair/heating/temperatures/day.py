@@ -21,8 +21,11 @@ from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 
 PERIODIC = 2e-3  # largest distance of a temperature from its periodic value [K]
 MOST_DAYS = 60
+EARLY = 8  # part of a day after which it is compared with the day before
 DAILY = 1e-9  # residual of the balance of a step, as a fraction of the power
+ROUGH = 1e-5  # residual of the changes by the columns, as a fraction of the power
 BDF2, EULER = 1.5, 1.0  # coefficients of the new temperatures in a step
+NUMBERS = np.arange(CELLS + 1)  # of the nodes
 PARTS = 16  # implicit Euler steps in place of a first step of BDF2
 
 
@@ -50,6 +53,7 @@ class Step:
         self.inverse = np.linalg.inv(np.diag(scheme * self.mass[:, 0]) + wall.conduction())
         self.back = np.eye(CELLS + 1)[:, -1:] * (wall.outward * wall.back_temperature)
         self.conductance = 1 / self.inverse[0, 0]
+        self.is_changed = any(map(np.iscomplexobj, (self.mass, self.inverse, self.back)))
 
     def source(self, history: np.ndarray) -> np.ndarray:
         """M H / dt + b of temperatures of earlier steps, (nodes, n)."""
@@ -60,8 +64,28 @@ class Step:
         return self.inverse[0] @ source
 
     def nodes(self, source: np.ndarray, flux: np.ndarray) -> np.ndarray:
-        """Temperatures of the nodes, (nodes, n)."""
-        return self.inverse @ source + np.outer(self.inverse[:, 0], flux)
+        """Temperatures of the nodes, (..., nodes, n); changes the source."""
+        source[..., 0, :] += flux
+        return self.inverse @ source
+
+    def shift(self, history, change, kelvin) -> tuple[np.ndarray, np.ndarray]:
+        """What a change of earlier temperatures (nodes, n) does while the surface keeps its own.
+
+        Returns the changed source, and the change of the flux from the wall to the surface
+        [W m^-2], (n,). Both are complex steps for a wall that changes itself.
+        """
+        if self.is_changed:
+            source = self.source(history + 1j * STEP * change)
+            return source, (self.conductance * (self.surface(source) - kelvin)).imag / STEP
+        source = self.mass * change
+        return source, self.conductance * self.surface(source)
+
+    def shifted(self, source, kelvin, change) -> np.ndarray:
+        """Changes of the nodes for a changed source and a change of the surface, (nodes, n)."""
+        if self.is_changed:
+            flux = self.conductance * (kelvin + 1j * STEP * change - self.surface(source))
+            return self.nodes(source, flux).imag / STEP
+        return self.nodes(source, self.conductance * (change - self.surface(source)))
 
 
 def steady(network: Network, columns=()) -> Course:
@@ -123,12 +147,11 @@ def course(network: Network, columns=(), start_K: float | None = None) -> Course
     while drift >= PERIODIC:
         if days == MOST_DAYS:
             raise InputError(f"the temperatures still change by {drift:.2g} K after {days} days")
-        days, drift = days + 1, march.repeat()
-    drift_of_columns = np.inf if columns else 0.0
-    for _ in range(MOST_DAYS):
-        if drift_of_columns < PERIODIC:
+        days, drift = days + 1, march.repeat(with_columns=False)
+    march.passed = None
+    for _ in range(MOST_DAYS if columns else 0):
+        if march.repeat(with_columns=True) < PERIODIC:
             break
-        drift_of_columns = march.repeat_columns()
     return march.course(days, drift)
 
 
@@ -157,6 +180,10 @@ class March:
             }
             for change in changes
         ]
+        plain = [c for c, column in enumerate(columns) if not column.walls]
+        others = [[c] for c, column in enumerate(columns) if column.walls]
+        # Columns that share steps, and the steps
+        self.batches = list(zip([plain, *others], self.steps)) if plain or others else []
         profile = np.broadcast_to(kelvin, (CELLS + 1, len(kelvin))).copy()
         for group, members in self.walls.items():
             profile[:, members] = network.wall(group).profile(kelvin[members])
@@ -166,6 +193,7 @@ class March:
         self.kelvin = np.tile(kelvin, (len(times), 1))
         self.changes = np.zeros((len(columns), *self.kelvin.shape))
         self.residual = 0.0
+        self.passed = None  # the state, or the tangents, of the last day at its early point
 
     def begin(self) -> None:
         """Take the first step, of which no earlier one is known, in parts."""
@@ -174,28 +202,35 @@ class March:
             self.step(0, EULER, with_columns=True)
         self.state[0], self.tangents[0] = before
 
-    def run(self, first: int = 0, with_columns: bool = True) -> None:
-        """Take the steps to all times from the first one."""
-        self.residual = 0.0
+    def run(self, first: int = 0) -> None:
+        """Take the steps to all times from the first one, with the columns."""
         for k in range(first, len(self.kelvin)):
+            self.step(k, BDF2, with_columns=True)
+
+    def repeat(self, with_columns: bool) -> float:
+        """Take the steps of a day until it is known; returns how far it was from periodic [K].
+
+        The temperatures are repeated first, and then the changes by the columns with them. A day
+        that goes through the same point early on goes through all others too.
+        """
+        name = "tangents" if with_columns else "state"
+        begin, early = self.state, len(self.kelvin) // EARLY
+        before = getattr(self, name)[1]
+        for k in range(len(self.kelvin)):
             self.step(k, BDF2, with_columns)
-
-    def repeat(self) -> float:
-        """Take the steps of a day; returns how far its beginning was from a periodic one [K]."""
-        before = self.state
-        self.run(with_columns=False)
-        change = self.state[1] - before[1]
+            if k == early:
+                here = getattr(self, name)[1]
+                same = self.passed is not None and self.passed.shape == here.shape
+                drift = float(abs(here - self.passed).max()) if same else np.inf
+                self.passed = here
+                if drift < PERIODIC:
+                    self.state = begin
+                    return drift
+        change = getattr(self, name)[1] - before
         left = self.left(change)
-        self.state = self.state + left
-        return float(abs(change + left).max())
-
-    def repeat_columns(self) -> float:
-        """The same of the changes by the columns."""
-        state, before = self.state, self.tangents
-        self.run()
-        change = self.tangents[1] - before[1]
-        left = self.left(change)
-        self.state, self.tangents = state, self.tangents + left
+        setattr(self, name, getattr(self, name) + left)
+        if with_columns:
+            self.state = begin
         return float(abs(change + left).max())
 
     def left(self, change: np.ndarray) -> np.ndarray:
@@ -248,30 +283,23 @@ class March:
         """Take the step of the changes by the columns, after that of the temperatures."""
         network, kelvin = self.network, self.kelvin[k]
         area, free = network.facets.area, network.is_free
+        changed, into = earlier(self.tangents, scheme), np.zeros((len(self.columns), len(area)))
+        parts = []
+        for columns, steps in self.batches:
+            for group, members in self.walls.items():
+                step, where = steps[scheme][group], np.ix_(columns, NUMBERS, members)
+                shifted = step.shift(history[:, members], changed[where], kelvin[members])
+                into[np.ix_(columns, members)] = shifted[1]
+                parts.append((step, where, shifted[0]))
         rates = np.array([column.gained(kelvin[free], k) for column in self.columns])
-        changed, others = earlier(self.tangents, scheme), iter(self.steps[1:])
-        walls = []  # of each column: sources, conductances and temperatures of a wall without flux
-        for column, rate, change in zip(self.columns, rates, changed):
-            steps = (next(others) if column.walls else self.steps[0])[scheme]
-            into, of_groups = np.zeros(len(area)), {}
-            for group, members in self.walls.items():
-                step = steps[group]
-                nodes = history[:, members] + 1j * STEP * change[:, members]
-                source = step.source(nodes)
-                r = step.surface(source)
-                of_groups[group] = step, source, r
-                into[members] = (step.conductance * (r - kelvin[members])).imag / STEP
-            rate += (area * into)[free]
-            walls.append(of_groups)
-        solved = network.balance.linear(kelvin[free], outward, rates.T, DAILY).T
+        rates += (area * into)[:, free]
+        solved = network.balance.linear(kelvin[free], outward, rates.T, ROUGH).T
+        for c, column in enumerate(self.columns):
+            self.changes[c, k] = network.spread(solved[c], column)
         new = self.tangents[1].copy()
-        for c, (column, change) in enumerate(zip(self.columns, solved)):
-            self.changes[c, k] = network.spread(change, column)
-            for group, members in self.walls.items():
-                step, source, r = walls[c][group]
-                surface = kelvin[members] + 1j * STEP * self.changes[c, k, members]
-                nodes = step.nodes(source, step.conductance * (surface - r))
-                new[c][:, members] = nodes.imag / STEP
+        for step, (columns, nodes, members), source in parts:
+            surface = self.changes[columns[:, 0], k, members[0]]
+            new[columns, nodes, members] = step.shifted(source, kelvin[members[0, 0]], surface)
         self.tangents = np.stack([self.tangents[1], new])
 
     def course(self, days: int, drift: float) -> Course:

@@ -294,12 +294,18 @@ class Network:
 
         The temperatures of the columns scatter as those of the randomisations.
         """
-        free = self.is_free
+        free, mean = self.is_free, self.conductors
 
         def of(replicate):
+            change = (replicate.between - mean.between)[free]
+            total = (replicate.total - mean.total)[free]
+            sky = (replicate.to_sky - mean.to_sky).sum(axis=1)[free]
+            ground = (replicate.to_ground - mean.to_ground)[free]
+
             def gained(kelvin, k):
-                around = self.whole(kelvin), self.weather.sky_K[k], self.weather.ground_K[k]
-                return (replicate.heat(*around) - self.conductors.heat(*around))[free]
+                gain = change @ self.whole(kelvin) ** 4 - total * kelvin**4
+                gain = gain + sky * self.weather.sky_K[k] ** 4
+                return STEFAN_BOLTZMANN * (gain + ground * self.weather.ground_K[k] ** 4)
 
             return gained
 

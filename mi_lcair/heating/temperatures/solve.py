@@ -18,6 +18,9 @@ from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.window import window_area
 from mi_lcair.sensitivity.facets import facet_matrix
 
+SHADOW_RAYS = 16  # of each facet toward each position of the sun
+STEP = 0.1  # of the temperatures in differences of radiances [K]
+
 
 def temperatures(scene: Scene, description: Description) -> Heat:
     """The temperatures of a scene's facets; see `mi_lcair.heat`."""
@@ -65,7 +68,7 @@ def sunlit(scene: Scene, facets, conditions: Weather, description: Description):
     light = Sunlight(scene, description.run.rays, description.run.seed)
     beam = np.zeros((len(light.of_ground), times, n))
     if shines.any():
-        beam[:, shines] = light.areas(conditions.toward_sun[shines]).absorbing
+        beam[:, shines] = light.areas(conditions.toward_sun[shines], SHADOW_RAYS).absorbing
     of_sky = light.of_sky.sum(axis=2)
     return Sunlit(beam, of_sky, light.of_ground, light.absorptance), light.remarks
 
@@ -84,15 +87,20 @@ def intensity(scene: Scene, heat: Heat, table: SignatureTable, seed: int) -> Int
     is_solved = np.array([number in place for number in traced.facets])
     column = [place[number] for number in traced.facets[is_solved]]
 
-    def of(kelvin):
-        """Intensities of temperatures (m, n) by randomisation, (R, m)."""
-        whole = np.tile(traced.temperature, (len(kelvin), 1))
-        whole[:, is_solved] = kelvin[:, column]
-        return (in_band_radiance(traced.band, whole) @ weights.T + rest).T
+    def whole(values, others):
+        """Values (m, n) of the facets that exchange heat among those that are seen."""
+        result = np.zeros((len(values), len(is_solved))) + others
+        result[:, is_solved] = values[:, column]
+        return result
 
-    values = of(heat.kelvin)
+    def radiance(kelvin):
+        return in_band_radiance(traced.band, whole(kelvin, traced.temperature))
+
+    values = (radiance(heat.kelvin) @ weights.T + rest).T
+    slope = (radiance(heat.kelvin + STEP) - radiance(heat.kelvin - STEP)) / (2 * STEP)
+    mean = weights.mean(axis=0)
     changes = {
-        name: (of(heat.kelvin + change) - of(heat.kelvin - change)).mean(axis=0) / 2
+        name: (slope * whole(change, 0.0)) @ mean
         for name, change in (heat.changes | {"exchange": heat.noise}).items()
     }
     error = values.std(axis=0, ddof=1) / np.sqrt(len(values))
