@@ -147,11 +147,7 @@ def course(network: Network, columns=(), start_K: float | None = None) -> Course
     while drift >= PERIODIC:
         if days == MOST_DAYS:
             raise InputError(f"the temperatures still change by {drift:.2g} K after {days} days")
-        days, drift = days + 1, march.repeat(with_columns=False)
-    march.passed = None
-    for _ in range(MOST_DAYS if columns else 0):
-        if march.repeat(with_columns=True) < PERIODIC:
-            break
+        days, drift = days + 1, march.repeat()
     return march.course(days, drift)
 
 
@@ -193,45 +189,42 @@ class March:
         self.kelvin = np.tile(kelvin, (len(times), 1))
         self.changes = np.zeros((len(columns), *self.kelvin.shape))
         self.residual = 0.0
-        self.passed = None  # the state, or the tangents, of the last day at its early point
+        self.passed = None  # what was `now` at the early time of the day before
 
     def begin(self) -> None:
         """Take the first step, of which no earlier one is known, in parts."""
         before = self.state[1], self.tangents[1]
         for _ in range(PARTS):
-            self.step(0, EULER, with_columns=True)
+            self.step(0, EULER)
         self.state[0], self.tangents[0] = before
 
     def run(self, first: int = 0) -> None:
-        """Take the steps to all times from the first one, with the columns."""
+        """Take the steps to all times from the first one."""
         for k in range(first, len(self.kelvin)):
-            self.step(k, BDF2, with_columns=True)
+            self.step(k, BDF2)
 
-    def repeat(self, with_columns: bool) -> float:
+    def repeat(self) -> float:
         """Take the steps of a day until it is known; returns how far it was from periodic [K].
 
-        The temperatures are repeated first, and then the changes by the columns with them. A day
-        that goes through the same point early on goes through all others too.
+        A day that goes through the same temperatures and changes early on as the day before goes
+        through all others too.
         """
-        name = "tangents" if with_columns else "state"
-        begin, early = self.state, len(self.kelvin) // EARLY
-        before = getattr(self, name)[1]
+        begin, early = self.now, len(self.kelvin) // EARLY
         for k in range(len(self.kelvin)):
-            self.step(k, BDF2, with_columns)
+            self.step(k, BDF2)
             if k == early:
-                here = getattr(self, name)[1]
-                same = self.passed is not None and self.passed.shape == here.shape
-                drift = float(abs(here - self.passed).max()) if same else np.inf
-                self.passed = here
-                if drift < PERIODIC:
-                    self.state = begin
-                    return drift
-        change = getattr(self, name)[1] - before
+                passed, self.passed = self.passed, self.now
+                if passed is not None and (drift := abs(self.passed - passed).max()) < PERIODIC:
+                    return float(drift)
+        change = self.now - begin
         left = self.left(change)
-        setattr(self, name, getattr(self, name) + left)
-        if with_columns:
-            self.state = begin
+        self.state, self.tangents = self.state + left[0], self.tangents + left[1:]
         return float(abs(change + left).max())
+
+    @property
+    def now(self) -> np.ndarray:
+        """Temperatures of the nodes and their changes at the last time, (1 + columns, nodes, n)."""
+        return np.concatenate([self.state[1:], self.tangents[1]])
 
     def left(self, change: np.ndarray) -> np.ndarray:
         """How far temperatures still are from periodic ones, from their change over a day.
@@ -254,7 +247,7 @@ class March:
             result[..., members] = rest @ change[..., members]
         return result
 
-    def step(self, k: int, scheme: float, with_columns: bool) -> None:
+    def step(self, k: int, scheme: float) -> None:
         """Take the step to a time."""
         network, steps = self.network, self.steps[0][scheme]
         area, free = network.facets.area, network.is_free
@@ -276,7 +269,7 @@ class March:
             flux = g[members] * (self.kelvin[k][members] - r[members])
             nodes[:, members] = steps[group].nodes(sources[group], flux)
         self.state = np.stack([self.state[1], nodes])
-        if with_columns and self.columns:
+        if self.columns:
             self.step_columns(k, scheme, history, outward)
 
     def step_columns(self, k: int, scheme: float, history, outward) -> None:
