@@ -18,6 +18,8 @@ from tqdm import tqdm
 import mi_lcair
 from docs.studies.page import label, write_page
 from mi_lcair.motions.differences import ATTACHED, ON_FILM, Difference
+from mi_lcair.motions.pose import declare, set_motions
+from mi_lcair.motions.table import motions_of
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.statistics import student_factor
 from mi_lcair.sensitivity.common_numbers import CommonNumbers
@@ -26,9 +28,11 @@ from mi_lcair.sensitivity.window import differences_of
 from tests.motions.test_differences import (
     CUBE,
     WALL,
+    L,
     convex_hull,
     cube_intensity,
     facets_intensity,
+    mesh,
     scene_of,
     tall_wall,
     view_of_wall,
@@ -36,7 +40,7 @@ from tests.motions.test_differences import (
 
 PAGE = Path(__file__).parents[1] / "validation" / "motions.md"
 FEW, MANY = 2**12, 2**16  # paths of each of the two renders
-SEEDS = {FEW: 20, MANY: 6}
+SEEDS = {FEW: 30, MANY: 8}
 H = 1e-4  # step of the differences of closed forms
 MOTIONS = Path(__file__).parents[2] / "scenes" / "examples" / "motions.toml"
 SCENES = [
@@ -48,6 +52,11 @@ SCENES = [
 ]
 SIGMA = {"model.yaw_deg": 1.0, "exhaust.radius": 0.05}
 DRAWS = 30
+RHO, GAP = 0.6, 0.1  # reflectance of the lower one of two parallel plates, and their distance [m]
+HOT = 1000.0  # temperature of the upper one, and of the cavity [K]
+CAVITY = 0.5, 0.2, 0.5  # radius of the sphere and of its opening [m], emissivity
+OPENED = 0.05  # growth of the opening for a value of 1 [m]
+FRAMES = 12  # measured images that are registered
 
 
 @dataclass(frozen=True)
@@ -93,7 +102,124 @@ def cases(folder: Path) -> list[Case]:
             "two_plates, gap of 20 mm", lambda: mi_lcair.load("two_plates"), "plate.x_m", -0.02, gap
         ),
         Case("open_box, wall's height", lambda: tall_wall(folder), "wall.height", 0.0, wall),
+        *of_cylinder(),
+        Case(
+            "parallel plates, gap",
+            plates,
+            "plate.z_m",
+            0.0,
+            lambda x: light_of_plate(GAP + x),
+        ),
+        Case(
+            "spherical cavity, opening",
+            lambda: cavity(folder),
+            "wall.opening",
+            0.0,
+            lambda x: light_of_cavity(CAVITY[1] + OPENED * x),
+        ),
     ]
+
+
+def cylinder(radius: float = 0.0, length: float = 0.0) -> np.ndarray:
+    """Rims of a cylinder of 72 sides, (144, 3) [m], by changes of its radius and length."""
+    angle = (np.arange(72) + 0.5) * 2 * np.pi / 72
+    rim = 0.25 * (1 + radius) * np.stack([0 * angle, np.cos(angle), np.sin(angle)], axis=1)
+    return np.concatenate([rim + [x * (1 + length), 0, 0] for x in (-0.5, 0.5)])
+
+
+def turned_cylinder():
+    scene = scene_of(convex_hull("cylinder", cylinder()))
+    scales = {"cylinder.radius": [0, 1, 1], "cylinder.length": [1, 0, 0]}
+    table = {name: {"groups": ["cylinder"], "scale": scale} for name, scale in scales.items()}
+    declare(scene, motions_of(table))
+    set_motions(scene, {"cylinder.pitch_deg": 40.3})
+    return scene
+
+
+def of_cylinder() -> list[Case]:
+    def pitched(points):
+        return facets_intensity(points, "pitch_deg", 40.3)
+
+    name = "cylinder of 72 sides"
+    return [
+        Case(
+            f"{name}, pitch 40.3",
+            turned_cylinder,
+            "cylinder.pitch_deg",
+            40.3,
+            lambda x: facets_intensity(cylinder(), "pitch_deg", x),
+        ),
+        Case(
+            f"{name}, radius",
+            turned_cylinder,
+            "cylinder.radius",
+            0.0,
+            lambda x: pitched(cylinder(x)),
+        ),
+        Case(
+            f"{name}, length",
+            turned_cylinder,
+            "cylinder.length",
+            0.0,
+            lambda x: pitched(cylinder(0, x)),
+        ),
+    ]
+
+
+def plates():
+    """A grey plate, and a hot black one above its side that the sensor does not see into."""
+    triangles = [[0, 1, 2], [0, 2, 3]]
+    corners = np.array([[0, 0, 0], [0.5, 0, 0], [0.5, 0.5, 0], [0, 0.5, 0]])
+    floor = mesh("floor", corners, triangles, RHO, 3.0)
+    above = mesh("plate", corners[::-1] + [-0.6, 0, GAP], triangles, 0.0, HOT)
+    return scene_of(floor, above, max_bounces=1)
+
+
+def light_of_plate(gap: float) -> float:
+    """Intensity that the floor reflects to the sensor [W/sr], by Gauss points on both plates."""
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    x, w = (nodes + 1) / 4, weights / 4
+    along = x[:, None] - (x[None, :] - 0.6)
+    across = x[:, None] - x[None, :]
+    squares = along[:, :, None, None] ** 2 + across**2 + gap**2
+    area_factor = np.einsum("ijkl,i,j,k,l->", gap**2 / (np.pi * squares**2), w, w, w, w)
+    return RHO * L * (HOT / 300) ** 4 * np.sin(np.radians(20)) * area_factor
+
+
+def sphere(opening: float):
+    """Corners and triangles, seen from inside, of a sphere whose opening faces +x."""
+    radius, rings, sides = CAVITY[0], 48, 96
+    theta = np.linspace(np.pi, np.arcsin(opening / radius), rings + 1)
+    phi = np.arange(sides) * 2 * np.pi / sides
+    circles = np.stack(np.broadcast_arrays(np.cos(theta)[:, None], *_across(theta, phi)), axis=-1)
+    k = np.arange(rings * sides)
+    right = k // sides * sides + (k + 1) % sides
+    squares = [[k, k + sides, right], [right, k + sides, right + sides]]
+    return radius * circles.reshape(-1, 3), np.concatenate([np.stack(s, axis=1) for s in squares])
+
+
+def _across(theta, phi):
+    return [np.sin(theta)[:, None] * of(phi) for of in (np.cos, np.sin)]
+
+
+def cavity(folder: Path):
+    corners, triangles = sphere(CAVITY[1])
+    rate = (sphere(CAVITY[1] + H)[0] - sphere(CAVITY[1] - H)[0]) / (2 * H)
+    mesh("wider", corners + OPENED * rate, triangles).write_ply(str(folder / "wider.ply"))
+    shape = mesh("wall", corners, triangles, 1 - CAVITY[2], HOT)
+    scene = scene_of(shape, window=0.6, view=[1.0, 0, 0], max_bounces=14)
+    declare(
+        scene, motions_of({"wall.opening": {"groups": ["wall"], "displaced": "wider.ply"}}, folder)
+    )
+    return scene
+
+
+def light_of_cavity(opening: float) -> float:
+    """Intensity of an isothermal sphere along its axis [W/sr]; its radiosity is uniform."""
+    radius, _, emissivity = CAVITY
+    share = (1 - np.sqrt(1 - (opening / radius) ** 2)) / 2
+    uniform = emissivity / (1 - (1 - emissivity) * (1 - share))
+    return uniform * L * (HOT / 300) ** 4 * np.pi * opening**2
 
 
 def derivative(scene, case: Case, paths: int, seed: int) -> Difference:

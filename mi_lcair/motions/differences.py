@@ -206,7 +206,7 @@ class Differences:
         h = default_step(self.motion, self.value) if step is None else step
         h = min(h, self.motion.upper - self.value, self.value - self.motion.lower)
         pilots = {kind: self.pilot(h, kind) for kind in self.kinds()}
-        kind = min(pilots, key=lambda kind: pilots[kind].noise)
+        kind = min(pilots, key=lambda kind: self.expected(pilots[kind]))
         pilot = pilots[kind]
         if step is None:
             h, pilot = self.better_step(h, pilot, kind)
@@ -225,7 +225,7 @@ class Differences:
         parts = [
             np.sqrt(max(floor**2 - scatter**2, 0)),
             rounding_error(self.scene.mi.integrator().max_bounces) * abs(high[0]) / h,
-            max(float(total.missed_error(self.channel)[0]) for total in ends) / self.scale,
+            self.missed(ends[:2], kind, h),
             pilot.truncation if step is None else 0.0,
         ]
         return Difference(
@@ -288,7 +288,23 @@ class Differences:
         offsets = np.clip(offsets, low, high)
         totals = self.totals(offsets, kind, PILOT_PATHS)
         floor = self.floor([totals[3], totals[1]], kind, h)
-        return Pilot(offsets, np.array([self.rows(total) for total in totals]), floor)
+        missed = self.missed([totals[3], totals[1]], kind, h)
+        return Pilot(offsets, np.array([self.rows(total) for total in totals]), floor, missed)
+
+    def expected(self, pilot: "Pilot") -> float:
+        """Standard error of the difference with all paths, as a pilot has it."""
+        ratio = PILOT_PATHS / self.sampling.paths
+        return hypot(np.sqrt(ratio) * pilot.noise, ratio * pilot.missed)
+
+    def missed(self, ends, kind: Kind, h: float) -> float:
+        """Standard error of a difference from sources that no path has met.
+
+        A reflected ray may meet such a source in one of the two renders only. Drawn directions
+        follow the sources, and first hits are on facets whose emission is known.
+        """
+        error = max(float(total.missed_error(self.channel)[0]) for total in ends)
+        is_reflected = self.scene.mi.integrator().max_bounces > 0 and not kind.emitter_sampling
+        return error / (2 * h if is_reflected else self.scale)
 
     def floor(self, ends, kind: Kind, h: float) -> float:
         """Standard error of a difference below which none is stated.
@@ -313,12 +329,13 @@ class Pilot:
     """A number at five values of a motion, around the present one.
 
     offsets: distances from the present value, (5,). rows: mean and deviations there, (5, 1 + R).
-    floor: standard error below which none is stated.
+    floor: standard error below which none is stated. missed: that from sources that are not met.
     """
 
     offsets: np.ndarray
     rows: np.ndarray
     floor: float
+    missed: float = 0.0
 
     def slope(self, k: int, j: int) -> np.ndarray:
         return (self.rows[k] - self.rows[j]) / (self.offsets[k] - self.offsets[j])

@@ -24,11 +24,11 @@ L = 5.670374419e-8 * 300.0**4 / np.pi
 VIEW = np.array([np.cos(np.radians(20)), 0, np.sin(np.radians(20))])  # to the observer
 
 
-def mesh(name: str, corners, triangles):
+def mesh(name: str, corners, triangles, reflectance: float = 0.0, kelvin: float = 300.0):
     values = mi.Properties()
-    values["bsdf"] = mi.load_dict({"type": "diffuse", "reflectance": 0.0})
+    values["bsdf"] = mi.load_dict({"type": "diffuse", "reflectance": reflectance})
     values["emitter"] = mi.load_dict(
-        {"type": "thermal", "band": "total", "temperature": 300.0, "group": name}
+        {"type": "thermal", "band": "total", "temperature": kelvin, "group": name}
     )
     shape = mi.Mesh(name, len(corners), len(triangles), values)
     buffers = mi.traverse(shape)
@@ -48,16 +48,16 @@ def convex_hull(name: str, points):
     return mesh(name, points, triangles)
 
 
-def scene_of(*shapes, window: float = 2.0):
+def scene_of(*shapes, window: float = 2.0, view=VIEW, max_bounces: int = 0):
     to_world = mi.ScalarTransform4f().look_at(
-        origin=list(10 * VIEW), target=[0, 0, 0], up=[0, 0, 1]
+        origin=list(10 * np.array(view)), target=[0, 0, 0], up=[0, 0, 1]
     ) @ mi.ScalarTransform4f().scale([window, window, 1])
     film = {"type": "hdrfilm", "width": 8, "height": 8, "rfilter": {"type": "box"}}
     film |= {"pixel_format": "luminance", "component_format": "float32"}
     sensor = {"type": "orthographic", "to_world": to_world, "near_clip": 1.0, "film": film}
     sensor["sampler"] = {"type": "lattice"}
     parts = {f"shape{k}": shape for k, shape in enumerate(shapes)}
-    integrator = {"type": "bounce_path", "max_bounces": 0}
+    integrator = {"type": "bounce_path", "max_bounces": max_bounces}
     scene = {"type": "scene", "integrator": integrator, "sensor": sensor, **parts}
     return mi_lcair.load(mi.load_dict(scene, optimize=False))
 
