@@ -24,7 +24,6 @@ STRUCTURE = {
     "dataWindow",
     "displayWindow",
     "lineOrder",
-    "name",
     "originalDataWindow",
     "pixelAspectRatio",
     "screenWindowCenter",
@@ -107,9 +106,9 @@ def _checked_name(name: str) -> str:
 def _attribute(name: str, value: str | int | float) -> str | int | float:
     """The value as a str, int or float of Python, which the package stores without loss.
 
-    The package rejects NumPy's scalars.
+    The package rejects NumPy's scalars. The attribute `name` is a string by the format.
     """
-    if isinstance(value, str):
+    if isinstance(value, str) or name == "name":
         return str(value)
     if isinstance(value, Integral):
         return int(value) if -(2**31) <= value < 2**31 else str(int(value))

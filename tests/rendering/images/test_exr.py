@@ -22,7 +22,7 @@ channel_name = st.one_of(
 text = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=200)
 attribute_name = st.text(
     st.characters(codec="utf-8", exclude_characters="\0"), min_size=1, max_size=60
-).filter(lambda name: name not in STRUCTURE)
+).filter(lambda name: name not in STRUCTURE | {"name"})
 values = st.one_of(
     text,
     st.integers(-(2**31), 2**31 - 1),
@@ -97,6 +97,12 @@ def test_header_numbers(tmp_path):
         "spp": 64,
         "mean": 0.5,
     }
+
+
+@pytest.mark.parametrize("value", [0, 0.5, "first"])
+def test_the_name_of_a_part_is_a_string(tmp_path, value):
+    write_exr(tmp_path / "image.exr", ONE, {"name": value})
+    assert read_exr(tmp_path / "image.exr")[1] == {"name": str(value)}
 
 
 @pytest.mark.parametrize(
