@@ -29,6 +29,7 @@ from mi_lcair.rendering.window import Windows
 from tests.inversion import spectral_plate
 from tests.plugins.bins import test_by_bin as scenes
 
+T = scenes.T
 FINEST = 512  # bins that stand for none
 BINNED = {  # page of refractiveindex.info: band, and temperature of the plate [K]
     "main/Ti/Ordal": ("MWIR", 800.0),
@@ -48,7 +49,7 @@ PATHS, ROOM_BINS, ALONE = 2**14, 32, (3, 15, 28)
 SURFACES = {"paint": 0.8, "oxide": 0.6, "metal": 0.3}
 SPREAD, LENGTH_UM, KELVIN = 0.05, 1.0, (290.0, 330.0)
 DRAWS, CHANNELS = 4, 40
-TIMED_PATHS, ROUNDS, IMAGE_BINS = 2**17, 7, 54
+TIMED_PATHS, ROUNDS, IMAGE_BINS = 2**19, 5, 54
 
 
 def total_of(loaded, bins: int, paths: int, seed: int = 3):
@@ -68,14 +69,13 @@ def binning_rows(folder: Path):
         (folder / "own.toml").write_text(f"[own.spectral]\n{keys}")
         file, radiances = str(folder / "own.toml"), {}
         for angle in ANGLES_DEG:
-            shell = {
-                "type": "sphere",
-                "radius": 40.0,
-                "flip_normals": True,
+            ceiling = {  # behind the observer, seen in the plate at the same angle
+                "type": "rectangle",
+                "to_world": T().translate([0, 0, 25]) @ T().rotate([1, 0, 0], 180) @ T().scale(400),
                 "bsdf": scenes.surface(file, "own", band),
-                "emitter": scenes.thermal(kelvin, band, "shell"),
+                "emitter": scenes.thermal(kelvin, band, "ceiling"),
             }
-            loaded = scenes.plate(file, "own", kelvin, band, angle, bounces=1, shell=shell)
+            loaded = scenes.plate(file, "own", kelvin, band, angle, bounces=1, ceiling=ceiling)
             for count in (*COUNTS, FINEST):
                 total = total_of(loaded, count, 256)
                 radiances[angle, count] = float(total.mean()[0])

@@ -36,7 +36,7 @@ class SandfordRobertsonFamily:
     """
 
     def __init__(self, materials: list[SpectralParameters], bins: Bins):
-        self.count, self.form = bins.count, materials[0].form
+        self.count, self.form = bins.count, form_of(materials)
         numbers, coefficients, tables = [], [], []
         for material in materials:
             is_grey = material.model.name == "grey"
@@ -268,16 +268,24 @@ def weights_of_facets(alpha: float, gamma: float, angles: tuple[float, ...]) -> 
     return matrix.reshape(count, nodes)
 
 
+def form_of(materials: list[SpectralParameters]) -> str:
+    """Form of the first one of Sandford and Robertson's model; without one, of the first of all."""
+    forms = (m.form for m in materials if m.model.name == "sandford_robertson")
+    return next(forms, materials[0].form)
+
+
 def families_of(materials: list[SpectralParameters], bins: Bins) -> list[tuple]:
     """The families of some materials, each with the numbers of its materials."""
     kinds = {}
     for number, material in enumerate(materials):
-        family = SandfordRobertsonFamily
+        family, form = SandfordRobertsonFamily, material.form
+        if material.model.name == "grey":  # a limit of any form, lest it cost a family of its own
+            form = form_of(materials)
         if material.by_angle is not None:
             family = DirectionalFamily
         elif material.model.name == "microfacet":
             family = MicrofacetFamily
-        kinds.setdefault((family, material.form), []).append(number)
+        kinds.setdefault((family, form), []).append(number)
     return [
         (family([materials[number] for number in numbers], bins), numbers)
         for (family, _), numbers in kinds.items()
