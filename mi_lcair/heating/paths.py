@@ -186,14 +186,13 @@ class FacetPaths:
         in_front = mi.has_flag(flags, mi.BSDFFlags.FrontSide) & (si.wi.z > 0)
         return in_front, mi.has_flag(flags, mi.BSDFFlags.BackSide) & (si.wi.z < 0)
 
-    def sees_sky(self, si, to) -> mi.Bool:
-        """Whether nothing but the sky is in the directions `to` from points."""
-        pi = self.scene.mi.ray_intersect_preliminary(
-            mi.Ray3f(self.offsets.leave(si, to), to), coherent=False
-        )
+    def sees_sky(self, si, to, active) -> mi.Bool:
+        """Whether nothing but the sky is in the directions `to` from the active points."""
+        ray = mi.Ray3f(self.offsets.leave(si, to), to)
+        pi = self.scene.mi.ray_intersect_preliminary(ray, coherent=False, active=active)
         facet = self.table.number(pi.shape, pi.prim_index, pi.is_valid())
         column = dr.gather(mi.UInt32, self.column, facet, pi.is_valid())
-        return ~pi.is_valid() | (column == len(self.number))
+        return active & (~pi.is_valid() | (column == len(self.number)))
 
     def at(self, table: mi.UInt32, si, active=True) -> mi.UInt32:
         """The number of each hit's shape in a table by the pointer to it."""

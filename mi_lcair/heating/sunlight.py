@@ -73,9 +73,11 @@ class Sunlight:
     def areas(self, directions: np.ndarray, rays: int = SHADOW_RAYS) -> SolarAreas:
         """The areas for directions to the sun, unit vectors (m, 3), with `rays` a facet and sun."""
         points, rows = points_of(rays), self.paths.rows
-        step = max(1, LANES // (len(self.area) * RANDOMISATIONS * points))
+        where = self._points(points)
+        step = max(1, LANES // dr.width(where.p))
         blocks = [
-            self._lit(directions[k : k + step], points) for k in range(0, len(directions), step)
+            self._lit(directions[k : k + step], where, points)
+            for k in range(0, len(directions), step)
         ]
         lit, absorbed = np.concatenate(blocks, axis=3) * self.area
         side = np.where(self.paths.row_sides > 0, 0, 1)
@@ -83,29 +85,33 @@ class Sunlight:
         reflected = [left[:, run].T @ g for run, g in enumerate(self.means.between)]
         return SolarAreas(lit.sum(axis=0), absorbed.sum(axis=0), np.array(reflected))
 
-    def _lit(self, directions: np.ndarray, points: int) -> np.ndarray:
+    def _points(self, points: int) -> mi.SurfaceInteraction3f:
+        """Points of each randomisation of each facet."""
+        lane = dr.arange(mi.UInt32, len(self.area) * RANDOMISATIONS * points)
+        points, seed = dr.opaque(mi.UInt32, points), dr.opaque(mi.UInt32, self.seed)
+        run = lane // points
+        sampler = Lattice.at(run, lane % points, seed, self.paths.vector)
+        sample = sampler.next_2d()
+        si = self.paths.parts.point(run // RANDOMISATIONS, sampler.next_1d(), sample)
+        dr.eval(si)
+        return si
+
+    def _lit(self, directions: np.ndarray, where, points: int) -> np.ndarray:
         """Shares of the facets' areas across m beams, (2, 2, RANDOMISATIONS, m, n).
 
-        First what is lit, in front and behind, then what is absorbed of it.
+        First what is lit, in front and behind, then what is absorbed of it. where: from `_points`.
         """
         paths, m, n = self.paths, len(directions), len(self.area)
-        lane = dr.arange(mi.UInt32, RANDOMISATIONS * m * n * points)
-        of_run, size, seed = (dr.opaque(mi.UInt32, k) for k in (m * n, points, self.seed))
-        cell, number = lane // size, lane % size
-        facet = cell % n
-        sampler = Lattice.at(cell // of_run * n + facet, number, seed, paths.vector)
-        sample = sampler.next_2d()
-        si = paths.parts.point(facet, sampler.next_1d(), sample)
-        beams = mi.Float(np.ravel(directions))
-        to = dr.gather(mi.Vector3f, beams, cell % of_run // n)
+        lane, count = dr.arange(mi.UInt32, m * dr.width(where.p)), dr.width(where.p)
+        si = dr.gather(mi.SurfaceInteraction3f, where, lane % count)
+        to = dr.gather(mi.Vector3f, mi.Float(np.ravel(directions)), lane // count)
         si.wi = si.to_local(to)
-        absorbs = paths.emissivity(si, mi.Bool(True))
         in_front, behind = paths.sides_at(si)
-        lit = (in_front | behind) & paths.sees_sky(si, to)
+        lit = paths.sees_sky(si, to, in_front | behind)
         cos = dr.select(lit, dr.abs(si.wi.z), 0)
-        sums = [
-            dr.block_sum(dr.select(side, value, 0), points).numpy() / points
-            for value in (cos, cos * absorbs)
-            for side in (in_front, behind)
-        ]
-        return np.reshape(sums, (2, 2, RANDOMISATIONS, m, n)).astype(float)
+        absorbed = cos * paths.emissivity(si, lit)
+        values = [dr.select(side, x, 0) for x in (cos, absorbed) for side in (in_front, behind)]
+        dr.eval(values)  # in one kernel; a sum alone would trace the rays again
+        sums = [dr.block_sum(value, points) for value in values]
+        shares = np.reshape([total.numpy() / points for total in sums], (2, 2, m, n, -1))
+        return np.moveaxis(shares.astype(float), 4, 2)
