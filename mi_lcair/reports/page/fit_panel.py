@@ -86,8 +86,20 @@ def add_scan(figure, scan: Scan, title: str, symbol: str, color: str) -> None:
 
 
 def add_hemispherical(figure, fit, measured: dict) -> None:
-    """Add the fitted emissivity 1 - HDR and DHR over the angle, and measured tables."""
+    """Add the fitted emissivity 1 - HDR with its interval and DHR, and measured tables."""
     scatter, theta = graph_objects().Scatter, np.radians(np.linspace(0, 89, 90))
+    if fit.emissivity_interval is not None:
+        at, (low, high) = np.degrees(fit.emissivity[0]), np.transpose(fit.emissivity_interval)
+        band = scatter(
+            x=np.concatenate([at, at[::-1]]),
+            y=np.concatenate([low, high[::-1]]),
+            name="95 % interval of the emissivity",
+            fill="toself",
+            fillcolor="rgba(209, 73, 91, 0.2)",
+            line={"width": 0},
+            hoverinfo="skip",
+        )
+        figure.add_trace(band, row=1, col=2)
     for quantity, title, color in (
         ("emissivity", "emissivity", "#d1495b"),
         ("dhr", "directional-hemispherical reflectance", "#1f5fa8"),
