@@ -11,12 +11,14 @@ from mi_lcair.fitting.search import compare
 from mi_lcair.fitting.selection import Variant
 from mi_lcair.fitting.settings import FitSettings
 
-GROSS_DEX = 0.3  # misfit from which causes are tried [decades]: a factor of 2
+GROSS_DEX = 0.2  # misfit from which causes are tried [decades]: a factor of 1.6
 STARTS = 6  # starting points of each trial
-# A cause is likely if it leaves at most this share of the misfit [decades].
-SHARE = 0.35
-# Factors by which a BRDF may be too large, in words. One that is too small looks like an absorber.
-FACTORS = {np.pi: "pi, as a reflectance factor is", 10.0: "10", 100.0: "100", 1000.0: "1000"}
+SHARE = 0.35  # a cause is likely if it leaves at most this share of the misfit [decades]
+DECADES = 4  # of the largest scale by which a BRDF is divided
+FALLS = 0.75  # ratio of misfits below which a further decade is tried
+HALVINGS = 4  # of a decade, in the search for the least scale that fits
+ENOUGH = 2.0  # a scale fits if its misfit is at most this multiple of that of a larger scale
+REFLECTANCE = np.pi, 1.25  # scale of a reflectance factor, and the factor within which it is named
 
 
 def likely_cause(
@@ -24,40 +26,53 @@ def likely_cause(
 ) -> str:
     """The cause of a misfit [decades] in words, if a trial finds one; otherwise "".
 
-    The models are fitted with the opposite sign of theta_r, and with the BRDF divided by each of
-    FACTORS. The trial that leaves the least misfit is named.
+    The models are fitted with the opposite sign of theta_r, and with the BRDF divided by a scale.
+    The least scale that fits is named, since any larger one looks like an absorber. A BRDF that is
+    too small looks so itself.
     """
     if misfit_dex < GROSS_DEX:
         return ""
     whole = [variant for variant in compared if variant.restriction is None]
     settings = replace(settings, starts=min(settings.starts, STARTS))
-    sigma = measurements.sigma
-    trials = {
-        "the opposite sign of theta_r": (replace(measurements, theta_r=-measurements.theta_r), 1.0)
-    }
-    for factor, words in FACTORS.items():
-        scaled = replace(
+    sigma, allowed = measurements.sigma, SHARE * misfit_dex
+
+    def left(scale: float = 1.0, sign: float = 1.0) -> float:
+        """Misfit of changed measurements [decades]."""
+        changed = replace(
             measurements,
-            brdf=measurements.brdf / factor,
-            sigma=None if sigma is None else sigma / factor,
+            theta_r=sign * measurements.theta_r,
+            brdf=measurements.brdf / scale,
+            sigma=None if sigma is None else sigma / scale,
         )
-        trials[f"the BRDF divided by {words}"] = scaled, factor
-    left = {}
-    for words, (changed, factor) in trials.items():
         try:
             data, _, _ = select(
                 changed,
                 settings.loss,
                 settings.half_angle,
                 settings.max_angle_deg,
-                settings.min_brdf / factor,
+                settings.min_brdf / scale,
                 min(len(variant.model.parameters) for variant in whole),
             )
         except InputError:  # too few points
-            continue
-        best, _, _ = compare(data, whole, settings, lambda: None)
-        left[words] = data.rms_dex(best)
-    words = min(left, key=left.get, default="")
-    if not words or left[words] > SHARE * misfit_dex:
-        return ""
-    return f"with {words} it fits to {left[words]:.2g} decades; check the file"
+            return np.inf
+        return data.rms_dex(compare(data, whole, settings, lambda: None)[0])
+
+    found = [(left(sign=-1.0), "the opposite sign of theta_r")]
+    misfit, high = misfit_dex, 0.0
+    while high < DECADES and (smaller := left(10 ** (high + 1))) < FALLS * misfit:
+        misfit, high = smaller, high + 1
+    if misfit <= allowed:
+        low = high - 1
+        for _ in range(HALVINGS):
+            middle = (low + high) / 2
+            low, high = (low, middle) if left(10**middle) <= ENOUGH * misfit else (middle, high)
+        found.append((misfit, f"the BRDF divided by {_named(10**high)}"))
+    misfit, words = min(found)
+    return f"with {words} it fits to {misfit:.2g} decades; check the file" * (misfit <= allowed)
+
+
+def _named(scale: float) -> str:
+    """A scale in words, with what has such a scale."""
+    pi, near = REFLECTANCE
+    what = " (pi? a reflectance factor has it)" if 1 / near < scale / pi < near else ""
+    return f"{float(f'{scale:.2g}'):g} or more{what}"
