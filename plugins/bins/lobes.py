@@ -46,7 +46,8 @@ class SandfordRobertsonFamily:
                 b, e, G = material.common["b"], material.common["e"], of_falloff(material)
             absorbed, floor = (np.ones(self.count), fitted[:, 0]) if is_grey else fitted.T
             numbers.append([b, e, G, 0.0 if is_grey else 1.0])
-            coefficients.append(np.stack([absorbed, 1 - absorbed, floor / G], axis=1))
+            # Four numbers are gathered at once
+            coefficients.append(np.stack([absorbed, 1 - absorbed, floor / G, 0 * floor], axis=1))
             tables += map(mi.Float, lobe_tables(b, e, self.forms[0]))
         self.numbers = mi.Float(np.ravel(numbers))
         self.coefficients = mi.Float(np.ravel(coefficients))
@@ -89,10 +90,8 @@ class SandfordRobertsonFamily:
 
     def of_bin(self, row, terms, k) -> mi.Float:
         """The value of a bin from `toward` or `between`."""
-        index = 3 * (row * self.count + k)
-        absorbed, slack, floor = (
-            dr.gather(mi.Float, self.coefficients, index + j) for j in range(3)
-        )
+        index = row * self.count + k
+        absorbed, slack, floor, _ = dr.gather(mi.Vector4f, self.coefficients, index)
         return floor * terms[0] + slack * terms[1] + absorbed * terms[2]
 
     HDR = f = of_bin
