@@ -2,13 +2,13 @@
 
     python -m docs.studies.motions [PAGE]
 
-The script writes docs/validation/motions.md from motions.template.md. It takes about three minutes.
+The script writes docs/validation/motions.md from motions.template.md. It takes about ten minutes.
 """
 
 import sys
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -37,10 +37,11 @@ from tests.motions.test_differences import (
     tall_wall,
     view_of_wall,
 )
+from tests.motions.test_registration import NOISE, SCENE, TRUTH, problem
 
 PAGE = Path(__file__).parents[1] / "validation" / "motions.md"
 FEW, MANY = 2**12, 2**16  # paths of each of the two renders
-SEEDS = {FEW: 30, MANY: 8}
+SEEDS = {FEW: 20, MANY: 6}
 H = 1e-4  # step of the differences of closed forms
 MOTIONS = Path(__file__).parents[2] / "scenes" / "examples" / "motions.toml"
 SCENES = [
@@ -48,8 +49,13 @@ SCENES = [
     ("cylinder_ir_range", {}, "model.roll_deg"),
     ("a340_landing", {"position": 1}, "exhaust.radius"),
     ("a340_landing", {"position": 2}, "model.pitch_deg"),
+    ("a340_landing", {"position": 2}, "exhaust.radius"),
+    ("a340_landing", {"position": 2}, "plume.x_m"),
     ("a340_landing", {"position": 3, "band": "LWIR"}, "model.pitch_deg"),
 ]
+PITCH = "model.pitch_deg"
+TURNED = 1.0  # distance of the two attitudes in which the airliner is rendered on the film [deg]
+SPP = 64
 SIGMA = {"model.yaw_deg": 1.0, "exhaust.radius": 0.05}
 DRAWS = 30
 RHO, GAP = 0.6, 0.1  # reflectance of the lower one of two parallel plates, and their distance [m]
@@ -61,13 +67,17 @@ FRAMES = 12  # measured images that are registered
 
 @dataclass(frozen=True)
 class Case:
-    """A scene, a motion, and the intensity as a function of its value [W/sr]."""
+    """A scene, a motion, and the intensity as a function of its value [W/sr].
+
+    seeds: number of seeds by number of paths.
+    """
 
     label: str
     scene: Callable
     motion: str
     value: float
     intensity: Callable[[float], float]
+    seeds: dict[int, int] = field(default_factory=lambda: SEEDS)
 
     @property
     def exact(self) -> float:
@@ -116,6 +126,7 @@ def cases(folder: Path) -> list[Case]:
             "wall.opening",
             0.0,
             lambda x: light_of_cavity(CAVITY[1] + OPENED * x),
+            {FEW: 6, MANY: 4},
         ),
     ]
 
@@ -238,7 +249,7 @@ def half_width(difference: Difference) -> float:
 def row(case: Case) -> str:
     """Row of a closed form: errors with MANY paths, and how many intervals hold."""
     scene, hold = case.scene(), []
-    for paths, seeds in SEEDS.items():
+    for paths, seeds in case.seeds.items():
         results = [derivative(scene, case, paths, seed) for seed in tqdm(range(seeds), case.label)]
         off = np.array([result.derivative - case.exact for result in results])
         inside = int(np.sum(np.abs(off) <= [half_width(result) for result in results]))
@@ -274,6 +285,48 @@ def row_of_scene(name: str, parameters: dict, motion: str) -> str:
     )
 
 
+def pitch() -> dict[str, str]:
+    """Change of the airliner's intensity with pitch by plain renders of turned models [%/deg]."""
+    scene = mi_lcair.load("a340_landing", position=3, band="LWIR")
+    present, result = mi_lcair.parameters(scene)[PITCH].value, {}
+    for bounces in (1, 4):
+        scene.mi.integrator().max_bounces = bounces
+        values = []
+        for change in (TURNED, -TURNED):
+            with changed(scene, {PITCH: present + change}):
+                values.append(mi_lcair.signature(scene, spp=SPP).target)
+        high, low = (value.intensity for value in values)
+        error = np.hypot(*(value.standard_error for value in values))
+        factor = 100 / (2 * TURNED) / ((high + low) / 2)
+        result[f"pitch_{bounces}"] = f"{factor * (high - low):.2f} ± {factor * error:.2f}"
+    return result
+
+
+def registration(folder: Path) -> dict[str, str]:
+    """Errors and intervals of shifts, turn and pitch of a cube's image with noise, by draws."""
+    convex_hull("cube", CUBE).write_ply(str(folder / "cube.ply"))
+    (folder / "cube.xml").write_text(SCENE)
+    scene, errors, stated = mi_lcair.load(folder / "cube.xml"), [], []
+    with changed(scene, TRUTH):
+        image = mi_lcair.render(scene, spp=2048, seed=77).channels["Y"].astype(float)
+    for draw in tqdm(range(FRAMES), "images"):
+        noise = np.random.default_rng(draw).normal(0, NOISE, image.shape)
+        np.save(folder / "image.npy", image + noise)
+        answers = mi_lcair.invert(problem(folder), advise=False).answers
+        errors.append([answer.value - TRUTH[answer.label] for answer in answers])
+        stated.append([answer.standard_error for answer in answers])
+    rms = np.sqrt(np.mean(np.square(errors), axis=0))
+    inside = int(np.sum(np.abs(errors) <= student_factor(np.inf) * np.array(stated)))
+    low, high = binomtest(inside, FRAMES * len(TRUTH)).proportion_ci(method="wilson")
+    return {
+        "registered": "\n".join(
+            f"| `{name}` | {error:.4f} | {of_name:.4f} |"
+            for name, error, of_name in zip(TRUTH, rms, np.mean(stated, axis=0))
+        ),
+        "held": f"{inside} of {FRAMES * len(TRUTH)} ({100 * low:.0f}-{100 * high:.0f} %)",
+    }
+
+
 def budget() -> dict[str, float]:
     """Standard deviation of an intensity, by the budget and by draws that are rendered."""
     scene = mi_lcair.load("a340_landing", motions=MOTIONS, position=1)
@@ -294,6 +347,7 @@ def budget() -> dict[str, float]:
 def main(page: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         closed = [row(case) for case in cases(Path(folder))]
+        registered = registration(Path(folder))
     write_page(
         page,
         "motions",
@@ -302,6 +356,9 @@ def main(page: Path) -> None:
         few=FEW,
         many=MANY,
         draws=DRAWS,
+        frames=FRAMES,
+        **pitch(),
+        **registered,
         **budget(),
     )
 

@@ -38,6 +38,19 @@ SCENE = """<scene version="3.0.0">
 </scene>"""
 
 
+NOISE = 1.27  # 2 K at 300 K [W m^-2 sr^-1]
+
+
+def problem(folder) -> dict:
+    """The problem of registering the image in a folder."""
+    data = {"scene": str(folder / "cube.xml"), "image": str(folder / "image.npy")}
+    return {
+        "data": [data | {"quantity": "radiance", "sigma": NOISE}],
+        "unknowns": {name: {} for name in TRUTH},
+        "render": {"spp": 64},
+    }
+
+
 @pytest.mark.slow
 def test_registration(tmp_path):
     convex_hull("cube", CUBE).write_ply(str(tmp_path / "cube.ply"))
@@ -45,21 +58,8 @@ def test_registration(tmp_path):
     scene = mi_lcair.load(tmp_path / "cube.xml")
     with changed(scene, TRUTH):
         image = mi_lcair.render(scene, spp=2048, seed=77).channels["Y"].astype(float)
-    sigma = 1.27  # 2 K at 300 K [W m^-2 sr^-1]
-    np.save(tmp_path / "image.npy", image + np.random.default_rng(1).normal(0, sigma, image.shape))
-    problem = {
-        "data": [
-            {
-                "scene": str(tmp_path / "cube.xml"),
-                "image": str(tmp_path / "image.npy"),
-                "quantity": "radiance",
-                "sigma": sigma,
-            }
-        ],
-        "unknowns": {name: {} for name in TRUTH},
-        "render": {"spp": 64},
-    }
-    table = mi_lcair.invert(problem).columns()
+    np.save(tmp_path / "image.npy", image + np.random.default_rng(1).normal(0, NOISE, image.shape))
+    table = mi_lcair.invert(problem(tmp_path)).columns()
     error = np.abs(np.array(table["value"]) - [TRUTH[name] for name in table["unknown"]])
     stated = np.array(table["standard_error"])
     assert np.all(error < 4 * stated)
