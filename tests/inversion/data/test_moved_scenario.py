@@ -1,15 +1,19 @@
 """Motions as unknowns of a camera's image and of a contrast."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import mi_lcair
 from mi_lcair.detection.scenario import Scenario
+from mi_lcair.errors import InputError
 from mi_lcair.inversion.data.camera_image import ROOM, CameraImage
 from mi_lcair.inversion.data.contrast import MeasuredContrast
 from mi_lcair.inversion.data.loader import Loader
 from mi_lcair.inversion.loaded import unknowns_of
 from mi_lcair.inversion.problem import InverseProblem
+from mi_lcair.inversion.tables import Goal
 from mi_lcair.sensitivity.parameters import changed
 from tests.inversion.corner import SCENARIO
 from tests.motions.test_differences import CUBE, convex_hull
@@ -115,3 +119,11 @@ def test_contrast_of_a_larger_target(scenario):
 def test_budget_of_a_larger_target(scenario):
     budget = mi_lcair.budget(Scenario.read(scenario, **ONE_WINDOW), {"sigma": {"cube.size": 0.05}})
     assert budget.sigma_of_quantities == pytest.approx(-0.1 * budget.value, rel=0.01)
+
+
+def test_goal_of_a_contrast_takes_no_motions():
+    """The area of the hidden background would change."""
+    size = SimpleNamespace(name="cube.size", kind="motion")
+    check_goal([size], Goal("intensity", "cube.xml"))
+    with pytest.raises(InputError, match="'cube.size' changes the area of the background"):
+        check_goal([size], Goal("contrast", "cube.xml", background_K=290.0))
