@@ -22,6 +22,7 @@ from mi_lcair.physics.air.atmosphere import LineOfSight
 from mi_lcair.physics.detector import Detector
 from mi_lcair.plugins.emitters.one_sun import one_sun
 from mi_lcair.plugins.paths.aim import Aim
+from mi_lcair.plugins.recorders.by_bounce import MAX_BOUNCE_CHANNELS
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.settings import changed
@@ -54,7 +55,7 @@ def measure_contrast(scenario: Scenario, progress) -> Contrast:
     rows, invalid, paths = [], 0, 0
     for bounces, irradiance, result in rendered(setting, scenario.render, progress):
         rows.append(row(bounces, irradiance, path, detector, target, result.reached))
-        invalid, paths = invalid + result.invalid, paths + result.paths
+        invalid, paths = max(invalid, result.invalid), max(paths, result.paths)
     irradiance = rows[-1].irradiance
     transmittance, radiance = path.at(irradiance.wavelengths_um)
     mean_transmittance = irradiance.in_band(transmittance) / float(irradiance.weights_um.sum())
@@ -92,7 +93,8 @@ def rendered(
 ) -> Iterator[tuple[int, Irradiance, Signature]]:
     """Yield (number of reflections, Irradiance of the target, its Signature) for each render.
 
-    With a tolerance each number of reflections needs its own number of paths. All get the largest.
+    One pass records all numbers of reflections. With a closure, or materials in bins of wavelength,
+    each has a render of its own. They have the same paths: the most that one of them needs.
 
     Parameters
     ----------
@@ -126,15 +128,19 @@ def rendered(
         )
 
     def excess(result: Signature) -> float:
-        """Ratio of the half width of the contrast's 95 % interval to the allowed one."""
+        """Ratio of the half width of the contrast's 95 % interval to the allowed one.
+
+        It is the largest one of all numbers of reflections that a pass records.
+        """
         if result.paths >= ENOUGH_TO_MEET:
             check_met(result, target)
         terms = irradiance(result)
         check_reachable(sampling, terms, path)
         allowed = sampling.allowed(terms.at(path)["total"].value)
-        return terms.half_width(path) / allowed if allowed > 0 else np.inf
+        ratio = terms.half_width(path) / allowed if allowed > 0 else np.inf
+        return max([ratio, *map(excess, result.fewer)])
 
-    def measured(k: int, sampled: Sampling, aim: Aim | None) -> Signature:
+    def measured(k: int, sampled: Sampling, aim: Aim | None, up_to=()) -> Signature:
         settings = {"max_bounces": bounces[k], "truncation": truncation}
         with changed(view, lobe=sampling.lobe, **settings):
             return measure_signature(
@@ -143,12 +149,23 @@ def rendered(
                 by_spectrum=True,
                 excess=excess if sampled.paths is None and sampling.has_tolerance else None,
                 aim=aim,
+                up_to=up_to,
             )
 
     def step(k, done, total):
         if progress:
             progress(k * total + done, len(bounces) * total)
 
+    if len(set(bounces)) > 1 and is_one_pass(view, max(bounces)):
+        *fewer, most = sorted(set(bounces))
+        result = measured(bounces.index(most), sampling.of_render(), None, tuple(fewer))
+        by_count = dict(zip((*fewer, most), (*result.fewer, replace(result, fewer=()))))
+        for count in bounces:
+            result = by_count[count]
+            check_met(result, target)
+            reached = excess(result) <= 1 if sampling.has_tolerance else None
+            yield count, irradiance(result), replace(result, reached=reached)
+        return
     results, aim = {}, None
     for k in np.argsort(bounces)[::-1]:  # the first render, with most reflections, aims the others
         results[k] = measured(k, sampling.of_render(), aim)
@@ -162,6 +179,13 @@ def rendered(
             result = replace(anew, reached=excess(anew) <= 1)
         check_met(result, target)
         yield count, irradiance(result), result
+
+
+def is_one_pass(view: Scene, most: int) -> bool:
+    """Whether a pass records the sources of a scene for fewer reflections than the most."""
+    with view.prepared(by_spectrum=True) as tracer:
+        by_bin = tracer.emitters.sources.by_bin
+    return tracer.closure == "none" and not by_bin and most < MAX_BOUNCE_CHANNELS
 
 
 def check_reachable(sampling: RenderTable, irradiance: Irradiance, path: LineOfSight) -> None:

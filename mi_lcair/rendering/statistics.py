@@ -1,5 +1,6 @@
 """Statistics of a render: means over windows, and their errors from randomisations."""
 
+from copy import copy
 from math import hypot
 
 import numpy as np
@@ -10,6 +11,7 @@ from mi_lcair.plugins.emission.draw_table import UnmetSources
 from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.paths.sums import Sums
+from mi_lcair.plugins.recorders.by_source import up_to_prefix
 
 # Largest fraction of NaN or infinite samples in a result. Such samples are left out or count as 0,
 # which changes a mean by about their fraction. The limit is a tenth of the usual tolerance of 1 %.
@@ -101,6 +103,34 @@ class Totals:
         self.invalid += launch.paths - int(sums.valid.sum())
         if sums.tail is not None:
             self.tail = sums.tail if self.tail is None else self.tail + sums.tail
+
+    def up_to(self, most: int) -> "Totals":
+        """The totals of at most so many reflections, one of `Channels.up_to`.
+
+        They have no parts by the group that is hit first. Their bounds are those of all paths.
+        """
+        part = copy(self)
+        part.sums = {
+            name: values
+            for name, values in self.sums.items()
+            if "seen." not in name and "upto." not in name
+        }
+        for prefix in ("", "target."):
+            beginning = f"{prefix}{up_to_prefix(most)}"
+            part.sums |= {
+                prefix + name.removeprefix(beginning): values
+                for name, values in self.sums.items()
+                if name.startswith(beginning)
+            }
+            bounces = [name for name in part.sums if name.startswith(f"{prefix}bounce.")]
+            for name in bounces[most + 1 :]:
+                del part.sums[name]
+            whole = sum(part.sums[name] for name in bounces[: most + 1])
+            if prefix:
+                part.sums["target"] = whole
+            else:
+                part.radiance = whole
+        return part
 
     @property
     def reached(self) -> bool | None:

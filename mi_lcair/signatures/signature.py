@@ -26,6 +26,7 @@ def measure_signature(
     facets: bool = False,
     excess: Callable[[Signature], float] | None = None,
     aim: Aim | None = None,
+    up_to: tuple[int, ...] = (),
 ) -> Signature:
     """Integrate the radiance of a loaded scene over a sensor's window, under its own settings.
 
@@ -42,6 +43,8 @@ def measure_signature(
         Instead of a tolerance: ratio of the error to the allowed error, see `Criterion`.
     aim : Aim or None
         Where in the window the paths begin, see `measure`.
+    up_to : tuple of int
+        Smaller numbers of reflections for `fewer` of the signature. They need `by_spectrum`.
     """
     if by_spectrum and scene.band.is_total:
         raise InputError(
@@ -52,7 +55,7 @@ def measure_signature(
     camera = scene.sensor(sampling.sensor)
     area = window_area(camera, scene.name)
 
-    def result(total: Totals) -> Signature:
+    def result(total: Totals, fewer: tuple[int, ...] = up_to) -> Signature:
         return Signature(
             scene_name=scene.name,
             band=scene.band.name,
@@ -72,6 +75,7 @@ def measure_signature(
             aim=total.aim,
             bins=total.bins,
             remarks=scene.notes,
+            fewer=tuple(result(total.up_to(most), ()) for most in fewer),
         )
 
     criterion = None
@@ -80,7 +84,7 @@ def measure_signature(
     elif sampling.tolerance is not None:
         criterion = IntensityInterval(sampling.tolerance)
     sums = FacetSums(FacetTable(scene), scene.mi.integrator().max_bounces) if facets else None
-    measurands = Measurands(Channels("target"), sums, by_spectrum)
+    measurands = Measurands(Channels("target", up_to=up_to), sums, by_spectrum)
     total = measure(scene, Windows.whole(camera), sampling, measurands, criterion, aim)
     if not facets:
         return result(total)

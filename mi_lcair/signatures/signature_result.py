@@ -103,6 +103,8 @@ class Signature(Result):
         Remarks on the scene, one line each.
     bins : str
         Bins of wavelength and their error, in words; empty without spectral materials.
+    fewer : tuple of Signature
+        The same with fewer reflections, if they were asked for, from the same paths.
     """
 
     scene_name: str
@@ -123,6 +125,7 @@ class Signature(Result):
     aim: "Aim | None" = None
     remarks: Sequence[str] = ()
     bins: str = ""
+    fewer: "tuple[Signature, ...]" = ()
 
     kind: ClassVar[str] = "signature"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.signature:figure"

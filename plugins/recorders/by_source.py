@@ -14,8 +14,10 @@ class BySource(Recorder):
     """Radiance by source [W m^-2 sr^-1].
 
     by_wavelength: radiance from blackbodies at the wavelengths of `Sources` [W m^-2 sr^-1 um^-1],
-    where there are too many blackbodies to record each separately. labels: the groups. Its channels
-    are group.LABEL and, `in_detail`, source.N and wavelength.N where they are recorded.
+    where there are too many blackbodies to record each separately. labels: the groups. most: the
+    largest number of reflections that counts; None: all count. Its channels are group.LABEL and,
+    `in_detail`, source.N and wavelength.N where they are recorded. They begin with the
+    prefix `up_to_prefix`.
     """
 
     sources: Sources
@@ -23,15 +25,18 @@ class BySource(Recorder):
     in_detail: bool
     sums: dr.Local
     by_wavelength: list
+    most: int | None = None
 
     @staticmethod
-    def of(sources: Sources, labels: list, in_detail: bool) -> "BySource":
+    def of(sources: Sources, labels: list, in_detail: bool, most: int | None = None) -> "BySource":
         count = 0 if sources.share is None else WAVELENGTHS
-        wavelengths = [mi.Float(0) for _ in range(count)]
-        return BySource(sources, labels, in_detail, zeros(len(sources.recorded)), wavelengths)
+        wavelengths, sums = [mi.Float(0) for _ in range(count)], zeros(len(sources.recorded))
+        return BySource(sources, labels, in_detail, sums, wavelengths, most)
 
     def emission(self, emission: Emission) -> None:
         value = dr.select(emission.beyond, 0, emission.radiance)
+        if self.most is not None:
+            value = dr.select(emission.bounce <= self.most, value, 0)
         for part, share_of_part in emission.parts:
             entry, of_part = self.sources.entry(emission.emitter, part), value * share_of_part
             add_to(self.sums, self.sources.number(entry), of_part)
@@ -49,4 +54,9 @@ class BySource(Recorder):
             if self.sources.by_spectrum and not self.sources.by_bin:
                 channels |= {f"source.{k}": value for k, value in enumerate(by_source)}
             channels |= {f"wavelength.{k}": value for k, value in enumerate(self.by_wavelength)}
-        return channels
+        return {f"{up_to_prefix(self.most)}{name}": value for name, value in channels.items()}
+
+
+def up_to_prefix(most: int | None) -> str:
+    """Beginning of the names of channels of at most so many reflections; "" for all."""
+    return "" if most is None else f"upto.{most}."

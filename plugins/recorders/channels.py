@@ -31,6 +31,8 @@ class Channels:
     counted: largest number of reflections whose radiance is recorded separately, in one of SIZES;
     that of more reflections is added to the last channel. None: as many as the tracer follows.
     counts_segments: whether the number of rays of each path is recorded, as `segments`.
+    up_to: numbers of reflections up to which source.N, wavelength.N and group.LABEL are recorded as
+    well, as upto.COUNT.NAME.
     tables: parameters in which the radiance is differentiated, see `Columns`; with `split` =
     "target" and "model" those of the model's part.
     """
@@ -39,6 +41,7 @@ class Channels:
     counted: int | None = None
     counts_segments: bool = False
     tables: ColumnTables | None = None
+    up_to: tuple[int, ...] = ()
 
     def recorders(self, tracer, facets, cell) -> Recorders:
         """Recorders of these channels, and of what a tracer needs itself.
@@ -57,7 +60,8 @@ class Channels:
             )
         if self.split:
             emitters, in_detail = tracer.emitters, self.split != "image"
-            parts.append(BySource.of(emitters.sources, emitters.labels, in_detail))
+            for most in (None, *self.up_to):
+                parts.append(BySource.of(emitters.sources, emitters.labels, in_detail, most))
         parts += [Segments.none()] if self.counts_segments else []
         if self.split or facets or is_tailed:
             parts.append(FirstHit.of(tracer.scene, tracer.emitters, facets, self.split == "model"))

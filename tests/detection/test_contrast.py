@@ -24,6 +24,7 @@ from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.detector import Detector
 from mi_lcair.physics.sky import spectrum
 from mi_lcair.plugins.emission.source import Source
+from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.views import Target, View, seen_from
 from mi_lcair.reports.pictures.contrast import figure
 from mi_lcair.signatures.effective_areas import EffectiveAreas
@@ -295,7 +296,10 @@ def kernels_by_row(monkeypatch, scenario):
 
 @pytest.mark.parametrize("sampling", [{"render__spp": 4}, {"render__tolerance": 0.1}])
 def test_one_compile_for_all_numbers_of_reflections(folder, monkeypatch, sampling):
-    """Rows with 2 to 4 reflections use the kernels of the first; 10 need one more at most."""
+    """Renders of rows of their own: those with 2 to 4 reflections use the kernels of the first, 10
+    need one more at most.
+    """
+    monkeypatch.setattr(module, "is_one_pass", lambda *_: False)
     scenario = disc(folder, render__max_bounces=[1, 2, 3, 4, 10], render__resolution=16, **sampling)
     many, first, *few = kernels_by_row(monkeypatch, scenario)[:5]
     assert first and len(few) == 3
@@ -322,6 +326,46 @@ def test_numbers_of_reflections_share_their_paths_also_with_a_tolerance():
     (_, _, few), (_, _, many) = rows
     assert few.reached and many.reached and few.paths == many.paths
     assert few.target.by_bounce == pytest.approx(many.target.by_bounce[:2], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "name, entries",
+    [
+        ("a340_landing/position_1", {"render.spp": 4, "render.resolution": 64}),
+        ("a340_landing/position_1", {"render.tolerance": 0.9}),
+    ],
+)
+def test_one_pass_has_the_rows_of_separate_renders(name, entries, monkeypatch):
+    """Contrasts, errors and half widths to the rounding, in the order that was asked for."""
+    rows, measured = {}, module.measure_signature
+    for way in ("one pass", "apart"):
+        calls = []
+        monkeypatch.setattr(
+            module,
+            "measure_signature",
+            lambda *args, **options: calls.append(1) or measured(*args, **options),
+        )
+        if way == "apart":
+            monkeypatch.setattr(module, "is_one_pass", lambda *_: False)
+        scenario = Scenario.read(name, **entries, **{"render.max_bounces": [4, 1, 2]})
+        rows[way] = module.measure_contrast(scenario, None).rows
+        assert (len(calls) == 1) == (way == "one pass")
+    for one, apart in zip(*rows.values(), strict=True):
+        assert one.max_bounces == apart.max_bounces and one.reached == apart.reached
+        assert one.total == pytest.approx(apart.total, rel=1e-5)
+        assert one.half_width == pytest.approx(apart.half_width, rel=1e-4)
+    assert [row.max_bounces for row in rows["one pass"]] == [4, 1, 2]
+    totals = [row.total.value for row in rows["one pass"]]
+    assert totals[1] < totals[2] < totals[0]
+
+
+def test_a_closure_has_a_render_for_each_row(folder):
+    """What the closure adds depends on the number of reflections that are followed."""
+    scenario = disc(folder, render__max_bounces=[1, 3], render__spp=2, render__resolution=8)
+    view = module.setting_of(scenario).view
+    assert module.is_one_pass(view, 3) and not module.is_one_pass(view, 100)
+    with changed(view, closure="ambient", ambient_temperature=300.0):
+        assert not module.is_one_pass(view, 3)
 
 
 def test_what_no_path_has_met_counts():

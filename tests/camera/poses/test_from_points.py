@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from mi_lcair.camera.poses.from_points import pixels, solve
+from mi_lcair.camera.poses.from_points import pixels, solve, starts
 from mi_lcair.errors import InputError
 from mi_lcair.physics.imager import Imager
 
@@ -62,6 +62,18 @@ def linear(points, places):
     M = np.linalg.svd(rows)[2][-1].reshape(3, 4)
     M *= np.sign((M @ P[0])[2]) / np.linalg.norm(M[2, :3])
     return -np.linalg.solve(M[:, :3], M[:, 3]), M[:, :3]
+
+
+@pytest.mark.parametrize("is_flat", [False, True])
+def test_far_points_begin_with_their_pose(is_flat):
+    """A first guess is the pose itself as rays become parallel; a plane has one guess more."""
+    for seed in range(5):
+        points, _, sides = draw(np.random.default_rng(seed), 8, 4e4, is_flat)
+        eye = points.mean(axis=0) - 4e4 * sides[2]
+        guesses = starts(points, pixels(points, eye, sides, IMAGER), IMAGER)
+        assert len(guesses) == 1 + is_flat
+        off = [np.linalg.norm(guess - eye) / 4e4 + np.ptp(axes - sides) for guess, axes in guesses]
+        assert min(off) < 2e-3
 
 
 @pytest.mark.parametrize("distance_m", [4.5, 40.0, 400.0])
