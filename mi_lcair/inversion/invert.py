@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 from scipy import sparse
 
-from mi_lcair.errors import InputError
 from mi_lcair.fitting.judgement.quality import OVERSTATED, SIGNIFICANCE
 from mi_lcair.fraction import percent
 from mi_lcair.inversion.advice import (
@@ -37,7 +36,6 @@ from mi_lcair.inversion.least_squares.solve import State, with_noise
 from mi_lcair.inversion.loaded import loaded, unknowns_of
 from mi_lcair.inversion.problem import InverseProblem
 from mi_lcair.inversion.solution import Solution
-from mi_lcair.inversion.tables import Goal
 from mi_lcair.inversion.unknowns import INSTRUMENT, Unknown
 from mi_lcair.progress import Progress
 
@@ -104,16 +102,6 @@ def solve_problem(problem: InverseProblem, advise: bool, progress: Progress | No
         trace=state.trace,
         seconds=time.perf_counter() - start,
     )
-
-
-def check_goal(everything: list[Unknown], goal: Goal) -> None:
-    """Raise InputError for a wanted contrast whose hidden background would change."""
-    moving = [unknown.name for unknown in everything if unknown.kind == "motion"]
-    if goal.background_K is not None and moving:
-        raise InputError(
-            f"'{moving[0]}' changes the area of the background that the target hides; a goal of a "
-            "contrast takes no motions, one of an intensity does"
-        )
 
 
 def determined(state: State) -> float:

@@ -4,6 +4,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.inversion.data.datum import Datum
 from mi_lcair.inversion.data.loader import Loader, goal_datum
 from mi_lcair.inversion.problem import InverseProblem, parts
+from mi_lcair.inversion.tables import Goal
 from mi_lcair.inversion.unknowns import FACETS, Unknown, instruments, unknowns
 
 
@@ -16,6 +17,7 @@ def loaded(problem: InverseProblem) -> tuple[Loader, list[Datum], list[Datum], l
     if problem.goal is not None:
         data = [goal_datum(problem.goal, problem.render, problem.motions)]
         proposed, everything = [], unknowns_of(problem, data)
+        check_goal(everything, problem.goal)
     else:
         entries = enumerate([*problem.data, *problem.candidates])
         made = [loader.datum(entry, number, groups) for number, entry in entries]
@@ -39,6 +41,16 @@ def check_counts(everything: list[Unknown], data: list[Datum]) -> None:
         raise InputError(
             f"{free} unknowns without a prior, but only {points} measured "
             f"{'values' if points != 1 else 'value'}; measure more, or give priors"
+        )
+
+
+def check_goal(everything: list[Unknown], goal: Goal) -> None:
+    """Raise InputError for a wanted contrast whose hidden background would change."""
+    moving = [unknown.name for unknown in everything if unknown.kind == "motion"]
+    if goal.background_K is not None and moving:
+        raise InputError(
+            f"'{moving[0]}' changes the area of the background that the target hides; a goal of a "
+            "contrast takes no motions, one of an intensity does"
         )
 
 

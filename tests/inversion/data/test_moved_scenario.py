@@ -11,8 +11,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.inversion.data.camera_image import ROOM, CameraImage
 from mi_lcair.inversion.data.contrast import MeasuredContrast
 from mi_lcair.inversion.data.loader import Loader
-from mi_lcair.inversion.invert import check_goal
-from mi_lcair.inversion.loaded import unknowns_of
+from mi_lcair.inversion.loaded import check_goal, unknowns_of
 from mi_lcair.inversion.problem import InverseProblem
 from mi_lcair.inversion.tables import Goal
 from mi_lcair.sensitivity.parameters import changed
