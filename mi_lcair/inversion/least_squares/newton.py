@@ -84,6 +84,8 @@ def near(
             ahead, ahead_cost = weighed(new)
             if ahead_cost <= cost * (1 + ROUNDING) + ROUNDING or is_sparse:
                 break
+        else:
+            return x  # no step in this direction lowers the cost
         moved = length(new - x, normal, prior)
         x, normal, cost = new, ahead, ahead_cost
         if moved < CONVERGED / 10:
