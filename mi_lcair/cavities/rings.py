@@ -6,7 +6,7 @@ from mi_lcair.cavities.exchange import ring_exchange
 from mi_lcair.cavities.shape import Shape
 from mi_lcair.cavities.view import View
 
-FIRST = 80  # rings of each straight part of the wall at first; their number is doubled
+FIRST = 40  # rings of each straight part of the wall at first; their number is doubled
 MOST = 2400  # largest number of rings of the whole wall
 ENOUGH = 5e-6  # error from which on the rings are not doubled again
 GAUSS = np.polynomial.legendre.leggauss(4)  # places in a ring at which its emission is averaged

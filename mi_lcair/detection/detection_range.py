@@ -14,7 +14,7 @@ from mi_lcair.physics.detector import Detector
 from mi_lcair.results import Result
 from mi_lcair.signatures.view_areas import ViewAreas
 
-STEPS = 200  # ranges that are searched, in equal ratios
+STEPS = 80  # ranges that are searched, in equal ratios
 SLOPE_STEP = 1e-4  # step of range for the slope of the signal, relative to the range
 
 
