@@ -119,7 +119,8 @@ def test_a_users_script_under_mypy(tmp_path, monkeypatch):
         "mi_lcair.rendre\n"
     )
     monkeypatch.setenv("MYPYPATH", str(ROOT))
-    options = ["--follow-imports=silent", "--no-error-summary", f"--cache-dir={tmp_path}"]
+    cache = ROOT / ".pytest_cache" / "mypy"
+    options = ["--follow-imports=silent", "--no-error-summary", f"--cache-dir={cache}"]
     out, _, _ = mypy.run([*options, str(script)])
     lines = [line.partition(".py:")[2] for line in out.splitlines()]
     assert [line.partition(":")[0] for line in lines] == ["5", "6", "7"], out

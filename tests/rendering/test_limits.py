@@ -59,7 +59,7 @@ import re
 from pathlib import Path
 import mi_lcair
 used = []
-for resolution in (1024, 1448):
+for resolution in (724, 1024):
     scene = mi_lcair.load("two_plates", resolution=resolution)
     mi_lcair.render(scene, spp=4)
     status = Path("/proc/self/status").read_text()
@@ -68,13 +68,13 @@ with scene.prepared() as tracer:
     from mi_lcair.rendering import limits
     channels = limits.channel_count(tracer, "image")
 stated = limits.BYTES_PER_PIXEL + limits.BYTES_PER_CHANNEL * channels
-print((used[1] - used[0]) / (1448**2 - 1024**2) / stated)
+print((used[1] - used[0]) / (1024**2 - 724**2) / stated)
 """
 
 
 @pytest.mark.slow
 def test_stated_memory():
-    """What an image of 2 million pixels really takes: no more than stated, and most of it."""
+    """What an image of a million pixels really takes: no more than stated, and most of it."""
     result = subprocess.run(
         [sys.executable, "-c", CODE], capture_output=True, text=True, check=True
     )
