@@ -13,8 +13,6 @@ from mi_lcair.rendering.window import Windows
 from mi_lcair.startup.tasks import has_workers, in_order
 from mi_lcair.startup.threads import exclusively
 
-AT_ONCE = 4  # launches of a task
-
 
 def traced(
     scene: Scene,
@@ -31,9 +29,7 @@ def traced(
     if has_workers() and may_be_sent(scene, windows, measurands):
         number = scene.sensors.index(windows.sensor)
         sent = pickle.dumps((scene, number, measurands, tolerance, windows.by_randomisation))
-        parts = [launches[k : k + AT_ONCE] for k in range(0, len(launches), AT_ONCE)]
-        for sums in in_order([partial(trace_sent, sent, part) for part in parts]):
-            yield from sums
+        yield from in_order([partial(trace_sent, sent, launch) for launch in launches])
     else:
         rays = ParallelRays.of(windows.sensor)
         for launch in launches:
@@ -55,18 +51,13 @@ def received(sent: bytes) -> tuple:
 
 
 @exclusively
-def trace_sent(sent: bytes, launches: list[Launch]) -> list[Sums]:
-    """The sums of some launches on a worker."""
+def trace_sent(sent: bytes, launch: Launch) -> Sums:
+    """The sums of a launch on a worker."""
     scene, number, measurands, tolerance, by_randomisation = received(sent)
     binning = measurands.binning(tolerance)
     with scene.prepared(measurands.by_spectrum, measurands.explored, binning) as tracer:
-        sensor = scene.sensors[number]
-        rays = ParallelRays.of(sensor)
-        made = [measurands.trace(tracer, sensor, launch, rays) for launch in launches]
-    return made if by_randomisation else [summed(sums) for sums in made]
-
-
-def summed(sums: Sums) -> Sums:
-    """Sums whose channels are those over the randomisations, as `Totals` would; less is sent."""
+        sums = measurands.trace(tracer, scene.sensors[number], launch)
+    if by_randomisation:
+        return sums
     channels = {name: values.sum(axis=1, keepdims=True) for name, values in sums.channels.items()}
-    return replace(sums, channels=channels)
+    return replace(sums, channels=channels)  # as `Totals` would, so that less is sent

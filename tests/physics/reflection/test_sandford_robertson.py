@@ -8,6 +8,7 @@ from drjit.llvm.ad import Array3f, Array3f64, Float, Float64
 from scipy.stats import chi2
 
 from mi_lcair.errors import InputError
+from mi_lcair.physics import reflection
 from mi_lcair.physics.reflection import sandford_robertson_equations as sr
 from tests.physics import thesis
 from tests.physics.reflection.surfaces import MATERIALS, direction, random_parameters, surface
@@ -306,3 +307,24 @@ def test_lobe_pdf_integrates_to_the_samples_above_the_horizon(e):
         half = sr.sample_half_vector(r, Float64(e), u1, u2)
         share = np.mean((2 * dr.dot(r, half) * half.z - r.z).numpy() > 0)
         assert abs(integral - share) < 5 * np.sqrt(integral * max(1 - integral, 1e-9) / count)
+
+
+@pytest.mark.parametrize("form", sr.FORMS)
+@pytest.mark.parametrize("parameters", [(0.1, 0.2), (0.0, 0.7), (0.4, 0.0)])
+def test_b_of_0_is_a_mirror_with_a_diffuse_part(parameters, form):
+    """Thesis 2.3.3.3: rho_d / pi in all directions, and the rest within 20 e of the mirror's."""
+    epsilon, rho_d, e = *parameters, 1e-3
+    model = reflection.model("sandford_robertson")
+    S = model.surface(*map(Float64, (epsilon, rho_d, 0.0, e)), form=form)
+    angles = Float64(np.radians([0, 30, 60, 80]))
+    np.testing.assert_allclose(model.HDR(S, angles).numpy(), 1 - epsilon, atol=2e-6)
+    np.testing.assert_allclose(model.DHR(S, angles).numpy(), 1 - epsilon, atol=2e-6)
+    observer = direction(np.radians(30), 0)
+    for theta, phi in ((30, 0), (0, 0), (60, 180), (35, 180), (30, 185)):
+        f = model.f(S, direction(np.radians(theta), np.radians(phi)), observer)
+        far = (1 - epsilon - rho_d) * e**2 / np.radians(2) ** 4  # the lobe falls as alpha^-4
+        assert f.numpy()[0] == pytest.approx(rho_d / np.pi, abs=far)
+    peak = model.f(S, direction(np.radians(30), np.pi), observer).numpy()[0]
+    # The lobe at its maximum: D / (4 cos cos') with D = 1 / (pi e^2) (thesis Eq 2.18)
+    lobe = (1 - epsilon - rho_d) / (4 * np.pi * e**2 * np.cos(np.radians(30)))
+    assert peak - rho_d / np.pi == pytest.approx(lobe, rel=0.2)
