@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+from mi_lcair.declared import Bounds
 from mi_lcair.fraction import fraction
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.images.with_errors import ImageWithErrors, image_with_errors
@@ -61,6 +62,7 @@ def render_with_errors(
         For settings out of bounds, samples beside a tolerance, and an image with NaN or infinite
         pixels.
     """
+    Bounds(lower=0, upper=2**32 - 1).check(seed, "seed")
     sampling = Sampling(
         spp=spp,
         tolerance=fraction(tolerance),

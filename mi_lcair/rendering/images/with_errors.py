@@ -131,7 +131,7 @@ def check_scene(scene, sensor: int, integrator) -> None:
     if not isinstance(scene, mi.Scene):
         raise InputError(
             f"{type(scene).__name__} is no scene of variant {mi.variant()}; load one with "
-            "mi.load_file or mi.load_dict"
+            "mi.load_file or mi.load_dict; mi_lcair.render takes thermal scenes"
         )
     if not 0 <= sensor < len(scene.sensors()):
         raise InputError(f"sensor = {sensor}; the scene has {len(scene.sensors())}, counted from 0")

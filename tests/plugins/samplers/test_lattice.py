@@ -171,7 +171,7 @@ def lit_sphere(sampler, spp=16):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["path", "prb", "prb_basic", "volpath"])
+@pytest.mark.parametrize("kind", ["path", "prb", "prb_basic"])
 def test_stock_integrators_use_it(kind):
     """The same image as with independent numbers, within 4 standard errors of the mean over 16
     seeds, with less noise in a pixel.

@@ -95,6 +95,7 @@ def test_unusable_input_is_one_line(room):
         ({"spp": 8, "tolerance": 0.1}, "spp sets a fixed number"),
         ({"sensor": 3}, "sensor = 3; the scene has 1"),
         ({"spp": 0}, "must be positive"),
+        ({"seed": -1}, "seed"),
     ):
         with pytest.raises(InputError, match=message):
             mi_lcair.render_with_errors(scene, **options)
@@ -110,6 +111,21 @@ def test_unusable_input_is_one_line(room):
     )
     with pytest.raises(InputError, match="pixels are NaN or infinite"):
         mi_lcair.render_with_errors(bad, spp=8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["direct", "prbvolpath", "ptracer", "depth", "moment"])
+def test_every_kind_of_integrator(room, kind):
+    """The means of the channels are those of independent samples, with smaller errors."""
+    inner = {"inner": {"type": "path"}} if kind == "moment" else {}
+    integrator = mi.load_dict({"type": kind, **inner})
+    lattice, independent = (
+        mi_lcair.render_with_errors(room[sampler], spp=128, integrator=integrator, seed=7)
+        for sampler in ("lattice", "independent")
+    )
+    error = np.hypot(lattice.mean_error, independent.mean_error)
+    assert np.all(np.abs(lattice.mean - independent.mean) < 5 * error)
+    assert lattice.rms_error < 0.9 * independent.rms_error
 
 
 VARIANTS = """
