@@ -217,6 +217,41 @@ def test_height_of_a_wall(tmp_path):
     assert abs(found.derivative - exact) < 4 * found.error < 0.008 * exact
 
 
+RHO, GAP = 0.6, 0.1  # reflectance of the lower one of two parallel plates, and their distance [m]
+HOT = 1000.0  # temperature of the upper one [K]
+
+
+def plates():
+    """A grey plate, and a hot black one above its side that the sensor does not see into."""
+    triangles = [[0, 1, 2], [0, 2, 3]]
+    corners = np.array([[0, 0, 0], [0.5, 0, 0], [0.5, 0.5, 0], [0, 0.5, 0]])
+    floor = mesh("floor", corners, triangles, RHO, 3.0)
+    above = mesh("plate", corners[::-1] + [-0.6, 0, GAP], triangles, 0.0, HOT)
+    return scene_of(floor, above, max_bounces=1)
+
+
+def light_of_plate(gap: float) -> float:
+    """Intensity that the floor reflects to the sensor [W/sr], by Gauss points on both plates."""
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    x, w = (nodes + 1) / 4, weights / 4
+    along = x[:, None] - (x[None, :] - 0.6)
+    across = x[:, None] - x[None, :]
+    squares = along[:, :, None, None] ** 2 + across**2 + gap**2
+    area_factor = np.einsum("ijkl,i,j,k,l->", gap**2 / (np.pi * squares**2), w, w, w, w)
+    return RHO * L * (HOT / 300) ** 4 * np.sin(np.radians(20)) * area_factor
+
+
+@pytest.mark.parametrize("draws", ["auto", False])
+def test_plates_that_face_each_other(draws):
+    """No reflected ray may flip within the step: then the scatter is 0, and the error is not."""
+    scene = plates()
+    scene.mi.integrator().emitter_sampling = draws
+    found, h = derivative(scene, "plate.z_m", 2**12), 1e-4
+    exact = (light_of_plate(GAP + h) - light_of_plate(GAP - h)) / (2 * h)
+    assert abs(found.derivative - exact) < 4 * found.error
+    assert draws is False or found.error < 0.01 * exact
+
+
 def test_budget_of_pose():
     """Pose and size in a budget, against draws of the closed form; two renders for each."""
     sigma = {"cube.yaw_deg": 3.0, "cube.size": 0.01}
