@@ -100,8 +100,9 @@ AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
 )
 @click.option(
     "--sun",
-    metavar="ELEVATION[,AZIMUTH]",
-    help="Sun by day, in degrees; azimuth 0 is the nose, 90 the left side.",
+    metavar="ELEVATION[,AZIMUTH[,FILE]]",
+    help="Sun by day, in degrees; azimuth 0 is the nose, 90 the left side. FILE is a CSV of its "
+    "irradiance.",
 )
 @click.option(
     "--atmosphere",

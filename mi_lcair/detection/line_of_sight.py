@@ -247,8 +247,8 @@ def surroundings_of(scenario: Scenario, sight: Sight) -> Surroundings | None:
         below = Ground(behind.ground_temperature, behind.ground_emissivity)
     sun = None if sight.sun is None else sight.sun.elevation_deg
     if isinstance(sight.air, ClearPaths):
-        return Surroundings(sky, below, sight.air.air, sight.observer_m, sun)
-    return Surroundings(sky, below, clear_air(ATMOSPHERE), None, sun)
+        return Surroundings(sky, below, sight.air.air, sight.observer_m, sun, behind.sun_file)
+    return Surroundings(sky, below, clear_air(ATMOSPHERE), None, sun, behind.sun_file)
 
 
 def ground(scenario: Scenario, detector: Detector, sight: Sight) -> Backdrop:

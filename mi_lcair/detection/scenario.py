@@ -34,13 +34,16 @@ from mi_lcair.toml_table import filled, required
 
 STATED = "a scenario is a TOML file that names a scene, its observer and the sensor"
 
+SUN = "surroundings", "sun"  # entry whose third part may be a file
 # Entries that hold the name of a file or a bundled name.
 FILES = (
     ("target", "scene"),
     ("target", "solution"),
     ("atmosphere", "table"),
     ("background", "sky"),
+    ("background", "sun_file"),
     ("surroundings", "sky"),
+    SUN,
     ("sensor", "response"),
     ("flight", "path"),
 )
@@ -260,6 +263,9 @@ class Background:
         Elevation of that sun, degrees. By default it is that of the scene's emitter `sun`, or 45.
     temperature : float, optional
         Apparent temperature of a blackbody, K, instead of sky and ground.
+    sun_file : str, optional
+        CSV file wavelength_um,irradiance_W_m2_um of the sun that the ground reflects. By default it
+        is the sun of the clear air.
     ground_temperature : float, optional
         Temperature of the ground, K, whose radiance goes through the air to the sensor.
     ground_emissivity : float
@@ -270,6 +276,7 @@ class Background:
     daytime_sky: str | None = None
     sun_azimuth_deg: float | None = None
     sun_elevation_deg: float | None = field(default=None, metadata=within(lower=1, upper=90))
+    sun_file: str | None = None
     temperature: float | None = field(default=None, metadata=KELVIN)
     ground_temperature: float | None = field(default=None, metadata=KELVIN)
     ground_emissivity: float = field(default=1.0, metadata=within(is_positive=True, upper=1))
@@ -641,6 +648,7 @@ def background_of(tree: dict, parts: dict) -> Background:
             }
         else:
             given = {"sky": sky_name(words.sky, words.atmosphere)}
+    given |= {} if words.sun_file is None else {"sun_file": words.sun_file}
     if words.ground is not None:
         temperature, material = words.ground_parts
         emissivity = hemispherical_emissivity(material, band_of(parts["sensor"].band))
@@ -656,13 +664,16 @@ def locate(tree: dict, folder: Path) -> None:
     """
     for table, key in FILES:
         part = tree.get(table)
-        if (
-            isinstance(part, dict)
-            and isinstance(value := part.get(key), str)
-            and number(value) is None
-            and (Path(value).suffix or os.path.isfile(folder / value))
+        if not isinstance(part, dict) or not isinstance(part.get(key), str):
+            continue
+        # The file of a sun follows its direction
+        front, value = [], part[key]
+        if (table, key) == SUN:
+            *front, value = value.split(",", 2) if value.count(",") > 1 else ("",)
+        if number(value) is None and (
+            Path(value.strip()).suffix or os.path.isfile(folder / value.strip())
         ):
-            part[key] = str(folder / value)
+            part[key] = ",".join([*front, str(folder / value.strip())])
     plugins = tree.get("plugins")
     if isinstance(plugins, dict) and isinstance(files := plugins.get("files"), list):
         plugins["files"] = [str(folder / file) for file in files]

@@ -98,7 +98,7 @@ def export(
 
 
 def _emitters(model, around, sources):
-    """Properties of the emitters that surround a model; the file of a sky is added to `sources`.
+    """Properties of the emitters around a model; files of sky and sun are added to `sources`.
 
     Raises InputError for a model with sky facets, if the surroundings have a sky, too.
     """
@@ -111,6 +111,9 @@ def _emitters(model, around, sources):
     if around.sky_file is not None:
         _add(sources, around.sky_file)
         emitters[0]["sky"] = Path(around.sky_file).name
+    if around.sun_file is not None:
+        _add(sources, around.sun_file)
+        emitters[0]["sun_file"] = emitters[1]["air"] = Path(around.sun_file).name
     return emitters
 
 

@@ -18,7 +18,7 @@ from mi_lcair.plugins.emission.source import Source
 from mi_lcair.plugins.emitters.distant_emitter import DistantEmitter
 from mi_lcair.plugins.emitters.one_sun import check_fits
 from mi_lcair.plugins.emitters.thermal_emitter import EmitterParameter
-from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST, Property
+from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST, Property, beside_scene
 
 # Cells of the tables of radiances, above the horizon and below it, over the square root of the
 # distance of the direction's z from that of the horizon; and over the azimuth from the sun
@@ -48,6 +48,8 @@ class Sky(DistantEmitter):
     atmosphere         string us_standard or midlat_summer                            (us_standard)
     sun_azimuth_deg    float  azimuth of the sun of a clear sky by day, from +x toward +y     (0.0)
     sun_elevation_deg  float  elevation of that sun, 1 or more; without it, it is night
+    sun_file           string CSV file of the irradiance of that sun, which the ground reflects, as
+                              for `air` of the emitter `sun`; without it, that of the atmosphere
     height_m           float  height of the scene above the ground [m]. Without it the sky is that
                               at 50 m, and no air is before the ground; a scenario gives the height
                               of its target
@@ -84,6 +86,7 @@ class Sky(DistantEmitter):
         Property("atmosphere", "string", ATMOSPHERE, choices=tuple(model_names())),
         Property("sun_azimuth_deg", "float", 0.0),
         Property("sun_elevation_deg", "float", lower=1, upper=90),
+        Property("sun_file", "string", is_file=True),
         Property("height_m", "float", lower=0, upper=100_000),
         Property("band", "string", is_file=True),
         Property("group", "string", "sky", is_label=True),
@@ -95,6 +98,7 @@ class Sky(DistantEmitter):
         values = self.values
         self.sun_azimuth_deg = values["sun_azimuth_deg"]
         self.sun_elevation_deg = values["sun_elevation_deg"]
+        self.sun_file = values["sun_file"] and beside_scene(values["sun_file"])
         emissivity, material = values["ground_emissivity"], values["ground_material"]
         if emissivity is not None and material is not None:
             raise InputError("sky: give ground_emissivity or ground_material, not both")
@@ -148,7 +152,7 @@ class Sky(DistantEmitter):
                 emissivity = number(self.ground_emissivity) - LEAST
             ground = Ground(number(self.ground_temperature) + ground_warmer, emissivity)
         words = sky, ground, self.sun_elevation_deg, values["atmosphere"], self.height_m
-        words = *words, self.weather if weather is None else weather
+        words = *words, self.weather if weather is None else weather, self.sun_file
         return self.keep(words, surroundings, *words)
 
     @property

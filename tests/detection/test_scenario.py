@@ -1,10 +1,12 @@
 """Tests of scenarios: their defaults, changes by key, and the message for each mistake."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from mi_lcair import scenes
-from mi_lcair.detection.scenario import Scenario
+from mi_lcair.detection.scenario import Scenario, locate
 from mi_lcair.errors import InputError
 from tests.detection.disc_scenario import TOML
 
@@ -251,3 +253,12 @@ def test_bundled():
             and scenario.title == scenes.scenario_title(name)
             and scenario.target.scene == name.partition("/")[0]
         )
+
+
+@pytest.mark.parametrize(
+    "sun,located", [("45,60,sun.csv", "45,60,/scenes/sun.csv"), ("45.5,60", None), ("45", None)]
+)
+def test_the_file_of_a_sun_is_beside_the_scenario(sun, located):
+    tree = {"surroundings": {"sun": sun, "sky": "sky.csv"}}
+    locate(tree, Path("/scenes"))
+    assert tree["surroundings"] == {"sun": located or sun, "sky": "/scenes/sky.csv"}

@@ -14,6 +14,7 @@ from mi_lcair.physics.air.ray import Ray
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.spectrum import Spectrum
 from mi_lcair.physics.sun.daytime_sky import ClearSky, between_rings
+from mi_lcair.physics.sun.sunlight import sunlight
 from mi_lcair.physics.surroundings.skies import (
     Blackbody,
     TableSky,
@@ -63,6 +64,8 @@ class Surroundings:
     sun_elevation_deg
         Elevation of the sun that the ground reflects, and whose light the air before it scatters;
         None by night.
+    sun_file
+        CSV file of the sun's irradiance that the ground reflects; None for that of clear air.
     """
 
     sky: ClearSky | TableSky | None
@@ -70,6 +73,7 @@ class Surroundings:
     air: ClearAir
     height_m: float | None = None
     sun_elevation_deg: float | None = None
+    sun_file: str | None = None
 
     @property
     def is_through_air(self) -> bool:
@@ -148,7 +152,10 @@ class Surroundings:
         if self.sun_elevation_deg is not None:
             air = self.sky.air if isinstance(self.sky, ClearSky) else self.air
             factor = np.sin(np.radians(self.sun_elevation_deg)) / np.pi
-            lights.append((factor, air.sun(0.0, self.sun_elevation_deg)))
+            sun = air.sun(0.0, self.sun_elevation_deg)
+            if self.sun_file is not None:
+                sun = sunlight(self.sun_file).over(1.0)
+            lights.append((factor, sun))
         return [light.scaled(reflectance * factor) for factor, light in lights]
 
     def in_band_components(
@@ -229,6 +236,7 @@ def surroundings(
     atmosphere: str = ATMOSPHERE,
     height_m: float | None = None,
     weather: Weather = Weather(),
+    sun_file: str | None = None,
 ) -> Surroundings:
     """Sky and ground by their words.
 
@@ -246,6 +254,8 @@ def surroundings(
     height_m
         Height of the viewer above the ground [m]. None if it is not known: the sky is then that at
         50 m, and no air is before the ground.
+    sun_file
+        CSV file of the sun's irradiance at the scene; None for that of the model atmosphere.
 
     Raises
     ------
@@ -256,4 +266,6 @@ def surroundings(
     if height_m is not None:
         check_height(height_m)
     above = None if sky is None else sky_of(sky, atmosphere, sun_elevation_deg, height_m, weather)
-    return Surroundings(above, ground, air, height_m, sun_elevation_deg)
+    if sun_file is not None:
+        sunlight(sun_file)  # raises InputError for a file that cannot be used
+    return Surroundings(above, ground, air, height_m, sun_elevation_deg, sun_file)

@@ -28,8 +28,9 @@ class Words:
         KELVIN or KELVIN,EMISSIVITY or KELVIN,MATERIAL: temperature of the ground, K, and its
         emissivity (1), or the material whose hemispherical emissivity it has.
     sun : str, optional
-        ELEVATION or ELEVATION,AZIMUTH of the sun in the scene's axes, degrees; azimuth 0 is +x,
-        and 90 is +y. Without it, it is night.
+        ELEVATION, ELEVATION,AZIMUTH or ELEVATION,AZIMUTH,FILE: the sun in the scene's axes,
+        degrees; azimuth 0 is +x, and 90 is +y. FILE is a CSV wavelength_um,irradiance_W_m2_um of
+        what arrives at the scene, in place of that of clear air. Without a sun, it is night.
     atmosphere : str
         Clear air of sky, sun and ground: us_standard or midlat_summer.
     """
@@ -51,7 +52,8 @@ class Words:
             temperature, material = self.ground_parts
             ground = Ground(temperature, number(material) or 1.0)
         elevation = None if self.sun is None else self.sun_parts[0]
-        return surroundings(self.sky, ground, elevation, self.atmosphere, height_m)
+        of_sky = self.sky, ground, elevation, self.atmosphere, height_m
+        return surroundings(*of_sky, sun_file=self.sun_file)
 
     @cached_property
     def ground_parts(self) -> tuple[float, str]:
@@ -71,13 +73,19 @@ class Words:
     @cached_property
     def sun_parts(self) -> tuple[float, float]:
         """Elevation and azimuth of the sun [degrees]."""
-        parts = [number(part) for part in self.sun.split(",")]
-        if None in parts or len(parts) > 2 or not 1 <= parts[0] <= 90:
+        parts = [number(part) for part in self.sun.split(",")[:2]]
+        if None in parts or number(self.sun_file or "") is not None or not 1 <= parts[0] <= 90:
             raise InputError(
-                f"sun {self.sun}: must be ELEVATION or ELEVATION,AZIMUTH in degrees, with an "
-                "elevation in 1..90, such as 45,120"
+                f"sun {self.sun}: must be ELEVATION, ELEVATION,AZIMUTH or ELEVATION,AZIMUTH,FILE, "
+                "in degrees and with an elevation in 1..90, such as 45,120"
             )
         return parts[0], ([*parts, 0.0])[1]
+
+    @property
+    def sun_file(self) -> str | None:
+        """The file of the sun's irradiance; None for the sun of clear air."""
+        parts = [] if self.sun is None else self.sun.split(",", 2)
+        return parts[2].strip() if len(parts) == 3 else None
 
     @property
     def sky_file(self) -> str | None:
@@ -95,8 +103,9 @@ class Words:
         if self.sun is None:
             return [sky]
         elevation, azimuth = self.sun_parts
-        sun = {"type": "sun", "band": band, "air": self.atmosphere}
+        sun = {"type": "sun", "band": band, "air": self.sun_file or self.atmosphere}
         sun |= {"elevation_deg": elevation, "azimuth_deg": azimuth}
+        sky |= {} if self.sun_file is None else {"sun_file": self.sun_file}
         return [sky | {"sun_elevation_deg": elevation, "sun_azimuth_deg": azimuth}, sun]
 
 

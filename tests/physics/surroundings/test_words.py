@@ -1,5 +1,6 @@
 """Surroundings in words: what they mean, and words that mean nothing."""
 
+import numpy as np
 import pytest
 
 from mi_lcair.errors import InputError
@@ -37,6 +38,24 @@ def test_sky_file(words, file, tmp_path, monkeypatch):
     rows = "".join(f"{3 + k / 20},0.1\n" for k in range(41))
     (tmp_path / "sky.csv").write_text(f"wavelength_um,radiance_W_m2_sr_um\n{rows}")
     assert Words(sky=words).sky_file == file
+
+
+def test_sun_of_a_file(tmp_path):
+    """Its irradiance shines, and the ground reflects it: E sin(elevation) (1 - epsilon) / pi."""
+    rows = "".join(f"{7 + k / 10},{0.4 + k / 100}\n" for k in range(61))
+    file = tmp_path / "sun.csv"
+    file.write_text(f"wavelength_um,irradiance_W_m2_um\n{rows}")
+    words = Words(sky="250", ground="290,0.7", sun=f"30,120,{file}")
+    sky, sun = words.emitters("LWIR")
+    assert sun["air"] == sky["sun_file"] == str(file) and sun["azimuth_deg"] == 120
+    by_day, by_night = (
+        w.at_height(None).in_band_radiance(LWIR, -45.0)
+        for w in (words, Words(sky="250", ground="290,0.7"))
+    )
+    irradiance = 4 * 0.7  # mean of .5 at 8 um and .9 at 12 um
+    assert by_day - by_night == pytest.approx(0.5 * irradiance * 0.3 / np.pi, rel=1e-3)
+    with pytest.raises(InputError, match="sunlight"):
+        Words(sky="250", ground="290", sun=f"30,120,{tmp_path / 'missing.csv'}")
 
 
 @pytest.mark.parametrize(
