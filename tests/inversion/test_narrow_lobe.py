@@ -11,8 +11,7 @@ mi.set_variant("llvm_ad_mono")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("e", [0.004, 0.03])
-@pytest.mark.parametrize("start", [0.6, 1.5])
+@pytest.mark.parametrize("e, start", [(0.004, 0.6), (0.03, 1.5)])
 def test_width_of_gloss_black(tmp_path, e, start):
     """A ball of 450 K is reflected. Two draws of the camera's noise."""
     path = ball.write_scene(tmp_path, e)

@@ -139,13 +139,11 @@ def test_weather_of_a_contrast(tmp_path):
         "surroundings__ground": "290,0.8",
         "surroundings__sun": "30,10",
     }
-    sigma = {"air_temperature": 1.0, "air_humidity": 0.02, "visibility": 1.0, "co2": 10.0}
+    sigma = {"air_humidity": 0.02, "visibility": 1.0}
     found = mi_lcair.budget(disc(tmp_path, **given), {"scenario": sigma})
     for name, entry, value in (
-        ("air_temperature", "temperature", 288.2),
         ("air_humidity", "humidity", 0.4584),
         ("visibility", "visibility", 23.0),
-        ("co2", "co2", 330.0),
     ):
         high, low = (
             mi_lcair.contrast(disc(tmp_path, **given, **{f"atmosphere__{entry}": end}))
