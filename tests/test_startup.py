@@ -132,27 +132,21 @@ def test_missing_libatomic_is_one_line_that_says_what_to_install(monkeypatch):
         llvm.prepare()
 
 
-OLD_LLVMS = [
-    pytest.param(path, marks=pytest.mark.skipif(not path.exists(), reason=f"no {path.name}"))
-    for path in (LLVM_14, LLVM_15)
-]
 RENDER = "assert mi_lcair.render(mi_lcair.load('two_plates', resolution=4), spp=4).mean > 0\n"
+OLD_LLVMS = {  # Mitsuba itself refuses llvm_ad_mono with LLVM 14
+    "import drjit": LLVM_14,
+    "import mitsuba as mi": LLVM_15,
+    "import mitsuba as mi; mi.set_variant('llvm_ad_mono')": LLVM_15,
+    "import mitsuba as mi; mi.set_variant('llvm_ad_rgb', 'scalar_rgb')": LLVM_14,
+}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("variable", OLD_LLVMS)
-@pytest.mark.parametrize(
-    "first",
-    [
-        "import drjit",
-        "import mitsuba as mi",
-        "import mitsuba as mi; mi.set_variant('llvm_ad_mono')",
-        "import mitsuba as mi; mi.set_variant('llvm_ad_rgb', 'scalar_rgb')",
-    ],
-)
-def test_old_llvm_of_an_imported_drjit_is_replaced(first, variable):
-    if variable == LLVM_14 and "set_variant('llvm_ad_mono')" in first:
-        pytest.skip("Mitsuba itself refuses this variant with LLVM 14")
+@pytest.mark.parametrize("first", OLD_LLVMS)
+def test_old_llvm_of_an_imported_drjit_is_replaced(first):
+    variable = OLD_LLVMS[first]
+    if not variable.exists():
+        pytest.skip(f"no {variable.name}")
     done = python(
         f"{first}\nimport os; del os.environ['{llvm.VARIABLE}']\nimport mi_lcair\n"
         "import mitsuba; mitsuba.set_variant('llvm_ad_mono')\n" + COMPUTE + RENDER,
@@ -380,8 +374,9 @@ def test_functions_that_take_scenes_stay_when_the_variant_changes():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("other", ["scalar_rgb", "llvm_ad_rgb"])
-@pytest.mark.parametrize("first", ["llvm_ad_mono", "llvm_ad_rgb"])
+@pytest.mark.parametrize(
+    "first, other", [("llvm_ad_mono", "scalar_rgb"), ("llvm_ad_rgb", "llvm_ad_rgb")]
+)
 def test_derivatives_after_another_variant(first, other):
     """A scene that was loaded before keeps its surfaces and its derivatives."""
     done = python(
