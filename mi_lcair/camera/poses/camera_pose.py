@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
+import mitsuba as mi
 import numpy as np
 
 from mi_lcair.camera.poses.from_points import Solved, solve
@@ -18,6 +19,7 @@ from mi_lcair.rendering.views import Target, View
 from mi_lcair.results import Result
 from mi_lcair.toml_table import text_of
 
+BESIDE = 1e-3  # distance of a ray's start from its point, in radii of the model
 COLUMNS = ("x_m", "y_m", "z_m", "column_px", "row_px")
 
 
@@ -121,8 +123,10 @@ def camera_pose(
         raise InputError("the scenario has a [flight]; a pose needs an [observer] in its place")
     solved = solve(points[:, :3], points[:, 3:], imager, sigma_px)
     scene = target_scene(scenario, scenario.sensor.detector())
+    target = Target.of(scene)
     # The loaded scene may have been moved near its origin
-    from_middle = solved.eye - (Target.of(scene).centre + scene.origin)
+    from_middle = solved.eye - (target.centre + scene.origin)
+    hidden = hidden_points(scene, target, points[:, :3] - scene.origin, from_middle)
     observer = Observer(position_m=tuple(map(float, from_middle)))
     view = View(observer.azimuth_deg, observer.elevation_deg)
     pointing = pointing_of(view, solved.sides[0], solved.sides[2])
@@ -140,13 +144,33 @@ def camera_pose(
         observer,
         pointing,
         tables,
-        remarks_on(solved, sigma_px),
+        remarks_on(solved, sigma_px, hidden),
     )
 
 
-def remarks_on(solved: Solved, sigma_px: float | None) -> tuple[str, ...]:
-    """What a user should know about a pose."""
+def hidden_points(scene, target: Target, points: np.ndarray, from_middle: np.ndarray) -> list[int]:
+    """Numbers, from 1, of the points that the model hides from a place relative to its middle.
+
+    What is farther away, such as a sky, does not hide them.
+    """
+    toward = target.centre + from_middle - points
+    distance = np.linalg.norm(toward, axis=1)
+    toward /= distance[:, None]
+    start = points + BESIDE * target.radius * toward
+    o, d = (value.T.astype(np.float32) for value in (start, toward))
+    maxt = mi.Float(np.minimum(distance, 2 * target.radius).astype(np.float32))
+    ray = mi.Ray3f(mi.Point3f(o), mi.Vector3f(d), maxt, 0.0, [])
+    return (1 + np.flatnonzero(scene.mi.ray_test(ray).numpy())).tolist()
+
+
+def remarks_on(solved: Solved, sigma_px: float | None, hidden: list[int]) -> tuple[str, ...]:
+    """What a user should know about a pose. hidden: numbers of the points that are hidden there."""
     remarks = []
+    if hidden:
+        remarks.append(
+            f"from there the model hides point {', '.join(map(str, hidden))} of "
+            f"{len(solved.residual_px)}: do the rows go down, and are x, y, z right-handed?"
+        )
     if solved.second is not None:
         place = ", ".join(f"{value:.4g}" for value in solved.second.eye)
         remarks.append(

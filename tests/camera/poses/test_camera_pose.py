@@ -66,6 +66,18 @@ def test_a_pose_found_again_is_that_of_the_scenario(folder, azimuth, elevation, 
     np.testing.assert_allclose(sides_again, sides, atol=1e-6)
 
 
+def test_points_that_the_model_hides_are_named(folder):
+    """Rows that were counted upward give a pose on the other side of what is far away."""
+    eye, sides = camera(scenario := Scenario.read("plate.toml", **{"observer.elevation_deg": 20.0}))
+    points = np.array([[0.3, 0, 0.2], [0.2, 0.5, 0.1], [0.3, -0.8, -0.3], [0.1, 0, -0.4]])
+    points = np.concatenate([points, [[0.0, -1, -0.5], [0, 1, -0.5], [0, 1, 0.5], [0, -1, 0.5]]])
+    places = pixels(points, eye, sides, scenario.camera)
+    right = mi_lcair.pose("plate.toml", np.hstack([points, places]), 0.3)
+    assert not right.remarks
+    upward = mi_lcair.pose("plate.toml", np.hstack([points, [0, 48] + [1, -1] * places]), 0.3)
+    assert "from there the model hides point 1, 2, 3, 4 of 8: do the rows go" in upward.remarks[0]
+
+
 def test_a_scene_far_from_its_origin(folder):
     """Points are in the axes of the file, although the loaded scene was moved to its origin."""
     scene = folder / "disc.xml"
