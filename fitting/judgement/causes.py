@@ -57,7 +57,7 @@ def likely_cause(
             return np.inf
         return data.rms_dex(compare(data, whole, settings, lambda: None)[0])
 
-    found = [(left(sign=-1.0), "the opposite sign of theta_r")]
+    trials = [(left(sign=-1.0), "the opposite sign of theta_r")]
     misfit, high = misfit_dex, 0.0
     while high < DECADES and (smaller := left(10 ** (high + 1))) < FALLS * misfit:
         misfit, high = smaller, high + 1
@@ -66,8 +66,8 @@ def likely_cause(
         for _ in range(HALVINGS):
             middle = (low + high) / 2
             low, high = (low, middle) if left(10**middle) <= ENOUGH * misfit else (middle, high)
-        found.append((misfit, f"the BRDF divided by {_named(10**high)}"))
-    misfit, words = min(found)
+        trials.append((misfit, f"the BRDF divided by {_named(10**high)}"))
+    misfit, words = min(trials)
     return f"with {words} it fits to {misfit:.2g} decades; check the file" * (misfit <= allowed)
 
 

@@ -6,7 +6,7 @@ import click
 
 import mi_lcair
 from mi_lcair.cli import completion
-from mi_lcair.cli.options import FILE, examples, json_option, output_option
+from mi_lcair.cli.options import FILE, check_given, examples, json_option, output_option
 from mi_lcair.cli.output import Called, note, print_next, print_result, print_written
 
 FIRST = 0.02  # tolerance of the first intensity of a model
@@ -163,10 +163,7 @@ def _import_scene(ctx, file, output, temperature, band) -> None:
     """Write a thermal version of a scene that was written for Mitsuba."""
     from mi_lcair.models3d.mitsuba_scene import thermal_scene
 
-    for parameter in ctx.command.params:
-        given = ctx.get_parameter_source(parameter.name) is click.core.ParameterSource.COMMANDLINE
-        if given and parameter.name not in ("file", "output", "temperature", "band"):
-            raise click.UsageError(f"{parameter.opts[-1]} does not go with a scene of Mitsuba", ctx)
+    check_given(ctx, ("file", "output", "temperature", "band"), "a scene of Mitsuba")
     if output is None or temperature is None:
         raise click.UsageError("a scene of Mitsuba needs -o FOLDER and --temperature K", ctx)
     for remark in thermal_scene(file, output, temperature, band):

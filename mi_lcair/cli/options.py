@@ -320,6 +320,14 @@ def sampling_options(spp: str, tolerance: str, max_spp: str | None = None):
     return decorator
 
 
+def check_given(ctx: click.Context, names, what: str) -> None:
+    """Raise UsageError if an option beside `names` was given, which does not go with `what`."""
+    for parameter in ctx.command.params:
+        given = ctx.get_parameter_source(parameter.name) is click.core.ParameterSource.COMMANDLINE
+        if given and parameter.name not in names:
+            raise click.UsageError(f"{parameter.opts[-1]} does not go with {what}", ctx)
+
+
 def output_option(what: str, metavar: str = "FILE", **settings):
     """Decorator that gives a command the option -o. `what` is written, and to which file.
 

@@ -89,13 +89,13 @@ def thermal_scene(
 
 def _heat(shape: ElementTree.Element) -> bool:
     """Give a shape an emitter `thermal`; returns whether it had another one."""
-    own = shape.findall("emitter")
-    for emitter in own:
+    emitters = shape.findall("emitter")
+    for emitter in emitters:
         shape.remove(emitter)
     thermal = ElementTree.SubElement(shape, "emitter", type="thermal")
     ElementTree.SubElement(thermal, "string", name="band", value="$band")
     ElementTree.SubElement(thermal, "float", name="temperature", value="$temperature")
-    return bool(own)
+    return bool(emitters)
 
 
 def _point(root: ElementTree.Element, old: Path, new: Path) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import FILE, changes_option, examples
+from mi_lcair.cli.options import FILE, changes_option, check_given, examples
 from mi_lcair.cli.output import print_written
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import check_suffix, check_writable
@@ -50,10 +50,7 @@ def command(ctx, source, output, channel, scene, parameters):
     Pictures are made by show.
     """
     convert, suffixes, names = _way(source, scene)
-    for parameter in ctx.command.params:
-        given = ctx.get_parameter_source(parameter.name) is click.core.ParameterSource.COMMANDLINE
-        if given and parameter.name not in ("source", "output", *names):
-            raise click.UsageError(f"{parameter.opts[-1]} does not go with '{source}'", ctx)
+    check_given(ctx, ("source", "output", *names), f"'{source}'")
     suffix = check_suffix(output, suffixes, f"'{source}' becomes {', '.join(suffixes)}; output")
     check_writable(output)
     if Path(source).exists() and output.exists() and output.samefile(source):

@@ -7,6 +7,7 @@ from mi_lcair.cli.files import pictures
 from mi_lcair.cli.options import (
     FILE,
     changes_option,
+    check_given,
     examples,
     json_option,
     output_option,
@@ -139,10 +140,7 @@ def command(ctx, what, output, **options):
         what, **{name: options[name] for name in ("facet", "facets", "materials", "pixel")}
     )
     draw, names = DRAWN[kind]
-    for parameter in ctx.command.params:
-        given = ctx.get_parameter_source(parameter.name) is click.core.ParameterSource.COMMANDLINE
-        if given and parameter.name not in ("what", "output", *names):
-            raise click.UsageError(f"{parameter.opts[-1]} does not go with {kind}", ctx)
+    check_given(ctx, ("what", "output", *names), kind)
     if options["scene"] and not options["outlines"]:
         raise InputError("--scene names the scene whose facets --outlines draws; give that too")
     if output:
