@@ -51,23 +51,23 @@ def draws():
 WORK = {"sweep": sweep, "image": image, "draws of a budget": draws}
 
 
-def processor_s() -> tuple[int, float]:
-    """Number of this process, and its processor time so far, s."""
+def processor_s() -> float:
+    """Processor time of this process so far, s."""
     used = resource.getrusage(resource.RUSAGE_SELF)
-    return os.getpid(), used.ru_utime + used.ru_stime
+    return used.ru_utime + used.ru_stime
 
 
 def of_workers() -> float:
     """Processor time of all workers so far, s."""
-    return sum(dict(some for _, some in tasks.computed([processor_s] * 64)).values())
+    return sum(tasks.PRESENT.get().connected().run(processor_s).values())
 
 
 def run(work, count: int) -> tuple[float, float, float]:
     """Time, and processor time of this process and of the workers, s, of one run."""
     before = of_workers() if count else 0.0
-    own, start = processor_s()[1], time.perf_counter()
+    own, start = processor_s(), time.perf_counter()
     work()
-    seconds, own = time.perf_counter() - start, processor_s()[1] - own
+    seconds, own = time.perf_counter() - start, processor_s() - own
     return seconds, own, of_workers() - before if count else 0.0
 
 

@@ -59,7 +59,7 @@ class Cluster:
         if self.count is not None:
             share = max(1, (os.cpu_count() or 1) // self.count)
             local = distributed.LocalCluster(
-                n_workers=self.count, threads_per_worker=share, dashboard_address=None
+                n_workers=self.count, threads_per_worker=share, dashboard_address=":0"
             )
             self.address = self.open.enter_context(local).scheduler_address
         check_scheduler(self.address)
