@@ -129,7 +129,7 @@ def command(ctx, file, output, check, overwrite, materials, band, json, **option
     A Mitsuba scene, MODEL.xml, becomes thermal with --temperature: all its shapes emit.
     """
     if file.suffix.lower() == ".xml":
-        _import_scene(ctx, file, output, options["temperature"], band or "LWIR")
+        _import_scene(ctx, file, output, options["temperature"], band or "LWIR", overwrite)
         return
     if bool(output) == check:
         raise click.UsageError("give either -o FOLDER or --check", click.get_current_context())
@@ -159,14 +159,14 @@ def command(ctx, file, output, check, overwrite, materials, band, json, **option
         print_next([*words, "-o", file.stem])
 
 
-def _import_scene(ctx, file, output, temperature, band) -> None:
+def _import_scene(ctx, file, output, temperature, band, overwrite) -> None:
     """Write a thermal version of a scene that was written for Mitsuba."""
     from mi_lcair.models3d.mitsuba_scene import thermal_scene
 
-    check_given(ctx, ("file", "output", "temperature", "band"), "a scene of Mitsuba")
+    check_given(ctx, ("file", "output", "temperature", "band", "overwrite"), "a scene of Mitsuba")
     if output is None or temperature is None:
         raise click.UsageError("a scene of Mitsuba needs -o FOLDER and --temperature K", ctx)
-    for remark in thermal_scene(file, output, temperature, band):
+    for remark in thermal_scene(file, output, temperature, band, overwrite):
         note(remark)
     print_written(output / "scene.xml")
     print_next(["render", output / "scene.xml", "-o", f"{output.name}.exr"])

@@ -4,8 +4,9 @@ import os
 from pathlib import Path
 from xml.etree import ElementTree
 
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, option
 from mi_lcair.files import read_text, replacing
+from mi_lcair.models3d.label import kelvin
 
 REFLECTIONS = 4  # of a scene whose integrator states no max_depth
 UNSUITED = ("instance", "shapegroup", "merge")  # shapes that hold others; none of them can emit
@@ -16,7 +17,11 @@ VISIBLE = (
 
 
 def thermal_scene(
-    path: str | Path, folder: str | Path, temperature: float, band: str = "LWIR"
+    path: str | Path,
+    folder: str | Path,
+    temperature: float,
+    band: str = "LWIR",
+    overwrite: bool = False,
 ) -> list[str]:
     """Write FOLDER/scene.xml, a thermal version of a scene in Mitsuba's XML.
 
@@ -34,6 +39,8 @@ def thermal_scene(
         Temperature of all surfaces [K].
     band : str
         Band of the radiances.
+    overwrite : bool
+        Replace a scene.xml that is there.
 
     Returns
     -------
@@ -45,7 +52,11 @@ def thermal_scene(
     InputError
         If the file is no scene, has shapes that cannot emit, or if scene.xml cannot be written.
     """
-    path, folder = Path(path), Path(folder)
+    path, written = Path(path), Path(folder) / "scene.xml"
+    checked = kelvin(f"{temperature:.9g}")
+    if written.exists() and (written.samefile(path) or not overwrite):
+        instead = f"name another folder or give {option('overwrite', True)}"
+        raise InputError(f"{written}: exists; {instead}")
     try:
         root = ElementTree.fromstring(read_text(path))
     except ElementTree.ParseError as error:
@@ -69,15 +80,18 @@ def thermal_scene(
         root.remove(child)
     for sampler in root.iter("sampler"):
         sampler.set("type", "lattice")
+        for entry in list(sampler):
+            if entry.get("name") not in ("sample_count", "seed"):
+                sampler.remove(entry)
     lamps = sum(_heat(shape) for shape in shapes)
-    _point(root, path.parent, folder)
-    for name, value in (("temperature", f"{temperature:g}"), ("band", band)):
+    _point(root, path.parent, written.parent)
+    for name, value in (("temperature", f"{checked:g}"), ("band", band)):
         root.insert(0, ElementTree.Element("default", name=name, value=value))
     integrator = ElementTree.SubElement(root, "integrator", type="bounce_path")
     ElementTree.SubElement(integrator, "integer", name="max_bounces", value=str(bounces))
     ElementTree.indent(root, "    ")
-    folder.mkdir(parents=True, exist_ok=True)
-    with replacing(folder / "scene.xml") as partial:
+    written.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(written) as partial:
         partial.write_text(ElementTree.tostring(root, encoding="unicode") + "\n", encoding="utf-8")
     remarks = [VISIBLE]
     if lamps:

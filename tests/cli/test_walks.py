@@ -79,6 +79,7 @@ def test_a_scene_of_mitsuba(walk, refused, folder):
     # The plate emits 1 - 0.25 of a blackbody, and little of what it reflects is the sphere
     radiance = 0.75 * in_band_radiance(band("LWIR"), 300.0)
     assert np.median(channels["Y"][channels["range.Y"] > 0]) == pytest.approx(radiance, rel=1e-3)
+    assert str(header["max_bounces"]) == "2"  # Mitsuba's max_depth counts the emitter too
     assert (folder / "thermal.png").is_file()
 
 
@@ -105,3 +106,8 @@ def test_scenes_that_cannot_become_thermal(refused, folder, change, message):
     assert "needs -o FOLDER and --temperature" in refused("import", "a.xml", "-o", "a")
     assert "--nose does not go with a scene" in refused("import", "a.xml", "--nose", "X")
     assert not (folder / "a").exists()
+    (folder / "scene.xml").write_text(STOCK)
+    given = ("import", "scene.xml", "--temperature")
+    assert "scene.xml: exists; name another folder" in refused(*given, 300, "-o", ".")
+    assert "scene.xml: exists" in refused(*given, 300, "-o", ".", "--overwrite")
+    assert "-5" in refused(*given, -5, "-o", "a") and not (folder / "a").exists()
