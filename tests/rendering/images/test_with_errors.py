@@ -39,6 +39,7 @@ def test_errors_are_those_of_the_mean_of_independent_images():
     assert np.all(result.image == 1) and np.allclose(result.standard_error, 1)
     assert result.mean == 1 and result.mean_error == pytest.approx(1) and result.spp == 16
     assert result.rms_error == pytest.approx(1)
+    assert ImageWithErrors.of(0 * images, 16).rms_error == 0
 
 
 @pytest.mark.parametrize("sampler", ["lattice", "multijitter"])
@@ -109,7 +110,7 @@ def test_unusable_input_is_one_line(room):
             "sensor": {"type": "perspective", "film": {"type": "hdrfilm", "width": 4, "height": 4}},
         }
     )
-    with pytest.raises(InputError, match="pixels are NaN or infinite"):
+    with pytest.raises(InputError, match="^16 of 16 pixels are NaN or infinite"):
         mi_lcair.render_with_errors(bad, spp=8)
 
 
