@@ -100,6 +100,7 @@ def cases(folder: Path) -> list[Case]:
     gap = lambda x: WALL * view_of_wall(0.2, 0.1, 0.2, -x)  # noqa: E731
     factor = np.cos(np.pi / 4) * 0.5 * WALL
     wall = lambda x: factor * view_of_wall(0.1, 0.2, 0.1 * (1 + x))  # noqa: E731
+    fewer = {FEW: 12, MANY: 4}
     return [
         Case("cube, yaw 30", cube, "cube.yaw_deg", 30.0, cube_intensity),
         Case("cube, size", cube, "cube.size", 1.0, lambda k: k**2 * cube_intensity(0)),
@@ -111,9 +112,14 @@ def cases(folder: Path) -> list[Case]:
             lambda x: facets_intensity(cone(), "pitch_deg", x),
         ),
         Case(
-            "two_plates, gap of 20 mm", lambda: mi_lcair.load("two_plates"), "plate.x_m", -0.02, gap
+            "two_plates, gap of 20 mm",
+            lambda: mi_lcair.load("two_plates"),
+            "plate.x_m",
+            -0.02,
+            gap,
+            fewer,
         ),
-        Case("open_box, wall's height", lambda: tall_wall(folder), "wall.height", 0.0, wall),
+        Case("open_box, wall's height", lambda: tall_wall(folder), "wall.height", 0.0, wall, fewer),
         *of_cylinder(),
         Case(
             "parallel plates, gap",
@@ -129,7 +135,7 @@ def cases(folder: Path) -> list[Case]:
             "wall.opening",
             0.0,
             lambda x: light_of_cavity(CAVITY[1] + OPENED * x),
-            {FEW: 4, MANY: 4},
+            {FEW: 2, MANY: 2},
         ),
     ]
 
