@@ -56,7 +56,7 @@ def draw(path: Path, loaded: dict) -> None:
         image = mi_lcair.render(scene, spp=1024).channels["temperature.Y"]
         half = np.linalg.norm(scene.sensors[0].world_transform().matrix.numpy()[:3, 0])
         extent = half * np.array([-1, 1, -1, 1])
-        drawn = panel.imshow(image, vmin=LOWEST_K, vmax=HIGHEST_K, cmap="gray", extent=extent)
+        drawn = panel.imshow(image, vmin=LOWEST_K, vmax=HIGHEST_K, cmap="inferno", extent=extent)
         panel.set(title=name, xlabel="m")
     panels[0].set_ylabel("m")
     figure.colorbar(drawn, ax=panels, label="apparent temperature in 3-5 um [K]", extend="both")
