@@ -103,9 +103,9 @@ def test_a_sheet_radiates_from_both_sides():
 
 
 def test_what_is_inside_a_body_is_buried():
-    other = box(grey(1.0), inward=False, to_world=T.translate([1, 1, 1]))
+    other = box(grey(0.5), inward=False, to_world=T.translate([1, 1, 1]))
     scene = scene_of(
-        a=box(grey(1.0), inward=False, emitter=emits("a")), b=other | {"emitter": emits("b")}
+        a=box(grey(0.5), inward=False, emitter=emits("a")), b=other | {"emitter": emits("b")}
     )
     result = exchange(scene, rays=2048)
     # A quarter of each of three of the six faces
@@ -118,7 +118,9 @@ def test_an_open_shell_that_is_seen_from_behind_is_refused():
         "below": square(grey(0.8), emitter=emits("below")),
         "above": square(grey(0.8), T.translate([0, 0, 1]), emitter=emits("above")),
     }
-    with pytest.raises(InputError, match="group below .* shape 'above': its BSDF is one-sided"):
+    with pytest.raises(
+        InputError, match=r"4[0-5]\.\d+% of .* group below .* 'above': its BSDF is one"
+    ):
         exchange(scene_of(**plates), rays=256)
 
 

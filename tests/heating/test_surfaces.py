@@ -5,6 +5,8 @@ import pytest
 
 from mi_lcair.errors import InputError
 from mi_lcair.heating.surfaces import SOLAR, TOTAL, Surfaces, hemispherical_emissivity
+from mi_lcair.physics import materials
+from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import spectral_radiance
 from tests.heating.scenes import emits, scene_of, square
 
@@ -91,6 +93,21 @@ def test_numbers_of_a_model_stand_in_for_their_band():
     bsdf = {"type": "sandford_robertson", "id": "rough", **numbers}
     made = Surfaces.of(scene_of(plate=square(bsdf, emitter=emitter)), TOTAL)
     assert "MWIR 3-5 um stand in for total" in made.remarks[0]
+
+
+def test_a_grey_surface_of_numbers_is_grey_everywhere():
+    plate = square({"type": "grey", "emissivity": 0.5}, emitter=emits() | {"band": "MWIR"})
+    assert Surfaces.of(scene_of(plate=plate), TOTAL).remarks == []
+
+
+@pytest.mark.parametrize("sheet", [False, True])
+def test_the_hemispherical_emissivity_is_that_of_the_model(sheet):
+    bsdf = {"type": "material", "material": "gloss_black", "band": "LWIR"}
+    if sheet:
+        bsdf = {"type": "twosided", "bsdf": bsdf}
+    made = Surfaces.of(scene_of(plate=square(bsdf, emitter=emits())), TOTAL)
+    expected = materials.hemispherical_emissivity("gloss_black", band("LWIR"))
+    assert hemispherical_emissivity(made.different[0]) == pytest.approx(expected, rel=1e-4)
 
 
 def test_equal_surfaces_are_one():
