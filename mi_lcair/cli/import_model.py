@@ -63,9 +63,10 @@ AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
 @click.option(
     "--temperatures",
     type=FILE,
-    metavar="CSV|JSON",
-    help="Table facet,kelvin with each facet once, instead of the labels' temperatures; or the "
-    "solution of an inversion, for the facets that were unknown in it.",
+    metavar="CSV|VTU|JSON",
+    help="Table facet,kelvin with each facet once, instead of the labels' temperatures; a mesh of "
+    "a FEM program (.vtu, .med); or the solution of an inversion, for the facets that were unknown "
+    "in it.",
 )
 @click.option(
     "--material",

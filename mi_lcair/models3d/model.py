@@ -11,7 +11,7 @@ from mi_lcair.errors import InputError, option, shown
 from mi_lcair.files import read_text
 from mi_lcair.formats import check_model
 from mi_lcair.models3d.label import TYPES, Label, find_material, kelvin
-from mi_lcair.models3d.modellers import axes, exchange
+from mi_lcair.models3d.modellers import axes, exchange, fem
 from mi_lcair.models3d.modellers.naming import NameTable, labels_of
 from mi_lcair.models3d.modellers.obj import Obj, read_obj
 from mi_lcair.models3d.polygons import MOST_CLIPPED, triangulate
@@ -125,7 +125,8 @@ def read(
     ----------
     path : str or Path
     temperatures : str, Path or None
-        CSV file facet,kelvin with the temperatures, in place of those in the labels. Or the JSON
+        CSV file facet,kelvin with the temperatures, in place of those in the labels. Or a mesh with
+        temperatures of cells or nodes, such as .vtu or .med, which meshio reads. Or the JSON
         file of an inversion, for the facets that were unknown in it.
     material : str or None
         Material of all model facets (f), in place of those in the labels: a name, or a fit's JSON
@@ -181,19 +182,31 @@ def read(
         has_temperatures=table_of_temperatures is not None,
         temperature=temperature,
     )
-    if table_of_temperatures:
+    welded = _welded(obj, scale, turn)
+    away = ()
+    if table_of_temperatures and table_of_temperatures.suffix.lower() in fem.SUFFIXES:
+        corners = welded["vertices"][welded["corners"]]
+        kelvins, away = fem.temperatures_of_mesh(
+            table_of_temperatures, np.split(corners, welded["first"][1:-1])
+        )
+        for number in np.unique(kelvins[[kelvins.argmin(), kelvins.argmax()]]):
+            kelvin(f"{number:.9g}")
+    elif table_of_temperatures:
         kelvins = _read_temperatures(table_of_temperatures, len(label))
     else:
         kelvins = np.array([entry.temperature for entry in labels])[label]
     if is_solution:
         kelvins = _solved_temperatures(Path(temperatures), kelvins)
     return Model(
-        **_welded(obj, scale, turn),
+        **welded,
         labels=labels,
         label=label,
         temperature=kelvins,
         names=np.array([_called(part) for part in obj.parts], object)[obj.part],
-        remarks=_remarks(obj, labels, label, table, kind != "glTF" and not (forward or up)),
+        remarks=(
+            *away,
+            *_remarks(obj, labels, label, table, kind != "glTF" and not (forward or up)),
+        ),
     )
 
 

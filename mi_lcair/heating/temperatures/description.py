@@ -143,7 +143,7 @@ class RunTable:
         periodic.
     """
 
-    steps: int = field(default=96, metadata=within(lower=4, upper=100_000))
+    steps: int = field(default=144, metadata=within(lower=4, upper=100_000))
     rays: int = field(default=1024, metadata=within(lower=64, upper=2**20))
     seed: int = field(default=0, metadata=within(lower=0, upper=2**32 - 1))
     start_K: float | None = field(default=None, metadata=KELVIN)

@@ -18,7 +18,7 @@ from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.window import window_area
 from mi_lcair.sensitivity.facets import facet_matrix
 
-SHADOW_RAYS = 16  # of each facet toward each position of the sun
+SHADOW_RAYS = 32  # of each facet toward each position of the sun
 STEP = 0.1  # of the temperatures in differences of radiances [K]
 
 

@@ -21,7 +21,7 @@ def figure(heat):
             (line,) = left.plot(heat.hours, mean[:, g], label=plain(group))
             band = mean[:, g] - 2 * error[:, g], mean[:, g] + 2 * error[:, g]
             left.fill_between(heat.hours, *band, color=line.get_color(), alpha=0.2, lw=0)
-        left.set(xlabel="hour", ylabel="mean temperature (K), k = 2")
+        left.set(xlabel="hour", xticks=hours(heat), ylabel="mean temperature (K), k = 2")
         left.legend()
     for axes in rest:
         value, sigma = heat.intensity.values, heat.intensity.sigma
@@ -31,7 +31,13 @@ def figure(heat):
         else:
             axes.plot(heat.hours, value)
             axes.fill_between(heat.hours, value - 2 * sigma, value + 2 * sigma, alpha=0.2, lw=0)
-            axes.set(xlabel="hour")
+            axes.set(xlabel="hour", xticks=hours(heat))
         axes.set(ylabel=f"intensity, {plain(heat.intensity.band)} (W/sr), k = 2")
     figure.suptitle(plain(heat.summary()), fontsize=10)
     return figure
+
+
+def hours(heat) -> np.ndarray:
+    """Ticks of the hours: quarters of a day, or days."""
+    step = 6 if heat.hours[-1] <= 48 else 24
+    return np.arange(0, heat.hours[-1] + step, step)

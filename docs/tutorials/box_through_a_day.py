@@ -1,0 +1,84 @@
+# %% [markdown]
+# # A box through a day
+#
+# A box of bare aluminium with a black lid stands on soil. This tutorial computes its temperatures
+# over a summer day from the weather, then its radiance against time, and what an infrared camera
+# sees at dawn and at noon.
+
+# %%
+import shutil
+import tempfile
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import mi_lcair
+from mi_lcair import models3d, scenes
+
+folder = Path(tempfile.mkdtemp())
+for name in ("box.obj", "heat.toml", "day.csv"):
+    shutil.copy(scenes.FOLDER / "examples" / name, folder)
+models3d.export(models3d.read(folder / "box.obj"), folder / "box")
+print((folder / "heat.toml").read_text())
+
+# %% [markdown]
+# ## Temperatures
+#
+# Each facet balances radiation, sunlight, air, and the wall behind it. The bands have two standard
+# uncertainties, and the table says where they come from.
+
+# %%
+heat = mi_lcair.heat(folder / "heat.toml")
+heat.plot()
+lid = heat.of_groups(heat.kelvin)[:, heat.facets.groups.index("lid")]
+error = heat.of_groups(heat.error_K)[:, heat.facets.groups.index("lid")]
+noon = heat.row(12)
+print(f"lid at noon: {lid[noon]:.1f} +- {error[noon]:.1f} K")
+print({name: round(float(change[noon, 5]), 2) for name, change in heat.changes.items()})
+assert 320 < lid[noon] < 345
+assert abs(heat.changes["h"][noon, 5]) > abs(heat.changes["absorptance"][noon, 5])
+
+# %% [markdown]
+# The coefficient of convection is known to 30 %, and contributes most by day. At night the lid is
+# colder than the air, because it radiates to the sky.
+
+# %%
+assert lid.min() < 286
+
+# %% [markdown]
+# ## Radiance against time
+#
+# One render gives the effective area of each facet, and with it the intensity at all times.
+
+# %%
+figure, axes = plt.subplots()
+values, sigma = heat.intensity.values, heat.intensity.sigma
+axes.plot(heat.hours, values)
+axes.fill_between(heat.hours, values - 2 * sigma, values + 2 * sigma, alpha=0.2)
+axes.set(xlabel="hour", ylabel="intensity of the box, LWIR (W/sr)")
+assert values[noon] > values[heat.row(4)]
+
+# %% [markdown]
+# ## Images at dawn and at noon
+#
+# The temperatures of a time are a file that a scene takes as `modes`.
+
+# %%
+figure, pair = plt.subplots(1, 2, figsize=(8, 3.6), layout="constrained")
+kelvin = []
+for axes, hour in zip(pair, (4, 12)):
+    heat.save(folder / "now.csv", hour=hour)
+    view = {"azimuth_deg": 30, "elevation_deg": 35, "resolution": 96}
+    scene = mi_lcair.load(folder / "box" / "scene.xml", modes=folder / "now.csv", **view)
+    image = mi_lcair.render(scene, spp=64).channels["temperature.Y"]
+    kelvin.append(np.where(image > 0, image, np.nan))
+    coldest = np.nanpercentile(kelvin[-1], 2)  # pixels at the plate's edge see the void
+    drawn = axes.imshow(kelvin[-1], cmap="inferno", vmin=coldest)
+    figure.colorbar(drawn, ax=axes, label="apparent temperature (K)")
+    axes.set(title=f"{hour}:00", xticks=[], yticks=[])
+assert np.nanmax(kelvin[1]) > np.nanmax(kelvin[0]) + 20
+
+# %% [markdown]
+# At dawn the lid is darker than the plate. The aluminium reflects the surroundings at both times, so
+# that its apparent temperature says little about its own.
