@@ -80,5 +80,5 @@ for axes, hour in zip(pair, (4, 12)):
 assert np.nanmax(kelvin[1]) > np.nanmax(kelvin[0]) + 20
 
 # %% [markdown]
-# At dawn the lid is darker than the plate. The aluminium reflects the surroundings at both times, so
-# that its apparent temperature says little about its own.
+# At dawn the lid is darker than the plate. The aluminium reflects the surroundings at both times.
+# Its apparent temperature therefore says little about its own.
