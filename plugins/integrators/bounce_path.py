@@ -88,10 +88,9 @@ class BouncePath(RBIntegrator):
         Property("bins", "integer", 0, lower=0, upper=512),
     )
 
-    filters: tuple = ()  # air and response between the scene and a result, see `Binning`
-
     def __init__(self, props):
         super().__init__(props)
+        self.filters = ()  # air and response between the scene and a result, see `Binning`
         for name, value in read(props, "bounce_path", self.PROPERTIES).items():
             setattr(self, name, value)
         self.check()

@@ -35,7 +35,7 @@ from mi_lcair.cli.output import check_outputs, print_result, print_written
 @renderer_options
 @json_option
 def command(scenario, points, changes, sigma, output, variant, threads, json):
-    """Find where a camera is that sees points of a scene in known pixels.
+    """Find where a camera is from points of a scene and their pixels.
 
     SCENARIO is a TOML file with a table [camera]. POINTS.csv has the columns x_m, y_m, z_m,
     column_px and row_px: four or more points, such as corners of facets, in the scene's axes, and
