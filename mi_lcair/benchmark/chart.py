@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import astuple, dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 
@@ -55,17 +56,27 @@ class Point:
     memory_MB: float = np.nan
 
 
-def point(case, method, effort, samples, seconds, compile_seconds, values, exact) -> Point:
+class Cost(NamedTuple):
+    """What runs of a method cost.
+
+    samples, seconds: numbers or arrays, one for each repetition. compile_seconds: time of the
+    compile.
+    """
+
+    samples: float | np.ndarray
+    seconds: float | np.ndarray
+    compile_seconds: float
+
+
+def point(case, method, effort, cost: Cost, values, exact) -> Point:
     """The Point of repeated runs.
 
     Parameters
     ----------
     case, method, effort
         As in `Point`.
-    samples, seconds
-        Numbers or arrays, one for each repetition, of which the medians are taken.
-    compile_seconds
-        Time of the compile.
+    cost
+        Of the repetitions, of which the medians are taken.
     values
         Values of the repetitions, (n,).
     exact
@@ -82,9 +93,9 @@ def point(case, method, effort, samples, seconds, compile_seconds, values, exact
         case,
         method,
         effort,
-        float(np.median(samples)),
-        float(np.median(seconds)),
-        float(compile_seconds),
+        float(np.median(cost.samples)),
+        float(np.median(cost.seconds)),
+        float(cost.compile_seconds),
         float(middle),
         float(low),
         float(high),

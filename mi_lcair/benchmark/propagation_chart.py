@@ -153,9 +153,8 @@ def curves(problem: Problem, methods, effort: Effort) -> list[chart.Point]:
     for (method, level), done in runs.items():
         seconds, values, rays, _ = (np.array(column) for column in zip(*done))
         compiled = max(0.0, compiles[method, level] - float(np.median(seconds)))
-        point = chart.point(
-            problem.name, method.name, level, rays, seconds, compiled, values, problem.answer
-        )
+        cost = chart.Cost(rays, seconds, compiled)
+        point = chart.point(problem.name, method.name, level, cost, values, problem.answer)
         points.append(replace(point, memory_MB=memory[method, level]))
     return points
 

@@ -118,16 +118,8 @@ def measured(case, method, effort, p, exact, work: Work) -> Point:
         )
     )
     once = float(np.median(seconds[1:]))
-    return chart.point(
-        case,
-        method.name,
-        effort,
-        samples,
-        once / batch,
-        max(0.0, seconds[0] - once),
-        np.concatenate(values[1:]),
-        exact,
-    )
+    cost = chart.Cost(samples, once / batch, max(0.0, seconds[0] - once))
+    return chart.point(case, method.name, effort, cost, np.concatenate(values[1:]), exact)
 
 
 def timed(method, p, effort, batch, seed):

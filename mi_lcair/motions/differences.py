@@ -29,6 +29,7 @@ from mi_lcair.plugins.paths.offsets import rounding_error
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.statistics import Totals, edge_share
 from mi_lcair.rendering.window import Windows
@@ -121,6 +122,7 @@ def poses_around(scene, name: str, step: float) -> list[dict[str, float]]:
     return [{name: min(max(end, motion.lower), motion.upper)} for end in ends]
 
 
+@dataclass(eq=False)
 class Differences:
     """Differences of a number that renders give, with respect to one motion.
 
@@ -140,25 +142,22 @@ class Differences:
         Where paths on the film begin.
     """
 
-    def __init__(
-        self,
-        scene,
-        name: str,
-        sampling: Sampling,
-        measurands: Measurands,
-        rows: Callable[[Totals], np.ndarray],
-        channel: str | None = "target",
-        aim: Aim | None = None,
-    ):
-        self.scene, self.name, self.sampling, self.measurands = scene, name, sampling, measurands
-        self.rows, self.channel, self.aim = rows, channel, aim
-        self.camera = scene.sensor(sampling.sensor)
-        self.motion: Motion = known_motions(scene)[name]
-        self.value = value_of(scene, self.motion)
+    scene: Scene
+    name: str
+    sampling: Sampling
+    measurands: Measurands
+    rows: Callable[[Totals], np.ndarray]
+    channel: str | None = "target"
+    aim: Aim | None = None
+
+    def __post_init__(self):
+        self.camera = self.scene.sensor(self.sampling.sensor)
+        self.motion: Motion = known_motions(self.scene)[self.name]
+        self.value = value_of(self.scene, self.motion)
         self.can_attach = (
-            channel == "target"
+            self.channel == "target"
             and self.camera.class_name() == "OrthographicCamera"
-            and meshes_of_model(scene) is not None
+            and meshes_of_model(self.scene) is not None
         )
 
     @cached_property

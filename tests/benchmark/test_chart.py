@@ -8,7 +8,7 @@ import csv
 import pytest
 
 from mi_lcair.benchmark import chart
-from mi_lcair.benchmark.chart import Point, point
+from mi_lcair.benchmark.chart import Cost, Point, point
 from mi_lcair.reports import method_chart
 
 
@@ -40,7 +40,8 @@ POINTS = SLOW + LUCKY + points("cavity, closed", "slow", [0.5, 0.4], 1e-6)
 
 
 def test_point_takes_medians_and_quartiles():
-    result = point("box", "slow", 3, [4, 5, 9], [1, 2, 3], 0.5, [1.1, 0.6, 0.8, 1.0, 1.3], 1.0)
+    cost = Cost([4, 5, 9], [1, 2, 3], 0.5)
+    result = point("box", "slow", 3, cost, [1.1, 0.6, 0.8, 1.0, 1.3], 1.0)
     assert result.samples == 5 and result.seconds == 2 and result.value == 1.0
     assert (result.error_low, result.error, result.error_high) == pytest.approx((0.1, 0.2, 0.3))
     assert result.rms == pytest.approx((0.3 / 5) ** 0.5)  # the errors are 0.1, 0.4, 0.2, 0 and 0.3

@@ -14,7 +14,7 @@ import numpy as np
 
 from mi_lcair.benchmark.propagation.primary import visible_points
 from mi_lcair.benchmark.propagation.problem import Method, Problem, emitted
-from mi_lcair.benchmark.propagation.radiosity import middles, normals, parts_of, sent
+from mi_lcair.benchmark.propagation.radiosity import Fan, middles, normals, parts_of, sent
 from mi_lcair.rendering.window import window
 
 MOST_ROWS = 24  # of the cells; the BRDF of 2 x 24^2 cells has 1.3 million pairs
@@ -60,9 +60,8 @@ def radiance_maps(problem: Problem, corners, divisions, n: int, seed: int) -> np
         return direction(mi.Float(k // (2 * n)) + u.x, mi.Float(k % (2 * n)) + u.y, n)
 
     with problem.prepared() as (scene, emitters):
-        known, _, receiver, back = sent(
-            scene, emitters, problem.triangles, corners, divisions, cells, seed, through
-        )
+        fan = Fan(cells, seed, through)
+        known, _, receiver, back = sent(scene, emitters, problem.triangles, corners, divisions, fan)
         source = receiver.astype(np.int64) * cells + cell_of(back, n).numpy()
         source = np.where(known, source, -1).reshape(patches, cells)
         si = middles(scene, corners)

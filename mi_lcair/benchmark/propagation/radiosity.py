@@ -8,6 +8,9 @@ radiance of a patch is B / pi. The intensity sums it over the projected visible 
 one-sided.
 """
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -117,25 +120,36 @@ def view_factors(scene, emitters, triangles, corners, divisions, rays: int, seed
     def cosine(k, u):
         return mi.warp.square_to_cosine_hemisphere(u)
 
-    known, patch, receiver, _ = sent(
-        scene, emitters, triangles, corners, divisions, rays, seed, cosine
-    )
+    fan = Fan(rays, seed, cosine)
+    known, patch, receiver, _ = sent(scene, emitters, triangles, corners, divisions, fan)
     return csr_array(
         (np.full(known.sum(), 1 / rays), (patch[known], receiver[known])),
         shape=(len(corners), len(corners)),
     )
 
 
+class Fan(NamedTuple):
+    """The rays that leave each patch.
+
+    rays: their number. seed: of the lattice's shifts. direction: a function of the number of a
+    patch's ray and of two random numbers, which gives its direction in the patch's frame.
+    """
+
+    rays: int
+    seed: int
+    direction: Callable[[mi.UInt32, mi.Point2f], mi.Vector3f]
+
+
 def sent(
-    scene, emitters, triangles, corners, divisions, rays: int, seed: int, direction
+    scene, emitters, triangles, corners, divisions, fan: Fan
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, mi.Vector3f]:
     """Trace rays from all patches, see `view_factors`.
 
-    direction: a function of the number of a patch's ray and of two random numbers, which gives its
-    direction in the patch's frame. Returns whether each ray hits a patch's front, the patches that
-    send and receive it, and the direction back in the receiver's frame.
+    Returns whether each ray hits a patch's front, the patches that send and receive it, and the
+    direction back in the receiver's frame.
     """
-    patches, first = len(corners), np.cumsum(divisions**2) - divisions**2
+    (rays, seed, direction), patches = fan, len(corners)
+    first = np.cumsum(divisions**2) - divisions**2
     index = dr.arange(mi.UInt32, patches * rays)
     patch, k = index // dr.opaque(mi.UInt32, rays), index % dr.opaque(mi.UInt32, rays)
     sampler, normal = Lattice.at(patch, k, dr.opaque(mi.UInt32, seed)), normals(corners)
