@@ -15,16 +15,18 @@ COSTS = method_chart.TIME | {"samples": "rays", "memory_MB": "largest memory (MB
 
 
 def write(folder: Path, result: Chart) -> None:
-    """Write the pictures propagation.png, propagation_thesis.png and propagation_closure.png, and
-    the tables propagation.csv and propagation_closure.csv, to a folder.
+    """Write pictures and tables to a folder.
+
+    They are propagation.png, propagation_thesis.png, propagation_radiosity.png,
+    propagation_closure.png, propagation.csv and propagation_closure.csv.
     """
-    of_thesis = {method.name for method in GROUPS["thesis"]}
-    ours = [p for p in result.points if p.method not in {AMBIENT.name, *of_thesis}]
-    theirs = [p for p in result.points if p.method in of_thesis]
-    for name, points, methods in (
-        ("propagation.png", ours, "Path tracing"),
-        ("propagation_thesis.png", theirs, "The thesis's methods"),
+    for name, groups, methods in (
+        ("propagation.png", ("lattice", "independent", "stock", "closure"), "Path tracing"),
+        ("propagation_thesis.png", ("thesis",), "The thesis's methods"),
+        ("propagation_radiosity.png", ("radiosity",), "The thesis's radiosity"),
     ):
+        drawn = {method.name for group in groups for method in GROUPS[group]} - {AMBIENT.name}
+        points = [p for p in result.points if p.method in drawn]
         title = f"{methods}: error of what a scene sends toward the observer, against cost"
         method_chart.draw(folder / name, points, title, COSTS, floor=1e-6)
     chart.write_csv(folder / "propagation.csv", result.points)

@@ -25,7 +25,7 @@ def measured(monkeypatch):
 def test_writes_its_files(run, folder, measured):
     found = run("chart", "propagation", "-o", "out", "--quick")
     assert found.exit_code == 0 and measured == [True]
-    assert len(list((folder / "out").iterdir())) == 5
+    assert len(list((folder / "out").iterdir())) == 6
     assert "box    1%         lattice points" in found.stdout
     assert "none reaches it within 0.2 s" in found.stdout
     assert "more than 0.2 s of processor time on each thread" in found.stdout

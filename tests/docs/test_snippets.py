@@ -20,6 +20,7 @@ NOT_RUN = {
     ("docs/gallery.md", "takes minutes"): 1,
     ("docs/gallery.md", "long study"): 5,
     ("docs/gallery.md", "needs measured data"): 1,
+    ("docs/validation/gpu.md", "needs a GPU"): 1,
     ("docs/howto/shell.md", "changes the shell that reads it"): 1,
 }
 

@@ -23,7 +23,8 @@ GROUPS = {
     "lattice": (LATTICE, LATTICE_EMITTERS),
     "independent": (INDEPENDENT, INDEPENDENT_EMITTERS),
     "stock": (STOCK,),
-    "thesis": (SINGLE, MULTIPLE, HEMISPHERE, STRATIFIED, PEAK, RADIOSITY, RADIANCE_MAPS),
+    "thesis": (SINGLE, MULTIPLE, HEMISPHERE, STRATIFIED, PEAK),
+    "radiosity": (RADIOSITY, RADIANCE_MAPS),
     "closure": (AMBIENT, TAIL),
 }
 METHODS = tuple(method for group in GROUPS.values() for method in group)

@@ -14,7 +14,8 @@ from mi_lcair.cli.options import (
 from mi_lcair.cli.output import print_columns, print_json
 
 OF_PROPAGATION = (
-    "propagation.png and .csv, propagation_thesis.png, propagation_closure.png and .csv"
+    "propagation.png and .csv, propagation_thesis.png, propagation_radiosity.png, "
+    "propagation_closure.png and .csv"
 )
 
 
