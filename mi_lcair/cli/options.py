@@ -71,17 +71,20 @@ class SceneOptions:
         with progress_bar() as progress:
             return function(scene, **self.sampling, **arguments, progress=progress)
 
-    def load(self, with_sensors: bool = True):
+    def load(self, with_sensors: bool = True, with_nothing: bool = True):
         """Set variant and threads, load the scene, and print its remarks on stderr.
 
-        Without `with_sensors`, remarks on the scene's sensors are left out.
+        Without `with_sensors`, remarks on the scene's sensors are left out, and without
+        `with_nothing` those on what is reflected of an empty space.
         """
         prepare_renderer(self.variant, self.threads)
         scene = mi_lcair.load(self.scene, **given({"motions": self.motions}), **self.parameters)
         if self.solution:
             self.apply_solution(scene)
+        left_out = () if with_nothing else scene.of_nothing
         for remark in scene.remarks if with_sensors else scene.notes:
-            note(remark)
+            if remark not in left_out:
+                note(remark)
         return scene
 
     def apply_solution(self, scene) -> None:

@@ -19,6 +19,9 @@ from mi_lcair.results import Result
 if TYPE_CHECKING:
     import xarray
 
+# With 95 % confidence, less than 3 of N paths meet what none of them has met.
+UNMET = 3
+
 
 @dataclass(frozen=True, eq=False)
 class Asymmetry:
@@ -103,12 +106,20 @@ class Exchange(Result):
         return self.traced.mean
 
     def by_group(self, function: Callable[[Conductors], np.ndarray]) -> tuple:
-        """A linear function of the conductors between groups, and its standard error."""
+        """Areas of groups [m^2], linear in the conductors between groups, and standard errors.
+
+        function: a row of areas for each group, (groups, k). None is more than the group emits. See
+        `with_unmet` for areas that no path has met.
+        """
 
         def of_groups(conductors: Conductors) -> np.ndarray:
             return function(conductors.by_group(self.facets))
 
-        return of_groups(self.conductors), self.traced.standard_error(of_groups)
+        group, most = self.facets.group, self.facets.membership @ self.emitting_area
+        largest = np.zeros(len(most))
+        np.maximum.at(largest, group, self.emitting_area / self.rays)
+        values, errors = of_groups(self.conductors), self.traced.standard_error(of_groups)
+        return values, with_unmet(values, errors, most[:, None], largest[:, None])
 
     @property
     def emitting_area(self) -> np.ndarray:
@@ -173,6 +184,7 @@ class Exchange(Result):
         """A row for each facet. Shares are those of what the facet emits."""
         facets, C, error = self.facets, self.conductors, self.traced.standard_error
         emitted = np.maximum(self.emitting_area, np.finfo(float).tiny)
+        path = emitted / self.rays
         columns = {
             "facet": facets.number,
             "group": np.array(facets.groups)[facets.group],
@@ -186,7 +198,8 @@ class Exchange(Result):
         }
         for name, value in C.parts.items():
             columns[name] = value / emitted
-            columns[f"{name}_error"] = error(lambda c, name=name: c.parts[name]) / emitted
+            scatter = error(lambda c, name=name: c.parts[name])
+            columns[f"{name}_error"] = with_unmet(value, scatter, emitted, path) / emitted
         columns["buried"] = self.buried
         if self.has_irradiance:
             E, E_error = self.irradiance
@@ -231,6 +244,18 @@ class Exchange(Result):
         }
         facet = rows.pop("facet")
         return self.dataset(rows | rings | pairs, {"facet": facet})
+
+
+def with_unmet(values, errors, most, path) -> np.ndarray:
+    """Standard errors of areas, also where all paths or no path met them.
+
+    There the scatter is 0, and the standard error is half of what `UNMET` paths stand for.
+
+    values, errors: the areas and their standard errors by the randomisations [m^2]. most: what the
+    paths stand for [m^2]. path: what the largest one stands for [m^2].
+    """
+    same = (values == 0) | (np.abs(values - most) < 1e-6 * most)
+    return np.where(same, np.maximum(errors, UNMET / 2 * path), errors)
 
 
 def write_netcdf(path, exchange: Exchange) -> None:

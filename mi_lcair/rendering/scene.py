@@ -68,6 +68,8 @@ class Scene:
         $-parameters that were given, as text.
     notes : list of str
         Remarks on materials and shapes, one line each.
+    of_nothing : tuple of str
+        Those of the notes that say what is reflected of an empty space.
     sensors : list of mi.Sensor
         Mitsuba's sensors.
     path : Path or None
@@ -90,6 +92,7 @@ class Scene:
     path: Path | None
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     digest: bytes = b""
+    of_nothing: tuple[str, ...] = ()
     # What motions have changed in `mi`, shared by all scenes with the same objects.
     moved: dict = field(default_factory=dict, repr=False, compare=False)
     _tracers: dict = field(default_factory=dict, init=False, repr=False, compare=False)
@@ -339,4 +342,5 @@ def checked(loaded: mi.Scene, path: Path | None, parameters: dict[str, str]) -> 
         ],
         sensors=list(loaded.sensors()),
         path=path,
+        of_nothing=tuple(of_nothing),
     )

@@ -2,6 +2,7 @@
 
 import json
 
+import mitsuba as mi
 import numpy as np
 import pytest
 from scipy import sparse
@@ -108,3 +109,24 @@ def test_derivatives_follow_from_common_random_numbers():
     )
     exact = 4 / (1 / 0.5 + 1 / 0.2 - 1) ** 2 / 0.5**2
     assert (high - low) / (2 * step) == pytest.approx(exact, rel=1e-3)
+
+
+def test_shares_that_few_paths_meet_are_within_their_errors():
+    """A ceiling over a small plate that one path of the plate meets, or two, or none."""
+    T = mi.ScalarTransform4f()
+    rays, share = 64, 0.02  # view factor of a disc of area pi at the height h: 1 / (1 + h^2)
+    height = (1 / share - 1) ** 0.5
+    disc = {"type": "disk", "to_world": T.translate([0, 0, height]).rotate([1, 0, 0], 180)}
+    scene = scene_of(
+        plate=square(grey(1.0), T.scale([1e-2, 1e-2, 1]), emitter=emits("plate")),
+        disc={**disc, "bsdf": grey(1.0), "emitter": emits("disc", 310.0)},
+    )
+    met, held = set(), 0
+    for seed in range(40):
+        columns = mi_lcair.exchange(scene, rays=rays, seed=seed).columns()
+        (k,) = np.flatnonzero(columns["group"] == "plate")
+        to_sky, error = columns["sky"][k], columns["sky_error"][k]
+        assert error > 0 and columns["ground_error"][k] == pytest.approx(1.5 / rays)
+        met.add(round((1 - to_sky) * rays))
+        held += abs(1 - share - to_sky) < student_factor(7) * error
+    assert {0, 1, 2} <= met and held >= 36

@@ -43,7 +43,7 @@ def command(options, rays, sky_K, ground_K, sun_deg, output):
     """
     check_outputs((output, SUFFIXES))
     arguments = {"rays": rays, "sky_K": sky_K, "ground_K": ground_K, "sun_deg": sun_deg}
-    scene = options.load(with_sensors=False)
+    scene = options.load(with_sensors=False, with_nothing=False)  # what escapes has its place
     result = mi_lcair.exchange(scene, **options.sampling, **given(arguments))
     if output:
         result.save(output)

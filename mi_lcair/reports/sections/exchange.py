@@ -17,7 +17,8 @@ def sections(result) -> list[Section]:
     """Shares of the groups, the conductors between them, their sky by elevation, and facets."""
     M, names = result.facets.membership, result.facets.groups
     emitted = M @ result.emitting_area
-    shares = zip(*result.by_group(lambda C: np.transpose([*C.parts.values()]) / emitted[:, None]))
+    areas = result.by_group(lambda C: np.transpose([*C.parts.values()]))
+    shares = zip(*(area / emitted[:, None] for area in areas))
     counts, area = M.sum(axis=1).astype(int), M @ result.facets.area
     groups = Table(
         ["group", "facets", ("area", "m2"), "emissivity", *PARTS, "inside bodies"],
@@ -62,7 +63,7 @@ def sections(result) -> list[Section]:
 
 def sky_table(result, emitted: np.ndarray) -> Table:
     """What reaches the rings of the sky of what each group emits."""
-    to_sky, error = result.by_group(lambda C: C.to_sky / emitted[:, None])
+    to_sky, error = (area / emitted[:, None] for area in result.by_group(lambda C: C.to_sky))
     rings = [f"{low:g}-{high:g} deg" for low, high in zip(RINGS_DEG, RINGS_DEG[1:])]
     rows = [
         (name, *zip(values, errors))
