@@ -39,8 +39,8 @@ class SkyDome(Sky):
 
     def read(self, props) -> dict:
         values = read(props, props.plugin_name(), self.PROPERTIES)
-        absent = dict.fromkeys(("ground_temperature", "ground_emissivity", "ground_material"))
-        return values | absent | {"sky": "clear", "atmosphere": values["air"], "ground_group": ""}
+        absent = dict.fromkeys(of_sky.name for of_sky in Sky.PROPERTIES)
+        return absent | values | {"sky": "clear", "atmosphere": values["air"], "ground_group": ""}
 
 
 mi.register_emitter("sky_dome", SkyDome)
