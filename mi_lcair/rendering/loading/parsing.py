@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
 
+import drjit as dr
 import mitsuba as mi
 
 from mi_lcair.errors import InputError
@@ -34,6 +35,20 @@ def searching(folder: Path):
         yield
     finally:
         mi.set_file_resolver(resolver)
+
+
+@contextmanager
+def exr_files():
+    """Context manager in which Mitsuba can read and write OpenEXR files.
+
+    With one thread its OpenEXR waits forever for the lines of a picture.
+    """
+    threads = dr.thread_count()
+    dr.set_thread_count(max(threads, 2))
+    try:
+        yield
+    finally:
+        dr.set_thread_count(threads)
 
 
 def configuration():
@@ -93,7 +108,8 @@ def surround(state, around: Sequence[dict]) -> None:
 
 def instantiated(state, path: Path) -> mi.Scene:
     """Mitsuba's objects of a parsed scene."""
-    loaded = mi.parser.instantiate(configuration(), state)
+    with exr_files():
+        loaded = mi.parser.instantiate(configuration(), state)
     if not isinstance(loaded, mi.Scene):
         raise InputError(f"{path}: holds no <scene>")
     return loaded

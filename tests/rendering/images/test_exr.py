@@ -12,6 +12,7 @@ from hypothesis.extra import numpy as hnp
 from mi_lcair.errors import InputError
 from mi_lcair.files import check_writable, replacing
 from mi_lcair.rendering.images.exr import STRUCTURE, read_exr, write_exr
+from mi_lcair.rendering.loading.parsing import exr_files
 
 ONE = {"Y": np.ones((2, 3), np.float32)}
 
@@ -71,7 +72,8 @@ def test_mitsuba_reads_the_same_pixels(tmp_path):
     }
     for name, pixels in cases.items():
         write_exr(tmp_path / f"{name}.exr", {"Y": pixels}, {"band": "MWIR"})
-        seen = np.array(mi.Bitmap(str(tmp_path / f"{name}.exr")))
+        with exr_files():
+            seen = np.array(mi.Bitmap(str(tmp_path / f"{name}.exr")))
         np.testing.assert_array_equal(seen.reshape(pixels.shape), pixels, err_msg=name)
 
 
