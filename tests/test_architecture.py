@@ -157,6 +157,17 @@ def test_names_are_resolved_above_the_work(word):
     assert users == {"mi_lcair.api"}
 
 
+def test_objects_are_made_in_the_thread_that_loads():
+    """Otherwise loading can hang, see `mi_lcair.startup.threads`."""
+    for path in sorted(ROOT.glob("mi_lcair/**/*.py")):
+        for call in (node for node in ast.walk(ast.parse(path.read_text())) if is_load(node)):
+            assert "parallel" in {word.arg for word in call.keywords}, f"{path}:{call.lineno}"
+
+
+def is_load(node) -> bool:
+    return isinstance(node, ast.Call) and ast.unparse(node.func) == "mi.load_dict"
+
+
 def test_folders_are_small():
     counts = {}
     for folder in ("mi_lcair", "plugins", "fitting", "scenes"):

@@ -283,4 +283,5 @@ def room(integrator: dict, model: str, resolution: int, bodies: tuple[str, ...])
             **{name: of_one for kind in bodies for name, of_one in choices[kind].items()},
         },
         optimize=False,
+        parallel=False,
     )

@@ -219,7 +219,8 @@ class CameraView:
                 "far_clip": self.near_m + depth(scene),
                 "film": film(self.parts * width, self.parts * height) | crop,
                 "sampler": {"type": scene.sampler},
-            }
+            },
+            parallel=False,
         )
 
     def near_range(self) -> np.ndarray:

@@ -94,6 +94,7 @@ def scene_of_wall(
                 **shapes,
             },
             optimize=False,
+            parallel=False,
         )
     )
 
@@ -101,9 +102,9 @@ def scene_of_wall(
 def _mesh(name, corners, faces, surface: dict, emission: dict, kelvin=None) -> mi.Mesh:
     """A mesh of the corners that its faces use."""
     properties = mi.Properties()
-    properties["mesh_bsdf"] = mi.load_dict(surface)
+    properties["mesh_bsdf"] = mi.load_dict(surface, parallel=False)
     if emission:
-        properties["mesh_emitter"] = mi.load_dict(emission)
+        properties["mesh_emitter"] = mi.load_dict(emission, parallel=False)
     properties["face_normals"] = True
     used, faces = np.unique(faces, return_inverse=True)
     mesh = mi.Mesh(name, len(used), len(faces.ravel()) // 3, props=properties)

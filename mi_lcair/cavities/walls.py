@@ -93,7 +93,7 @@ class OwnMesh:
         if not path.is_file():
             raise InputError(f"mesh {path}: there is no such file")
         try:
-            mesh = mi.load_dict({"type": kind, "filename": str(path)})
+            mesh = mi.load_dict({"type": kind, "filename": str(path)}, parallel=False)
         except RuntimeError as error:
             raise mitsuba_error(error) from None
         corners = vertex_positions(mesh).astype(float)

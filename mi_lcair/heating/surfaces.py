@@ -92,7 +92,7 @@ class Surfaces:
         ]
         if layers[0] is not bsdf:
             described = [{"type": "twosided", **dict(zip(("front", "back"), described))}]
-        return repr(described), lambda: mi.load_dict(described[0])
+        return repr(described), lambda: mi.load_dict(described[0], parallel=False)
 
     def _entry(self, layer, of_scene: Band) -> tuple[str, dict, str]:
         """Model, parameters and form of a layer in the band; of_scene: the scene's band."""

@@ -76,7 +76,7 @@ def displaced(name: str, file: str, shapes, points: dict) -> dict:
     check_file(Path(file))
     if not Path(file).is_file():
         raise InputError(f"motion '{name}': there is no file {file}")
-    other = mi.load_dict({"type": "ply", "filename": file, "face_normals": True})
+    other = mi.load_dict({"type": "ply", "filename": file, "face_normals": True}, parallel=False)
     if len(shapes) != 1 or not np.array_equal(*map(triangle_vertices, (other, shapes[0]))):
         raise InputError(
             f"motion '{name}': {file} must have the triangles of the one mesh that it moves, with "

@@ -155,7 +155,7 @@ def follow(world: World, source, photons: int, seed: int, tally: Tally) -> None:
 
     photons: their number, a multiple of BATCHES. seed: seed of the random numbers.
     """
-    sampler = mi.load_dict({"type": "independent"})
+    sampler = mi.load_dict({"type": "independent"}, parallel=False)
     draw = np.random.SeedSequence([seed, 1])
 
     def reseed(width):

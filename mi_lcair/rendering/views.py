@@ -184,7 +184,8 @@ def cameras(scene: Scene, target: Target, views: list[View]):
             **inner,
             "film": film(len(views), 1),
             "sampler": {"type": scene.sampler},
-        }
+        },
+        parallel=False,
     )
 
 
@@ -196,7 +197,7 @@ def seen_from(scene: Scene, view: View, resolution: int, target: Target | None =
     check_resolution(resolution)
     camera = (target or Target.of(scene)).camera(view, resolution, depth(scene))
     camera["sampler"] = {"type": scene.sampler}
-    return replace(scene, sensors=[mi.load_dict(camera)])
+    return replace(scene, sensors=[mi.load_dict(camera, parallel=False)])
 
 
 def hidden_share(scene: Scene, range_m: float) -> float:

@@ -4,6 +4,10 @@ A thread that records or replays launches holds locks of Dr.Jit while it runs Py
 thread that uses Dr.Jit meanwhile, if only to read an array, holds Python's own lock and waits for
 Dr.Jit's: neither goes on. Two threads that record end the process. All that uses Dr.Jit therefore
 takes turns, from the loading of a scene to the result of a public function.
+
+Mitsuba makes objects in threads of its own, if it may. One that collects garbage with a scene in it
+would wait for its turn, while the thread that has the turn waits for the object. All objects are
+therefore made in the thread that loads (`parallel = False`).
 """
 
 from collections.abc import Callable

@@ -59,6 +59,7 @@ def stock_scene(problem_name: str, band, camera: str, bounces: int, side: int) -
             **shapes,
         },
         optimize=False,
+        parallel=False,
     )
 
 

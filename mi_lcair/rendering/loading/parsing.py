@@ -56,6 +56,7 @@ def configuration():
     config = mi.parser.ParserConfig(mi.variant())
     # Mitsuba would merge two equal thermal emitters, and one emitter cannot belong to two shapes
     config.merge_equivalent = config.merge_meshes = False
+    config.parallel = False  # see `mi_lcair.startup.threads`
     return config
 
 

@@ -1,18 +1,14 @@
 """Files that a scene names: only regular ones of bearable size are opened."""
 
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import mitsuba as mi
-import numpy as np
 import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.files import LARGEST_MESH
-from mi_lcair.rendering.images.exr import write_exr
 from mi_lcair.rendering.loading.parsing import searching
 from tests.rendering.loading.scene_text import PAINT, PATH, SENSOR, THERMAL, mesh, shape, write
 
@@ -44,15 +40,6 @@ def test_pipes_and_devices(tmp_path, use):
     os.mkfifo(tmp_path / "pipe.csv")
     for name in ("pipe.csv", "/dev/zero"):
         refused(write(tmp_path, *SCENE, NAMED[use].format(name)), f"{name}: is no regular file")
-
-
-def test_an_exr_file_with_one_thread(tmp_path):
-    """Mitsuba alone would wait for ever. A process of its own can be ended."""
-    write_exr(tmp_path / "texture.exr", {"Y": np.full((2, 2), 0.5)}, {})
-    path = write(tmp_path, *SCENE, NAMED["texture"].format("texture.exr"))
-    load = "import sys, mi_lcair, drjit; drjit.set_thread_count(1); mi_lcair.load(sys.argv[1]);"
-    command = [sys.executable, "-c", f"{load} print(drjit.thread_count())", path]
-    assert subprocess.check_output(command, timeout=100, text=True) == "1\n"
 
 
 def test_pipe_named_by_a_parameter(tmp_path):
