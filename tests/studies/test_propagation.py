@@ -23,7 +23,7 @@ def test_page_says_what_the_points_say():
 @pytest.mark.slow
 def test_page(tmp_path):
     write(tmp_path, result())
-    assert len(list(tmp_path.iterdir())) == 6
+    assert len(list(tmp_path.iterdir())) == 7
     assert not re.search(r"[{}]", (tmp_path / "propagation.md").read_text())
 
 
