@@ -12,7 +12,8 @@ from pathlib import Path
 import mi_lcair
 from mi_lcair.cli.output import print_columns
 from mi_lcair.detection.scenario import Scenario
-from mi_lcair.reports.pictures.camera import save_pictures
+from mi_lcair.drawing import write_figure
+from mi_lcair.reports.pictures.camera import pictures
 
 RANGES_M = (500.0, 2000.0, 5000.0)
 CAMERA = {
@@ -46,7 +47,7 @@ def scenario(range_m: float) -> Scenario:
 
 def main(path: Path, ranges=RANGES_M) -> None:
     images = [mi_lcair.image(scenario(range_m), seed=1) for range_m in ranges]
-    save_pictures(path, images)
+    write_figure(pictures(images), path)
     print_columns(
         [
             ("range m", "pixels", "signal to noise", "NETD mK", "rendering mK"),

@@ -14,14 +14,14 @@ from mi_lcair.cli.options import (
     seed_option,
 )
 from mi_lcair.cli.output import (
-    check_outputs,
+    JSON,
+    is_set,
     note,
     print_json,
     print_next,
     print_sections,
     print_written,
 )
-from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 from mi_lcair.files import replacing, together
 from mi_lcair.physics.reflection import NAMES
@@ -45,7 +45,7 @@ def known_form(ctx, param, value):
     ),
 )
 @click.argument("files", nargs=-1, required=True, type=FILE, metavar="DATA...")
-@output_option("the report, which is a material for scenes, FILE.json")
+@output_option("the report, which is a material for scenes, FILE.json", (".json",))
 @plot_option("data, fitted curves and parameters")
 @click.option(
     "--band",
@@ -125,7 +125,7 @@ def known_form(ctx, param, value):
     "file states).",
 )
 @json_option
-def command(files, output, plot, bands, json, **settings):
+def command(files, output, plot, bands, **settings):
     """Fit a reflection model to measured BRDFs.
 
     DATA are CSV or ASTM E1392/E2387 files with in-plane measurements of one surface in 1/sr, one
@@ -133,8 +133,6 @@ def command(files, output, plot, bands, json, **settings):
     (without unit) with their errors, how well each is known, and whether the model describes the
     data: misfit in decades, reduced chi-square, correlation of the residuals.
     """
-    check_outputs((output, ".json"), (plot, PICTURES))
-
     from mi_lcair.fitting import report
     from mi_lcair.fitting.scatterometer import reading
 
@@ -170,7 +168,7 @@ def command(files, output, plot, bands, json, **settings):
     for data, fitted in zip(measurements, fits):
         if fitted.quality.lack_of_fit:
             note(f"{data.source[0]['file']}: {fitted.quality.verdict}")
-    if json:
+    if is_set(JSON):
         timing = [{"seconds": f.seconds, "compile_seconds": f.compile_seconds} for f in fits]
         print_json({**content, "timing": timing})
     else:

@@ -117,7 +117,7 @@ AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
 )
 @json_option
 @click.pass_context
-def command(ctx, file, output, check, overwrite, materials, band, json, **options):
+def command(ctx, file, output, check, overwrite, materials, band, **options):
     """Import a facet model, or a scene of Mitsuba, for rendering.
 
     MODEL is a Wavefront OBJ, glTF (.glb, .gltf), PLY or STL file whose objects or groups are named
@@ -154,7 +154,7 @@ def command(ctx, file, output, check, overwrite, materials, band, json, **option
     if output:
         after = f"next: mi-lcair signature {shlex.quote(str(output / 'scene.xml'))}"
         rows.append(("written to", f"{output}, {len(files)} files; {after}"))
-    print_result(model, json, rows, more, materials=materials)
+    print_result(model, rows, more, materials=materials)
     if check:
         words = [word for word in ctx.obj if word != "--check"]
         print_next([*words, "-o", file.stem])

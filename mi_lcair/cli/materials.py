@@ -14,7 +14,7 @@ from mi_lcair.cli.output import print_result
 )
 @click.argument("files", nargs=-1, type=click.Path(path_type=Path), metavar="[FILE|FOLDER]...")
 @json_option
-def command(files, json):
+def command(files):
     """List the known materials.
 
     Printed are the name, the reflection model and the band in um of each material, its emissivity
@@ -23,4 +23,4 @@ def command(files, json):
     A number in place of a name, such as 0.92, is the emissivity of a grey diffuse surface. Nothing
     is written.
     """
-    print_result(mi_lcair.materials(*files), json)
+    print_result(mi_lcair.materials(*files))

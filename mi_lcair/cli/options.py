@@ -1,6 +1,6 @@
 """Options that the commands with a SCENE share, and the functions that carry them out."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import wraps
@@ -12,8 +12,10 @@ import click
 import mi_lcair
 from mi_lcair import scenes
 from mi_lcair.cli import completion
-from mi_lcair.cli.output import note, print_notes, quiet
+from mi_lcair.cli.output import QUIET, is_set, json_option, note, print_notes
+from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
+from mi_lcair.files import check_suffix, check_writable
 from mi_lcair.fraction import fraction
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
@@ -23,7 +25,6 @@ MAX_SPP = "Largest --spp for --tolerance (default: 65536)."
 # Arguments that let the renderer choose the number of samples. None of them goes with --spp.
 CHOOSING = ("tolerance", "tolerance_W_m2", "max_spp")
 CHOICE = ("tolerance", "max_spp")
-PLUGINS = "mi_lcair.plugins"  # key of the files of --plugin in click's context
 
 
 @dataclass
@@ -38,12 +39,6 @@ class SceneOptions:
         $-parameters of the scene.
     sampling : dict
         Keyword arguments of the function that `run` calls, such as seed and spp.
-    variant : str or None
-        Mitsuba variant.
-    threads : int or None
-        Number of CPU threads.
-    json : bool
-        Whether results are printed as JSON.
     solution : str or None
         Solution's file, and behind a colon a state.
     motions : Path or None
@@ -53,9 +48,6 @@ class SceneOptions:
     scene: str
     parameters: dict[str, str]
     sampling: dict
-    variant: str | None
-    threads: int | None
-    json: bool
     solution: str | None = None
     motions: Path | None = None
 
@@ -72,12 +64,11 @@ class SceneOptions:
             return function(scene, **self.sampling, **arguments, progress=progress)
 
     def load(self, with_sensors: bool = True, with_nothing: bool = True):
-        """Set variant and threads, load the scene, and print its remarks on stderr.
+        """Load the scene, and print its remarks on stderr.
 
         Without `with_sensors`, remarks on the scene's sensors are left out, and without
         `with_nothing` those on what is reflected of an empty space.
         """
-        prepare_renderer(self.variant, self.threads)
         scene = mi_lcair.load(self.scene, **given({"motions": self.motions}), **self.parameters)
         if self.solution:
             self.apply_solution(scene)
@@ -94,33 +85,16 @@ class SceneOptions:
         note(f"{self.solution}: sets {', '.join(apply_solution(scene, self.solution))}")
 
 
-@dataclass
-class ScenarioOptions:
-    """Options of a command with a SCENARIO.
+def read_scenario(name: str, changes: Mapping):
+    """The Scenario with changes of its entries; raises InputError if its scene does not exist.
 
-    scenario: TOML file or name of a bundled scenario. changes: values of its entries by dotted key.
-    variant, threads, json: as in SceneOptions.
+    name: TOML file or name of a bundled scenario. changes: values by dotted key.
     """
+    from mi_lcair.detection.scenario import Scenario
 
-    scenario: str
-    changes: dict[str, object]
-    variant: str | None
-    threads: int | None
-    json: bool
-
-    def read(self):
-        """The Scenario, with the changes; raises InputError if its scene does not exist."""
-        from mi_lcair.detection.scenario import Scenario
-
-        scenario = Scenario.read(self.scenario, **self.changes)
-        scenario.check_scene()  # before the renderer is imported, which takes its time
-        return scenario
-
-    def run(self, function, scenario, **arguments):
-        """Set variant and threads, and return function(scenario, **arguments, progress=...)."""
-        prepare_renderer(self.variant, self.threads)
-        with progress_bar() as progress:
-            return function(scenario, **arguments, progress=progress)
+    scenario = Scenario.read(name, **changes)
+    scenario.check_scene()  # before the renderer is imported, which takes its time
+    return scenario
 
 
 def given(options: dict, prefix: str = "") -> dict:
@@ -128,8 +102,8 @@ def given(options: dict, prefix: str = "") -> dict:
     return {f"{prefix}{name}": value for name, value in options.items() if value is not None}
 
 
-def prepare_renderer(variant: str | None, threads: int | None) -> None:
-    """Set Mitsuba's variant and the number of CPU threads, if they are given, and run --plugin."""
+def prepare_renderer(variant: str | None, threads: int | None, plugins: tuple[Path, ...]) -> None:
+    """Set Mitsuba's variant and the number of CPU threads, if they are given, and run plugins."""
     if variant:
         import mitsuba
 
@@ -144,10 +118,10 @@ def prepare_renderer(variant: str | None, threads: int | None) -> None:
         import drjit
 
         drjit.set_thread_count(threads)
-    if files := click.get_current_context().meta.get(PLUGINS):
+    if plugins:
         from mi_lcair.rendering.loading.plugin_files import run_plugin_files
 
-        run_plugin_files(files)
+        run_plugin_files(plugins)
 
 
 @contextmanager
@@ -159,7 +133,7 @@ def progress_bar(unit="spp"):
     from tqdm import tqdm
 
     # None draws the bar on a terminal only
-    with tqdm(unit=unit, disable=True if quiet() else None, leave=False) as bar:
+    with tqdm(unit=unit, disable=True if is_set(QUIET) else None, leave=False) as bar:
 
         def progress(done, total):
             print_notes()
@@ -193,29 +167,41 @@ class Assignment(click.ParamType):
         return key, text
 
 
-def json_option(command):
-    """Give a command the option --json."""
-    return click.option("--json", is_flag=True, help="Print the results as JSON.")(command)
+class Output(click.Path):
+    """Path of a file to write, which can be written and ends in one of the suffixes, if any."""
 
+    def __init__(self, suffixes=()):
+        super().__init__(path_type=Path)
+        self.suffixes = suffixes
 
-def keep_plugins(ctx, param, files) -> None:
-    ctx.meta[PLUGINS] = files
+    def convert(self, value, param, ctx):
+        path = super().convert(value, param, ctx)
+        if self.suffixes:
+            check_suffix(path, self.suffixes)
+            check_writable(path)
+        return path
 
 
 def renderer_options(command):
-    """Give a command that renders --variant, -t and --plugin; see `prepare_renderer`."""
-    command = file_option(
+    """Give a command --variant, -t, --plugin and --json, and prepare the renderer before it."""
+
+    @click.option(
+        "--variant", type=click.Choice(VARIANTS), help=f"Mitsuba variant (default: {VARIANTS[0]})."
+    )
+    @click.option("-t", "--threads", type=POSITIVE, help="CPU threads (default: all).")
+    @file_option(
         "--plugin",
         "Run a Python file that registers your BSDFs or emitters with Mitsuba, FILE.py; may be "
         "repeated.",
         multiple=True,
-        expose_value=False,
-        callback=keep_plugins,
-    )(command)
-    threads = click.option("-t", "--threads", type=POSITIVE, help="CPU threads (default: all).")
-    return click.option(
-        "--variant", type=click.Choice(VARIANTS), help=f"Mitsuba variant (default: {VARIANTS[0]})."
-    )(threads(command))
+    )
+    @json_option
+    @wraps(command)
+    def prepared(variant, threads, plugin, **arguments):
+        prepare_renderer(variant, threads, plugin)
+        return command(**arguments)
+
+    return prepared
 
 
 def workers_options(command):
@@ -231,13 +217,6 @@ def workers_options(command):
     return on_workers
 
 
-areas_option = click.option(
-    "--areas",
-    type=FILE,
-    metavar="FOLDER",
-    help="Keep what is traced in this folder. A later call that finds it there traces nothing "
-    "again (default: FILE.areas, which is removed at the end).",
-)
 overwrite_option = click.option(
     "--overwrite", "--resume", "overwrite", is_flag=True, help="Replace an output that exists."
 )
@@ -323,31 +302,50 @@ def sampling_options(spp: str, tolerance: str, max_spp: str | None = None):
     return decorator
 
 
+def check_max_spp(max_spp, tolerance, **others) -> None:
+    """Raise UsageError for a largest number of samples without a tolerance."""
+    if max_spp and not tolerance:
+        problem = "--max-spp needs --tolerance; --spp sets a fixed number of samples"
+        raise click.UsageError(problem, click.get_current_context())
+
+
 def check_given(ctx: click.Context, names, what: str) -> None:
     """Raise UsageError if an option beside `names` was given, which does not go with `what`."""
     for parameter in ctx.command.params:
         given = ctx.get_parameter_source(parameter.name) is click.core.ParameterSource.COMMANDLINE
-        if given and parameter.name not in names:
+        if given and parameter.name not in (*names, "quiet"):
             raise click.UsageError(f"{parameter.opts[-1]} does not go with {what}", ctx)
 
 
-def output_option(what: str, metavar: str = "FILE", **settings):
+def output_option(what: str, suffixes=(), metavar: str = "FILE", **settings):
     """Decorator that gives a command the option -o. `what` is written, and to which file.
 
-    settings: further arguments of click.option.
+    suffixes: of the file; without any it is not checked. settings: further arguments of
+    click.option.
     """
-    help = f"Write {what}."
-    return click.option("-o", "--output", type=FILE, metavar=metavar, help=help, **settings)
+    help, kind = f"Write {what}.", Output(suffixes)
+    return click.option("-o", "--output", type=kind, metavar=metavar, help=help, **settings)
 
 
-def file_option(name: str, help: str, **settings):
-    """Decorator that gives a command an option whose value is a path."""
-    return click.option(name, type=FILE, metavar="FILE", help=help, **settings)
+def file_option(name: str, help: str, suffixes=(), metavar: str = "FILE", **settings):
+    """Decorator that gives a command an option whose value is a path.
+
+    suffixes: those of a file to write; without any it is not checked.
+    """
+    return click.option(name, type=Output(suffixes), metavar=metavar, help=help, **settings)
 
 
 def plot_option(what: str):
     """Decorator that gives a command the option --plot FILE."""
-    return file_option("--plot", f"Draw {what}, FILE.png, .svg or .pdf.")
+    return file_option("--plot", f"Draw {what}, FILE.png, .svg or .pdf.", PICTURES)
+
+
+areas_option = file_option(
+    "--areas",
+    "Keep what is traced in this folder. A later call that finds it there traces nothing again "
+    "(default: FILE.areas, which is removed at the end).",
+    metavar="FOLDER",
+)
 
 
 def solution_option(command):
@@ -368,22 +366,23 @@ def motions_option(command):
 def scenario_options(example: str, spp: str, tolerance: str):
     """Decorator that gives a command the argument SCENARIO and the options of a measurement.
 
-    The command receives them as one argument `options`, a ScenarioOptions. `example` is an entry
-    that -D changes; `spp` and `tolerance` are help texts.
+    The command receives `scenario` and all changes of its entries, `changes`, as `read_scenario`
+    takes them. `example` is an entry that -D changes; `spp` and `tolerance` are help texts.
     """
 
     def decorator(command):
+        command = renderer_options(command)
+
         @click.argument("scenario", shell_complete=completion.scenarios)
         @changes_option(f"Change an entry of the scenario, such as {example}")
         @sampling_options(spp, tolerance, MAX_SPP)
-        @renderer_options
-        @json_option
+        @solution_option
         @wraps(command)
-        def with_scenario(scenario, changes, variant, threads, json, **arguments):
+        def with_scenario(changes, solution, **arguments):
             sampling = {name: arguments.pop(name) for name in ("spp", *CHOICE)}
             changes = dict(changes) | given(sampling, "render.")
-            options = ScenarioOptions(scenario, changes, variant, threads, json)
-            return command(options=options, **arguments)
+            changes |= given({"target.solution": solution or None})
+            return command(changes=changes, **arguments)
 
         return with_scenario
 
@@ -412,11 +411,7 @@ def scene_options(spp: str, tolerance: str):
         @wraps(command)
         def with_sampling(options, max_bounces, **arguments):
             sampling = {name: arguments.pop(name) for name in ("sensor", "spp", *CHOICE)}
-            problem = ""
-            if sampling["max_spp"] and not sampling["tolerance"]:
-                problem = "--max-spp needs --tolerance; --spp sets a fixed number of samples"
-            if problem:
-                raise click.UsageError(problem, click.get_current_context())
+            check_max_spp(**sampling)
             options.sampling |= sampling | given({"max_bounces": max_bounces})
             return command(options=options, **arguments)
 
@@ -431,6 +426,7 @@ def loading_options(command):
     The options of sampling are not included. The command receives a SceneOptions, as with
     `scene_options`.
     """
+    command = renderer_options(command)
 
     @click.argument("scene", shell_complete=completion.scenes)
     @changes_option(
@@ -441,11 +437,9 @@ def loading_options(command):
     @seed_option()
     @solution_option
     @motions_option
-    @renderer_options
-    @json_option
     @wraps(command)
     def with_scene(parameters, seed, **arguments):
-        names = "scene", "variant", "threads", "json", "solution", "motions"
+        names = "scene", "solution", "motions"
         of_scene = {name: arguments.pop(name) for name in names}
         options = SceneOptions(parameters=dict(parameters), sampling={"seed": seed}, **of_scene)
         return command(options=options, **arguments)

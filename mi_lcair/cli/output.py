@@ -10,32 +10,34 @@ from contextlib import contextmanager
 import click
 
 from mi_lcair.errors import escaped, printable
-from mi_lcair.files import check_suffix, check_writable
+from mi_lcair.files import together
 
-QUIET = "mi_lcair.quiet"  # key in the context of click
+QUIET, JSON = "mi_lcair.quiet", "mi_lcair.json"  # keys in the context of click
 
 
-def quiet() -> bool:
-    """Whether the current command was called with -q."""
+def is_set(key: str) -> bool:
+    """Whether the current command was called with the flag of this key."""
     context = click.get_current_context(silent=True)
-    return bool(context and context.meta.get(QUIET))
+    return bool(context and context.meta.get(key))
 
 
-def quiet_option(command):
-    """Give a command the option -q, of which `quiet` tells."""
+def flag_option(key: str, *names: str, help: str):
+    """Decorator that gives a command a flag, of which `is_set` tells."""
 
     def remember(ctx, option, wanted):
         if wanted:
-            ctx.meta[QUIET] = True
+            ctx.meta[key] = True
 
-    return click.option(
-        "-q",
-        "--quiet",
-        is_flag=True,
-        expose_value=False,
-        callback=remember,
-        help="Print no notes and no progress on stderr; errors are still printed.",
-    )(command)
+    return click.option(*names, is_flag=True, expose_value=False, callback=remember, help=help)
+
+
+json_option = flag_option(JSON, "--json", help="Print the results as JSON.")
+quiet_option = flag_option(
+    QUIET,
+    "-q",
+    "--quiet",
+    help="Print no notes and no progress on stderr; errors are still printed.",
+)
 
 
 def print_columns(rows) -> None:
@@ -46,14 +48,22 @@ def print_columns(rows) -> None:
         click.echo("  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip())
 
 
-def print_result(result, json: bool, rows=(), more=None, **options) -> None:
+def print_table(data: dict, rows: list, *lines: str) -> None:
+    """Print data as JSON with --json, or rows of cells and lines below them."""
+    if is_set(JSON):
+        print_json(data)
+        return
+    print_columns(rows)
+    for line in lines:
+        click.echo(line)
+
+
+def print_result(result, rows=(), more=None, **options) -> None:
     """Print a result as JSON, or its sections; its remarks are notes on stderr in both cases.
 
     Parameters
     ----------
     result : Result
-    json : bool
-        Whether to print its dictionary instead of its sections.
     rows : sequence of (label, value)
         Further facts, printed below the first ones of the result.
     more : dict, optional
@@ -66,10 +76,24 @@ def print_result(result, json: bool, rows=(), more=None, **options) -> None:
     sections = result.sections(**options)
     for remark in remarks(sections):
         note(remark)
-    if json:
+    if is_set(JSON):
         print_json(result.as_dict() | (more or {}))
     else:
         print_sections(sections, rows)
+
+
+def write_and_print(result, files: dict, *arguments, **options) -> None:
+    """Write the files of a result together, and print the result.
+
+    files: function that writes each file, by path; a path that is None is not wanted. arguments,
+    options: those of `print_result`.
+    """
+    with together():
+        for path, write in files.items():
+            if path:
+                write(path)
+    print_result(result, *arguments, **options)
+    print_written(*files)
 
 
 def print_sections(sections, rows=()) -> None:
@@ -90,20 +114,9 @@ def time_row(result) -> tuple[str, str]:
     return "time", f"{result.seconds:.2f} s"
 
 
-def check_outputs(*outputs) -> None:
-    """Check before the work that all outputs can be written and have the right suffix.
-
-    Each output is (path or None, suffix or suffixes). Raises InputError for the first unusable one.
-    """
-    for path, suffixes in outputs:
-        if path:
-            check_suffix(path, (suffixes,) if isinstance(suffixes, str) else suffixes)
-            check_writable(path)
-
-
 def print_written(*paths) -> None:
     """Print on stderr the files that were written, unless -q is given. Paths may be None."""
-    for path in filter(None, () if quiet() else paths):
+    for path in filter(None, () if is_set(QUIET) else paths):
         click.echo(f"wrote {printable(path)}", err=True)
 
 
@@ -131,13 +144,13 @@ def note(text: object) -> None:
 
     It is printed when the work begins, see `print_notes`. Nothing is printed with -q.
     """
-    if not quiet():
+    if not is_set(QUIET):
         _held.append(f"mi-lcair: note: {printable(text)}")
 
 
 def print_next(words) -> None:
     """Print on stderr, at the end, the command that may come next, unless -q is given."""
-    if not quiet():
+    if not is_set(QUIET):
         _held.append(f"next: {line_of(words)}")
 
 

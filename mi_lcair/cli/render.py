@@ -91,6 +91,6 @@ def command(options, output, atmosphere, range_m, bins, wavelengths, errors_um):
     else:
         write_exr(output, result.channels, result.header)
     rows = [("file", str(output)), time_row(result)]
-    print_result(result, options.json, rows, {"file": str(output)})
+    print_result(result, rows, {"file": str(output)})
     if not is_cube:
         print_next(["show", output])

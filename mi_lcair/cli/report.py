@@ -6,17 +6,15 @@ import mi_lcair
 from mi_lcair.cli import completion
 from mi_lcair.cli.options import (
     MAX_SPP,
-    POSITIVE,
-    Fraction,
     changes_option,
+    check_max_spp,
     examples,
     output_option,
-    prepare_renderer,
     progress_bar,
     renderer_options,
+    sampling_options,
 )
 from mi_lcair.cli.output import Called, line_of, note
-from mi_lcair.errors import InputError
 
 
 @click.command(
@@ -29,20 +27,16 @@ from mi_lcair.errors import InputError
 @click.option(
     "-s", "--sensor", type=click.IntRange(min=0), help="Number of the scene's sensor (default: 0)."
 )
-@click.option(
-    "--spp", type=POSITIVE, help="Samples per pixel (default: the scene's or scenario's own)."
-)
-@click.option(
-    "--tolerance",
-    type=Fraction(),
-    help="Trace paths until half of the 95 % interval of the signature's intensity, or of the "
+@sampling_options(
+    "Samples per pixel (default: the scene's or scenario's own).",
+    "Trace paths until half of the 95 % interval of the signature's intensity, or of the "
     "scenario's contrast, is at most this fraction of it.",
+    MAX_SPP,
 )
-@click.option("--max-spp", type=POSITIVE, help=MAX_SPP)
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="Seed of the random numbers.")
 @renderer_options
 @click.pass_obj
-def command(call, what, output, parameters, variant, threads, **options):
+def command(call, what, output, parameters, **options):
     """Write a page of WHAT, with images to hover and models to turn.
 
     \b
@@ -59,11 +53,7 @@ def command(call, what, output, parameters, variant, threads, **options):
     share one page. The page is one file that needs no network. Radiances are in W m^-2 sr^-1,
     temperatures in K, intensities in W/sr, contrasts in W/m^2.
     """
-    if options["spp"] and options["tolerance"]:
-        raise InputError("--spp sets a fixed number of samples; --tolerance chooses one")
-    if options["max_spp"] and not options["tolerance"]:
-        raise InputError("--max-spp needs --tolerance; --spp sets a fixed number of samples")
-    prepare_renderer(variant, threads)
+    check_max_spp(**options)
     with progress_bar() as progress:
         notes = mi_lcair.report(
             what,

@@ -3,12 +3,12 @@
 import click
 
 from mi_lcair.cli.options import examples, json_option
-from mi_lcair.cli.output import print_columns, print_json
+from mi_lcair.cli.output import JSON, is_set, print_columns, print_json
 
 
 @click.command("scenes", epilog=examples("mi-lcair scenes", "mi-lcair scenes --json"))
 @json_option
-def command(json):
+def command():
     """List the bundled scenes.
 
     Each scene is printed with its parameters, their defaults, meanings and units, and with its
@@ -16,7 +16,7 @@ def command(json):
     """
     from mi_lcair import scenes
 
-    if json:
+    if is_set(JSON):
         print_json(
             {
                 name: {

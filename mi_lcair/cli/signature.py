@@ -4,13 +4,7 @@ import click
 
 import mi_lcair
 from mi_lcair.cli.options import examples, file_option, plot_option, scene_options
-from mi_lcair.cli.output import (
-    check_outputs,
-    print_result,
-    print_written,
-    time_row,
-)
-from mi_lcair.drawing import PICTURES
+from mi_lcair.cli.output import print_result, print_written, time_row
 from mi_lcair.errors import InputError
 from mi_lcair.files import together
 from mi_lcair.formats import VTK
@@ -29,12 +23,15 @@ from mi_lcair.formats import VTK
     tolerance="Trace paths until half of the 95 % interval of the target's intensity is at most "
     "this fraction of it, such as 0.01 or 1%.",
 )
-@file_option("--spectrum", "Write the spectral intensity, FILE.csv or FILE.nc (netCDF).")
+@file_option(
+    "--spectrum", "Write the spectral intensity, FILE.csv or FILE.nc (netCDF).", (".csv", ".nc")
+)
 @plot_option("the spectral intensity of --spectrum")
 @file_option(
     "--facets",
     "Write radiance and intensity of each facet of the model, FILE.csv; or the facets with them "
     "for ParaView, FILE.vtp or FILE.vtu.",
+    (".csv", *VTK),
 )
 def command(options, spectrum, plot, facets):
     """Intensity of SCENE in W/sr.
@@ -49,8 +46,6 @@ def command(options, spectrum, plot, facets):
         raise InputError("--plot draws the spectral intensity; give --spectrum FILE.csv too")
     if spectrum and spectrum == facets:
         raise InputError(f"--spectrum and --facets both name '{spectrum}'; give each its own file")
-    check_outputs((spectrum, (".csv", ".nc")), (plot, PICTURES), (facets, (".csv", *VTK)))
-
     result = options.run(mi_lcair.signature, by_spectrum=bool(spectrum), facets=bool(facets))
     with together():
         if spectrum:
@@ -59,5 +54,5 @@ def command(options, spectrum, plot, facets):
                 result.effective_areas.plot(plot)
         if facets:
             result.facets.save(facets)
-    print_result(result, options.json, [time_row(result)])
+    print_result(result, [time_row(result)])
     print_written(spectrum, plot, facets)

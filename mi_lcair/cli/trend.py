@@ -20,9 +20,7 @@ from mi_lcair.cli.options import (
     sampling_options,
     workers_options,
 )
-from mi_lcair.cli.output import check_outputs, print_result, print_written
-from mi_lcair.drawing import PICTURES
-from mi_lcair.files import together
+from mi_lcair.cli.output import write_and_print
 
 MOST_ANGLES = 100_000  # largest number of angles in START:STOP:STEP
 
@@ -89,7 +87,7 @@ class Azimuths(Angles):
     default="0",
     help="Elevations of the observer above the horizontal, degrees; written like the azimuths.",
 )
-@output_option("a row for each view, FILE.csv or FILE.nc (netCDF)", required=True)
+@output_option("a row for each view, FILE.csv or FILE.nc (netCDF)", (".csv", ".nc"), required=True)
 @plot_option("polar curves")
 @click.option(
     "--resolution",
@@ -117,7 +115,6 @@ def command(options, azimuth, elevation, output, plot, areas, overwrite, **setti
     rendered together in batches. A trend that was interrupted goes on when the same command is
     given again. FILE.csv.json beside FILE.csv states how the rows were made.
     """
-    check_outputs((output, (".csv", ".nc")), (plot, PICTURES))
     with kept_areas(output, areas, overwrite) as folder:
         scene = options.load(with_sensors=False)
         with progress_bar("views") as progress:
@@ -130,9 +127,4 @@ def command(options, azimuth, elevation, output, plot, areas, overwrite, **setti
                 areas=folder,
                 progress=progress,
             )
-        with together():
-            result.save(output)
-            if plot:
-                result.plot(plot)
-    print_result(result, options.json)
-    print_written(output, plot)
+        write_and_print(result, {output: result.save, plot: result.plot})

@@ -247,10 +247,12 @@ def pictures(monkeypatch):
     """List of the pictures that show draws."""
     drawn = []
     monkeypatch.setattr(
-        "mi_lcair.reports.pictures.image_channels.save_picture",
-        lambda path, channels, title, log, **_: drawn.append(
-            (str(path), list(channels), title, log)
-        ),
+        "mi_lcair.reports.pictures.image_channels.figure",
+        lambda channels, title, log, **_: (list(channels), title, log),
+    )
+    monkeypatch.setattr(
+        "mi_lcair.cli.files.pictures.write_figure",
+        lambda figure, path: drawn.append((str(path), *figure)),
     )
     return drawn
 

@@ -10,6 +10,7 @@ import numpy as np
 
 import mi_lcair
 from mi_lcair.detection.scenario import Scenario
+from mi_lcair.drawing import write_figure
 from mi_lcair.errors import InputError
 from mi_lcair.fitting.scatterometer import reading
 from mi_lcair.models3d import read as read_model
@@ -24,7 +25,7 @@ from mi_lcair.rendering.facets.image import by_facet
 from mi_lcair.rendering.images.exr import read_exr, write_exr
 from mi_lcair.rendering.sampling import DEFAULT_MAX_SPP
 from mi_lcair.rendering.views import View
-from mi_lcair.reports.pictures.image_channels import save_picture
+from mi_lcair.reports.pictures.image_channels import figure
 from mi_lcair.signatures.trend_file import TrendFile, beside
 from mi_lcair.table import read_table
 from tests.fuzz.mutants import Kind
@@ -381,7 +382,7 @@ def use_exr(path: Path) -> None:
     if pixels.size <= MOST_RAYS and pixels.ndim == 2:
         with numbers_that_behave(), tempfile.TemporaryDirectory() as folder:
             title = ", ".join(str(header[key]) for key in ("scene", "band") if key in header)
-            save_picture(Path(folder) / "a.png", {name: pixels}, title)
+            write_figure(figure({name: pixels}, title), Path(folder) / "a.png")
 
 
 EXR = Kind(

@@ -4,7 +4,7 @@ import click
 
 import mi_lcair
 from mi_lcair.cli.options import examples, file_option, loading_options
-from mi_lcair.cli.output import check_outputs, print_result, print_written
+from mi_lcair.cli.output import print_result, print_written
 
 
 @click.command("audit", epilog=examples("mi-lcair audit open_box --photons 4096"))
@@ -15,7 +15,7 @@ from mi_lcair.cli.output import check_outputs, print_result, print_written
     default=2**18,
     help="Photons from each emitter.",
 )
-@file_option("--facets", "Write irradiance and exitance of each facet, FILE.csv.")
+@file_option("--facets", "Write irradiance and exitance of each facet, FILE.csv.", (".csv",))
 def command(options, photons, facets):
     """Follow the flux that SCENE emits.
 
@@ -23,11 +23,10 @@ def command(options, photons, facets):
     emitters until they are absorbed or escape. Printed is their flux by material, in W and in
     percent.
     """
-    check_outputs((facets, (".csv",)))
     result = options.run(mi_lcair.audit, photons=photons)
     if facets:
         from mi_lcair.formats import csv
 
         csv.write(facets, result.facets)
-    print_result(result, options.json)
+    print_result(result)
     print_written(facets)

@@ -1,5 +1,7 @@
 """mi-lcair budget: how certain an intensity or a contrast is, and what that depends on."""
 
+from functools import partial
+
 import click
 
 import mi_lcair
@@ -7,18 +9,16 @@ from mi_lcair.cli import completion
 from mi_lcair.cli.options import (
     FILE,
     POSITIVE,
-    ScenarioOptions,
     SceneOptions,
     changes_option,
     examples,
     file_option,
     given,
-    json_option,
     motions_option,
     output_option,
     plot_option,
-    prepare_renderer,
     progress_bar,
+    read_scenario,
     renderer_options,
     sampling_options,
     seed_option,
@@ -26,12 +26,8 @@ from mi_lcair.cli.options import (
     solution_option,
     workers_options,
 )
-from mi_lcair.cli.output import check_outputs, print_result, print_written, time_row
-from mi_lcair.drawing import PICTURES
+from mi_lcair.cli.output import time_row, write_and_print
 from mi_lcair.errors import InputError
-from mi_lcair.files import together
-
-COMMON = ("variant", "threads", "json")  # options that go into SceneOptions and ScenarioOptions
 
 
 @click.command(
@@ -52,12 +48,13 @@ COMMON = ("variant", "threads", "json")  # options that go into SceneOptions and
     help="Of a scenario: contrast (default), apparent_temperature, detection_range, snr or netd.",
 )
 @changes_option("Set a $-parameter of the scene, or an entry of the scenario")
-@output_option("the budget, FILE.json, for show, report and convert")
+@output_option("the budget, FILE.json, for show, report and convert", (".json",))
 @plot_option("a tornado chart")
 @file_option(
     "--image",
     "Write the image of a scene with the derivatives d.NAME.Y and the uncertainty sigma.Y of each "
     "pixel, FILE.exr.",
+    (".exr",),
 )
 @click.option(
     "--monte-carlo",
@@ -77,7 +74,6 @@ COMMON = ("variant", "threads", "json")  # options that go into SceneOptions and
 @sensor_option
 @workers_options
 @renderer_options
-@json_option
 def command(what, uncertainties, output, plot, image, draws, of, **options):
     """Uncertainty budget of WHAT.
 
@@ -91,7 +87,6 @@ def command(what, uncertainties, output, plot, image, draws, of, **options):
     from mi_lcair.api.budget import is_scenario
     from mi_lcair.uncertainty.uncertainties import Uncertainties
 
-    check_outputs((output, ".json"), (plot, PICTURES), (image, ".exr"))
     stated = Uncertainties.read(uncertainties)
     sampling = given({name: options[name] for name in ("spp", "tolerance")})
     measured = _scenario if is_scenario(what) else _scene
@@ -100,15 +95,12 @@ def command(what, uncertainties, output, plot, image, draws, of, **options):
         result = mi_lcair.budget(
             subject, stated, draws=draws, of=of, progress=progress, **arguments
         )
-    with together():
-        if image:
-            _write_image(image, subject, result, arguments)
-        if plot:
-            result.plot(plot)
-        if output:
-            result.save(output)
-    print_result(result, options["json"], [time_row(result)])
-    print_written(output, plot, image)
+    files = {
+        output: result.save,
+        plot: result.plot,
+        image: partial(_write_image, subject, result, arguments),
+    }
+    write_and_print(result, files, [time_row(result)])
 
 
 def _scenario(what, sampling, image, **options):
@@ -125,18 +117,17 @@ def _scenario(what, sampling, image, **options):
             "target.parameters.motions": options["motions"] and str(options["motions"]),
         }
     )
-    prepare_renderer(options["variant"], options["threads"])
-    return ScenarioOptions(what, changes, **{name: options[name] for name in COMMON}).read(), {}
+    return read_scenario(what, changes), {}
 
 
 def _scene(what, sampling, image, **options):
     """The scene, and the keyword arguments of `mi_lcair.budget` for it."""
     sampling |= {name: options[name] for name in ("seed", "sensor")}
-    common = {name: options[name] for name in (*COMMON, "solution", "motions")}
+    common = {name: options[name] for name in ("solution", "motions")}
     return SceneOptions(what, dict(options["changes"]), sampling, **common).load(), sampling
 
 
-def _write_image(path, scene, result, arguments):
+def _write_image(scene, result, arguments, path):
     """Write the image of a scene with its derivatives."""
     from mi_lcair.rendering.images.exr import write_exr
     from mi_lcair.rendering.sampling import Sampling

@@ -6,17 +6,13 @@ import mi_lcair
 from mi_lcair.cli.options import (
     FILE,
     examples,
-    json_option,
     output_option,
     plot_option,
-    prepare_renderer,
     progress_bar,
     renderer_options,
     workers_options,
 )
-from mi_lcair.cli.output import check_outputs, print_result, print_written, time_row
-from mi_lcair.drawing import PICTURES
-from mi_lcair.files import together
+from mi_lcair.cli.output import time_row, write_and_print
 
 
 @click.command(
@@ -28,13 +24,12 @@ from mi_lcair.files import together
     ),
 )
 @click.argument("problem", type=FILE)
-@output_option("the solution, FILE.json, for --solution of commands with a SCENE")
+@output_option("the solution, FILE.json, for --solution of commands with a SCENE", (".json",))
 @plot_option("measured, predicted and their difference in standard deviations")
 @click.option("--no-advice", is_flag=True, help="Do not compute what to measure next.")
 @workers_options
 @renderer_options
-@json_option
-def command(problem, output, plot, no_advice, variant, threads, json):
+def command(problem, output, plot, no_advice):
     """Estimate unknown parameters from measurements.
 
     PROBLEM is a TOML file. It names the measurements with their scenes and their noise, and the
@@ -43,14 +38,7 @@ def command(problem, output, plot, no_advice, variant, threads, json):
     what the data do not determine, and which further measurement would help most. With [goal] in
     place of measurements, it looks for the values that give a wanted intensity or contrast.
     """
-    check_outputs((output, ".json"), (plot, PICTURES))
-    prepare_renderer(variant, threads)
     with progress_bar("renders") as progress:
         solution = mi_lcair.invert(problem, advise=not no_advice, progress=progress)
-    with together():
-        if plot:
-            solution.plot(plot)
-        if output:
-            solution.write(output)
-    print_result(solution, json, [time_row(solution)])
-    print_written(output, plot)
+    files = {output: solution.save, plot: solution.plot}
+    write_and_print(solution, files, [time_row(solution)])

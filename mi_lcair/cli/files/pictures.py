@@ -7,64 +7,65 @@ import click
 
 import mi_lcair
 from mi_lcair.cli.output import print_result, print_sections
+from mi_lcair.drawing import write_figure
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import check_writable
 
 USUAL = ("Y", "temperature.Y")  # channels of an image that are drawn where none is named
 
 
+def drawn(figure, output: Path) -> None:
+    """Write a figure, and print its path."""
+    write_figure(figure, output)
+    click.echo(output)
+
+
 def image(what, output, channels, outlines, scene, parameters, sensor, **scale):
     """Draw channels of an image."""
     from mi_lcair.rendering.images.exr import read_exr, window_of
-    from mi_lcair.reports.pictures.image_channels import save_picture
+    from mi_lcair.reports.pictures import image_channels
 
     file = Path(what)
-    output = output or file.with_suffix(".png")
-    image_channels, header = read_exr(file)
-    names = choose("channel", image_channels, channels or usual(image_channels))
+    known, header = read_exr(file)
+    names = choose("channel", known, channels or usual(known))
     title = ", ".join(str(header[key]) for key in ("scene", "band") if key in header) or file.stem
-    drawn = {name: image_channels[name] for name in names}
+    values = {name: known[name] for name in names}
     if outlines:
-        shape = drawn[names[0]].shape
+        shape = values[names[0]].shape
         scale["outlines"] = _outlines_of(file, header, shape, scene, dict(parameters), sensor)
-    save_picture(output, drawn, title, window_m=window_of(header), **scale)
-    click.echo(output)
+    figure = image_channels.figure(values, title, window_m=window_of(header), **scale)
+    drawn(figure, output or file.with_suffix(".png"))
 
 
 def pixel_spectrum(what, output, pixel):
     """Draw the spectrum of a pixel of a spectral image."""
-    from mi_lcair.drawing import write_figure
     from mi_lcair.rendering.images.exr import read_exr
     from mi_lcair.reports.pictures.pixel_spectrum import figure
 
     file = Path(what)
     channels, header = read_exr(file)
-    output = output or named_after(file, "spectrum")
-    write_figure(figure(channels, pixel, str(header.get("scene", file.stem))), output)
-    click.echo(output)
+    title = str(header.get("scene", file.stem))
+    drawn(figure(channels, pixel, title), output or named_after(file, "spectrum"))
 
 
 def comparison(what, output, channels, **scale):
     """Draw channels of two images beside each other, and their difference."""
-    from mi_lcair.drawing import write_figure
     from mi_lcair.rendering.images.exr import read_exr, window_of
     from mi_lcair.reports.pictures.comparison import figure
 
     files = [Path(name) for name in what]
     images, headers = zip(*map(read_exr, files))
-    output = output or files[0].with_name(f"{files[0].stem}_{files[1].stem}.png")
     both = [name for name in images[0] if name in images[1]]
     names = choose("channel of both images", both, channels or usual(both))
     windows = [window_of(header) for header in headers]
-    drawn = figure(
+    compared = figure(
         [{name: image[name] for name in names} for image in images],
         [file.name if files[0].name != files[1].name else str(file) for file in files],
         ", ".join(dict.fromkeys(str(header["scene"]) for header in headers if "scene" in header)),
         window_m=windows[0] if windows[0] == windows[1] else None,
         **scale,
     )
-    write_figure(drawn, output)
-    click.echo(output)
+    drawn(compared, output or files[0].with_name(f"{files[0].stem}_{files[1].stem}.png"))
 
 
 def usual(channels) -> list[str]:
@@ -101,74 +102,57 @@ def facet_columns(what, output, facets, channels, parameters, sensor, outlines, 
     from mi_lcair.rendering.facets.image import FACET, facet_images, seen_facets
     from mi_lcair.rendering.facets.table import FacetTable
     from mi_lcair.rendering.window import window_size
-    from mi_lcair.reports.pictures.image_channels import column_quantity, save_picture
+    from mi_lcair.reports.pictures.image_channels import column_quantity, figure
     from mi_lcair.table import read_table
 
     table = read_table(facets, (FACET,))
     if not channels:
         raise InputError(f"{facets}: say which column with -c; it has {', '.join(table.columns)}")
     names = choose(f"column of {facets}", table.columns, channels)
-    output = output or facets.with_suffix(".png")
-    check_writable(output)
     scene = mi_lcair.load(what, **dict(parameters))
     images = facet_images(scene, table, names, sensor)
     if outlines:
         scale["outlines"] = seen_facets(scene, FacetTable(scene), sensor)
-    save_picture(
-        output,
-        images,
-        scene.name,
-        quantity=column_quantity,
-        window_m=window_size(scene.sensor(sensor)),
-        **scale,
-    )
-    click.echo(output)
+    window_m = window_size(scene.sensor(sensor))
+    coloured = figure(images, scene.name, quantity=column_quantity, window_m=window_m, **scale)
+    drawn(coloured, output or facets.with_suffix(".png"))
 
 
 def trend(what, output):
     """Draw a trend."""
     from mi_lcair.signatures.trend_result import Trend
 
-    output = output or named_after(Path(what), "trend")
-    Trend.read(what).plot(output)
-    click.echo(output)
+    drawn(Trend.read(what).plot(), output or named_after(Path(what), "trend"))
 
 
 def spectrum(what, output):
     """Draw the spectral intensity of a signature."""
-    from mi_lcair.drawing import write_figure
     from mi_lcair.formats.tables import read_columns
     from mi_lcair.reports.pictures.spectrum import figure_of_columns
 
     file = Path(what)
-    output = output or named_after(file, "spectrum")
-    write_figure(figure_of_columns(read_columns(file), file.stem), output)
-    click.echo(output)
+    figure = figure_of_columns(read_columns(file), file.stem)
+    drawn(figure, output or named_after(file, "spectrum"))
 
 
 def result(what, output):
     """Draw a result from its JSON."""
     from mi_lcair.formats.kinds import read_result
 
-    drawn = read_result(what)
-    output = output or named_after(Path(what), drawn.kind.split()[-1])
-    drawn.plot(output)
-    click.echo(output)
+    stated = read_result(what)
+    drawn(stated.plot(), output or named_after(Path(what), stated.kind.split()[-1]))
 
 
 def contrast(what, output):
     """Draw the spectra of a contrast from its JSON."""
-    from mi_lcair.drawing import write_figure
     from mi_lcair.formats.kinds import CONTRAST, incomplete, read_json
     from mi_lcair.reports.pictures.contrast import figure_of_entries
 
-    output = output or named_after(Path(what), "contrast")
     try:
         figure = figure_of_entries(read_json(what))
     except (KeyError, IndexError, TypeError, ValueError) as error:
         raise incomplete(what, CONTRAST, error) from None
-    write_figure(figure, output)
-    click.echo(output)
+    drawn(figure, output or named_after(Path(what), "contrast"))
 
 
 def model(what, output, materials):
@@ -176,23 +160,19 @@ def model(what, output, materials):
     from mi_lcair import models3d
 
     file = Path(what)
-    output = output or named_after(file, "model")
-    check_writable(output)
     facets = models3d.read(file, materials=materials)
-    facets.plot(output, title=f"{file.name}: {facets.count} facets")
-    click.echo(output)
+    figure = facets.plot(title=f"{file.name}: {facets.count} facets")
+    drawn(figure, output or named_after(file, "model"))
 
 
 def scene(what, output, parameters):
     """Draw the model of a scene from three sides."""
     from mi_lcair.rendering.facets.model import model_of
 
-    output = output or named_after(Path(Path(what).name), "model")
-    check_writable(output)
     loaded = mi_lcair.load(what, **dict(parameters))
     facets = model_of(loaded)
-    facets.plot(output, title=f"{loaded.name}: {facets.count} facets")
-    click.echo(output)
+    figure = facets.plot(title=f"{loaded.name}: {facets.count} facets")
+    drawn(figure, output or named_after(Path(Path(what).name), "model"))
 
 
 def scenario(what, output, parameters):
@@ -215,7 +195,7 @@ def scenario(what, output, parameters):
     print_sections([scenario_section(stated, [("picture", str(output)), ("scenario", name)])])
 
 
-def facet_view(what, output, facet, parameters, json):
+def facet_view(what, output, facet, parameters):
     """Draw a map of what a facet of a scene sees, and print a table of its neighbours."""
     from mi_lcair.signatures.hemispherical_view import hemispherical_view
 
@@ -223,7 +203,7 @@ def facet_view(what, output, facet, parameters, json):
     check_writable(output)
     view = hemispherical_view(mi_lcair.load(what, **dict(parameters)), facet)
     view.plot(output)
-    print_result(view, json, [("picture", str(output))], {"file": str(output)})
+    print_result(view, [("picture", str(output))], {"file": str(output)})
 
 
 def brdf(what, output, band, theta_deg, materials):
@@ -239,27 +219,22 @@ def brdf(what, output, band, theta_deg, materials):
 
     view = brdf_view(what, band, theta_deg, materials)
     name = what if is_number(what) else Path(what).stem
-    output = output or Path(f"{name}_{view.band.name}_{theta_deg:g}deg.png")
-    view.plot(output)
-    click.echo(output)
+    drawn(view.plot(), output or Path(f"{name}_{view.band.name}_{theta_deg:g}deg.png"))
 
 
 def curves(what, output, band):
     """Draw blackbodies, an atmosphere or a sky."""
-    from mi_lcair.drawing import write_figure
     from mi_lcair.formats.kinds import AIR, BLACKBODIES, kind_of
     from mi_lcair.reports.pictures import radiance_curves
 
     band, kind = band or "MWIR", kind_of(what)
-    output = output or Path(f"{what.replace(',', '_')}_{Path(band).stem}.png")
     if kind == BLACKBODIES:
         temperatures = [float(text.removesuffix("K")) for text in what.split(",")]
         figure = radiance_curves.blackbodies(temperatures, band)
     else:
         draw = radiance_curves.air if kind == AIR else radiance_curves.sky
         figure = draw(what, band)
-    write_figure(figure, output)
-    click.echo(output)
+    drawn(figure, output or Path(f"{what.replace(',', '_')}_{Path(band).stem}.png"))
 
 
 def named_after(file: Path, kind: str) -> Path:

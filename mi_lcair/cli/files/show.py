@@ -15,7 +15,6 @@ from mi_lcair.cli.options import (
 )
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
-from mi_lcair.files import check_suffix, check_writable
 
 SCALE = ("log", "vmin", "vmax", "cmap", "common_scale", "outlines")
 SCENE = ("parameters", "sensor")
@@ -56,7 +55,7 @@ NOT_DRAWN = {
     ),
 )
 @click.argument("what", nargs=-1, required=True, metavar="WHAT", shell_complete=completion.pictured)
-@output_option("the picture, FILE.png, .svg or .pdf (default: named after WHAT)")
+@output_option("the picture, FILE.png, .svg or .pdf (default: named after WHAT)", PICTURES)
 @click.option(
     "-c",
     "--channel",
@@ -143,10 +142,7 @@ def command(ctx, what, output, **options):
     check_given(ctx, ("what", "output", *names), kind)
     if options["scene"] and not options["outlines"]:
         raise InputError("--scene names the scene whose facets --outlines draws; give that too")
-    if output:
-        check_suffix(output, PICTURES)
-        check_writable(output)
-    draw(what, output, **{name: options[name] for name in names})
+    draw(what, output, **{name: options[name] for name in names if name in options})
 
 
 def _kind(what, facet, facets, materials, pixel) -> str:

@@ -6,8 +6,9 @@ import click
 
 import mi_lcair
 from mi_lcair.cli.options import examples, given, json_option, output_option
-from mi_lcair.cli.output import Called, check_outputs, print_next, print_result, print_written
+from mi_lcair.cli.output import Called, print_next, write_and_print
 
+SUFFIXES = (".tif", ".tiff", ".csv", ".exr", ".json", ".html", ".png", ".svg", ".pdf", ".nc")
 QUANTITIES = {
     "reflected": ("K", "Apparent temperature of what the object reflects."),
     "transmittance": ("0..1", "Transmittance of the air (default: 1)."),
@@ -50,10 +51,12 @@ def quantities(command):
     metavar="K",
     help="Standard uncertainty of the image, common to all pixels.",
 )
-@output_option("the temperatures to FILE (.tif, .csv, .exr with their uncertainty), or a picture")
+@output_option(
+    "the temperatures to FILE (.tif, .csv, .exr with their uncertainty), or a picture", SUFFIXES
+)
 @json_option
 @click.pass_obj
-def command(call, image, band, output, json, sigma, **measurement):
+def command(call, image, band, output, sigma, **measurement):
     """Temperature of an object with its uncertainty.
 
     IMAGE holds apparent temperatures in K, as a camera shows them for an emissivity of 1: a TIFF,
@@ -61,12 +64,7 @@ def command(call, image, band, output, json, sigma, **measurement):
     uncertainty: 0.92+-0.02. Printed are the temperature in K and what each quantity contributes to
     its uncertainty; written is the image in K.
     """
-    suffixes = (".tif", ".tiff", ".csv", ".exr", ".json", ".html", ".png", ".svg", ".pdf", ".nc")
-    check_outputs((output, suffixes))
     result = mi_lcair.temperature(image, band, sigma=sigma, **given(measurement))
-    if output:
-        result.save(output)
-    print_result(result, json)
-    print_written(output)
+    write_and_print(result, {output: result.save})
     if not output and result.kelvin.ndim == 2:
         print_next([*call, "-o", f"{Path(image).stem}_object.png"])

@@ -3,8 +3,10 @@
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import examples, json_option, output_option
-from mi_lcair.cli.output import check_outputs, print_result, print_written
+from mi_lcair.cli.options import examples, given, json_option, output_option
+from mi_lcair.cli.output import write_and_print
+
+SUFFIXES = (".csv", ".json", ".html", ".png", ".svg", ".pdf", ".nc")
 
 
 @click.command("cavity", epilog=examples("mi-lcair cavity cavity.toml -o cavity.png"))
@@ -16,20 +18,16 @@ from mi_lcair.cli.output import check_outputs, print_result, print_written
     help="Half of the 95 % interval for walls that the renderer traces (default: 2e-4).",
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, help="Seed of the random numbers.")
-@output_option("the table to FILE (.csv, .json, .html, .nc), or a picture (.png, .svg, .pdf)")
+@output_option(
+    "the table to FILE (.csv, .json, .html, .nc), or a picture (.png, .svg, .pdf)", SUFFIXES
+)
 @json_option
-def command(cavity, tolerance, seed, output, json):
+def command(cavity, tolerance, seed, output):
     """Effective emissivity of a cavity with its uncertainty.
 
     CAVITY.toml has the tables [shape], [wall], [view] and [sigma]. Printed are the effective
     emissivity by wavelength, and what each uncertain quantity contributes to its uncertainty.
     Emissivities are fractions.
     """
-    suffixes = (".csv", ".json", ".html", ".png", ".svg", ".pdf", ".nc")
-    check_outputs((output, suffixes))
-    options = {} if tolerance is None else {"tolerance": tolerance}
-    result = mi_lcair.cavity(cavity, seed=seed, **options)
-    if output:
-        result.save(output)
-    print_result(result, json)
-    print_written(output)
+    result = mi_lcair.cavity(cavity, seed=seed, **given({"tolerance": tolerance}))
+    write_and_print(result, {output: result.save})

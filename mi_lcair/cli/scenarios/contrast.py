@@ -3,9 +3,15 @@
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import examples, given, plot_option, scenario_options, solution_option
-from mi_lcair.cli.output import check_outputs, print_result, print_written, time_row
-from mi_lcair.drawing import PICTURES
+from mi_lcair.cli.options import (
+    examples,
+    given,
+    plot_option,
+    progress_bar,
+    read_scenario,
+    scenario_options,
+)
+from mi_lcair.cli.output import time_row, write_and_print
 from mi_lcair.errors import InputError
 
 
@@ -36,8 +42,7 @@ from mi_lcair.errors import InputError
     help="Find the ranges at which the target is detected; needs sensor.nei.",
 )
 @plot_option("the spectra")
-@solution_option
-def command(options, tolerance_W_m2, ranges, plot, solution):
+def command(scenario, changes, tolerance_W_m2, ranges, plot):
     """Measure a target against its background.
 
     SCENARIO is a TOML file or the name of a bundled scenario. It states the target, the observer,
@@ -45,24 +50,19 @@ def command(options, tolerance_W_m2, ranges, plot, solution):
     contrast, and the largest noise at which the target is detected, all in W/m^2, and ranges in m.
     The options of the sampling override [render] of the scenario.
     """
-    check_outputs((plot, PICTURES))
-    options.changes |= given(
-        {"render.tolerance_W_m2": tolerance_W_m2, "target.solution": solution or None}
-    )
-    scenario = options.read()
-    if ranges and scenario.sensor.nei is None:
+    stated = read_scenario(scenario, changes | given({"render.tolerance_W_m2": tolerance_W_m2}))
+    if ranges and stated.sensor.nei is None:
         raise InputError(
-            f"scenario '{options.scenario}': --range needs nei of [sensor], the noise-equivalent "
+            f"scenario '{scenario}': --range needs nei of [sensor], the noise-equivalent "
             "irradiance in W m^-2"
         )
-    result = options.run(mi_lcair.contrast, scenario)
-    if plot:
-        result.plot(plot)
+    with progress_bar() as progress:
+        result = mi_lcair.contrast(stated, progress=progress)
     more = {}
     if ranges:
         more["rows"] = [
             row.as_dict() | {"detection_range": detection.as_dict()}
             for row, detection in zip(result.rows, result.detection_ranges())
         ]
-    print_result(result, options.json, [time_row(result)], more, ranges=ranges)
-    print_written(plot)
+    rows = [time_row(result)]
+    write_and_print(result, {plot: result.plot}, rows, more, ranges=ranges)

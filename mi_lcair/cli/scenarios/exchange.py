@@ -4,7 +4,7 @@ import click
 
 import mi_lcair
 from mi_lcair.cli.options import POSITIVE, examples, given, loading_options, output_option
-from mi_lcair.cli.output import check_outputs, print_result, print_written, time_row
+from mi_lcair.cli.output import time_row, write_and_print
 from mi_lcair.drawing import PICTURES
 from mi_lcair.formats import VTK
 
@@ -32,7 +32,8 @@ SUFFIXES = (".csv", ".json", ".html", ".nc", ".npz", *PICTURES, *VTK)
 )
 @output_option(
     "the facets (.csv, .json, .html, .vtp, .vtu), the facets and the sparse matrix of their "
-    "conductors (.nc, .npz), or a picture (.png, .svg, .pdf)"
+    "conductors (.nc, .npz), or a picture (.png, .svg, .pdf)",
+    SUFFIXES,
 )
 def command(options, rays, sky_K, ground_K, sun_deg, output):
     """Heat that the facets of SCENE exchange by radiation.
@@ -41,11 +42,7 @@ def command(options, rays, sky_K, ground_K, sun_deg, output):
     groups, and the conductors GR in m^2 between groups: the heat flow is GR sigma (T1^4 - T2^4).
     All values have standard errors.
     """
-    check_outputs((output, SUFFIXES))
     arguments = {"rays": rays, "sky_K": sky_K, "ground_K": ground_K, "sun_deg": sun_deg}
     scene = options.load(with_sensors=False, with_nothing=False)  # what escapes has its place
     result = mi_lcair.exchange(scene, **options.sampling, **given(arguments))
-    if output:
-        result.save(output)
-    print_result(result, options.json, [time_row(result)])
-    print_written(output)
+    write_and_print(result, {output: result.save}, [time_row(result)])

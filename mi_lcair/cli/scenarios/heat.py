@@ -1,16 +1,12 @@
 """mi-lcair heat: temperatures from what heats and cools a scene."""
 
+from functools import partial
+
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import (
-    examples,
-    json_option,
-    output_option,
-    prepare_renderer,
-    renderer_options,
-)
-from mi_lcair.cli.output import check_outputs, print_result, print_written
+from mi_lcair.cli.options import examples, output_option, renderer_options
+from mi_lcair.cli.output import write_and_print
 from mi_lcair.errors import InputError
 
 OF_HOUR = (".csv", ".vtp", ".vtu")  # files of the temperatures at one time
@@ -19,7 +15,7 @@ SUFFIXES = (*OF_HOUR, ".series", ".nc", ".json", ".html", ".png", ".svg", ".pdf"
 
 @click.command("heat", epilog=examples("mi-lcair heat heat.toml -o temperatures.csv --hour 14"))
 @click.argument("heat", metavar="HEAT.toml")
-@output_option(f"the temperatures to FILE ({', '.join(SUFFIXES)})")
+@output_option(f"the temperatures to FILE ({', '.join(SUFFIXES)})", SUFFIXES)
 @click.option(
     "--hour",
     type=click.FloatRange(min=0),
@@ -27,8 +23,7 @@ SUFFIXES = (*OF_HOUR, ".series", ".nc", ".json", ".html", ".png", ".svg", ".pdf"
     "facet).",
 )
 @renderer_options
-@json_option
-def command(heat, output, hour, variant, threads, json):
+def command(heat, output, hour):
     """Temperatures of the facets of a scene from their heat balance.
 
     HEAT.toml has the tables [target], [weather], [groups.NAME], [sigma], [run] and [signature].
@@ -36,13 +31,8 @@ def command(heat, output, hour, variant, threads, json):
     each uncertain input contributes. FILE.csv is what `mi-lcair import --temperatures` takes;
     FILE.nc has all times.
     """
-    check_outputs((output, SUFFIXES))
     options = {} if hour is None else {"hour": hour}
     if options and (output is None or output.suffix.lower() not in OF_HOUR):
         raise InputError(f"--hour goes with an output {', '.join(OF_HOUR)}")
-    prepare_renderer(variant, threads)
     result = mi_lcair.heat(heat)
-    if output:
-        result.save(output, **options)
-    print_result(result, json)
-    print_written(output)
+    write_and_print(result, {output: partial(result.save, **options)})

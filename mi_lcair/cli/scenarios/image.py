@@ -6,16 +6,15 @@ import mi_lcair
 from mi_lcair.cli.options import (
     POSITIVE,
     examples,
-    given,
     output_option,
     plot_option,
+    progress_bar,
+    read_scenario,
     scenario_options,
     seed_option,
-    solution_option,
 )
-from mi_lcair.cli.output import check_outputs, print_result, print_written, time_row
-from mi_lcair.drawing import PICTURES
-from mi_lcair.files import together
+from mi_lcair.cli.output import time_row, write_and_print
+from mi_lcair.files import check_writable
 
 
 @click.command(
@@ -27,7 +26,9 @@ from mi_lcair.files import together
     tolerance="Render until the rms standard error over the pixels on the target is at most this "
     "fraction of its mean radiance.",
 )
-@output_option("the image, FILE.exr, and the counts to FILE.tif beside it", required=True)
+@output_option(
+    "the image, FILE.exr, and the counts to FILE.tif beside it", (".exr",), required=True
+)
 @click.option(
     "--frames",
     type=POSITIVE,
@@ -36,8 +37,7 @@ from mi_lcair.files import together
 )
 @seed_option("Seed of the camera's noise and fixed pattern.")
 @plot_option("frame and measures")
-@solution_option
-def command(options, output, frames, seed, plot, solution):
+def command(scenario, changes, output, frames, seed, plot):
     """Record the target of a scenario with its camera.
 
     SCENARIO is a TOML file as for `contrast`, with a table [camera]. FILE.exr has the radiance at
@@ -46,16 +46,11 @@ def command(options, output, frames, seed, plot, solution):
     measured, and the target's electrons and signal-to-noise ratio over range in m.
     """
     pages = output.with_suffix(".tif")
-    check_outputs((output, ".exr"), (pages, ".tif"), (plot, PICTURES))
-    options.changes |= given({"target.solution": solution or None})
-    scenario = options.read()
-    result = options.run(mi_lcair.image, scenario, frames=frames, seed=seed)
-    with together():
-        result.save(output)
-        result.save(pages)
-        if plot:
-            result.plot(plot)
-    rendering = ("rendering time", f"{result.render_seconds:.2f} s")
-    files = {"file": str(output), "counts_file": str(pages)}
-    print_result(result, options.json, [time_row(result), rendering], files)
-    print_written(output, pages, plot)
+    check_writable(pages)
+    stated = read_scenario(scenario, changes)
+    with progress_bar() as progress:
+        result = mi_lcair.image(stated, frames=frames, seed=seed, progress=progress)
+    rows = [time_row(result), ("rendering time", f"{result.render_seconds:.2f} s")]
+    more = {"file": str(output), "counts_file": str(pages)}
+    files = {output: result.save, pages: result.save, plot: result.plot}
+    write_and_print(result, files, rows, more)

@@ -7,12 +7,12 @@ from mi_lcair.cli.options import (
     FILE,
     changes_option,
     examples,
-    json_option,
     output_option,
-    prepare_renderer,
     renderer_options,
 )
-from mi_lcair.cli.output import check_outputs, print_result, print_written
+from mi_lcair.cli.output import write_and_print
+
+SUFFIXES = (".toml", ".csv", ".json", ".html", ".nc")
 
 
 @click.command(
@@ -31,10 +31,11 @@ from mi_lcair.cli.output import check_outputs, print_result, print_written
     metavar="PX",
     help="Standard deviation of a column or row, pixels (default: that of the residuals).",
 )
-@output_option("the scenario with this camera to FILE.toml; or a table, .csv, .json, .html")
+@output_option(
+    "the scenario with this camera to FILE.toml; or a table, .csv, .json, .html", SUFFIXES
+)
 @renderer_options
-@json_option
-def command(scenario, points, changes, sigma, output, variant, threads, json):
+def command(scenario, points, changes, sigma, output):
     """Find where a camera is from points of a scene and their pixels.
 
     SCENARIO is a TOML file with a table [camera]. POINTS.csv has the columns x_m, y_m, z_m,
@@ -42,10 +43,5 @@ def command(scenario, points, changes, sigma, output, variant, threads, json):
     where they are in the frame, whose upper left corner is (0, 0). Printed are position and
     pointing with 95 % intervals, in m and degrees. `image` and `invert` take FILE.toml.
     """
-    check_outputs((output, (".toml", ".csv", ".json", ".html", ".nc")))
-    prepare_renderer(variant, threads)
     result = mi_lcair.pose(scenario, points, sigma, parameters=dict(changes))
-    if output:
-        result.save(output)
-    print_result(result, json)
-    print_written(output)
+    write_and_print(result, {output: result.save})

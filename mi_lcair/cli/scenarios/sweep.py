@@ -7,27 +7,24 @@ from mi_lcair.cli.options import (
     FILE,
     areas_option,
     examples,
-    json_option,
     kept_areas,
     output_option,
     overwrite_option,
-    prepare_renderer,
     progress_bar,
     renderer_options,
     workers_options,
 )
-from mi_lcair.cli.output import check_outputs, print_result, print_written, time_row
+from mi_lcair.cli.output import time_row, write_and_print
 
 
 @click.command("sweep", epilog=examples("mi-lcair sweep sweep.toml -o signatures.nc --areas areas"))
 @click.argument("conditions", type=FILE)
-@output_option("the table, FILE.nc (netCDF) or FILE.csv", required=True)
+@output_option("the table, FILE.nc (netCDF) or FILE.csv", (".nc", ".csv"), required=True)
 @areas_option
 @overwrite_option
 @workers_options
 @renderer_options
-@json_option
-def command(conditions, output, areas, overwrite, variant, threads, json):
+def command(conditions, output, areas, overwrite):
     """Signatures over the table of CONDITIONS.
 
     CONDITIONS is a TOML file: [base] names a scene or a scenario, [conditions] lists what varies
@@ -35,11 +32,7 @@ def command(conditions, output, areas, overwrite, variant, threads, json):
     change geometry or reflectances is not traced again. A sweep that was interrupted goes on when
     the same command is given again.
     """
-    check_outputs((output, (".nc", ".csv")))
     with kept_areas(output, areas, overwrite) as folder:
-        prepare_renderer(variant, threads)
         with progress_bar("views") as progress:
             result = mi_lcair.sweep(conditions, areas=folder, progress=progress)
-        result.save(output)
-    print_result(result, json, [time_row(result)])
-    print_written(output)
+        write_and_print(result, {output: result.save}, [time_row(result)])

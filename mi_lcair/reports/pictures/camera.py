@@ -3,7 +3,7 @@
 import numpy as np
 
 from mi_lcair.camera.image_result import Image
-from mi_lcair.drawing import new_figure, plain, styled, write_figure
+from mi_lcair.drawing import new_figure, plain, styled
 from mi_lcair.reports.pictures.colour_scale import limits_of
 
 SIZE = (11, 7.6)  # inches
@@ -33,11 +33,6 @@ def figure(image: Image):
         )
     )
     return figure
-
-
-def save_pictures(path, images: list[Image]) -> None:
-    """Write the picture of `pictures` as a .png, .svg or .pdf file."""
-    write_figure(pictures(images), path)
 
 
 @styled

@@ -2,12 +2,11 @@
 
 from dataclasses import dataclass
 from math import ceil, sqrt
-from pathlib import Path
 from typing import TypedDict, Unpack
 
 import numpy as np
 
-from mi_lcair.drawing import new_figure, plain, styled, write_figure
+from mi_lcair.drawing import new_figure, plain, styled
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.formats.channels import has_value
 from mi_lcair.formats.channels import quantity_of as quantity_of_channel
@@ -74,11 +73,6 @@ def column_quantity(name: str) -> tuple[str, str]:
     """Quantity of a column of a table, and its unit, "" for a number without one."""
     quantity, unit = heading(name)
     return quantity, typeset_unit(unit)
-
-
-def save_picture(path: str | Path, channels: dict[str, np.ndarray], *args, **options) -> None:
-    """Write the picture of `figure` as a .png, .svg or .pdf file."""
-    write_figure(figure(channels, *args, **options), path)
 
 
 @styled

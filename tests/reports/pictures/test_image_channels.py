@@ -7,13 +7,19 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
+from mi_lcair.drawing import write_figure
 from mi_lcair.errors import InputError
 from mi_lcair.reports.page.image_panel import scales
 from mi_lcair.reports.pictures.comparison import figure as comparison
-from mi_lcair.reports.pictures.image_channels import save_picture
+from mi_lcair.reports.pictures.image_channels import figure
 
 GREY = (0.6, 0.6, 0.6)
 BLUE = to_rgb("steelblue")
+
+
+def save_picture(path, *args, **options):
+    """Write the picture of some channels."""
+    write_figure(figure(*args, **options), path)
 
 
 def colour_at(path, figure, row, column):
