@@ -15,6 +15,7 @@ from mi_lcair.physics.spectra.parameters import change_bounds
 from mi_lcair.plugins import PLUGINS
 from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
+from mi_lcair.plugins.bsdfs.spectral_bsdf import has_changes
 from mi_lcair.plugins.derivatives import children, nodes
 from mi_lcair.plugins.emission.source import kelvin, rounded
 from mi_lcair.plugins.emission.triangles import is_faceted, triangle_corners
@@ -209,18 +210,18 @@ def entries(scene) -> dict[str, Entry]:
     for node in nodes(scene.mi):
         kind = "material"
         if is_reflection_bsdf(node):
-            material = node.material or node.model.name
-            if node.change:
-                add_changes(surfaces, node)
-            keys = () if node.change else node.parameters
+            material, keys = node.material or node.model.name, node.parameters
         elif is_grey_diffuse(node):
             material, keys = node.id() or "diffuse", ["reflectance.value"]
-        elif is_plume(node) and node.spectrum is None:
+        elif is_plume(node):
             material, keys = node.id() or "plume", ["transmittance"]
         elif keys := numbers_of_other(node):
             owner = node.group if is_thermal(node) else node.id()
             material, kind = owner or node.class_name(), "plugin"
         else:
+            continue
+        if has_changes(node):
+            add_changes(surfaces, node, material)
             continue
         for key in keys:
             name = f"{material}.{key.removesuffix('.value')}"
@@ -235,18 +236,19 @@ def entries(scene) -> dict[str, Entry]:
     return found | {name: motions[name] for name in motions if name not in found}
 
 
-def add_changes(surfaces: dict[str, Entry], node) -> None:
+def add_changes(surfaces: dict[str, Entry], node, material: str) -> None:
     """Add the numbers that change the spectrum of a surface.
 
-    A surface that reflects nothing at any wavelength has none, since no path goes on from it.
+    A surface that neither reflects nor transmits at any wavelength has none, since no path goes on
+    from it.
     """
-    if node.HDR(mi.Vector3f(0, 0, 1))[0] == 0:
+    if not (node.transmits if is_plume(node) else node.HDR(mi.Vector3f(0, 0, 1))[0] > 0):
         return
     change = node.spectrum_change
 
     def add(name: str, key: str, number, unit: str):
         bounds = change_bounds(node.measured_spectrum, change, key, node.of_band)
-        name, array = f"{node.material}.{name}", key if number is None else "nodes"
+        name, array = f"{material}.{name}", key if number is None else "nodes"
         entry = surfaces.setdefault(name, Entry(name, "spectrum", [], unit, bounds[1], bounds[0]))
         entry.places.append(Place(node, array, number, np.ones(1)))
 

@@ -10,8 +10,8 @@ GROUP.irradiance       in-band irradiance of the sun on a plane perpendicular to
 GROUP.scale            factor of the radiance of a sky
 GROUP.emissivity       `emissivity` of the group's emitters, if they were given one
 MATERIAL.NAME          parameter of the reflection model of all surfaces of a material
-MATERIAL.scale         factor of what a material by wavelength absorbs; `offset` and `slope` [1/um]
-                       add to it, as do at_8000nm, at_8500nm, ... near their wavelengths
+MATERIAL.scale         factor of what a material or plume by wavelength absorbs; `offset` and
+                       `slope` [1/um] add to it, as do at_8000nm, ... near their wavelengths
 ID.reflectance         reflectance of Mitsuba's BSDF `diffuse` with this id
 ID.transmittance       transmittance of the BSDF `plume` with this id
 model.yaw_deg ...      motions of meshes, see `mi_lcair.motions.motion`

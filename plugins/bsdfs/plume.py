@@ -7,13 +7,14 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.spectra.files import columns_of
 from mi_lcair.physics.spectra.parameters import spectrum
+from mi_lcair.plugins.bsdfs.spectral_bsdf import SpectralBSDF
 from mi_lcair.plugins.properties import Property, beside_scene, read
 
 # What a BSDF may do with a ray. A surface whose flags hold only `Null` of these is passed.
 ANY_LOBE = int(mi.BSDFFlags.All)
 
 
-class Plume(mi.BSDF):
+class Plume(SpectralBSDF):
     r"""Partly transparent surface without reflection, such as the outside of an exhaust plume.
 
     ============= ======= ==========================================================================
@@ -28,7 +29,8 @@ class Plume(mi.BSDF):
         <bsdf type="plume"> <float name="transmittance" value="0.8"/> </bsdf>
 
     With a `spectrum`, paths carry the transmittance at each wavelength, as for a material that
-    depends on wavelength.
+    depends on wavelength. Parameters are then `scale`, `offset` and `slope` of its emissivity, as
+    those of such a material.
 
     The emissivity is 1 - transmittance on both sides, by Kirchhoff's law for a surface that does
     not reflect. A ray goes straight on, times the transmittance. `bounce_path` does not count this
@@ -52,7 +54,6 @@ class Plume(mi.BSDF):
     least_share = 0.0  # not 0: rays pass also a plume of transmittance 0
     material = "plume"  # name of the material in tables of facets
     lobe = "mirror"  # by wavelength, what passes takes the place of what a mirror reflects
-    spectrum = measured_spectrum = None  # 1 - transmittance over wavelength, as an emissivity
 
     def __init__(self, props):
         mi.BSDF.__init__(self, props)
@@ -69,21 +70,26 @@ class Plume(mi.BSDF):
         self.parameters_changed()
 
     def mean_of(self, path: str, of_band: str | None) -> float:
-        """Mean transmittance in a band of the CSV file at `path`; sets `spectrum`."""
+        """Mean transmittance in a band of the CSV file at `path`; takes its spectrum.
+
+        The spectrum is 1 - transmittance, as an emissivity.
+        """
         if of_band is None:
             raise InputError("plume: a `spectrum` needs the `band` in which the scene is rendered")
         wavelengths, transmittance = columns_of(path, {"transmittance": 1.0})
         rows = {"emissivity": 1 - transmittance}
-        self.spectrum = self.measured_spectrum = spectrum("grey", {}, {}, wavelengths, rows, path)
-        self.spectrum.check_covers(band(of_band), f"plume: {path}")
-        return 1 - self.spectrum.averaged(*self.spectrum.weights(band(of_band), None))[0]
+        of_band, emissivity = band(of_band), spectrum("grey", {}, {}, wavelengths, rows, path)
+        emissivity.check_covers(of_band, f"plume: {path}")
+        self.take_spectrum(emissivity, of_band)
+        return 1 - emissivity.averaged(*emissivity.weights(of_band, None))[0]
 
     def traverse(self, cb):
-        # The mean of a spectrum only decides which paths go on
-        if self.spectrum is None:
-            cb.put("transmittance", self.transmittance, mi.ParamFlags.Differentiable)
+        for name, value in (self.change or {"transmittance": self.transmittance}).items():
+            cb.put(name, value, mi.ParamFlags.Differentiable)
 
     def parameters_changed(self, keys=()):
+        if self.change:
+            self.follow_change()
         self.PROPERTIES[0].checked(float(dr.detach(self.transmittance)[0]), "plume")
         dr.make_opaque(self.transmittance)
         # An opaque plume has no lobe at all, so that paths end there as at a blackbody

@@ -3,7 +3,6 @@
 It provides the tables of HDR, the simplified lobes, the emissivity and the derivatives.
 """
 
-from dataclasses import replace
 from functools import lru_cache
 
 import drjit as dr
@@ -15,7 +14,7 @@ from mi_lcair.physics import materials, reflection
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.directional_table import over_the_hemisphere, read_directional_table
 from mi_lcair.physics.reflection.directions import SMALLEST, cos_theta, sample_cosine, sin2_theta
-from mi_lcair.physics.spectra.change import CHANGES, NODES, Change
+from mi_lcair.plugins.bsdfs.spectral_bsdf import SpectralBSDF
 from mi_lcair.plugins.bsdfs.uniform_table import gather, interpolate, refine
 from mi_lcair.plugins.derivatives import (
     Deriving,
@@ -58,7 +57,7 @@ ALARM = 1e-5
 
 
 @Deriving.register
-class ReflectionBSDF(mi.BSDF):
+class ReflectionBSDF(SpectralBSDF):
     """BSDF of a reflection model: a subclass sets `model` and has the manual as its docstring.
 
     `si.wi` points to the observer and `wo` to the source. A model may violate reciprocity, so the
@@ -75,8 +74,6 @@ class ReflectionBSDF(mi.BSDF):
     derived = None
     derivations = ()
     notes: tuple[str, ...] = ()  # remarks on the material's spectrum
-    spectrum = None  # parameters over wavelength; `parameters` are then those of the mean
-    change: dict[str, mi.Float] = {}  # numbers that change the spectrum, see `Change`
     named: tuple | None = None  # name and file of its material; None if given by numbers
     least_share = 0.0  # least probability of the floor and of the lobe, see `explore`
 
@@ -149,10 +146,8 @@ class ReflectionBSDF(mi.BSDF):
         temperature: of the radiation for which it is constant in the band [K]; None for none.
         """
         if temperature is None:
-            self.notes, self.spectrum = entry.spectrum.remarks_in(of_band), entry.spectrum
-            self.measured_spectrum, self.of_band = entry.spectrum, of_band
-            self.change = {name: mi.Float(value) for name, (_, value) in CHANGES.items()}
-            self.change["nodes"] = mi.Float(np.zeros(NODES))
+            self.notes = entry.spectrum.remarks_in(of_band)
+            self.take_spectrum(entry.spectrum, of_band)
             return entry
         of_average = entry.spectrum.remark_on_average(of_band, temperature)
         self.notes = *entry.spectrum.remarks_in(of_band), of_average
@@ -199,24 +194,16 @@ class ReflectionBSDF(mi.BSDF):
         of_model = self.model.name, *self.values, self.form, self.emissivity, self.lobe
         return of_model if self.spectrum is None else (*of_model, id(self.spectrum))
 
-    @property
-    def spectrum_change(self) -> Change:
-        """The change of the spectrum, from its numbers."""
-        numbers = {name: float(self.change[name][0]) for name in CHANGES}
-        nodes = tuple(self.change["nodes"].numpy().tolist())
-        return Change((self.of_band.lower_um, self.of_band.upper_um), **numbers, nodes=nodes)
-
     def sources(self):
         return tuple(self.parameters.values())
 
     def traverse(self, cb):
-        # The parameters of a spectrum's mean only decide where paths go
         for name, value in (self.change or self.parameters).items():
             cb.put(name, value, mi.ParamFlags.Differentiable)
 
     def parameters_changed(self, keys=()):
         if self.change:
-            self.spectrum = changed_spectrum(self.measured_spectrum, self.spectrum_change)
+            self.follow_change()
             return
         self.model.check_feasible(*self.values, form=self.form)
         self.derive()
@@ -406,12 +393,6 @@ def tabulated(reflectance) -> mi.Float:
         refine(coarse, STEPS_PER_QUADRATURE),
     )
     return mi.Float(table)
-
-
-@lru_cache(maxsize=128)
-def changed_spectrum(spectrum, change: Change):
-    """A spectrum with a change, the same object for all surfaces that have it."""
-    return spectrum if change.is_none else replace(spectrum, change=change)
 
 
 # Scenes repeat a material on many shapes. What it needs is therefore computed once for equal

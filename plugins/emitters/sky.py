@@ -11,6 +11,7 @@ from mi_lcair.physics.air.levels import Weather, model_names
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.materials import hemispherical_emissivity
 from mi_lcair.physics.sky import air_mass
+from mi_lcair.physics.sun.daytime_sky import ClearSky
 from mi_lcair.physics.surroundings.skies import Blackbody
 from mi_lcair.physics.surroundings.surroundings import ATMOSPHERE, Ground, surroundings
 from mi_lcair.plugins.derivatives import attached, held, same_variables
@@ -21,7 +22,8 @@ from mi_lcair.plugins.emitters.thermal_emitter import EmitterParameter
 from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST, Property, beside_scene
 
 # Cells of the tables of radiances, above the horizon and below it, over the square root of the
-# distance of the direction's z from that of the horizon; and over the azimuth from the sun
+# distance of the direction's z from that of the horizon; and over the square root of the angle from
+# the sun above the horizon, and over the azimuth from the sun below it
 ROWS, COLUMNS = 128, 90
 NEAREST_DEG = 1e-6  # angle below the horizon of the first row of the ground's tables
 MOST_KEPT = 32  # results that are kept for other values of the parameters
@@ -32,7 +34,13 @@ KELVIN, EMISSIVITY = ("temperature", "temperature", "K"), ("emissivity", "emissi
 # Angles above and below the horizon whose spectra stand for the directions between them [degrees]
 SKY_RINGS_DEG = 0.05, 1, 2.2, 4, 6.5, 10, 15, 22, 32, 45, 62, 90
 GROUND_RINGS_DEG = 0.1, 1, 3.5, 9, 20, 45, 90
-ACROSS_DEG = 90.0  # azimuth from the sun of the spectra
+ACROSS_DEG = 90.0  # azimuth from the sun of the spectra below the horizon
+# Scattered sunlight has two spectra at an elevation: of light that is scattered by ASIDE_DEG or
+# more, and of light from the sun's own direction, which are mixed so that the transmittance of
+# MORE_AIR_M of air is right.
+ASIDE_DEG, MORE_AIR_M = 25.0, 5000.0
+TOWARD_SUN = 2  # number of the component of light from the sun's own direction
+ANGLES = 26  # angles from the sun, 0..ASIDE_DEG, at which the mixture is computed
 
 
 class Sky(DistantEmitter):
@@ -110,9 +118,11 @@ class Sky(DistantEmitter):
             self.ground_emissivity = mi.Float(1.0 if emissivity is None else emissivity)
         elif emissivity is not None or material is not None or values["sky"] == NO_SKY:
             raise InputError("sky: ground_temperature is missing")
-        x, y = np.cos(np.radians(self.sun_azimuth_deg)), np.sin(np.radians(self.sun_azimuth_deg))
-        self.toward_sun = mi.Vector2f(float(x), float(y))
+        azimuth, up = np.radians([self.sun_azimuth_deg, self.sun_elevation_deg or 0.0])
+        across = np.cos(azimuth) * np.cos(up), np.sin(azimuth) * np.cos(up)
+        self.toward_sun = mi.Vector3f(*map(float, (*across, np.sin(up))))
         self.height_m, self.tables, self.kept = values["height_m"], None, {}
+        self.mixture = None
         around = self.around()
         if around.sky is not None:
             for light in around.components(45.0):
@@ -174,21 +184,22 @@ class Sky(DistantEmitter):
         around = self.around(emissivity=1.0)
         self.sin_horizon = float(np.sin(np.radians(around.horizon_deg)))
         self.columns = 0 if self.sun_elevation_deg is None else COLUMNS
-        emitted, other = self.tabulated(around)
+        emitted, other, mean = self.tabulated(around)
         reflected = np.zeros(ROWS + 1)
         if self.ground_temperature is not None:
             half = self.tabulated(self.around(emissivity=0.5), [1])[1]
             reflected = 2 * (half[0] - other[1])[:, 0]
         self.tables = emitted, other, reflected
         self.other, self.reflected = mi.Float(other.ravel()), mi.Float(reflected)
-        self.set_density(emitted + other.mean(axis=2))
+        self.set_density(mean)
         self.set_rings(around)
         self.derived = self.derived_from = None
 
-    def tabulated(self, around, halves=(0, 1)) -> tuple[np.ndarray, np.ndarray]:
+    def tabulated(self, around, halves=(0, 1)) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """In-band radiance of both components at the nodes, (2, ROWS + 1) and (..., columns + 1).
 
-        The first axis is that of `halves`, 0 for the sky and 1 for the ground.
+        The first axis is that of `halves`, 0 for the sky and 1 for the ground. Behind them stands
+        the mean of their sum over the azimuth, (2, ROWS + 1).
         """
         return self.keep(("table", around, *halves), self._tabulated, around, halves)
 
@@ -200,7 +211,11 @@ class Sky(DistantEmitter):
         elevation[1] = np.minimum(elevation[1], around.horizon_deg - NEAREST_DEG)
         directions = np.broadcast_arrays(elevation[list(halves), :, None], azimuth)
         emitted, other = around.in_band_components(self.band, *directions)
-        return emitted[..., 0], other
+        emitted, mean = emitted[..., 0], other.mean(axis=2)
+        if 0 in halves and self.sun_elevation_deg is not None and isinstance(around.sky, ClearSky):
+            angles = np.broadcast_arrays(elevation[0, :, None], 180 * (azimuth / 180) ** 2)
+            other[0] = around.sky.in_band_by_angle(self.band, *angles)[1]
+        return emitted, other, emitted + mean
 
     def set_density(self, radiance: np.ndarray) -> None:
         """Set the density of drawn directions, which is even in cells of z.
@@ -236,7 +251,7 @@ class Sky(DistantEmitter):
             np.minimum(horizon + angles[0] * (1 - horizon / 90), 90),
             np.maximum(horizon - angles[1] * (1 + horizon / 90), -90),
         )
-        day = self.sun_elevation_deg is not None and has_rings[0]
+        day = self.sun_elevation_deg is not None and isinstance(around.sky, ClearSky)
         present = [around.sky is not None] * (1 + day), [around.ground is not None] * 2
         self.parts, first = [], []  # first: number of the first part of each half and component
         for half in (0, 1):
@@ -245,6 +260,13 @@ class Sky(DistantEmitter):
                 if component < len(present[half]) and present[half][component]:
                     self.parts += [(half, component, float(e)) for e in elevations[half]]
         self.first, self.rings = first, [len(of_half) for of_half in elevations]
+        self.near = None  # first and last ring with a spectrum toward the sun
+        if day:
+            self.set_mixture(around.sky)
+            from_sun = abs(elevations[0] - self.sun_elevation_deg)
+            near = np.flatnonzero(from_sun <= max(ASIDE_DEG / 2, from_sun.min()))
+            self.near = int(near[0]), int(near[-1])
+            self.parts += [(0, TOWARD_SUN, float(e)) for e in elevations[0][near]]
         nodes, places = np.linspace(0, 1, ROWS + 1) ** 2, []
         for sign, of_half in zip((1, -1), elevations):
             z = self.sin_horizon + sign * (1 - sign * self.sin_horizon) * nodes
@@ -255,6 +277,22 @@ class Sky(DistantEmitter):
 
             places.append(np.interp(at(away), at(of_half - horizon), np.arange(len(of_half))))
         self.places = mi.Float(np.concatenate(places))
+
+    def set_mixture(self, sky) -> None:
+        """Set the share of light from the sun's own direction in what is scattered by an angle.
+
+        sky: the clear sky by day.
+        """
+        more = sky.air.ray(sky.height_m, 0.0, MORE_AIR_M).amounts[-1]
+
+        def share(angle: float) -> float:
+            light = sky.scattered_by(self.sun_elevation_deg, angle)
+            rest = self.band.integral(light.wavelengths_um, light.through(more))
+            return rest / light.in_band_radiance(self.band)
+
+        shares = np.array([share(angle) for angle in np.linspace(0, ASIDE_DEG, ANGLES)])
+        mixture = (shares - shares[-1]) / (shares[0] - shares[-1])
+        self.mixture = mi.Float(np.clip(mixture, 0, 1))
 
     # ---------------------------------------------------------------- Parameters
 
@@ -290,6 +328,7 @@ class Sky(DistantEmitter):
         super().refresh()
         self.shine()
         dr.make_opaque(self.places, self.toward_sun, self.edges, self.summed, self.per_angle)
+        dr.make_opaque(self.mixture)
         dr.make_opaque(self.other, self.reflected, self.ground_emissivity, *self.sources())
         if self.derived_from is None or not same_variables(self.sources(), self.derived_from):
             self.derive()
@@ -376,7 +415,12 @@ class Sky(DistantEmitter):
 
     def _lights(self, around):
         known, lights = {}, []
-        for _, component, elevation in self.parts:
+        for half, component, elevation in self.parts:
+            if half == 0 and component > 0:
+                aside = max(ASIDE_DEG, abs(elevation - self.sun_elevation_deg))
+                angle = 0.0 if component == TOWARD_SUN else aside
+                lights.append(around.sky.scattered_by(elevation, angle))
+                continue
             if elevation not in known:
                 known[elevation] = around.components(elevation, ACROSS_DEG)
             of_ring = known[elevation]
@@ -441,13 +485,14 @@ class Sky(DistantEmitter):
 
         stride = self.columns + 1
         if self.columns:
-            along, beside = dr.dot(d.xy, self.toward_sun), d.y * self.toward_sun.x
+            along, beside = dr.dot(d.xy, self.toward_sun.xy), d.y * self.toward_sun.x
             beside -= d.x * self.toward_sun.y
-            azimuth = dr.abs(dr.atan2(beside, along)) * (self.columns / dr.pi)
-            j = dr.minimum(mi.UInt32(azimuth), self.columns - 1)
+            azimuth, angle = dr.abs(dr.atan2(beside, along)), self.from_sun(d)
+            column = dr.select(below, azimuth / dr.pi, dr.sqrt(angle / dr.pi)) * self.columns
+            j = dr.minimum(mi.UInt32(column), self.columns - 1)
             near = at(self.other, first * stride + j, stride)
             far = at(self.other, first * stride + j + 1, stride)
-            other = dr.lerp(near, far, azimuth - mi.Float(j))
+            other = dr.lerp(near, far, column - mi.Float(j))
         else:
             other = at(self.other, first)
         emitted = at(table, first)
@@ -476,9 +521,27 @@ class Sky(DistantEmitter):
             share = dr.select(total > 0, value / total, 0)
             first = dr.select(below, mi.UInt32(self.first[2 + component]), self.first[component])
             last = mi.UInt32(max(len(self.parts) - 1, 0))
+            if component == 1 and self.near is not None:
+                start, end = self.near
+                toward = dr.select(below, 0, share * self.mixed(d, active))
+                for ring, part in ((low, 1 - up), (low + 1, up)):
+                    number = len(self.parts) - 1 - end + dr.clip(ring, start, end)
+                    shares.append((number, toward * part))
+                share -= toward
             shares.append((dr.minimum(first + low, last), share * (1 - up)))
             shares.append((dr.minimum(first + dr.minimum(low + 1, most), last), share * up))
         return shares
+
+    def from_sun(self, d):
+        """Angle of a direction from the sun."""
+        return dr.safe_acos(dr.dot(d, self.toward_sun))
+
+    def mixed(self, d, active):
+        """Share of the spectrum toward the sun in what is scattered from the direction `d`."""
+        step = dr.minimum(self.from_sun(d) / np.radians(ASIDE_DEG), 1) * (ANGLES - 1)
+        k = dr.minimum(mi.UInt32(step), ANGLES - 2)
+        near, far = (dr.gather(mi.Float, self.mixture, k + n, active) for n in (0, 1))
+        return dr.lerp(near, far, step - mi.Float(k))
 
     # ---------------------------------------------------------------- Directions
 

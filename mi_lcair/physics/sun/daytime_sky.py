@@ -86,6 +86,21 @@ class ClearSky:
     ) -> list[np.ndarray]:
         """In-band radiance of what the air emits and, by day, of the sunlight that it scatters.
 
+        elevation_deg, azimuth_deg: elevation and azimuth from the sun [degrees], arrays of one
+        shape. See `in_band_by_angle`.
+        """
+        elevation, azimuth = np.broadcast_arrays(
+            np.asarray(elevation_deg, dtype=float), np.asarray(azimuth_deg, dtype=float)
+        )
+        is_night = self.sun_elevation_deg is None
+        angle = azimuth if is_night else self.from_sun(elevation, azimuth)
+        return self.in_band_by_angle(band, elevation, angle)
+
+    def in_band_by_angle(
+        self, band: Band, elevation_deg: np.ndarray, angle_deg: np.ndarray
+    ) -> list[np.ndarray]:
+        """In-band radiance of what the air emits and, by day, of the sunlight that it scatters.
+
         It is computed at RINGS_DEG. Between them the logarithms are interpolated over that of the
         air mass, see `between_rings`. There is no aureole of multiple scattering.
 
@@ -93,8 +108,9 @@ class ClearSky:
         ----------
         band
             Band within 3-5 um or 8-12 um.
-        elevation_deg, azimuth_deg
-            Elevation and azimuth from the sun [degrees], arrays of one shape.
+        elevation_deg, angle_deg
+            Elevation, and angle from the sun [degrees], arrays of one shape; the angle may be one
+            that no direction at the elevation has.
 
         Raises InputError if the air is not known in the band.
         """
@@ -102,13 +118,10 @@ class ClearSky:
         if band.is_total:
             raise InputError(f"{what}: does not cover band total; choose MWIR or LWIR")
         band.check_covered(bands().wavelengths_um, what)
-        elevation, azimuth = np.broadcast_arrays(
-            np.asarray(elevation_deg, dtype=float), np.asarray(azimuth_deg, dtype=float)
-        )
         rings = self.horizon_deg + np.array(RINGS_DEG) * (1 - self.horizon_deg / 90)
         rings[[0, -1]] = rings[0] + ABOVE_HORIZON_DEG, 90.0
         emitted, scattered = map(np.array, zip(*(self.ring(band, ring) for ring in rings)))
-        above, rings = np.maximum(elevation - self.horizon_deg, 0), rings - self.horizon_deg
+        above, rings = np.maximum(elevation_deg - self.horizon_deg, 0), rings - self.horizon_deg
         components = [between_rings(above, rings, emitted)]
         if self.sun_elevation_deg is not None:
             places = -np.log(air_mass(rings))
@@ -116,8 +129,7 @@ class ClearSky:
             low = np.minimum(place.astype(int), len(places) - 2)
             up = place - low
             scattered = np.log(np.maximum(scattered, SMALLEST))
-            angle = self.from_sun(elevation, azimuth)
-            place = np.interp(angle, ANGLES_DEG, np.arange(len(ANGLES_DEG)))
+            place = np.interp(angle_deg, ANGLES_DEG, np.arange(len(ANGLES_DEG)))
             near = np.minimum(place.astype(int), len(ANGLES_DEG) - 2)
             off = place - near
 
@@ -153,6 +165,17 @@ class ClearSky:
                 light = amount @ (through[1:] + through[:-1]) / 2 * model.scattering[k]
                 scattered += model.phase(k, ANGLES_DEG) @ light
         return emitted, scattered
+
+    def scattered_by(self, elevation_deg: float, angle_deg: float) -> AirLight:
+        """Sunlight that the air at an elevation would scatter from a sun at an angle from there.
+
+        The way to the sun is that at right angles to the ray's azimuth, as in `ring`.
+        """
+        along = self.air.ray(self.height_m, elevation_deg)
+        sources = self.air.scattering(along, SunDirection(elevation_deg + angle_deg), [0.0])[0]
+        sun = SunDirection(self.sun_elevation_deg, 90.0)
+        amounts = along.amounts + self.air.amounts_to_sun(along, sun)
+        return AirLight.of(f"sunlight scattered by {angle_deg:g}", sources, amounts)
 
     def mean_spectrum(self) -> AirLight:
         """Mean radiance of the sky, weighted by the cosine to the zenith.

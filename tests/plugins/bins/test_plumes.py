@@ -1,5 +1,7 @@
 """Plumes whose transmittance depends on wavelength, against Beer-Lambert's law."""
 
+from pathlib import Path
+
 import mitsuba as mi
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.window import Windows
+from mi_lcair.sensitivity.parameters import changed
 from tests.plugins.bins.test_by_bin import SPECTRA, X, planck, plate, radiance, thermal, write
 from tests.plugins.small_scenes import blackbody
 
@@ -29,7 +32,7 @@ def sphere(file, radius, temperature, **more):
     return {
         "type": "sphere",
         "radius": radius,
-        "bsdf": {"type": "plume", "spectrum": file, "band": "MWIR"},
+        "bsdf": {"type": "plume", "id": f"of_{Path(file).stem}", "spectrum": file, "band": "MWIR"},
         "emitter": thermal(temperature, group="plume"),
         **more,
     }
@@ -67,6 +70,27 @@ def test_plume_before_a_plate(tmp_path, sampling):
     assert result.scene.intensity / result.window_area == pytest.approx(
         of_plate + of_plume, rel=1e-4
     )
+
+
+def test_derivatives(tmp_path):
+    """Two crossings before a plate: L = tau^2 eps B_plate + (1 - tau^2) B_plume, tau = 1 - s e."""
+    file, tau = write(tmp_path, {"g": SPECTRA["g"]}), passing(0.7)
+    hot = sphere(file_of(tmp_path, 0.7), 1.0, 900.0, center=[0, 0, 3])
+    loaded = plate(file, "g", 400.0, plume=hot)
+    loaded.mi.integrator().bins = 128
+    emissivity, scale = np.interp(FINE, X, SPECTRA["g"][0]), 0.9
+    passed, rates = 1 - scale * (1 - tau), {"scale": tau - 1, "offset": -1, "slope": 4 - FINE}
+    names = [f"of_plume.{name}" for name in rates]
+    with changed(loaded, {"of_plume.scale": scale}):
+        result = mi_lcair.sensitivities(loaded, names, spp=16)
+    value = mean([(passed**2 * emissivity, 400.0), (1 - passed**2, 900.0)])
+    expected = [
+        mean([(2 * passed * rate * emissivity, 400.0), (-2 * passed * rate, 900.0)])
+        for rate in rates.values()
+    ]
+    area = mi_lcair.signature(loaded, spp=4).window_area
+    assert result.value / area == pytest.approx(value, rel=1e-4)
+    assert result.derivative / area == pytest.approx(expected, rel=1e-3)
 
 
 @pytest.mark.parametrize("sampling", [False, True])
