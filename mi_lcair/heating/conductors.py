@@ -27,7 +27,8 @@ class Facets:
     number: (n,), their numbers in the scene, see `rendering.facets.table.FacetTable`. area: (n,),
     of one side [m^2]. sides: (n,), number of sides that radiate, 1 or 2. centre, normal: (n, 3)
     [m], 1. groups: names of the groups. group: (n,), index of each facet's group in `groups`.
-    material: (n,), its name. emissivity: (n,), hemispherical, in the total band.
+    material: (n,), its name. emissivity: (n,), hemispherical, in the total band. is_diffuse: (n,),
+    whether it has one side that reflects evenly.
     """
 
     number: np.ndarray
@@ -39,6 +40,7 @@ class Facets:
     group: np.ndarray
     material: np.ndarray
     emissivity: np.ndarray
+    is_diffuse: np.ndarray
 
     @property
     def radiating_area(self) -> np.ndarray:
@@ -104,13 +106,15 @@ class Conductors:
     ) -> np.ndarray:
         """Irradiance of each facet [W m^-2], (n,), as its surface absorbs it; see `heat`.
 
-        It is sigma T^4 where everything around the facet has the temperature T.
+        It is sigma T^4 where everything around the facet has the temperature T, and NaN for a facet
+        that absorbs nothing.
         """
         fourth = kelvin**4
         rings = np.broadcast_to(np.asarray(sky_K, float) ** 4, self.to_sky.shape[1])
         arrives = self.between @ fourth + self.to_self * fourth + self.to_sky @ rings
         arrives += self.to_ground * ground_K**4
-        return STEFAN_BOLTZMANN * arrives / (self.total + self.to_self)
+        absorbs = self.total + self.to_self
+        return STEFAN_BOLTZMANN * arrives / np.where(absorbs > 0, absorbs, np.nan)
 
     @cached_property
     def pairs(self) -> tuple[np.ndarray, np.ndarray]:

@@ -133,8 +133,9 @@ def facets_of(paths: FacetPaths) -> Facets:
     if not len(number):
         raise InputError(f"{paths.scene.name}: no surface emits, so that no heat is exchanged")
     groups, group = np.unique(table.group[number].astype(str), return_inverse=True)
-    emissivity = np.array([hemispherical_emissivity(s) for s in paths.surfaces.different])
-    of_shape = np.array(paths.surfaces.of_shape)
+    surfaces = paths.surfaces.different
+    emissivity = np.array([hemispherical_emissivity(surface) for surface in surfaces])
+    of_facet = np.array(paths.surfaces.of_shape)[table.shape_index[number]]
     return Facets(
         number=number,
         area=table.area[number],
@@ -144,7 +145,8 @@ def facets_of(paths: FacetPaths) -> Facets:
         groups=tuple(groups.tolist()),
         group=group,
         material=table.material[number].astype(str),
-        emissivity=emissivity[of_shape[table.shape_index[number]]],
+        emissivity=emissivity[of_facet],
+        is_diffuse=np.array([surface.is_diffuse for surface in surfaces])[of_facet],
     )
 
 

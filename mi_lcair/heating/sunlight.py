@@ -27,12 +27,13 @@ class SolarAreas:
     The absorbed power is the area times the irradiance of the beam on a surface across it. lit:
     (RANDOMISATIONS, m, n), area across the beam that it lights. direct: of it, what is absorbed.
     reflected: area by which light that other facets, or the facet itself, have reflected is
-    absorbed.
+    absorbed. onward: (n, n), of the light that a facet (row) reflects, the share that each absorbs.
     """
 
     lit: np.ndarray
     direct: np.ndarray
     reflected: np.ndarray
+    onward: sparse.csr_array
 
     @property
     def absorbing(self) -> np.ndarray:
@@ -83,7 +84,19 @@ class Sunlight:
         side = np.where(self.paths.row_sides > 0, 0, 1)
         left = (lit - absorbed)[side, :, :, rows]  # (rows, RANDOMISATIONS, m)
         reflected = [left[:, run].T @ g for run, g in enumerate(self.means.between)]
-        return SolarAreas(lit.sum(axis=0), absorbed.sum(axis=0), np.array(reflected))
+        sums = lit.sum(axis=0), absorbed.sum(axis=0), np.array(reflected)
+        return SolarAreas(*sums, self.onward(lit.sum(axis=(1, 2))[side, rows]))
+
+    def onward(self, lit: np.ndarray) -> sparse.csr_array:
+        """Shares of the light that a facet (row) reflects and others absorb, (n, n).
+
+        lit: light on each row of the paths, which weights the sides of a sheet.
+        """
+        rows, n = self.paths.rows, len(self.area)
+        lit = np.maximum(lit, 1e-9 * self.area[rows])
+        share = lit / np.bincount(rows, lit, n)[rows]
+        sides = sparse.csr_array((share, (rows, np.arange(len(rows)))), shape=(n, len(rows)))
+        return sides @ (sum(self.means.between) / RANDOMISATIONS)
 
     def _points(self, points: int) -> mi.SurfaceInteraction3f:
         """Points of each randomisation of each facet."""

@@ -42,6 +42,15 @@ class Surface:
             if int(self.bsdf.flags()) & flag
         )
 
+    @property
+    def is_diffuse(self) -> bool:
+        """Whether it reflects evenly, on one side."""
+        layer = self.bsdf
+        is_lambertian = is_reflection_bsdf(layer) and (
+            layer.lobe == "diffuse" or layer.model.name == "grey" and layer.lobe == "brdf"
+        )
+        return is_lambertian and len(self.sides) == 1
+
 
 @dataclass
 class Surfaces:

@@ -37,6 +37,18 @@ def test_concentric_diffuse_spheres():
     assert between(result, "inner", "outer") == pytest.approx(expected, rel=2e-4)
 
 
+@pytest.mark.parametrize("is_flipped", [False, True])
+def test_a_turned_sphere_exchanges_as_it_does_unturned(is_flipped):
+    """All that it emits outward reaches the surroundings, and all that it emits inward itself."""
+    turn = T.translate([3, -2, 1]).rotate([0, 0, 1], 70).rotate([1, 0, 0], 40).scale(0.2)
+    ball = {"type": "sphere", "to_world": turn, "flip_normals": is_flipped, "bsdf": grey(0.7)}
+    result = exchange(scene_of(ball=ball | {"emitter": emits()}), rays=1024)
+    C, emitted = result.conductors, result.emitting_area
+    reached, other = (C.to_self, C.total) if is_flipped else (C.total, C.to_self)
+    assert reached == pytest.approx(emitted, rel=1e-4)
+    assert other == 0
+
+
 def test_a_mirror_around_a_sphere_acts_as_a_plate():
     result = exchange(spheres(grey(0.5), grey(0.3, lobe="mirror")), rays=131072)
     expected = 4 * np.pi / (1 / 0.5 + 1 / 0.3 - 1)

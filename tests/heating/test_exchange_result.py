@@ -68,6 +68,17 @@ def test_the_console_shows_groups_conductors_and_sunlight(result):
     assert pairs.rows[0][:2] == ("box", "plate") and len(sky.rows) == len(sun.rows) == 2
 
 
+def test_a_group_that_emits_nothing_has_tables_and_a_picture(tmp_path):
+    shapes = mirror_box(0.9, 0.9)
+    shapes["mirror0"]["emitter"] = emits("mirror")
+    result = mi_lcair.exchange(scene_of(**shapes), rays=64, sky_K=300, ground_K=300)
+    result.save(tmp_path / "e.html")
+    result.save(tmp_path / "e.png")
+    mirror = result.facets.groups.index("mirror")
+    assert result.of_groups(result.buried)[mirror] == 0
+    assert np.isnan(result.columns()["irradiance_W_m2"]).sum() == 1
+
+
 def test_the_irradiance_needs_all_temperatures():
     scene = scene_of(plate=square(grey(0.8), emitter=emits()))
     assert not mi_lcair.exchange(scene, rays=64).has_irradiance

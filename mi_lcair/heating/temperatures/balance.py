@@ -56,17 +56,24 @@ class Balance:
         diagonal = self.laplacian.diagonal()
         for _ in range(MOST_STEPS):
             residual = self.residual(kelvin, power, conductance)
-            scale = STEFAN_BOLTZMANN * diagonal * kelvin**4 + conductance * kelvin + abs(power)
-            worst = float(abs(residual).max())
+            # With the power at 1 K, so that a surface without any source cools to 0 K
+            scale = STEFAN_BOLTZMANN * diagonal * (1 + kelvin**4) + conductance * kelvin
+            scale += abs(power)
+            worst = float(abs(residual).max(initial=0))
             if (abs(residual) <= closed * scale).all():
                 return kelvin, worst
             step = self.linear(kelvin, conductance, residual[:, None], closed**0.5)[:, 0]
             kelvin = np.maximum(kelvin + step, kelvin / 2)
             if (abs(step) < 1e-13 * kelvin).all():
                 return kelvin, worst
+        why = (
+            "internal_W_m2 takes more heat from a surface than it gets at 0 K"
+            if kelvin.min() < 1
+            else "a surface needs a path for the heat that it takes up"
+        )
         raise InputError(
             f"the heat balance does not converge: {worst:.3g} W are left over after {MOST_STEPS} "
-            "steps; a surface needs a path for the heat that it takes up"
+            f"steps; {why}"
         )
 
     def linear(self, kelvin, conductance, power, solved: float = SOLVED) -> np.ndarray:

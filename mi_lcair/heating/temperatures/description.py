@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import date
 from os import PathLike
 from pathlib import Path
 from typing import Literal
@@ -75,6 +76,16 @@ class WeatherTable:
 
     def __post_init__(self):
         check_fields(self, "[weather]: ")
+        if self.day is not None and not is_date(self.day):
+            raise InputError(f"[weather]: day = {self.day!r}; must be a date such as 2026-06-21")
+
+
+def is_date(text: str) -> bool:
+    """Whether a text is a date such as 2026-06-21."""
+    try:
+        return date.fromisoformat(text).isoformat() == text
+    except ValueError:
+        return False
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,6 +9,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
 
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.heating.conductors import Conductors, Facets, Traced
@@ -31,13 +33,15 @@ class Sunlit:
 
     beam: (R, m, n), power by the irradiance of the beam at each time. sky: (R, n), by the
     irradiance of an even sky on a horizontal plane. ground: (R, n), by the irradiance that the
-    ground reflects. absorptance: (n,), of the facets in the solar band.
+    ground reflects. absorptance: (n,), of the facets in the solar band. onward: (n, n), of the
+    light that a facet (row) reflects, the share that each absorbs.
     """
 
     beam: np.ndarray
     sky: np.ndarray
     ground: np.ndarray
     absorptance: np.ndarray
+    onward: sparse.csr_array
 
     def absorbed(self, sun, diffuse, from_ground) -> np.ndarray:
         """Power for irradiances (m, 1) of the beam, the sky and the ground, (R, m, n) [W]."""
@@ -152,16 +156,25 @@ class Network:
         return Balance.of(inner, outward)
 
     def check_paths(self) -> None:
-        """Raise InputError for a group from which heat has no path."""
-        for (group, table), members in zip(self.tables.items(), self.members):
-            h = table.h_W_m2_K if table.h_W_m2_K is not None else self.weather.h_W_m2_K.max()
-            closed = self.conductors.total[members] <= 0
-            if table.temperature is None and not h and table.back_K is None and closed.any():
-                raise InputError(
-                    f"group {group}: facet {self.facets.number[members][closed.argmax()]} has no "
-                    "path for heat; it needs convection, a back at a temperature, or something "
-                    "that it sees"
-                )
+        """Raise InputError for a facet from which heat has no path, also through other facets."""
+        C, weather = self.conductors, self.weather
+        is_tied = np.array(
+            [
+                table.temperature is not None
+                or table.back_K is not None
+                or np.any(weather.h_W_m2_K if table.h_W_m2_K is None else table.h_W_m2_K)
+                for table in self.tables.values()
+            ]
+        )[self.facets.group]
+        count, part = connected_components(C.between, directed=False)
+        outward = is_tied + C.to_sky.sum(axis=1) + C.to_ground
+        if (closed := (np.bincount(part, outward, count) == 0)[part]).any():
+            k = int(closed.argmax())
+            raise InputError(
+                f"group {self.facets.groups[self.facets.group[k]]}: facet {self.facets.number[k]} "
+                "has no path for heat; it needs convection, a back at a temperature, or something "
+                "that it sees"
+            )
 
     def wall(self, group: str, change: Change = Change()) -> Wall:
         """The wall of a group; one of thickness 0 if it has none."""
@@ -181,6 +194,7 @@ class Network:
             heat_capacity=number["heat_capacity"],
             back=number.get("back_h", back),
             back_temperature=number.get("back_K", 0.0),
+            duration=float(np.ptp(self.weather.seconds)),
         )
 
     def held(self, change: Change = Change()) -> np.ndarray:
@@ -215,11 +229,8 @@ class Network:
         )
         sunlight = self.sunlight(change).mean(axis=0)
         shape = (len(weather.seconds), len(self.facets.area))
-        h, internal, share = (
-            np.zeros(shape, complex),
-            np.zeros(shape[1], complex),
-            np.ones(shape[1], complex),
-        )
+        h, internal = np.zeros(shape, complex), np.zeros(shape[1], complex)
+        more = np.zeros(shape[1], complex)
         for (group, table), members in zip(self.tables.items(), self.members):
             given = (
                 weather.h_W_m2_K if table.h_W_m2_K is None else np.full(shape[0], table.h_W_m2_K)
@@ -227,9 +238,13 @@ class Network:
             h[:, members] = change.of("h", given, group)[:, None]
             internal[members] = change.of("internal_W_m2", table.internal_W_m2, group)
             absorptance = np.maximum(self.sunlit.absorptance[members], 1e-9)
-            share[members] = change.of("absorptance", absorptance, group) / absorptance
+            more[members] = change.of("absorptance", absorptance, group) / absorptance - 1
         conductance = h * self.facets.radiating_area
-        power = emitted + sunlight * share + conductance * air + internal * self.facets.area
+        power = emitted + sunlight + conductance * air + internal * self.facets.area
+        if more.any():
+            # What is absorbed in addition is not reflected on others
+            kept = sunlight * more
+            power = power + kept - kept @ self.sunlit.onward
         from_held = STEFAN_BOLTZMANN * (self.conductors.between @ self.held(change) ** 4)
         free = self.is_free
         power, conductance = (power + from_held)[:, free], conductance[:, free]
@@ -259,11 +274,13 @@ class Network:
         walls = change if bare in OF_WALL else None
         return Column(name, power, conductance, walls, held=self.held(change).imag / STEP)
 
-    def of_emissivity(self, name: str, sigma: Sigma) -> Callable:
+    def of_emissivity(self, name: str, sigma: Sigma, is_whole: bool = True) -> Callable:
         """Derivative of the radiative gains with respect to emissivities, for diffuse surfaces.
 
         With the conductors GR of the surfaces and of the surroundings, including those to itself,
         d GR_ij / d eps_k = (d_ik + d_jk) GR_ij / eps_k - GR_ik GR_kj / (A_k eps_k^2).
+
+        is_whole: False for the last term only, what surfaces reflect less on others.
         """
         facets, between = self.facets, self.conductors.between
         area, eps = facets.radiating_area, np.maximum(facets.emissivity, 1e-9)
@@ -279,7 +296,8 @@ class Network:
             applied = between @ of_facets + itself * of_facets + outward * of_sky
             applied = applied + self.conductors.to_ground * of_ground
             through = delta / eps * (of_facets - applied / (area * eps))
-            return delta / eps * applied + between @ through + itself * through
+            onward = between @ through + itself * through
+            return delta / eps * applied + onward if is_whole else onward
 
         def gained(kelvin, k):
             whole = self.whole(kelvin)

@@ -3,13 +3,15 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy import sparse
 
 from mi_lcair.heating.exchange import exchange
+from mi_lcair.heating.paths import RANDOMISATIONS
 from mi_lcair.heating.sunlight import Sunlight
 from mi_lcair.heating.temperatures.day import course
-from mi_lcair.heating.temperatures.description import Description, SignatureTable
+from mi_lcair.heating.temperatures.description import Description, Sigma, SignatureTable
 from mi_lcair.heating.temperatures.heat_result import AllFacets, Heat, Intensity
-from mi_lcair.heating.temperatures.network import Network, Sunlit
+from mi_lcair.heating.temperatures.network import Column, Network, Sunlit
 from mi_lcair.heating.temperatures.weather import Weather, weather
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.rendering.facets.polygons import FacetPolygons
@@ -32,9 +34,16 @@ def temperatures(scene: Scene, description: Description) -> Heat:
     light, of_light = sunlit(scene, radiation.facets, conditions, description)
     network = Network(radiation.facets, radiation.traced, light, conditions, description.groups)
     columns = [network.column(name, sigma) for name, sigma in description.sigma.items()]
-    solved = course(network, [*columns, *network.noise()], run.start_K)
+    doubtful = reflected_columns(network, description.sigma)
+    noise = network.noise()
+    solved = course(network, [*columns, *noise, *doubtful], run.start_K)
     changes = dict(zip(description.sigma, solved.changes))
-    replicates = solved.changes[len(columns) :]
+    replicates = solved.changes[len(columns) :][: len(noise)]
+    on_emissivity = [
+        f"[sigma] {column.name}: up to {abs(change).max():.2g} K of its effect, which is "
+        f"{abs(changes[column.name]).max():.2g} K at most, assume that surfaces reflect evenly"
+        for column, change in zip(doubtful, solved.changes[len(columns) + len(noise) :])
+    ]
     table = FacetTable(scene)
     result = Heat(
         name=scene.name,
@@ -51,26 +60,45 @@ def temperatures(scene: Scene, description: Description) -> Heat:
         all_facets=AllFacets(
             FacetPolygons.of(table.triangles, table.triangle_facet), table.temperature
         ),
-        remarks=tuple(dict.fromkeys((*radiation.remarks, *of_light, *conditions.remarks))),
+        remarks=tuple(
+            dict.fromkeys((*radiation.remarks, *of_light, *conditions.remarks, *on_emissivity))
+        ),
     )
     if description.signature is None:
         return result
     return replace(result, intensity=intensity(scene, result, description.signature, run.seed))
 
 
+def reflected_columns(network: Network, sigmas: dict[str, Sigma]) -> list[Column]:
+    """What emissivities change by reflections, if surfaces are not diffuse."""
+    if network.facets.is_diffuse.all():
+        return []
+    return [
+        Column(name, radiative=network.of_emissivity(name, sigma, is_whole=False))
+        for name, sigma in sigmas.items()
+        if name.rpartition(".")[2] == "emissivity"
+    ]
+
+
 def sunlit(scene: Scene, facets, conditions: Weather, description: Description):
     """The sunlight that facets absorb at the times of a weather, and remarks on it."""
     n, times = len(facets.area), len(conditions.seconds)
     shines = conditions.sun_W_m2 > 0
+    beam = np.zeros((RANDOMISATIONS, times, n))
     if not shines.any() and not conditions.diffuse_W_m2.any():
         dark = np.zeros((1, n))
-        return Sunlit(dark[:, None] + np.zeros((times, 1)), dark, dark, np.ones(n)), ()
+        return Sunlit(beam[:1], dark, dark, np.ones(n), sparse.csr_array((n, n))), ()
     light = Sunlight(scene, description.run.rays, description.run.seed)
-    beam = np.zeros((len(light.of_ground), times, n))
+    # Without a beam its areas are of no account, but a sheet's sides are
+    suns = conditions.toward_sun[shines] if shines.any() else np.array([[0.0, 0, 1]])
+    areas = light.areas(suns, SHADOW_RAYS)
     if shines.any():
-        beam[:, shines] = light.areas(conditions.toward_sun[shines], SHADOW_RAYS).absorbing
+        beam[:, shines] = areas.absorbing
     of_sky = light.of_sky.sum(axis=2)
-    return Sunlit(beam, of_sky, light.of_ground, light.absorptance), light.remarks
+    return (
+        Sunlit(beam, of_sky, light.of_ground, light.absorptance, areas.onward),
+        light.remarks,
+    )
 
 
 def intensity(scene: Scene, heat: Heat, table: SignatureTable, seed: int) -> Intensity:

@@ -1,21 +1,24 @@
 """Conduction through a plane wall of one material, as one spectral element over its depth.
 
 The temperature over the depth is a polynomial of degree `CELLS`, given by its values at the
-Gauss-Lobatto nodes. Node 0 lies on the surface that faces the scene. With the mass matrix M, the
-stiffness K, and the flux q into the surface and q_b into the back [W m^-2],
+Gauss-Lobatto nodes. Node 0 lies on the surface that faces the scene. Below the depth of a day's
+waves the nodes are apart as the points of an exponential, for waves of longer series. With the mass
+matrix M, the stiffness K, and the flux q into the surface and q_b into the back [W m^-2],
 
     M dU/dt + K U = q e_0 + q_b e_n.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import legendre
+from scipy.optimize import brentq
 
 CELLS = 10  # intervals between the nodes of a wall
 DAY = 86400.0  # [s]
-# Depth in penetration depths of the day. A wave of the day that has gone there and back is smaller
-# by exp(-12). Whatever lies deeper conducts the mean flux only.
+# Depth in penetration depths of the day, or of a longer series. A wave that has gone there and back
+# is smaller by exp(-12). Whatever lies deeper conducts the mean flux only.
 DEEPEST = 6.0
 
 
@@ -32,7 +35,7 @@ def gauss_lobatto(degree: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 NODES, WEIGHTS, DERIVATIVE = gauss_lobatto(CELLS)
-STIFFNESS = DERIVATIVE.T @ (WEIGHTS[:, None] * DERIVATIVE)
+INTERVAL = (NODES + 1) / 2  # the nodes in 0..1
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,7 @@ class Wall:
     thickness [m], conductivity [W m^-1 K^-1], density [kg m^-3], heat_capacity [J kg^-1 K^-1].
     back: coefficient of heat transfer at the back [W m^-2 K^-1]; 0 for an insulated back, infinite
     for a back at a temperature. back_temperature: of the back or of the air behind it [K]. The
-    numbers may be complex, for derivatives by complex steps.
+    numbers may be complex, for derivatives by complex steps. duration: of the weather [s].
     """
 
     thickness: complex = 0.0
@@ -51,16 +54,29 @@ class Wall:
     heat_capacity: complex = 0.0
     back: complex = 0.0
     back_temperature: complex = 0.0
+    duration: float = DAY
+
+    def penetration(self, seconds: float) -> complex:
+        """Penetration depth of waves of a period [m]; infinite for a wall that stores no heat."""
+        stored = self.density * self.heat_capacity
+        return np.sqrt(self.conductivity * seconds / (np.pi * stored)) if stored else np.inf
 
     @property
     def depth(self) -> complex:
         """Depth down to which heat is stored [m]."""
-        stored = self.density * self.heat_capacity
-        if not np.real(stored * self.thickness):
-            return self.thickness
-        penetration = np.sqrt(self.conductivity * DAY / (np.pi * stored))
-        is_deep = np.real(self.thickness) > DEEPEST * np.real(penetration)
-        return DEEPEST * penetration if is_deep else self.thickness
+        deepest = DEEPEST * self.penetration(max(self.duration, DAY))
+        return deepest if np.real(self.thickness) > np.real(deepest) else self.thickness
+
+    @cached_property
+    def grid(self) -> tuple[np.ndarray, np.ndarray]:
+        """Depths of the nodes [m], and their derivative with respect to `INTERVAL`, (nodes,)."""
+        longer = np.real(self.depth / (DEEPEST * self.penetration(DAY)))
+        if longer <= 1.001:
+            return self.depth * INTERVAL, self.depth * np.ones(CELLS + 1)
+        # The nodes at the surface are as close as those of a day
+        growth = brentq(lambda g: np.expm1(g) / g - longer, 1e-4, 40.0)
+        scale = self.depth / np.expm1(growth)
+        return scale * np.expm1(growth * INTERVAL), scale * growth * np.exp(growth * INTERVAL)
 
     @property
     def outward(self) -> complex:
@@ -82,15 +98,18 @@ class Wall:
 
     def mass(self) -> np.ndarray:
         """Diagonal of M [J m^-2 K^-1], (nodes,)."""
-        return WEIGHTS * self.density * self.heat_capacity * self.depth / 2
+        return WEIGHTS / 2 * self.density * self.heat_capacity * self.grid[1]
 
     def conduction(self) -> np.ndarray:
         """K with the conductance of the back on its diagonal [W m^-2 K^-1], (nodes, nodes)."""
-        matrix = STIFFNESS * (2 * self.conductivity / self.depth)
+        along = 2 * self.conductivity * WEIGHTS / self.grid[1]
+        matrix = DERIVATIVE.T @ (along[:, None] * DERIVATIVE)
+        # An even temperature conducts no heat, whatever the rounding
+        matrix -= np.diag(matrix.sum(axis=1))
         return matrix + np.diag([0.0] * CELLS + [1.0]) * self.outward
 
     def profile(self, surface: np.ndarray) -> np.ndarray:
         """Steady temperatures of the nodes below surface temperatures (n,) [K], (nodes, n)."""
         conductance, _ = self.steady()
         gradient = conductance * (surface - self.back_temperature) / self.conductivity
-        return surface - np.multiply.outer((NODES + 1) / 2 * self.depth, gradient)
+        return surface - np.multiply.outer(self.grid[0], gradient)

@@ -1,7 +1,7 @@
 """Weather at the steps of a day: from numbers, from the rows of a CSV, or from an EPW file."""
 
 import csv
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -12,23 +12,30 @@ from mi_lcair.heating.temperatures.description import WeatherTable
 from mi_lcair.heating.temperatures.wall import DAY
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 from mi_lcair.physics.sun.position import sun_position
-from mi_lcair.table import read_table
+from mi_lcair.table import LARGEST, TextTable, read_table
 
 HOUR = 3600.0
-# Columns of an EPW file [EnergyPlus, Auxiliary Programs, section 2.9], its mark for a missing
-# value, and whether the number is a mean over the hour that ends at its row
+# Columns of an EPW file [EnergyPlus, Auxiliary Programs, section 2.9] and its mark for a missing
+# value. MEANS are those over the hour that ends at a row.
 EPW = {
-    "air_K": (6, 99.9, False),
-    "infrared": (12, 9999, True),
-    "sun_W_m2": (14, 9999, True),
-    "diffuse_W_m2": (15, 9999, True),
-    "wind_m_s": (21, 999, False),
+    "air_K": (6, 99.9),
+    "infrared": (12, 9999),
+    "sun_W_m2": (14, 9999),
+    "diffuse_W_m2": (15, 9999),
+    "wind_m_s": (21, 999),
 }
+MEANS = ("sky_K", "sun_W_m2", "diffuse_W_m2")
 EPW_HEADER = 8  # lines above the rows
 ZERO_CELSIUS = 273.15
 ROWS = ("air_K", "h_W_m2_K", "wind_m_s", "sky_K", "ground_K", "sun_W_m2", "diffuse_W_m2")
 DIRECTION = ("sun_elevation_deg", "sun_azimuth_deg")
 PLACE = ("latitude_deg", "longitude_deg", "utc_offset_h", "day")
+LIMITS = {
+    entry.name: (bounds.lower, min(bounds.upper, LARGEST))
+    for entry in fields(WeatherTable)
+    if (bounds := entry.metadata.get("bounds"))
+}
+DUSK = 0.05  # largest share of the beam's energy below the horizon, from rows that are means
 
 
 @dataclass(frozen=True)
@@ -97,24 +104,26 @@ def weather(table: WeatherTable, folder: Path, steps: int, is_periodic: bool) ->
         for name in (*ROWS, *DIRECTION, *PLACE)
         if (value := getattr(table, name)) is not None
     }
-    if table.file is None:
-        rows, hours, where = {}, np.zeros(1), "[weather]"
-        times = np.zeros(1)
-    else:
+    where, times, values = "[weather]", np.zeros(1), dict(constants)
+    if table.file is not None:
         path = folder / table.file
-        where = f"weather {path}"
-        is_epw = path.suffix.lower() == ".epw"
-        read = epw_rows if is_epw else csv_rows
-        rows, hours, place = read(path, table.day)
-        constants |= place
+        where, is_epw = f"weather {path}", path.suffix.lower() == ".epw"
+        text, rows, place = (epw_rows if is_epw else csv_rows)(path, table.day)
+        if is_epw and table.h_W_m2_K is not None:
+            del rows["wind_m_s"]
+        hours = rows.pop("hour")
         check_hours(where, hours, is_periodic)
         length = DAY if is_periodic else HOUR * (hours[-1] - hours[0])
-        count = steps if is_periodic else max(1, round(length / DAY * steps))
+        count = steps if is_periodic else max(2, round(length / DAY * steps))
         begin = 0.0 if is_periodic else hours[0] * HOUR
         times = begin + length / count * np.arange(1, count + 1)
-    values = dict(constants)
-    for name, (centres, numbers) in rows.items():
-        values[name] = interpolated(times, centres * HOUR, numbers, is_periodic)
+        values |= place
+        if twice := [name for name in (*rows, *place) if constants.get(name)]:
+            raise InputError(f"{where}: has {twice[0]}; leave it out of [weather]")
+        for name, numbers in rows.items():
+            text.check_range(name, numbers, *LIMITS[name])
+            centres = hours - 0.5 * (is_epw and name in MEANS)
+            values[name] = interpolated(times, centres * HOUR, numbers, is_periodic)
     return completed(table, values, times, where)
 
 
@@ -147,8 +156,8 @@ def check_hours(where: str, hours: np.ndarray, is_periodic: bool) -> None:
         )
 
 
-def csv_rows(path: Path, day) -> tuple[dict, np.ndarray, dict]:
-    """Rows of a CSV as {name: (hours, numbers)}, their hours, and no place."""
+def csv_rows(path: Path, day) -> tuple[TextTable, dict, dict]:
+    """The table of a CSV, its columns as {name: numbers}, and no place."""
     table = read_table(path, ("hour",), "weather")
     names = [name for name in table.columns if name in (*ROWS, *DIRECTION)]
     if odd := [name for name in table.columns if name not in (*names, "hour")]:
@@ -157,10 +166,6 @@ def csv_rows(path: Path, day) -> tuple[dict, np.ndarray, dict]:
             f"{', '.join((*ROWS, *DIRECTION))}"
         )
     numbers = table.numbers(["hour", *names])
-    for name in names:
-        low, high = (-360, 360) if name in DIRECTION else (0, 6000)
-        table.check_range(name, numbers[name], low, high)
-    hours = numbers.pop("hour")
     if {"sun_W_m2", "sun_elevation_deg"} <= numbers.keys():
         below = (numbers["sun_W_m2"] > 0) & (numbers["sun_elevation_deg"] <= 0)
         if below.any():
@@ -170,40 +175,39 @@ def csv_rows(path: Path, day) -> tuple[dict, np.ndarray, dict]:
             )
     if "sun_azimuth_deg" in numbers:
         numbers["sun_azimuth_deg"] = np.unwrap(numbers["sun_azimuth_deg"], period=360)
-    return {name: (hours, values) for name, values in numbers.items()}, hours, {}
+    return table, numbers, {}
 
 
-def epw_rows(path: Path, day: str | None) -> tuple[dict, np.ndarray, dict]:
+def epw_rows(path: Path, day: str | None) -> tuple[TextTable, dict, dict]:
     """Rows of a day of an EPW file, as `csv_rows`, and the place of its first line.
 
     The year of the day is ignored, because the months of a typical year come from several years.
     """
-    lines = list(csv.reader(read_text(path, f"weather {path}").splitlines()))
+    where = f"weather {path}"
+    lines = list(csv.reader(read_text(path, where).splitlines()))
     if len(lines) <= EPW_HEADER or not lines[0] or lines[0][0] != "LOCATION":
-        raise InputError(f"weather {path}: is no EPW file, whose first line begins with LOCATION")
+        raise InputError(f"{where}: is no EPW file, whose first line begins with LOCATION")
     if day is None:
-        raise InputError(f"weather {path}: name the day, such as day = 2026-06-21")
+        raise InputError(f"{where}: name the day, such as day = 2026-06-21")
     month, date = map(int, day.split("-")[1:])
     of_day = [
-        (number, row)
+        (number, [cell.strip() for cell in (row[3], *(row[k] for k, _ in EPW.values()))])
         for number, row in enumerate(lines[EPW_HEADER:], EPW_HEADER + 1)
         if len(row) > 21 and row[1:3] == [str(month), str(date)]
     ]
     if len(of_day) != 24:
-        raise InputError(f"weather {path}: has {len(of_day)} rows of {day}; expected 24")
-    values = {}
-    hours = np.array([float(row[3]) for _, row in of_day])
-    for name, (column, missing, is_mean) in EPW.items():
-        numbers = np.array([float(row[column]) for _, row in of_day])
-        if (absent := numbers >= missing).any():
-            line = of_day[int(absent.argmax())][0]
-            raise InputError(f"weather {path}, line {line}: {name} is missing")
-        values[name] = (hours - 0.5 * is_mean, numbers)
-    values["air_K"] = (hours, values["air_K"][1] + ZERO_CELSIUS)
-    centres, infrared = values.pop("infrared")
-    values["sky_K"] = (centres, (infrared / STEFAN_BOLTZMANN) ** 0.25)
-    names = ("latitude_deg", "longitude_deg", "utc_offset_h")
-    return values, hours, dict(zip(names, map(float, lines[0][6:9])))
+        raise InputError(f"{where}: has {len(of_day)} rows of {day}; expected 24")
+    table = TextTable(where, ["hour", *EPW], of_day)
+    numbers = table.numbers(table.columns)
+    for name, (_, missing) in EPW.items():
+        if (absent := numbers[name] >= missing).any():
+            raise InputError(f"{where}, line {of_day[int(absent.argmax())][0]}: {name} is missing")
+    numbers["air_K"] += ZERO_CELSIUS
+    table.check_range("infrared", numbers["infrared"], 0, 9999)
+    numbers["sky_K"] = (numbers.pop("infrared") / STEFAN_BOLTZMANN) ** 0.25
+    names = ["latitude_deg", "longitude_deg", "utc_offset_h"]
+    place = TextTable(where, names, [(1, lines[0][6:9])]).numbers(names)
+    return table, numbers, {name: float(value[0]) for name, value in place.items()}
 
 
 def completed(table: WeatherTable, values: dict, times: np.ndarray, where: str) -> Weather:
@@ -221,8 +225,11 @@ def completed(table: WeatherTable, values: dict, times: np.ndarray, where: str) 
     if "wind_m_s" in values:
         values["h_W_m2_K"] = convection(values["wind_m_s"])
     sun = np.broadcast_to(values["sun_W_m2"], times.shape)
-    if table.file is None and sun[0] > 0 and elevation[0] <= 0:
-        raise InputError(f"{where}: sun_W_m2 = {sun[0]:g} with the sun below the horizon")
+    is_day = elevation > 0
+    if (below := sun[~is_day].sum()) > DUSK * sun.sum():
+        raise InputError(
+            f"{where}: {below / sun.sum():.0%} of sun_W_m2 is there with the sun below the horizon"
+        )
     arrays = {
         name: np.broadcast_to(np.asarray(values[name], float), times.shape)
         for name in ("air_K", "h_W_m2_K", "sky_K", "ground_K", "diffuse_W_m2")
@@ -230,7 +237,7 @@ def completed(table: WeatherTable, values: dict, times: np.ndarray, where: str) 
     return Weather(
         seconds=times,
         **arrays,
-        sun_W_m2=np.where(elevation > 0, sun, 0.0),
+        sun_W_m2=np.where(is_day, sun, 0.0),
         elevation_deg=elevation,
         azimuth_deg=azimuth,
         albedo=table.albedo,

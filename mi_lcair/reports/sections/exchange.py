@@ -16,7 +16,7 @@ PARTS = ("sky", "ground", "itself", "other groups")  # of what a group emits
 def sections(result) -> list[Section]:
     """Shares of the groups, the conductors between them, their sky by elevation, and facets."""
     M, names = result.facets.membership, result.facets.groups
-    emitted = M @ result.emitting_area
+    emitted = np.maximum(M @ result.emitting_area, np.finfo(float).tiny)
     areas = result.by_group(lambda C: np.transpose([*C.parts.values()]))
     shares = zip(*(area / emitted[:, None] for area in areas))
     counts, area = M.sum(axis=1).astype(int), M @ result.facets.area

@@ -9,7 +9,7 @@ from mi_lcair.heating.temperatures.network import Network, Sunlit
 from mi_lcair.heating.temperatures.weather import Weather
 
 
-def weather(count=1, **numbers) -> Weather:
+def weather(count=1, albedo=0.2, **numbers) -> Weather:
     """Weather at times of a day; numbers or arrays by name."""
     seconds = 86400 / count * np.arange(1, count + 1)
     usual = {
@@ -21,10 +21,21 @@ def weather(count=1, **numbers) -> Weather:
         name: np.broadcast_to(np.asarray(value, float), seconds.shape)
         for name, value in (usual | numbers).items()
     }
-    return Weather(seconds=seconds, albedo=0.2, **arrays)
+    return Weather(seconds=seconds, albedo=albedo, **arrays)
 
 
-def network(between, sky, ground, conditions, *, area=None, beam=0.0, groups=None, replicates=()):
+def network(
+    between,
+    sky,
+    ground,
+    conditions,
+    *,
+    area=None,
+    beam=0.0,
+    groups=None,
+    replicates=(),
+    onward=None,
+):
     """A network of n facets, each in a group g0, g1, ... of its own."""
     n = len(sky)
     area = np.ones(n) if area is None else np.asarray(area, float)
@@ -42,11 +53,13 @@ def network(between, sky, ground, conditions, *, area=None, beam=0.0, groups=Non
         number=np.arange(n), area=area, sides=np.ones(n, int), centre=np.zeros((n, 3)),
         normal=np.tile([0.0, 0, 1], (n, 1)), groups=names, group=np.arange(n),
         material=np.array(["grey"] * n), emissivity=np.minimum(total / np.maximum(area, 1e-3), 1),
+        is_diffuse=np.ones(n, bool),
     )  # fmt: skip
     times = len(conditions.seconds)
     beam = np.broadcast_to(beam, (times, n)).astype(float)
     diffuse = 0.6 * np.array([[sky], [ground]], float)
-    sunlit = Sunlit(beam[None], *diffuse, np.full(n, 0.6))
+    onward = sparse.csr_array((n, n)) if onward is None else sparse.csr_array(onward)
+    sunlit = Sunlit(beam[None], *diffuse, np.full(n, 0.6), onward)
     tables = {name: GroupTable(**table) for name, table in (groups or {}).items()}
     for table in tables.values():
         table.check("")

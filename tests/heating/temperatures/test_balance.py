@@ -172,8 +172,62 @@ def test_derivative_with_respect_to_emissivity():
     np.testing.assert_allclose(changes, (ends[0] - ends[1]) / 2e-5 * 0.02, rtol=1e-5)
 
 
+def test_derivative_with_respect_to_absorptance():
+    """Against sunlight that radiosity gives, for three diffuse surfaces that light each other."""
+    area = np.array([1.0, 2.0, 0.5])
+    views = np.array([[0.0, 0.5, 0.1], [0.5, 0.3, 0.2], [0.1, 0.2, 0.0]])  # A F, symmetric
+    lit = np.array([0.8, 0.3, 0.0])  # area across the beam
+
+    def of(alpha):
+        # Light that leaves reaches others by F and is reflected again
+        F = views / area[:, None]
+        onward = F @ np.linalg.inv(np.eye(3) - np.diag(1 - alpha) @ F)
+        return (lit + (lit * (1 - alpha)) @ onward) * alpha, onward * alpha
+
+    alpha = np.full(3, 0.6)  # of `network`
+    beam, onward = of(alpha)
+    room = network(views, [0.4, 1.0, 0.2], [0] * 3, weather(sun_W_m2=500.0, albedo=0.0), beam=beam,
+                   area=area, onward=onward)  # fmt: skip
+    for name, members in (("absorptance", slice(None)), ("g1.absorptance", slice(1, 2))):
+        step = np.zeros(3)
+        step[members] = 1e-6
+        expected = (of(alpha + step)[0] - of(alpha - step)[0]) / 2e-6 * 0.05 * 500
+        column = room.column(name, Sigma(0.05, False))
+        np.testing.assert_allclose(column.power[0], expected, rtol=1e-6)
+
+
 def test_groups_without_a_path_for_heat_are_refused():
+    still = weather(h_W_m2_K=0.0)
     with pytest.raises(InputError, match="group g0: facet 0 has no path for heat"):
-        network([[0]], [0.0], [0.0], weather(h_W_m2_K=0.0))
+        network([[0]], [0.0], [0.0], still)
+    with pytest.raises(InputError, match="group g1: facet 1 has no path for heat"):
+        network([[0, 0, 0], [0, 0, 0.2], [0, 0.2, 0]], [1.0, 0, 0], [0] * 3, still)
     with pytest.raises(InputError, match="group g0: facet 0 has no area"):
         network([[0]], [1.0], [0.0], weather(), area=[0.0])
+
+
+@pytest.mark.parametrize(
+    "way", [{"temperature": 300.0}, {"back_K": 300.0} | WALL, {"h_W_m2_K": 1.0}]
+)
+def test_heat_finds_its_way_through_other_facets(way):
+    pair = network([[0, 0.2], [0.2, 0]], [0, 0], [0, 0], weather(h_W_m2_K=0.0, air_K=300.0),
+                   groups={"g1": way})  # fmt: skip
+    np.testing.assert_allclose(steady(pair).kelvin, 300)
+
+
+def test_what_has_no_source_is_cold():
+    plate = network([[0]], [1.0], [0.0], weather(h_W_m2_K=0.0, sky_K=0.0))
+    assert steady(plate).kelvin[0, 0] < 0.01
+
+
+def test_more_cooling_than_heat_is_refused():
+    cooled = network(
+        [[0]], [1.0], [0.0], weather(h_W_m2_K=0.0), groups={"g0": {"internal_W_m2": -900.0}}
+    )
+    with pytest.raises(InputError, match="internal_W_m2 takes more heat"):
+        steady(cooled)
+
+
+def test_a_network_without_a_free_group_has_its_temperatures():
+    held = network([[0]], [1.0], [0.0], weather(), groups={"g0": {"temperature": 400.0}})
+    assert steady(held).kelvin[0, 0] == 400

@@ -8,9 +8,9 @@ from mi_lcair.heating.temperatures.wall import CELLS, DAY, Wall
 OMEGA = 2 * np.pi / DAY
 
 
-def impedance(wall: Wall) -> complex:
-    """Temperature of the surface for a flux of 1 W/m^2 that oscillates once a day."""
-    matrix = 1j * OMEGA * np.diag(wall.mass()) + wall.conduction()
+def impedance(wall: Wall, days: float = 1.0) -> complex:
+    """Temperature of the surface for a flux of 1 W/m^2 that oscillates once in some days."""
+    matrix = 1j * OMEGA / days * np.diag(wall.mass()) + wall.conduction()
     return np.linalg.solve(matrix, np.eye(CELLS + 1)[0])[0]
 
 
@@ -32,6 +32,15 @@ def test_soil_is_a_semi_infinite_body(thickness):
     ratio = impedance(wall) / exact
     assert abs(abs(ratio) - 1) < 1e-4
     assert abs(np.angle(ratio, deg=True)) < 0.01
+
+
+@pytest.mark.parametrize(("duration", "error"), [(3, 1e-4), (30, 1e-3), (365, 1e-2)])
+def test_soil_in_a_long_series(duration, error):
+    """The wall has the impedance of waves of a day and of the whole series."""
+    wall = Wall(200.0, 1.2, 1800, 1100, duration=duration * DAY)
+    for days in (1, np.sqrt(duration), duration):
+        exact = 1 / (1.2 * np.sqrt(1j * OMEGA / days * 1800 * 1100 / 1.2))
+        assert abs(impedance(wall, days) / exact - 1) < error
 
 
 @pytest.mark.parametrize("thickness", [0.05, 5.0])

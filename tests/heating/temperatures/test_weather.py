@@ -1,5 +1,7 @@
 """Weather from numbers, rows and EPW files, and what is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -26,11 +28,27 @@ def epw(path, change=None):
     lines = []
     for hour in range(1, 25):
         row = [1999, 6, 21, hour, 0, "-"] + [0] * 29
-        row[6], row[12], row[14], row[15], row[21] = 10 + hour, 300 + hour, 20 * hour, 50, 3
-        row = {12: change or row}.get(hour, row)
+        row[6], row[12], row[14], row[15], row[21] = (
+            10 + hour,
+            300 + hour,
+            20 * hour * (5 < hour < 21),
+            50,
+            3,
+        )
+        for column, cell in (change or {}).items() if hour == 12 else ():
+            row[column] = cell
         lines.append(",".join(map(str, row)))
     (path / "site.epw").write_text("\n".join(head + lines) + "\n")
     return WeatherTable(file="site.epw", day="2026-06-21")
+
+
+def night(path):
+    """Sunshine around midnight at a place."""
+    (path / "night.csv").write_text(
+        "hour,sun_W_m2\n" + "".join(f"{hour},{600 * (hour < 5)}\n" for hour in range(24))
+    )
+    place = {"latitude_deg": 47.0, "longitude_deg": 8.0, "utc_offset_h": 1.0, "day": "2026-06-21"}
+    return WeatherTable(file="night.csv", **place, **CONSTANT)
 
 
 def test_numbers_hold_all_the_time(tmp_path):
@@ -50,6 +68,16 @@ def test_rows_are_interpolated(tmp_path):
     assert np.all(day.sun_W_m2 == 0)
     series = weather(rows(tmp_path, hours=range(7)), tmp_path, 96, False)
     np.testing.assert_allclose(series.seconds, 900 * np.arange(1, 25))
+
+
+def test_h_stands_in_for_the_wind_of_an_epw_file(tmp_path):
+    epw(tmp_path)
+    table = WeatherTable(file="site.epw", day="2026-06-21", h_W_m2_K=7.0)
+    assert np.all(weather(table, tmp_path, 24, True).h_W_m2_K == 7)
+
+
+def test_a_short_series_is_no_steady_state(tmp_path):
+    assert len(weather(rows(tmp_path, hours=(0, 1)), tmp_path, 4, False).seconds) == 2
 
 
 def test_epw_file(tmp_path):
@@ -75,8 +103,17 @@ def test_epw_file(tmp_path):
         (lambda p: rows(p, lambda hour: "290,,8,0,-20,0"), "line 2: '' in column 'sky_K'"),
         (lambda p: rows(p, lambda hour: "290,260,8,5,-20,0"), "sun below the horizon"),
         (lambda p: rows(p, hours=[3]), "one row"),
-        (lambda p: epw(p, [1999, 6, 21, 12, 0, "-", *[9999] * 29]), "line 20: air_K is missing"),
+        (lambda p: epw(p, {6: 9999}), "line 20: air_K is missing"),
         (lambda p: WeatherTable(file="site.epw"), "day = 2026-06-21"),
+        (lambda p: WeatherTable(file="site.epw", day="20260621"), "must be a date such as"),
+        (lambda p: epw(p, {6: "warm"}), "line 20: 'warm' in column 'air_K'"),
+        (lambda p: epw(p, {6: -400}), "line 20: air_K -126.85; must lie in 10..6000"),
+        (lambda p: epw(p, {12: -5}), "line 20: infrared -5; must"),
+        (lambda p: epw(p, {14: -5}), "line 20: sun_W_m2 -5; must"),
+        (lambda p: rows(p, lambda hour: "0,260,8,0,-20,0"), "line 2: air_K 0; must lie in 10"),
+        (lambda p: replace(rows(p), air_K=280.0), "has air_K; leave it out of"),
+        (lambda p: replace(epw(p), north_deg=0, latitude_deg=5.0), "has latitude_deg; leave"),
+        (lambda p: night(p), "% of sun_W_m2 is there with the sun below the horizon"),
         (lambda p: WeatherTable(**CONSTANT, wind_m_s=3.0), "one of them"),
         (lambda p: WeatherTable(air_K=290.0, h_W_m2_K=8.0), "sky_K is missing"),
         (lambda p: WeatherTable(**CONSTANT, sun_W_m2=900.0), "sunlight needs"),
