@@ -8,6 +8,7 @@ import numpy as np
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.inversion.problem import parts
 from mi_lcair.inversion.tables import UnknownEntry
+from mi_lcair.motions.observer import ANGLES, OBSERVER
 from mi_lcair.physics import reflection
 from mi_lcair.sensitivity.entries import AT
 from mi_lcair.sensitivity.parameters import Parameter
@@ -48,6 +49,8 @@ OF_MOTIONS = {"deg": (0.1, 10.0), "pixel": (0.1, 10.0), "m": (0.01, 1.0), "1": (
 OF_WEATHER = {"K": 1.0, "1": 0.05, "hPa": 10.0, "km": 2.0, "ppmv": 20.0}
 # Kinds of unknowns that are no parameters of a scene: how an image differs from the radiance
 INSTRUMENT = ("gain", "offset", "model")
+# Where the observer of a scenario is: entries of its table [observer], which are no unknowns
+PLACE = {f"{OBSERVER}.{name}": name for name in (*ANGLES, "range_m")}
 
 
 @dataclass(frozen=True)
@@ -226,6 +229,12 @@ def is_in(name: str, where: Where) -> bool:
 def check_name(name: str, of, data: list[Where]) -> None:
     """Raise InputError, with the nearest names, for a name that no datum knows."""
     if not any(is_in(name, where) for where in data):
+        if name in PLACE:
+            raise InputError(
+                f"{name} is no unknown of these data: of a scenario, give {PLACE[name]} in "
+                f'[observer], or parameters = {{"{name}" = VALUE}} with the measurement; its '
+                f"camera's unknowns are {OBSERVER}.x_px, {OBSERVER}.y_px and {OBSERVER}.roll_deg"
+            )
         known = {known for where in data for known in where.parameters}
         known |= {f"{n.rpartition('.')[0]}{SPECTRUM}" for n in known if f".{AT}" in n}
         known |= {f"{group}{FACETS}" for where in data for group in where.facets}

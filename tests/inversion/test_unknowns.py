@@ -106,6 +106,7 @@ def test_an_entry_with_labels_comes_before_one_without():
     ("sought", "measured", "message"),
     [
         ({"paint.c": {}}, None, "unknown parameter of the data's scenes 'paint.c'; known: paint.b"),
+        ({"observer.range_m": {}}, None, r"give range_m in \[observer\], or parameters ="),
         ({"paint.b [SWIR]": {}}, None, "unknown band, state or data 'SWIR'"),
         ({"paint.b [MWIR, cold]": {}}, None, "'paint.b .MWIR, cold.' is an unknown without data$"),
         ({"paint.b [MWIR]": {}}, 2, "unknown band, state or data 'MWIR'"),
