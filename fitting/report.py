@@ -55,6 +55,9 @@ class Fit(Result):
         Angles [radians] and the emissivities 1 - HDR that the model predicts there.
     emissivity_error, emissivity_interval
         Standard errors (a,) and 95 % intervals (a, 2) of these emissivities.
+    brdf_interval
+        95 % intervals of the fitted BRDF at the fitted points [1/sr], (p, 2). They are those of the
+        model's curve. Single points scatter more.
     emissivity_rms
         Root mean square error of the predicted emissivity up to the largest fitted angle; None
         without a measured one.
@@ -89,6 +92,7 @@ class Fit(Result):
     emissivity: tuple[np.ndarray, np.ndarray]
     emissivity_error: np.ndarray
     emissivity_interval: np.ndarray
+    brdf_interval: np.ndarray
     emissivity_rms: float | None
     seconds: float
     compile_seconds: float

@@ -1,9 +1,10 @@
 """Long studies of the fit, run by hand.
 
-python -m docs.studies.fit recovery|coverage|choice|surfaces|joint|losses|time [MODEL...]
+python -m docs.studies.fit recovery|coverage|emissivity|choice|surfaces|joint|losses|time [MODEL...]
 """
 
 import sys
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 
@@ -100,26 +101,40 @@ def coverage(models, repetitions=200):
 
 
 def emissivity(models, surfaces_of_model=100):
-    """Print how often the 95 % interval of the emissivity contains the true one, at 5 % noise.
+    """Print how often 95 % intervals of emissivity and BRDF contain the true ones, at 5 % noise.
 
     The surfaces are random. The emissivities are those at 0 to 80 degrees.
     """
     for model in (MODELS[name] for name in models):
         starts = model.starting_points(surfaces_of_model, seed=12)
-        inside = [emissivity_is_inside(model, model.values_at(u), k) for k, u in enumerate(starts)]
-        print(f"{model.name}: {100 * np.mean(inside):.1f} % of {len(inside)} surfaces", flush=True)
+        inside = [intervals_hold(model, model.values_at(u), k) for k, u in enumerate(starts)]
+        for name, held in zip(("emissivity", "BRDF"), zip(*inside)):
+            share = 100 * np.mean([np.mean(of_surface) for of_surface in held])
+            print(f"{model.name}, {name}: {share:.1f} % of {len(held)} surfaces", flush=True)
 
 
-def emissivity_is_inside(model, parameters, seed: int) -> np.ndarray:
-    """Which intervals of a fit to a surface with these parameters contain its emissivity, (a,)."""
-    data = scan_of(model, parameters, step=5, noise=0.05, seed=seed)
+def intervals_hold(model, parameters, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Which intervals of a fit to a surface with these parameters contain the true values.
+
+    Those of the emissivity at 0 to 80 degrees, (a,), and those of the BRDF at the points, (p,).
+    """
+    scan = partial(scan_of, model, parameters, step=5, seed=seed)
+    data, true_brdf = scan(noise=0.05), scan(noise=0).brdf
     settings = {"model": model.name, "form": model.forms[0], "source_half_angle_deg": 0}
     result = fit(data, starts=6, seed=seed, **settings)
     theta = result.emissivity[0]
     true = Hemispherical(model, model.forms[0], theta, "emissivity")(model.to_cube([parameters]))
-    low, high = result.emissivity_interval.T
-    inside = (low - 1e-9 <= true[0][0]) & (true[0][0] <= high + 1e-9)
-    return inside[np.degrees(theta) <= 80.1]
+    inside = within(true[0][0], result.emissivity_interval)
+    return (
+        inside[np.degrees(theta) <= 80.1],
+        within(true_brdf[result.used_points], result.brdf_interval),
+    )
+
+
+def within(values, intervals) -> np.ndarray:
+    """Which values (n,) lie in their intervals (n, 2), up to rounding."""
+    low, high = intervals.T
+    return (low - 1e-9 <= values) & (values <= high + 1e-9)
 
 
 def choice(models, repetitions=20):

@@ -131,6 +131,12 @@ class Linearized:
         derivative = derivative * self.free
         return derivative @ cube @ derivative.T
 
+    def variance_of(self, derivative: np.ndarray) -> np.ndarray:
+        """Diagonal (m,) of `covariance_of`."""
+        derivative = derivative * self.free
+        level = (derivative @ self.shift) ** 2
+        return np.sum(derivative @ self.cube_covariance * derivative, axis=1) + level
+
     def level_shift(self) -> np.ndarray:
         """Largest change of the parameters (n,) for one standard deviation of the common scale.
 

@@ -53,8 +53,9 @@ def judge(data, candidate, noise, robust: bool, curve: Hemispherical) -> dict:
     Returns
     -------
     dict
-        standard_error, interval and verdict by parameter name, the correlation matrix (n, n), and
-        standard errors and 95 % intervals of the emissivity at the angles of the curve.
+        standard_error, interval and verdict by parameter name, the correlation matrix (n, n),
+        standard errors and 95 % intervals of the emissivity at the angles of the curve, and 95 %
+        intervals of the fitted BRDF at the points.
     """
     model, u = candidate.variant.model, candidate.u
     residuals = data.residuals(candidate.variant)
@@ -88,23 +89,28 @@ def judge(data, candidate, noise, robust: bool, curve: Hemispherical) -> dict:
     verdicts = [
         verdict(*row, doubt) for row in zip(model.parameters, values, intervals, bounds, at_bounds)
     ]
+    emissivity_error, ends = curve_errors(near, curve, dof, intervals)
+    _, decades = curve_errors(near, logarithm_of(residuals.instrument), dof, intervals)
     return {
         "standard_error": dict(zip(model.names, errors.tolist())),
         "interval": {name: tuple(pair) for name, pair in zip(model.names, intervals.tolist())},
         "verdict": dict(zip(model.names, verdicts)),
         "correlation": correlation(matrix),
-        **curve_errors(near, curve, dof, intervals),
+        "emissivity_error": emissivity_error,
+        "emissivity_interval": np.clip(ends, 0, 1),
+        "brdf_interval": 10**decades,
     }
 
 
-def curve_errors(near: Linearized, curve: Hemispherical, dof: float, intervals) -> dict:
-    """Standard errors (a,) and 95 % intervals (a, 2) of an emissivity, as attributes of `Fit`.
+def curve_errors(near: Linearized, curve, dof: float, intervals) -> tuple:
+    """Standard errors (a,) and 95 % intervals (a, 2) of a curve that a fit predicts.
 
     They are linear in the coordinates. A parameter at its bound may have no slope there. What it
-    changes at the other end of its interval (n, 2) is added in squares on its side.
+    changes at the other end of its interval (n, 2) is added in squares on its side. curve: a
+    function of coordinates (1, n) that returns values (1, a) and derivatives (1, a, n).
     """
     values, slopes = (array[0] for array in curve(near.u[None]))
-    variance = np.diag(near.covariance_of(slopes))
+    variance = near.variance_of(slopes)
     width = stats.t.ppf(0.5 + CONFIDENCE / 2, dof) * np.sqrt(variance)
     best, squares = near.parameters, np.stack([width**2, width**2])
     for k, bound in enumerate(near.model.bound_names(near.u)):
@@ -117,8 +123,18 @@ def curve_errors(near: Linearized, curve: Hemispherical, dof: float, intervals) 
         squares += np.stack([np.minimum(change, 0), np.maximum(change, 0)]) ** 2
         variance = variance + (change / 2) ** 2
     below, above = np.sqrt(squares)
-    ends = np.clip(np.stack([values - below, values + above], axis=1), 0, 1)
-    return {"emissivity_error": np.sqrt(variance), "emissivity_interval": ends}
+    return np.sqrt(variance), np.stack([values - below, values + above], axis=1)
+
+
+def logarithm_of(curve):
+    """log10 of a curve, and its derivatives, as `curve_errors` takes them."""
+
+    def logarithm(u):
+        values, slopes = curve(u)
+        values = np.maximum(values, 1e-30)
+        return np.log10(values), slopes / (values[..., None] * np.log(10))
+
+    return logarithm
 
 
 @dataclass

@@ -19,7 +19,8 @@ class Scan:
 
     setting: of the fixed angle, degrees. curve: angles [degrees] and fitted BRDF [1/sr]. fitted,
     left_out: angles and BRDF of the points that the fit used and did not use. residuals: log10
-    (measured / fitted) of the fitted points.
+    (measured / fitted) of the fitted points. band: angles and both ends of the curve's 95 %
+    interval, 1/sr.
     """
 
     setting: float
@@ -27,6 +28,7 @@ class Scan:
     fitted: tuple = ((), ())
     left_out: tuple = ((), ())
     residuals: np.ndarray | tuple = ()
+    band: tuple = ((), (), ())
 
 
 def scans_of(fit, measurements=None) -> tuple[str, str, list[Scan]]:
@@ -52,12 +54,16 @@ def scans_of(fit, measurements=None) -> tuple[str, str, list[Scan]]:
     brdf, used = measurements.brdf, np.asarray(fit.used_points, bool)
     with np.errstate(divide="ignore", invalid="ignore"):
         residuals = np.log10(brdf / predicted(fit, measurements.theta_i, measurements.theta_r))
+    ends = np.full((len(brdf), 2), np.nan)
+    if fit.brdf_interval is not None:
+        ends[used] = fit.brdf_interval
     scans = []
     for setting in settings[taken]:
         at_setting = angles[fixed] == setting
         x = angles[swept][at_setting]
         curve = curve_of(fit, swept, np.linspace(x.min(), x.max(), POINTS), fixed, setting)
         fitted, left_out = (at_setting & kept & (brdf > 0) for kept in (used, ~used))
+        order = np.flatnonzero(fitted)[np.argsort(angles[swept][fitted], kind="stable")]
         scans.append(
             Scan(
                 float(setting),
@@ -65,6 +71,7 @@ def scans_of(fit, measurements=None) -> tuple[str, str, list[Scan]]:
                 (angles[swept][fitted], brdf[fitted]),
                 (angles[swept][left_out], brdf[left_out]),
                 residuals[fitted],
+                (angles[swept][order], *ends[order].T),
             )
         )
     return swept, fixed, scans

@@ -114,6 +114,7 @@ def fit_of(
         emissivity=(theta, np.full(len(theta), 0.55)),
         emissivity_error=np.full(len(theta), 0.02),
         emissivity_interval=np.tile([0.51, 0.59], (len(theta), 1)),
+        brdf_interval=data.brdf[used, None] * [0.95, 1.05],
         emissivity_rms=None if emissivity is None else 0.05,
         seconds=seconds,
         compile_seconds=0.5,

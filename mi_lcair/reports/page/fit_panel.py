@@ -66,6 +66,10 @@ def add_scan(figure, scan: Scan, title: str, symbol: str, color: str) -> None:
         hovertemplate=f"{title}, {symbol} = %{{x:.4g}}°: %{{y:.4g}} sr⁻¹, fitted<extra></extra>",
     )
     figure.add_trace(curve, row=1, col=1)
+    at, low, high = scan.band
+    if np.isfinite(low).any():
+        faint = color.replace("rgb", "rgba").replace(")", ", 0.25)")
+        figure.add_trace(band(at, low, high, faint, legendgroup=title, showlegend=False), 1, 1)
     angles, brdf = scan.fitted
     for row, x, y, marker, words in (
         (1, angles, brdf, "circle", "%{y:.4g} sr⁻¹, measured"),
@@ -85,21 +89,26 @@ def add_scan(figure, scan: Scan, title: str, symbol: str, color: str) -> None:
             figure.add_trace(points, row=row, col=1)
 
 
+def band(at, low, high, color: str, **settings):
+    """A filled band between two curves."""
+    return graph_objects().Scatter(
+        x=np.concatenate([at, at[::-1]]),
+        y=np.concatenate([low, high[::-1]]),
+        fill="toself",
+        fillcolor=color,
+        line={"width": 0},
+        hoverinfo="skip",
+        **settings,
+    )
+
+
 def add_hemispherical(figure, fit, measured: dict) -> None:
     """Add the fitted emissivity 1 - HDR with its interval and DHR, and measured tables."""
     scatter, theta = graph_objects().Scatter, np.radians(np.linspace(0, 89, 90))
     if fit.emissivity_interval is not None:
         at, (low, high) = np.degrees(fit.emissivity[0]), np.transpose(fit.emissivity_interval)
-        band = scatter(
-            x=np.concatenate([at, at[::-1]]),
-            y=np.concatenate([low, high[::-1]]),
-            name="95 % interval of the emissivity",
-            fill="toself",
-            fillcolor="rgba(209, 73, 91, 0.2)",
-            line={"width": 0},
-            hoverinfo="skip",
-        )
-        figure.add_trace(band, row=1, col=2)
+        name, color = "95 % interval of the emissivity", "rgba(209, 73, 91, 0.2)"
+        figure.add_trace(band(at, low, high, color, name=name), row=1, col=2)
     for quantity, title, color in (
         ("emissivity", "emissivity", "#d1495b"),
         ("dhr", "directional-hemispherical reflectance", "#1f5fa8"),

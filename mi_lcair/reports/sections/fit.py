@@ -150,6 +150,7 @@ def fit_of_report(report: dict, used_points=None) -> SimpleNamespace:
         used_points=used_points,
         emissivity=(np.radians(table["theta_deg"]), np.asarray(table["predicted"], float)),
         emissivity_interval=table.get("interval"),
+        brdf_interval=None,
     )
 
 
