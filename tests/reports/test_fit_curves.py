@@ -53,6 +53,7 @@ def test_points_that_are_not_positive_have_no_place():
     data.brdf[:2] = 0, -1
     fit = fit_of(data)
     fit.used_points[:2] = False
+    fit.brdf_interval = fit.brdf_interval[2:]
     (scan,) = scans_of(fit, data)[2]
     assert len(scan.left_out[0]) == 1 and len(scan.fitted[0]) + 1 == len(data.brdf) - 2
 

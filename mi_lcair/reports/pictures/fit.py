@@ -65,7 +65,7 @@ def draw_brdf(axes, below, measurements: Measurements, fit) -> None:
     swept, fixed, scans = scans_of(fit, measurements)
     for scan, color in zip(scans, shades(len(scans))):
         axes.plot(*scan.curve, color=color, lw=1.2, label=f"{scan.setting:g}°")
-        axes.fill_between(*scan.band, color=color, alpha=0.25, lw=0)
+        axes.fill_between(*scan.band, color=color, alpha=0.18, lw=0)
         for points, face in ((scan.fitted, color), (scan.left_out, "none")):
             axes.plot(*points, "o", ms=2.6, mew=0.5, color=color, mfc=face)
         below.plot(scan.fitted[0], scan.residuals, "o", ms=2.2, mew=0, color=color)
