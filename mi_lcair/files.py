@@ -115,7 +115,9 @@ def _parsed(parse, text: str, what: str):
     except RecursionError:
         raise InputError(f"{what}: nested too deeply") from None
     except ValueError as error:
-        raise InputError(f"{what}: {error}") from None
+        hint = "; write a number such as 0.5 (not .5 or 0,5) and a text in quotes"
+        is_value = str(error).startswith("Invalid value")  # of TOML
+        raise InputError(f"{what}: {error}{hint * is_value}") from None
 
 
 def check_suffix(path: str | Path, suffixes, what: str = "output") -> str:

@@ -15,7 +15,7 @@ from mi_lcair.errors import InputError, escaped, shown
 from mi_lcair.files import read_text
 
 NUMBER = re.compile(r"[+-]?([0-9]+([.,][0-9]*)?|[.,][0-9]+)([eE][+-]?[0-9]+)?")
-NO_VALUE = ("", "nan")  # cells that mean a missing value
+NO_VALUE = ("", "nan", "n/a", "na", "-")  # cells that mean a missing value
 SEPARATORS = {"\t": "tab", ";": "semicolon", ",": "comma"}
 # Largest value of a quantity in a table. It is above a blackbody's spectral radiance at 40,000 K.
 LARGEST = 1e12

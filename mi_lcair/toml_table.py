@@ -78,15 +78,16 @@ def required(kind):
 def converted(value, kind, where: str):
     """A TOML value as a field of type `kind` holds it.
 
-    A single number may stand for a list of one. A field may also be a word, if its type names it.
+    A single number may stand for a list of one. A field may also be a word or a text, if its type
+    names it.
     Raises InputError if the type or the size is wrong.
     """
     words = [
         word for part in get_args(kind) if get_origin(part) is Literal for word in get_args(part)
     ]
-    kind = required(kind)
-    if value in words:
+    if value in words or type(value) is str and str in get_args(kind):
         return value
+    kind = required(kind)
     if words:
         try:
             return converted(value, kind, where)

@@ -141,7 +141,7 @@ def save_pictures(path, images: dict) -> None:
                 values, extent = frames[light]
                 picture = panel.imshow(
                     values,
-                    cmap="inferno",
+                    cmap="gray",
                     vmin=low,
                     vmax=high,
                     extent=extent,

@@ -28,7 +28,7 @@ AROUND = {
     "by day": Words(sky="clear", ground=GROUND, sun="45,60"),
 }
 VIEW = {"azimuth_deg": 50, "elevation_deg": 15, "band": "MWIR", "resolution": 160}
-LOWEST_K, HIGHEST_K = 240.0, 300.0
+VOID_K, AROUND_K = (180.0, 270.0), (270.0, 295.0)  # ends of the scales, without and with a sky
 MESHES = (
     r'\s*<path value="models/world_sphere"/>\s*<include filename="models/world_sphere/model.xml"/>'
 )
@@ -53,13 +53,18 @@ def draw(path: Path, loaded: dict) -> None:
         1, len(loaded), figsize=(3 * len(loaded), 3.4), layout="constrained", sharey=True
     )
     for panel, (name, scene) in zip(panels, loaded.items()):
+        low, high = AROUND_K if AROUND[name] else VOID_K
         image = mi_lcair.render(scene, spp=1024).channels["temperature.Y"]
         half = np.linalg.norm(scene.sensors[0].world_transform().matrix.numpy()[:3, 0])
         extent = half * np.array([-1, 1, -1, 1])
-        drawn = panel.imshow(image, vmin=LOWEST_K, vmax=HIGHEST_K, cmap="inferno", extent=extent)
+        drawn = panel.imshow(image, vmin=low, vmax=high, cmap="gray", extent=extent)
         panel.set(title=name, xlabel="m")
+        if panel in (panels[0], panels[-1]):
+            of_scale = panels[:1] if panel is panels[0] else panels[1:]
+            figure.colorbar(
+                drawn, ax=of_scale, extend="both", location="bottom", shrink=0.8
+            ).set_label("apparent temperature in 3-5 um [K]")
     panels[0].set_ylabel("m")
-    figure.colorbar(drawn, ax=panels, label="apparent temperature in 3-5 um [K]", extend="both")
     figure.savefig(path, dpi=110)
 
 

@@ -104,8 +104,12 @@ def read(
             raise InputError(f"{path}, line {line}: unknown key {shown(key)}; is {near[0]} meant?")
 
     columns = _columns(table, quantity or _choice(table, "quantity", QUANTITIES))
-    numbers = table.numbers([column for column, _ in columns.values()])
-    data = {role: numbers[column] for role, (column, _) in columns.items()}
+    numbers = table.numbers([column for column, _ in columns.values()], may_lack=True)
+    is_empty = np.isnan([numbers[columns[role][0]] for role in VALUES if role in columns]).any(0)
+    if is_empty.all():
+        raise InputError(f"{path}: no row has a BRDF")
+    table.rows = [row for row, empty in zip(table.rows, is_empty) if not empty]
+    data = {role: numbers[column][~is_empty] for role, (column, _) in columns.items()}
     for role in [role for role in ANGLES if role in columns]:
         data[role] = _radians(table, role, *columns[role], data[role])
     sigma = data.get("sigma")
@@ -117,6 +121,7 @@ def read(
     in_plane, theta_i, theta_r, side = _in_plane(table, columns, data, theta_r_positive)
     upright = np.maximum(theta_i, abs(theta_r)) < HORIZON
     dropped = {
+        "without a value": np.count_nonzero(is_empty),
         "off the plane of incidence": np.count_nonzero(~in_plane),
         "at 90 degrees": np.count_nonzero(in_plane & ~upright),
     }
@@ -306,7 +311,7 @@ def _radians(table: TextTable, role: str, column: str, unit: str, values: np.nda
     angles = np.radians(values) if unit == "deg" else values
     limit = 90 if role.startswith("theta") else 360
     # Angles in radians are often rounded: 1.5708 is meant to be 90 degrees.
-    outside = abs(angles) > np.radians(limit) + (1e-4 if unit == "rad" else 0)
+    outside = ~(abs(angles) <= np.radians(limit) + (1e-4 if unit == "rad" else 0))
     if outside.any():
         row = np.argmax(outside)
         bounds = (

@@ -17,6 +17,7 @@ from mi_lcair.declared import check_fields, within
 from mi_lcair.detection.flight_path import FlightTable, Moments
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import parse_toml, read_text
+from mi_lcair.fraction import fraction
 from mi_lcair.motions.table import MOTIONS, Declared, motions_of
 from mi_lcair.physics.air.atmosphere import VACUUM
 from mi_lcair.physics.air.levels import Weather
@@ -378,8 +379,9 @@ class RenderTable:
         paths begin anywhere in a window around the target, not in one pixel each.
     spp : int or None
         Samples per pixel (64). None with a tolerance.
-    tolerance : float or None
-        Allowed half of the 95 % interval of each contrast, as a fraction of its magnitude.
+    tolerance : float, str or None
+        Allowed half of the 95 % interval of each contrast, as a fraction of its magnitude, such as
+        0.02 or "2%".
     tolerance_W_m2 : float or None
         Allowed half of the 95 % interval of each contrast, W m^-2. With both tolerances, a render
         ends when one of them is reached.
@@ -398,7 +400,7 @@ class RenderTable:
     lobe: str | None = None
     resolution: int = field(default=256, metadata=within(lower=1))
     spp: int | None = field(default=None, metadata=COUNT)
-    tolerance: float | None = None
+    tolerance: float | str | None = None
     tolerance_W_m2: float | None = field(default=None, metadata=within(is_positive=True))
     to_noise: bool = False
     max_spp: int | None = field(default=None, metadata=COUNT)
@@ -418,10 +420,11 @@ class RenderTable:
             )
         if not given and self.spp is None:
             object.__setattr__(self, "spp", DEFAULT_SPP)
-        if self.tolerance is not None and not 0 < self.tolerance < 1:
-            raise InputError(
-                f"[render]: tolerance = {self.tolerance:g}; must be a fraction between 0 and 1"
-            )
+        if self.tolerance is not None:
+            try:
+                object.__setattr__(self, "tolerance", fraction(str(self.tolerance)))
+            except InputError as error:
+                raise InputError(f"[render]: tolerance: {error}") from None
         check_fields(self, "[render]: ")
 
     @property

@@ -65,7 +65,7 @@ class SamplingTable:
     resolution, seed : int
     """
 
-    tolerance: str | None = None
+    tolerance: float | str | None = None
     spp: int | None = None
     max_spp: int | None = None
     resolution: int = field(default=64, metadata=within(lower=1, upper=8192))
@@ -172,9 +172,6 @@ def conditions_of(tree: Mapping, folder: Path, name: str) -> Conditions:
         if (text := getattr(base, key)) is not None
         and (Path(text).suffix or (folder / text).exists())
     }
-    given = dict(tree.get("sampling", {}))
-    if type(given.get("tolerance")) in (int, float):
-        given["tolerance"] = str(given["tolerance"])
     stated = tree.get("conditions")
     if not isinstance(stated, Mapping) or not stated:
         raise InputError("[conditions]: is missing; give at least one condition and its values")
@@ -183,7 +180,7 @@ def conditions_of(tree: Mapping, folder: Path, name: str) -> Conditions:
         values={
             key: values_of(key, value, folder) for key, value in flattened(stated, folder).items()
         },
-        sampling=filled(SamplingTable, given, "[sampling]"),
+        sampling=filled(SamplingTable, tree.get("sampling", {}), "[sampling]"),
         name=name,
     )
 

@@ -198,7 +198,7 @@ def test_remarks(run, folder):
     assert result.stderr.splitlines() == [
         "mi-lcair: note: the lowest temperature is 150 K",
         "mi-lcair: note: 1 model facet faces inward; the back of a facet neither emits nor "
-        "reflects",
+        "reflects: turn their normals outward",
         "next: mi-lcair import model.obj -o model",
     ]
 

@@ -298,10 +298,10 @@ def test_without_labels(load, table):
     model = load(cube(label=None), temperatures=rows, material="glossBlack")
     assert model.facets_of("f").all() and model.labels[0].material == "gloss_black"
     for options, missing in (
-        ({}, "or give --material and --temperature"),
-        ({"temperatures": rows}, "or give --material"),
-        ({"material": "diffuse"}, "or give --temperature"),
-        ({"temperature": 300}, "or give --material"),
+        ({}, "or give material and temperature"),
+        ({"temperatures": rows}, "or give material"),
+        ({"material": "diffuse"}, "or give temperature"),
+        ({"temperature": 300}, "or give material"),
     ):
         with pytest.raises(InputError, match=f"line 10: the face has no label; .*{missing}$"):
             load(cube(label=None), **options)
@@ -391,7 +391,7 @@ def test_temperature_files_that_cannot_be_read(load, tmp_path):
         (
             cube(),
             {"scale": 1e10},
-            "a corner lies 1e+10 m from the origin, more than 1e+09 m; see --scale",
+            "a corner lies 1e+10 m from the origin, more than 1e+09 m; see scale",
         ),
         (obj([(0, 0, 0), (1, 0, 0), (2, 0, 0)], [(0, 1, 2)]), {}, "no face has an area"),
         (obj([(0, 0, 0)], [(0, 0, 0)]), {}, "no face has an area"),

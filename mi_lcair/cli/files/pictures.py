@@ -24,6 +24,7 @@ def image(what, output, channels, outlines, scene, parameters, sensor, **scale):
     """Draw channels of an image."""
     from mi_lcair.rendering.images.exr import read_exr, window_of
     from mi_lcair.reports.pictures import image_channels
+    from mi_lcair.reports.pictures.colour_scale import around_target
 
     file = Path(what)
     known, header = read_exr(file)
@@ -33,6 +34,7 @@ def image(what, output, channels, outlines, scene, parameters, sensor, **scale):
     if outlines:
         shape = values[names[0]].shape
         scale["outlines"] = _outlines_of(file, header, shape, scene, dict(parameters), sensor)
+    scale["part"] = around_target(known)
     figure = image_channels.figure(values, title, window_m=window_of(header), **scale)
     drawn(figure, output or file.with_suffix(".png"))
 
@@ -51,6 +53,7 @@ def pixel_spectrum(what, output, pixel):
 def comparison(what, output, channels, **scale):
     """Draw channels of two images beside each other, and their difference."""
     from mi_lcair.rendering.images.exr import read_exr, window_of
+    from mi_lcair.reports.pictures.colour_scale import around_target
     from mi_lcair.reports.pictures.comparison import figure
 
     files = [Path(name) for name in what]
@@ -63,6 +66,7 @@ def comparison(what, output, channels, **scale):
         [file.name if files[0].name != files[1].name else str(file) for file in files],
         ", ".join(dict.fromkeys(str(header["scene"]) for header in headers if "scene" in header)),
         window_m=windows[0] if windows[0] == windows[1] else None,
+        part=around_target(images[0]),
         **scale,
     )
     drawn(compared, output or files[0].with_name(f"{files[0].stem}_{files[1].stem}.png"))

@@ -12,7 +12,7 @@ from mi_lcair.files import parse_toml, read_text
 from mi_lcair.models3d.label import Label, parse, unlabelled
 from mi_lcair.models3d.modellers.obj import Obj
 from mi_lcair.physics.materials import is_number
-from mi_lcair.table import read_table
+from mi_lcair.table import NUMBER, read_table
 
 # Columns of a table, beside the name
 COLUMNS = ("type", "material", "emissivity", "kelvin", "group", "elevation_deg")
@@ -50,8 +50,9 @@ class NameTable:
                 raise InputError(f"{self.path}: {unknown('column', column, ('name', *COLUMNS))}")
         for line, cells in table.rows:
             values = {key: cell for key, cell in zip(table.columns, cells) if cell}
-            for key in NUMBERS & values.keys():
-                values[key] = values[key].replace(mark, ".")
+            for key, cell in values.items():
+                if key in NUMBERS or NUMBER.fullmatch(cell):  # a material may be an emissivity
+                    values[key] = cell.replace(mark, ".")
             yield f"{self.path}, line {line}", values.pop("name", ""), values
 
     def _toml(self):

@@ -5,11 +5,10 @@ import numpy as np
 from mi_lcair.formats.channels import or_nan
 from mi_lcair.reports.page.arrays import rounded
 from mi_lcair.reports.page.panel import Panel
-from mi_lcair.reports.pictures.colour_scale import limits_of_channel
+from mi_lcair.reports.pictures.colour_scale import WHOLE, around_target, limits_of_channel
 from mi_lcair.reports.pictures.image_channels import channel_quantity
 
 SEEN = "seen."
-WHOLE = slice(None), slice(None)  # all rows and columns
 
 
 def image_panel(channels: dict[str, np.ndarray], shown=(), orthographic_m=None) -> Panel:
@@ -57,18 +56,6 @@ def image_panel(channels: dict[str, np.ndarray], shown=(), orthographic_m=None) 
         },
         height=620,
     )
-
-
-def around_target(channels: dict) -> tuple[slice, slice]:
-    """Rows and columns of the part of a camera's frame that was rendered, around the target.
-
-    A small target would lie beyond the quantiles of the whole frame. For other images it is WHOLE.
-    """
-    error = channels.get("stderr_K.Y")
-    if error is None or not (np.asarray(error) > 0).any():
-        return WHOLE
-    rows, columns = np.nonzero(np.asarray(error) > 0)
-    return slice(rows.min(), rows.max() + 1), slice(columns.min(), columns.max() + 1)
 
 
 def with_gaps(name: str, pixels: np.ndarray) -> np.ndarray:

@@ -16,6 +16,9 @@ PERCENTILES, STRETCH, FEW = (0.5, 99.5), 3.0, 200
 # Temperatures of pixels on an edge, which see the object in a part of their area only, are low. At
 # 64 pixels across an object they are about 4 % of its pixels.
 OF_TEMPERATURE = (5.0, 99.5)
+# Share of the largest error of the rendering below which the optics have blurred it from elsewhere
+BLURRED = 1e-3
+WHOLE = slice(None), slice(None)  # all rows and columns of an image
 DIFFERENCE = "difference"  # beginning of the names of differences of two images
 SIGNED = ("d", DIFFERENCE)  # that of channels whose scale has 0 in its middle: derivatives too
 
@@ -44,6 +47,18 @@ class Limits:
         if self.greatest > self.upper:
             parts.append(f"scale to {self.upper:.4g}, values to {self.greatest:.4g}")
         return "; ".join(parts)
+
+
+def around_target(channels: dict) -> tuple[slice, slice]:
+    """Rows and columns of the part of a camera's frame in which the target is rendered.
+
+    A small target would lie beyond the quantiles of the whole frame. For other images it is WHOLE.
+    """
+    error = np.asarray(channels.get("stderr_K.Y", 0.0))
+    if not (error > 0).any():
+        return WHOLE
+    rows, columns = np.nonzero(error > BLURRED * error.max())
+    return slice(rows.min(), rows.max() + 1), slice(columns.min(), columns.max() + 1)
 
 
 def limits_of_channel(

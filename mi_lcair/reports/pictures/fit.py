@@ -105,11 +105,12 @@ def draw_table(axes, fit) -> None:
             (parameter.symbol, f"{fit.parameters[name]:.4g}", f"± {fit.standard_error[name]:.2g}")
         )
         lines += [("", text, None) for text in wrap(fit.verdict[name], 46)]
+    left_out = sum((fit.measurements.dropped | fit.dropped).values())
     lines += [
         ("", "", None),
         ("rms", f"{fit.rms_dex:.4f} decades in BRDF", None),
         *(("", text, None) for text in wrap(fit.quality.verdict, 46)),
-        ("points", f"{fit.used} used, {len(fit.used_points) - fit.used} left out", None),
+        ("points", f"{fit.used} used, {left_out} left out", None),
     ]
     if fit.emissivity_rms is not None:
         lines.append(("rms", f"{fit.emissivity_rms:.3f} in emissivity", None))

@@ -13,6 +13,7 @@ from mi_lcair.formats.channels import quantity_of as quantity_of_channel
 from mi_lcair.reports.pictures.colour_scale import (
     DIFFERENCE,
     SIGNED,
+    WHOLE,
     Limits,
     limits_of_channel,
 )
@@ -37,7 +38,7 @@ class Scale(TypedDict, total=False):
 
     log: make the scales logarithmic, over `colour_scale.LOG_DECADES` at most. vmin, vmax: their
     ends. cmap: name of a colour map of Matplotlib. common_scale: channels of one quantity have the
-    same scale, which is the default.
+    same scale, which is the default. part: rows and columns of the pixels that set the ends.
     """
 
     log: bool
@@ -45,6 +46,7 @@ class Scale(TypedDict, total=False):
     vmax: float | None
     cmap: str | None
     common_scale: bool
+    part: tuple[slice, slice]
 
 
 @dataclass(frozen=True)
@@ -156,13 +158,13 @@ def is_difference(name: str) -> bool:
 
 def _scales(channels: list[Channel], scale: Scale) -> dict[str, Limits]:
     """The limits of each channel by name; channels of one quantity may have the same."""
-    common, names = scale.get("common_scale", True), {}
+    common, part, names = scale.get("common_scale", True), scale.get("part", WHOLE), {}
     for channel in channels:
         key = channel.quantity if common else channel.name
         names.setdefault(key, []).append(channel)
     limits = {}
     for group in names.values():
-        values = [channel.values[channel.has_value] for channel in group]
+        values = [channel.values[part][channel.has_value[part]] for channel in group]
         name, is_log = group[0].name, group[0].is_log
         given = () if is_difference(name) else (scale.get("vmin"), scale.get("vmax"))
         common_limits = limits_of_channel(name, values, is_log, *given)

@@ -82,7 +82,7 @@ def described(report: dict, fit) -> list[tuple[str, str]]:
     return [
         *rows,
         *([("correlated", pairs)] if (pairs := correlated(report)) else []),
-        ("emissivity", "not given" if emissivity is None else f"rms error {emissivity:.3f}"),
+        *([("emissivity", f"rms error {emissivity:.3f}")] if emissivity is not None else []),
         (
             "minimum",
             f"{converged}, relative gradient {report['gradient_norm']:.1e}; "

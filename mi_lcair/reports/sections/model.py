@@ -50,7 +50,7 @@ def remarkable(figures: dict, materials):
         called = f" ({names})" if (names := figures["inward_names"]) else ""
         yield (
             f"{count} model facet{'s face' if count > 1 else ' faces'} inward{called}; the back of "
-            "a facet neither emits nor reflects"
+            "a facet neither emits nor reflects: turn their normals outward"
         )
     for key, how in OVERLAPS:
         if count := figures[key]["count"]:

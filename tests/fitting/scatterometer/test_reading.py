@@ -212,11 +212,12 @@ def test_rows_off_the_plane_and_at_the_horizon_are_dropped_and_counted(file):
     text = (
         "theta_i_deg,theta_r_deg,phi_deg,brdf\n"
         + rows("{i},{r},0,{f!r}")
-        + "\n20,20,30,9\n20,40,-90,9\n20,90,0,9\n20,90,5,9\n"
+        + "\n20,20,30,9\n20,40,-90,9\n20,90,0,9\n20,90,5,9\n20,20,0,\n20,40,0,nan\n"
     )
     measured = read(file(text))
     assert_points(measured)
-    assert measured.dropped == {"off the plane of incidence": 3, "at 90 degrees": 1}
+    left_out = {"without a value": 2, "off the plane of incidence": 3, "at 90 degrees": 1}
+    assert measured.dropped == left_out
 
 
 def test_azimuth_180_is_the_other_half_plane(file):
@@ -391,9 +392,9 @@ BAD = {
         OWN + "# two\n20,30,1\n20,40,high\n",
         ", line 4: 'high' in column 'brdf' is not a number",
     ),
-    "nan": (OWN + "20,30,nan\n", ", line 2: 'nan' in column 'brdf' is not a number"),
+    "nan": (OWN + "20,30,nan\n", ": no row has a BRDF"),
     "infinite": (OWN + "20,30,1e999\n", ", line 2: '1e999' in column 'brdf' is not a number"),
-    "blank cell": (OWN + "20,,1\n", ", line 2: '' in column 'theta_r_deg' is not a number"),
+    "blank cell": (OWN + "20,,1\n", ", line 2: theta_r_deg = nan lies outside -90..90 degrees"),
     "thousands": (
         "theta_i_deg;theta_r_deg;brdf\n20;30;1.234,5\n",
         ", line 2: '1.234,5' in column 'brdf' is not a number",

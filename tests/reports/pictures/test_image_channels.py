@@ -10,6 +10,7 @@ from matplotlib.image import imread
 from mi_lcair.drawing import write_figure
 from mi_lcair.errors import InputError
 from mi_lcair.reports.page.image_panel import scales
+from mi_lcair.reports.pictures.colour_scale import WHOLE, around_target, limits_of_channel
 from mi_lcair.reports.pictures.comparison import figure as comparison
 from mi_lcair.reports.pictures.image_channels import figure
 
@@ -324,3 +325,16 @@ def test_axes_in_metres_and_outlines(tmp_path, figures):
     assert set(ends[:, 0]) == {0.0} and set(ends[:, 1]) == {-1.0, 0.0, 1.0}
     box = panel.get_window_extent()
     assert box.width / box.height == pytest.approx(4, rel=1e-6)
+
+
+def test_a_small_target_sets_the_scale_of_its_frame():
+    """The optics blur its error over the frame, down to rounding."""
+    kelvin, error = np.full((64, 64), 281.0), np.full((64, 64), 1e-13)
+    kelvin[30:34, 20:40] += np.linspace(1, 6, 20)
+    error[30:34, 20:40] = 0.1
+    channels = {"temperature.Y": kelvin, "stderr_K.Y": error}
+    part = around_target(channels)
+    assert part == (slice(30, 34), slice(20, 40))
+    limits = limits_of_channel("temperature.Y", [kelvin[part].ravel()], log=False)
+    assert (limits.lower, limits.upper) == (282.0, 287.0)
+    assert around_target({"temperature.Y": kelvin}) == WHOLE
