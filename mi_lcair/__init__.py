@@ -37,11 +37,12 @@ def __dir__() -> list[str]:
 
 
 def _prepare_mitsuba():
-    """Prepare the imported Mitsuba: plugins, functions that take scenes, messages to logging."""
+    """Prepare the imported Mitsuba: plugins, functions that take scenes, log, threads."""
     importlib.import_module(".plugins", __name__)
     renderer = importlib.import_module(".startup.renderer", __name__)
     renderer.take_loaded_scenes()
     renderer.log_to_python()
+    renderer.avoid_one_thread()
 
 
 class _OnImport:

@@ -116,6 +116,7 @@ def prepare_renderer(variant: str | None, threads: int | None, plugins: tuple[Pa
             ) from error
     if threads:
         import drjit
+        import mitsuba  # noqa: F401  its import sets the number of threads on one core
 
         drjit.set_thread_count(threads)
     if plugins:

@@ -1,4 +1,4 @@
-"""What is changed in Mitsuba itself when it has been imported: two functions, and its log.
+"""What is changed in Mitsuba when it has been imported: two functions, its log, and one thread.
 
 `mi.render` and `mi.traverse` take what `mi_lcair.load` returns. Mitsuba's functions take objects of
 its own classes only. `mi.render` asserts the class and passes the scene on to C++, so that no class
@@ -6,6 +6,9 @@ written in Python can stand for it. Both functions are therefore replaced by one
 `mi` of a loaded scene, and anything else as it is.
 
 Log messages go to Python's logging, so that stdout has only results.
+
+On one core Mitsuba's OpenEXR waits forever for the lines of a picture, so that Dr.Jit gets a second
+thread there.
 """
 
 import logging
@@ -70,3 +73,10 @@ def log_to_python() -> None:
 
     mi.logger().clear_appenders()
     mi.logger().add_appender(PythonLogging())
+
+
+def avoid_one_thread() -> None:
+    """Let Dr.Jit have two threads, even on one core."""
+    import drjit
+
+    drjit.set_thread_count(max(drjit.thread_count(), 2))

@@ -54,13 +54,21 @@ class Cluster:
         """The client of the scheduler, which has a worker."""
         if self.client is not None:
             return self.client
+        import drjit
+
         distributed = imported_distributed()
         self.open.enter_context(quiet())
         if self.count is not None:
-            share = max(1, (os.cpu_count() or 1) // self.count)
-            local = distributed.LocalCluster(
-                n_workers=self.count, threads_per_worker=share, dashboard_address=":0"
-            )
+            share = max(1, drjit.thread_count() // self.count)
+            try:
+                local = distributed.LocalCluster(
+                    n_workers=self.count, threads_per_worker=share, dashboard_address=":0"
+                )
+            except RuntimeError:
+                raise InputError(
+                    "the workers do not start; a script starts them within `if __name__ == "
+                    "'__main__':`, because each worker imports the script"
+                ) from None
             self.address = self.open.enter_context(local).scheduler_address
         check_scheduler(self.address)
         try:

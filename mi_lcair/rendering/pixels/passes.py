@@ -27,7 +27,7 @@ def traced(
     tolerance: that of the sampling, which decides on bins of wavelength.
     """
     if has_workers() and may_be_sent(scene, windows, measurands):
-        number = scene.sensors.index(windows.sensor)
+        number = scene.mi.sensors().index(windows.sensor)
         sent = pickle.dumps((scene, number, measurands, tolerance, windows.by_randomisation))
         yield from in_order([partial(trace_sent, sent, launch) for launch in launches])
     else:
@@ -39,7 +39,7 @@ def traced(
 def may_be_sent(scene: Scene, windows: Windows, measurands: Measurands) -> bool:
     """Whether a worker can trace launches: those of an image from a sensor of the scene."""
     is_plain = not (measurands.facets or measurands.explored or measurands.reduced)
-    is_image = windows.are_pixels and windows.sensor in scene.sensors
+    is_image = windows.are_pixels and windows.sensor in scene.mi.sensors()
     has_own_air = bool(scene.mi.integrator().filters)
     return is_plain and is_image and measurands.channels.tables is None and not has_own_air
 

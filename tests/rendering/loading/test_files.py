@@ -1,6 +1,8 @@
 """Files that a scene names: only regular ones of bearable size are opened."""
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import mitsuba as mi
@@ -40,6 +42,19 @@ def test_pipes_and_devices(tmp_path, use):
     os.mkfifo(tmp_path / "pipe.csv")
     for name in ("pipe.csv", "/dev/zero"):
         refused(write(tmp_path, *SCENE, NAMED[use].format(name)), f"{name}: is no regular file")
+
+
+def test_pictures_on_one_core(tmp_path):
+    """Where Dr.Jit would take one thread, Mitsuba's own functions would wait for ever."""
+    code = f"""
+import os
+os.sched_setaffinity(0, {{0}})
+import mi_lcair, mitsuba as mi
+mi.Bitmap(mi.TensorXf([0.5] * 16, (4, 4, 1))).write({str(tmp_path / "picture.exr")!r})
+print(mi.Bitmap({str(tmp_path / "picture.exr")!r}).size())
+"""
+    command = [sys.executable, "-c", code]
+    assert subprocess.check_output(command, timeout=100, text=True) == "[4, 4]\n"
 
 
 def test_pipe_named_by_a_parameter(tmp_path):

@@ -9,7 +9,7 @@ from mi_lcair.rendering.images.exr import write_exr
 from tests.rendering.loading.scene_text import PAINT, PATH, SENSOR, THERMAL, shape, write
 
 ONE_THREAD = """
-import sys, drjit, mi_lcair
+import sys, drjit, mi_lcair, mitsuba
 drjit.set_thread_count(1)
 mi_lcair.load(sys.argv[1])
 print(drjit.thread_count())
