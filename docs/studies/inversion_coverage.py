@@ -4,8 +4,8 @@
 
 The cases are problems with known answers, see `CASES`. The script adds what it measures to
 docs/validation/inversion/coverage.json and writes docs/validation/inversion_coverage.md from all
-that is there. All cases take about an hour, so that each of them may be measured separately; with
-`page` the script measures nothing.
+that is there. All cases take about an hour, so that each of them may be measured separately, and
+CASE=+20 adds 20 draws to those that are there. With `page` the script measures nothing.
 """
 
 import json
@@ -42,22 +42,22 @@ STRIPES, COLUMNS = 3.0, 2.0  # standard deviations of noise that rows and column
 SHIFT = 0.1  # metres
 
 
-def starts(folder: Path, draws: int):
+def starts(folder: Path, draws: range):
     """Yield solutions and the truth: six temperatures, each draw from one of STARTS."""
     path = corner.write_scene(folder)
     image = corner.clean(path)
-    for draw in range(draws):
+    for draw in draws:
         start = STARTS[draw % len(STARTS)]
         yield solved(corner.problem(folder, path, image, start, draw, spp=64)), corner.KELVIN
 
 
-def emissivity(folder: Path, draws: int):
+def emissivity(folder: Path, draws: range):
     """Yield solutions and the truth: a lid's temperature and its emissivity, known to 0.02."""
     parameters = {"resolution": 24, "epsilon": EMISSIVITY, "lid_K": 300}
     scene = mi_lcair.load(LID, **parameters)
     image = mi_lcair.render(scene, spp=2**13, seed=99, split=None).channels["Y"].astype(float)
     sigma = noise_of_netd(scene.band, image, corner.NETD_MK)
-    for draw in range(draws):
+    for draw in draws:
         random = np.random.default_rng((draw, 5))
         np.save(folder / "lid.npy", random.normal(image, sigma))
         entry = {"scene": str(LID), "parameters": parameters, "image": str(folder / "lid.npy")}
@@ -70,10 +70,10 @@ def emissivity(folder: Path, draws: int):
         yield solved(tree), (300.0, EMISSIVITY)
 
 
-def model(folder: Path, draws: int):
+def model(folder: Path, draws: range):
     """Yield solutions and the truth: emissivities that are wrong by ERROR, as model_sigma says."""
     path = corner.write_scene(folder)
-    for draw in range(draws):
+    for draw in draws:
         error = np.random.default_rng((draw, 7)).normal(size=len(corner.KELVIN))
         image = corner.clean(path, **corner.reflectances(1 - 0.7 * (1 + ERROR * error)))
         tree = corner.problem(folder, path, image, 300.0, draw, spp=64)
@@ -81,11 +81,11 @@ def model(folder: Path, draws: int):
         yield solved(tree), corner.KELVIN
 
 
-def pixels(folder: Path, draws: int):
+def pixels(folder: Path, draws: range):
     """Yield solutions and the truth: BAD dead, hot and saturated pixels, whose list is printed."""
     path = corner.write_scene(folder)
     image = corner.clean(path, size=32)
-    for draw in range(draws):
+    for draw in draws:
         tree = corner.problem(folder, path, image, 300.0, draw, spp=64)
         tree["data"][0]["parameters"] = {"size": 32}
         values, random = np.load(tree["data"][0]["image"]), np.random.default_rng((draw, 9))
@@ -99,23 +99,23 @@ def pixels(folder: Path, draws: int):
         yield solution, corner.KELVIN
 
 
-def camera(folder: Path, draws: int):
+def camera(folder: Path, draws: range):
     """Yield solutions and the truth: six temperatures from the counts of a camera's frames."""
     scenario = corner.write_scenario(folder, "midlat_summer")
-    image = mi_lcair.image(scenario, frames=draws, spp=2**13)
-    for draw, counts in enumerate(image.counts):
-        np.save(folder / "counts.npy", counts)
+    image = mi_lcair.image(scenario, frames=draws.stop, spp=2**13)
+    for draw in draws:
+        np.save(folder / "counts.npy", image.counts[draw])
         entry = {"scene": scenario, "image": str(folder / "counts.npy"), "quantity": "counts"}
         unknowns = {name: {"start": 310.0} for name in corner.NAMES}
         render = {"seed": 100 + draw, "spp": 64}
         yield solved({"data": [entry], "unknowns": unknowns, "render": render}), corner.KELVIN
 
 
-def wall(folder: Path, draws: int):
+def wall(folder: Path, draws: range):
     """Yield solutions and the truth: temperature and small reflectance of one strip, from afar."""
     path = corner.write_scene(folder)
     image = corner.clean(path, R5=WALL)
-    for draw in range(draws):
+    for draw in draws:
         tree = corner.problem(folder, path, image, 300.0, draw, spp=64)
         tree["data"][0]["parameters"] = {"R5": (0.3, 0.05, 0.6)[draw % 3]}
         tree["unknowns"] = {
@@ -125,33 +125,33 @@ def wall(folder: Path, draws: int):
         yield solved(tree), (corner.KELVIN[5], WALL)
 
 
-def valley(folder: Path, draws: int):
+def valley(folder: Path, draws: range):
     """Yield solutions and the truth: temperature and reflectance of a plate that fills the image.
 
     One band cannot separate them. The first guesses lie on both sides of the valley.
     """
     plate.write_scene(folder)
-    for draw in range(draws):
+    for draw in draws:
         random = np.random.default_rng((draw, 11))
         start = {"T": random.uniform(280, 360), "R": random.uniform(0.05, 0.9)}
         datum = plate.datum(folder, "plate", draw, start=start)
         yield solved({"data": [datum], "unknowns": plate.UNKNOWNS}), (310.0, 0.3)
 
 
-def lobe(folder: Path, draws: int):
+def lobe(folder: Path, draws: range):
     """Yield solutions and the truth: the width of the lobe of gloss black, which mirrors a ball."""
     for number, e in enumerate(WIDTHS):
         path = ball.write_scene(folder, e)
         image = corner.clean(path, 4096)
-        for draw in range(number, draws, len(WIDTHS)):
+        for draw in [draw for draw in draws if draw % len(WIDTHS) == number]:
             yield solved(ball.problem(folder, path, image, (0.6, 1.5)[draw % 2] * e, draw)), (e,)
 
 
-def stripes(folder: Path, draws: int):
+def stripes(folder: Path, draws: range):
     """Yield solutions and the truth: six temperatures behind noise that rows and columns share."""
     path = corner.write_scene(folder)
     image = corner.clean(path)
-    for draw in range(draws):
+    for draw in draws:
         tree = corner.problem(folder, path, image, 300.0, draw, spp=64)
         noisy, random = np.load(tree["data"][0]["image"]), np.random.default_rng((draw, 15))
         sigma = noise_of_netd(mi_lcair.load(path).band, image, corner.NETD_MK).mean()
@@ -161,7 +161,7 @@ def stripes(folder: Path, draws: int):
         yield solved(tree), corner.KELVIN
 
 
-def wrong(folder: Path, draws: int):
+def wrong(folder: Path, draws: range):
     """Yield solutions and the truth: images of another scene than the stated one.
 
     They are flipped, seen from 0.1 m beside, or of a neighbour with another reflectance.
@@ -175,21 +175,21 @@ def wrong(folder: Path, draws: int):
         corner.clean(shifted),
         corner.clean(path, R0=0.4),
     )
-    for draw in range(draws):
+    for draw in draws:
         yield solved(corner.problem(folder, path, images[draw % 3], 300.0, draw)), corner.KELVIN
 
 
-def two_skies(folder: Path, draws: int):
+def two_skies(folder: Path, draws: range):
     """Yield solutions and the truth: the plate under two skies, which separate its unknowns."""
     plate.write_scene(folder)
-    for draw in range(draws):
+    for draw in draws:
         seeds = 2 * draw, 2 * draw + 1
         data = [plate.datum(folder, f"{S}", k, f"{S}", S=S) for S, k in zip((290, 310), seeds)]
         unknowns = {"plate.temperature": {"per": []}, "paint.reflectance": {}}
         yield solved({"data": data, "unknowns": unknowns}), (310.0, 0.3)
 
 
-def facets(folder: Path, draws: int, is_seen: bool):
+def facets(folder: Path, draws: range, is_seen: bool):
     """Yield solutions and the truth of 400 facets that are alike over 0.5 m, from one noisy view.
 
     They are those facets that a pixel sees, or the others. For the former, the ratio of the rms
@@ -201,7 +201,7 @@ def facets(folder: Path, draws: int, is_seen: bool):
     centre = table.centre[table.group == "body"]
     distance = np.linalg.norm(centre[:, None] - centre, axis=-1)
     root = np.linalg.cholesky(matern(distance, LENGTH) + 1e-6 * np.eye(count))
-    for draw in range(draws):
+    for draw in draws:
         random = np.random.default_rng((draw, 13))
         truth = 300 + 10 * root @ random.normal(size=count)
         scene = mi_lcair.load(waist.write_scene(folder, truth, size=48, views=1))
@@ -223,12 +223,12 @@ def facets(folder: Path, draws: int, is_seen: bool):
         yield replace(solution, answers=answers), truth[part]
 
 
-def seen(folder: Path, draws: int):
+def seen(folder: Path, draws: range):
     """Yield solutions and the truth: facets that a pixel sees, see `facets`."""
     yield from facets(folder, draws, True)
 
 
-def unseen(folder: Path, draws: int):
+def unseen(folder: Path, draws: range):
     """Yield solutions and the truth: facets that no pixel sees, see `facets`."""
     yield from facets(folder, draws, False)
 
@@ -286,7 +286,15 @@ def row(name: str, of: dict) -> str:
     )
 
 
-def of_case(case, draws: int) -> tuple[str, dict]:
+def together(of: dict, more: dict) -> dict:
+    """What two series of draws of a case say, each about the same truth."""
+    both = {key: of[key] + more[key] for key in more}
+    squares = sum(part["intervals"] * part["scatter"] ** 2 for part in (of, more))
+    scatter = float(np.sqrt(squares / both["intervals"]))
+    return both | {"renders": max(of["renders"], more["renders"]), "scatter": scatter}
+
+
+def of_case(case, draws: range) -> tuple[str, dict]:
     """Name of a case, and what its solutions say."""
     with tempfile.TemporaryDirectory() as folder:
         return case.__name__, measured(case(Path(folder), draws))
@@ -298,12 +306,15 @@ def main(*arguments: str) -> None:
     wanted = dict(argument.partition("=")[::2] for argument in arguments)
     workers, dask = wanted.pop("workers", None), wanted.pop("dask", None)
     cases = {case: n for case, n in CASES.items() if not wanted or case.__name__ in wanted}
-    tasks = [
-        partial(of_case, case, int(wanted.get(case.__name__) or cases[case])) for case in cases
-    ]
+    tasks = []
+    for case, most in cases.items():
+        count = wanted.get(case.__name__) or str(most)
+        first = known[case.__name__]["draws"] if count.startswith("+") else 0
+        tasks.append(partial(of_case, case, range(first, first + int(count))))
     with mi_lcair.workers(workers and int(workers), dask):
         for name, of in in_order(tasks):
-            known[name] = of
+            adds = wanted.get(name, "").startswith("+")
+            known[name] = together(known[name], of) if adds else of
             print(row(name, of), flush=True)
             with replacing(MEASURED) as part:
                 part.write_text(json.dumps(known, indent=1) + "\n", encoding="utf-8")

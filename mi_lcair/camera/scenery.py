@@ -32,15 +32,18 @@ class Scenery:
         Elevation of this line at the sensor, and its azimuth from the sun, degrees.
     around : Surroundings or None
         Sky and ground around the sensor; None where the background is the same in all directions.
+    scale : float
+        Factor of the light of the sky, also of what the ground reflects of it.
     """
 
     view: CameraView
     behind: Backdrop
     sight: tuple[float, float]
     around: Surroundings | None
+    scale: float = 1.0
 
     @staticmethod
-    def of(scenario: Scenario, setting: Setting, view: CameraView) -> "Scenery":
+    def of(scenario: Scenario, setting: Setting, view: CameraView, scale: float = 1.0) -> "Scenery":
         """The background of a scenario in a view of its camera."""
         range_m = scenario.observer.range_m
         around = surroundings_of(scenario, setting.sight)
@@ -49,7 +52,10 @@ class Scenery:
         sun = setting.sun or background_sun(scenario) or (0.0, 0.0)
         azimuth = scenario.observer.azimuth_deg + 180 - sun[0]
         elevation = setting.sight.elevation_at_sensor(range_m)
-        return Scenery(view, setting.backdrop.at_sensor(range_m), (elevation, azimuth), around)
+        behind = setting.backdrop.at_sensor(range_m)
+        if around is None and not setting.sight.meets_ground:
+            behind = behind.scaled(scale)
+        return Scenery(view, behind, (elevation, azimuth), around, scale)
 
     def level(self, rule: Band) -> float:
         """In-band value of the background along the line of sight."""
@@ -88,10 +94,13 @@ class Scenery:
         highest = np.inf if self.around.sky is not None else horizon - BESIDE_HORIZON_DEG
         elevations = np.clip(np.append(elevation, self.sight[0]), lowest, highest)
         azimuths = np.append(azimuth, self.sight[1])
-        values = self.around.in_band_radiance(rule, elevations, azimuths)
+        emitted, other = self.around.in_band_components(rule, elevations, azimuths)
+        of_sky = other + np.where(elevations >= horizon, emitted, 0)
+        values = emitted + other + (self.scale - 1) * of_sky
         # The air of a user's table is not that of the surroundings
         same_side = (elevation >= horizon) == (self.sight[0] >= horizon)
-        return values[:-1].reshape(elevation.shape) + (level - values[-1]) * same_side
+        missing = level - emitted[-1] - other[-1]
+        return values[:-1].reshape(elevation.shape) + missing * same_side
 
     def of_parts(self, rule: Band) -> np.ndarray:
         """In-band values behind the parts of the view's window, (rows, columns)."""

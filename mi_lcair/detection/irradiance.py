@@ -68,7 +68,10 @@ class Backdrop(NamedTuple):
                 total = total + factor * light.at(wavelengths_um) * share
             return total
 
-        return Backdrop(self.name, arriving, np.union1d(self.rows_um, path.wavelengths_um))
+        rows, of_path = self.rows_um, path.wavelengths_um
+        if of_path.size:  # a table of the background may have more
+            rows = rows[(of_path[0] <= rows) & (rows <= of_path[-1])]
+        return Backdrop(self.name, arriving, np.union1d(rows, of_path))
 
 
 class RenderError(NamedTuple):

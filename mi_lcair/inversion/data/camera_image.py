@@ -18,6 +18,7 @@ from mi_lcair.camera.exposure import Exposure, exposure
 from mi_lcair.camera.optics import OVERSAMPLING
 from mi_lcair.camera.scenery import Scenery
 from mi_lcair.camera.view import CameraView, Pointing, axes_of
+from mi_lcair.detection.line_of_sight import backdrop
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import Setting, rendered_as, setting_of
 from mi_lcair.detection.weather import QUANTITIES, in_weather, weather_quantities
@@ -33,7 +34,8 @@ from mi_lcair.rendering.images.measured import COLDEST, TEMPERATURE, read_values
 from mi_lcair.rendering.views import Target, View
 from mi_lcair.sensitivity.entries import Parameter
 from mi_lcair.sensitivity.parameters import changed as with_values
-from mi_lcair.sensitivity.parameters import parameter
+from mi_lcair.sensitivity.parameters import parameter, parameters_of
+from mi_lcair.uncertainty.numbers.contrast_number import BEHIND, before
 from mi_lcair.uncertainty.numbers.number import SOURCE_STEP, shifted
 
 COUNTS = "counts"
@@ -42,6 +44,7 @@ SPREAD_PIXELS = 64  # pixels along a side in which the spread of the optics is c
 # Kinds of parameters whose derivatives are differences; "scenario" is the weather
 BY_DIFFERENCES = ("material", "spectrum", "emissivity", "scenario", "motion")
 STEP = 0.01  # change of a parameter for such a difference, relative to its range
+STEP_K = 1.0  # change of the temperature of sky or ground
 ROOM = 1  # pixels around the model that the window has, so that the model can move
 # Motions of the camera by name: the entry of `Pointing`, unit and bound
 POINTING = {
@@ -124,14 +127,28 @@ class CameraImage:
         """What `predict` gives of this image with another value of a parameter, in this window."""
         if name not in self.known():
             with with_values(self.setting.view, {name: value}):
-                return predict(self)
+                return predict(self.present)
         try:
             return predict(self.in_conditions({name: value}))
         finally:
             self.setting.light.shine_on(self.setting.view)
 
+    @property
+    def present(self) -> "CameraImage":
+        """The image before the sky and the ground that the scene has now."""
+        if self.scenario.surroundings is None:
+            return self
+        known = parameters_of(self.setting.view)
+        values = {name: known[name].value for name in BEHIND if name in known}
+        scenario, of = before(self.scenario, values), self.setting
+        setting = replace(of, backdrop=backdrop(scenario, of.detector, of.sight))
+        scenery = Scenery.of(scenario, setting, self.view, values.get("sky.scale", 1.0))
+        return replace(self, scenario=scenario, setting=setting, scenery=scenery)
+
     def step(self, of: Parameter) -> float:
         """Change of a parameter over which its derivative is taken."""
+        if of.kind == "temperature":
+            return STEP_K
         if of.kind == "scenario":
             return STEP * (of.upper - of.lower)
         if of.kind != "motion":
@@ -217,32 +234,36 @@ class CameraImage:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Electrons of independent renders, (R, H, W), and derivatives, (R, K, H, W).
 
-        names: temperatures of groups, or of parts of groups, parameters of materials, quantities of
-        the weather, motions of the model and those of POINTING. The paths do not depend on the
-        temperatures, and each source reaches a pixel with its own spectrum through the air.
-        Derivatives with respect to the others are differences of renders with the same random
-        numbers.
+        names: temperatures of groups, or of parts of groups, parameters of materials, of sky and
+        ground, quantities of the weather, motions of the model and those of POINTING. The paths do
+        not depend on the temperatures of groups, and each source reaches a pixel with its own
+        spectrum through the air. Derivatives with respect to the others are differences of renders
+        with the same random numbers.
         """
         scene, known = self.setting.view, self.known()
         images, columns = [], []
         parameters = {name: known.get(name) or parameter(scene, name) for name in names}
-        is_hot = any(of.kind not in BY_DIFFERENCES for of in parameters.values())
+        differenced = {
+            n for n, of in parameters.items() if of.kind in BY_DIFFERENCES or n in BEHIND
+        }
+        is_hot = differenced != parameters.keys()
+        present = self.present
 
         def ends(sources: Sources) -> list[Sources]:
             return [hotter(sources, step, scene.band) for step in (SOURCE_STEP, -SOURCE_STEP)]
 
         with rendered_as(scene, self.scenario.render, each_pixel=True):
             for number in range(seed, seed + randomisations):
-                exposed = self.exposed(spp, number, ends if is_hot else lambda sources: ())
-                image = self.electrons(exposed)
+                exposed = present.exposed(spp, number, ends if is_hot else lambda sources: ())
+                image = present.electrons(exposed)
                 images.append(image)
 
                 def predict(other: CameraImage, number=number) -> np.ndarray:
                     return other.electrons(other.exposed(spp, number))
 
                 for name, of in parameters.items():
-                    if of.kind in BY_DIFFERENCES:
-                        columns.append(difference(self, of, image, predict))
+                    if name in differenced:
+                        columns.append(difference(present, of, image, predict))
                         continue
                     numbers = numbers_of(exposed.sources, name, of.value)
                     high, low = (
@@ -308,6 +329,7 @@ def numbers_of(sources: Sources, name: str, value: float) -> list[int]:
     if not name.endswith(".temperature") or not numbers:
         raise InputError(
             f"'{name}' is unknown; of a camera's image only temperatures of groups, of few "
-            "temperatures, parameters of materials, motions and the weather can be unknown"
+            "temperatures, parameters of materials, sky and ground, motions and the weather can be "
+            "unknown"
         )
     return numbers

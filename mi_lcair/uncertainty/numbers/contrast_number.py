@@ -301,19 +301,15 @@ class ContrastNumber(Number):
 
     def backdrop(self, setting: Setting, quantities: Mapping) -> Backdrop:
         """The background of a setting for other values of quantities."""
-        behind, result = {}, setting.backdrop
+        result = setting.backdrop
         for name, value in quantities.items():
             if name == "scenario.background_temperature":
                 at = partial(spectral_radiance, temperature=value)
                 result = Backdrop(result.name, at, result.rows_um)
             elif name == "sky.scale":
                 result = result if setting.sight.meets_ground else result.scaled(value)
-            elif name in BEHIND:
-                entry = BEHIND[name]
-                behind[entry] = repr(float(value)) if entry == "sky" else float(value)
-        if behind:
-            background = replace(self.scenario.background, **behind)
-            scenario = replace(self.scenario, background=background)
+        scenario = before(self.scenario, quantities)
+        if scenario is not self.scenario:
             result = backdrop(scenario, setting.detector, setting.sight)
         return result
 
@@ -337,6 +333,16 @@ class ContrastNumber(Number):
     def of_intensity(self) -> float:
         irradiance, (target, *_) = self.terms(self.total, self.areas, {})
         return float(target @ irradiance.amounts)
+
+
+def before(scenario: Scenario, values: Mapping) -> Scenario:
+    """The scenario before sky and ground with other values of BEHIND."""
+    behind = {entry: values[name] for name, entry in BEHIND.items() if entry and name in values}
+    if not behind:
+        return scenario
+    if "sky" in behind:
+        behind["sky"] = repr(float(behind["sky"]))
+    return replace(scenario, background=replace(scenario.background, **behind))
 
 
 def in_um(name: str) -> tuple[float, ...]:

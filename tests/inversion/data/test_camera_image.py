@@ -177,6 +177,40 @@ HUMID = {
 }
 
 
+def table_sky(folder, factor) -> str:
+    """A sky of one spectrum."""
+    rows = [f"{x:g},{factor * (1 + 0.1 * x):g}" for x in np.linspace(7.5, 12.5, 101)]
+    path = folder / f"sky{factor:g}.csv"
+    path.write_text("\n".join(["wavelength_um,radiance_W_m2_sr_um", *rows]))
+    return str(path)
+
+
+@pytest.mark.parametrize("elevation", [35, -35])
+@pytest.mark.parametrize("name", ["ground.temperature", "ground.emissivity", "sky.scale"])
+def test_derivatives_with_respect_to_sky_and_ground(scenario, tmp_path, name, elevation):
+    """Against images of other scenarios: the strips reflect both, and one is behind them."""
+
+    def of(ground="290,0.8", factor=1.0):
+        around = {"surroundings.ground": ground, "surroundings.sky": table_sky(tmp_path, factor)}
+        place = {"observer.elevation_deg": elevation}
+        if name == "sky.scale":  # it scales the light of the air before the ground, too
+            place["atmosphere.table"] = "vacuum"
+        elif elevation < 0:
+            place["target.height_m"] = 3000
+        return CameraImage.of(scenario, HUMID | around | place)
+
+    ends, step = {
+        "ground.temperature": ((of("291,0.8"), of("289,0.8")), 2.0),
+        "ground.emissivity": ((of("290,0.81"), of("290,0.79")), 0.02),
+        "sky.scale": ((of(factor=1.5), of(factor=0.5)), 1.0),
+    }[name]
+    high, low = (end.predicted([], 16, 5, 1)[0][0] for end in ends)
+    _, ((column,),) = of().predicted([name], 16, 5, 1)
+    expected = (high - low) / step
+    assert np.abs(expected).min() > 0
+    np.testing.assert_allclose(column, expected, atol=2e-3 * np.abs(expected).max())
+
+
 @pytest.mark.slow
 def test_derivatives_with_respect_to_the_weather(scenario):
     """Against images of scenarios in other weathers; the light of the sky changes, too."""
