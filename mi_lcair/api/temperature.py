@@ -7,7 +7,7 @@ from typing import TypedDict, Unpack
 import numpy as np
 
 from mi_lcair.declared import Bounds
-from mi_lcair.errors import InputError, unknown
+from mi_lcair.errors import InputError, option, unknown
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.rendering.images.exr import read_exr
@@ -37,6 +37,8 @@ def temperature(
     *,
     emissivity: Number,
     sigma: float = 0.0,
+    scale: float = 1.0,
+    offset: float = 0.0,
     **measurement: Unpack[Measurement],
 ) -> Temperature:
     """Temperature of an object from apparent temperatures, with its uncertainty.
@@ -58,6 +60,9 @@ def temperature(
         Emissivity of the object in the band, above 0 and at most 1.
     sigma : float
         Standard uncertainty of the apparent temperatures [K], common to all pixels.
+    scale, offset : float
+        Apparent temperature [K] = offset + scale x value of the image: 0.01 and 0 for counts of
+        0.01 K, 1 and 273.15 for degrees Celsius. With an offset, 0 is a value.
 
     Other Parameters
     ----------------
@@ -91,9 +96,11 @@ def temperature(
         _, header = read_exr(Path(image))
         band = header.get("band")
     if band is None:
-        raise InputError(f"{name}: its band is not known; give the band of the camera")
+        given = option("band", "LWIR")
+        raise InputError(f"{name}: its band is not known; give that of the camera, such as {given}")
     band = band_of(band)
-    kelvin = apparent(image, band, name)
+    Bounds(is_positive=True).check(scale, "scale")
+    kelvin = apparent(image, band, name, scale, offset)
     air = {"atmosphere": measurement.pop("atmosphere")} if "atmosphere" in measurement else {}
     if air and "distance" not in measurement:
         raise InputError("atmosphere needs the distance of the object in m")
@@ -123,15 +130,19 @@ def named_image(image, sigma: float) -> tuple:
     return f"{number:g} K", np.array(number), error or sigma
 
 
-def apparent(image, band: Band, name: str) -> np.ndarray:
+def apparent(image, band: Band, name: str, scale: float, offset: float) -> np.ndarray:
     """Apparent temperatures [K] of an image, with NaN for nothing."""
     kelvin = image
     if not isinstance(image, np.ndarray):
         is_exr = str(image).lower().endswith(".exr")
         kelvin, _ = read_values(str(image), CHANNEL if is_exr else None, TEMPERATURE, band)
-    kelvin = np.where(np.equal(kelvin, 0), np.nan, kelvin).astype(float)
+    is_nothing = np.equal(kelvin, 0) & (offset == 0)
+    kelvin = np.where(is_nothing, np.nan, np.asarray(kelvin, float) * scale + offset)
     known = np.isfinite(kelvin)
     if not known.any():
         raise InputError(f"{name}: holds no temperature")
-    check_kelvin(name, kelvin[known])
+    counts, celsius = option("scale", 0.01), option("offset", 273.15)
+    check_kelvin(
+        name, kelvin[known], f"{counts} for counts of 0.01 K, {celsius} for degrees Celsius"
+    )
     return np.where(known, kelvin, np.nan)

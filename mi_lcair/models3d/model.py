@@ -189,8 +189,11 @@ def read(
         kelvins, away = fem.temperatures_of_mesh(
             table_of_temperatures, np.split(corners, welded["first"][1:-1])
         )
-        for number in np.unique(kelvins[[kelvins.argmin(), kelvins.argmax()]]):
-            kelvin(f"{number:.9g}")
+        for number in (kelvins.min(), kelvins.max()):
+            try:
+                kelvin(f"{number:.9g}")
+            except InputError as error:
+                raise InputError(f"temperatures {table_of_temperatures}: {error}") from None
     elif table_of_temperatures:
         kelvins = _read_temperatures(table_of_temperatures, len(label))
     else:

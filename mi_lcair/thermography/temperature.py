@@ -132,9 +132,10 @@ def temperature_of(
     kelvin = solved({})
     impossible = int(np.sum(np.isnan(kelvin) & np.isfinite(apparent)))
     if impossible:
+        low, high = np.nanmin(apparent), np.nanmax(apparent)
         text = (
             f"{impossible} of {np.sum(np.isfinite(apparent))} pixels are colder than what "
-            "reflection and air alone give"
+            f"reflection and air alone give, in an image of {low:.4g} to {high:.4g} K"
         )
         if not np.isfinite(kelvin).any():
             raise InputError(f"{name}: {text}; check emissivity, reflected and the air")

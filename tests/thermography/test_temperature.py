@@ -213,6 +213,16 @@ def test_images_are_read_and_written(tmp_path, suffix):
     np.testing.assert_allclose(written, result.kelvin, rtol=1e-6)
 
 
+@pytest.mark.parametrize("scale, offset", [(0.01, 0.0), (1.0, 273.15), (0.04, 250.0)])
+def test_counts_and_degrees_celsius(scale, offset):
+    kelvin = np.array([[290.0, 300.0], [310.0, offset or np.nan]])  # 0 is a value with an offset
+    values = np.nan_to_num((kelvin - offset) / scale)
+    given = {"emissivity": 0.9, "reflected": 270}
+    result = mi_lcair.temperature(values, "LWIR", scale=scale, offset=offset, **given)
+    expected = mi_lcair.temperature(kelvin, "LWIR", **given)
+    np.testing.assert_allclose(result.kelvin, expected.kelvin, rtol=1e-9)
+
+
 def test_impossible_pixels_are_counted():
     """Pixels colder than what reflection alone gives have no temperature."""
     seen = np.array([[300.0, 150.0, 140.0]])
@@ -241,7 +251,8 @@ def test_impossible_pixels_are_counted():
         ({"distance": 100, "atmosphere": "mars"}, "mars"),
         ({"distance": 100, "air_temperature": 400}, "temperature = 400 K"),
         ({"image": 150.0, "emissivity": 0.5}, "1 of 1 pixels are colder"),
-        ({"image": 20.0}, "degrees Celsius need 273.15 more"),
+        ({"image": 20.0}, "scale=0.01 for counts of 0.01 K, offset=273.15 for degrees Celsius"),
+        ({"scale": 0}, "scale = 0; must be positive"),
         ({"image": np.full((2, 2), np.nan)}, "holds no temperature"),
         ({"image": "none.tif"}, "none.tif"),
         ({"image": "300+-1", "sigma": 2.0}, "states its uncertainty"),

@@ -51,6 +51,12 @@ def quantities(command):
     metavar="K",
     help="Standard uncertainty of the image, common to all pixels.",
 )
+@click.option(
+    "--scale", type=float, metavar="K", help="Kelvin of one count of the image, such as 0.01."
+)
+@click.option(
+    "--offset", type=float, metavar="K", help="273.15 for an image in degrees Celsius, else 0."
+)
 @output_option(
     "the temperatures to FILE (.tif, .csv, .exr with their uncertainty), or a picture", SUFFIXES
 )
@@ -60,9 +66,10 @@ def command(call, image, band, output, sigma, **measurement):
     """Temperature of an object with its uncertainty.
 
     IMAGE holds apparent temperatures in K, as a camera shows them for an emissivity of 1: a TIFF,
-    CSV or NPY file, an EXR with temperature.Y, or one number. A quantity may have a standard
-    uncertainty: 0.92+-0.02. Printed are the temperature in K and what each quantity contributes to
-    its uncertainty; written is the image in K.
+    CSV or NPY file, an EXR with temperature.Y, or one number. Counts and degrees Celsius
+    need --scale or --offset. A quantity may have a standard uncertainty: 0.92+-0.02. Printed are
+    the temperature in K and what each quantity contributes to its uncertainty; written is the image
+    in K.
     """
     result = mi_lcair.temperature(image, band, sigma=sigma, **given(measurement))
     write_and_print(result, {output: result.save})

@@ -15,16 +15,22 @@ PICTURES = (".tif", ".tiff", ".png")
 SUFFIXES = (".exr", *PICTURES, ".csv", ".npy")
 COLDEST, HOTTEST = 30.0, 6000.0  # limits of an apparent temperature, K
 TEMPERATURE = "apparent_temperature"
+OTHERWISE = (
+    "degrees Celsius need 273.15 more, counts of 0.01 K need scale = 0.01; a radiance needs "
+    "quantity = 'radiance'"
+)
 
 
-def check_kelvin(path, values: np.ndarray) -> None:
-    """Raise InputError for values that are no apparent temperatures in kelvin."""
+def check_kelvin(path, values: np.ndarray, otherwise: str = OTHERWISE) -> None:
+    """Raise InputError for values that are no apparent temperatures in kelvin.
+
+    otherwise: what other values need, in words.
+    """
     bad = ~((values >= COLDEST) & (values <= HOTTEST))
     if bad.any():
         raise InputError(
             f"{path}: apparent temperature {values[bad][0]:g}; must lie in {COLDEST:g}.."
-            f"{HOTTEST:g} K (degrees Celsius need 273.15 more; a radiance needs quantity = "
-            "'radiance')"
+            f"{HOTTEST:g} K ({otherwise})"
         )
 
 
@@ -98,7 +104,7 @@ def from_csv(path: str) -> np.ndarray:
             rows.append([float(cell) if cell.strip() else np.nan for cell in cells])
         except ValueError:
             raise InputError(
-                f"{path}, line {number}: is no row of numbers; an image has no header line"
+                f"{path}, line {number}: is no row of numbers; put # in front of a line of a header"
             ) from None
         if len(rows[-1]) != len(rows[0]):
             raise InputError(
