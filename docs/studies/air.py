@@ -37,6 +37,7 @@ KINDS = {
 KINDS_IN_WEATHER = {
     "sky": "night sky, radiance",
     "sky_transmittance": "the same, transmittance to space",
+    "day_sky": "day sky in MWIR, total",
     "reflected_sun": "sunlight that the ground reflects, seen from .5 to 8 km",
 }
 RANGES_KM = 0.5, 2.0, 5.0, 10.0
@@ -80,6 +81,9 @@ def in_weather(row: dict[str, str]) -> float:
         through = bands().transmittance(along.amounts[-1])
         return rule.integral(X, through) / rule.integral(X, np.ones_like(X))
     sun = float(row["sun"])
+    if row["kind"] == "day_sky":
+        light = air.emitted(along, SunDirection(sun, float(row["azimuth"])))
+        return rule.integral(X, light.radiance)
     seen = air.sun(0.0, sun).through(along.amounts[-1]) / np.pi  # white ground
     return np.sin(np.radians(sun)) * rule.integral(X, seen)
 
