@@ -29,6 +29,12 @@ CONNECTION_S = 3  # time until the scheduler's machine takes a connection, s
 TIMEOUT_S = 10  # time until the scheduler answers on it, s
 WORKER_TIMEOUT_S = 60  # time until the scheduler has a worker, s
 COLLECTION_S = 10  # time between collections of garbage on a worker, s
+# Dask's own watch over its workers, which takes a tenth of their time otherwise
+LEAN = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.system-monitor.gil.enabled": False,
+    "distributed.admin.system-monitor.interval": "10s",
+}
 PACKAGES = ("mi_lcair", "mitsuba", "drjit")  # whose versions a worker must have too
 
 _collected = 0.0  # when a task last collected garbage, on a worker
@@ -54,12 +60,14 @@ class Cluster:
         """The client of the scheduler, which has a worker."""
         if self.client is not None:
             return self.client
+        distributed = imported_distributed()
+        import dask
         import drjit
 
-        distributed = imported_distributed()
         self.open.enter_context(quiet())
         if self.count is not None:
             share = max(1, drjit.thread_count() // self.count)
+            self.open.enter_context(dask.config.set(LEAN))
             try:
                 local = distributed.LocalCluster(
                     n_workers=self.count, threads_per_worker=share, dashboard_address=":0"

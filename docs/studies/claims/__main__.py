@@ -4,8 +4,8 @@
                                   [--csv FILE] [--read FILE ...] [--workers N | --dask ADDRESS]
 
 A scene takes about two seconds. `--scenes 1 --first K` repeats the scene K of the seed S and prints
-its claims. `--page docs/validation/claims.md` writes the page. Several processes may each write a
-part of the claims with `--first` and `--csv`. `--read` then takes them all in place of a run.
+its claims. Several runs, of more seeds or of further scenes, may add to one `--csv`. `--read` takes
+all claims of such files in place of a run. `--page docs/validation/claims.md` writes the page.
 """
 
 import argparse
@@ -88,8 +88,7 @@ def main(arguments=None) -> None:
     options = parsed(arguments)
     numbers = range(options.first, options.first + options.scenes)
     if options.read:
-        read = [claim for path in options.read for claim in read_from(path)]
-        found = [claim for claim in read if claim.seed == options.seed and claim.number in numbers]
+        found = [claim for path in options.read for claim in read_from(path)]
     else:
         with mi_lcair.workers(options.workers, options.dask):
             found = run(options.seed, numbers, options.kind, options.csv)
@@ -101,7 +100,7 @@ def main(arguments=None) -> None:
     for (name, kind), text in defects(found).items():
         print(f"DEFECT {name}; {kind}: {text}")
     if options.page:
-        write(options.page, found, options.scenes, options.seed)
+        write(options.page, found)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,7 @@
 """The page docs/validation/claims.md."""
 
+from collections import Counter
+
 from docs.studies.claims.claims import SHARE, Claim
 from docs.studies.claims.coverage import Row, defects, is_tolerance, rows
 from docs.studies.page import write_page
@@ -8,7 +10,8 @@ from docs.studies.page import write_page
 def line(row: Row) -> str:
     """A row of the page's tables; a tolerance has the shares of large errors."""
     worst = row.worst
-    where = f"{worst.kind}, scene {worst.number}, {worst.error:+.2g}, {worst.excess:.3g} times"
+    scene = f"{worst.kind}, scene {worst.number} of {worst.seed}"
+    where = f"{scene}, {worst.error:+.2g}, {worst.excess:.3g} times"
     cells = [row.name, str(row.claims), str(row.scenes), f"{row.held:.1%}"]
     cells.append(f"{row.lower:.1%} to {row.upper:.1%}")
     if is_tolerance(row.name):
@@ -30,8 +33,15 @@ def by_kind(found: list[Claim]) -> str:
     return "\n".join(lines)
 
 
-def write(path: str, found: list[Claim], scenes: int, seed: int) -> None:
-    """Write the page from the claims of this number of scenes."""
+def runs(found: list[Claim]) -> str:
+    """The seeds in words, each with its number of scenes."""
+    scenes = sorted({(claim.seed, claim.number) for claim in found})
+    counts = Counter(seed for seed, _ in scenes)
+    return ", ".join(f"{count} scenes of seed {seed}" for seed, count in counts.items())
+
+
+def write(path: str, found: list[Claim]) -> None:
+    """Write the page from claims."""
     all_rows = rows(found)
     tolerances = [row for row in all_rows if is_tolerance(row.name)]
     intervals = [row for row in all_rows if not is_tolerance(row.name)]
@@ -41,8 +51,8 @@ def write(path: str, found: list[Claim], scenes: int, seed: int) -> None:
     write_page(
         path,
         "claims",
-        scenes=scenes,
-        seed=seed,
+        scenes=len({(claim.seed, claim.number) for claim in found}),
+        runs=runs(found),
         claims=len(found),
         share=f"{SHARE:.0%}",
         intervals="\n".join(map(line, intervals)),
