@@ -161,13 +161,13 @@ def test_the_table_names_the_model_and_its_own_parameters(run, asked):
 def test_table_of_several_files(run, asked):
     """The facts and parameters of one fit follow those of the other."""
     lines = run("fit", "mwir.csv", "lwir.csv").stdout.splitlines()
-    first, second = lines[:22], lines[23:]
+    first, second = lines[:21], lines[22:]
     assert (first[0], second[0]) == (
         "surface      mwir (mwir.csv)",
         "surface      lwir (lwir.csv)",
     )
     assert (first[1].split(), second[1].split()) == (["band", "3-5", "um"], ["band", "8-12", "um"])
-    assert first[13].startswith("epsilon ") and second[-6].startswith("e  ") and not lines[22]
+    assert first[12].startswith("epsilon ") and second[-6].startswith("e  ") and not lines[21]
 
 
 def test_an_unknown_band_is_mentioned(run, asked, folder):

@@ -11,6 +11,7 @@ import shutil
 import numpy as np
 import pytest
 
+from mi_lcair.formats import tiff
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.rendering.images.exr import read_exr
@@ -60,12 +61,16 @@ def test_a_model_of_blender(walk, folder):
 
 @pytest.mark.slow
 def test_the_csv_of_a_scatterometer(walk, folder):
-    copied(folder, "paint.csv")
+    """A spreadsheet's: semicolons, decimal commas, and an angle at which nothing was measured."""
+    rows = (FOLDER / "examples" / "paint.csv").read_text().splitlines()
+    rows = [row if row[0] == "#" else row.replace(",", ";").replace(".", ",") for row in rows]
+    (folder / "paint.csv").write_text("\r\n".join([*rows, "1;0;", "30;-30;n/a", ""]))
     names, output = walk(
         "fit paint.csv --model microfacet --starts 2 -o paint.json",
         render=("--spp", 2, "-D", "resolution=8"),
     )
     assert names == ["fit", "render", "show"] and "emissivity  standard error" in output
+    assert "2 without a value" in output
     assert (folder / "paint_furnace.png").is_file()
 
 
@@ -83,11 +88,12 @@ def test_a_scene_of_mitsuba(walk, refused, folder):
     assert (folder / "thermal.png").is_file()
 
 
-def test_the_image_of_a_thermograph(walk, folder):
-    np.savetxt(folder / "seen.csv", [[300.0, 310.0], [320.0, 330.0]], delimiter=",")
-    names, output = walk(
-        "temperature seen.csv --band LWIR --emissivity .92+-.02 --reflected 293+-2"
-    )
+def test_the_image_of_a_thermograph(walk, refused, folder):
+    counts = np.array([[30000, 31000], [32000, 33000]], np.uint16)  # of 0.01 K
+    tiff.write(folder / "seen.tif", counts)
+    command = "temperature seen.tif --band LWIR --emissivity .92+-.02 --reflected 293+-2"
+    assert "--scale 0.01 for counts of 0.01 K" in refused(*shlex.split(command))
+    names, output = walk(f"{command} --scale .01")
     assert names == ["temperature", "temperature"] and "emissivity" in output
     assert (folder / "seen_object.png").is_file()
 

@@ -12,7 +12,7 @@ from mi_lcair.cli.options import (
     renderer_options,
     workers_options,
 )
-from mi_lcair.cli.output import time_row, write_and_print
+from mi_lcair.cli.output import print_next, time_row, write_and_print
 
 
 @click.command(
@@ -42,3 +42,5 @@ def command(problem, output, plot, no_advice):
         solution = mi_lcair.invert(problem, advise=not no_advice, progress=progress)
     files = {output: solution.save, plot: solution.plot}
     write_and_print(solution, files, [time_row(solution)])
+    if output:
+        print_next(["report", output, "-o", f"{output.stem}.html"])

@@ -13,7 +13,7 @@ from mi_lcair.cli.options import (
     scenario_options,
     seed_option,
 )
-from mi_lcair.cli.output import time_row, write_and_print
+from mi_lcair.cli.output import print_next, time_row, write_and_print
 from mi_lcair.files import check_writable
 
 
@@ -54,3 +54,4 @@ def command(scenario, changes, output, frames, seed, plot):
     more = {"file": str(output), "counts_file": str(pages)}
     files = {output: result.save, pages: result.save, plot: result.plot}
     write_and_print(result, files, rows, more)
+    print_next(["show", output])

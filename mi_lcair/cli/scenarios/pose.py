@@ -10,7 +10,7 @@ from mi_lcair.cli.options import (
     output_option,
     renderer_options,
 )
-from mi_lcair.cli.output import write_and_print
+from mi_lcair.cli.output import print_next, write_and_print
 
 SUFFIXES = (".toml", ".csv", ".json", ".html", ".nc")
 
@@ -45,3 +45,5 @@ def command(scenario, points, changes, sigma, output):
     """
     result = mi_lcair.pose(scenario, points, sigma, parameters=dict(changes))
     write_and_print(result, {output: result.save})
+    if output and output.suffix == ".toml":
+        print_next(["image", output, "-o", f"{output.stem}.exr"])

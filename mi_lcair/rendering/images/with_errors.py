@@ -45,6 +45,10 @@ class ImageWithErrors:
     spp: int
     reached: bool | None
 
+    def __repr__(self) -> str:
+        mean = ", ".join(f"{m:.5g} +- {e:.2g}" for m, e in zip(self.mean, self.mean_error))
+        return f"image: mean {mean} (standard errors), {self.spp} samples per pixel"
+
     @property
     def half_width(self) -> np.ndarray:
         """Half of the 95 % interval (Student's) of each pixel, (H, W, C)."""

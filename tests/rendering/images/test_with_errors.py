@@ -38,6 +38,7 @@ def test_errors_are_those_of_the_mean_of_independent_images():
     result = ImageWithErrors.of(images, 16)
     assert np.all(result.image == 1) and np.allclose(result.standard_error, 1)
     assert result.mean == 1 and result.mean_error == pytest.approx(1) and result.spp == 16
+    assert repr(result) == "image: mean 1 +- 1 (standard errors), 16 samples per pixel"
     assert result.rms_error == pytest.approx(1)
     assert ImageWithErrors.of(0 * images, 16).rms_error == 0
 
