@@ -57,13 +57,14 @@ class Offsets:
 
 
 def extent(shape) -> float:
-    """Longest side of a shape's triangles, or a quarter of the diagonal of another shape's box [m].
+    """Longest side of a shape's triangles, or a part of the diagonal of another shape's box [m].
 
     A hit on a sphere is computed from its radius, and has a smaller error than one on a triangle.
+    An offset that is larger by d lets the part 2 d / radius of its rays, which graze it, pass by.
     """
     if not is_faceted(shape):
-        box = shape.bbox()
-        return float(np.linalg.norm(np.array(box.max) - np.array(box.min))) / 4
+        box, part = shape.bbox(), 16 if shape.class_name() == "Sphere" else 4
+        return float(np.linalg.norm(np.array(box.max) - np.array(box.min))) / part
     a, b, c = triangle_corners(shape)
     return max(
         float(np.linalg.norm(p - q, axis=1).max(initial=0.0)) for p, q in ((a, b), (b, c), (c, a))

@@ -96,14 +96,14 @@ def floor_of(folder, side):
 def test_offset_of_a_hit(tmp_path):
     """3 roundings of the largest coordinate, 3 m, and 64 of the longest side, 10 sqrt(2) m.
 
-    Of a sphere 64 of a quarter of its diagonal.
+    Of a sphere 64 of a sixteenth of its box's diagonal.
     """
     scene, hit, _ = floor_of(tmp_path, 10.0)
     expected = (3 * 3 + 64 * 10 * np.sqrt(2)) * 2.0**-24
     assert Offsets(scene).at(hit())[0] == pytest.approx(expected, rel=1e-5)
     (floor,) = scene.shapes()
     assert extent(floor) == pytest.approx(10 * np.sqrt(2))
-    assert extent(mi.load_dict({"type": "sphere", "radius": 2.0})) == pytest.approx(np.sqrt(3))
+    assert extent(mi.load_dict({"type": "sphere", "radius": 2.0})) == pytest.approx(np.sqrt(3) / 4)
 
 
 @pytest.mark.parametrize("side", [10.0, 1e4])
