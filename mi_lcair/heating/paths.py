@@ -27,6 +27,7 @@ from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 from mi_lcair.plugins.paths.offsets import Offsets
 from mi_lcair.plugins.samplers.lattice import VECTOR, Lattice
 from mi_lcair.rendering.facets.table import FacetTable
+from mi_lcair.rendering.limits import check_free
 from mi_lcair.rendering.scene import Scene
 
 FAINT = 1e-4  # throughput below which half of the paths end, and the others count twice
@@ -35,6 +36,8 @@ MOST_REFLECTIONS = (
 )
 RANDOMISATIONS = 8
 CELLS, LANES = 2**24, 2**22  # most numbers that a launch adds up, and most of its paths
+# Memory for each number that is kept [bytes]: 106 to 143 on a bowl of 8,000 facets
+BYTES = 150
 RINGS = len(RINGS_DEG) - 1
 # Ends of paths, the columns after those of the facets: the rings of the sky, then these. What meets
 # the back of a closed surface began inside a body and is buried.
@@ -221,9 +224,14 @@ class FacetPaths:
         Returns
         -------
         Means
+
+        Raises
+        ------
+        InputError
+            If the numbers that the first launches keep say that memory does not suffice for all.
         """
         rows, C = len(self.rows), self.columns
-        lost, parts = dr.zeros(mi.Float, len(self.shapes)), []
+        lost, parts, kept = dr.zeros(mi.Float, len(self.shapes)), [], 0
         step = max(1, min(rows, CELLS // (RANDOMISATIONS * C)))
         for first in range(0, rows, step):
             count = min(step, rows - first)
@@ -235,6 +243,12 @@ class FacetPaths:
             cell = dr.compress(tally.met > 0)
             values = dr.gather(mi.Float64, tally.met, cell).numpy() / points
             parts.append((cell.numpy() + np.int64(first) * RANDOMISATIONS * C, values))
+            kept += len(values)
+            check_free(
+                BYTES * kept * rows / (first + count),
+                f"exchange of {rows} facets with {points * RANDOMISATIONS} paths each",
+                "trace fewer rays, or give the model larger facets",
+            )
         cells, values = (np.concatenate(column) for column in zip(*parts))
         lost = lost.numpy() / (points * RANDOMISATIONS)
         return Means.of(rows, len(self.number), cells, values, lost)

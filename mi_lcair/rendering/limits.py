@@ -40,11 +40,16 @@ def check_memory(pixels: int, tracer, split: str | None) -> None:
         Channels recorded beside the radiance, see `Channels`.
     """
     needed = pixels * (BYTES_PER_PIXEL + BYTES_PER_CHANNEL * channel_count(tracer, split))
+    check_free(needed, f"an image of {pixels} pixels", "lower the resolution")
+
+
+def check_free(needed: float, what: str, remedy: str) -> None:
+    """Raise InputError for something that needs more memory [bytes] than is free."""
     available = available_memory()
     if available is not None and needed > available:
         raise InputError(
-            f"an image of {pixels} pixels needs {needed / GIB:.1f} GiB of memory, and "
-            f"{available / GIB:.1f} GiB are free; lower the resolution"
+            f"{what} needs {needed / GIB:.1f} GiB of memory, and "
+            f"{available / GIB:.1f} GiB are free; {remedy}"
         )
 
 

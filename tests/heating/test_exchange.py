@@ -71,6 +71,17 @@ def test_conductors_are_the_same_however_many_paths_a_launch_has(monkeypatch):
     np.testing.assert_allclose(parts.between.toarray(), whole.between.toarray(), rtol=1e-12)
 
 
+def test_a_scene_that_does_not_fit_into_memory_is_refused_early(monkeypatch):
+    scene = scene_of(box=box(grey(0.3), emitter=emits()))
+    monkeypatch.setattr("mi_lcair.heating.paths.CELLS", 1000)
+    needed = 150 * 8 * 12 * 11  # numbers between 12 facets, of which 2 lie in each plane
+    monkeypatch.setattr("mi_lcair.rendering.limits.available_memory", lambda: 1.1 * needed)
+    exchange(scene, rays=512)
+    monkeypatch.setattr("mi_lcair.rendering.limits.available_memory", lambda: 0.5 * needed)
+    with pytest.raises(InputError, match="exchange of 12 facets with 512 paths each needs 0.0 GiB"):
+        exchange(scene, rays=512)
+
+
 def test_view_factors_of_a_black_cube():
     result = exchange(scene_of(box=box(grey(1.0), emitter=emits())), rays=131072)
     normal = np.round(result.facets.normal).astype(int)

@@ -16,11 +16,13 @@ from mi_lcair.heating.temperatures.weather import Weather, weather
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.rendering.facets.polygons import FacetPolygons
 from mi_lcair.rendering.facets.table import FacetTable
+from mi_lcair.rendering.limits import check_free
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.window import window_area
 from mi_lcair.sensitivity.facets import facet_matrix
 
 SHADOW_RAYS = 32  # of each facet toward each position of the sun
+BYTES = 1100  # memory for a facet and a position of the sun, measured with 4,000 and 8,000 facets
 STEP = 0.1  # of the temperatures in differences of radiances [K]
 
 
@@ -30,6 +32,8 @@ def temperatures(scene: Scene, description: Description) -> Heat:
     conditions = weather(
         description.weather, description.folder, run.steps, is_periodic=run.start_K is None
     )
+    if description.signature is not None:
+        window_area(scene.sensor(description.signature.sensor), scene.name)  # refuses other sensors
     radiation = exchange(scene, run.rays, run.seed)
     light, of_light = sunlit(scene, radiation.facets, conditions, description)
     network = Network(radiation.facets, radiation.traced, light, conditions, description.groups)
@@ -88,6 +92,10 @@ def sunlit(scene: Scene, facets, conditions: Weather, description: Description):
     if not shines.any() and not conditions.diffuse_W_m2.any():
         dark = np.zeros((1, n))
         return Sunlit(beam[:1], dark, dark, np.ones(n), sparse.csr_array((n, n))), ()
+    what = f"sunlight on {n} facets at {shines.sum()} times"
+    check_free(
+        BYTES * n * shines.sum(), what, "lower steps of [run], or give the model larger facets"
+    )
     light = Sunlight(scene, description.run.rays, description.run.seed)
     # Without a beam its areas are of no account, but a sheet's sides are
     suns = conditions.toward_sun[shines] if shines.any() else np.array([[0.0, 0, 1]])

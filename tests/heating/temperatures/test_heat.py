@@ -103,6 +103,19 @@ def test_refused(folder, tables, message):
         mi_lcair.heat(tree | tables)
 
 
+def test_what_cannot_be_is_refused_before_the_paths(folder, monkeypatch):
+    text = (folder / "heat.toml").read_text()
+    tree = tomllib.loads(text)
+    tree["target"]["scene"] = str(folder / "box" / "scene.xml")
+    tree["weather"]["file"] = str(folder / "day.csv")
+    with pytest.raises(InputError, match="sensor"):
+        mi_lcair.heat(tree | {"signature": {"sensor": 7}})
+    monkeypatch.setattr("mi_lcair.rendering.limits.available_memory", lambda: 10_000)
+    monkeypatch.setattr("mi_lcair.heating.paths.BYTES", 0)
+    with pytest.raises(InputError, match="sunlight on 7 facets at . times needs 0.0 GiB"):
+        mi_lcair.heat(tree)
+
+
 def test_command_refuses_in_one_line(folder, capsys):
     (folder / "bad.toml").write_text(
         '[target]\nscene = "box/scene.xml"\n[groups.lid]\ndensity = -1\n'
