@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mi_lcair.errors import InputError, escaped, shown
 from mi_lcair.files import read_text
@@ -218,3 +219,14 @@ def safe_cell(text: str) -> str:
     """
     text = escaped(text)
     return f"'{text}" if text.startswith(FORMULA) else text
+
+
+def rows_at(places: ArrayLike, knots: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Rows between rising knots: linear, and constant outside.
+
+    places: (...). knots: (n,). rows: (n, ...), one for each knot.
+    """
+    place = np.asarray(np.interp(places, knots, np.arange(len(knots))))
+    low = np.minimum(place.astype(int), max(len(knots) - 2, 0))
+    share = (place - low).reshape(*place.shape, *[1] * (np.ndim(rows) - 1))
+    return (1 - share) * rows[low] + share * rows[np.minimum(low + 1, len(knots) - 1)]

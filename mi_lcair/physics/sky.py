@@ -13,7 +13,7 @@ from mi_lcair.physics.air.levels import Weather, model_names
 from mi_lcair.physics.blackbody import C1, C2, spectral_radiance
 from mi_lcair.physics.spectral_table import spectral_table
 from mi_lcair.physics.spectrum import BUNDLED, Spectrum
-from mi_lcair.table import LARGEST
+from mi_lcair.table import LARGEST, rows_at
 
 RADIANCE, ELEVATION = "radiance_W_m2_sr_um", "elevation_deg"
 CLEAR = "_clear"  # end of the names of clear skies
@@ -61,9 +61,7 @@ class SkyTable:
         share = np.maximum(self.radiance / black, LEAST)
         depths = np.log(-np.log1p(-share))
         places = -np.log(air_mass(self.elevations_deg))
-        place = np.interp(-np.log(air_mass(elevation_deg)), places, np.arange(len(places)))
-        low = min(int(place), len(places) - 2)
-        depth = (1 - (place - low)) * depths[low] + (place - low) * depths[low + 1]
+        depth = rows_at(-np.log(air_mass(elevation_deg)), places, depths)
         return Spectrum(name, x, -np.expm1(-np.exp(depth)) * black)
 
 

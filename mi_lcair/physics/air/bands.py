@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.table import read_table
+from mi_lcair.table import read_table, rows_at
 
 TABLES = Path(__file__).with_name("tables")
 WAVELENGTH = "wavelength_um"
@@ -73,11 +73,7 @@ class Bands:
             floor, slope = RAYLEIGH
             square = np.cos(np.radians(angle_deg)) ** 2
             return (floor + slope * square)[..., None] * np.ones(len(self.wavelengths_um))
-        angles, logarithms = self._phases[name]
-        place = np.interp(angle_deg, angles, np.arange(len(angles)))
-        below = np.minimum(place.astype(int), len(angles) - 2)
-        share = (place - below)[..., None]
-        return np.exp((1 - share) * logarithms[below] + share * logarithms[below + 1])
+        return np.exp(rows_at(angle_deg, *self._phases[name]))
 
     @cached_property
     def _phases(self) -> dict:
@@ -92,12 +88,7 @@ class Bands:
             wavelengths, angles = np.unique(wavelengths), np.unique(angles)
             # The rows are ordered by wavelength and angle
             logarithms = np.log(values).reshape(len(wavelengths), len(angles))
-            phases[str(name)] = (
-                angles,
-                np.array(
-                    [np.interp(self.wavelengths_um, wavelengths, row) for row in logarithms.T]
-                ),
-            )
+            phases[str(name)] = angles, rows_at(self.wavelengths_um, wavelengths, logarithms).T
         return phases
 
 

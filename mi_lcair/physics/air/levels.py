@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from mi_lcair.declared import check_fields, within
 from mi_lcair.errors import unknown
 from mi_lcair.physics.air.bands import TABLES, bands
-from mi_lcair.table import read_table
+from mi_lcair.table import read_table, rows_at
 
 EARTH_KM = 6371.23  # radius of the Earth in LOWTRAN7
 TOP_M = 100_000.0  # height of the air's end
@@ -206,7 +206,7 @@ def class_shares(humidity: np.ndarray, classes: np.ndarray) -> np.ndarray:
     """
     places = -np.log1p(-classes)
     at = -np.log1p(-np.minimum(humidity, classes[-1]))
-    return np.column_stack([np.interp(at, places, unit) for unit in np.eye(len(classes))])
+    return rows_at(at, places, np.eye(len(classes)))
 
 
 def haze_factor(column: str, heights_km: np.ndarray, visibility: float) -> np.ndarray:

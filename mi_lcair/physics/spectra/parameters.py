@@ -25,6 +25,7 @@ from mi_lcair.physics.reflection import sandford_robertson_equations as sr
 from mi_lcair.physics.spectra.change import Change
 from mi_lcair.physics.spectra.files import by_angle, columns_of, spectrum_of
 from mi_lcair.physics.spectra.refractive_index import refractive_index
+from mi_lcair.table import rows_at
 
 SAMPLES = 4001  # even wavelengths of a band at which a spectral material is evaluated
 ROOM_K, HOT_K = 300.0, 800.0  # the average is compared with that for the farther temperature
@@ -132,12 +133,8 @@ class SpectralParameters:
         It is linear between rows and angles, and that of the nearest one outside them.
         """
         theta, values = self.by_angle
-        place = np.interp(np.arccos(cos), theta, np.arange(len(theta)))
-        low = np.minimum(place.astype(int), max(len(theta) - 2, 0))
-        high, share = np.minimum(low + 1, len(theta) - 1), place - low
-        of_angles = (1 - share) * values[:, low] + share * values[:, high]
-        x = self.wavelengths_um
-        return np.stack([np.interp(wavelengths_um, x, column) for column in of_angles.T], axis=1)
+        of_angles = rows_at(np.arccos(cos), theta, values.T)
+        return rows_at(wavelengths_um, self.wavelengths_um, of_angles.T)
 
     def facet_reflectance(self, wavelengths_um: np.ndarray, cos: np.ndarray) -> np.ndarray:
         """Fresnel reflectance of a microfacet spectrum at cosines, (wavelengths, cosines).
@@ -326,7 +323,7 @@ def of_emissivity(entry, files, common, fit) -> SpectralParameters:
     if "wavelengths" not in files and (table := by_angle(path)) is not None:
         wavelengths, theta, values = table
         angles = np.arccos(NODES_OF_COSINE)
-        rows = np.stack([np.interp(angles, theta, row) for row in values])
+        rows = rows_at(angles, theta, values.T).T
         remark = "an average over the band has the emissivity of the hemisphere at all angles"
         grey = spectrum(
             "grey", entry, common, wavelengths, {"emissivity": of_hemisphere(rows)}, path, (remark,)

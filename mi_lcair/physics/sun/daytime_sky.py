@@ -125,18 +125,11 @@ class ClearSky:
         components = [between_rings(above, rings, emitted)]
         if self.sun_elevation_deg is not None:
             places = -np.log(air_mass(rings))
-            place = np.interp(-np.log(air_mass(above)), places, np.arange(len(places)))
-            low = np.minimum(place.astype(int), len(places) - 2)
-            up = place - low
-            scattered = np.log(np.maximum(scattered, SMALLEST))
-            place = np.interp(angle_deg, ANGLES_DEG, np.arange(len(ANGLES_DEG)))
-            near = np.minimum(place.astype(int), len(ANGLES_DEG) - 2)
-            off = place - near
-
-            def of_ring(ring):
-                return (1 - off) * scattered[ring, near] + off * scattered[ring, near + 1]
-
-            components.append(np.exp((1 - up) * of_ring(low) + up * of_ring(low + 1)))
+            logarithms = scipy.interpolate.RegularGridInterpolator(
+                (places, ANGLES_DEG), np.log(np.maximum(scattered, SMALLEST))
+            )
+            at = np.clip(-np.log(air_mass(above)), places[0], places[-1])
+            components.append(np.exp(logarithms((at, angle_deg))))
         return components
 
     def from_sun(self, elevation_deg: ArrayLike, azimuth_deg: ArrayLike) -> np.ndarray:
