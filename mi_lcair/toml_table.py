@@ -2,13 +2,16 @@
 
 import json
 import re
+from collections.abc import Mapping
 from dataclasses import MISSING, fields
+from pathlib import Path
 from types import UnionType
 from typing import Literal, Union, get_args, get_origin
 
 import numpy as np
 
 from mi_lcair.errors import InputError, shortened, unknown
+from mi_lcair.files import parse_toml, read_text
 
 EXPECTED = {
     str: "a text",
@@ -19,6 +22,23 @@ EXPECTED = {
 }
 SMALLEST, LARGEST = 1e-30, 1e12  # sizes of numbers whose squares and ratios stay finite
 SIZES = f"{SMALLEST:g}..{LARGEST:g}"
+
+
+def read(source, of, kind: str):
+    """What `of(tables, folder, name)` makes of a TOML file, or of a dictionary of its tables.
+
+    kind: what the file is, such as "sweep"; also the name of a dictionary. Paths in a file are
+    relative to its folder, those of a dictionary to the working folder. The message of an
+    InputError names the file.
+    """
+    if isinstance(source, Mapping):
+        return of(source, Path(), kind)
+    path, what = Path(source), f"{kind} '{source}'"
+    tables = parse_toml(read_text(path, what), what)
+    try:
+        return of(tables, path.parent, path.stem)
+    except InputError as error:
+        raise InputError(f"{what}: {error}") from None
 
 
 def filled(kind, values, where: str):

@@ -39,7 +39,7 @@ ROUNDS = 3  # alternating timed runs of each contestant
 COUNTS = [4**k for k in range(3, 11)]  # path counts that are tried of lattice points
 PIXELS = 96  # along a side of the film of independent points: as many as the bundled scenes have
 SAMPLES = [4**k for k in range(6)]  # independent points in each pixel that are tried
-MOST_SECONDS = 15.0  # processor time of a path count, after which no larger one is tried
+MOST_SECONDS = 8.0  # processor time of a path count, after which no larger one is tried
 MOST_TIMED = 2**25  # largest number of paths in a timed run
 TOLERANCES = (0.01, 0.001)
 SCENES = [
@@ -54,7 +54,7 @@ TOLERANCE_SEEDS = 3
 REFERENCE_PATHS = 2**20  # paths of each of the eight runs of a reference
 IMAGES = SCENES[3:]
 RESOLUTION, IMAGE_COUNTS, IMAGE_SEEDS = 64, (4, 8, 16, 32, 64, 128, 256), 2
-CONVERGED = 2**13  # paths for each pixel of the image that stands for the exact one
+CONVERGED = 2**12  # paths for each pixel of the image that stands for the exact one
 LINES = {  # contestants and their style in the picture
     "independent": {"color": "C0", "marker": "o"},
     "lattice": {"color": "C1", "marker": "s"},

@@ -18,7 +18,7 @@ from mi_lcair.benchmark.propagation.problem import Method, Problem
 from mi_lcair.progress import stepper
 from mi_lcair.startup.tasks import in_order
 
-MOST_SECONDS, LEAST_REPETITIONS = 3.0, 5
+MOST_SECONDS, LEAST_REPETITIONS = 1.5, 5
 # Pairs of the number of bounces and the closure.
 CLOSURES = [(bounces, "none") for bounces in (0, 1, 2, 3, 4)] + [(1, "ambient"), (2, "tail")]
 
@@ -51,7 +51,7 @@ class Effort:
     seeds: int
 
 
-FULL, QUICK = Effort(0.2, 4**12, 15, 3, 2**18, 4), Effort(0.02, 4**10, 3, 1, 2**14, 2)
+FULL, QUICK = Effort(0.1, 4**12, 9, 3, 2**17, 4), Effort(0.02, 4**10, 3, 1, 2**14, 2)
 
 
 @dataclass(frozen=True)

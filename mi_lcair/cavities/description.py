@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+from mi_lcair import toml_table
 from mi_lcair.cavities.shape import Shape
 from mi_lcair.cavities.view import Beam, Cone, Hemisphere, View
 from mi_lcair.cavities.walls import OwnMesh
 from mi_lcair.declared import Bounds, check_fields, within
 from mi_lcair.errors import InputError, unknown
-from mi_lcair.files import parse_toml, read_text
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.materials import Material, bands_of, material
 from mi_lcair.table import read_table
@@ -155,17 +155,17 @@ class Description:
     @staticmethod
     def read(cavity: str | PathLike[str] | Mapping) -> "Description":
         """A TOML file, or its tables; raises InputError for what cannot be used."""
-        if isinstance(cavity, Mapping):
-            name, folder, tables = "cavity", Path(), dict(cavity)
-        else:
-            name, folder = Path(cavity).stem, Path(cavity).parent
-            tables = parse_toml(read_text(cavity, "cavity"), str(cavity))
+        return toml_table.read(cavity, Description.of, "cavity")
+
+    @staticmethod
+    def of(tables: Mapping, folder: Path, name: str) -> "Description":
+        """The description of the tables of a file in a folder."""
         for key in tables:
             if key not in TABLES:
                 raise unknown("table of a cavity", key, TABLES)
         for key in ("shape", "wall"):
             if key not in tables:
-                raise InputError(f"{name}: table [{key}] is missing")
+                raise InputError(f"table [{key}] is missing")
         shape, view = tables["shape"], tables.get("view", {})
         if isinstance(shape, Mapping) and "mesh" in shape:
             shape = OwnMesh.read(shape, folder)

@@ -12,10 +12,9 @@ from mi_lcair.files import replacing
 from mi_lcair.inversion.advice import Advice
 from mi_lcair.inversion.answers import Answer, Direction
 from mi_lcair.inversion.least_squares.solve import Step
-from mi_lcair.rendering.scene import Scene
 from mi_lcair.results import Result
 from mi_lcair.results.reading import built
-from mi_lcair.sensitivity.solution_file import KIND, applied
+from mi_lcair.sensitivity.solution_file import KIND
 
 SHOWN = 2  # unknowns in the summary
 
@@ -238,7 +237,3 @@ class Solution(Result):
         """Write the solution as JSON, completely or not at all."""
         with replacing(path) as partial:
             partial.write_text(json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n")
-
-    def apply(self, scene: Scene, state: str | None = None) -> None:
-        """Set the parameters of a loaded scene to the solution, see `apply_solution`."""
-        applied(self.problem, json.loads(json.dumps(self.as_dict())), scene, state)

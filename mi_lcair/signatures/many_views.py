@@ -10,7 +10,7 @@ from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.views import Target, View, cameras, check_resolution
-from mi_lcair.rendering.window import PASS_SAMPLES, Windows
+from mi_lcair.rendering.window import Windows
 
 DEFAULT_TOLERANCE = 0.01  # half of the 95 % interval of a view's intensity, as a fraction of it
 # Views fainter than this fraction of the brightest view get an absolute tolerance: that of a view
@@ -71,11 +71,6 @@ class IntensitiesOfViews(Criterion):
 
     def excess(self, total):
         return of_totals(total, self.areas).excess(self.tolerance)
-
-
-def views_per_batch(resolution: int) -> int:
-    """Number of views of resolution x resolution paths that one pass can render."""
-    return max(1, PASS_SAMPLES // resolution**2)
 
 
 def render_views(scene: Scene, views: list[View], resolution: int, sampling: Sampling) -> ManyViews:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from mi_lcair import toml_table
 from mi_lcair.declared import check_fields, within
 from mi_lcair.errors import InputError, shortened, unknown
-from mi_lcair.files import parse_toml, read_text
 from mi_lcair.fraction import fraction
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.table import read_table
@@ -149,15 +149,7 @@ class Conditions:
         Paths in the file are relative to its folder, those of a dictionary to the working folder.
         Raises InputError if anything cannot be used.
         """
-        if isinstance(source, Mapping):
-            return conditions_of(source, Path(), "sweep")
-        path = Path(source)
-        what = f"sweep '{source}'"
-        try:
-            return conditions_of(parse_toml(read_text(path, what), what), path.parent, path.stem)
-        except InputError as error:
-            text = str(error)
-            raise InputError(text if text.startswith(what) else f"{what}: {text}") from None
+        return toml_table.read(source, conditions_of, "sweep")
 
 
 def conditions_of(tree: Mapping, folder: Path, name: str) -> Conditions:

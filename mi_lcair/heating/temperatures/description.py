@@ -7,9 +7,9 @@ from os import PathLike
 from pathlib import Path
 from typing import Literal
 
+from mi_lcair import toml_table
 from mi_lcair.declared import Bounds, check_fields, within
 from mi_lcair.errors import InputError, unknown
-from mi_lcair.files import parse_toml, read_text
 from mi_lcair.fraction import fraction
 from mi_lcair.toml_table import filled
 
@@ -220,15 +220,7 @@ class Description:
 
         Raises InputError if anything cannot be used.
         """
-        if isinstance(source, Mapping):
-            return described(source, Path(), "heat")
-        path = Path(source)
-        what = f"heat '{source}'"
-        try:
-            return described(parse_toml(read_text(path, what), what), path.parent, path.stem)
-        except InputError as error:
-            text = str(error)
-            raise InputError(text if text.startswith(what) else f"{what}: {text}") from None
+        return toml_table.read(source, described, "heat")
 
 
 def described(tree: Mapping, folder: Path, name: str) -> Description:
