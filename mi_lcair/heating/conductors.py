@@ -101,6 +101,19 @@ class Conductors:
         of_ground = self.to_ground * (ground_K**4 - fourth)
         return STEFAN_BOLTZMANN * (of_pairs + of_sky + of_ground)
 
+    def absorbed(self, fourth: np.ndarray, sky: np.ndarray | float, ground: float) -> np.ndarray:
+        """What the facets absorb, as an area times T^4 [m^2 K^4], (n,), also of what they emit.
+
+        fourth, sky, ground: T^4 of the facets, (n,), of the rings of the sky, (rings,), or of the
+        whole sky, and of the ground [K^4].
+        """
+        of_facets = self.between @ fourth + self.to_self * fourth
+        return of_facets + np.sum(self.to_sky * sky, axis=1) + self.to_ground * ground
+
+    def gained(self, fourth: np.ndarray, sky: np.ndarray | float, ground: float) -> np.ndarray:
+        """What the facets absorb less what they emit [m^2 K^4], (n,); see `absorbed`."""
+        return self.absorbed(fourth, sky, ground) - (self.total + self.to_self) * fourth
+
     def irradiance(
         self, kelvin: np.ndarray, sky_K: np.ndarray | float, ground_K: float
     ) -> np.ndarray:
@@ -109,12 +122,9 @@ class Conductors:
         It is sigma T^4 where everything around the facet has the temperature T, and NaN for a facet
         that absorbs nothing.
         """
-        fourth = kelvin**4
-        rings = np.broadcast_to(np.asarray(sky_K, float) ** 4, self.to_sky.shape[1])
-        arrives = self.between @ fourth + self.to_self * fourth + self.to_sky @ rings
-        arrives += self.to_ground * ground_K**4
         absorbs = self.total + self.to_self
-        return STEFAN_BOLTZMANN * arrives / np.where(absorbs > 0, absorbs, np.nan)
+        power = STEFAN_BOLTZMANN * self.absorbed(kelvin**4, np.asarray(sky_K) ** 4, ground_K**4)
+        return power / np.where(absorbs > 0, absorbs, np.nan)
 
     @cached_property
     def pairs(self) -> tuple[np.ndarray, np.ndarray]:

@@ -3,10 +3,11 @@
 Time steps are those of BDF2. The nodes of a wall are eliminated facet by facet: with its mass
 matrix M, the temperatures H that earlier steps give and the flux q into the surface,
 
-    U = P (M H / dt + b) + P e_0 q,    P = (3/2 M / dt + K)^-1,
+    A U = M H / dt + b + e_0 q,    A = 3/2 M / dt + K,
 
-so that the surface has the temperature r + q / g with r = (P (M H / dt + b))_0 and g = 1 / P_00.
-What remains is one equation for each facet, see `balance`.
+so that the surface has the temperature r + q / g with r = (A^-1 (M H / dt + b))_0 and
+g = 1 / (A^-1)_00. What remains is one equation for each facet, see `balance`. A change of U that is
+due to an input of the wall has the same A, and d(M / dt) H + db - dA U in its source.
 """
 
 from dataclasses import dataclass
@@ -25,7 +26,6 @@ EARLY = 8  # part of a day after which it is compared with the day before
 DAILY = 1e-9  # residual of the balance of a step, as a fraction of the power
 ROUGH = 1e-5  # residual of the changes by the columns, as a fraction of the power
 BDF2, EULER = 1.5, 1.0  # coefficients of the new temperatures in a step
-NUMBERS = np.arange(CELLS + 1)  # of the nodes
 PARTS = 16  # implicit Euler steps in place of a first step of BDF2
 
 
@@ -46,51 +46,27 @@ class Course:
 
 
 class Step:
-    """An implicit step of a wall over some seconds."""
+    """An implicit step of a wall over some seconds.
+
+    mass: M / dt, (nodes, 1). back: b, (nodes, 1). matrix: A, (nodes, nodes). conductance: g.
+    """
 
     def __init__(self, wall: Wall, seconds: float, scheme: float):
         self.mass = (wall.mass() / seconds)[:, None]
-        self.inverse = np.linalg.inv(np.diag(scheme * self.mass[:, 0]) + wall.conduction())
         self.back = np.eye(CELLS + 1)[:, -1:] * (wall.outward * wall.back_temperature)
+        self.matrix = np.diag(scheme * self.mass[:, 0]) + wall.conduction()
+        self.inverse = np.linalg.inv(self.matrix)
         self.conductance = 1 / self.inverse[0, 0]
-        self.is_changed = any(map(np.iscomplexobj, (self.mass, self.inverse, self.back)))
 
-    def source(self, history: np.ndarray) -> np.ndarray:
-        """M H / dt + b of temperatures of earlier steps, (nodes, n)."""
-        return self.mass * history + self.back
-
-    def surface(self, source: np.ndarray) -> np.ndarray:
-        """Temperature of a surface without flux, (n,)."""
-        return self.inverse[0] @ source
-
-    def nodes(self, source: np.ndarray, flux: np.ndarray) -> np.ndarray:
-        """Temperatures of the nodes, (..., nodes, n); changes the source."""
-        source[..., 0, :] += flux
-        return self.inverse @ source
-
-    def shift(self, history, change, kelvin) -> tuple[np.ndarray, np.ndarray]:
-        """What a change of earlier temperatures (nodes, n) does while the surface keeps its own.
-
-        Returns the changed source, and the change of the flux from the wall to the surface
-        [W m^-2], (n,). Both are complex steps for a wall that changes itself.
-        """
-        if self.is_changed:
-            source = self.source(history + 1j * STEP * change)
-            return source, (self.conductance * (self.surface(source) - kelvin)).imag / STEP
-        source = self.mass * change
-        return source, self.conductance * self.surface(source)
-
-    def shifted(self, source, kelvin, change) -> np.ndarray:
-        """Changes of the nodes for a changed source and a change of the surface, (nodes, n)."""
-        if self.is_changed:
-            flux = self.conductance * (kelvin + 1j * STEP * change - self.surface(source))
-            return self.nodes(source, flux).imag / STEP
-        return self.nodes(source, self.conductance * (change - self.surface(source)))
+    def varied(self, history: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+        """What a complex step of the wall adds to the source of the changes, (nodes, n)."""
+        added = self.mass.imag * history + self.back.imag - self.matrix.imag @ nodes
+        return added / STEP
 
 
 def steady(network: Network, columns=()) -> Course:
-    """The temperatures at which nothing changes, in the first weather of a network."""
-    power, conductance = (values[0] for values in network.loads())
+    """The temperatures at which nothing changes, in the mean weather of a network."""
+    power, conductance = (values.mean(axis=0) for values in network.loads())
     area, free = network.facets.area, network.is_free
     g, r = through_walls(network, Change())
     outward = conductance + area[free] * g[free]
@@ -136,19 +112,17 @@ def course(network: Network, columns=(), start_K: float | None = None) -> Course
     """
     if len(network.weather.seconds) == 1:
         return steady(network, columns)
-    if start_K is not None:
-        march = March(network, columns, np.full(len(network.facets.area), start_K))
-        march.begin()
-        march.run(first=1)
-        return march.course(1, 0.0)
-    begin = steady(network.mean())
-    march = March(network, columns, begin.kelvin[0])
+    start = steady(network).kelvin[0] if start_K is None else start_K
+    march = March(network, columns, np.broadcast_to(start, network.facets.area.shape))
     days, drift = 0, np.inf
+    if start_K is not None:
+        march.series()
+        days, drift = 1, 0.0
     while drift >= PERIODIC:
         if days == MOST_DAYS:
             raise InputError(f"the temperatures still change by {drift:.2g} K after {days} days")
         days, drift = days + 1, march.repeat()
-    return march.course(days, drift)
+    return Course(march.kelvin, march.changes, march.residual, days, drift)
 
 
 class March:
@@ -167,19 +141,16 @@ class March:
             for group, members in zip(network.tables, network.members)
             if network.wall(group).thickness
         }
-        changes = [Change(), *(column.walls for column in columns if column.walls)]
-        lengths = (EULER, seconds / PARTS), (BDF2, seconds)
-        self.steps = [
-            {
+
+        def steps(change):
+            return {
                 scheme: {name: Step(network.wall(name, change), dt, scheme) for name in self.walls}
-                for scheme, dt in lengths
+                for scheme, dt in ((EULER, seconds / PARTS), (BDF2, seconds))
             }
-            for change in changes
-        ]
-        plain = [c for c, column in enumerate(columns) if not column.walls]
-        others = [[c] for c, column in enumerate(columns) if column.walls]
-        # Columns that share steps, and the steps
-        self.batches = list(zip([plain, *others], self.steps)) if plain or others else []
+
+        self.steps = steps(Change())
+        # Complex steps of the columns that are of walls
+        self.varied = {c: steps(column.walls) for c, column in enumerate(columns) if column.walls}
         profile = np.broadcast_to(kelvin, (CELLS + 1, len(kelvin))).copy()
         for group, members in self.walls.items():
             profile[:, members] = network.wall(group).profile(kelvin[members])
@@ -191,16 +162,13 @@ class March:
         self.residual = 0.0
         self.passed = None  # what was `now` at the early time of the day before
 
-    def begin(self) -> None:
-        """Take the first step, of which no earlier one is known, in parts."""
+    def series(self) -> None:
+        """Take the steps to all times. The first, of which no earlier one is known, has parts."""
         before = self.state[1], self.tangents[1]
         for _ in range(PARTS):
             self.step(0, EULER)
         self.state[0], self.tangents[0] = before
-
-    def run(self, first: int = 0) -> None:
-        """Take the steps to all times from the first one."""
-        for k in range(first, len(self.kelvin)):
+        for k in range(1, len(self.kelvin)):
             self.step(k, BDF2)
 
     def repeat(self) -> float:
@@ -248,56 +216,52 @@ class March:
         return result
 
     def step(self, k: int, scheme: float) -> None:
-        """Take the step to a time."""
-        network, steps = self.network, self.steps[0][scheme]
+        """Take the step to a time, of the temperatures and then of their changes."""
+        network, steps = self.network, self.steps[scheme]
         area, free = network.facets.area, network.is_free
-        history = earlier(self.state, scheme)
-        g, r = np.zeros((2, len(area)))
-        sources = {}
-        for group, members in self.walls.items():
-            sources[group] = steps[group].source(history[:, members])
-            g[members], r[members] = steps[group].conductance, steps[group].surface(sources[group])
-        into = area * g
+        history, into = earlier(self.state, scheme), np.zeros(len(area))
+        for group, step in steps.items():
+            into[self.walls[group]] = step.conductance
+        into *= area
+        source = {g: s.mass * history[:, self.walls[g]] + s.back for g, s in steps.items()}
+        r = self.surfaces(steps, source, history)
         outward = self.conductance[k] + into[free]
-        solved, residual = network.balance.solve(
-            self.power[k] + (into * r)[free], outward, self.kelvin[k][free], DAILY
-        )
+        power = self.power[k] + (into * r)[free]
+        solved, residual = network.balance.solve(power, outward, self.kelvin[k][free], DAILY)
         self.residual = max(self.residual, residual)
         self.kelvin[k] = network.whole(solved)
-        nodes = self.state[1].copy()
+        self.state = self.stepped(self.state, steps, source, self.kelvin[k] - r)
+        if not self.columns:
+            return
+        changed = earlier(self.tangents, scheme)
+        source = {g: s.mass * changed[..., self.walls[g]] for g, s in steps.items()}
+        for c, of_scheme in self.varied.items():
+            for group, varied in of_scheme[scheme].items():
+                members = self.walls[group]
+                source[group][c] += varied.varied(history[:, members], self.state[1][:, members])
+        r = self.surfaces(steps, source, changed)
+        rates = np.array([column.gained(solved, k) for column in self.columns])
+        rates += (into * r)[..., free]
+        solved = network.balance.linear(solved, outward, rates.T, ROUGH).T
+        surfaces = np.array([network.spread(*pair) for pair in zip(solved, self.columns)])
+        self.changes[:, k] = surfaces
+        self.tangents = self.stepped(self.tangents, steps, source, surfaces - r)
+
+    def surfaces(self, steps, source, history) -> np.ndarray:
+        """Temperatures of the surfaces without a flux, (..., n); 0 without a wall."""
+        surface = np.zeros_like(history[..., 0, :])
         for group, members in self.walls.items():
-            flux = g[members] * (self.kelvin[k][members] - r[members])
-            nodes[:, members] = steps[group].nodes(sources[group], flux)
-        self.state = np.stack([self.state[1], nodes])
-        if self.columns:
-            self.step_columns(k, scheme, history, outward)
+            surface[..., members] = steps[group].inverse[0] @ source[group]
+        return surface
 
-    def step_columns(self, k: int, scheme: float, history, outward) -> None:
-        """Take the step of the changes by the columns, after that of the temperatures."""
-        network, kelvin = self.network, self.kelvin[k]
-        area, free = network.facets.area, network.is_free
-        changed, into = earlier(self.tangents, scheme), np.zeros((len(self.columns), len(area)))
-        parts = []
-        for columns, steps in self.batches:
-            for group, members in self.walls.items():
-                step, where = steps[scheme][group], np.ix_(columns, NUMBERS, members)
-                shifted = step.shift(history[:, members], changed[where], kelvin[members])
-                into[np.ix_(columns, members)] = shifted[1]
-                parts.append((step, where, shifted[0]))
-        rates = np.array([column.gained(kelvin[free], k) for column in self.columns])
-        rates += (area * into)[:, free]
-        solved = network.balance.linear(kelvin[free], outward, rates.T, ROUGH).T
-        for c, column in enumerate(self.columns):
-            self.changes[c, k] = network.spread(solved[c], column)
-        new = self.tangents[1].copy()
-        for step, (columns, nodes, members), source in parts:
-            surface = self.changes[columns[:, 0], k, members[0]]
-            new[columns, nodes, members] = step.shifted(source, kelvin[members[0, 0]], surface)
-        self.tangents = np.stack([self.tangents[1], new])
-
-    def course(self, days: int, drift: float) -> Course:
-        """What the last day gave."""
-        return Course(self.kelvin, self.changes, self.residual, days, drift)
+    def stepped(self, before, steps, source, above) -> np.ndarray:
+        """The last two states, (2, ..., nodes, n). above: surfaces, from those without a flux."""
+        nodes = before[1].copy()
+        for group, members in self.walls.items():
+            step = steps[group]
+            source[group][..., 0, :] += step.conductance * above[..., members]
+            nodes[..., members] = step.inverse @ source[group]
+        return np.stack([before[1], nodes])
 
 
 def earlier(states: np.ndarray, scheme: float) -> np.ndarray:

@@ -5,7 +5,7 @@ an input that is larger by i times a tiny number is exact to rounding [Squire an
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 
 import numpy as np
@@ -139,8 +139,7 @@ class Network:
     @cached_property
     def is_free(self) -> np.ndarray:
         """Whether the temperature of a facet is sought, (n,)."""
-        held = [table.temperature is not None for table in self.tables.values()]
-        return ~np.array(held)[self.facets.group]
+        return self.of_facets(lambda table, group: table.temperature is None)
 
     @property
     def conductors(self) -> Conductors:
@@ -157,15 +156,14 @@ class Network:
 
     def check_paths(self) -> None:
         """Raise InputError for a facet from which heat has no path, also through other facets."""
-        C, weather = self.conductors, self.weather
-        is_tied = np.array(
-            [
+        C = self.conductors
+        is_tied = self.of_facets(
+            lambda table, group: (
                 table.temperature is not None
                 or table.back_K is not None
-                or np.any(weather.h_W_m2_K if table.h_W_m2_K is None else table.h_W_m2_K)
-                for table in self.tables.values()
-            ]
-        )[self.facets.group]
+                or self.convection(table).any()
+            )
+        )
         count, part = connected_components(C.between, directed=False)
         outward = is_tied + C.to_sky.sum(axis=1) + C.to_ground
         if (closed := (np.bincount(part, outward, count) == 0)[part]).any():
@@ -199,11 +197,29 @@ class Network:
 
     def held(self, change: Change = Change()) -> np.ndarray:
         """Temperatures of the facets that are held at one [K], 0 for others, (n,)."""
-        kelvin = [
-            0.0 if table.temperature is None else change.of("temperature", table.temperature, group)
-            for group, table in self.tables.items()
-        ]
-        return np.array(kelvin)[self.facets.group]
+        return self.of_facets(
+            lambda table, group: (
+                0.0
+                if table.temperature is None
+                else change.of("temperature", table.temperature, group)
+            )
+        )
+
+    def of_facets(self, function: Callable) -> np.ndarray:
+        """Values (n, ...) of the facets, from a function of their group's table and name."""
+        return np.array([function(*pair[::-1]) for pair in self.tables.items()])[self.facets.group]
+
+    def varied(self, change: Change, name: str, values: np.ndarray) -> np.ndarray:
+        """Relative change of positive values of the facets, (n,)."""
+        changed = values * (1 + 0 * change.count)
+        for group, members in zip(self.tables, self.members):
+            changed[members] = change.of(name, values[members], group)
+        return changed / values - 1
+
+    def convection(self, table: GroupTable) -> np.ndarray:
+        """Coefficient of convection of a group at the times, (m,)."""
+        weather = self.weather.h_W_m2_K
+        return weather if table.h_W_m2_K is None else np.full(weather.shape, table.h_W_m2_K)
 
     def whole(self, kelvin: np.ndarray) -> np.ndarray:
         """Temperatures of all facets, from those that are sought, (n,)."""
@@ -219,35 +235,27 @@ class Network:
 
     def loads(self, change: Change = Change()) -> tuple[np.ndarray, np.ndarray]:
         """P and C of all facets whose temperatures are sought, (m, free) [W, W/K]."""
-        sky, air, weather = self.conductors.to_sky.sum(axis=1), self.weather.air_K, self.weather
-        now = {
-            name: change.of(name, getattr(weather, name))[:, None] for name in ("sky_K", "ground_K")
-        }
-        air = change.of("air_K", air)[:, None]
-        emitted = STEFAN_BOLTZMANN * (
-            sky * now["sky_K"] ** 4 + self.conductors.to_ground * now["ground_K"] ** 4
+        weather, C = self.weather, self.conductors
+        air, sky, ground = (
+            change.of(name, getattr(weather, name))[:, None]
+            for name in ("air_K", "sky_K", "ground_K")
         )
+        arriving = C.to_sky.sum(axis=1) * sky**4 + C.to_ground * ground**4
+        arriving = arriving + C.between @ self.held(change) ** 4
         sunlight = self.sunlight(change).mean(axis=0)
-        shape = (len(weather.seconds), len(self.facets.area))
-        h, internal = np.zeros(shape, complex), np.zeros(shape[1], complex)
-        more = np.zeros(shape[1], complex)
-        for (group, table), members in zip(self.tables.items(), self.members):
-            given = (
-                weather.h_W_m2_K if table.h_W_m2_K is None else np.full(shape[0], table.h_W_m2_K)
-            )
-            h[:, members] = change.of("h", given, group)[:, None]
-            internal[members] = change.of("internal_W_m2", table.internal_W_m2, group)
-            absorptance = np.maximum(self.sunlit.absorptance[members], 1e-9)
-            more[members] = change.of("absorptance", absorptance, group) / absorptance - 1
+        h = self.of_facets(lambda table, group: change.of("h", self.convection(table), group)).T
+        internal = self.of_facets(
+            lambda table, group: change.of("internal_W_m2", table.internal_W_m2, group)
+        )
+        more = self.varied(change, "absorptance", np.maximum(self.sunlit.absorptance, 1e-9))
         conductance = h * self.facets.radiating_area
-        power = emitted + sunlight + conductance * air + internal * self.facets.area
+        power = STEFAN_BOLTZMANN * arriving + sunlight + conductance * air
+        power = power + internal * self.facets.area
         if more.any():
             # What is absorbed in addition is not reflected on others
             kept = sunlight * more
             power = power + kept - kept @ self.sunlit.onward
-        from_held = STEFAN_BOLTZMANN * (self.conductors.between @ self.held(change) ** 4)
-        free = self.is_free
-        power, conductance = (power + from_held)[:, free], conductance[:, free]
+        power, conductance = power[:, self.is_free], conductance[:, self.is_free]
         return (power, conductance) if change.name else (power.real, conductance.real)
 
     def sunlight(self, change: Change = Change()) -> np.ndarray:
@@ -282,27 +290,20 @@ class Network:
 
         is_whole: False for the last term only, what surfaces reflect less on others.
         """
-        facets, between = self.facets, self.conductors.between
+        facets, C, change = self.facets, self.conductors, Change(name, sigma, 1.0)
         area, eps = facets.radiating_area, np.maximum(facets.emissivity, 1e-9)
-        itself = self.conductors.to_self
-        change = Change(name, sigma, 1.0)
-        delta = np.zeros(len(area))
-        for group, members in zip(facets.groups, self.members):
-            delta[members] = change.of("emissivity", eps[members], group) - eps[members]
-        outward = self.conductors.to_sky.sum(axis=1)
+        delta = self.varied(change, "emissivity", eps)
 
-        def changed(of_facets, of_sky, of_ground):
-            """The derivative of GR times a vector of facets, sky and ground."""
-            applied = between @ of_facets + itself * of_facets + outward * of_sky
-            applied = applied + self.conductors.to_ground * of_ground
-            through = delta / eps * (of_facets - applied / (area * eps))
-            onward = between @ through + itself * through
-            return delta / eps * applied + onward if is_whole else onward
+        def changed(fourth, sky, ground):
+            """The derivative of GR times T^4 of facets, sky and ground."""
+            absorbed = C.absorbed(fourth, sky, ground)
+            onward = C.absorbed(delta * (fourth - absorbed / (area * eps)), 0, 0)
+            return delta * absorbed + onward if is_whole else onward
 
         def gained(kelvin, k):
-            whole = self.whole(kelvin)
-            sky, ground = self.weather.sky_K[k], self.weather.ground_K[k]
-            flow = changed(whole**4, sky**4, ground**4) - whole**4 * changed(1.0 + 0 * whole, 1, 1)
+            fourth, weather = self.whole(kelvin) ** 4, self.weather
+            flow = changed(fourth, weather.sky_K[k] ** 4, weather.ground_K[k] ** 4)
+            flow = flow - fourth * changed(np.ones_like(fourth), 1, 1)
             return STEFAN_BOLTZMANN * flow[self.is_free]
 
         return gained
@@ -315,15 +316,17 @@ class Network:
         free, mean = self.is_free, self.conductors
 
         def of(replicate):
-            change = (replicate.between - mean.between)[free]
-            total = (replicate.total - mean.total)[free]
-            sky = (replicate.to_sky - mean.to_sky).sum(axis=1)[free]
-            ground = (replicate.to_ground - mean.to_ground)[free]
+            change = Conductors(
+                *(
+                    getattr(replicate, entry.name) - getattr(mean, entry.name)
+                    for entry in fields(mean)
+                )
+            )
 
             def gained(kelvin, k):
-                gain = change @ self.whole(kelvin) ** 4 - total * kelvin**4
-                gain = gain + sky * self.weather.sky_K[k] ** 4
-                return STEFAN_BOLTZMANN * (gain + ground * self.weather.ground_K[k] ** 4)
+                sky, ground = self.weather.sky_K[k], self.weather.ground_K[k]
+                gain = change.gained(self.whole(kelvin) ** 4, sky**4, ground**4)
+                return STEFAN_BOLTZMANN * gain[free]
 
             return gained
 
@@ -334,21 +337,3 @@ class Network:
             Column(f"randomisation {number}", power=power, radiative=of(replicate))
             for number, (power, replicate) in enumerate(zip(light, self.traced.replicates))
         ]
-
-    def mean(self) -> "Network":
-        """The network in the mean weather of its times."""
-        names = ("air_K", "h_W_m2_K", "sky_K", "ground_K", "sun_W_m2", "diffuse_W_m2")
-        weather = self.weather
-        averages = {name: np.mean(getattr(weather, name), keepdims=True) for name in names}
-        averages["sky_K"] = np.mean(weather.sky_K**4, keepdims=True) ** 0.25
-        absorbed = np.mean(weather.sun_W_m2[:, None] * self.sunlit.beam, axis=1, keepdims=True)
-        sun = averages["sun_W_m2"][0]
-        averages |= {
-            name: np.mean(getattr(weather, name), keepdims=True)
-            for name in ("seconds", "elevation_deg", "azimuth_deg")
-        }
-        return replace(
-            self,
-            weather=replace(weather, **averages),
-            sunlit=replace(self.sunlit, beam=absorbed / sun if sun else 0 * absorbed),
-        )
