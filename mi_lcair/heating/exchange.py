@@ -1,5 +1,6 @@
 """Exchange of heat between the facets of a scene, from paths that begin on the facets."""
 
+from dataclasses import fields
 from time import perf_counter
 
 import numpy as np
@@ -36,10 +37,10 @@ def combined(means: Means, area: np.ndarray) -> Traced:
         between = (values[apart], (i[apart], j[apart]))
         replicates.append(
             Conductors(
-                between=sparse.csr_array(between, shape=both.shape),
-                to_sky=area[:, None] * ends[:, :RINGS],
-                to_ground=area * ends[:, RINGS + ENDS.index("ground")],
-                to_self=area * g.diagonal(),
+                sparse.csr_array(between, shape=both.shape),
+                area[:, None] * ends[:, :RINGS],
+                area * ends[:, RINGS + ENDS.index("ground")],
+                area * g.diagonal(),
             )
         )
     return Traced(mean_of(replicates), tuple(replicates))
@@ -47,13 +48,8 @@ def combined(means: Means, area: np.ndarray) -> Traced:
 
 def mean_of(conductors: list[Conductors]) -> Conductors:
     """The mean of some conductors."""
-    n = len(conductors)
-    return Conductors(
-        between=sparse.csr_array(sum(c.between for c in conductors) / n),
-        to_sky=sum(c.to_sky for c in conductors) / n,
-        to_ground=sum(c.to_ground for c in conductors) / n,
-        to_self=sum(c.to_self for c in conductors) / n,
-    )
+    names = [entry.name for entry in fields(Conductors)]
+    return Conductors(*(sum(getattr(c, k) for c in conductors) / len(conductors) for k in names))
 
 
 def asymmetry_of(means: Means, facets: Facets, rays: int) -> Asymmetry:

@@ -95,7 +95,6 @@ class Exchange(Result):
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.exchange:figure"
     sections_by: ClassVar[str] = "mi_lcair.reports.sections.exchange:sections"
     saved_by: ClassVar[dict[str, str]] = {
-        ".nc": f"{__name__}:write_netcdf",
         ".npz": f"{__name__}:write_npz",
         **dict.fromkeys(VTK, f"{__name__}:write_vtk"),
     }
@@ -256,13 +255,6 @@ def with_unmet(values, errors, most, path) -> np.ndarray:
     """
     same = (values == 0) | (np.abs(values - most) < 1e-6 * most)
     return np.where(same, np.maximum(errors, UNMET / 2 * path), errors)
-
-
-def write_netcdf(path, exchange: Exchange) -> None:
-    """Write the facets, their conductors to the sky, and those between them, as netCDF."""
-    from mi_lcair.formats import netcdf
-
-    netcdf.write(path, exchange.to_xarray())
 
 
 def write_npz(path, exchange: Exchange) -> None:

@@ -11,6 +11,7 @@ facet i, and A_i is the area of its sides.
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import drjit as dr
 import mitsuba as mi
@@ -79,14 +80,6 @@ class Means:
     def end(self, name: str) -> np.ndarray:
         """The means that ended in one of ENDS, (RANDOMISATIONS, rows)."""
         return self.ends[:, :, RINGS + ENDS.index(name)]
-
-
-@dataclass
-class Tally:
-    """What paths add up: `met` by row, randomisation and column, and `lost` by shape."""
-
-    met: mi.Float64
-    lost: mi.Float
 
 
 class FacetPaths:
@@ -161,27 +154,26 @@ class FacetPaths:
     def respond(self, si, numbers, active):
         """Direction, weight and emissivity of the surfaces at hits, seen along `si.wi`."""
 
-        def of(surface):
-            def respond(si, u, v, active):
-                bs, weight = surface.bsdf.sample(mi.BSDFContext(), si, u, v, active)
-                return bs.wo, weight[0], surface.emissivity.eval(surface.bsdf, si, active)
+        def respond(surface, si, u, v, active):
+            bs, weight = surface.bsdf.sample(mi.BSDFContext(), si, u, v, active)
+            return bs.wo, weight[0], surface.emissivity.eval(surface.bsdf, si, active)
 
-            return respond
-
-        targets = [of(surface) for surface in self.surfaces.different]
-        if len(targets) == 1:
-            return targets[0](si, *numbers, active)
-        return dr.switch(self.at(self.surface_of, si), targets, si, *numbers, active)
+        return self.of_surfaces(respond, si, *numbers, active)
 
     def emissivity(self, si, active):
         """Emissivity of the surfaces at points, toward `si.wi`."""
-        targets = [
-            lambda si, active, s=surface: mi.Float(s.emissivity.eval(s.bsdf, si, active))
-            for surface in self.surfaces.different
-        ]
+
+        def emissivity(surface, si, active):
+            return mi.Float(surface.emissivity.eval(surface.bsdf, si, active))
+
+        return self.of_surfaces(emissivity, si, active)
+
+    def of_surfaces(self, function, si, *arguments):
+        """What a function of a surface returns for the surface at each hit."""
+        targets = [partial(function, surface) for surface in self.surfaces.different]
         if len(targets) == 1:
-            return targets[0](si, active)
-        return dr.switch(self.at(self.surface_of, si), targets, si, active)
+            return targets[0](si, *arguments)
+        return dr.switch(self.at(self.surface_of, si), targets, si, *arguments)
 
     def sides_at(self, si, active=True) -> tuple[mi.Bool, mi.Bool]:
         """Whether `si.wi` is in front, and whether it is behind, of a surface with such a side."""
@@ -235,13 +227,14 @@ class FacetPaths:
         step = max(1, min(rows, CELLS // (RANDOMISATIONS * C)))
         for first in range(0, rows, step):
             count = min(step, rows - first)
-            tally = Tally(dr.zeros(mi.Float64, count * RANDOMISATIONS * C), lost)
+            met = dr.zeros(mi.Float64, count * RANDOMISATIONS * C)
+            tally = met, lost
             most = max(1, LANES // (count * RANDOMISATIONS))
             for point in range(0, points, most):
                 self._launch(first, count, point, min(most, points - point), seed, tally)
             # Facets meet few of the others, so that the cells are compressed before they are copied
-            cell = dr.compress(tally.met > 0)
-            values = dr.gather(mi.Float64, tally.met, cell).numpy() / points
+            cell = dr.compress(met > 0)
+            values = dr.gather(mi.Float64, met, cell).numpy() / points
             parts.append((cell.numpy() + np.int64(first) * RANDOMISATIONS * C, values))
             kept += len(values)
             check_free(
@@ -253,7 +246,7 @@ class FacetPaths:
         lost = lost.numpy() / (points * RANDOMISATIONS)
         return Means.of(rows, len(self.number), cells, values, lost)
 
-    def _launch(self, first, rows, point, points, seed, tally: Tally) -> None:
+    def _launch(self, first, rows, point, points, seed, tally) -> None:
         """Trace `points` paths from `point` on, of each randomisation of each row."""
         lane = dr.arange(mi.UInt32, rows * RANDOMISATIONS * points)
         first, points, seed, point = (dr.opaque(mi.UInt32, k) for k in (first, points, seed, point))
@@ -268,16 +261,18 @@ class FacetPaths:
         to = si.to_world(si.wi)
         ray = mi.Ray3f(self.offsets.leave(si, to), to)
         self._follow(ray, weight, of_escape, sampler, run * self.columns, tally)
-        dr.eval(tally.met, tally.lost)
+        dr.eval(tally)
 
     @dr.syntax
-    def _follow(self, ray, weight, of_escape, sampler, row, tally: Tally):
+    def _follow(self, ray, weight, of_escape, sampler, row, tally):
         """Follow paths and add what they meet to the cells from `row` on.
 
-        of_escape: factor of what escapes.
+        of_escape: factor of what escapes. tally: what is added up, by row, randomisation and
+        column, and what is lost, by shape.
         """
-        n, met, lost = len(self.number), tally.met, tally.lost
-        scene, weight, active = self.scene.mi, mi.Float(weight), weight > 0
+        met, lost = tally
+        n, scene = len(self.number), self.scene.mi
+        weight, active = mi.Float(weight), weight > 0
         reflections = mi.UInt32(0)
         while dr.hint(active, label="exchange"):
             pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active)

@@ -246,13 +246,13 @@ def completed(table: WeatherTable, values: dict, times: np.ndarray, where: str) 
 
 
 def directions(table, values: dict, times: np.ndarray, where: str) -> tuple:
-    """Elevation and azimuth of the sun at some times [degrees]; -90 and 0 without a sun."""
+    """Elevation and azimuth of the sun at some times [degrees]; 0 without a sun."""
     if all(name in values for name in DIRECTION):
         return tuple(
             np.broadcast_to(np.asarray(values[name], float), times.shape) for name in DIRECTION
         )
     if not np.any(values["sun_W_m2"]):
-        return np.full(times.shape, -90.0), np.zeros(times.shape)
+        return np.zeros((2, *times.shape))
     missing = [name for name in PLACE if name not in values]
     if missing or table.file is None:
         raise InputError(

@@ -34,12 +34,13 @@ def test_soil_is_a_semi_infinite_body(thickness):
     assert abs(np.angle(ratio, deg=True)) < 0.01
 
 
+@pytest.mark.parametrize("conductivity", [0.05, 1.2, 400.0])
 @pytest.mark.parametrize(("duration", "error"), [(3, 1e-4), (30, 1e-3), (365, 1e-2)])
-def test_soil_in_a_long_series(duration, error):
+def test_soil_in_a_long_series(duration, error, conductivity):
     """The wall has the impedance of waves of a day and of the whole series."""
-    wall = Wall(200.0, 1.2, 1800, 1100, duration=duration * DAY)
+    wall = Wall(2000.0, conductivity, 1800, 1100, duration=duration * DAY)
     for days in (1, np.sqrt(duration), duration):
-        exact = 1 / (1.2 * np.sqrt(1j * OMEGA / days * 1800 * 1100 / 1.2))
+        exact = 1 / np.sqrt(1j * OMEGA / days * 1800 * 1100 * conductivity)
         assert abs(impedance(wall, days) / exact - 1) < error
 
 
