@@ -7,10 +7,7 @@ import importlib
 
 # Public names and their modules. A module is imported when its name is first used, because
 # importing Dr.Jit is slow.
-_HOME = {
-    "fit": "estimation",
-    "read": "scatterometer.reading",
-}
+_HOME = {"fit": "estimation", "read": "scatterometer.reading"}
 __all__ = [*_HOME]
 
 

@@ -1,7 +1,7 @@
 """`fit`, which determines a model's parameters from measurements."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from os import PathLike
 from time import perf_counter
 
@@ -105,21 +105,11 @@ def fit(
         for name, table in (("emissivity", emissivity), ("dhr", dhr))
         if table
     }
-    half_angle = measurements.source_half_angle
-    if source_half_angle_deg is not None:
-        half_angle = np.radians(source_half_angle_deg)
+    if source_half_angle_deg is None:
+        source_half_angle_deg = float(np.degrees(measurements.source_half_angle))
     compared = variants(model, form)
-    settings = FitSettings(
-        model=model,
-        form=form,
-        starts=starts,
-        seed=seed,
-        loss=loss,
-        robust=robust,
-        max_angle_deg=max_angle_deg,
-        min_brdf=min_brdf,
-        half_angle=float(half_angle),
-    )
+    points = max_angle_deg, min_brdf, source_half_angle_deg
+    settings = FitSettings(model, form, starts, seed, loss, robust, *points)
     fewest = min(len(variant.model.parameters) for variant in compared)
     selected, used, dropped = select(
         measurements, loss, settings.half_angle, max_angle_deg, min_brdf, fewest
@@ -143,7 +133,7 @@ def fit(
         used=selected.points,
         used_points=used,
         dropped=dropped,
-        settings=settings.as_dict() | {"joint": search.joint},
+        settings=asdict(settings) | {"joint": search.joint},
         quality=fit_quality,
         measurements=measurements,
         directional=directional,

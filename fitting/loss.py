@@ -28,11 +28,7 @@ def linear(f):
 
 
 # Each scale is a function that returns the scaled BRDF and its derivative with respect to the BRDF.
-SCALES = {
-    "log": log10,
-    "cube_root": cube_root,
-    "linear": linear,
-}
+SCALES = {"log": log10, "cube_root": cube_root, "linear": linear}
 
 
 class Residuals:

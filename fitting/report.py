@@ -1,7 +1,7 @@
 """The result `Fit`, and reports of fits in JSON, which scenes can use as materials."""
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -132,7 +132,6 @@ class Fit(Result):
             "band": band_name(self.measurements),
             "band_um": self.measurements.band_um,
             **{name: getattr(self, name) for name in alike},
-            "quality": asdict(self.quality),
             "dropped": self.measurements.dropped | self.dropped,
             "emissivity": {
                 "theta_deg": np.degrees(theta),

@@ -140,10 +140,7 @@ def judged(
     is_judged = by_chance < 1
     bent = is_judged and correlation > by_chance
     rms = float(np.sqrt(np.mean(np.square(dex))))
-    share = max(
-        correlation if bent else 0.0,
-        1 - 1 / chi_square if missed else 0.0,
-    )
+    share = max(correlation if bent else 0.0, 1 - 1 / chi_square if missed else 0.0)
     systematic = float(rms * np.sqrt(share))
     lacks = bool((missed or bent) and systematic > NEGLIGIBLE_DEX)
     known = lacks if is_judged or chi_square is not None else None

@@ -38,12 +38,7 @@ QUANTITIES = ("brdf", "brdf_cos")
 SIDES = ("specular", "source")
 NAMED = 2  # smallest number of known quantities in the line that names the columns
 # The keys of the header that change the numbers.
-KEYS = (
-    "band_um",
-    "source_half_angle_deg",
-    "theta_r_positive",
-    "quantity",
-)
+KEYS = ("band_um", "source_half_angle_deg", "theta_r_positive", "quantity")
 
 # Sine of the largest azimuth from the plane of incidence at which a row belongs to the plane.
 IN_PLANE = np.sin(np.radians(0.05))
@@ -55,10 +50,7 @@ PRIOR_SCANS = 4
 
 
 def read(
-    path,
-    quantity: str | None = None,
-    theta_r_positive: str | None = None,
-    band: str | None = None,
+    path, quantity: str | None = None, theta_r_positive: str | None = None, band: str | None = None
 ) -> Measurements:
     """Read the in-plane measurements in a CSV or ASTM E1392/E2387 file.
 

@@ -6,12 +6,10 @@ from pathlib import Path
 
 from mi_lcair import scenes
 from mi_lcair.api.scenario import scenario_of
-from mi_lcair.api.scene import scene_of
+from mi_lcair.api.scene import sampling_of, scene_of
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.errors import InputError, unknown
-from mi_lcair.fraction import fraction
 from mi_lcair.progress import Progress
-from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import SceneLike
 from mi_lcair.startup.threads import exclusively
 from mi_lcair.uncertainty.budget import NUMBERS, Budget, draw_up
@@ -70,8 +68,8 @@ def budget(
     stated = Uncertainties.read(uncertainties)
     if draws is not None:
         check_draws(draws)
-    sampling = Sampling(
-        spp=spp, tolerance=fraction(tolerance), seed=seed, sensor=sensor, progress=progress
+    sampling = sampling_of(
+        spp=spp, tolerance=tolerance, seed=seed, sensor=sensor, progress=progress
     )
     if of is not None and of not in NUMBERS:
         raise unknown("result of a budget", of, NUMBERS)

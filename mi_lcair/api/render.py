@@ -3,15 +3,13 @@
 from collections.abc import Mapping, Sequence
 from os import PathLike
 
-from mi_lcair.api.scene import scene_of
-from mi_lcair.fraction import fraction
+from mi_lcair.api.scene import sampling_of, scene_of
 from mi_lcair.physics.air.atmosphere import Atmosphere
 from mi_lcair.physics.atmosphere import atmosphere as read_atmosphere
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.images.render import render_image
 from mi_lcair.rendering.images.render_result import Render
 from mi_lcair.rendering.reflections.number import reflecting
-from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import SceneLike
 from mi_lcair.startup.threads import exclusively
 
@@ -84,13 +82,8 @@ def render(
         For settings out of bounds, samples beside a tolerance, a tolerance that cannot be reached,
         and an image that needs more memory than is free.
     """
-    sampling = Sampling(
-        spp=spp,
-        tolerance=fraction(tolerance),
-        max_spp=max_spp,
-        seed=seed,
-        sensor=sensor,
-        progress=progress,
+    sampling = sampling_of(
+        spp=spp, tolerance=tolerance, max_spp=max_spp, seed=seed, sensor=sensor, progress=progress
     )
     scene = scene_of(scene, parameters)
     atmosphere = None if atmosphere is None else read_atmosphere(atmosphere)

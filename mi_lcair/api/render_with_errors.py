@@ -2,11 +2,10 @@
 
 from typing import TYPE_CHECKING
 
+from mi_lcair.api.scene import sampling_of
 from mi_lcair.declared import Bounds
-from mi_lcair.fraction import fraction
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.images.with_errors import ImageWithErrors, image_with_errors
-from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.startup.threads import exclusively
 
 if TYPE_CHECKING:
@@ -63,12 +62,7 @@ def render_with_errors(
         pixels.
     """
     Bounds(lower=0, upper=2**32 - 1).check(seed, "seed")
-    sampling = Sampling(
-        spp=spp,
-        tolerance=fraction(tolerance),
-        max_spp=max_spp,
-        seed=seed,
-        sensor=sensor,
-        progress=progress,
+    sampling = sampling_of(
+        spp=spp, tolerance=tolerance, max_spp=max_spp, seed=seed, sensor=sensor, progress=progress
     )
     return image_with_errors(scene, sampling, integrator)

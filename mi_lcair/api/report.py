@@ -198,11 +198,7 @@ def of_scene(scene: Scene, request: Request) -> tuple[str, list[Section]]:
     sections = mi_lcair.render(scene, **of_image, progress=progress).sections()
     if is_orthographic:
         signature = mi_lcair.signature(
-            scene,
-            **sampling,
-            by_spectrum=not scene.band.is_total,
-            facets=True,
-            progress=progress,
+            scene, **sampling, by_spectrum=not scene.band.is_total, facets=True, progress=progress
         )
         sections += signature.sections(scene=scene, sensor=request.sensor)
     sections += audit_of(scene, request.seed)

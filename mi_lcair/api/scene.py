@@ -4,6 +4,8 @@ from collections.abc import Mapping
 
 from mi_lcair.api.load import load
 from mi_lcair.errors import InputError
+from mi_lcair.fraction import fraction
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene, SceneLike, parameters_of_loaded
 
 
@@ -27,3 +29,8 @@ def scene_of(scene: SceneLike, parameters: Mapping[str, object] | None = None) -
     if parameters:
         raise InputError(f"{parameters_of_loaded(parameters)}; mi_lcair.load takes them")
     return scene
+
+
+def sampling_of(tolerance: float | str | None, **settings) -> Sampling:
+    """The Sampling of a public function, whose tolerance may be a text such as "1%"."""
+    return Sampling(tolerance=fraction(tolerance), **settings)

@@ -2,10 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 
-from mi_lcair.api.scene import scene_of
-from mi_lcair.fraction import fraction
+from mi_lcair.api.scene import sampling_of, scene_of
 from mi_lcair.progress import Progress
-from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import SceneLike
 from mi_lcair.sensitivity.sensitivities import Sensitivities
 from mi_lcair.sensitivity.window import differentiate_intensity
@@ -62,13 +60,8 @@ def sensitivities(
     InputError
         If a name is unknown, if a parameter has no derivative, and as for `signature`.
     """
-    sampling = Sampling(
-        spp=spp,
-        paths=paths,
-        tolerance=fraction(tolerance),
-        seed=seed,
-        sensor=sensor,
-        progress=progress,
+    sampling = sampling_of(
+        spp=spp, paths=paths, tolerance=tolerance, seed=seed, sensor=sensor, progress=progress
     )
     scene = scene_of(scene, parameters)
     return differentiate_intensity(scene, names, sampling, part, weights)

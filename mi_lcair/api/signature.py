@@ -2,11 +2,9 @@
 
 from collections.abc import Callable, Mapping
 
-from mi_lcair.api.scene import scene_of
-from mi_lcair.fraction import fraction
+from mi_lcair.api.scene import sampling_of, scene_of
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.reflections.number import reflecting
-from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import SceneLike
 from mi_lcair.signatures.signature import measure_signature
 from mi_lcair.signatures.signature_result import Signature
@@ -74,13 +72,8 @@ def signature(
         If the sensor is not orthographic, if `by_spectrum` is asked of the band "total", if a
         number of paths is given beside a tolerance, or if a tolerance cannot be reached.
     """
-    sampling = Sampling(
-        spp=spp,
-        tolerance=fraction(tolerance),
-        max_spp=max_spp,
-        seed=seed,
-        sensor=sensor,
-        progress=progress,
+    sampling = sampling_of(
+        spp=spp, tolerance=tolerance, max_spp=max_spp, seed=seed, sensor=sensor, progress=progress
     )
     scene = scene_of(scene, parameters)
     with reflecting(scene, max_bounces, False, sampling):

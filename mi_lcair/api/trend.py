@@ -4,12 +4,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from os import PathLike
 
-from mi_lcair.api.scene import scene_of
+from mi_lcair.api.scene import sampling_of, scene_of
 from mi_lcair.errors import InputError
-from mi_lcair.fraction import fraction
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.reflections.number import chosen
-from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import SceneLike
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.views import View
@@ -80,7 +78,7 @@ def trend(
         cannot be used.
     """
     scene = scene_of(scene, parameters)
-    sampling = Sampling(spp=spp, tolerance=fraction(tolerance), max_spp=max_spp, seed=seed)
+    sampling = sampling_of(spp=spp, tolerance=tolerance, max_spp=max_spp, seed=seed)
     if spp is None and tolerance is None:
         sampling = replace(sampling, tolerance=DEFAULT_TOLERANCE)
     azimuths = angles("azimuths_deg", azimuths_deg)

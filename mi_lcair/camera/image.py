@@ -20,7 +20,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.imager import Imager
 from mi_lcair.rendering.limits import GIB, available_memory
 from mi_lcair.rendering.statistics import invalid_remark
-from mi_lcair.rendering.views import View, hidden_share
+from mi_lcair.rendering.views import View, hidden_remark
 
 BYTES_PER_PIXEL = 400  # memory for a pixel of the frame beside its counts [bytes]
 
@@ -72,7 +72,6 @@ def record_image(scenario: Scenario, frames: int, seed: int, progress) -> Image:
         setting.backdrop,
         table_ranges(setting.air, target.radius, observer.range_m),
     )
-    hidden = hidden_share(scene, observer.range_m)
     return Image(
         scenario=scenario,
         band=camera.band,
@@ -95,7 +94,8 @@ def record_image(scenario: Scenario, frames: int, seed: int, progress) -> Image:
             *scenery.missing(),
             *multiplied_light(setting, exposed.sources.list),
             *invalid_remark(exposed.invalid, exposed.paths),
-            *remarks(imager, view, channels, measures, hidden, exposed.reached),
+            *hidden_remark(scene, observer.range_m),
+            *remarks(imager, view, channels, measures, exposed.reached),
         ],
         seconds=time.perf_counter() - start,
         render_seconds=render_seconds,

@@ -1,15 +1,13 @@
 """The frames and measures that `image` returns."""
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from mi_lcair.camera.electronics.calibration import Correction
 from mi_lcair.camera.electronics.frames import signal_of
-from mi_lcair.camera.electronics.response import (
-    apparent_temperature,
-)
+from mi_lcair.camera.electronics.response import apparent_temperature
 from mi_lcair.camera.exposure import Exposure
 from mi_lcair.camera.quality import Measures
 from mi_lcair.camera.ranges.range_table import RangeRow
@@ -113,12 +111,12 @@ class Image(Result):
         """Entries for JSON: the scenario as it was read, the measures, and the ranges."""
         return {
             "scenario_name": self.scenario.name,
-            "scenario": asdict(self.scenario),
+            "scenario": self.scenario,
             "band": self.band.label,
             "frames": len(self.counts),
             "measures": self.measures.as_dict(),
             "mtf": self.mtf(),
-            "ranges": [asdict(row) for row in self.ranges],
+            "ranges": self.ranges,
             "detected_to_m": self.detected_to_m,
             "peak_detected_to_m": self.peak_detected_to_m,
             "spp": self.exposure.spp,
@@ -142,8 +140,8 @@ class Image(Result):
 
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each range: pixels and electrons of the target, and its ratios to the noise."""
-        rows = [asdict(row) for row in self.ranges]
-        return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+        rows = self.ranges
+        return {name: np.array([getattr(row, name) for row in rows]) for name in vars(rows[0])}
 
     def to_xarray(self) -> "xarray.Dataset":
         """The channels as an xarray Dataset over (row, column), and the frames' counts.

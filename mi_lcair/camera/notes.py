@@ -15,7 +15,7 @@ REMEDIES = {None: "raise spp", True: "lower the tolerance", False: "raise max_sp
 
 
 def remarks(
-    imager: Imager, view: CameraView, channels: dict, measures: Measures, hidden: float, reached
+    imager: Imager, view: CameraView, channels: dict, measures: Measures, reached
 ) -> list[str]:
     """Remarks on the limits of an image, one line each.
 
@@ -34,11 +34,6 @@ def remarks(
         lines.append(
             "a part of the target is outside the frame; signal, pixels and ranges are those of the "
             "part inside"
-        )
-    if hidden > 0:
-        lines.append(
-            f"{hidden:.0%} of the target has sky or terrain of the scene between it and the "
-            "observer; this sky or terrain is ignored and does not hide the target"
         )
     if (speckle := channels["speckle.Y"]).any():
         most, share = channels["stderr_K.Y"].max(), f"{100 * speckle.mean():.2g} %"

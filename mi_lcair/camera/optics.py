@@ -40,11 +40,9 @@ def diffraction(frequency, f_number: float, wavelengths_um, weights):
     wavelengths_um, weights : ndarray, shape (n,)
         Wavelengths, um, and the electrons at each.
     """
-    total = np.zeros(np.shape(frequency))
-    for wavelength, weight in zip(wavelengths_um, weights / np.sum(weights)):
-        u = np.minimum(1e-3 * wavelength * f_number * np.abs(frequency), 1)
-        total += weight * 2 / np.pi * (np.arccos(u) - u * np.sqrt(1 - u * u))
-    return total
+    u = np.minimum(1e-3 * f_number * np.multiply.outer(wavelengths_um, np.abs(frequency)), 1)
+    of_each = 2 / np.pi * (np.arccos(u) - u * np.sqrt(1 - u * u))
+    return np.tensordot(weights / np.sum(weights), of_each, 1)
 
 
 def footprint(frequency, width_um: float):
@@ -95,11 +93,9 @@ class Turbulence:
 
     def mtf(self, cycles_per_rad, wavelengths_um, weights):
         """MTF exp(-3.44 (wavelength frequency / r0)^(5/3)), mean over a spectrum."""
-        total = np.zeros(np.shape(cycles_per_rad))
-        for wavelength, weight in zip(wavelengths_um, weights / np.sum(weights)):
-            shift = 1e-6 * wavelength * np.abs(cycles_per_rad)
-            total += weight * np.exp(-3.44 * (shift / self.coherence_m(wavelength)) ** (5 / 3))
-        return total
+        radii = 1e-6 * wavelengths_um / self.coherence_m(wavelengths_um)
+        of_each = np.exp(-3.44 * np.multiply.outer(radii, np.abs(cycles_per_rad)) ** (5 / 3))
+        return np.tensordot(weights / np.sum(weights), of_each, 1)
 
 
 class Optics:
@@ -150,22 +146,20 @@ class Optics:
     def check_spread(self) -> None:
         """Raise InputError if the camera spreads the light of a point over too many pixels."""
         camera, turbulence = self.imager, self.turbulence
-        spreads = {
-            f"[camera]: jitter_urad = {camera.jitter_urad:g}": (
-                4e-3 * camera.jitter_urad * camera.focal_length_mm
+        jitter_um = 1e-3 * camera.jitter_urad * camera.focal_length_mm
+        for entry, value, spread_um in (
+            ("[camera]: jitter_urad", camera.jitter_urad, 4 * jitter_um),
+            ("[camera]: defocus_um", camera.defocus_um, abs(camera.defocus_um) / camera.f_number),
+            (
+                "[camera]: f_number",
+                camera.f_number,
+                2 * camera.f_number * self.wavelengths_um.max(),
             ),
-            f"[camera]: defocus_um = {camera.defocus_um:g}": (
-                abs(camera.defocus_um) / camera.f_number
-            ),
-            f"[camera]: f_number = {camera.f_number:g}": (
-                2 * camera.f_number * self.wavelengths_um.max()
-            ),
-            f"[atmosphere]: cn2 = {turbulence.cn2 if turbulence else 0:g}": 2 * self.seeing_um,
-        }
-        for entry, spread_um in spreads.items():
+            ("[atmosphere]: cn2", turbulence.cn2 if turbulence else 0, 2 * self.seeing_um),
+        ):
             if spread_um > MARGIN * camera.pitch_um:
                 raise InputError(
-                    f"{entry} spreads the light of a point over "
+                    f"{entry} = {value:g} spreads the light of a point over "
                     f"{spread_um / camera.pitch_um:.3g} pixels; at most {MARGIN} are covered"
                 )
 

@@ -12,6 +12,11 @@ from mi_lcair.camera.measures import measured_mtf, measured_netd, netd, shot_noi
 # Smallest noise of a pixel, in counts, that frames resolve. Below it the error of a count is not
 # the independent one that the closed form assumes.
 SMALLEST_NOISE = 0.5
+# Ends of the names of measures in JSON
+UNITS = {
+    **dict.fromkeys(("temperature", "netd", "netd_measured", "netd_shot", "render_error"), "_K"),
+    **dict.fromkeys(("background", "glow", "noise"), "_electrons"),
+}
 
 
 @dataclass(frozen=True)
@@ -62,20 +67,8 @@ class Measures:
 
     def as_dict(self) -> dict:
         """The measures for JSON, with units in the names; the curves of the MTF are not in it."""
-        return {
-            "temperature_K": self.temperature,
-            "background_electrons": self.background,
-            "glow_electrons": self.glow,
-            "noise_electrons": self.noise,
-            "netd_K": self.netd,
-            "netd_measured_K": self.netd_measured,
-            "netd_shot_K": self.netd_shot,
-            "pixels": self.pixels,
-            "peak_snr": self.peak_snr,
-            "snr": self.snr,
-            "render_error_K": self.render_error,
-            "saturated": self.saturated,
-        }
+        numbers = {name: value for name, value in vars(self).items() if name != "mtf"}
+        return {name + UNITS.get(name, ""): value for name, value in numbers.items()}
 
 
 def background_noise(camera: Camera) -> float:

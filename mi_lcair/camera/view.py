@@ -197,11 +197,7 @@ class CameraView:
         # Mitsuba's x axis goes to the left of the image
         sides = np.column_stack([-self.right, self.up, self.axis, self.eye])
         place = T(np.vstack([sides, [0, 0, 0, 1]]))
-        kind = {
-            "type": "perspective",
-            "fov": camera.angle_deg(width),
-            "fov_axis": "x",
-        }
+        kind = {"type": "perspective", "fov": camera.angle_deg(width), "fov_axis": "x"}
         if camera.projection == "orthographic":
             half = width * self.pixel_m / 2
             kind, place = {"type": "orthographic"}, place @ T().scale([half, half, 1])

@@ -99,12 +99,7 @@ def known_form(ctx, param, value):
     help="Scale on which BRDFs are compared.",
 )
 @click.option("--robust", is_flag=True, help="Give outliers little weight.")
-@click.option(
-    "--starts",
-    type=click.IntRange(min=1),
-    default=64,
-    help="Number of starting points.",
-)
+@click.option("--starts", type=click.IntRange(min=1), default=64, help="Number of starting points.")
 @seed_option("Seed of the starting points.")
 @click.option(
     "--max-angle-deg",
@@ -113,10 +108,7 @@ def known_form(ctx, param, value):
     help="Leave out points at larger angles.",
 )
 @click.option(
-    "--min-brdf",
-    type=click.FloatRange(0),
-    default=1e-4,
-    help="Leave out smaller values, in 1/sr.",
+    "--min-brdf", type=click.FloatRange(0), default=1e-4, help="Leave out smaller values, in 1/sr."
 )
 @click.option(
     "--source-half-angle-deg",

@@ -41,12 +41,7 @@ AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
     type=AXIS,
     help="Up Axis in the export dialogue of Blender, which has Y unless it is changed.",
 )
-@click.option(
-    "--nose",
-    type=AXIS,
-    default="X",
-    help="Axis along which the nose points in Blender.",
-)
+@click.option("--nose", type=AXIS, default="X", help="Axis along which the nose points in Blender.")
 @click.option(
     "--names",
     type=FILE,
@@ -81,12 +76,7 @@ AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
     metavar="TOML|JSON",
     help="Your own materials, or the JSON of a fit or of an inversion; copied to FOLDER.",
 )
-@click.option(
-    "--scale",
-    type=float,
-    default=1,
-    help="Length of the file's unit, in metres.",
-)
+@click.option("--scale", type=float, default=1, help="Length of the file's unit, in metres.")
 @click.option(
     "--sky",
     metavar="clear|overcast|KELVIN|TABLE",

@@ -27,7 +27,7 @@ from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.statistics import invalid_remark
-from mi_lcair.rendering.views import Target, hidden_share
+from mi_lcair.rendering.views import Target, hidden_remark
 from mi_lcair.signatures.signature import measure_signature
 from mi_lcair.signatures.signature_result import Signature
 
@@ -80,9 +80,8 @@ def measure_contrast(scenario: Scenario, progress) -> Contrast:
             *invalid_remark(invalid, paths),
             *unlit_sky(view, scenario, detector),
             *multiplied_light(setting, irradiance.areas.sources),
-            *remarks(
-                rows, detector, target, observer.range_m, hidden_share(view, observer.range_m)
-            ),
+            *remarks(rows, detector, target, observer.range_m),
+            *hidden_remark(view, observer.range_m),
         ],
         seconds=time.perf_counter() - start,
     )
@@ -296,7 +295,7 @@ def unlit_sky(view: Scene, scenario: Scenario, detector: Detector) -> list[str]:
 
 
 def remarks(
-    rows: list[ContrastRow], detector: Detector, target: Target, range_m: float, hidden: float
+    rows: list[ContrastRow], detector: Detector, target: Target, range_m: float
 ) -> list[str]:
     """Remarks on the limits of the results, one line each.
 
@@ -310,8 +309,6 @@ def remarks(
         Sphere that holds the target.
     range_m : float
         Range, m.
-    hidden : float
-        Share of the target that sky or terrain of the scene hides from the observer.
     """
     lines = [
         f"with {row.max_bounces} reflections the contrast is less than {SIGNIFICANT} of its "
@@ -328,10 +325,5 @@ def remarks(
         lines.append(
             f"the range is only {range_m / target.radius:.2g} radii of the target, but the target "
             "is rendered with parallel rays, as from far away"
-        )
-    if hidden > 0:
-        lines.append(
-            f"{hidden:.0%} of the target has sky or terrain of the scene between it and the "
-            "observer; this sky or terrain is ignored and does not hide the target"
         )
     return lines

@@ -1,6 +1,6 @@
 """What `contrast` returns: values with errors for each number of reflections."""
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar
 
@@ -193,7 +193,7 @@ class Contrast(Result):
         render = self.scenario.render
         return {
             "scenario_name": self.scenario.name,
-            "scenario": asdict(self.scenario),
+            "scenario": self.scenario,
             "band": self.detector.band.label,
             "range_m": self.path.range_m,
             "atmosphere": self.air.name,

@@ -1,6 +1,6 @@
 """Detection range: the ranges at which the signal of a target reaches snr * nei."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -55,7 +55,7 @@ class DetectionRange(Result):
 
     def entries(self) -> dict:
         """Entries for JSON."""
-        return {"largest_m": self.largest_m, **asdict(self)}
+        return {"largest_m": self.largest_m, **vars(self)}
 
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each interval of range."""

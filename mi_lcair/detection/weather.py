@@ -13,12 +13,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 
 from mi_lcair.detection.scenario import Air, Scenario
-from mi_lcair.physics.air.levels import (
-    STANDARD_CO2_PPMV,
-    STANDARD_VISIBILITY_KM,
-    Weather,
-    levels,
-)
+from mi_lcair.physics.air.levels import STANDARD_CO2_PPMV, STANDARD_VISIBILITY_KM, Weather, levels
 from mi_lcair.physics.atmosphere import clear_air_name
 from mi_lcair.plugins.emission.source import Source
 from mi_lcair.plugins.emitters.distant_emitter import DistantEmitter

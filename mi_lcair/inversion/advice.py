@@ -1,7 +1,7 @@
 """What a further measurement would bring, computed from the columns at the solution."""
 
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -43,9 +43,6 @@ class Advice:
     def gain(self) -> float:
         """Mean logarithm of the factor by which the errors fall."""
         return float(np.mean([np.log(self.now[k] / self.errors[k]) for k in self.errors]))
-
-    def as_dict(self) -> dict:
-        return asdict(self)
 
 
 @dataclass(frozen=True)

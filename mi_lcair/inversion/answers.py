@@ -1,11 +1,12 @@
 """What an estimate says: errors, verdicts, and the directions that the data cannot tell apart."""
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
 
 from mi_lcair.fitting.judgement.quality import SIGNIFICANCE, tested
+from mi_lcair.fitting.judgement.uncertainty import correlation
 from mi_lcair.fitting.judgement.verdict import UNDETERMINED, missed, undetermined
 from mi_lcair.inversion.least_squares.prediction import DatumBlock, weighed_product
 from mi_lcair.inversion.least_squares.solve import State
@@ -21,6 +22,7 @@ UNTESTED = {
     "degrees_of_freedom": 0.0,
     "p_value": None,
 }
+OF_UNKNOWN = ("label", "name", "kind", "unit", "is_sought", "facet")  # fields of an `Unknown`
 LONGEST_WORDS = 12  # largest number of directions that are put into words
 
 
@@ -48,9 +50,6 @@ class Answer:
     def is_determined(self) -> bool:
         return self.verdict == "determined"
 
-    def as_dict(self) -> dict:
-        return asdict(self)
-
 
 @dataclass(frozen=True)
 class Direction:
@@ -65,9 +64,6 @@ class Direction:
     slope: float
     words: str
 
-    def as_dict(self) -> dict:
-        return asdict(self)
-
 
 def answers(unknowns: list[Unknown], state: State) -> list[Answer]:
     """The answer for each unknown."""
@@ -79,22 +75,10 @@ def answers(unknowns: list[Unknown], state: State) -> list[Answer]:
             low, high = value - NORMAL_95 * error, value + NORMAL_95 * error
         interval = float(low), float(high)
         words = HIDDEN if state.held[k] else verdict(unknown, value, interval, state.at_bound[k])
-        low, high = (float(np.clip(end, unknown.lower, unknown.upper)) for end in interval)
-        result.append(
-            Answer(
-                label=unknown.label,
-                name=unknown.name,
-                kind=unknown.kind,
-                unit=unknown.unit,
-                value=value,
-                standard_error=error,
-                lower=low,
-                upper=high,
-                verdict=words,
-                is_sought=unknown.is_sought,
-                facet=unknown.facet,
-            )
-        )
+        low, high = np.clip(interval, unknown.lower, unknown.upper).tolist()
+        estimate = {"value": value, "standard_error": error, "lower": low, "upper": high}
+        same = {name: getattr(unknown, name) for name in OF_UNKNOWN}
+        result.append(Answer(**same, **estimate, verdict=words))
     return result
 
 
@@ -128,13 +112,6 @@ def misfit(p_value: float | None) -> str | None:
     if p_value is None or p_value >= SIGNIFICANCE:
         return None
     return missed(f"the measured values (p = {p_value:.1g})")
-
-
-def correlation(covariance: np.ndarray) -> np.ndarray:
-    """Correlations (N, N) of a covariance; 0 where a variance is 0."""
-    scale = np.sqrt(np.maximum(np.diag(covariance), 0))
-    scale[scale == 0] = np.inf
-    return covariance / np.outer(scale, scale)
 
 
 def directions(answers: list[Answer], covariance: np.ndarray, reasons) -> list[Direction]:

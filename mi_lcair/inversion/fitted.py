@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mi_lcair.inversion.answers import correlation
+from mi_lcair.fitting.judgement.uncertainty import correlation
 from mi_lcair.inversion.data.datum import Datum
 from mi_lcair.inversion.least_squares.prediction import DatumBlock
 from mi_lcair.inversion.solution import Fitted
@@ -89,9 +89,7 @@ def spread(material: str, names, number_of: dict[str, int], covariance: np.ndarr
     total = np.zeros((len(names),) * 2)
     is_estimated = np.array([k is not None for k in columns])
     total[np.ix_(is_estimated, is_estimated)] = covariance[np.ix_(estimated, estimated)]
-    matrix = correlation(total)
-    np.fill_diagonal(matrix, 1)
     return {
         "standard_error": dict(zip(names, np.sqrt(np.diag(total)).tolist())),
-        "correlation": matrix.tolist(),
+        "correlation": correlation(total).tolist(),
     }

@@ -1,7 +1,7 @@
 """The solution of an inverse problem: what it holds, and what its file says."""
 
 import json
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from mi_lcair.errors import unknown
 from mi_lcair.files import replacing
+from mi_lcair.fitting.judgement.uncertainty import correlation
 from mi_lcair.inversion.advice import Advice
 from mi_lcair.inversion.answers import Answer, Direction
 from mi_lcair.inversion.least_squares.solve import Step
@@ -73,32 +74,11 @@ class Fitted:
     def is_image(self) -> bool:
         return self.measured is None or self.measured.ndim == 2
 
-    def as_dict(self) -> dict:
-        """Entries of the solution's file."""
-        entry = {
-            "name": self.name,
-            "scene": self.scene,
-            "parameters": self.parameters,
-            "band": self.band,
-            "state": self.state,
-            "values": self.values,
-            "kinds": self.kinds,
-            "facets": {
-                group: {str(facet): kelvin for facet, kelvin in facets.items()}
-                for group, facets in self.facets.items()
-            },
-            "points": self.points,
-            "size": self.size,
-            "residual_rms_sigmas": self.residual_rms_sigmas,
-            "quantity": self.quantity,
-        }
-        if self.is_image:
-            entry["bad_pixels"] = self.bad_pixels
-        else:
-            entry["aspects"] = self.aspects
-            entry["measured"], entry["predicted"] = self.measured.tolist(), self.predicted.tolist()
-            entry["residual"] = self.residual.tolist()
-        return entry
+    def entries(self) -> dict:
+        """Entries of the solution's file, in which images have no pixels."""
+        of_numbers = ("measured", "predicted", "residual", "aspects")
+        left_out = of_numbers if self.is_image else ("bad_pixels",)
+        return {name: value for name, value in vars(self).items() if name not in left_out}
 
 
 @dataclass(frozen=True, repr=False)
@@ -166,8 +146,6 @@ class Solution(Result):
     @property
     def correlation(self) -> np.ndarray:
         """Correlations (N, N) of the errors."""
-        from mi_lcair.inversion.answers import correlation
-
         return correlation(self.covariance)
 
     def summary(self) -> str:
@@ -198,25 +176,15 @@ class Solution(Result):
 
     def entries(self) -> dict:
         """The content of the solution's file."""
-        return {
-            "problem": self.problem,
+        changed = ("answers", "covariance", "render_share", "data", "seconds")
+        plain = {name: value for name, value in vars(self).items() if name not in changed}
+        return plain | {
             "unknowns": [
-                {**answer.as_dict(), "render_share": float(share)}
+                vars(answer) | {"render_share": share}
                 for answer, share in zip(self.answers, self.render_share)
             ],
-            "correlation": self.correlation.round(6).tolist(),
-            "directions": [direction.as_dict() for direction in self.directions],
-            "advice": [advised.as_dict() for advised in self.advice],
-            "chi_square": self.chi_square,
-            "chi_square_scatter": self.chi_square_scatter,
-            "degrees_of_freedom": self.degrees_of_freedom,
-            "p_value": self.p_value,
-            "data": [fitted.as_dict() for fitted in self.data],
-            "materials": self.materials,
-            "remarks": self.remarks,
-            "renders": self.renders,
-            "converged": self.converged,
-            "trace": [asdict(step) for step in self.trace],
+            "correlation": self.correlation.round(6),
+            "data": [fitted.entries() for fitted in self.data],
             "time_s": self.seconds,
         }
 

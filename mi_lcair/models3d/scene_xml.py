@@ -64,43 +64,29 @@ def fragment(name: str, labels: dict, short: dict, materials: str | None, sky: s
     )
     table = f'        <string name="materials" value={quoteattr(materials or "")}/>\n'
     ids = {material: quoteattr(f"{name}_{stem}") for material, (stem, _) in short.items()}
-    return (
-        "\n".join(
-            [
-                '<scene version="3.0.0">',
-                f"    <!-- {name}: the meshes of a facet model, to be included in a scene:",
-                '         <path value="FOLDER"/> <include filename="FOLDER/model.xml"/>. '
-                "Its parameters are those of the scene. -->",
-                "",
-                *(
-                    f'    <default name="{key}" value={quoteattr(str(value))}/>'
-                    for key, value in defaults.items()
-                ),
-                "",
-                *(
-                    template("material").format(
-                        id=ids[material],
-                        material=quoteattr(short[material][1]),
-                        table=table if materials else "",
-                    )
-                    for material in dict.fromkeys(label.material for label in labels.values())
-                ),
-                *(
-                    template("shape").format(
-                        name=name,
-                        stem=stem,
-                        turn=TURN if label.type == "f" else "",
-                        material=ids[label.material],
-                        source=_source(label, sky),
-                        group=label.group,
-                        type=TYPES[label.type],
-                    )
-                    for stem, label in labels.items()
-                ),
-            ]
-        ).rstrip()
-        + "\n</scene>\n"
-    )
+    lines = [f'    <default name="{k}" value={quoteattr(str(v))}/>' for k, v in defaults.items()]
+    materials_used = [
+        template("material").format(
+            id=ids[material],
+            material=quoteattr(short[material][1]),
+            table=table if materials else "",
+        )
+        for material in dict.fromkeys(label.material for label in labels.values())
+    ]
+    shapes = [
+        template("shape").format(
+            name=name,
+            stem=stem,
+            turn=TURN if label.type == "f" else "",
+            material=ids[label.material],
+            source=_source(label, sky),
+            group=label.group,
+            type=TYPES[label.type],
+        )
+        for stem, label in labels.items()
+    ]
+    meshes = "\n".join([*materials_used, *shapes]).rstrip()
+    return template("model").format(name=name, defaults="\n".join(lines), meshes=meshes)
 
 
 def _source(label, sky):

@@ -213,6 +213,17 @@ def hidden_share(scene: Scene, range_m: float) -> float:
     )
 
 
+def hidden_remark(scene: Scene, range_m: float) -> list[str]:
+    """Remark on what hides a part of the model from an observer at `range_m` [m], in a list."""
+    hidden = hidden_share(scene, range_m)
+    if hidden == 0:
+        return []
+    return [
+        f"{hidden:.0%} of the target has sky or terrain of the scene between it and the observer; "
+        "this sky or terrain is ignored and does not hide the target"
+    ]
+
+
 def meets_model(scene: Scene, cells: int) -> tuple[mi.Ray3f, mi.Bool]:
     """Rays through the middles of cells x cells parts of the first sensor's film, row by row.
 

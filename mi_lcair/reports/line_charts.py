@@ -67,6 +67,20 @@ class LineChart:
     is_close: bool = False
 
 
+def draw_with_band(axes, x, values, half, **style) -> None:
+    """Draw a curve in Matplotlib's axes, and its band of values +- half."""
+    (line,) = axes.plot(x, values, **style)
+    axes.fill_between(x, values - half, values + half, color=line.get_color(), alpha=0.2, lw=0)
+
+
+def by_wavelength(
+    title: str, x, quantity: str, unit: str, curves: list[Curve], from_zero=True, is_close=False
+) -> LineChart:
+    """A chart of curves over wavelength [um]."""
+    axes = "wavelength (µm)", label(quantity, unit)
+    return LineChart(title, x, *axes, curves, from_zero and not is_close, is_close)
+
+
 def label(quantity: str, unit: str) -> str:
     """Label of an axis, with a unit of UDUNITS."""
     return f"{quantity} ({typeset_unit(unit)})"

@@ -3,6 +3,7 @@
 import importlib
 import json
 from base64 import b64encode
+from dataclasses import fields, is_dataclass
 from inspect import signature
 from os import PathLike
 from pathlib import Path
@@ -255,7 +256,12 @@ def named(text: str):
 
 
 def strict(value):
-    """A value as strict JSON has it: arrays as lists, NumPy's numbers as Python's, NaN as None."""
+    """A value as strict JSON has it: arrays as lists, NumPy's numbers as Python's, NaN as None.
+
+    A dataclass becomes the dictionary of its fields.
+    """
+    if is_dataclass(value):
+        value = {entry.name: getattr(value, entry.name) for entry in fields(value)}
     if isinstance(value, dict):
         return {str(key): strict(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):

@@ -3,7 +3,7 @@
 import pickle
 import time
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import ClassVar
 
@@ -122,15 +122,10 @@ class Budget(Result):
 
     def entries(self) -> dict:
         """Entries for JSON. Value, sigma and contributions are in the unit of the entry `unit`."""
-        plain = ("what", "title", "unit", "value", "sigma", "remarks", "renders", "paths")
-        return {
-            **{name: getattr(self, name) for name in plain},
+        plain = {name: value for name, value in vars(self).items() if name != "seconds"}
+        return plain | {
             "time_s": self.seconds,
             "sigma_of_quantities": self.sigma_of_quantities,
-            "rows": [row.as_dict() for row in self.rows],
-            "inputs": asdict(self.inputs),
-            "checks": [asdict(entry) for entry in self.checks],
-            "second_order": self.second_order and asdict(self.second_order),
             "monte_carlo": self.monte_carlo and self.monte_carlo.as_dict(),
         }
 
@@ -147,22 +142,17 @@ class Budget(Result):
         A group's row is followed by its members, whose share is NaN. `unit` is that of value and
         sigma. The contribution is in the unit of the result.
         """
-        table = [entry for row in self.rows for entry in (row, *row.members)]
-        in_group = [
-            len(parent.members) > 0 and entry is not parent
-            for parent in self.rows
-            for entry in (parent, *parent.members)
-        ]
+        of_rows = [(row, entry) for row in self.rows for entry in (row, *row.members)]
+        table = [entry for _, entry in of_rows]
 
         def number(name):
-            values = [getattr(entry, name) for entry in table]
-            return np.array([np.nan if value is None else value for value in values], float)
+            return np.array([getattr(entry, name) for entry in table], float)  # None is NaN
 
         contribution = f"contribution_{UNIT_NAMES.get(self.unit, '')}".rstrip("_")
         return {
             "quantity": np.array([entry.quantity for entry in table]),
             "distribution": np.array([entry.distribution for entry in table]),
-            "is_member": np.array(in_group),
+            "is_member": np.array([entry is not row for row, entry in of_rows]),
             "value": number("value"),
             "sigma": number("sigma"),
             "unit": np.array([entry.unit for entry in table]),
@@ -220,15 +210,9 @@ def draw_up(
         checks = check(number, inputs, derivative, sigma)
         distribution = None
         if draws is not None:
-            distribution = monte_carlo(
-                number,
-                inputs,
-                derivative,
-                np.hypot.reduce([*facets.values(), 0]),
-                draws,
-                sampling.seed,
-                sampling.progress,
-            )
+            independent = np.hypot.reduce([*facets.values(), 0])
+            how = draws, sampling.seed, sampling.progress
+            distribution = monte_carlo(number, inputs, derivative, independent, *how)
         return Budget(
             what=number.what,
             title=number.title,

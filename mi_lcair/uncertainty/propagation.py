@@ -43,14 +43,6 @@ class BudgetRow:
     distribution: str = ""
     members: tuple["BudgetRow", ...] = ()
 
-    def as_dict(self) -> dict:
-        """The row for JSON; a number that is not known is None."""
-        entries = dict(vars(self))
-        entries["members"] = [member.as_dict() for member in self.members]
-        error = entries["sensitivity_error"]
-        entries["sensitivity_error"] = None if error is None or np.isnan(error) else error
-        return entries
-
 
 def rows(
     inputs: Inputs, derivative: np.ndarray, errors: np.ndarray, others: dict[str, float]

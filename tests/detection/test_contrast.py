@@ -507,7 +507,7 @@ def test_contrast_within_the_noise_is_remarked(folder):
             (False, "give tolerance_W_m2 of [render]"),
         ):
             rows = [replace(row, total=total, reached=reached)]
-            said = module.remarks(rows, result.detector, target, 1000, 0.0)
+            said = module.remarks(rows, result.detector, target, 1000)
             assert len(said) == count and all(
                 "with 1 reflections the contrast is less than 3" in remark
                 and remark.endswith(remedy)
@@ -791,23 +791,21 @@ def one_row(value, error, reached=None, bounces=2):
 
 
 def test_remarks():
-    """On contrasts within 3 standard errors, wide targets, near ranges, and what lies between."""
+    """On contrasts within 3 standard errors, wide targets and near ranges."""
     narrow, target = Detector("MWIR", field_of_view_deg=10), SimpleNamespace(radius=2.0)
     rows = [one_row(3.1, 1.0), one_row(-2.9, 1.0), one_row(0.1, 1.0, True), one_row(0, 1, False)]
-    lines = remarks(rows, narrow, target, 500.0, 0.0)
+    lines = remarks(rows, narrow, target, 500.0)
     assert [line.split("; ")[1][:20] for line in lines] == [
         "raise spp", "lower the tolerance", "no fraction of zero ",
     ]  # fmt: skip
     assert lines[0].startswith("with 2 reflections the contrast is less than 3 of its standard")
     # The sphere has 10 degrees at 2 / sin(5 degrees) = 22.947 m
-    assert remarks([], narrow, target, 22.95, 0.0) == []
-    (wide,) = remarks([], narrow, target, 22.94, 0.0)
+    assert remarks([], narrow, target, 22.95) == []
+    (wide,) = remarks([], narrow, target, 22.94)
     assert "2 m in radius, is wider than the field of view" in wide
-    assert remarks([], Detector("MWIR"), target, 20.0, 0.0) == []
-    (near,) = remarks([], Detector("MWIR"), target, 19.9, 0.0)
+    assert remarks([], Detector("MWIR"), target, 20.0) == []
+    (near,) = remarks([], Detector("MWIR"), target, 19.9)
     assert near.startswith("the range is only 9.9 radii of the target")
-    (between,) = remarks([], Detector("MWIR"), target, 500.0, 0.04)
-    assert between.startswith("4% of the target has sky or terrain")
 
 
 def irradiance_of(contrast, half_width, least):

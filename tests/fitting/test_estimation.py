@@ -174,7 +174,7 @@ def test_too_few_points():
     [
         ({"form": "thesys"}, "thesis"),
         ({"loss": "cube"}, "cube_root"),
-        ({"starts": 0}, "starts = 0 .* at least 1"),
+        ({"starts": 0}, "starts = 0; must be 1 or more"),
         ({"max_angle_deg": 100}, "max_angle_deg = 100"),
         ({"min_brdf": -1}, "min_brdf = -1"),
         ({"source_half_angle_deg": 90}, "source_half_angle_deg = 90"),

@@ -53,7 +53,7 @@ def test_intervals_end_at_the_bounds():
 
 def test_correlation():
     found = correlation(np.array([[4.0, 3.0, 0.0], [3.0, 9.0, 0.0], [0.0, 0.0, 0.0]]))
-    np.testing.assert_allclose(found, [[1, 0.5, 0], [0.5, 1, 0], [0, 0, 0]])
+    np.testing.assert_allclose(found, [[1, 0.5, 0], [0.5, 1, 0], [0, 0, 1]])
 
 
 def test_profile_intervals_take_the_place_of_linear_ones():

@@ -27,8 +27,8 @@ def test_shares_of_groups_and_of_other_errors():
     assert [member.share for member in group.members] == [None, None]
     assert (single.value, single.sigma, single.sensitivity, single.unit) == (30, 0.5, 8, "K")
     assert group.members[1].sensitivity_error == 0.2 and group.value is None
-    assert single.as_dict()["sensitivity_error"] is None and single.as_dict()["members"] == []
-    assert group.as_dict()["members"][0]["sensitivity_error"] == 0.1
+    assert np.isnan(single.sensitivity_error) and single.members == ()
+    assert group.members[0].sensitivity_error == 0.1
 
 
 def test_errors_that_cancel():

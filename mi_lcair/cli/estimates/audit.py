@@ -10,10 +10,7 @@ from mi_lcair.cli.output import print_result, print_written
 @click.command("audit", epilog=examples("mi-lcair audit open_box --photons 4096"))
 @loading_options
 @click.option(
-    "--photons",
-    type=click.IntRange(min=8),
-    default=2**18,
-    help="Photons from each emitter.",
+    "--photons", type=click.IntRange(min=8), default=2**18, help="Photons from each emitter."
 )
 @file_option("--facets", "Write irradiance and exitance of each facet, FILE.csv.", (".csv",))
 def command(options, photons, facets):

@@ -7,13 +7,7 @@ from pathlib import Path
 
 import click
 
-from mi_lcair.cli.options import (
-    examples,
-    json_option,
-    output_option,
-    progress_bar,
-    workers_options,
-)
+from mi_lcair.cli.options import examples, json_option, output_option, progress_bar, workers_options
 from mi_lcair.cli.output import print_table
 from mi_lcair.files import filling
 

@@ -22,10 +22,7 @@ from mi_lcair.formats import VTK
 @click.argument("source", metavar="IN")
 @click.argument("output", metavar="OUT", type=FILE)
 @click.option(
-    "-c",
-    "--channel",
-    default="Y",
-    help="Channel of FILE.exr for a TIFF, such as temperature.Y.",
+    "-c", "--channel", default="Y", help="Channel of FILE.exr for a TIFF, such as temperature.Y."
 )
 @click.option("--scene", help="Scene of a table of facets.")
 @changes_option("Set a $-parameter of the scene", "parameters")

@@ -19,8 +19,7 @@ from mi_lcair.files import together
 
 
 @click.command(
-    "flight",
-    epilog=examples("mi-lcair flight flyby.toml -o flight.csv --plot flight.png"),
+    "flight", epilog=examples("mi-lcair flight flyby.toml -o flight.csv --plot flight.png")
 )
 @scenario_options(
     "flight.rate_hz=1",

@@ -3,13 +3,7 @@
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import (
-    FILE,
-    changes_option,
-    examples,
-    output_option,
-    renderer_options,
-)
+from mi_lcair.cli.options import FILE, changes_option, examples, output_option, renderer_options
 from mi_lcair.cli.output import print_next, write_and_print
 
 SUFFIXES = (".toml", ".csv", ".json", ".html", ".nc")

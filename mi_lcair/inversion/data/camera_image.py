@@ -23,14 +23,14 @@ from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import Setting, rendered_as, setting_of
 from mi_lcair.detection.weather import QUANTITIES, in_weather, weather_quantities
 from mi_lcair.errors import InputError
-from mi_lcair.inversion.data.images import check_size
+from mi_lcair.inversion.data.images import check_counts, values_that_count
 from mi_lcair.motions.motion import FULL_TURN_DEG
 from mi_lcair.motions.observer import LARGEST_PX, OBSERVER
 from mi_lcair.motions.pixel_step import MOST, PIXELS, pixel_step
 from mi_lcair.motions.pose import known_motions
 from mi_lcair.plugins.emission.source import rounded
 from mi_lcair.plugins.emission.sources import Sources
-from mi_lcair.rendering.images.measured import COLDEST, TEMPERATURE, read_values
+from mi_lcair.rendering.images.measured import COLDEST, TEMPERATURE
 from mi_lcair.rendering.views import Target, View
 from mi_lcair.sensitivity.entries import Parameter
 from mi_lcair.sensitivity.parameters import changed as with_values
@@ -184,16 +184,8 @@ class CameraImage:
         is_exr = Path(entry.image).suffix.lower() == ".exr"
         quantity = entry.quantity or (TEMPERATURE if is_exr else None)
         channel = entry.channel or (CHANNELS.get(quantity) if is_exr else None)
-        values, quantity = read_values(entry.image, channel, quantity, camera.band)
-        values = values * entry.scale
-        check_size(entry.image, values, (imager.height, imager.width))
-        counts = np.isfinite(values)
-        if entry.saturation is not None:
-            counts &= values < entry.saturation
-        if entry.mask is not None:
-            mask, _ = read_values(entry.mask, None, "mask", camera.band)
-            check_size(entry.mask, mask, values.shape)
-            counts &= np.isfinite(mask) & (mask != 0)
+        size = imager.height, imager.width
+        values, quantity, counts = values_that_count(entry, channel, quantity, camera.band, size)
         if quantity == COUNTS:
             values = camera.design.applied(signal_of(imager, values))
         elif quantity == TEMPERATURE:
@@ -203,8 +195,7 @@ class CameraImage:
             raise InputError(f"quantity = {quantity}; a camera's image has {' or '.join(CHANNELS)}")
         collected = camera.design.undone(values) + imager.dark
         counts &= collected < imager.well - FULL * imager.noise(imager.well)
-        if not counts.any():
-            raise InputError(f"{entry.image}: all pixels are masked, saturated or not finite")
+        check_counts(entry.image, counts)
         return values, counts
 
     def noise(self, is_corrected: bool, counts: np.ndarray):

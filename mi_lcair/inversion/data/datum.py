@@ -170,10 +170,7 @@ class Datum:
         around = [name for of in measured.values() for name in of.known() if name in values]
         if conditions := {name: values.pop(name) for name in around}:
             datum = replace(self, **{n: of.in_conditions(conditions) for n, of in measured.items()})
-        with (
-            changed(self.scene, values),
-            with_facets(self.scene, self.facet_settings(unknowns, x)),
-        ):
+        with changed(self.scene, values), with_facets(self.scene, self.facet_settings(unknowns, x)):
             if datum.camera and any(unknowns[k].kind == "motion" for k in self.numbers(unknowns)):
                 datum = replace(datum, camera=datum.camera.facing(ROOM))
             yield datum

@@ -7,6 +7,7 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
 from mi_lcair.rendering.images.measured import TEMPERATURE, check_kelvin, read_values
 
+STEP = 1e-3  # step of a derivative with respect to temperature, K
 NETD_K = 300.0  # temperature of the blackbody at which a NETD is stated, K
 
 
@@ -35,22 +36,11 @@ def measured_radiance(measurement, band: Band, size: tuple[int, int]) -> tuple:
     InputError
         For a file that cannot be read, another size, band or unit, and if no pixel counts.
     """
-    path = measurement.image
-    values, quantity = read_values(path, measurement.channel, measurement.quantity, band)
-    values = values * measurement.scale
-    check_size(path, values, size)
-    counts = np.isfinite(values)
-    if measurement.saturation is not None:
-        counts &= values < measurement.saturation
-    if measurement.mask is not None:
-        mask, _ = read_values(measurement.mask, None, "mask", band)
-        check_size(measurement.mask, mask, size)
-        counts &= np.isfinite(mask) & (mask != 0)
-    if not counts.any():
-        raise InputError(
-            f"{path}: all pixels are masked, saturated or not finite; at least one must count"
-        )
-    sigma = None
+    path, sigma = measurement.image, None
+    values, quantity, counts = values_that_count(
+        measurement, measurement.channel, measurement.quantity, band, size
+    )
+    check_counts(path, counts)
     if measurement.sigma_image is not None:
         sigma, _ = read_values(measurement.sigma_image, measurement.channel, quantity, band)
         check_size(measurement.sigma_image, sigma, size)
@@ -67,12 +57,39 @@ def measured_radiance(measurement, band: Band, size: tuple[int, int]) -> tuple:
     return values, sigma, counts
 
 
-def slope(band: Band, temperature, step: float = 1e-3) -> np.ndarray:
+def values_that_count(measurement, channel, quantity, band: Band, size: tuple[int, int]) -> tuple:
+    """Scaled values of a measured image, their quantity, and which are finite, not saturated and
+    not masked.
+
+    channel, quantity: those of the file. size: height and width of the film.
+    """
+    values, quantity = read_values(measurement.image, channel, quantity, band)
+    values = values * measurement.scale
+    check_size(measurement.image, values, size)
+    counts = np.isfinite(values)
+    if measurement.saturation is not None:
+        counts &= values < measurement.saturation
+    if measurement.mask is not None:
+        mask, _ = read_values(measurement.mask, None, "mask", band)
+        check_size(measurement.mask, mask, size)
+        counts &= np.isfinite(mask) & (mask != 0)
+    return values, quantity, counts
+
+
+def check_counts(path, counts: np.ndarray) -> None:
+    """Raise InputError if no pixel of an image counts."""
+    if not counts.any():
+        raise InputError(
+            f"{path}: all pixels are masked, saturated or not finite; at least one must count"
+        )
+
+
+def slope(band: Band, temperature) -> np.ndarray:
     """Derivative of the in-band radiance of a blackbody with respect to its temperature
     [W m^-2 sr^-1 K^-1].
     """
-    high, low = (in_band_radiance(band, np.asarray(temperature) + d) for d in (step, -step))
-    return (high - low) / (2 * step)
+    high, low = (in_band_radiance(band, np.asarray(temperature) + d) for d in (STEP, -STEP))
+    return (high - low) / (2 * STEP)
 
 
 def noise_of_netd(band: Band, radiance, netd_mK: float) -> np.ndarray:

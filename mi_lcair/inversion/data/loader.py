@@ -140,9 +140,7 @@ class Loader:
 
 
 def goal_datum(
-    goal: Goal,
-    sampling: RenderSettings,
-    motions: Mapping[str, Declared] = MappingProxyType({}),
+    goal: Goal, sampling: RenderSettings, motions: Mapping[str, Declared] = MappingProxyType({})
 ) -> Datum:
     """The datum of a goal: wanted intensities, all with the same small standard deviation."""
     entry = Observation(goal.scene, "goal", dict(goal.parameters))

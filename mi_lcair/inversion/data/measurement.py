@@ -193,10 +193,7 @@ class Measurement(Observation):
                     f"{self.scene} has its own; leave it out"
                 )
             return
-        allowed = {
-            "image": ("netd_mK", "sigma", "sigma_image"),
-            "number": ("sigma",),
-        }["image" if self.image else "number"]
+        allowed = ("netd_mK", "sigma", "sigma_image") if self.image else ("sigma",)
         if (self.trend or self.spectrum) and not noises:
             return  # the file states it
         if len(noises) != 1 or noises[0] not in allowed:

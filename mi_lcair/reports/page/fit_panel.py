@@ -54,39 +54,39 @@ def fit_panel(fit, measurements=None, directional_data: dict | None = None) -> P
 
 def add_scan(figure, scan: Scan, title: str, symbol: str, color: str) -> None:
     """Add the curve, the points and the residuals of a scan. `symbol`: of its abscissa."""
-    scatter = graph_objects().Scatter
-    x, y = scan.curve
-    curve = scatter(
-        x=x,
-        y=y,
-        name=title,
-        legendgroup=title,
-        mode="lines",
-        line=LINE | {"color": color},
-        hovertemplate=f"{title}, {symbol} = %{{x:.4g}}°: %{{y:.4g}} sr⁻¹, fitted<extra></extra>",
-    )
-    figure.add_trace(curve, row=1, col=1)
-    at, low, high = scan.band
+    of_scan, at = {"legendgroup": title}, f"{title}, {symbol} = %{{x:.4g}}°: "
+    fitted = curve(*scan.curve, title, color, f"{at}%{{y:.4g}} sr⁻¹, fitted", **of_scan)
+    figure.add_trace(fitted, row=1, col=1)
+    x, low, high = scan.band
     if np.isfinite(low).any():
         faint = color.replace("rgb", "rgba").replace(")", ", 0.25)")
-        figure.add_trace(band(at, low, high, faint, legendgroup=title, showlegend=False), 1, 1)
+        figure.add_trace(band(x, low, high, faint, showlegend=False, **of_scan), 1, 1)
     angles, brdf = scan.fitted
-    for row, x, y, marker, words in (
+    for row, x, y, symbol_of_marker, words in (
         (1, angles, brdf, "circle", "%{y:.4g} sr⁻¹, measured"),
         (1, *scan.left_out, "circle-open", "%{y:.4g} sr⁻¹, left out"),
         (2, angles, scan.residuals, "circle", "%{y:.3f} decades"),
     ):
         if len(x):
-            points = scatter(
-                x=x,
-                y=y,
-                mode="markers",
-                showlegend=False,
-                legendgroup=title,
-                marker={"color": color, "size": 4.5, "symbol": marker},
-                hovertemplate=f"{title}, {symbol} = %{{x:.4g}}°: {words}<extra></extra>",
+            marker = {"color": color, "size": 4.5, "symbol": symbol_of_marker}
+            figure.add_trace(
+                points(x, y, title, marker, f"{at}{words}", showlegend=False, **of_scan),
+                row=row,
+                col=1,
             )
-            figure.add_trace(points, row=row, col=1)
+
+
+def curve(x, y, name: str, color: str, words: str, **options):
+    """A curve of plotly. words: what it says of the place that the mouse points at."""
+    line = LINE | {"color": color}
+    options |= {"name": name, "mode": "lines", "hovertemplate": f"{words}<extra></extra>"}
+    return graph_objects().Scatter(x=x, y=np.asarray(y, float), line=line, **options)
+
+
+def points(x, y, name: str, marker: dict, words: str, **options):
+    """Points of plotly, as `curve`."""
+    options |= {"name": name, "mode": "markers", "hovertemplate": f"{words}<extra></extra>"}
+    return graph_objects().Scatter(x=x, y=np.asarray(y, float), marker=marker, **options)
 
 
 def band(at, low, high, color: str, **settings):
@@ -104,36 +104,27 @@ def band(at, low, high, color: str, **settings):
 
 def add_hemispherical(figure, fit, measured: dict) -> None:
     """Add the fitted emissivity 1 - HDR with its interval and DHR, and measured tables."""
-    scatter, theta = graph_objects().Scatter, np.radians(np.linspace(0, 89, 90))
+    theta = np.radians(np.linspace(0, 89, 90))
+    place = {"row": 1, "col": 2}
     if fit.emissivity_interval is not None:
         at, (low, high) = np.degrees(fit.emissivity[0]), np.transpose(fit.emissivity_interval)
         name, color = "95 % interval of the emissivity", "rgba(209, 73, 91, 0.2)"
-        figure.add_trace(band(at, low, high, color, name=name), row=1, col=2)
+        figure.add_trace(band(at, low, high, color, name=name), **place)
     for quantity, title, color in (
         ("emissivity", "emissivity", "#d1495b"),
         ("dhr", "directional-hemispherical reflectance", "#1f5fa8"),
     ):
-        fitted = scatter(
-            x=np.degrees(theta),
-            y=np.asarray(directional(fit, quantity, theta), float),
-            name=title,
-            line=LINE | {"color": color},
-            hovertemplate=f"%{{x:.4g}}°: %{{y:.4f}}, {title}<extra></extra>",
-        )
-        figure.add_trace(fitted, row=1, col=2)
+        values = directional(fit, quantity, theta)
+        words = f"%{{x:.4g}}°: %{{y:.4f}}, {title}"
+        figure.add_trace(curve(np.degrees(theta), values, title, color, words), **place)
         data = measured.get(quantity)
         if data is not None:
             std = None if data.std is None else np.asarray(data.std, float)
-            points = scatter(
-                x=np.degrees(data.theta),
-                y=np.asarray(data.value, float),
-                error_y=None if std is None else {"array": std, "thickness": 1},
-                mode="markers",
-                name=f"{title}, measured",
-                marker={"color": color, "size": 6},
-                hovertemplate="%{x:.4g}°: %{y:.4f}, measured<extra></extra>",
-            )
-            figure.add_trace(points, row=1, col=2)
+            bars = {} if std is None else {"error_y": {"array": std, "thickness": 1}}
+            marker, name = {"color": color, "size": 6}, f"{title}, measured"
+            words = "%{x:.4g}°: %{y:.4f}, measured"
+            of_table = points(np.degrees(data.theta), data.value, name, marker, words, **bars)
+            figure.add_trace(of_table, **place)
 
 
 def shades(count: int) -> list[str]:

@@ -50,7 +50,9 @@ def read(what: str, kind: str, model: SceneModel | None = None) -> tuple[str, li
 
     Raises InputError if it cannot be used.
     """
-    return READERS[kind](what, model)
+    title, sections = READERS[kind](what, model)
+    sections[-1].parts.insert(0, Facts(of_file(what)))
+    return title, sections
 
 
 def image(what: str, model):
@@ -65,10 +67,8 @@ def image(what: str, model):
         raise InputError(
             f"'{what}': its channels differ in size; report shows channels of one size"
         )
-    *sections, made = image_sections(channels, header)
-    made.parts.insert(0, Facts(of_file(what)))
-    scene = header.get("scene")
-    return f"{scene} ({Path(what).name})" if scene else Path(what).name, [*sections, made]
+    scene, name = header.get("scene"), Path(what).name
+    return f"{scene} ({name})" if scene else name, image_sections(channels, header)
 
 
 def result_json(what: str, model):
@@ -85,7 +85,6 @@ def result(what: str, model):
     """The JSON of a result that is read as a whole."""
     read_result = kinds.read_result(what)
     made = details(read_result.as_dict(), MADE)
-    made.parts.insert(0, Facts(of_file(what)))
     return read_result.page_title(), [*read_result.sections(), made]
 
 
@@ -95,17 +94,13 @@ def signature(what: str, entries: dict, model):
     if "facets" in entries:
         band = known_band(entries["band"])
         facets = [facets_on_model(what, columns_of(entries["facets"]), model, band)]
-    *sections, made = sections_of_entries(entries, facets)
-    made.parts.insert(0, Facts(of_file(what)))
-    return f"Signature of {entries['scene_name']}", [*sections, made]
+    return f"Signature of {entries['scene_name']}", sections_of_entries(entries, facets)
 
 
 def contrast(what: str, entries: dict, model):
     """A contrast's JSON: irradiances and spectra."""
-    made = details(entries, MADE)
-    made.parts.insert(0, Facts(of_file(what)))
-    sections = contrast_sections.sections_of_entries(entries)
-    return f"Contrast of {entries['scenario_name']}", [*sections, made]
+    sections = [*contrast_sections.sections_of_entries(entries), details(entries, MADE)]
+    return f"Contrast of {entries['scenario_name']}", sections
 
 
 def facet_model(what: str, model):
@@ -115,7 +110,7 @@ def facet_model(what: str, model):
     read_model = models3d.read(Path(what))
     corners = read_model.vertices[read_model.triangles], read_model.triangle_facet
     sections = [*read_model.sections(), facets_section(read_model.columns(), corners)]
-    return f"Model ({Path(what).name})", [*sections, file_section(what, [])]
+    return f"Model ({Path(what).name})", [*sections, made_section([])]
 
 
 def fit(what: str, entries: dict, model):
@@ -125,7 +120,6 @@ def fit(what: str, entries: dict, model):
         measurements, used = data_of(what, report)
         fitted = fit_sections.fit_of_report(report, used)
         of_band = fit_sections.sections_of_report(report, fitted, measurements)
-        of_band[-1].parts.insert(0, Facts(of_file(what)))
         if len(reports) > 1:
             of_band = [
                 Section(f"{section.title}, {report['band']} µm", section.parts, section.is_detail)
@@ -171,13 +165,13 @@ def trend(what: str, model):
     """The table of a trend."""
     stated, made = Trend.read(what), made_rows(what)
     title = f"Trend of {stated.scene_name}" if "scene" in dict(made) else f"Trend ({what})"
-    return title, [*stated.sections(), file_section(what, made)]
+    return title, [*stated.sections(), made_section(made)]
 
 
 def spectrum(what: str, model):
     """The table of a spectrum."""
     columns = numeric(what, tables.read_columns(what), tables.KNOWN_BY[tables.SPECTRUM])
-    sections = [spectrum_section(columns), file_section(what, made_rows(what))]
+    sections = [spectrum_section(columns), made_section(made_rows(what))]
     return f"Spectrum ({Path(what).name})", sections
 
 
@@ -185,7 +179,7 @@ def results(what: str, model):
     """The table of a sweep or a flight."""
     columns = tables.read_columns(what)
     table = Section("Results", [extremes(columns), LongTable(columns)])
-    return f"Results ({Path(what).name})", [table, file_section(what, made_rows(what))]
+    return f"Results ({Path(what).name})", [table, made_section(made_rows(what))]
 
 
 def facets(what: str, model):
@@ -194,7 +188,7 @@ def facets(what: str, model):
     numeric(what, columns, ("facet",))
     if model is not None:
         made += [("scene", model.name), *model.parameters.items()]
-    sections = [facets_on_model(what, columns, model), file_section(what, made)]
+    sections = [facets_on_model(what, columns, model), made_section(made)]
     return f"Facets ({Path(what).name})", sections
 
 
@@ -250,9 +244,9 @@ def of_file(what: str) -> list[tuple[str, str]]:
     return [("file", str(what)), ("written", date), ("size", f"{status.st_size} bytes")]
 
 
-def file_section(what: str, rows) -> Section:
-    """The section about a file and how it was made."""
-    return Section(MADE, [Facts([*of_file(what), *rows])], is_detail=True)
+def made_section(rows: list) -> Section:
+    """The section about how a file was made."""
+    return Section(MADE, [Facts(rows)], is_detail=True)
 
 
 READERS = {

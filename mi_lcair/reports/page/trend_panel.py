@@ -27,10 +27,12 @@ def trend_panel(trend: Trend) -> Panel:
     go = graph_objects()
     elevations, level = elevations_of(trend)
     kinds = [kind for kind in KINDS if trend.parts(kind)]
+    titles = ["by elevation, with 95 % intervals", *(KINDS[kind] for kind in kinds)]
     figure = subplots(
         rows=1,
-        cols=1 + len(kinds),
-        specs=[[{"type": "polar"}] * (1 + len(kinds))],
+        cols=len(titles),
+        specs=[[{"type": "polar"}] * len(titles)],
+        subplot_titles=[f"{title}<br>intensity (W sr⁻¹) over azimuth (°)" for title in titles],
         horizontal_spacing=0.07,
     )
     visible = []  # elevation of each trace; None for those that are always shown
@@ -49,8 +51,7 @@ def trend_panel(trend: Trend) -> Panel:
                     trace.update(visible=number == level, legend=f"legend{place}")
                     figure.add_trace(trace, row=1, col=place)
                     visible.append(number)
-    titles = ["by elevation, with 95 % intervals", *(KINDS[kind] for kind in kinds)]
-    lay_out(figure, titles)
+    lay_out(figure)
     menus = [scale_menu(len(titles))]
     if kinds:
         menus.append(elevation_menu(elevations, visible, level))
@@ -101,33 +102,18 @@ def curve(go, title: str, columns: list[np.ndarray], number: int) -> list:
     return traces
 
 
-def lay_out(figure, titles: list[str]) -> None:
-    """Set titles, axes and legends of the polar plots."""
-    for number, title in enumerate(titles, 1):
-        suffix = "" if number == 1 else str(number)
-        left, right = figure.layout[f"polar{suffix}"].domain.x
-        figure.layout[f"polar{suffix}"].update(
-            domain={"x": [left, right], "y": [0.14, 0.8]},
-            angularaxis={"rotation": 90, "direction": "counterclockwise", "dtick": 30},
-            radialaxis={"angle": 90, "tickangle": 90, "rangemode": "tozero", "nticks": 6},
-        )
-        figure.layout[f"legend{suffix}"] = {
-            "orientation": "h",
-            "x": (left + right) / 2,
-            "xanchor": "center",
-            "y": 0.06,
-            "yanchor": "top",
-        }
-        figure.add_annotation(
-            text=f"{title}<br>intensity (W sr⁻¹) over azimuth (°)",
-            x=(left + right) / 2,
-            y=0.96,
-            xref="paper",
-            yref="paper",
-            xanchor="center",
-            yanchor="top",
-            showarrow=False,
-        )
+def lay_out(figure) -> None:
+    """Place titles, axes and legends of the polar plots."""
+    figure.update_polars(
+        domain_y=[0.14, 0.8],
+        angularaxis={"rotation": 90, "direction": "counterclockwise", "dtick": 30},
+        radialaxis={"angle": 90, "tickangle": 90, "rangemode": "tozero", "nticks": 6},
+    )
+    figure.update_annotations(y=0.96, yanchor="top", font=None)
+    for number, polar in enumerate(figure.select_polars(), 1):
+        middle = {"x": sum(polar.domain.x) / 2, "xanchor": "center"}
+        legend = {"orientation": "h", "y": 0.06, "yanchor": "top", **middle}
+        figure.update_layout({f"legend{'' if number == 1 else number}": legend})
     figure.update_layout(margin={"l": 40, "r": 40, "t": 60, "b": 20})
 
 

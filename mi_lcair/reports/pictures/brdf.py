@@ -57,28 +57,19 @@ def draw_hemisphere(figure, view: BRDFView, lower: float, upper: float) -> None:
         (np.pi, "x", 6, "source"),
         (0, "o", 9, "mirror direction"),
     ):
-        axes.plot(azimuth, view.theta_i, marker, ms=size, mew=2, mfc="none", color="white")
-        axes.plot(
-            azimuth, view.theta_i, marker, ms=size, mew=0.8, mfc="none", color="black", label=label
-        )
+        place = azimuth, view.theta_i, marker
+        axes.plot(*place, ms=size, mew=2, mfc="none", color="white")
+        axes.plot(*place, ms=size, mew=0.8, mfc="none", color="black", label=label)
     axes.set_ylim(0, 90)
     axes.set_rgrids([30, 60], ["30°", "60°"], angle=90, fontsize=7, color="0.85")
     axes.yaxis.grid(color="0.85", lw=0.5, alpha=0.6)
-    axes.set_thetagrids(
-        range(0, 360, 45),
-        [f"{angle}°" for angle in (0, 45, 90, 135, 180, -135, -90, -45)],
-        fontsize=8,
-    )
+    azimuths = [f"{angle}°" for angle in (0, 45, 90, 135, 180, -135, -90, -45)]
+    axes.set_thetagrids(range(0, 360, 45), azimuths, fontsize=8)
     axes.xaxis.grid(False)
     axes.set_title(r"$\theta_r$ from the middle, azimuth from the mirror side", fontsize=8, pad=14)
     axes.legend(fontsize=7, loc="lower left", bbox_to_anchor=(-0.22, -0.1))
-    bar = figure.colorbar(
-        picture,
-        ax=axes,
-        shrink=0.8,
-        pad=0.1,
-        extend="min" if view.brdf.min() < lower else "neither",
-    )
+    extend = "min" if view.brdf.min() < lower else "neither"
+    bar = figure.colorbar(picture, ax=axes, shrink=0.8, pad=0.1, extend=extend)
     bar.set_label("BRDF (1/sr)")
     log_ticks(bar, lower, upper)
 
@@ -87,17 +78,8 @@ def draw_cut(axes, view: BRDFView, lower: float, upper: float) -> None:
     """Draw the BRDF in the plane of incidence on a logarithmic axis, `lower` to `upper`, 1/sr."""
     axes.plot(view.cut_theta_r, np.ma.masked_less_equal(view.cut, 0), color="C3", lw=1.4)
     axes.axvline(-view.theta_i, color=PALE, lw=0.8, ls=":")
-    axes.text(
-        -view.theta_i,
-        1.0,
-        "source ",
-        color=PALE,
-        fontsize=8,
-        ha="right",
-        va="top",
-        rotation=90,
-        transform=axes.get_xaxis_transform(),
-    )
+    place = {"ha": "right", "va": "top", "transform": axes.get_xaxis_transform()}
+    axes.text(-view.theta_i, 1.0, "source ", color=PALE, fontsize=8, rotation=90, **place)
     axes.set_yscale("log")
     axes.set_ylim(lower / 1.5, upper * 2)
     axes.set_xlim(-90, 90)

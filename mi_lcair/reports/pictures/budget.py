@@ -6,6 +6,8 @@ from mi_lcair.uncertainty.budget import Budget
 
 MOST_ROWS = 20  # rows that are drawn; the smaller ones are left out
 RAISES, LOWERS, NEUTRAL = "C3", "C0", "C7"  # colours
+# Points of the changes that renders found
+CHECKED = {"marker": "D", "markersize": 5, "markeredgecolor": "black", "linestyle": "none"}
 
 
 @styled
@@ -21,28 +23,14 @@ def figure(budget: Budget):
     figure = new_figure((8, height), layout="constrained")
     panel = figure.subplots()
     for place, row in enumerate(rows):
-        is_signed = row.value is not None
-        for sign, color in ((1, RAISES), (-1, LOWERS)):
-            panel.barh(
-                place,
-                sign * row.contribution,
-                color=color if is_signed else NEUTRAL,
-                height=0.65,
-                alpha=0.75,
-            )
+        colors = (NEUTRAL, NEUTRAL) if row.value is None else (RAISES, LOWERS)
+        for sign, color in zip((1, -1), colors):
+            panel.barh(place, sign * row.contribution, 0.65, color=color, alpha=0.75)
         check = checks.get(row.quantity)
         # The check moves a group toward larger results, and a quantity toward larger values
-        for change, color in ((check.plus, RAISES), (check.minus, LOWERS)) if check else ():
+        for change, color in zip((check.plus, check.minus), colors) if check else ():
             if change is not None:
-                panel.plot(
-                    change,
-                    place,
-                    marker="D",
-                    markersize=5,
-                    color=color if is_signed else NEUTRAL,
-                    markeredgecolor="black",
-                    linestyle="none",
-                )
+                panel.plot(change, place, color=color, **CHECKED)
         reach = max(abs(row.contribution), *(abs(c) for c in changes(check)), 0)
         panel.annotate(
             f"{share(row.share)}",
@@ -89,7 +77,6 @@ def share(fraction: float) -> str:
 
 def legend(panel, has_checks: bool) -> None:
     """Explain colours and points under the panel."""
-    from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
     handles = [
@@ -97,18 +84,7 @@ def legend(panel, has_checks: bool) -> None:
         Patch(color=LOWERS, alpha=0.75, label="minus one sigma"),
     ]
     if has_checks:
-        handles.append(
-            Line2D(
-                [],
-                [],
-                marker="D",
-                markersize=5,
-                color="white",
-                markeredgecolor="black",
-                linestyle="none",
-                label="rendered at one sigma",
-            )
-        )
+        handles += panel.plot([], [], color="white", label="rendered at one sigma", **CHECKED)
     panel.legend(
         handles=handles,
         loc="upper center",

@@ -4,7 +4,7 @@ import numpy as np
 
 from mi_lcair.camera.image_result import Image
 from mi_lcair.drawing import new_figure, plain, styled
-from mi_lcair.reports.pictures.colour_scale import limits_of
+from mi_lcair.reports.pictures.colour_scale import draw_pixels, limits_of
 
 SIZE = (11, 7.6)  # inches
 SMALLEST_ERROR = 1e-2  # smallest error of the rendering that is drawn, in noises of the camera
@@ -57,14 +57,8 @@ def _temperature(figure, axes, image: Image) -> None:
     )
     values = image.channels["temperature.Y"][part]
     scale = limits_of([values[np.isfinite(values)]], log=False)
-    drawn = axes.imshow(
-        values,
-        cmap="gray",
-        vmin=scale.lower,
-        vmax=scale.upper,
-        extent=(part[1].start, part[1].stop, part[0].stop, part[0].start),
-        interpolation="nearest",
-    )
+    edges = part[1].start, part[1].stop, part[0].stop, part[0].start
+    drawn = draw_pixels(axes, values, scale, cmap="gray", extent=edges)
     bar = figure.colorbar(drawn, ax=axes, extend=scale.extend, shrink=0.9)
     bar.set_label("apparent temperature (K)")
     axes.set_title("(a) first frame, around the target")
@@ -80,14 +74,9 @@ def _mtf(axes, image: Image) -> None:
         if not np.all(values == 1):
             axes.plot(mtf["frequency"], values, linewidth=0.8, linestyle="--", label=name)
     axes.plot(mtf["frequency"], mtf["predicted"], color="black", linewidth=1.2, label="product")
-    axes.plot(
-        mtf["frequency"][::4],
-        mtf["measured"][::4],
-        "o",
-        color="C3",
-        markersize=3.5,
-        label="measured on a slanted edge",
-    )
+    some, style = slice(None, None, 4), {"color": "C3", "markersize": 3.5}
+    measured = mtf["frequency"][some], mtf["measured"][some]
+    axes.plot(*measured, "o", **style, label="measured on a slanted edge")
     axes.set_ylim(0, 1.02)
     axes.set_xlim(0, mtf["frequency"][-1])
     axes.set_title("(b) MTF up to Nyquist")
@@ -102,18 +91,10 @@ def _noise(axes, image: Image) -> None:
     error, noise = (image.channels[name].ravel() for name in ("stderr_K.Y", "noise_K.Y"))
     order = np.argsort(temperature)
     on = error > SMALLEST_ERROR * noise
-    axes.plot(
-        temperature[on],
-        1e3 * error[on],
-        ".",
-        markersize=2,
-        color="C0",
-        label="standard error of the rendering",
-        rasterized=True,
-    )
-    axes.plot(
-        temperature[order], 1e3 * noise[order], color="C3", label="noise of the camera in time"
-    )
+    style = {"label": "standard error of the rendering", "rasterized": True}
+    axes.plot(temperature[on], 1e3 * error[on], ".", markersize=2, color="C0", **style)
+    in_time = "noise of the camera in time"
+    axes.plot(temperature[order], 1e3 * noise[order], color="C3", label=in_time)
     axes.set_yscale("log")
     axes.set_title("(c) noise of camera and rendering in each pixel")
     axes.set_xlabel("mean apparent temperature of a pixel (K)")

@@ -61,6 +61,12 @@ def around_target(channels: dict) -> tuple[slice, slice]:
     return slice(rows.min(), rows.max() + 1), slice(columns.min(), columns.max() + 1)
 
 
+def draw_pixels(axes, values: np.ndarray, scale: Limits, **options):
+    """Draw pixels with a scale in Matplotlib's axes; options are those of imshow."""
+    ends = {"vmin": scale.lower, "vmax": scale.upper}
+    return axes.imshow(values, **ends, interpolation="nearest", **options)
+
+
 def limits_of_channel(
     name: str,
     panels: list[np.ndarray],
@@ -140,15 +146,12 @@ def limits_of(
 def _ends(values: np.ndarray, log: bool, percentiles, weights) -> tuple[float, float]:
     """Lower and upper end for one panel, without few values that stretch the scale."""
     least, greatest = float(values.min()), float(values.max())
-    if weights is None:
-        if values.size < FEW:
-            return least, greatest
-        lower, upper = map(float, np.percentile(values, percentiles))
-    else:
-        order = np.argsort(values)
-        shares = np.cumsum(np.nan_to_num(weights[order]))
-        places = np.searchsorted(shares, np.array(percentiles) / 100 * shares[-1])
-        lower, upper = map(float, values[order][np.minimum(places, len(values) - 1)])
+    if weights is None and values.size < FEW:
+        return least, greatest
+    weighted = (
+        {} if weights is None else {"weights": np.nan_to_num(weights), "method": "inverted_cdf"}
+    )
+    lower, upper = map(float, np.percentile(values, percentiles, **weighted))
     place = np.log if log else (lambda value: value)
     extent = place(upper) - place(lower)
     if not extent > 0:

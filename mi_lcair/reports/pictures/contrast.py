@@ -3,9 +3,8 @@
 import numpy as np
 
 from mi_lcair.detection.contrast_result import Contrast
-from mi_lcair.reports.line_charts import Curve, LineChart, figure_of, label
+from mi_lcair.reports.line_charts import Curve, LineChart, by_wavelength, figure_of
 
-WAVELENGTH = "wavelength (µm)"
 INTENSITY, IRRADIANCE = "W sr-1 um-1", "W m-2 um-1"
 
 
@@ -49,26 +48,15 @@ def charts(entries: dict) -> list[LineChart]:
         Curve("background, hidden", -weighted("background_W_m2_um"), IRRADIANCE, 2),
         Curve("contrast", weighted("total_W_m2_um"), IRRADIANCE),
     ]
-    irradiance = label("irradiance", IRRADIANCE)
+    titles = (
+        f"target before the air: {in_band('intensity_W_sr')} W/sr in band",
+        f"target through {entries['range_m']:.5g} m of {entries['atmosphere']}: "
+        f"{in_band('target_W_m2')} W/m² in band",
+        f"contrast: {in_band('total_W_m2')} W/m² in band",
+    )
+    of_irradiance = "irradiance", IRRADIANCE
     return [
-        LineChart(
-            f"target before the air: {in_band('intensity_W_sr')} W/sr in band",
-            x,
-            WAVELENGTH,
-            label("intensity", INTENSITY),
-            [intensity],
-            from_zero=True,
-        ),
-        LineChart(
-            f"target through {entries['range_m']:.5g} m of {entries['atmosphere']}: "
-            f"{in_band('target_W_m2')} W/m² in band",
-            x,
-            WAVELENGTH,
-            irradiance,
-            [target, through],
-            from_zero=True,
-        ),
-        LineChart(
-            f"contrast: {in_band('total_W_m2')} W/m² in band", x, WAVELENGTH, irradiance, terms
-        ),
+        by_wavelength(titles[0], x, "intensity", INTENSITY, [intensity]),
+        by_wavelength(titles[1], x, *of_irradiance, [target, through]),
+        by_wavelength(titles[2], x, *of_irradiance, terms, from_zero=False),
     ]

@@ -116,18 +116,11 @@ def draw_table(axes, fit) -> None:
         lines.append(("rms", f"{fit.emissivity_rms:.3f} in emissivity", None))
     place = 1.0
     for symbol, value, error in lines:
-        is_verdict = not symbol
-        place -= 0.055 if is_verdict else 0.085
-        axes.text(0.0, place, symbol, fontsize=11 if error else 9, color=INK, va="baseline")
-        axes.text(
-            0.17,
-            place,
-            plain(value),
-            fontsize=7.5 if is_verdict else 10 if error else 9,
-            color=PALE if is_verdict else INK,
-            va="baseline",
-        )
-        axes.text(0.45, place, error or "", fontsize=10, color=INK, va="baseline")
+        place -= 0.085 if symbol else 0.055
+        size, color = (10 if error else 9, INK) if symbol else (7.5, PALE)
+        axes.text(0.0, place, symbol, fontsize=11 if error else 9, color=INK)
+        axes.text(0.17, place, plain(value), fontsize=size, color=color)
+        axes.text(0.45, place, error or "", fontsize=10, color=INK)
 
 
 def draw_directional(axes, fit, quantity: str, data) -> None:
@@ -142,17 +135,8 @@ def draw_directional(axes, fit, quantity: str, data) -> None:
         at, ends = np.degrees(fit.emissivity[0]), np.transpose(fit.emissivity_interval)
         axes.fill_between(at, *ends, color="C3", alpha=0.2, lw=0, label="95 % interval")
     if data is not None:
-        axes.errorbar(
-            np.degrees(data.theta),
-            data.value,
-            data.std,
-            fmt="o",
-            ms=3.5,
-            color=INK,
-            lw=1,
-            capsize=2,
-            label="measured",
-        )
+        points = {"fmt": "o", "ms": 3.5, "color": INK, "lw": 1, "capsize": 2, "label": "measured"}
+        axes.errorbar(np.degrees(data.theta), data.value, data.std, **points)
     axes.legend()
     axes.set_ylim(0, 1)
     axes.set_xlim(0, 90)

@@ -1,7 +1,7 @@
 """Picture of a flight: contrast, signal-to-noise ratio and range against time."""
 
 from mi_lcair.drawing import new_figure, plain, styled
-from mi_lcair.reports.line_charts import COLOURS, INK, label
+from mi_lcair.reports.line_charts import COLOURS, INK, draw_with_band, label
 
 
 @styled
@@ -12,16 +12,8 @@ def figure(flight):
     figure = new_figure((8, 7.5 if has_noise else 5.5), layout="constrained")
     panels = figure.subplots(3 if has_noise else 2, 1, sharex=True)
     contrast, half_width = table["contrast_W_m2"], table["contrast_half_width_W_m2"]
-    panels[0].plot(time_s, contrast, color=INK, linewidth=1.3, label="contrast")
-    panels[0].fill_between(
-        time_s,
-        contrast - half_width,
-        contrast + half_width,
-        color=INK,
-        alpha=0.25,
-        linewidth=0,
-        label="95 % interval",
-    )
+    style = {"color": INK, "linewidth": 1.3, "label": "contrast with 95 % interval"}
+    draw_with_band(panels[0], time_s, contrast, half_width, **style)
     is_traced = table["traced"] > 0
     panels[0].plot(
         time_s[is_traced], contrast[is_traced], ".", markersize=4, color=COLOURS[0], label="traced"

@@ -3,6 +3,7 @@
 import numpy as np
 
 from mi_lcair.drawing import new_figure, plain, styled
+from mi_lcair.reports.line_charts import draw_with_band
 
 
 @styled
@@ -18,9 +19,7 @@ def figure(heat):
         left.set_yticklabels([plain(group) for group in heat.facets.groups])
     else:
         for g, group in enumerate(heat.facets.groups):
-            (line,) = left.plot(heat.hours, mean[:, g], label=plain(group))
-            band = mean[:, g] - 2 * error[:, g], mean[:, g] + 2 * error[:, g]
-            left.fill_between(heat.hours, *band, color=line.get_color(), alpha=0.2, lw=0)
+            draw_with_band(left, heat.hours, mean[:, g], 2 * error[:, g], label=plain(group))
         left.set(xlabel="hour", xticks=hours(heat), ylabel="mean temperature (K), k = 2")
         left.legend()
     for axes in rest:
@@ -29,8 +28,7 @@ def figure(heat):
             axes.errorbar([0], value, 2 * sigma, fmt="o", capsize=3)
             axes.set(xticks=[])
         else:
-            axes.plot(heat.hours, value)
-            axes.fill_between(heat.hours, value - 2 * sigma, value + 2 * sigma, alpha=0.2, lw=0)
+            draw_with_band(axes, heat.hours, value, 2 * sigma)
             axes.set(xlabel="hour", xticks=hours(heat))
         axes.set(ylabel=f"intensity, {plain(heat.intensity.band)} (W/sr), k = 2")
     figure.suptitle(plain(heat.summary()), fontsize=10)

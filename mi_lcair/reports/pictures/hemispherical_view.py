@@ -32,15 +32,9 @@ def figure(view: HemisphericalView):
     )
     for number, column, row in places(view.map):
         dark = colours[number] @ (0.3, 0.6, 0.1) < 0.5
-        axes.text(
-            column / MAP_PHI * 360 - 180,
-            row / MAP_THETA * 90,
-            number,
-            ha="center",
-            va="center",
-            fontsize=7,
-            color="white" if dark else "black",
-        )
+        place = column / MAP_PHI * 360 - 180, row / MAP_THETA * 90
+        style = {"ha": "center", "va": "center", "fontsize": 7}
+        axes.text(*place, number, color="white" if dark else "black", **style)
     axes.set_xticks(range(-180, 181, 45))
     axes.set_yticks(range(0, 91, 15))
     axes.set_xlabel("azimuth φ from the direction of the facet's second corner (degrees)")

@@ -146,14 +146,8 @@ def _finish(panel, view, box, longest):
         start, end = ((point[view.right[0]], point[view.up[0]]) for point in (start, end))
         style = {"arrowstyle": "-|>", "color": "black", "lw": 1.2, "shrinkA": 0, "shrinkB": 0}
         panel.annotate("", end, start, arrowprops=style)
-        panel.annotate(
-            word,
-            start,
-            (3, 4),
-            textcoords="offset points",
-            fontsize=8,
-            ha="right" if axis == 0 else "left",
-        )
+        side = "right" if axis == 0 else "left"
+        panel.annotate(word, start, (3, 4), textcoords="offset points", fontsize=8, ha=side)
 
 
 def _window(model):

@@ -5,7 +5,7 @@ import numpy as np
 from mi_lcair.errors import InputError, option
 from mi_lcair.formats.channels import quantity_of, wavelengths_of
 from mi_lcair.physics.blackbody import spectral_temperature
-from mi_lcair.reports.line_charts import Curve, LineChart, figure_of, label
+from mi_lcair.reports.line_charts import Curve, LineChart, by_wavelength, figure_of
 
 
 def figure(channels: dict[str, np.ndarray], pixel: tuple[int, int], title: str):
@@ -13,12 +13,12 @@ def figure(channels: dict[str, np.ndarray], pixel: tuple[int, int], title: str):
 
     Raises InputError if the channels hold no spectrum, and for a pixel outside the image.
     """
-    by_wavelength = wavelengths_of(channels)
-    if not by_wavelength:
+    known = wavelengths_of(channels)
+    if not known:
         raise InputError(
             f"the image has no spectral radiance; render it with {option('bins', True)}"
         )
-    rows, columns = channels[next(iter(by_wavelength))].shape
+    rows, columns = channels[next(iter(known))].shape
     row, column = pixel
     if not (0 <= row < rows and 0 <= column < columns):
         raise InputError(
@@ -33,17 +33,15 @@ def charts(channels: dict[str, np.ndarray], pixel: tuple[int, int]) -> list[Line
 
     Error bars are standard errors, where the image has them.
     """
-    by_wavelength = wavelengths_of(channels)
-    x, cube = (
-        np.array(list(by_wavelength.values())),
-        np.array([channels[name] for name in by_wavelength], float),
-    )
+    known = wavelengths_of(channels)
+    x = np.array(list(known.values()))
+    cube = np.array([channels[name] for name in known], float)
     errors = [
         channels[f"stderr.{name}"][pixel] if f"stderr.{name}" in channels else np.nan
-        for name in by_wavelength
+        for name in known
     ]
     of_pixel, mean = cube[:, *pixel], cube.mean(axis=(1, 2))
-    quantity, unit = quantity_of(next(iter(by_wavelength)))
+    quantity, unit = quantity_of(next(iter(known)))
     names = f"row {pixel[0]}, column {pixel[1]}", "mean of the image"
     radiances = (
         Curve(names[0], of_pixel, unit, errors=np.array(errors)),
@@ -53,8 +51,7 @@ def charts(channels: dict[str, np.ndarray], pixel: tuple[int, int]) -> list[Line
         Curve(curve.name, spectral_temperature(x, curve.values), "K", curve.colour)
         for curve in radiances
     ]
-    axis = "wavelength (µm)"
     return [
-        LineChart("", x, axis, label(quantity, unit), list(radiances), from_zero=True),
-        LineChart("", x, axis, label("brightness temperature", "K"), temperatures, is_close=True),
+        by_wavelength("", x, quantity, unit, list(radiances)),
+        by_wavelength("", x, "brightness temperature", "K", temperatures, is_close=True),
     ]

@@ -9,10 +9,9 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.sky import spectrum
-from mi_lcair.reports.line_charts import Curve, LineChart, figure_of, label
+from mi_lcair.reports.line_charts import Curve, LineChart, by_wavelength, figure_of, label
 
 SPECTRAL, IN_BAND = "W m-2 sr-1 um-1", "W m-2 sr-1"
-WAVELENGTH = "wavelength (µm)"
 RANGES_M = (1000.0, 5000.0)  # of paths through air
 ELEVATIONS_DEG = np.array([0.5, 1, 2, 3, 5, 7.5, 10, 15, 20, 30, 45, 60, 75, 90])
 KELVIN = Bounds(lower=10, upper=10_000, unit="K")
@@ -29,9 +28,7 @@ def blackbodies(temperatures: list[float], band: str):
         Curve(f"{kelvin:g} K", spectral_radiance(x, kelvin), SPECTRAL, number or None)
         for number, kelvin in enumerate(temperatures)
     ]
-    chart = LineChart(
-        limits.label, x, WAVELENGTH, label("spectral radiance", SPECTRAL), curves, from_zero=True
-    )
+    chart = by_wavelength(limits.label, x, "spectral radiance", SPECTRAL, curves)
     return figure_of([chart], "Blackbodies")
 
 
@@ -45,22 +42,14 @@ def air(name: str, band: str):
     path.check_covers(limits)
     x = path.wavelengths_um[inside]
     values = path.along(np.array(RANGES_M), np.flatnonzero(inside))
-    charts = [
-        LineChart(
-            "",
-            x,
-            WAVELENGTH,
-            label(quantity, unit),
-            [
-                Curve(f"{range_m / 1000:g} km", row, unit, number or None)
-                for number, (range_m, row) in enumerate(zip(RANGES_M, of_quantity))
-            ],
-            from_zero=True,
-        )
-        for quantity, unit, of_quantity in zip(
-            ("transmittance", "path radiance"), ("1", SPECTRAL), values
-        )
-    ]
+    charts = []
+    units = {"transmittance": "1", "path radiance": SPECTRAL}
+    for (quantity, unit), of_quantity in zip(units.items(), values):
+        curves = [
+            Curve(f"{range_m / 1000:g} km", row, unit, number or None)
+            for number, (range_m, row) in enumerate(zip(RANGES_M, of_quantity))
+        ]
+        charts.append(by_wavelength("", x, quantity, unit, curves))
     return figure_of(charts, f"Horizontal paths through {name.replace('_', ' ')}, {limits.label}")
 
 
@@ -74,9 +63,7 @@ def sky(name: str, band: str):
     ]
     values = np.array([spectrum(name, angle).in_band_radiance(limits) for angle in ELEVATIONS_DEG])
     charts = [
-        LineChart(
-            "by wavelength", x, WAVELENGTH, label("radiance", SPECTRAL), spectra, from_zero=True
-        ),
+        by_wavelength("by wavelength", x, "radiance", SPECTRAL, spectra),
         LineChart(
             "by elevation",
             ELEVATIONS_DEG,

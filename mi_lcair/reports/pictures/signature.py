@@ -21,11 +21,8 @@ def figure(signature: Signature):
     figure = new_figure((11, 3.8), layout="constrained")
     panels = figure.subplots(1, 3, width_ratios=(1.3, 1, 1))
     names = [str(k) for k in range(len(signature.scene.by_bounce))]
-    bounces = {
-        part: (of.by_bounce, of.by_bounce_error)
-        for part in PARTS
-        for of in [getattr(signature, part)]
-    }
+    parts = {part: getattr(signature, part) for part in PARTS}
+    bounces = {part: (of.by_bounce, of.by_bounce_error) for part, of in parts.items()}
     bars(panels[0], "by number of reflections", names, bounces, "number of reflections")
     for panel, kind, title, label in (
         (panels[1], "group", "by what emitted it", "group that emits"),
@@ -37,8 +34,7 @@ def figure(signature: Signature):
                 [getattr(of, f"by_{kind}")[name] for name in names],
                 [getattr(of, f"by_{kind}_error")[name] for name in names],
             )
-            for part in PARTS
-            for of in [getattr(signature, part)]
+            for part, of in parts.items()
         }
         bars(panel, title, names, values, label)
     panels[0].legend()

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mi_lcair.reports.line_charts import Curve, LineChart, figure_of, label
+from mi_lcair.reports.line_charts import Curve, LineChart, by_wavelength, figure_of
 from mi_lcair.signatures.effective_areas import PARTS, EffectiveAreas
 
 UNIT = "W sr-1 um-1"
@@ -37,6 +37,5 @@ def charts(columns: dict[str, np.ndarray]) -> list[LineChart]:
                 curves.append(Curve(group, values, UNIT, number))
         in_band = np.trapezoid(spectra[part] * columns.get("response", 1.0), x)
         title = f"{part}: {in_band:.5g} W/sr in band"
-        axes = "wavelength (µm)", label("spectral intensity", UNIT)
-        result.append(LineChart(title, x, *axes, curves, from_zero=True))
+        result.append(by_wavelength(title, x, "spectral intensity", UNIT, curves))
     return result

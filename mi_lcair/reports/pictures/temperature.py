@@ -3,7 +3,7 @@
 import numpy as np
 
 from mi_lcair.drawing import new_figure, plain, styled
-from mi_lcair.reports.pictures.colour_scale import limits_of
+from mi_lcair.reports.pictures.colour_scale import draw_pixels, limits_of
 from mi_lcair.thermography.temperature_result import Temperature
 
 
@@ -38,8 +38,6 @@ def _panel(figure, axes, values, title, cmap) -> None:
     """Draw an image with the limits of all pictures, and pixels without a value in blue."""
     scale = limits_of([values[np.isfinite(values)]], log=False)
     axes.set_facecolor("steelblue")
-    drawn = axes.imshow(
-        values, cmap=cmap, vmin=scale.lower, vmax=scale.upper, interpolation="nearest"
-    )
+    drawn = draw_pixels(axes, values, scale, cmap=cmap)
     figure.colorbar(drawn, ax=axes, extend=scale.extend, shrink=0.9)
     axes.set(title=title, xlabel="column (pixel)", ylabel="row (pixel)")

@@ -93,3 +93,17 @@ def number(value: float | None, digits: int = 5) -> str:
 def change(value: float | None) -> str:
     """A change of the result, as text."""
     return "outside its bounds" if value is None else f"{value:+.4g}"
+
+
+def in_unit(row, number: float) -> str:
+    """A number in the unit of an uncertain quantity."""
+    return f"{number:g}" if row.unit == "1" else f"{number:g} {row.unit}"
+
+
+def contribution(row, value: str, slope: str, sigma: float, total: float) -> tuple[str, ...]:
+    """Cells of an uncertain quantity: value, standard uncertainty, slope, contribution and share.
+
+    sigma: its standard uncertainty of the result. total: that of all quantities together.
+    """
+    share = f"{100 * (sigma / total) ** 2:.1f} %"
+    return row.quantity, value, in_unit(row, row.number.sigma), slope, f"{sigma:.3g}", share

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from mi_lcair.reports.sections.budget import contribution, in_unit
 from mi_lcair.results.result import summary_of
 from mi_lcair.results.sections import Facts, Remarks, Section, Table
 
@@ -38,21 +39,16 @@ def sections(result) -> list[Section]:
         )
     ]
     parts = [summary_of(result), Facts(rows), Table(head, lines)]
-    budget = []
-    for row in result.contributions:
-        unit = "" if row.unit == "1" else f" {row.unit}"
-        value = "by wavelength" if np.isnan(row.number.value) else f"{row.number.value:g}{unit}"
-        share = 100 * (row.sigma[0] / result.sigma[0]) ** 2
-        budget.append(
-            (
-                row.quantity,
-                value,
-                f"{row.number.sigma:g}{unit}",
-                f"{row.slope[0]:.4g}",
-                f"{row.sigma[0]:.3g}",
-                f"{share:.1f} %",
-            )
+    budget = [
+        contribution(
+            row,
+            "by wavelength" if np.isnan(row.number.value) else in_unit(row, row.number.value),
+            f"{row.slope[0]:.4g}",
+            row.sigma[0],
+            result.sigma[0],
         )
+        for row in result.contributions
+    ]
     if budget:
         head = ["quantity", "value", "sigma", "sensitivity", "contribution", "share"]
         parts.append(Table(head, budget))

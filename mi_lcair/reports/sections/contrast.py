@@ -16,35 +16,22 @@ def sections(contrast, ranges: bool = True) -> list[Section]:
 
     ranges: whether to find the detection ranges; they need a sensor with a nei.
     """
-    result = [
-        Section(
-            "Contrast",
-            [
-                Facts(setting(contrast)),
-                irradiances([row.as_dict() for row in contrast.rows]),
-                *groups(contrast.groups()),
-                Remarks(contrast.remarks),
-            ],
-        )
-    ]
+    head, *rest = sections_of_entries(contrast.as_dict())
     if ranges and contrast.detector.nei is not None:
-        result.append(Section("Detection range", [detection_ranges(contrast)]))
-    return [*result, Section("Spectra", [Drawing(partial(spectra, contrast.as_dict()))])]
+        rest.insert(0, Section("Detection range", [detection_ranges(contrast)]))
+    return [head, *rest]
 
 
 def sections_of_entries(entries: dict) -> list[Section]:
     """Irradiances and spectra of a contrast from the entries of its JSON."""
-    return [
-        Section(
-            "Contrast",
-            [
-                irradiances(entries["rows"]),
-                *groups(entries.get("groups", {})),
-                Remarks(entries["remarks"]),
-            ],
-        ),
-        Section("Spectra", [Drawing(partial(spectra, entries))]),
+    parts = [
+        Facts(setting(entries)),
+        irradiances(entries["rows"]),
+        *groups(entries.get("groups", {})),
+        Remarks(entries["remarks"]),
     ]
+    drawing = Drawing(partial(spectra, entries))
+    return [Section("Contrast", parts), Section("Spectra", [drawing])]
 
 
 def spectra(entries: dict):
@@ -52,44 +39,45 @@ def spectra(entries: dict):
     return line_panel(charts(entries))
 
 
-def setting(contrast) -> list[tuple[str, str]]:
+def setting(entries: dict) -> list[tuple[str, str]]:
     """Rows about scenario, sight, air, background, target and error."""
-    scenario, detector, row = contrast.scenario, contrast.detector, contrast.rows[-1]
-    elevation = contrast.sight_elevation_deg
+    scenario, elevation, row = (
+        entries["scenario"],
+        entries["sight_elevation_deg"],
+        entries["rows"][-1],
+    )
+    transmittance = scenario["sensor"]["optics_transmittance"]
     heights = ""
-    if contrast.observer_height_m is not None:
+    if entries["observer_height_m"] is not None:
         heights = (
-            f", at a height of {contrast.observer_height_m:.5g} m; target "
-            f"{contrast.target_height_m:.5g} m"
+            f", at a height of {entries['observer_height_m']:.5g} m; target "
+            f"{entries['target_height_m']:.5g} m"
         )
-    area = row.projected_area
+    area, error = row["projected_area_m2"].values()
     rows = [
-        ("scenario", scenario.heading),
-        ("band", f"{detector.band.label}, optics transmit {detector.optics_transmittance:g}"),
+        ("scenario", ": ".join(filter(None, (scenario["name"], scenario["title"])))),
+        ("band", f"{entries['band']}, optics transmit {transmittance:g}"),
         (
             "line of sight",
-            f"{contrast.path.range_m:.6g} m, {abs(elevation):.4g} degrees "
+            f"{entries['range_m']:.6g} m, {abs(elevation):.4g} degrees "
             f"{'up' if elevation >= 0 else 'down'}ward, observer at azimuth "
-            f"{scenario.observer.azimuth_deg:.6g}{heights}",
+            f"{scenario['observer']['azimuth_deg']:.6g}{heights}",
         ),
         (
             "atmosphere",
-            f"{contrast.air.name}: mean transmittance {contrast.transmittance:.4f}, path "
-            f"{contrast.path_radiance:.5g} W m^-2 sr^-1",
+            f"{entries['atmosphere']}: mean transmittance {entries['transmittance']:.4f}, path "
+            f"{entries['path_radiance_W_m2_sr']:.5g} W m^-2 sr^-1",
         ),
         (
             "background",
-            f"{contrast.background_name}: {contrast.background_radiance:.5g} W m^-2 sr^-1",
+            f"{entries['background']}: {entries['background_radiance_W_m2_sr']:.5g} W m^-2 sr^-1",
         ),
-        (
-            "target",
-            f"projected area {area.value:.5g} +- {area.standard_error:.2g} m^2, "
-            f"{row.solid_angle:.5g} sr",
-        ),
+        ("target", f"projected area {area:.5g} +- {error:.2g} m^2, {row['solid_angle_sr']:.5g} sr"),
     ]
-    if contrast.no_target is not None:
-        rows.append(("without target", f"{contrast.no_target:.5g} W/m^2 in the field of view"))
-    return [*rows, accuracy(contrast)]
+    if entries["no_target_W_m2"] is not None:
+        empty = f"{entries['no_target_W_m2']:.5g} W/m^2 in the field of view"
+        rows.append(("without target", empty))
+    return [*rows, accuracy(entries)]
 
 
 def irradiances(entries: list[dict]) -> Table:
@@ -150,25 +138,23 @@ def detection_ranges(contrast) -> Table:
     )
 
 
-def accuracy(contrast) -> tuple[str, str]:
+def accuracy(entries: dict) -> tuple[str, str]:
     """Row about the widest 95 % interval of a contrast, and about the tolerances if any."""
-    sampling, rows = contrast.scenario.render, contrast.rows
+    relative, absolute, rows = (entries[k] for k in ("tolerance", "tolerance_W_m2", "rows"))
     allowed = [
-        *([] if sampling.tolerance is None else [f"{100 * sampling.tolerance:.4g} %"]),
-        *([] if sampling.tolerance_W_m2 is None else [f"{sampling.tolerance_W_m2:.4g} W/m^2"]),
+        *([] if relative is None else [f"{100 * relative:.4g} %"]),
+        *([] if absolute is None else [f"{absolute:.4g} W/m^2"]),
     ]
-    stated = [row for row in rows if row.reached is False] or rows
-    widest = max(stated, key=lambda row: row.half_width)
+    stated = [row for row in rows if row["reached"] is False] or rows
+    widest = max(stated, key=lambda row: row["half_width_W_m2"])
+    half_width, total = widest["half_width_W_m2"], widest["total_W_m2"]["value"]
     several = len(rows) > 1
-    of = f"the contrast with {widest.max_bounces} reflections" if several else "the contrast"
-    may_be_zero = widest.half_width >= abs(widest.total.value)
-    absolute = sampling.tolerance_W_m2 is not None
+    of = f"the contrast with {widest['max_bounces']} reflections" if several else "the contrast"
+    remedy = f"give {option('tolerance_W_m2')}, as no fraction of zero can be reached"
     return error_row(
-        interval(widest.half_width, widest.total.value, "W/m^2", of, absolute),
+        interval(half_width, total, "W/m^2", of, absolute is not None),
         " or ".join(allowed) or None,
-        contrast.reached,
+        entries["reached"],
         where=f"in {len(stated)} of {len(rows)} rows" if several else "",
-        remedy=f"give {option('tolerance_W_m2')}, as no fraction of zero can be reached"
-        if may_be_zero and not absolute
-        else "",
+        remedy=remedy if half_width >= abs(total) and absolute is None else "",
     )

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from mi_lcair.reports.sections.budget import contribution, in_unit
 from mi_lcair.results.result import summary_of
 from mi_lcair.results.sections import Facts, Remarks, Section, Table
 
@@ -21,20 +22,9 @@ def sections(result) -> list[Section]:
     head = ["quantity", "value", "sigma", "slope", "contribution K", "share"]
     budget = []
     for row in result.contributions:
-        unit = "" if row.unit == "1" else f" {row.unit}"
-        value = "" if row.quantity == "apparent" else f"{row.number.value:g}{unit}"
-        contribution = result.typical(row.sigma)
-        slope = f"{result.typical(row.slope):.4g} K{f' per{unit}' if unit else ''}"
-        share = f"{100 * (contribution / sigma) ** 2:.1f} %"
-        budget.append(
-            (
-                row.quantity,
-                value,
-                f"{row.number.sigma:g}{unit}",
-                slope,
-                f"{contribution:.3g}",
-                share,
-            )
-        )
+        value = "" if row.quantity == "apparent" else in_unit(row, row.number.value)
+        per = "" if row.unit == "1" else f" per {row.unit}"
+        slope = f"{result.typical(row.slope):.4g} K{per}"
+        budget.append(contribution(row, value, slope, result.typical(row.sigma), sigma))
     parts += [Table(head, budget)] if budget else []
     return [Section("Temperature", [*parts, Remarks(list(result.remarks))])]

@@ -251,10 +251,7 @@ class Number(ABC):
             areas = self.changed(self.areas, rest)
             ends.append(self.linear(self.total, areas, quantities))
         high, low = ends
-        slope = replace(
-            self.base,
-            factors=(high.factors - low.factors) / (limits[0] - limits[1]),
-        )
+        slope = replace(self.base, factors=(high.factors - low.factors) / (limits[0] - limits[1]))
         # Amounts change only with quantities that have no noise, such as that of the sensor
         of_amounts = self.base.factors @ (high.amounts - low.amounts) / (limits[0] - limits[1])
         return slope.value + float(of_amounts), slope.error
@@ -379,8 +376,4 @@ def shifted(source: Source, by: float, band) -> Source:
 
 def scaled(source: Source, factor: float) -> Source:
     """A source whose spectrum is multiplied by a factor."""
-    return replace(
-        source,
-        in_band=source.in_band * factor,
-        spectrum=source.spectrum.scaled(factor),
-    )
+    return replace(source, in_band=source.in_band * factor, spectrum=source.spectrum.scaled(factor))
