@@ -27,8 +27,8 @@ def test_writes_its_files(run, folder, measured):
     assert found.exit_code == 0 and measured == [True]
     assert len(list((folder / "out").iterdir())) == 6
     assert "box    1%         lattice points" in found.stdout
-    assert "none reaches it within 0.2 s" in found.stdout
-    assert "more than 0.2 s of processor time on each thread" in found.stdout
+    assert "none reaches it within 0.1 s" in found.stdout
+    assert "more than 0.1 s of processor time on each thread" in found.stdout
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ def test_page_says_what_the_points_say():
     text = fields(result(), "the command")
     assert (
         "mirror, one bounce"
-        in text["tables"].split("### hall")[0].split("do not reach it within 0.2 s")[1]
+        in text["tables"].split("### hall")[0].split("do not reach it within 0.1 s")[1]
     )
     assert text["ambient"] == "on 2 of 3 openings, up to 0.300 of the sphere"
     assert text["tail_worst"] == "0.020 %"
