@@ -11,17 +11,12 @@ UNREAD = {
     ".blend": "Blender",
     ".fbx": "FBX",
     ".dae": "COLLADA",
-    ".3ds": "3ds Max",
-    ".max": "3ds Max",
     ".skp": "SketchUp",
-    ".usd": "USD",
-    ".usdc": "USD",
-    ".usdz": "USD",
     ".x3d": "X3D",
-    ".step": "STEP",
-    ".stp": "STEP",
-    ".igs": "IGES",
-    ".iges": "IGES",
+    **dict.fromkeys((".3ds", ".max"), "3ds Max"),
+    **dict.fromkeys((".usd", ".usdc", ".usdz"), "USD"),
+    **dict.fromkeys((".step", ".stp"), "STEP"),
+    **dict.fromkeys((".igs", ".iges"), "IGES"),
 }
 
 

@@ -2,7 +2,8 @@ r"""Emitter `sky_dome`: the clear daytime sky, an older name of the emitter `sky
 
 import mitsuba as mi
 
-from mi_lcair.physics.sun.daytime_sky import SUN_ELEVATION_DEG, sky_air_names
+from mi_lcair.physics.air.levels import model_names
+from mi_lcair.physics.sun.daytime_sky import SUN_ELEVATION_DEG
 from mi_lcair.plugins.emitters.sky import Sky
 from mi_lcair.plugins.properties import Property, read
 
@@ -33,7 +34,7 @@ class SkyDome(Sky):
         Property("sun_elevation_deg", "float", SUN_ELEVATION_DEG, lower=1, upper=90),
         Property("height_m", "float", lower=0, upper=100_000),
         Property("band", "string", is_file=True),
-        Property("air", "string", "midlat_summer", choices=tuple(sky_air_names())),
+        Property("air", "string", "midlat_summer", choices=tuple(model_names())),
         Property("group", "string", "sky", is_label=True),
     )
 

@@ -20,7 +20,7 @@ def test_time_is_shared_among_repetitions_and_compile_is_apart(monkeypatch):
 
     point = reflectance_chart.measured(
         "box",
-        ReflectanceMethod("slow", "", (5,), lambda effort: 2 * effort, run),
+        ReflectanceMethod("slow", "", (5,), run, lambda effort: 2 * effort),
         5,
         None,
         1.0,

@@ -19,7 +19,7 @@ from mi_lcair.physics.air.levels import Weather
 from mi_lcair.physics.atmosphere import atmosphere
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.sky import spectrum
-from mi_lcair.physics.sun.daytime_sky import daytime_sky
+from mi_lcair.physics.sun.daytime_sky import clear_sky
 from tests.detection.disc_scenario import AREA, disc, write_disc
 from tests.physics.air.test_tape7 import block
 
@@ -292,7 +292,7 @@ def test_sunlit_ground(folder):
     given |= {"background__daytime_sky": "us_standard", "background__ground_emissivity": 1e-9}
     ground = setting_of(disc(folder, **given, **SLANT, **GROUND)).backdrop
     (sun,) = on(x, bands().wavelengths_um, AIR.sun(0.0, 45.0).radiance)
-    of_sky = daytime_sky("us_standard", height_m=0.0).mean_spectrum().at(x)
+    of_sky = clear_sky("us_standard", 45.0, 0.0).mean_spectrum().at(x)
     np.testing.assert_allclose(ground.at(x) - of_sky, sun * np.sin(np.pi / 4) / np.pi, rtol=1e-3)
     with pytest.raises(InputError, match="has sky and daytime_sky; give one of them"):
         Background(sky="us_standard_clear", daytime_sky="us_standard")

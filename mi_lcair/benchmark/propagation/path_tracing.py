@@ -71,7 +71,6 @@ def method(name: str, applies=lambda problem: True, **options) -> Method:
         "",
         lambda problem, effort, seed: intensity(problem, effort, seed, **options),
         lambda problem: EFFORTS if applies(problem) else [],
-        is_random=True,
     )
 
 

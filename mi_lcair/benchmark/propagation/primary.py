@@ -32,6 +32,10 @@ class Points:
     triangle: mi.UInt32
     cast: int
 
+    def by_triangle(self, count: int) -> np.ndarray:
+        """Visible projected area of each of `count` triangles, (count,) [m^2]."""
+        return np.bincount(self.triangle.numpy(), self.area.numpy().astype(float), count)
+
 
 def visible_points(problem: Problem, count: int, corners=None, owner=None) -> Points:
     """Return about `count` points on the visible triangles of the model.

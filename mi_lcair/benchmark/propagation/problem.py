@@ -116,7 +116,7 @@ class Method:
     section: str
     run: Callable[[Problem, int, int], tuple[float, int]]
     efforts: Callable[[Problem], list[int]]
-    is_random: bool
+    is_random: bool = True
 
 
 def emitted(si, scene, active=True) -> mi.Float:

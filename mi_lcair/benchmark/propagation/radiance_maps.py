@@ -115,15 +115,10 @@ def run(problem: Problem, effort: int, seed: int) -> tuple[float, int]:
     _, _, _, along = window(problem.scene.sensor(0))
     frame = mi.Frame3f(mi.Normal3f(normals(corners).T))
     cell = cell_of(frame.to_local(mi.Vector3f(*(-along).tolist())), n).numpy()
-    area = np.bincount(points.triangle.numpy(), points.area.numpy().astype(float), len(corners))
     seen = L[np.arange(len(corners)), cell]
-    return float(area @ seen), L.size + points.cast
+    return float(points.by_triangle(len(corners)) @ seen), L.size + points.cast
 
 
 RADIANCE_MAPS = Method(
-    "radiosity, radiance maps",
-    "3.5.2",
-    run,
-    lambda problem: [4**k for k in range(6, 12)],
-    is_random=True,
+    "radiosity, radiance maps", "3.5.2", run, lambda problem: [4**k for k in range(6, 12)]
 )

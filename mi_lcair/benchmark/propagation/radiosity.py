@@ -45,37 +45,27 @@ def intensity(problem: Problem, patches: int, rays: int, seed: int) -> tuple[flo
     corners, divisions, owner = parts_of(problem, patches)
     points = visible_points(problem, len(corners), corners, owner)
     with problem.prepared() as (scene, emitters):
-        E, rho = at_middles(scene, emitters, corners)
+        E, rho = at_middles(scene, corners)
         F = view_factors(scene, emitters, problem.triangles, corners, divisions, rays, seed)
     B, term = E.copy(), E
     for _ in range(problem.bounces):
         term = rho * (F @ term)
         B += term
-    visible_area = np.bincount(
-        points.triangle.numpy(), points.area.numpy().astype(float), minlength=len(B)
-    )
-    return float(visible_area @ B / np.pi), len(corners) * rays + points.cast
+    return float(points.by_triangle(len(B)) @ B / np.pi), len(corners) * rays + points.cast
 
 
 def parts_of(problem: Problem, patches: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """About so many patches: corners (P, 3, 3) [m], divisions (T,) and triangles (P,)."""
-    table = problem.facets
-    sides = np.linalg.norm(
-        np.cross(
-            table.triangles[:, 1] - table.triangles[:, 0],
-            table.triangles[:, 2] - table.triangles[:, 0],
-        ),
-        axis=1,
-    )
-    divisions = np.maximum(1, np.round(np.sqrt(patches * sides / sides.sum()))).astype(int)
+    triangles, area = problem.facets.triangles, problem.triangles.area
+    divisions = np.maximum(1, np.round(np.sqrt(patches * area / area.sum()))).astype(int)
     owner = np.repeat(np.arange(len(divisions)), divisions**2)
     corners = np.empty((len(owner), 3, 3))
     for n in np.unique(divisions):
-        corners[divisions[owner] == n] = part_corners(table.triangles[divisions == n], n)
+        corners[divisions[owner] == n] = part_corners(triangles[divisions == n], n)
     return corners, divisions, owner
 
 
-def at_middles(scene, emitters, corners) -> tuple[np.ndarray, np.ndarray]:
+def at_middles(scene, corners) -> tuple[np.ndarray, np.ndarray]:
     """Emitted exitance [W m^-2] and reflectance of each patch, evaluated at its middle."""
     si = middles(scene, corners)
     rho = si.bsdf().eval_diffuse_reflectance(si)[0]
@@ -186,10 +176,9 @@ def run(problem: Problem, effort: int, seed: int) -> tuple[float, int]:
     return intensity(problem, patches, max(1, effort // patches), seed)
 
 
-RADIOSITY = Method(
-    "radiosity",
-    "3.5.2",
-    run,
-    lambda problem: [4**k for k in range(6, 13)] if problem.diffuse else [],
-    is_random=True,
-)
+def efforts(problem: Problem) -> list[int]:
+    """Numbers of rays that are tried."""
+    return [4**k for k in range(6, 13)] if problem.diffuse else []
+
+
+RADIOSITY = Method("radiosity", "3.5.2", run, efforts)

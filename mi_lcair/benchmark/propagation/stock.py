@@ -79,10 +79,4 @@ def run(problem: Problem, effort: int, seed: int) -> tuple[float, int]:
     return mean * problem.window_area, effort * (1 + 2 * problem.bounces)
 
 
-STOCK = Method(
-    "Mitsuba's path",
-    "",
-    run,
-    lambda problem: EFFORTS if problem.name in SHAPES else [],
-    is_random=True,
-)
+STOCK = Method("Mitsuba's path", "", run, lambda problem: EFFORTS if problem.name in SHAPES else [])

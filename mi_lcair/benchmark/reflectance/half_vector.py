@@ -40,4 +40,4 @@ def weights(problem, u_choice, u1, u2):
 
 
 EFFORTS = (1, 4, 16, 64, 128, 256, 1024, 4096, 16384, 65536)
-method = ReflectanceMethod("half-vector sampling (ours)", "", EFFORTS, lambda n: n, run)
+method = ReflectanceMethod("half-vector sampling (ours)", "", EFFORTS, run)

@@ -21,4 +21,4 @@ def run(problem, samples, repetitions, seed):
     return mean(weights(problem, *numbers), samples)
 
 
-method = ReflectanceMethod("half-vector sampling, lattice (ours)", "", EFFORTS, lambda n: n, run)
+method = ReflectanceMethod("half-vector sampling, lattice (ours)", "", EFFORTS, run)

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import drjit as dr
 from drjit.llvm import Float64, UInt32
 
+RANDOM_EFFORTS = (250, 1000, 4000, 16000, 64000, 250000, 1000000)  # of the thesis's random methods
+
 
 @dataclass(frozen=True)
 class ReflectanceMethod:
@@ -19,18 +21,18 @@ class ReflectanceMethod:
         Section of the thesis that describes it, or "" for a method of this project.
     efforts
         Efforts that are charted, in ascending order.
-    samples
-        samples(effort) returns the number of evaluations of the BRDF.
     run
         run(problem, effort, repetitions, seed) returns that many independent estimates, a Float64
         array. They are computed in one vectorised launch.
+    samples
+        samples(effort) returns the number of evaluations of the BRDF; by default the effort.
     """
 
     name: str
     section: str
     efforts: tuple[int, ...]
-    samples: Callable[[int], int]
     run: Callable[..., Float64]
+    samples: Callable[[int], int] = int
 
 
 def lanes(samples: int, repetitions: int) -> tuple[UInt32, UInt32]:

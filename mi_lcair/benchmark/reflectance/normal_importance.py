@@ -15,7 +15,7 @@ from drjit.llvm import Float64
 from scipy.optimize import minimize
 from scipy.special import erf
 
-from mi_lcair.benchmark.reflectance.method import ReflectanceMethod, mean
+from mi_lcair.benchmark.reflectance.method import RANDOM_EFFORTS, ReflectanceMethod, mean
 from mi_lcair.benchmark.reflectance.problem import direction
 
 NODES = 400  # nodes per angle of the quadrature for the variance; they are dense near the peak
@@ -109,10 +109,4 @@ def crowded(center, width, low, high):
     return center + width * np.sinh(w), width * np.cosh(w) * (ends[1] - ends[0]) / NODES
 
 
-method = ReflectanceMethod(
-    "Monte Carlo, normal importance",
-    "3.3.2.1",
-    (250, 1000, 4000, 16000, 64000, 250000, 1000000),
-    lambda n: n,
-    run,
-)
+method = ReflectanceMethod("Monte Carlo, normal importance", "3.3.2.1", RANDOM_EFFORTS, run)

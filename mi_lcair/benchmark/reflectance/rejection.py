@@ -9,7 +9,7 @@ and narrow.
 import drjit as dr
 from drjit.llvm import Array3f64, Float64
 
-from mi_lcair.benchmark.reflectance.method import ReflectanceMethod, mean
+from mi_lcair.benchmark.reflectance.method import RANDOM_EFFORTS, ReflectanceMethod, mean
 from mi_lcair.physics.reflection import sandford_robertson_equations as sr
 from mi_lcair.physics.reflection.directions import cos_theta, sin2_theta
 
@@ -39,10 +39,4 @@ def bound(problem):
     ) / sr.e2_H(cos, S.e)
 
 
-method = ReflectanceMethod(
-    "rejection sampling",
-    "3.3.2",
-    (250, 1000, 4000, 16000, 64000, 250000, 1000000),
-    lambda n: n,
-    run,
-)
+method = ReflectanceMethod("rejection sampling", "3.3.2", RANDOM_EFFORTS, run)

@@ -49,4 +49,4 @@ def laine_karras(x, key):
     return x
 
 
-method = ReflectanceMethod("half-vector sampling, Sobol (ours)", "", EFFORTS, lambda n: n, run)
+method = ReflectanceMethod("half-vector sampling, Sobol (ours)", "", EFFORTS, run)

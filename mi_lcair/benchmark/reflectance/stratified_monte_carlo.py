@@ -7,7 +7,7 @@ See its Figure 3.18. The numbers of samples are in the same ratio as in the stra
 import drjit as dr
 from drjit.llvm import Float64
 
-from mi_lcair.benchmark.reflectance.method import ReflectanceMethod, mean
+from mi_lcair.benchmark.reflectance.method import RANDOM_EFFORTS, ReflectanceMethod, mean
 from mi_lcair.benchmark.reflectance.regions import (
     PEAK_SHARE,
     REST_PER_PEAK,
@@ -17,19 +17,14 @@ from mi_lcair.benchmark.reflectance.regions import (
 )
 
 
-def counts(samples):
-    """Return the numbers of samples in the peak region and in the rest."""
-    peak = round(samples / (1 + REST_PER_PEAK**2))
-    return peak, samples - peak
-
-
 def run(problem, samples, repetitions, seed):
     """Return `repetitions` estimates of the DHR, each from `samples` directions."""
     rng = dr.rng(seed)
-    i = problem.incident()
+    i, in_peak_region = problem.incident(), round(samples / (1 + REST_PER_PEAK**2))
     total = 0
-    for count, region, shares in zip(
-        counts(samples), (in_peak, in_rest), ((), (PEAK_SHARE, strip_share(problem)))
+    for count, region, shares in (
+        (in_peak_region, in_peak, ()),
+        (samples - in_peak_region, in_rest, (PEAK_SHARE, strip_share(problem))),
     ):
         u_theta, u_phi = (rng.random(Float64, count * repetitions) for _ in range(2))
         r, weight = region(problem, u_theta, u_phi, *shares)
@@ -37,10 +32,4 @@ def run(problem, samples, repetitions, seed):
     return total
 
 
-method = ReflectanceMethod(
-    "Monte Carlo, stratified",
-    "3.3.2.2",
-    (250, 1000, 4000, 16000, 64000, 250000, 1000000),
-    lambda n: n,
-    run,
-)
+method = ReflectanceMethod("Monte Carlo, stratified", "3.3.2.2", RANDOM_EFFORTS, run)

@@ -52,5 +52,5 @@ def whole_cells(problem, N):
 
 
 method = ReflectanceMethod(
-    "stratified quadrature", "3.3.3", (8, 16, 24, 32, 48, 64, 80, 120, 160, 240, 480), samples, run
+    "stratified quadrature", "3.3.3", (8, 16, 24, 32, 48, 64, 80, 120, 160, 240, 480), run, samples
 )

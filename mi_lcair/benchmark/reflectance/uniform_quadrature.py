@@ -27,5 +27,5 @@ def run(problem, N, repetitions, seed):
 
 
 method = ReflectanceMethod(
-    "uniform quadrature", "3.3", (25, 50, 100, 200, 300, 400, 500, 700, 1000), lambda N: N * N, run
+    "uniform quadrature", "3.3", (25, 50, 100, 200, 300, 400, 500, 700, 1000), run, lambda N: N * N
 )

@@ -7,7 +7,7 @@ blank. The reader converts the columns to this project's units.
 """
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,13 +17,8 @@ from mi_lcair.files import read_text
 from mi_lcair.physics.air.geometry import length_between
 
 END = "-9999."
-FREQUENCY, TRANSMITTANCE, THERMAL, SOLAR, TOTAL = (
-    "FREQ",
-    "TOT_TRANS",
-    "PTH_THRML",
-    "SOL_SCAT",
-    "TOTAL_RAD",
-)
+FREQUENCY, TRANSMITTANCE = "FREQ", "TOT_TRANS"
+THERMAL, SOLAR, TOTAL = "PTH_THRML", "SOL_SCAT", "TOTAL_RAD"
 # The column names of MODTRAN 6, and the names in two words of older versions, with the names that
 # this module uses.
 ALIASES = {
@@ -129,14 +124,11 @@ def joined(path: Path, parts: list[Block]) -> Block:
     wavelengths, places = np.unique(
         np.concatenate([block.wavelengths_um for block in parts]), return_index=True
     )
-    columns = [
-        np.concatenate([getattr(block, name) for block in parts])[places]
+    columns = {
+        name: np.concatenate([getattr(block, name) for block in parts])[places]
         for name in ("transmittance", "path_radiance", "total_radiance")
-    ]
-    first = parts[0]
-    return Block(
-        first.line, first.to_space, first.range_m, first.elevation_deg, wavelengths, *columns
-    )
+    }
+    return replace(parts[0], wavelengths_um=wavelengths, **columns)
 
 
 def _block(path, lines, start, end) -> Block:

@@ -75,7 +75,6 @@ class MicrofacetCube(ReflectionModel):
     def check_feasible(self, *values: float, form: str = "standard") -> None:
         for parameter, value in zip(self.parameters, values):
             parameter.check(value, f"{self.name}: {parameter.name}", ROUNDING)
-        self.check_form(form)
 
     def from_cube(self, u) -> tuple:
         alpha, gamma, n = (

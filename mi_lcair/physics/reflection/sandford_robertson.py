@@ -16,20 +16,12 @@ class SandfordRobertson(SandfordRobertsonCube):
 
     has_emissivity = True
 
-    def surface(self, *values, form: str = "thesis"):
-        return sr.surface(*values, form=form)
-
-    def check_feasible(self, *values: float, form: str = "thesis") -> None:
-        sr.check_feasible(*values, form=form)
-
-    def f(self, S, i, r):
-        return sr.f(S, i, r)
-
-    def HDR(self, S, theta_r):
-        return hemispherical.HDR(S, theta_r)
-
-    def DHR(self, S, theta_i):
-        return hemispherical.DHR(S, theta_i)
+    surface = staticmethod(sr.surface)
+    check_feasible = staticmethod(sr.check_feasible)
+    f = staticmethod(sr.f)
+    HDR = staticmethod(hemispherical.HDR)
+    DHR = staticmethod(hemispherical.DHR)
+    emissivity = staticmethod(sr.emissivity)
 
     def floor_HDR(self, S, cos, sin2):
         return S.floor * S.G * sr.g(cos, sin2, S.b)
@@ -39,9 +31,6 @@ class SandfordRobertson(SandfordRobertsonCube):
 
     def lobe_scale(self, S, cos, sin2):
         return sr.observer_factor(S, cos, sin2) * sr.e2_H(cos, S.e)
-
-    def emissivity(self, S, cos, sin2):
-        return sr.emissivity(S, cos, sin2)
 
     def sample_lobe(self, S, r, u1, u2, u3):
         half = sr.sample_half_vector(r, S.e, u1, u2)

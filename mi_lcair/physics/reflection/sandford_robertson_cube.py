@@ -14,7 +14,7 @@ import drjit as dr
 import numpy as np
 
 from mi_lcair.physics.reflection.interface import ModelParameter, ReflectionModel, Restriction
-from mi_lcair.physics.reflection.sandford_robertson_equations import G
+from mi_lcair.physics.reflection.sandford_robertson_equations import FORMS, G
 
 E_MIN = 1e-5  # smallest e: a lobe 0.001 degrees wide, narrower than any instrument resolves
 SMALLEST_B2 = 1e-24  # lower limit of b^2, so that the derivative of its root is finite at b = 0
@@ -59,7 +59,7 @@ class SandfordRobertsonCube(ReflectionModel):
             at_lower="any lobe narrower than {high:.3g} fits",
         ),
     )
-    forms = ("thesis", "normalized")
+    forms = FORMS
     reciprocal = False
     restrictions = (Restriction("rho_d = 0", 1), Restriction("b = 0", 2))
 

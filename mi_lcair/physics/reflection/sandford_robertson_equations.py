@@ -87,10 +87,6 @@ def check_feasible(epsilon: float, rho_d: float, b: float, e: float, form: str =
             f"sandford_robertson: epsilon + rho_d = {epsilon + rho_d:g}; must be at most "
             f"G(b) = {bound:.6g} for b = {b:g}"
         )
-    if form not in FORMS:
-        raise InputError(
-            f"sandford_robertson: form '{form}' is unknown; it must be one of {', '.join(FORMS)}"
-        )
 
 
 def G(b):

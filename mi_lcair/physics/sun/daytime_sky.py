@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.bands import bands
 from mi_lcair.physics.air.clear_air import ClearAir, SunDirection, clear_air
-from mi_lcair.physics.air.levels import Weather, model_names
+from mi_lcair.physics.air.levels import Weather
 from mi_lcair.physics.air.light import AirLight
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.sky import HEIGHT_M, air_mass, mean_nodes
@@ -74,12 +74,6 @@ class ClearSky:
         sun = SunDirection(self.sun_elevation_deg, azimuth_deg)
         along = self.air.ray(self.height_m, elevation_deg)
         return [emitted, self.air.scattered(along, sun)]
-
-    def in_band_radiance(
-        self, band: Band, elevation_deg: ArrayLike, azimuth_deg: ArrayLike = 0.0
-    ) -> np.ndarray:
-        """In-band radiance toward directions above the horizon, see `in_band_components`."""
-        return sum(self.in_band_components(band, elevation_deg, azimuth_deg))
 
     def in_band_components(
         self, band: Band, elevation_deg: ArrayLike, azimuth_deg: ArrayLike = 0.0
@@ -206,11 +200,6 @@ def between_rings(places: np.ndarray, rings: np.ndarray, values: np.ndarray) -> 
     return np.exp(logarithms(np.clip(at, of_rings[0], of_rings[-1])))
 
 
-def sky_air_names() -> list[str]:
-    """Names of the clear airs whose daytime sky is known."""
-    return model_names()
-
-
 def clear_sky(
     air: str,
     sun_elevation_deg: float | None = None,
@@ -227,13 +216,3 @@ def clear_sky(
             f"clear sky '{air}': sun at {sun_elevation_deg:g} degrees; must lie in 1..90"
         )
     return ClearSky(clear_air(air, weather), height_m, sun_elevation_deg, weather)
-
-
-def daytime_sky(
-    air: str,
-    sun_elevation_deg: float = SUN_ELEVATION_DEG,
-    height_m: float = HEIGHT_M,
-    weather: Weather = Weather(),
-) -> ClearSky:
-    """The sky of a clear air by day, see `clear_sky`."""
-    return clear_sky(air, sun_elevation_deg, height_m, weather)

@@ -16,21 +16,9 @@ MAGIC = b"\x76\x2f\x31\x01"
 # Attributes of the file format. The OpenEXR package sets them or wants a type of its own for them,
 # so a caller must not set them.
 STRUCTURE = {
-    "adoptedNeutral",
-    "channels",
-    "chromaticities",
-    "chunkCount",
-    "compression",
-    "dataWindow",
-    "displayWindow",
-    "lineOrder",
-    "originalDataWindow",
-    "pixelAspectRatio",
-    "screenWindowCenter",
-    "screenWindowWidth",
-    "tiles",
-    "type",
-    "version",
+    *("adoptedNeutral", "channels", "chromaticities", "chunkCount", "compression", "dataWindow"),
+    *("displayWindow", "lineOrder", "originalDataWindow", "pixelAspectRatio"),
+    *("screenWindowCenter", "screenWindowWidth", "tiles", "type", "version"),
 }
 
 

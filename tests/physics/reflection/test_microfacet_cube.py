@@ -33,8 +33,6 @@ def test_the_bounds_themselves_are_feasible_also_in_float32():
     for values in zip(*((p.lower, p.upper) for p in MODEL.parameters)):
         MODEL.check_feasible(*values)
         MODEL.check_feasible(*(float(np.float32(value)) for value in values))
-    with pytest.raises(InputError, match="form 'smith' is unknown"):
-        MODEL.check_feasible(0.1, 2, 1.5, 0, 0.5, form="smith")
 
 
 def test_cube():

@@ -181,7 +181,6 @@ def test_gradients_of_the_brdf(k):
         ((0.4, 0.2, 1, 0.3), ("epsilon + rho_d = 0.6", "at most G(b) = 0.5")),
         ((float("nan"), 0.1, 0.5, 0.3), ("epsilon = nan", "0 or more")),
         ((0.1, 0.1, float("nan"), 0.3), ("b = nan", "0..1")),
-        ((0.1, 0.1, 0.5, 0.3, "thessis"), ("thessis", "thesis, normalized")),
     ],
 )
 def test_infeasible_parameters_are_named_with_value_and_bound(parameters, words):

@@ -8,7 +8,7 @@ import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.levels import Weather
 from mi_lcair.physics.bands import band
-from mi_lcair.physics.sun.daytime_sky import daytime_sky
+from tests.physics.sun.test_daytime_sky import daytime_sky, in_band
 from tests.plugins.emitters.test_sun import BOTH, IDS, E, direction, path, sun
 from tests.plugins.small_scenes import GREY, SQUARE, camera, runs, scene
 
@@ -22,7 +22,7 @@ def on_ground():
     x, w = np.polynomial.legendre.leggauss(200)
     sin2, azimuth = (x + 1) / 2, np.linspace(0, 180, 361)
     elevation = np.degrees(np.arcsin(np.sqrt(sin2)))
-    values = SKY.in_band_radiance(MWIR, *np.meshgrid(elevation, azimuth, indexing="ij"))
+    values = in_band(SKY, MWIR, *np.meshgrid(elevation, azimuth, indexing="ij"))
     return np.pi * (w / 2) @ np.trapezoid(values, azimuth, axis=1) / 180
 
 
@@ -34,7 +34,7 @@ def test_seen(elevation, azimuth):
     )
     made = scene(path(), {**camera(1), "to_world": look}, sky=DOME)
     from_sun = azimuth - 70.0
-    expected = SKY.in_band_radiance(MWIR, [elevation], [from_sun])[0] if elevation > 0 else 0
+    expected = in_band(SKY, MWIR, [elevation], [from_sun])[0] if elevation > 0 else 0
     assert runs(made, 1, 16).mean() == pytest.approx(expected, rel=2e-3)
 
 
@@ -84,6 +84,6 @@ def test_height_and_elevation_of_the_sun():
         (dome,) = made.mi.emitters()
         with made.prepared():
             value = dome.along(mi.Vector3f(*map(float, direction(30, 110))), mi.Bool(True))[0][0]
-        assert value == pytest.approx(sky.in_band_radiance(MWIR, 30.0, 40.0), rel=3e-3)
+        assert value == pytest.approx(in_band(sky, MWIR, 30.0, 40.0), rel=3e-3)
         dome.in_air(0.0, Weather())
         assert dome.height_m == (0.0 if "height_m" not in changes else 3000.0)
