@@ -57,6 +57,15 @@ def unrecorded(function, *arguments):
         return threads.submit(function, *arguments).result()
 
 
+def variables(value) -> list:
+    """Dr.Jit variables of an array: one for each component; none for a Python number."""
+    if dr.is_tensor_v(value):
+        return [value.array]
+    if dr.is_array_v(value) and dr.depth_v(value) > 1:
+        return [variable for component in value for variable in variables(component)]
+    return [value] if dr.is_jit_v(value) else []
+
+
 def attached(arrays) -> bool:
     """Whether any of the arrays carries derivatives; works also inside `dr.suspend_grad`."""
     return any(array.index_ad != 0 for array in arrays)

@@ -24,12 +24,7 @@ RADIANCE_UNIT = "W m^-2 sr^-1"
 LABEL = re.compile(r"[A-Za-z0-9_-]{1,64}")  # labels become parts of channel and column names
 BOOLEANS = {"true": True, "false": False}  # as scene files write them
 # Names of types in the message about a value of the wrong type.
-WORDS = {
-    bool: "a boolean",
-    int: "an integer",
-    float: "a float",
-    str: "a string",
-}
+WORDS = {bool: "a boolean", int: "an integer", float: "a float", str: "a string"}
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from mi_lcair.plugins.derivatives import (
     held,
     members,
     same_variables,
+    variables,
 )
 
 PACKAGE = __name__.partition(".")[0] + "."
@@ -43,7 +44,7 @@ class SceneState:
                 self.is_recordable = False
             for value in values:
                 (arrays if dr.is_array_v(value) else self.values).append(value)
-        self.variables = held([variable for array in arrays for variable in components(array)])
+        self.variables = held([variable for array in arrays for variable in variables(array)])
 
     @property
     def has_gradients(self) -> bool:
@@ -61,12 +62,3 @@ class SceneState:
 def same(a, b) -> bool:
     """Whether two values are the same object, or equal numbers or texts."""
     return a is b or (type(a) is type(b) and isinstance(a, (bool, int, float, str)) and a == b)
-
-
-def components(array) -> list:
-    """The Dr.Jit variables of an array, which may be a tensor or have components."""
-    if dr.is_tensor_v(array):
-        return components(array.array)
-    if dr.depth_v(array) > 1:
-        return [variable for component in array for variable in components(component)]
-    return [array]

@@ -118,9 +118,7 @@ def measure(
     bare_row, raw_row = rows[0], next(row for row in rows if row.name == RAW)
     rows.append(
         replace(
-            bare_row,
-            against=raw_row.name,
-            ratio=bare_row.rays_per_second / raw_row.rays_per_second,
+            bare_row, against=raw_row.name, ratio=bare_row.rays_per_second / raw_row.rays_per_second
         )
     )
     return Throughput(rows, bounces, spp, resolution, repeats)

@@ -179,12 +179,7 @@ def cameras(scene: Scene, target: Target, views: list[View]):
     far = depth(scene)
     inner = {f"view{k}": target.camera(view, 1, far) for k, view in enumerate(views)}
     return mi.load_dict(
-        {
-            "type": "batch",
-            **inner,
-            "film": film(len(views), 1),
-            "sampler": {"type": scene.sampler},
-        },
+        {"type": "batch", **inner, "film": film(len(views), 1), "sampler": {"type": scene.sampler}},
         parallel=False,
     )
 

@@ -15,8 +15,8 @@ from mi_lcair.plugins.emission.triangles import is_faceted, triangle_vertices
 from mi_lcair.plugins.emitters.thermal_emitter import thermal_shapes
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.recorders.contributions import (
-    ColumnTable,
     Contributions,
+    column_table,
     contributions,
     slots,
     unit_radiance,
@@ -142,7 +142,7 @@ def facet_matrix(
                 "use none or ambient"
             )
         emitters, facets, columns, temperature = chosen_facets(scene, groups)
-        table = ColumnTable(emitters, columns)
+        table = column_table(emitters, columns)
         shape = (width * height, randomisations, len(facets))
         blocks, invalid, done = {}, 0, 0
         with unit_radiance(emitters):

@@ -22,11 +22,11 @@ from mi_lcair.plugins.bins.lobes import DIFFUSE, MIRROR, families_of
 from mi_lcair.plugins.bsdfs.plume import is_plume, spectral_plumes
 from mi_lcair.plugins.bsdfs.reflection_bsdf import LOBES, is_reflection_bsdf
 from mi_lcair.plugins.derivatives import children
-from mi_lcair.plugins.emission.groups import at_pointer
+from mi_lcair.plugins.emission.groups import at_pointer, table_by_pointer
 from mi_lcair.plugins.emission.samples import BinnedRadiance
 from mi_lcair.plugins.emission.source import BinOfBlackbody, Source
 from mi_lcair.plugins.emission.sources import spectra
-from mi_lcair.plugins.emission.triangles import PrimitiveEntries, pointer_id
+from mi_lcair.plugins.emission.triangles import PrimitiveTable, pointer_id
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 
 ON_BOTH_SIDES = "TwoSidedBRDF"
@@ -172,9 +172,8 @@ class ByBin:
         """Set the source of each primitive, the shares of its bins and its in-band radiance."""
         numbers = {source: k for k, source in enumerate(self.sources)}
         ids = [pointer_id(mi.EmitterPtr(emitter)) for emitter in emitters]
-        self.of_primitives = PrimitiveEntries(ids, list(map(len, per_emitter)))
-        entries = [0, *(numbers[source] for many in per_emitter for source in many)]
-        self.entries = mi.UInt32(np.array(entries, dtype=np.uint32))
+        of_emitters = [[numbers[source] for source in many] for many in per_emitter]
+        self.source_numbers = PrimitiveTable(ids, of_emitters, 0)
         groups = range(0, len(self.sources), AT_ONCE)
         shares = [
             self.bins.shares(radiances(self.sources[k : k + AT_ONCE], self.bins.grid_um))
@@ -182,10 +181,9 @@ class ByBin:
         ]
         self.shares = mi.Float(np.concatenate(shares).ravel())
         self.in_band = mi.Float([source.in_band for source in self.sources])
-        by_material = np.zeros(max(ids) + 1, dtype=np.uint32)
-        by_material[ids] = [is_thermal(e) and e.given_emissivity is None for e in emitters]
-        self.by_material = mi.UInt32(by_material)
-        dr.make_opaque(self.entries, self.shares, self.in_band, self.by_material)
+        by_material = [is_thermal(e) and e.given_emissivity is None for e in emitters]
+        self.by_material = table_by_pointer(emitters, by_material)
+        dr.make_opaque(self.shares, self.in_band)
 
     # ---------------------------------------------------------------- Along the paths
 
@@ -340,7 +338,7 @@ class ByBin:
         """
         emitted, numbers = mi.Float(emitted[0]), []
         for prim, _ in parts:
-            number = dr.gather(mi.UInt32, self.entries, self.of_primitives.at(emitter, prim))
+            number = self.source_numbers.at(emitter, prim)
             if beyond is not None and self.ambient is not None:
                 number = dr.select(beyond, self.ambient, number)
             numbers.append(number)

@@ -17,8 +17,7 @@ from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf, parts_of_HDR, tables
 from mi_lcair.plugins.columns.surface_slopes import DIFFUSE, places_of
 from mi_lcair.plugins.columns.tables import surface_numbers
-from mi_lcair.plugins.derivatives import attached, children
-from mi_lcair.plugins.scene_state import components
+from mi_lcair.plugins.derivatives import attached, children, variables
 
 SMALL = 0.02  # reflectance, or share of it, below which too few paths follow it for a derivative
 LEAST_SHARE = 0.125  # least probability of the floor and of the lobe of an explored surface
@@ -77,7 +76,7 @@ def differentiated(objects) -> dict:
         if not isinstance(bsdf, mi.BSDF) or any(isinstance(c, mi.BSDF) for c in children(bsdf)):
             continue
         arrays = [(key, value) for key, value in mi.traverse(bsdf).items() if dr.is_array_v(value)]
-        names = {key.removesuffix(".value") for key, v in arrays if attached(components(v))}
+        names = {key.removesuffix(".value") for key, v in arrays if attached(variables(v))}
         if names:
             names_by_bsdf[bsdf] = names
     return names_by_bsdf

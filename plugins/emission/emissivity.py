@@ -12,6 +12,7 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.plugins.bsdfs.uniform_table import interpolate
 from mi_lcair.plugins.derivatives import (
     Deriving,
     attached,
@@ -20,6 +21,7 @@ from mi_lcair.plugins.derivatives import (
     same_variables,
     unrecorded,
     value_along,
+    variables,
 )
 
 # BSDFs that return 0 as the emissivity of the BSDF that they wrap.
@@ -76,9 +78,6 @@ class Table(Deriving):
         self.derived, self.made_of, self.error, self.relative_error = None, None, 0.0, 0.0
         self.derive()
 
-    def class_name(self) -> str:
-        return self.bsdf.class_name()
-
     def id(self) -> str:
         return self.bsdf.id()
 
@@ -128,17 +127,9 @@ class Table(Deriving):
         self.refresh()
         cos, value = si.wi.z, mi.Float(0)
         for side, table in zip(self.sides, self.derived):
-            value = dr.select(side * cos > 0, interpolated(table, side * cos), value)
+            t = dr.sqrt(dr.clip(side * cos, 0, 1))
+            value = dr.select(side * cos > 0, interpolate(table, t), value)
         return dr.select(active, value, 0)
-
-
-def variables(value) -> list:
-    """Dr.Jit variables of a parameter: one for each component; none for a Python number."""
-    if dr.is_tensor_v(value):
-        return [value.array]
-    if dr.is_array_v(value) and dr.depth_v(value) > 1:
-        return [variable for component in value for variable in variables(component)]
-    return [value] if dr.is_jit_v(value) else []
 
 
 def reflects(flags: int, cos):
@@ -148,14 +139,6 @@ def reflects(flags: int, cos):
     """
     front, back = bool(flags & mi.BSDFFlags.FrontSide), bool(flags & mi.BSDFFlags.BackSide)
     return ((cos > 0) & front) | ((cos < 0) & back)
-
-
-def interpolated(table, cos):
-    """Linear interpolation over t = sqrt(cos theta) in a table with NODES entries."""
-    x = dr.sqrt(dr.clip(cos, 0, 1)) * (NODES - 1)
-    index = dr.minimum(mi.UInt32(x), NODES - 2)
-    low, high = dr.gather(mi.Float, table, index), dr.gather(mi.Float, table, index + 1)
-    return dr.lerp(low, high, x - mi.Float(index))
 
 
 def emissivity_of(bsdf) -> Emissivity | Table:

@@ -1,5 +1,7 @@
 """Sources by which emission is recorded: each group of a scene, or each spectrum of a group."""
 
+from itertools import chain
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -7,7 +9,7 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.plugins.emission.source import OTHER, Source
-from mi_lcair.plugins.emission.triangles import PrimitiveEntries, pointer_id
+from mi_lcair.plugins.emission.triangles import PrimitiveTable, pointer_id
 from mi_lcair.plugins.emitters.thermal_emitter import groups_of, is_thermal
 
 MAX_SOURCES = 64  # sources recorded separately; if there are more, blackbodies share wavelengths
@@ -32,15 +34,11 @@ class Sources:
         per_emitter = [list(map(Source, groups_of(emitter))) for emitter in emitters]
         if by_spectrum:
             per_emitter = [spectra(emitter) for emitter in emitters]
-            self.list = list(dict.fromkeys(source for sources in per_emitter for source in sources))
+            self.list = list(dict.fromkeys(chain(*per_emitter)))
             if len(self.list) > MAX_SOURCES:
                 self.tabulate(per_emitter, band)
-                per_emitter = [
-                    [by_wavelength(source) for source in sources] for sources in per_emitter
-                ]
-                self.list = list(
-                    dict.fromkeys(source for sources in per_emitter for source in sources)
-                )
+                per_emitter = [list(map(by_wavelength, sources)) for sources in per_emitter]
+                self.list = list(dict.fromkeys(chain(*per_emitter)))
                 if len(self.list) > MAX_SOURCES:
                     raise InputError(
                         f"the scene has {len(self.list)} tabulated spectra and groups; "
@@ -54,10 +52,8 @@ class Sources:
         rest = numbers.get(Source(OTHER), 0)
 
         ids = [pointer_id(mi.EmitterPtr(emitter)) for emitter in emitters]
-        self.of_primitives = PrimitiveEntries(ids, list(map(len, per_emitter)))
-        entries = [rest, *(numbers[source] for sources in per_emitter for source in sources)]
-        self.entries = mi.UInt32(np.array(entries, dtype=np.uint32))
-        dr.make_opaque(self.entries)
+        of_emitters = [[numbers[source] for source in sources] for sources in per_emitter]
+        self.numbers = PrimitiveTable(ids, of_emitters, rest)
 
     def split(self, by_bin: list[Source]) -> None:
         """Let the sources be those by bin of wavelength, which `BySourceAndBin` records."""
@@ -69,32 +65,26 @@ class Sources:
         A row is the spectral radiance at the nodes divided by the in-band radiance [1/um].
         """
         nodes = np.polynomial.chebyshev.chebpts1(WAVELENGTHS)
-        self.wavelengths_um = (band.lower_um + band.upper_um) / 2 + nodes * (
-            band.upper_um - band.lower_um
-        ) / 2
-        flat = [source for sources in per_emitter for source in sources]
-        temperatures, row = np.unique(
-            [source.temperature or np.nan for source in flat], return_inverse=True
-        )
-        in_band = in_band_radiance(band, np.nan_to_num(temperatures, nan=1.0))
-        table = spectral_radiance(
-            self.wavelengths_um, np.nan_to_num(temperatures, nan=1.0)[:, None]
-        )
-        share = np.divide(
-            table, in_band[:, None], out=np.zeros_like(table), where=in_band[:, None] > 0
-        )
+        middle, half = (band.lower_um + band.upper_um) / 2, (band.upper_um - band.lower_um) / 2
+        self.wavelengths_um = middle + nodes * half
+        given = [source.temperature or np.nan for source in chain(*per_emitter)]
+        temperatures, row = np.unique(given, return_inverse=True)
+        known = np.nan_to_num(temperatures, nan=1.0)[:, None]
+        table = spectral_radiance(self.wavelengths_um, known)
+        in_band = in_band_radiance(band, known)
+        share = np.divide(table, in_band, out=np.zeros_like(table), where=in_band > 0)
         share[np.isnan(temperatures)] = 0  # tabulated spectra are sources recorded separately
         self.share = mi.Float(np.append(share, np.zeros((1, WAVELENGTHS)), axis=0).ravel())
         self.share_row = mi.UInt32(np.append(len(temperatures), row).astype(np.uint32))
         dr.make_opaque(self.share, self.share_row)
 
     def entry(self, emitter, prim_index):
-        """Entry of a hit in the tables `entries` and `share_row`; 0 if there is no emitter."""
-        return self.of_primitives.at(emitter, prim_index)
+        """Entry of a hit in the tables `numbers` and `share_row`; 0 if there is no emitter."""
+        return self.numbers.entry(emitter, prim_index)
 
     def number(self, entry):
         """Index into `list` of the source at an entry of the tables."""
-        return dr.gather(mi.UInt32, self.entries, entry)
+        return dr.gather(mi.UInt32, self.numbers.values, entry)
 
     def shares(self, entry) -> list:
         """Spectral radiance per in-band radiance at each wavelength, for an entry [1/um]."""

@@ -77,23 +77,29 @@ def triangle_vertices(mesh) -> np.ndarray:
     return members(mesh)[FACES].numpy().reshape(-1, 3)
 
 
-class PrimitiveEntries:
-    """Finds the entry of a hit in a table with entries for the primitives of shapes or emitters.
+class PrimitiveTable:
+    """Numbers of the primitives of shapes or of emitters, found by the pointer of a hit.
 
-    ids: numbers of their pointers. counts: number of entries of each; those of one follow each
-    other. Entry 0 stands for everything else. With one entry, all primitives share it: a shape that
-    is not a mesh may have several, but it is one facet.
+    ids: numbers of the pointers. numbers: for each, one number or one for each primitive. A shape
+    that is not a mesh may have several primitives, but it is one facet. otherwise: the number of
+    everything else, which is entry 0 of `values`.
     """
 
-    def __init__(self, ids: list[int], counts: list[int]):
+    def __init__(self, ids: list[int], numbers: list, otherwise: int):
+        counts = list(map(len, numbers))
         first, last = np.zeros((2, max(ids, default=0) + 1), dtype=np.uint32)
         first[ids] = 1 + np.cumsum([0, *counts[:-1]])
         last[ids] = [count - 1 for count in counts]
         self.first, self.last = mi.UInt32(first), mi.UInt32(last)
-        dr.make_opaque(self.first, self.last)
+        self.values = mi.UInt32(np.concatenate([[otherwise], *numbers]).astype(np.uint32))
+        dr.make_opaque(self.first, self.last, self.values)
 
     def at(self, pointer, prim_index, active=True) -> mi.UInt32:
-        """The entry of a primitive; 0 where it is not active."""
+        """The number of a primitive; `otherwise` where it is not active."""
+        return dr.gather(mi.UInt32, self.values, self.entry(pointer, prim_index, active))
+
+    def entry(self, pointer, prim_index, active=True) -> mi.UInt32:
+        """The place of a primitive's number in `values`; 0 where it is not active."""
         key = dr.reinterpret_array(mi.UInt32, pointer)
         known = mi.Bool(active) & (key < dr.width(self.first))
         last = dr.gather(mi.UInt32, self.last, key, known)

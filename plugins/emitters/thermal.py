@@ -12,13 +12,7 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.sky import spectrum
-from mi_lcair.plugins.derivatives import (
-    check_attached,
-    held,
-    members,
-    same_variables,
-    unrecorded,
-)
+from mi_lcair.plugins.derivatives import check_attached, held, members, same_variables, unrecorded
 from mi_lcair.plugins.emission.emissivity import Table, emissivity_of, reflects
 from mi_lcair.plugins.emission.radiance_bound import largest, texture_bound
 from mi_lcair.plugins.emission.triangles import Choice, TriangleTable, is_faceted
@@ -290,24 +284,16 @@ class Thermal(ThermalEmitter):
         pi.prim_index, rest = choice.pick_and_rest(sample, active)
         pi.prim_uv, p, n = table.point(pi.prim_index, rest, active)
         pi.shape = mi.ShapePtr(shape)
-        si = self.interaction(
-            p,
-            n,
-            shape.compute_surface_interaction(dr.zeros(mi.Ray3f), pi, mi.RayFlags.All, active).uv,
-        )
+        hit = shape.compute_surface_interaction(dr.zeros(mi.Ray3f), pi, mi.RayFlags.All, active)
+        si = self.interaction(p, n, hit.uv)
         si.prim_index = pi.prim_index
         return si, dr.gather(mi.Float, density, pi.prim_index, active)
 
     def interaction(self, p, n, uv):
         """A surface interaction of this shape; its direction `wi` is not set yet."""
         si = dr.zeros(mi.SurfaceInteraction3f, dr.width(p))
-        si.p, si.n, si.uv, si.sh_frame, si.shape = (
-            p,
-            n,
-            uv,
-            mi.Frame3f(n),
-            mi.ShapePtr(self.get_shape()),
-        )
+        si.p, si.n, si.uv, si.sh_frame = p, n, uv, mi.Frame3f(n)
+        si.shape = mi.ShapePtr(self.get_shape())
         return si
 
     def label_facet(self, si):
@@ -360,14 +346,8 @@ class Thermal(ThermalEmitter):
     def sample_position(self, time, sample, active=True):
         si, density = self.sample_surface(sample, active)
         ps = dr.zeros(mi.PositionSample3f, dr.width(sample))
-        ps.p, ps.n, ps.uv, ps.time, ps.pdf, ps.delta = (
-            si.p,
-            si.n,
-            self.label_facet(si),
-            time,
-            density,
-            False,
-        )
+        ps.p, ps.n, ps.uv = si.p, si.n, self.label_facet(si)
+        ps.time, ps.pdf, ps.delta = time, density, False
         return ps, dr.select(active, 1 / density, 0)
 
     def pdf_position(self, ps, active=True):

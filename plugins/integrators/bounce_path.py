@@ -13,11 +13,7 @@ from mitsuba.python.ad.integrators.common import RBIntegrator
 from mi_lcair.errors import InputError
 from mi_lcair.physics.spectra.bins import Binning
 from mi_lcair.plugins.bins.by_bin import is_binned
-from mi_lcair.plugins.columns.exploring import (
-    explored_by_gradients,
-    explored_table,
-    exploring,
-)
+from mi_lcair.plugins.columns.exploring import explored_by_gradients, explored_table, exploring
 from mi_lcair.plugins.derivatives import deriving, leaves, nodes
 from mi_lcair.plugins.emission.draw_table import PREFERRED
 from mi_lcair.plugins.emission.triangles import refresh_geometry

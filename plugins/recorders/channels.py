@@ -62,11 +62,12 @@ class Channels:
             emitters, in_detail = tracer.emitters, self.split != "image"
             for most in (None, *self.up_to):
                 parts.append(BySource.of(emitters.sources, emitters.labels, in_detail, most))
-        parts += [Segments.none()] if self.counts_segments else []
+        parts += [Segments(mi.Float(0))] if self.counts_segments else []
         if self.split or facets or is_tailed:
             parts.append(FirstHit.of(tracer.scene, tracer.emitters, facets, self.split == "model"))
         parts += [LastCounts.of(tracer.max_bounces)] if is_tailed else []
-        parts += [UnmetSource.of(tracer.emitters)] if tracer.emitters.draws else []
+        if tracer.emitters.draws:
+            parts.append(UnmetSource(tracer.emitters, mi.Float(0), mi.Float(0)))
         return Recorders(parts)
 
     def by_name(self, L: mi.Float, recorders: Recorders) -> dict:

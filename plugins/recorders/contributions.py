@@ -8,28 +8,19 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.emission.triangles import ABSENT, PrimitiveEntries, pointer_id
+from mi_lcair.plugins.emission.triangles import ABSENT, PrimitiveTable, pointer_id
 from mi_lcair.plugins.paths.launch import Launch, ParallelRays
 from mi_lcair.plugins.recorders.first_hit import FirstHit
 from mi_lcair.plugins.recorders.recorder import Emission, Recorder, Recorders
 
 
-class ColumnTable:
-    """Finds the column of a hit: the number of the facet that emits there.
+def column_table(emitters, columns) -> PrimitiveTable:
+    """Table that finds the column of a hit: the number of the facet that emits there.
 
     emitters: the emitters whose facets have columns. columns: for each of them the columns of the
     primitives of its shape, (primitives,) UInt32; ABSENT for a primitive without a column.
     """
-
-    def __init__(self, emitters, columns):
-        ids = [pointer_id(mi.EmitterPtr(emitter)) for emitter in emitters]
-        self.entries = PrimitiveEntries(ids, list(map(len, columns)))
-        self.columns = mi.UInt32(np.concatenate([[ABSENT], *columns]).astype(np.uint32))
-        dr.make_opaque(self.columns)
-
-    def column(self, emitter, prim_index) -> mi.UInt32:
-        """The column of a hit; ABSENT if it has none."""
-        return dr.gather(mi.UInt32, self.columns, self.entries.at(emitter, prim_index))
+    return PrimitiveTable([pointer_id(mi.EmitterPtr(e)) for e in emitters], columns, ABSENT)
 
 
 class Store:
@@ -39,7 +30,7 @@ class Store:
     paths. column: ABSENT where there is no contribution. value: radiance [W m^-2 sr^-1].
     """
 
-    def __init__(self, table: ColumnTable, lane: mi.UInt32, slots: int):
+    def __init__(self, table: PrimitiveTable, lane: mi.UInt32, slots: int):
         self.table, self.lane, self.slots = table, lane, dr.opaque(mi.UInt32, slots)
         size = dr.width(lane) * slots
         self.column, self.value = dr.full(mi.UInt32, ABSENT, size), dr.zeros(mi.Float, size)
@@ -60,7 +51,7 @@ class ByFacet(Recorder):
 
     def emission(self, emission: Emission) -> None:
         store, value = self.store, emission.radiance
-        column = store.table.column(emission.emitter, emission.prim)
+        column = store.table.at(emission.emitter, emission.prim)
         has_column = (column != ABSENT) & ~emission.beyond
         self.rest += dr.select(has_column, 0, value)
         adds = has_column & (value != 0)
@@ -93,7 +84,7 @@ def slots(tracer) -> int:
 
 
 def contributions(
-    tracer, sensor, launch: Launch, table: ColumnTable, model_only: bool = False
+    tracer, sensor, launch: Launch, table: PrimitiveTable, model_only: bool = False
 ) -> Contributions:
     """Trace the paths of a launch and record what each facet contributes.
 

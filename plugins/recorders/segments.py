@@ -17,10 +17,6 @@ class Segments(Recorder):
 
     count: mi.Float
 
-    @staticmethod
-    def none() -> "Segments":
-        return Segments(mi.Float(0))
-
     def turn(self) -> None:
         self.count += 1
 

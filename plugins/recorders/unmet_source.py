@@ -24,10 +24,6 @@ class UnmetSource(Recorder):
     largest: mi.Float
     draws: mi.Float
 
-    @staticmethod
-    def of(emitters: EmitterTable) -> "UnmetSource":
-        return UnmetSource(emitters, mi.Float(0), mi.Float(0))
-
     def reflect(self, reflection: Reflection) -> None:
         throughput = reflection.throughput * reflection.weight
         bound = self.emitters.by_chance(reflection.drawn, reflection.pdf, reflection.is_delta)

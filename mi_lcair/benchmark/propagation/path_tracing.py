@@ -83,10 +83,7 @@ AMBIENT = method(
     closure="ambient",
 )
 TAIL = method(
-    "lattice points, N = 2 and tail",
-    lambda problem: problem.bounces > 2,
-    bounces=2,
-    closure="tail",
+    "lattice points, N = 2 and tail", lambda problem: problem.bounces > 2, bounces=2, closure="tail"
 )
 INDEPENDENT = method("independent points", sampler="independent")
 INDEPENDENT_EMITTERS = method(

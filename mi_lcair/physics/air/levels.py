@@ -183,13 +183,7 @@ class Levels:
         cold = columns.index("h2o_self_cold")
         densities[:, cold] = densities[:, columns.index("h2o_self")] * np.clip((296 - T) / 36, 0, 1)
         return Levels(
-            self.heights_km,
-            p,
-            T,
-            humidity,
-            v,
-            self.refractivity * denser * colder,
-            densities,
+            self.heights_km, p, T, humidity, v, self.refractivity * denser * colder, densities
         )
 
 

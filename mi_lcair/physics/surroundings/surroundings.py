@@ -15,12 +15,7 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.physics.spectrum import Spectrum
 from mi_lcair.physics.sun.daytime_sky import ClearSky, between_rings
 from mi_lcair.physics.sun.sunlight import sunlight
-from mi_lcair.physics.surroundings.skies import (
-    Blackbody,
-    TableSky,
-    sky_of,
-    through_air,
-)
+from mi_lcair.physics.surroundings.skies import Blackbody, TableSky, sky_of, through_air
 
 ATMOSPHERE = "us_standard"  # model atmosphere of surroundings that state none
 # Angles below the horizon at which ground seen through air is computed [degrees]

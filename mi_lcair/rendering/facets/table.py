@@ -2,7 +2,6 @@
 
 from collections import defaultdict
 
-import drjit as dr
 import mitsuba as mi
 import numpy as np
 
@@ -13,7 +12,7 @@ from mi_lcair.plugins.derivatives import children, members
 from mi_lcair.plugins.emission.source import OTHER
 from mi_lcair.plugins.emission.triangles import (
     ABSENT,
-    PrimitiveEntries,
+    PrimitiveTable,
     is_faceted,
     pointer_id,
     triangle_vertices,
@@ -82,19 +81,15 @@ class FacetTable:
             if not len(points):
                 self.area[facets] = area_of(shape)
 
-        # For number(): the facets of all primitives are in one list. `begin` is the position of a
-        # shape's first primitive, `last` the number of its last one.
         keys = [pointer_id(mi.ShapePtr(shape)) for shape in shapes]
-        self._entries = PrimitiveEntries(keys, list(map(len, of_primitive)))
-        self._facets = mi.UInt32(np.concatenate([[ABSENT], *of_primitive]).astype(np.uint32))
-        dr.make_opaque(self._facets)
+        self._numbers = PrimitiveTable(keys, of_primitive, ABSENT)
 
     def number(self, shape, prim_index, active=True) -> mi.UInt32:
         """The number of the facet of a hit; ABSENT (2^32 - 1) if there is no hit.
 
         shape: pointer to the shape that was hit; prim_index: its primitive.
         """
-        return dr.gather(mi.UInt32, self._facets, self._entries.at(shape, prim_index, active))
+        return self._numbers.at(shape, prim_index, active)
 
     def _describe(self, shapes, of_primitive) -> None:
         """Set shape, type, group, material and temperature of each facet."""
@@ -109,7 +104,8 @@ class FacetTable:
             emitter = shape.emitter()
             self.group[facets], self.type[facets] = group_of(emitter), facet_type_of(emitter)
             if is_thermal(emitter):
-                temperatures = np.broadcast_to(temperature_of(emitter), len(facets))
+                known = emitter.temperatures()
+                temperatures = np.broadcast_to(np.nan if known is None else known, len(facets))
                 self.temperature[facets] = temperatures
                 differs = (self.temperature[facets] != temperatures) & np.isfinite(temperatures)
                 if differs.any():
@@ -208,12 +204,3 @@ def area_of(shape):
         return np.ravel(shape.surface_area())
     except RuntimeError:
         return np.nan
-
-
-def temperature_of(emitter):
-    """Temperatures [K] of a thermal emitter: one value, or one per triangle.
-
-    NaN for a given radiance and for a texture that varies inside a triangle.
-    """
-    temperatures = emitter.temperatures()
-    return np.array([np.nan]) if temperatures is None else temperatures
