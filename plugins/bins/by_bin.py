@@ -13,7 +13,6 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.reflection.directions import SMALLEST
 from mi_lcair.physics.spectra.bins import COUNTS, Binning, bins_for, hats_at
 from mi_lcair.physics.spectra.parameters import SAMPLES
@@ -388,13 +387,7 @@ def products(count: int, neighbours: tuple[int, ...]) -> np.ndarray:
 
 def radiances(sources: list[Source], wavelengths_um: np.ndarray) -> np.ndarray:
     """Spectral radiance of sources [W m^-2 sr^-1 um^-1], (sources, wavelengths)."""
-    result = np.zeros((len(sources), len(wavelengths_um)))
-    for row, source in zip(result, sources):
-        if source.spectrum is not None:
-            row[:] = source.spectrum.at(wavelengths_um)
-        elif source.temperature is not None:
-            row[:] = spectral_radiance(wavelengths_um, source.temperature)
-    return result
+    return np.array([source.radiance(wavelengths_um) for source in sources])
 
 
 def sides_of(bsdf) -> tuple:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.physics.spectrum import Spectrum
 
 OTHER = "other"  # group of everything without a thermal emitter
@@ -25,6 +25,18 @@ class Source:
     temperature: float | None = None
     spectrum: Spectrum | None = field(default=None, compare=False)
     light_of: str = ""
+
+    def radiance(self, wavelengths_um: np.ndarray) -> np.ndarray:
+        """Spectral radiance before emissivity [W m^-2 sr^-1 um^-1]; 0 for a whole group."""
+        if self.temperature is not None:
+            return spectral_radiance(wavelengths_um, self.temperature)
+        return 0 * wavelengths_um if self.spectrum is None else self.spectrum.at(wavelengths_um)
+
+    def in_band_radiance(self, band) -> float:
+        """Radiance in another band before emissivity [W m^-2 sr^-1]; not of a whole group."""
+        if self.temperature is not None:
+            return float(in_band_radiance(band, self.temperature))
+        return self.spectrum.in_band_radiance(band)
 
     @staticmethod
     def of_bin(source: "Source", number: int, light: Spectrum, band) -> "Source":

@@ -30,11 +30,9 @@ def columns_of(path: str | Path, columns: dict[str, float]) -> tuple[np.ndarray,
     numbers = table.numbers((WAVELENGTH, *columns))
     rising = rising_rows(table.file, numbers[WAVELENGTH])
     wavelengths = checked_wavelengths(table.file, numbers[WAVELENGTH][rising])
-    values = []
     for name, largest in columns.items():
         check_values(table.file, name, wavelengths, numbers[name][rising], largest)
-        values.append(numbers[name][rising])
-    return wavelengths, *values
+    return wavelengths, *(numbers[name][rising] for name in columns)
 
 
 def spectrum_of(

@@ -9,7 +9,7 @@ import scipy
 
 from mi_lcair.physics.air.atmosphere import Atmosphere
 from mi_lcair.physics.bands import Band
-from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
+from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.spectra.bins import filter_of
 from mi_lcair.plugins.emission.source import Source
 from mi_lcair.plugins.emission.sources import Sources
@@ -177,10 +177,5 @@ class Arrival:
 
 def in_band_ratio(source: Source, detector: Band, band: Band) -> float:
     """In-band value of a source at a detector, divided by its in-band radiance in a band."""
-    value, radiance = (
-        in_band_radiance(rule, source.temperature)
-        if source.spectrum is None
-        else source.spectrum.in_band_radiance(rule)
-        for rule in (detector, band)
-    )
-    return float(value / radiance) if radiance > 0 else 0.0
+    radiance = source.in_band_radiance(band)
+    return source.in_band_radiance(detector) / radiance if radiance > 0 else 0.0

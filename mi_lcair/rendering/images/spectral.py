@@ -7,7 +7,6 @@ import scipy
 
 from mi_lcair.errors import InputError, shown
 from mi_lcair.formats.channels import spectral_channel
-from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.spectra.bins import Bins
 from mi_lcair.physics.spectral_table import LONGEST_UM
 from mi_lcair.plugins.bins.by_bin import has_spectral_materials
@@ -93,13 +92,7 @@ def add_bins(total: Totals, bins: Bins) -> None:
     sources, parts = total.emitters.sources, {}
     for k, source in enumerate(sources.list):
         if source.name is not None and source.in_band > 0:
-            table = source.spectrum
-            radiance = (
-                spectral_radiance(bins.grid_um, source.temperature)
-                if table is None
-                else table.at(bins.grid_um)
-            )
-            parts[f"source.{k}"] = radiance / source.in_band
+            parts[f"source.{k}"] = source.radiance(bins.grid_um) / source.in_band
     nodes = sources.wavelengths_um
     if nodes.size:  # the spectrum of many blackbodies is a polynomial through the nodes
         basis = scipy.interpolate.BarycentricInterpolator(nodes, np.eye(len(nodes)))(bins.grid_um)

@@ -48,12 +48,7 @@ def check_nodes(state) -> None:
     state: the parsed scene, a `mitsuba.parser.ParserState`.
     """
     nodes = [(node, properties(node)) for node in state.nodes]
-    of_shapes = {
-        child
-        for node, values in nodes
-        if node.type == mi.ObjectType.Shape
-        for child in references(values)
-    }
+    of_shapes = children(nodes, lambda node: node.type == mi.ObjectType.Shape)
     for number, (node, values) in enumerate(nodes):
         try:
             check_names(node.props.plugin_name(), values)
@@ -84,6 +79,12 @@ def references(values: dict) -> list[int]:
         for value in values.values()
         if isinstance(value, mi.Properties.ResolvedReference)
     ]
+
+
+def children(nodes, is_parent) -> set[int]:
+    """Numbers of the nodes to which those refer for which a function of the node is true."""
+    parents = (values for node, values in nodes if is_parent(node))
+    return {child for values in parents for child in references(values)}
 
 
 def check_names(plugin: str, values: dict) -> None:

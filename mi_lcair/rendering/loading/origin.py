@@ -5,7 +5,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.models3d.model import SIZES_AWAY
-from mi_lcair.rendering.loading.nodes import properties, references
+from mi_lcair.rendering.loading.nodes import children, properties
 
 # Ratio of distance from the origin to size above which a scene is moved. At this ratio Float32
 # coordinates have an error of 1e-6 of the scene's size.
@@ -44,12 +44,7 @@ def move(state, origin: np.ndarray) -> None:
     scene has a volume, which cannot be moved.
     """
     nodes = [(node, properties(node)) for node in state.nodes]
-    within_groups = {
-        child
-        for node, values in nodes
-        if node.props.plugin_name() == "shapegroup"
-        for child in references(values)
-    }
+    within_groups = children(nodes, lambda node: node.props.plugin_name() == "shapegroup")
     shift = mi.ScalarAffineTransform4d().translate(-origin)
     for number, (node, values) in enumerate(nodes):
         plugin = node.props.plugin_name()

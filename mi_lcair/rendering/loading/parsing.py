@@ -96,15 +96,20 @@ def surround(state, around: Sequence[dict]) -> None:
         if node.type == mi.ObjectType.Emitter and properties(node).get("facet_type") == "sky":
             raise InputError(f"the scene has sky facets of its own; {ONE_SKY}")
     for number, emitter in enumerate(around):
-        added = mi.parser.SceneNode()
-        added.type, added.props = mi.ObjectType.Emitter, mi.Properties(emitter["type"])
-        added.file_index, added.offset = state.root.file_index, state.root.offset
-        for key, value in emitter.items():
-            if key != "type":
-                added.props[key] = value
-        reference = mi.Properties.ResolvedReference(len(state.nodes))
-        state.root.props[f"_surroundings_{number}"] = reference
-        state.nodes.append(added)
+        add_child(state, state.root, f"_surroundings_{number}", mi.ObjectType.Emitter, emitter)
+
+
+def add_child(state, parent, name: str, kind, entries: dict) -> None:
+    """Give a node of a parsed scene a child with these properties, whose plugin is `type`."""
+    added = mi.parser.SceneNode()
+    added.type, added.props = kind, mi.Properties(entries["type"])
+    added.file_index, added.offset = parent.file_index, parent.offset
+    for key, value in entries.items():
+        if key != "type":
+            added.props[key] = value
+    # Set before the append, which may move all nodes in memory and leave `parent` invalid
+    parent.props[name] = mi.Properties.ResolvedReference(len(state.nodes))
+    state.nodes.append(added)
 
 
 def instantiated(state, path: Path) -> mi.Scene:
@@ -162,12 +167,7 @@ def add_samplers(state) -> None:
     for k in range(len(state.nodes)):
         node = state.nodes[k]
         if node.type == mi.ObjectType.Sensor and not samplers & set(references(properties(node))):
-            added = mi.parser.SceneNode()
-            added.type, added.props = mi.ObjectType.Sampler, mi.Properties("lattice")
-            added.file_index, added.offset = node.file_index, node.offset
-            # Set before the append, which may move all nodes in memory and leave `node` invalid
-            node.props["_sampler"] = mi.Properties.ResolvedReference(len(state.nodes))
-            state.nodes.append(added)
+            add_child(state, node, "_sampler", mi.ObjectType.Sampler, {"type": "lattice"})
 
 
 def remarks_on_samplers(state) -> list[str]:

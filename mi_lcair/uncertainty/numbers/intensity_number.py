@@ -2,8 +2,6 @@
 
 import numpy as np
 
-from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.plugins.emission.source import Source
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.sensitivity.common_numbers import CommonNumbers
@@ -39,19 +37,12 @@ class IntensityNumber(Number):
             area = self.numbers.area
             return Linear(np.ones(1), np.array([mean * area]), np.array([[(error * area) ** 2]]))
         p = PARTS.index(self.part)
-        factors = np.array([radiance_of(source, areas.band) for source in areas.sources])
+        factors = np.array([source.in_band_radiance(areas.band) for source in areas.sources])
         # What a closure adds belongs to no source
         closure = total.mean(f"{self.numbers.prefix}closure")[0] * self.numbers.area
         covariance = np.zeros((len(factors) + 1,) * 2)
         covariance[:-1, :-1] = areas.covariance[p, :-1, :-1]
         return Linear(np.append(factors, 1.0), np.append(areas.area[p], closure), covariance)
-
-
-def radiance_of(source: Source, band) -> float:
-    """In-band radiance of a source before emissivity [W m^-2 sr^-1]."""
-    if source.temperature is not None:
-        return float(in_band_radiance(band, source.temperature))
-    return source.spectrum.in_band_radiance(band)
 
 
 def has_spectra(scene) -> bool:
