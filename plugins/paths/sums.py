@@ -16,7 +16,7 @@ from mi_lcair.plugins.recorders.unmet_source import UnmetSource
 # numbers has an error of 1e-5.
 SUMMED_IN_FLOAT32 = 8
 FEW_BLOCKS = 4  # NumPy sums so short a last axis several times slower than it adds arrays
-EXTREMES = ("target",)  # channels of which the darkest and the brightest path are known
+EXTREMES = ("radiance", "target")  # what of which the darkest and the brightest path are known
 
 
 @dataclass(frozen=True)
@@ -52,19 +52,19 @@ class Sums:
             return of_blocks.sum(axis=-1, dtype=np.float64)
 
         def of_windows(values) -> np.ndarray:
-            if values is None:
-                return np.zeros((launch.windows, 1))
             # In the order in which NumPy finds the extremes of many short rows fast
             return np.asfortranarray(values.numpy().reshape(launch.windows, -1), dtype=float)
 
+        channels = {name: total(values) for name, values in blocks.sums.items()}
+        highest = {name: of_windows(v).max(axis=1) for name, v in blocks.highest.items()}
         return Sums(
-            valid=total(blocks.valid),
-            radiance=total(blocks.radiance),
-            channels={name: total(values) for name, values in blocks.channels.items()},
+            valid=channels.pop("valid"),
+            radiance=channels.pop("radiance"),
+            draws=channels.pop("draws", np.zeros((launch.windows, 1))).sum(axis=1),
+            channels=channels,
             lowest={name: of_windows(v).min(axis=1) for name, v in blocks.lowest.items()},
-            highest={name: of_windows(v).max(axis=1) for name, v in blocks.highest.items()},
-            chance=of_windows(blocks.chance).max(axis=1),
-            draws=of_windows(blocks.draws).sum(axis=1),
+            chance=highest.pop("chance", np.zeros(launch.windows)),
+            highest=highest,
             tail=tail,
         )
 
@@ -82,15 +82,15 @@ def block_size(launch: Launch) -> int:
 
 @dataclass
 class BlockSums:
-    """Sums over blocks of consecutive paths, as Dr.Jit arrays; the fields are those of `Sums`."""
+    """Sums and extremes over blocks of consecutive paths, as Dr.Jit arrays.
 
-    valid: mi.Float
-    radiance: mi.Float
-    channels: dict[str, mi.Float]
+    sums: `valid`, `radiance` and `draws` of `Sums`, and its channels by name. lowest, highest:
+    those of `Sums`, and its `chance`.
+    """
+
+    sums: dict[str, mi.Float]
     lowest: dict[str, mi.Float]
     highest: dict[str, mi.Float]
-    chance: mi.Float | None
-    draws: mi.Float | None
 
     @staticmethod
     def of(L, channels: dict, weight, unmet: UnmetSource | None, size: int) -> "BlockSums":
@@ -108,35 +108,23 @@ class BlockSums:
         size : int
             Paths in a block.
         """
-        finite = dr.isfinite(L)
-        radiance = dr.select(finite, L * weight, 0)
-        weighted = {name: dr.select(finite, value * weight, 0) for name, value in channels.items()}
-        extremes = {"radiance": radiance}
-        extremes |= {name: weighted[name] for name in EXTREMES if name in weighted}
-        samples = BlockSums(
-            dr.select(finite, mi.Float(1), 0),
-            radiance,
-            weighted,
-            extremes,
-            extremes,
-            None if unmet is None else unmet.largest * weight,
-            None if unmet is None else unmet.draws * weight,
-        )
+        finite, values = dr.isfinite(L), {"radiance": L} | channels
+        values = {name: dr.select(finite, value * weight, 0) for name, value in values.items()}
+        lowest = {name: values[name] for name in EXTREMES if name in values}
+        highest = dict(lowest)
+        values["valid"] = dr.select(finite, mi.Float(1), 0)
+        if unmet is not None:
+            values["draws"], highest["chance"] = unmet.draws * weight, unmet.largest * weight
         # One kernel for all arrays, which would otherwise trace the paths again and again
-        dr.eval(samples)
+        dr.eval(values, highest)
 
-        def extreme(values: dict, kind) -> dict:
+        def reduced(kind, values: dict) -> dict:
             return {name: dr.block_reduce(kind, array, size) for name, array in values.items()}
 
-        chance, draws = samples.chance, samples.draws
         sums = BlockSums(
-            dr.block_sum(samples.valid, size),
-            dr.block_sum(samples.radiance, size),
-            {name: dr.block_sum(value, size) for name, value in samples.channels.items()},
-            extreme(samples.lowest, dr.ReduceOp.Min),
-            extreme(samples.highest, dr.ReduceOp.Max),
-            None if chance is None else dr.block_reduce(dr.ReduceOp.Max, chance, size),
-            None if draws is None else dr.block_sum(draws, size),
+            reduced(dr.ReduceOp.Add, values),
+            reduced(dr.ReduceOp.Min, lowest),
+            reduced(dr.ReduceOp.Max, highest),
         )
         dr.eval(sums)
         return sums

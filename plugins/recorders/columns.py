@@ -73,14 +73,11 @@ class Columns(Recorder):
 
     @staticmethod
     def of(tables: ColumnTables, cell, explores: bool) -> "Columns":
-        Float, size = mi.Float, tables.size + 1
+        size, Float = tables.size + 1, dr.float64_array_t(mi.Float) if explores else mi.Float
+        sums = zeros(size, Float), zeros(size, Float), zeros(size)
+        latent = (zeros(size), mi.Float(0)) if explores else (None, None)
         M = zeros(size if tables.has_mirrors else 0)
-        if not explores:
-            sums = (zeros(size) for _ in range(3))
-            return Columns(tables, Float(0), *sums, mi.UInt32(cell), None, None, M)
-        Wide = dr.float64_array_t(Float)
-        sums = (zeros(size, Wide), zeros(size, Wide), zeros(size))
-        return Columns(tables, Wide(0), *sums, mi.UInt32(cell), zeros(size), Float(0), M)
+        return Columns(tables, Float(0), *sums, mi.UInt32(cell), *latent, M)
 
     def meet(self, bsdf, wi) -> None:
         self.surface = self.tables.vertices(bsdf, wi)

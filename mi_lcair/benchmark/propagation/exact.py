@@ -9,16 +9,8 @@ PLATE_AREA = 0.2 * 0.1  # m^2, thesis Appendix A.1
 CAVITY_RADIUS = 0.5  # m, thesis 3.2.3.1
 GREY = 0.5  # emissivity of the cavity's walls and of the open box's floor
 # Facets removed -> (rows, columns) of the block of facets that makes the opening, thesis Table B.1.
-CAVITY_BLOCKS = {
-    2: (2, 1),
-    4: (2, 2),
-    8: (4, 2),
-    16: (4, 4),
-    24: (6, 4),
-    36: (6, 6),
-    60: (10, 6),
-    80: (10, 8),
-}
+BLOCKS = (2, 1), (2, 2), (4, 2), (4, 4), (6, 4), (6, 6), (10, 6), (10, 8)
+CAVITY_BLOCKS = {rows * columns: (rows, columns) for rows, columns in BLOCKS}
 
 
 def perpendicular_view_factor(edge, height, depth):

@@ -3,29 +3,15 @@
 Each method is one file. `METHODS` lists them all.
 """
 
-from mi_lcair.benchmark.reflectance import (
-    half_vector,
-    lattice,
-    normal_importance,
-    rejection,
-    sobol,
-    stratified_monte_carlo,
-    stratified_quadrature,
-    uniform_quadrature,
-)
+from importlib import import_module
+
 from mi_lcair.benchmark.reflectance.method import ReflectanceMethod
 from mi_lcair.benchmark.reflectance.problem import ReflectanceProblem, problem
 
+NAMES = (
+    *("uniform_quadrature", "normal_importance", "stratified_monte_carlo"),
+    *("stratified_quadrature", "rejection", "half_vector", "sobol", "lattice"),
+)
 METHODS: tuple[ReflectanceMethod, ...] = tuple(
-    module.method
-    for module in (
-        uniform_quadrature,
-        normal_importance,
-        stratified_monte_carlo,
-        stratified_quadrature,
-        rejection,
-        half_vector,
-        sobol,
-        lattice,
-    )
+    import_module(f"{__name__}.{name}").method for name in NAMES
 )

@@ -28,15 +28,7 @@ class Grey(interface.ReflectionModel):
 
     name = "grey"
     title = "Grey diffuse"
-    parameters = (
-        interface.ModelParameter(
-            "emissivity",
-            r"$\varepsilon$",
-            meaning="emissivity, the same in all directions; the reflectance is 1 - emissivity",
-            lower=0,
-            upper=1,
-        ),
-    )
+    parameters = interface.bundled_parameters("grey")
     is_compared = False
 
     def surface(self, *values, form: str = "standard"):

@@ -9,8 +9,10 @@ Directions are unit 3-vectors in the surface's frame, whose z axis is the normal
 source and `r` to the observer. A model need not be reciprocal, so the order matters.
 """
 
+import tomllib
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any
 
 import drjit as dr
@@ -54,6 +56,13 @@ class ModelParameter(Bounds):
     absolute_precision: float = 0.0
     advice: str = ""
     at_lower: str = ""
+
+
+def bundled_parameters(model: str) -> tuple[ModelParameter, ...]:
+    """The parameters of a bundled model, from the file `parameters.toml`."""
+    text = Path(__file__).with_name("parameters.toml").read_text(encoding="utf-8")
+    entries = tomllib.loads(text)[model]
+    return tuple(ModelParameter(name, **entry) for name, entry in entries.items())
 
 
 @dataclass(frozen=True)

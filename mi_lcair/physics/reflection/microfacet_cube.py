@@ -11,54 +11,14 @@ from math import log
 import drjit as dr
 import numpy as np
 
-from mi_lcair.physics.reflection.interface import ModelParameter, ReflectionModel, Restriction
+from mi_lcair.physics.reflection.interface import ReflectionModel, Restriction, bundled_parameters
 
 KNEE2 = 0.01  # K^2: the coordinate of k is linear in k^2 below it and in log k above it
 SMALLEST_K2 = 1e-24  # added to k^2, so that the derivative of its root is finite at k = 0
 # Relative excess over a bound that is accepted, for parameters that were rounded to Float32.
 ROUNDING = 1e-6
 
-ADVICE = "measure the emissivity and fit it too"
-PARAMETERS = (
-    ModelParameter(
-        "alpha",
-        r"$\alpha$",
-        meaning="roughness: width of the lobe, for gamma = 2 its slope",
-        lower=1e-4,
-        upper=1,
-        at_lower="any lobe narrower than {high:.3g} fits",
-    ),
-    ModelParameter(
-        "gamma",
-        r"$\gamma$",
-        meaning="how fast the lobe falls off; 2 is Trowbridge-Reitz",
-        lower=0.5,
-        upper=4,
-    ),
-    ModelParameter(
-        "n",
-        r"$n$",
-        meaning="refractive index, effective in the band",
-        lower=1,
-        upper=50,
-        advice=ADVICE,
-    ),
-    ModelParameter(
-        "k",
-        r"$k$",
-        meaning="absorption index, effective in the band; 0 for dielectrics",
-        lower=0,
-        upper=100,
-        advice=ADVICE,
-    ),
-    ModelParameter(
-        "rho_d",
-        r"$\rho_d$",
-        meaning="reflectance of the diffuse floor below the facets",
-        lower=0,
-        upper=1,
-    ),
-)
+PARAMETERS = bundled_parameters("microfacet")
 LOWER, UPPER = (
     np.array(bounds, dtype=float) for bounds in zip(*((p.lower, p.upper) for p in PARAMETERS))
 )

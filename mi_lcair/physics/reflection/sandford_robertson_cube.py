@@ -13,10 +13,11 @@ b = 0 would be stationary for all data.
 import drjit as dr
 import numpy as np
 
-from mi_lcair.physics.reflection.interface import ModelParameter, ReflectionModel, Restriction
+from mi_lcair.physics.reflection.interface import ReflectionModel, Restriction, bundled_parameters
 from mi_lcair.physics.reflection.sandford_robertson_equations import FORMS, G
 
-E_MIN = 1e-5  # smallest e: a lobe 0.001 degrees wide, narrower than any instrument resolves
+PARAMETERS = bundled_parameters("sandford_robertson")
+E_MIN = PARAMETERS[3].lower  # smallest e
 SMALLEST_B2 = 1e-24  # lower limit of b^2, so that the derivative of its root is finite at b = 0
 
 
@@ -25,40 +26,7 @@ class SandfordRobertsonCube(ReflectionModel):
 
     name = "sandford_robertson"
     title = "Sandford-Robertson"
-    parameters = (
-        ModelParameter(
-            "epsilon",
-            r"$\varepsilon$",
-            meaning="emissivity, averaged over the hemisphere",
-            lower=0,
-            upper=1,
-            precision=0.1,
-            absolute_precision=0.025,
-            advice="measure it and fit it too",
-        ),
-        ModelParameter(
-            "rho_d",
-            r"$\rho_d$",
-            meaning="reflectance of the diffuse floor, averaged likewise",
-            lower=0,
-            upper=1,
-        ),
-        ModelParameter(
-            "b",
-            r"$b$",
-            meaning="falloff of emissivity and floor toward grazing angles",
-            lower=0,
-            upper=1,
-        ),
-        ModelParameter(
-            "e",
-            r"$e$",
-            meaning="width of the specular lobe, as the slope of its microfacets",
-            lower=E_MIN,
-            upper=1,
-            at_lower="any lobe narrower than {high:.3g} fits",
-        ),
-    )
+    parameters = PARAMETERS
     forms = FORMS
     reciprocal = False
     restrictions = (Restriction("rho_d = 0", 1), Restriction("b = 0", 2))
