@@ -16,7 +16,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.air.atmosphere import PAST_GROUND, Atmosphere, LineOfSight
 from mi_lcair.physics.air.clear_air import SunDirection, clear_air
 from mi_lcair.physics.air.clear_paths import ClearPaths
-from mi_lcair.physics.air.geometry import extended_down, height_along, lower_end
+from mi_lcair.physics.air.geometry import height_along, length_between, lower_end
 from mi_lcair.physics.air.levels import Weather
 from mi_lcair.physics.air.slant_table import is_slant, slant_table
 from mi_lcair.physics.atmosphere import HEIGHT_M, atmosphere, clear_air_name
@@ -92,13 +92,15 @@ class Sight:
         else:
             air = atmosphere(of_air.table, of_air.ranges_m, upward)
         # Paths of a table of slant paths begin above the ground, and end there
-        extension = (0.0, 0.0) if slanting else extended_down(lowest, abs(upward), 0.0)
+        beyond = 0.0
+        if not slanting and lowest:
+            beyond = length_between(lowest, 0.0, -abs(upward)) or np.inf
         heights = (None, None) if lower is None else (lower, upper)
         return Sight(
             upward,
             *(heights if upward >= 0 else heights[::-1]),
             air,
-            np.inf if extension is None else extension[1],
+            beyond,
             of_air.extrapolate,
             direction,
         )

@@ -197,10 +197,27 @@ def test_horizontal_tables_are_used_at_any_elevation(folder):
             np.testing.assert_array_equal(
                 setting.backdrop.at_sensor(1234.5).at(x), setting.backdrop.at(x)
             )
-    sky = setting_of(disc(folder, observer__elevation_deg=-20, **SKY)).backdrop
-    np.testing.assert_array_equal(
-        sky.at_sensor(1000.0).at(x), spectrum("us_standard_clear", 20.0).at(x)
-    )
+    for elevation in (0.5, 20.0):
+        sky = setting_of(disc(folder, observer__elevation_deg=-elevation, **SKY)).backdrop
+        np.testing.assert_array_equal(
+            sky.at_sensor(1000.0).at(x), spectrum("us_standard_clear", elevation).at(x)
+        )
+
+
+def test_a_table_of_slant_paths_up_and_down(folder):
+    """The path radiance is that of the sensor's end, and the ground is at the target."""
+    file = folder / "slant.csv"
+    header = "elevation_deg,range_km,wavelength_um,transmittance"
+    rows = [f"{header},path_radiance_up_W_m2_sr_um,path_radiance_down_W_m2_sr_um"]
+    rows += [f"{e},{r},{x},{0.5**r},1,2" for e in (5, 40) for r in (1, 2) for x in (8, 8.1, 8.2)]
+    file.write_text("\n".join(rows))
+    given = {"atmosphere__table": str(file), "sensor__band": "8-8.2", "observer__range_m": 2000}
+    x = np.array([8.05, 8.15])
+    for elevation, radiance, behind in ((-5, 1.0, SKY), (5, 2.0, GROUND)):
+        setting = setting_of(disc(folder, observer__elevation_deg=elevation, **given, **behind))
+        np.testing.assert_allclose(setting.path.at(x), [[0.25] * 2, [radiance] * 2], rtol=1e-6)
+    arriving = 0.25 * planck(x, 300) + 2.0
+    np.testing.assert_allclose(setting.backdrop.at_sensor(2000.0).at(x), arriving, rtol=1e-6)
 
 
 def test_ground_behind_vacuum(folder):
@@ -215,6 +232,7 @@ def test_ground_behind_vacuum(folder):
     assert abs(1j * (radius + target) - length * up) == pytest.approx(radius, abs=1e-3)
     behind = setting_of(disc(folder, sensor__band="LWIR", **low, **GROUND)).backdrop
     np.testing.assert_allclose(behind.at_sensor(500.0).at(x), planck(x, 300), rtol=1e-8)
+    assert not behind.rows_um.size  # no table: its spectrum is smooth
 
 
 def test_the_sunlit_sky_behind_the_target(folder):
@@ -232,6 +250,11 @@ def test_the_sunlit_sky_behind_the_target(folder):
         expected = AIR.sky(50.0, 35, SunDirection(45.0, relative)).radiance
         x = np.linspace(*LIMITS[band], 50)
         np.testing.assert_allclose(sky.at(x), on(x, bands().wavelengths_um, expected)[0], rtol=2e-3)
+    summer = {"background__sun_azimuth_deg": 200, "background__daytime_sky": "midlat_summer"}
+    sky = setting_of(disc(folder, sensor__band="MWIR", **(looks_up | summer))).backdrop
+    expected = clear_air("midlat_summer").sky(50.0, 35, SunDirection(45.0, 0)).radiance
+    x = np.linspace(*LIMITS["MWIR"], 50)
+    np.testing.assert_allclose(sky.at(x), on(x, bands().wavelengths_um, expected)[0], rtol=2e-3)
     low, high = (
         setting_of(
             disc(folder, observer__height_m=height, sensor__band="MWIR", **looks_up)
@@ -294,6 +317,14 @@ def test_sunlit_ground(folder):
     (sun,) = on(x, bands().wavelengths_um, AIR.sun(0.0, 45.0).radiance)
     of_sky = clear_sky("us_standard", 45.0, 0.0).mean_spectrum().at(x)
     np.testing.assert_allclose(ground.at(x) - of_sky, sun * np.sin(np.pi / 4) / np.pi, rtol=1e-3)
+    # What arrives is the sum of the lights through both of their ways in the air
+    setting = setting_of(disc(folder, **(given | {"sensor__band": "4.2-4.6"}), **SLANT, **GROUND))
+    x = np.linspace(4.2, 4.6, 9)
+    along, ground = behind_target(10, 1), setting.backdrop
+    lights = sum(light.through(along.amounts[-1]) for _, light in ground.reflected)
+    of_air = AIR.emitted(along, setting.sight.sun).radiance
+    (expected,) = on(x, bands().wavelengths_um, lights + of_air)
+    np.testing.assert_allclose(ground.at_sensor(1000.0).at(x), expected, rtol=2e-3)
     with pytest.raises(InputError, match="has sky and daytime_sky; give one of them"):
         Background(sky="us_standard_clear", daytime_sky="us_standard")
 

@@ -33,27 +33,6 @@ def lower_end(upper_m: float, elevation_deg: float, length_m: float) -> float:
     )
 
 
-def extended_down(height_m: float, elevation_deg: float, to_m: float) -> tuple[float, float] | None:
-    """Elevation [degrees] at the height `to_m` of a line, and its length from there [m].
-
-    The line has the elevation `elevation_deg` at the height `height_m`, which is not below `to_m`.
-    None is returned for a line that does not reach down to `to_m`.
-    """
-    if height_m == to_m:
-        return float(elevation_deg), 0.0
-    upper, lower = EFFECTIVE_RADIUS_M + height_m, EFFECTIVE_RADIUS_M + to_m
-    across = upper * np.cos(
-        np.radians(elevation_deg)
-    )  # distance from the Earth's centre to the line
-    if across > lower:
-        return None
-    rise = np.sqrt(lower**2 - across**2)
-    return (
-        float(np.degrees(np.arctan2(rise, across))),
-        float(upper * np.sin(np.radians(elevation_deg)) - rise),
-    )
-
-
 def length_between(start_m: float, end_m: float, elevation_deg: float) -> float:
     """Length [m] of a line from one height [m] to the other, where it first reaches that height.
 

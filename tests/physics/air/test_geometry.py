@@ -5,7 +5,6 @@ import pytest
 
 from mi_lcair.physics.air.geometry import (
     EFFECTIVE_RADIUS_M,
-    extended_down,
     height_along,
     length_between,
     lower_end,
@@ -36,21 +35,15 @@ def test_heights_along_a_line(height, elevation, length):
 
 @pytest.mark.parametrize("height, elevation", [(700.0, 8.0), (5000.0, 3.0), (300.0, 90.0)])
 def test_a_line_extended_down(height, elevation):
-    to = 50.0
-    at, length = extended_down(height, elevation, to)
-    assert np.hypot(*point(to, at, length)) - EFFECTIVE_RADIUS_M == pytest.approx(height, abs=1e-5)
-    # Elevations differ by the angle between the verticals of both ends
-    x, y = point(to, at, length)
-    assert elevation - at == pytest.approx(np.degrees(np.arctan2(x, y)), abs=1e-9)
-    assert extended_down(height, elevation, height) == (elevation, 0.0)
+    length = length_between(height, 50.0, -elevation)
+    end = np.hypot(*point(height, -elevation, length)) - EFFECTIVE_RADIUS_M
+    assert end == pytest.approx(50.0, abs=1e-5)
 
 
 def test_a_line_that_misses_a_height():
     """A line from 5 km that rises by 0.5 degrees comes down to 4711 m and no further."""
     lowest = (EFFECTIVE_RADIUS_M + 5000) * np.cos(np.radians(0.5)) - EFFECTIVE_RADIUS_M
     assert lowest == pytest.approx(4711, abs=1)
-    assert extended_down(5000.0, 0.5, lowest - 0.01) is None
-    assert extended_down(5000.0, 0.5, lowest + 0.01)[0] < 0.01
     assert length_between(5000.0, lowest - 0.01, -0.5) == 0.0
     # Downward, the first of the two points at the height counts
     down = length_between(5000.0, 4800.0, -0.5)
