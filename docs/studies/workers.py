@@ -1,10 +1,11 @@
 """Measure what workers cost, and whether sweeps that are killed end with the same bytes.
 
-    python -m docs.studies.workers [ROUNDS]
+    python -m docs.studies.workers [ROUNDS [KILLS]]
 
 A sweep, an image and the draws of a budget are done in turn by this process with all its threads
 and by 2, 1 and 4 processes. Sweeps are killed, and so is one of three workers. The script writes
-docs/validation/workers.md. With 3 rounds it takes about five minutes on two idle cores.
+docs/validation/workers.md. With 3 rounds, and 20 sweeps that are killed, it takes five minutes
+on two idle cores.
 """
 
 import os
@@ -173,7 +174,8 @@ def killed(kills: int, seed: int = 1) -> tuple[int, int]:
         conditions.write_text(SWEEP)
 
         def command(folder):
-            return [sys.executable, "-c", f"from {__name__} import *; made(Path({str(folder)!r}))"]
+            code = f"from docs.studies.workers import made, Path; made(Path({str(folder)!r}))"
+            return [sys.executable, "-c", code]
 
         start = time.perf_counter()
         subprocess.run(command(Path(name) / "whole"), check=True)
@@ -205,9 +207,9 @@ def with_a_dead_worker(rounds: int, seed: int = 2) -> int:
     return same
 
 
-def main(rounds: int = 3) -> None:
-    same, begun = killed(KILLS)
-    print(f"{same} of {KILLS} killed sweeps with the same bytes, {begun} had begun", flush=True)
+def main(rounds: int = 3, kills: int = KILLS) -> None:
+    same, begun = killed(kills)
+    print(f"{same} of {kills} killed sweeps with the same bytes, {begun} had begun", flush=True)
     same_of_three = with_a_dead_worker(rounds)
     print(f"{same_of_three} of {rounds} with a dead worker", flush=True)
     size = {}
@@ -234,7 +236,7 @@ def main(rounds: int = 3) -> None:
         threads=drjit.thread_count(),
         load=f"{os.getloadavg()[2]:.1f}",
         many=MANY,
-        kills=KILLS,
+        kills=kills,
         same=same,
         begun=begun,
         same_of_three=same_of_three,

@@ -96,6 +96,8 @@ class OwnMesh:
             mesh = mi.load_dict({"type": kind, "filename": str(path)}, parallel=False)
         except RuntimeError as error:
             raise mitsuba_error(error) from None
+        except UnicodeDecodeError:  # Mitsuba's message quotes the file
+            raise InputError(f"mesh {path}: is no {kind.upper()} file") from None
         corners = vertex_positions(mesh).astype(float)
         return of_triangles(corners, triangle_vertices(mesh), path.name)
 
@@ -133,6 +135,8 @@ def of_triangles(corners: np.ndarray, faces: np.ndarray, name: str) -> OwnMesh:
         raise InputError(f"{name}: the edge of its hole does not lie in a plane")
     x = np.linalg.svd(z[None])[2][1]
     corners = (corners - centre) @ np.array([x, np.cross(z, x), z]).T
+    if corners[:, 2].max() < FLAT * np.sqrt(area):
+        raise InputError(f"{name}: lies in the plane of its hole; a cavity has a depth")
     if corners[:, 2].min() < -FLAT * np.sqrt(area):
         raise InputError(f"{name}: reaches in front of its aperture; the inside is behind it")
     a, b, c = (corners[faces[:, k]] for k in range(3))

@@ -19,6 +19,7 @@ from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.physics.spectrum import Spectrum
 from mi_lcair.plugins.emission.source import Source
+from mi_lcair.plugins.properties import HOTTEST
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import UNSEEN, Totals, student_factor
 from mi_lcair.results import Result
@@ -287,7 +288,7 @@ def temperatures_of(sources: list[Source], changed: Mapping) -> list:
     """Temperature of each source, K, with the changes by group applied.
 
     It is None for a tabulated source. Raises InputError for an unknown group, and for a temperature
-    that is not positive and finite.
+    that is not above 0 and at most HOTTEST.
     """
     blackbodies = {
         (source.group, source.temperature) for source in sources if source.temperature is not None
@@ -298,10 +299,10 @@ def temperatures_of(sources: list[Source], changed: Mapping) -> list:
                 f"{group} at {T:g} K" for group, T in sorted(blackbodies)
             ]
             raise unknown("blackbody group", str(key), known)
-        if not np.all((changed[key] > 0) & (changed[key] < np.inf)):
+        if not np.all((changed[key] > 0) & (changed[key] <= HOTTEST)):
             raise InputError(
-                f"group {key}: temperature {changed[key]} K; it must be positive and finite, "
-                "in kelvin"
+                f"group {key}: temperature {changed[key]} K; it must be above 0 and at most "
+                f"{HOTTEST:g} K"
             )
     return [
         None

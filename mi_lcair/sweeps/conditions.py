@@ -205,10 +205,10 @@ def values_of(name: str, stated, folder: Path) -> list[Value]:
                 f"[conditions]: {name} = {text}; from, to and step must be numbers, and step must "
                 "lead from the first to the second"
             )
-        count = int((stop - start) / step + 1e-9) + 1
-        if count > MOST_CASES:
-            raise InputError(f"[conditions]: {name} has {count} values; at most {MOST_CASES}")
-        return [start + step * k for k in range(count)]
+        steps = (stop - start) / step
+        if not steps < MOST_CASES:
+            raise InputError(f"[conditions]: {name} has {steps:g} values; at most {MOST_CASES}")
+        return [start + step * k for k in range(int(steps + 1e-9) + 1)]
     if stated.keys() == set(COLUMN):
         table = read_table(folder / str(stated["csv"]), (stated["column"],))
         place = table.columns.index(stated["column"])

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 import mi_lcair
 from mi_lcair.cavities.description import Description
 from mi_lcair.cavities.shape import Shape
-from mi_lcair.cavities.walls import Wall, of_triangles
+from mi_lcair.cavities.walls import OwnMesh, Wall, of_triangles
 from mi_lcair.cli import main
 from mi_lcair.errors import InputError
 
@@ -99,6 +99,14 @@ def test_meshes_that_are_no_cavity():
     twice = np.vstack([wall.wall, wall.wall[:1]])
     with pytest.raises(InputError, match="share an edge"):
         of_triangles(wall.corners, twice, "m.ply")
+    with pytest.raises(InputError, match="has a depth"):
+        of_triangles(np.eye(3), np.array([[0, 1, 2]]), "m.ply")
+
+
+def test_a_mesh_that_is_none(tmp_path):
+    (tmp_path / "m.ply").write_bytes(bytes(range(128, 255)))
+    with pytest.raises(InputError, match="m.ply: is no PLY file"):
+        OwnMesh.read({"mesh": "m.ply"}, tmp_path)
 
 
 @pytest.mark.slow
