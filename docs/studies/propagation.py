@@ -76,6 +76,7 @@ def summary(result: Chart) -> str:
     factors in time to the thesis, to Mitsuba's integrator and to independent points.
     """
     of = {name: [method.name for method in group] for name, group in GROUPS.items()}
+    of["thesis"] += of["radiosity"]  # the thesis's too, in a picture of its own
     rows = []
     for problem in result.problems:
         for tolerance in chart.TOLERANCES[1:]:

@@ -28,7 +28,7 @@ AROUND = {
     "by day": Words(sky="clear", ground=GROUND, sun="45,60"),
 }
 VIEW = {"azimuth_deg": 50, "elevation_deg": 15, "band": "MWIR", "resolution": 160}
-VOID_K, AROUND_K = (180.0, 270.0), (270.0, 295.0)  # ends of the scales, without and with a sky
+VOID_K, AROUND_K = (180.0, 270.0), (272.0, 292.0)  # ends of the scales, without and with a sky
 MESHES = (
     r'\s*<path value="models/world_sphere"/>\s*<include filename="models/world_sphere/model.xml"/>'
 )
@@ -50,7 +50,7 @@ def models(folder: Path) -> dict:
 
 def draw(path: Path, loaded: dict) -> None:
     figure, panels = plt.subplots(
-        1, len(loaded), figsize=(3 * len(loaded), 3.4), layout="constrained", sharey=True
+        1, len(loaded), figsize=(3 * len(loaded), 3.9), layout="constrained", sharey=True
     )
     for panel, (name, scene) in zip(panels, loaded.items()):
         low, high = AROUND_K if AROUND[name] else VOID_K
@@ -61,9 +61,9 @@ def draw(path: Path, loaded: dict) -> None:
         panel.set(title=name, xlabel="m")
         if panel in (panels[0], panels[-1]):
             of_scale = panels[:1] if panel is panels[0] else panels[1:]
-            figure.colorbar(
-                drawn, ax=of_scale, extend="both", location="bottom", shrink=0.8
-            ).set_label("apparent temperature in 3-5 um [K]")
+            where = {"location": "bottom", "shrink": 0.8, "aspect": 20 * len(of_scale)}
+            bar = figure.colorbar(drawn, ax=of_scale, extend="both", **where)
+            bar.set_label("apparent temperature in 3-5 um (K)")
     panels[0].set_ylabel("m")
     figure.savefig(path, dpi=110)
 

@@ -15,6 +15,8 @@ def test_page_says_what_the_points_say():
         "mirror, one bounce"
         in text["tables"].split("### hall")[0].split("do not reach it within 0.1 s")[1]
     )
+    assert "| radiosity (" in text["summary"].splitlines()[0]  # the fastest of the thesis's
+    assert text["summary"].splitlines()[0].split(" | ")[4] == "10"
     assert text["ambient"] == "on 2 of 3 openings, up to 0.300 of the sphere"
     assert text["tail_worst"] == "0.020 %"
     assert "| hall | +30.0 % |" in text["closures"]
