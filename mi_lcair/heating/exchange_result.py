@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from scipy import sparse
 
-from mi_lcair.files import replacing
 from mi_lcair.formats import VTK
 from mi_lcair.heating.conductors import Conductors, Facets, Traced, standard_error
 from mi_lcair.heating.sunlight import SolarAreas
@@ -94,10 +93,7 @@ class Exchange(Result):
     kind: ClassVar[str] = "exchange"
     drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.exchange:figure"
     sections_by: ClassVar[str] = "mi_lcair.reports.sections.exchange:sections"
-    saved_by: ClassVar[dict[str, str]] = {
-        ".npz": f"{__name__}:write_npz",
-        **dict.fromkeys(VTK, f"{__name__}:write_vtk"),
-    }
+    saved_by: ClassVar[dict[str, str]] = dict.fromkeys(VTK, f"{__name__}:write_vtk")
 
     @property
     def conductors(self) -> Conductors:
@@ -255,14 +251,6 @@ def with_unmet(values, errors, most, path) -> np.ndarray:
     """
     same = (values == 0) | (np.abs(values - most) < 1e-6 * most)
     return np.where(same, np.maximum(errors, UNMET / 2 * path), errors)
-
-
-def write_npz(path, exchange: Exchange) -> None:
-    """Write the sparse matrix of conductors and its errors with the table of facets, as .npz."""
-    pairs = {f"pair_{name}": value for name, value in exchange.pairs().items()}
-    C = exchange.conductors
-    with replacing(path) as partial, partial.open("wb") as file:
-        np.savez_compressed(file, **exchange.columns(), to_sky_m2=C.to_sky, **pairs)
 
 
 def write_vtk(path, exchange: Exchange) -> None:

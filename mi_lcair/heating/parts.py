@@ -41,13 +41,12 @@ class Parts:
         of_facet = np.argsort(facet, kind="stable")
         of_facet = of_facet[np.isin(facet[of_facet], numbers)]
         index = np.searchsorted(numbers, facet[of_facet])
-        total = np.bincount(index, area[of_facet])
-        until = np.cumsum(area[of_facet]) - (np.cumsum(total) - total)[index]
+        share = area[of_facet] / np.bincount(index, area[of_facet])[index]
         of_part = table.shape_index[facet[of_facet]]
         ids = np.array([pointer_id(mi.ShapePtr(shape)) for shape in shapes])
         arrays = [
             mi.UInt32(index.astype(np.uint32)),
-            mi.Float(until / total[index]),
+            mi.Float(np.cumsum(share) - index),  # the shares of a facet add up to 1
             mi.UInt32(ids[of_part].astype(np.uint32)),
             mi.UInt32(primitive[of_facet].astype(np.uint32)),
         ]

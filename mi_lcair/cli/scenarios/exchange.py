@@ -8,14 +8,14 @@ from mi_lcair.cli.output import time_row, write_and_print
 from mi_lcair.drawing import PICTURES
 from mi_lcair.formats import VTK
 
-SUFFIXES = (".csv", ".json", ".html", ".nc", ".npz", *PICTURES, *VTK)
+SUFFIXES = (".csv", ".json", ".html", ".nc", *PICTURES, *VTK)
 
 
 @click.command(
     "exchange",
     epilog=examples(
         "mi-lcair exchange box/scene.xml --sky-K 250 --ground-K 290 -o facets.csv",
-        "mi-lcair exchange box/scene.xml --sun 40 120 -o exchange.npz",
+        "mi-lcair exchange box/scene.xml --sun 40 120 -o exchange.nc",
     ),
 )
 @loading_options
@@ -32,7 +32,7 @@ SUFFIXES = (".csv", ".json", ".html", ".nc", ".npz", *PICTURES, *VTK)
 )
 @output_option(
     "the facets (.csv, .json, .html, .vtp, .vtu), the facets and the sparse matrix of their "
-    "conductors (.nc, .npz), or a picture (.png, .svg, .pdf)",
+    "conductors (.nc), or a picture (.png, .svg, .pdf)",
     SUFFIXES,
 )
 def command(options, rays, sky_K, ground_K, sun_deg, output):
