@@ -132,7 +132,7 @@ def remarks(state: State, answered: list[Answer], chi: dict) -> list[str]:
     lines = []
     if not state.converged:
         lines.append(
-            "the iteration has not converged; raise iterations of [render], or start closer"
+            "the iteration has not converged; raise spp or iterations of [render], or start closer"
         )
     unseen = unseen_facets(state, answered)
     if unseen:

@@ -389,3 +389,13 @@ def test_facets_that_follow_those_that_a_pixel_sees(tmp_path):
     assert (sigma < 1.001 * alone_sigma).all() and np.mean(np.abs(alike / sigma) < 1.96) > 0.85
     (remark,) = (line for line in found.remarks if "reach no pixel" in line)
     assert "they follow those that do, as correlation_m says" in remark
+
+
+def test_a_first_guess_below_the_sky(tmp_path):
+    """The iteration meets a mirror on its way, from which the temperature has no effect."""
+    write_scene(tmp_path)
+    entry = datum(tmp_path, "plate", 1, start={"T": 284.54233, "R": 0.47518})
+    solution = mi_lcair.invert({"data": [entry], "unknowns": UNKNOWNS}, advise=False)
+    assert solution.converged and solution.p_value > 1e-3
+    for answer, truth in zip(solution.answers, (310.0, 0.3)):
+        assert answer.lower < truth < answer.upper

@@ -11,6 +11,7 @@ from mi_lcair.inversion.least_squares.prediction import (
     DatumBlock,
     Equations,
     change_of_gradient,
+    cost_of,
     equations,
 )
 from mi_lcair.inversion.smoothness import precision
@@ -22,6 +23,7 @@ SMALLEST = 0.1  # least factor by which a step changes a blackbody radiance
 CONVERGED = 0.02  # largest last step, in standard errors, see `length`
 PROBE = 0.1  # share of a step with which it is found how the prediction bends along it
 ROUNDING = 1e-8  # change of the cost, relative or absolute, that is none
+FALL = 0.9  # ratio of the squared residuals after a step and before it that is a success
 HALVINGS = 12  # attempts to shorten a step that raises the cost, or that no surface can have
 
 
@@ -75,17 +77,24 @@ def near(
         added = prior.cost(x) + damped @ (x - start) ** 2
         return normal, normal.pressure(normal) + added
 
+    def misfit(x) -> float:
+        return cost_of(blocks, x) + prior.cost(x)
+
     normal, cost = weighed(x)
     for _ in range(INNER):
         step, bend = second_order(blocks, x, start, normal, prior, damped)
-        for share in 0.5 ** np.arange(HALVINGS):
-            new = followed(blocks, x, share * step + share**2 * bend)
-            new = np.clip(new, prior.lower, prior.upper)
+        steps = [s * step + s**2 * bend for s in 0.5 ** np.arange(HALVINGS)]
+        tried = [np.clip(followed(blocks, x, s), prior.lower, prior.upper) for s in steps]
+        for new in tried:
             ahead, ahead_cost = weighed(new)
             if ahead_cost <= cost * (1 + ROUNDING) + ROUNDING or is_sparse:
                 break
         else:
-            return x  # no step in this direction lowers the cost
+            # Far from the solution a gradient may grow on the way, where a derivative was 0
+            new = min(tried, key=misfit)
+            if misfit(new) > FALL * misfit(x):
+                return x  # no step in this direction lowers the cost
+            ahead, ahead_cost = weighed(new)
         moved = length(new - x, normal, prior)
         x, normal, cost = new, ahead, ahead_cost
         if moved < CONVERGED / 10:

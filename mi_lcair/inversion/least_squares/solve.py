@@ -145,7 +145,7 @@ def solve(
         trace.append(Step(done, paths, whole, cost_of(blocks, x), is_kept, x.tolist()))
         return whole
 
-    start, weights = x, weigh(x)
+    first, start, weights = x, x, weigh(x)
     blocks = rendered(x)
     search, is_first, is_searching = Search(blocks), True, True
     while is_searching:
@@ -165,6 +165,11 @@ def solve(
         is_searching = is_first and is_far
         if converged:
             is_searching |= search.continues(blocks, x, weights)
+            # The derivatives of a lobe that has become much narrower may be noise
+            lost = hidden(blocks, len(x), is_correlated) & ~held
+            if lost.any():
+                held, x, is_searching = held | lost, np.where(lost, first, x), True
+                blocks = rendered(x)
         is_first = False
         if is_searching and is_far:
             start, weights = x, weigh(x)
@@ -175,7 +180,7 @@ def solve(
     result = state(blocks, x, prior, is_sparse)
     if converged:
         again = None if is_exact else rendered
-        is_noisy = result.render_share > NOISY_SHARE
+        is_noisy = held | (result.render_share > NOISY_SHARE)
         intervals = profile_intervals(blocks, x, prior, result.covariance, is_noisy, again)
         result = replace(result, intervals=intervals)
     if is_correlated:
@@ -209,9 +214,11 @@ def descent(blocks, x, prior: Prior, is_sparse: bool, rendered, noted, is_over) 
         normal = equations(blocks, x, is_sparse)
         if whole < largest or is_over():
             return x, blocks, whole < largest
-        new, trial = feasible(rendered, x, near(blocks, x, prior, damping, is_sparse))
-        if trial is None:
-            damping *= 10
+        trial, new = None, near(blocks, x, prior, damping, is_sparse)
+        if (new != x).any():
+            new, trial = feasible(rendered, x, new)
+        if trial is None:  # no step lowers the cost, or a surface can have none of the values
+            damping = max(10 * damping, FIRST_DAMPING)
             continue
         is_near = whole <= NEAR
         near_by = normal if is_near else None

@@ -97,6 +97,26 @@ def test_convergence_where_paths_change_with_the_values():
         assert (np.abs(state.x - np.sqrt([0.4, 0.7])) < 4 * error).all()
 
 
+def test_a_derivative_that_becomes_noise_on_the_way():
+    """Where the solution's derivatives are noise, the unknown goes back and is not determined."""
+    random = np.random.default_rng(3)
+    measured = 2 + J @ [0.4, -0.1]  # beyond the bound 0
+
+    def render(x):
+        columns = [J for _ in range(4)]
+        if x[1] < 0.25:
+            columns = [np.column_stack([J[:, 0], 30 * random.normal(size=20)]) for _ in range(4)]
+        noisy = [2 + J @ x + 0.01 * random.normal(size=20) for _ in range(4)]
+        made = block(noisy, columns, measured, SIGMA)
+        return [replace(made, reference=x)]
+
+    unknowns = [unknown("a"), unknown("b", start=0.5)]
+    state = solve(unknowns, render, lambda x: [np.full(20, SIGMA**-2.0)], False, 20)
+    assert state.converged and state.held.tolist() == [False, True]
+    assert state.x[1] == 0.5 and np.isnan(state.intervals[1]).all()
+    assert state.covariance[1, 1] == pytest.approx(unknowns[1].span ** 2, rel=1e-6)
+
+
 def test_a_value_stops_at_its_bound():
     narrow = [replace(PAINTS[0], prior=None, upper=0.2), unknown("b")]
     state = solved([EXACT], narrow)
