@@ -17,6 +17,7 @@ from mi_lcair.api.render import render as render
 from mi_lcair.api.render_with_errors import render_with_errors as render_with_errors
 from mi_lcair.api.report import report as report
 from mi_lcair.api.sensitivities import sensitivities as sensitivities
+from mi_lcair.api.shape_derivatives import shape_derivatives as shape_derivatives
 from mi_lcair.api.signature import signature as signature
 from mi_lcair.api.sweep import sweep as sweep
 from mi_lcair.api.temperature import temperature as temperature

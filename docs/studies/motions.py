@@ -2,7 +2,7 @@
 
     python -m docs.studies.motions [PAGE]
 
-The script writes docs/validation/motions.md from motions.template.md. It takes about ten minutes.
+The script writes docs/validation/motions.md from motions.template.md. It takes about an hour.
 """
 
 import sys
@@ -24,6 +24,8 @@ from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.statistics import student_factor
 from mi_lcair.sensitivity.common_numbers import CommonNumbers
 from mi_lcair.sensitivity.parameters import changed
+from mi_lcair.sensitivity.shape.estimation import standard_errors
+from mi_lcair.sensitivity.shape.surface import Surface
 from mi_lcair.sensitivity.window import differences_of
 from tests.motions.test_differences import (
     CUBE,
@@ -42,10 +44,11 @@ from tests.motions.test_differences import (
     view_of_wall,
 )
 from tests.motions.test_registration import NOISE, SCENE, TRUTH, problem
+from tests.sensitivity.shape.test_shape_derivatives import bodies, derivatives, total
 
 PAGE = Path(__file__).parents[1] / "validation" / "motions.md"
 FEW, MANY = 2**12, 2**16  # paths of each of the two renders
-SEEDS = {FEW: 20, MANY: 6}
+SEEDS = {FEW: 100, MANY: 40}
 H = 1e-4  # step of the differences of closed forms
 MOTIONS = Path(__file__).parents[2] / "scenes" / "examples" / "motions.toml"
 SCENES = [
@@ -61,10 +64,13 @@ PITCH = "model.pitch_deg"
 TURNED = 1.0  # distance of the two attitudes in which the airliner is rendered on the film [deg]
 SPP = 64
 SIGMA = {"model.yaw_deg": 1.0, "exhaust.radius": 0.05}
-DRAWS = 30
+DRAWS = 100
 CAVITY = 0.5, 0.2, 0.5  # radius of the sphere and of its opening [m], emissivity
 OPENED = 0.05  # growth of the opening for a value of 1 [m]
-FRAMES = 6  # measured images that are registered
+APART = 0.1  # half the distance of two values between which vertices are taken to move evenly
+SHAPE_PATHS, SHAPE_FEW, SHAPE_TRUTH = 2**17, 2**13, 2**19
+SHAPE_SEEDS = 10
+FRAMES = 30  # measured images that are registered
 
 
 @dataclass(frozen=True)
@@ -100,7 +106,6 @@ def cases(folder: Path) -> list[Case]:
     gap = lambda x: WALL * view_of_wall(0.2, 0.1, 0.2, -x)  # noqa: E731
     factor = np.cos(np.pi / 4) * 0.5 * WALL
     wall = lambda x: factor * view_of_wall(0.1, 0.2, 0.1 * (1 + x))  # noqa: E731
-    fewer = {FEW: 12, MANY: 4}
     return [
         Case("cube, yaw 30", cube, "cube.yaw_deg", 30.0, cube_intensity),
         Case("cube, size", cube, "cube.size", 1.0, lambda k: k**2 * cube_intensity(0)),
@@ -117,9 +122,8 @@ def cases(folder: Path) -> list[Case]:
             "plate.x_m",
             -0.02,
             gap,
-            fewer,
         ),
-        Case("open_box, wall's height", lambda: tall_wall(folder), "wall.height", 0.0, wall, fewer),
+        Case("open_box, wall's height", lambda: tall_wall(folder), "wall.height", 0.0, wall),
         *of_cylinder(),
         Case(
             "parallel plates, gap",
@@ -127,7 +131,6 @@ def cases(folder: Path) -> list[Case]:
             "plate.z_m",
             0.0,
             lambda x: light_of_plate(GAP + x),
-            {FEW: 12, MANY: 4},
         ),
         Case(
             "spherical cavity, opening",
@@ -135,7 +138,7 @@ def cases(folder: Path) -> list[Case]:
             "wall.opening",
             0.0,
             lambda x: light_of_cavity(CAVITY[1] + OPENED * x),
-            {FEW: 2, MANY: 2},
+            {FEW: 10, MANY: 10},
         ),
     ]
 
@@ -252,6 +255,55 @@ def row(case: Case) -> str:
     )
 
 
+def along(scene, case: Case) -> np.ndarray:
+    """Displacements of the vertices of a case's group per unit of its motion, (n, 3) [m]."""
+    ends = []
+    for value in (case.value + APART, case.value - APART):
+        with changed(scene, {case.motion: value}):
+            ends.append(Surface.of(scene, case.motion.partition(".")[0]).positions)
+    return (ends[0] - ends[1]) / (2 * APART)
+
+
+def row_of_shape(name: str, scene, group: str, expected: float, displacements) -> str:
+    """Row of the sum of the derivatives by all vertices of a group times displacements."""
+    sum_, error = total(derivatives(scene, group, displacements, SHAPE_PATHS)[1])
+    return f"| {name} | {expected:.5g} | {sum_:.5g} ± {error:.2g} |"
+
+
+def shapes(folder: Path) -> dict[str, object]:
+    """Sums of the derivatives by all vertices, and how many intervals of theirs hold."""
+    rows, held, count = [], 0, 0
+    for case in tqdm(cases(folder)[:-1], "shapes"):
+        scene, group = case.scene(), case.motion.partition(".")[0]
+        rates = along(scene, case)
+        with changed(scene, {case.motion: case.value}):
+            rows.append(row_of_shape(case.label, scene, group, case.exact, lambda p, u=rates: u))
+    whole = {"cylinder_ir_range, size": (mi_lcair.load("cylinder_ir_range"), "self")}
+    whole |= {f"bodies {seed}, size": (bodies(seed, 0.5), "body") for seed in (1, 2, 3)}
+    for name, (scene, group) in whole.items():
+        twice = 2 * mi_lcair.signature(scene, tolerance=1e-3).target.intensity
+        rows.append(row_of_shape(name, scene, group, twice, lambda p: p))
+    for seed in (1, 2):
+        scene = bodies(seed, 0.5)
+        _, truth, mean, _ = derivatives(scene, "body", None, SHAPE_TRUTH, seed=99)
+        of_truth = standard_errors(truth.by_block)
+        for run in tqdm(range(SHAPE_SEEDS), f"bodies {seed}"):
+            _, result, slope, _ = derivatives(scene, "body", None, SHAPE_FEW, seed=run)
+            half = np.hypot(
+                student_factor(7) * standard_errors(result.by_block),
+                student_factor(np.inf) * np.hypot(result.unscattered, of_truth),
+            )
+            held, count = held + int(np.sum(np.abs(slope - mean) <= half)), count + len(slope)
+    return {
+        "shapes": "\n".join(rows),
+        "shape_paths": SHAPE_PATHS,
+        "shape_few": SHAPE_FEW,
+        "shape_truth": SHAPE_TRUTH,
+        "shape_seeds": 2 * SHAPE_SEEDS,
+        "shape_held": f"{held} of {count}",
+    }
+
+
 def row_of_scene(name: str, parameters: dict, motion: str) -> str:
     """Row of a motion of a bundled scene: derivative, and variances of both kinds."""
     motions = MOTIONS if name == "a340_landing" else None
@@ -336,6 +388,7 @@ def budget() -> dict[str, float]:
 def main(page: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         closed = [row(case) for case in cases(Path(folder))]
+        of_shapes = shapes(Path(folder))
         registered = registration(Path(folder))
     write_page(
         page,
@@ -346,6 +399,7 @@ def main(page: Path) -> None:
         many=MANY,
         draws=DRAWS,
         frames=FRAMES,
+        **of_shapes,
         **pitch(),
         **registered,
         **budget(),

@@ -50,6 +50,7 @@ PURPOSES = {
         "budget": "estimates.budget",
         "invert": "estimates.invert",
         "chart": "estimates.chart",
+        "shape-derivatives": "estimates.shape_derivatives",
     },
 }
 COMMANDS = {name: module for group in PURPOSES.values() for name, module in group.items()}

@@ -93,6 +93,11 @@ class Pose:
         own_memory([array])
         return array
 
+    def put(self, scene, buffers: dict[mi.Shape, mi.Float]) -> None:
+        """Give meshes of the scene other vertices."""
+        set_vertices(scene.mi, buffers)
+        self.present |= dict(zip(buffers, held([vertex_buffer(mesh) for mesh in buffers])))
+
     def place_sun(self) -> None:
         """Give the sun the place of the present values; at rest, all that it had before."""
         if self.sun_before is None:
@@ -158,8 +163,7 @@ def set_motions(scene, values: Mapping[str, float]) -> None:
         pose.place_sensors()
     if any(name.startswith(f"{SUN}.") for name in values):
         pose.place_sun()
-    set_vertices(scene.mi, {mesh: pose.buffer(mesh) for mesh in changed})
-    pose.present |= dict(zip(changed, held([vertex_buffer(mesh) for mesh in changed])))
+    pose.put(scene, {mesh: pose.buffer(mesh) for mesh in changed})
 
 
 @contextmanager
@@ -171,3 +175,16 @@ def moved(scene, values: Mapping[str, float]) -> Iterator[None]:
         yield
     finally:
         set_motions(scene, before)
+
+
+@contextmanager
+def displaced(scene, vertices: Mapping[mi.Shape, np.ndarray]) -> Iterator[None]:
+    """Context manager in which meshes have other vertices (n, 3) [m]; they are restored exactly."""
+    pose, arrays = Pose.of(scene), {m: mi.Float(np.ravel(v)) for m, v in vertices.items()}
+    before = {mesh: pose.present[mesh] for mesh in arrays}
+    own_memory(arrays.values())
+    pose.put(scene, arrays)
+    try:
+        yield
+    finally:
+        pose.put(scene, before)

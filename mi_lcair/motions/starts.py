@@ -100,16 +100,34 @@ def outline(mesh: mi.Shape, sensor) -> tuple[np.ndarray, np.ndarray]:
     The visible area is the projected one in parts of the window's area, or 0 for a triangle that
     shows a side from which its surface neither emits nor reflects.
     """
+    corners, toward = projected(np.stack(triangle_corners(mesh), axis=1).astype(float), sensor)
+    toward *= facing(mesh)
+    back, front = shown_sides(mesh)
+    return corners, np.abs(toward) * np.where(toward > 0, front, back)
+
+
+def projected(corners: np.ndarray, sensor) -> tuple[np.ndarray, np.ndarray]:
+    """Corners (n, 3, 2) of triangles (n, 3, 3) [m] in parts of the window, and their areas there.
+
+    An area (n,) is negative if the triangle's corners are clockwise as the sensor sees them.
+    """
     corner, right, up, direction = window(sensor)
-    corners = np.stack(triangle_corners(mesh), axis=1).astype(float)
     axes = np.stack([right / (right @ right), up / (up @ up)], axis=1)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    toward = -(normal @ direction) * (-1 if mesh.has_flipped_normals() else 1)
+    return (corners - corner) @ axes, -0.5 * (normal @ direction) / np.prod(window_size(sensor))
+
+
+def facing(mesh: mi.Shape) -> float:
+    """1 if the normals of a mesh point to where its corners are anticlockwise, otherwise -1."""
+    return -1.0 if mesh.has_flipped_normals() else 1.0
+
+
+def shown_sides(mesh: mi.Shape) -> tuple[bool, bool]:
+    """Whether the surface of a mesh emits or reflects from its back, and from its front."""
     flags = mesh.bsdf().flags()
-    sides = [mi.has_flag(flags, side) for side in (mi.BSDFFlags.BackSide, mi.BSDFFlags.FrontSide)]
-    shows = np.where(toward > 0, sides[1], sides[0])
-    area = 0.5 * np.abs(toward) * shows / np.prod(window_size(sensor))
-    return (corners - corner) @ axes, area
+    return tuple(
+        mi.has_flag(flags, side) for side in (mi.BSDFFlags.BackSide, mi.BSDFFlags.FrontSide)
+    )
 
 
 def radiances(mesh: mi.Shape) -> np.ndarray:

@@ -276,7 +276,7 @@ class EmitterTable:
                 hit = pi.compute_surface_interaction(ray, mi.RayFlags.All, met & counts)
         if self.passes:
             counts |= dr.isnan(transmittance)
-        return EmitterSample(drawn, hit, emitter, counts, on_panel, transmittance, passed)
+        return EmitterSample(drawn, hit, emitter, counts, on_panel, transmittance, passed, pi)
 
     def meets(self, table: DrawTable, ray, pi, drawn: DrawnDirection, met, of_panels):
         """Whether hits are the drawn points: on a panel of a mesh, or on another shape.

@@ -35,7 +35,8 @@ class EmitterSample:
     emitter that sends radiance along the ray. counts: whether the first hit is the drawn point, so
     that the sample counts. of_panel: whether it counts and the point is on a panel of a mesh.
     transmittance: that of the surfaces which the ray passes; None in a scene without such
-    surfaces. passed: how often it passes each of the table's `spectral_plumes`.
+    surfaces. passed: how often it passes each of the table's `spectral_plumes`. met: what the ray
+    hits, the drawn point or not.
     """
 
     drawn: DrawnDirection
@@ -45,6 +46,7 @@ class EmitterSample:
     of_panel: mi.Bool
     transmittance: mi.Float | None = None
     passed: list[mi.UInt32] = field(default_factory=list)
+    met: mi.PreliminaryIntersection3f | None = None
 
     def radiance(self, si):
         """Radiance from the emitter toward `si`, with derivatives [W m^-2 sr^-1]."""

@@ -422,6 +422,7 @@ class Walk:
                 before=before[0],
                 latent=first(latent),
                 by_bin=by_bin,
+                toward=direct.met,
             )
         )
         return brought, latent

@@ -31,7 +31,8 @@ class Emission:
     surface where the path is, in that surface's frame; None if a ray met it. before: `radiance` of
     a drawn direction per value of the BSDF at that surface; None if a ray met it. latent: radiance
     along a latent path; None where nothing is explored, see `exploring`. by_bin: its parts by
-    source and bin of wavelength; None in a scene without spectral materials.
+    source and bin of wavelength; None in a scene without spectral materials. toward: what a ray in
+    the drawn direction hits, the emitter or what hides it; None if a ray met it.
     """
 
     radiance: mi.Float
@@ -45,6 +46,7 @@ class Emission:
     before: mi.Float | None = None
     latent: mi.Float | None = None
     by_bin: BinnedRadiance | None = None
+    toward: mi.PreliminaryIntersection3f | None = None
 
     @property
     def prim(self) -> mi.UInt32:

@@ -9,7 +9,12 @@ from mi_lcair.reports.page.image_panel import extent, scales
 from mi_lcair.reports.page.panel import Panel, column_data
 
 EMISSIVITY = "emissivity_toward_the_sensor"
-FIRST = ("radiance_W_m2_sr", "temperature_K", "group")  # columns to colour by at first, if present
+FIRST = (
+    "derivative_W_sr_m3",
+    "radiance_W_m2_sr",
+    "temperature_K",
+    "group",
+)  # columns to colour by at first, if present
 
 
 def model_panel(triangles, triangle_facet, columns: dict[str, np.ndarray], toward=None) -> Panel:

@@ -1,0 +1,211 @@
+"""Derivatives of an intensity with respect to the displacements of all vertices of a group.
+
+All vertices move at once, each forward or backward by a sign of its own. The change of a path's
+radiance is due to the vertices of the triangles that it meets in one of the two poses. Times their
+signs, it is on average the sum of their derivatives; the signs of all others cancel.
+
+The paths begin at points of the triangles and follow them, as those of attached differences. With
+A the visible area of a triangle, and R the mean radiance toward the sensor from its points, 0 from
+hidden ones, the intensity is the sum of A R. The derivative of A is known. Only that of R, from
+what turns, hides or is reflected, has to be found by displacements.
+"""
+
+from dataclasses import dataclass
+
+import mitsuba as mi
+import numpy as np
+from scipy.linalg import hadamard
+
+from mi_lcair.errors import InputError
+from mi_lcair.motions.pose import displaced
+from mi_lcair.motions.starts import radiances, seen_shares
+from mi_lcair.plugins.emission.triangles import Choice, PrimitiveEntries, pointer_id
+from mi_lcair.plugins.paths.facet_starts import FacetStarts
+from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.plugins.paths.met_triangles import met_triangles
+from mi_lcair.plugins.paths.offsets import rounding_error
+from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.rendering.settings import changed
+from mi_lcair.rendering.statistics import check_valid, edge_share
+from mi_lcair.rendering.window import RANDOMISATIONS, Windows, window_area
+from mi_lcair.sensitivity.shape.surface import Surface
+
+STEP = 0.1  # displacement of a vertex in parts of its `Surface.reach`
+# Shares of the paths that begin on triangles by their visible area, by that times their radiance,
+# and on all that can be seen alike
+SHARES = 0.35, 0.35, 0.3
+SEEDS = 2**12  # more than the launches of one seed
+
+
+@dataclass(frozen=True)
+class VertexDerivatives:
+    """Derivatives with respect to the displacements of the moving vertices of a surface.
+
+    by_block: for each independent randomisation, (R, n) [W/sr per unit of the displacement].
+    unscattered: standard errors of the means that these do not show, (n,). paths: number of paths.
+    """
+
+    by_block: np.ndarray
+    unscattered: np.ndarray
+    paths: int
+
+
+def differentiate_vertices(surface: Surface, along: np.ndarray, sampling: Sampling):
+    """The derivatives of the target's intensity.
+
+    Drawn directions and openings are not used, because their densities change with all vertices.
+
+    Parameters
+    ----------
+    surface : Surface
+    along : ndarray, shape (n, 3)
+        Displacement of each moving vertex per unit of its parameter [m].
+    sampling : Sampling
+
+    Returns
+    -------
+    VertexDerivatives
+
+    Raises
+    ------
+    InputError
+        If the sensor is not orthographic, and for closure = tail.
+    """
+    if surface.scene.mi.integrator().closure == "tail":
+        raise InputError(
+            f"{surface.scene.name}: closure = tail has no derivatives by vertex; use none or "
+            "ambient"
+        )
+    return Estimation(surface, along, sampling).run()
+
+
+class Estimation:
+    """Renders of a surface with displaced vertices, and the derivatives from them.
+
+    size: displacement of each vertex in its parameter, (n,); 0 for one that does not move. q:
+    probability that a path begins on a triangle, (T,). colours: see `Surface.colours`. patterns:
+    signs of the colours, (patterns, colours), whose columns are orthogonal. ends: numbers of
+    triangles at which the next mesh begins.
+    """
+
+    def __init__(self, surface: Surface, along: np.ndarray, sampling: Sampling):
+        self.surface, self.along, self.sampling = surface, along, sampling
+        self.sensor = surface.scene.sensor(sampling.sensor)
+        self.window = window_area(self.sensor, surface.scene.name)
+        ids = [pointer_id(mi.ShapePtr(mesh)) for mesh in surface.meshes]
+        self.triangles = PrimitiveEntries(ids, surface.counts)
+        self.ends = np.cumsum(surface.counts)[:-1]
+        length = np.linalg.norm(along, axis=1)
+        size = np.zeros(len(length))
+        self.size = np.divide(STEP * surface.reach(), length, out=size, where=length > 0)
+        self.colours = surface.colours()
+        order = 1 << int(np.ceil(np.log2(self.colours.max() + 1)))
+        self.patterns = hadamard(order)
+        self.area = surface.in_view(self.sensor, surface.vertices)[1]
+        self.growth = surface.growth(self.sensor, along)
+        self.choice, self.q = self.starts()
+        windows = Windows.whole(self.sensor)
+        paths = windows.paths(sampling.settled(self.sensor))
+        self.points = -(-paths // (2 * RANDOMISATIONS * order))
+
+    def starts(self) -> tuple[Choice, np.ndarray]:
+        """What draws the triangle on which a path begins, and the probabilities (T,)."""
+        shifts = np.append(self.size, 0.0)[self.surface.corners]
+        shown = self.area + np.sum(np.abs(self.growth) * shifts, axis=1)
+        radiance = np.concatenate([radiances(mesh) for mesh in self.surface.meshes])
+        shown = shown * seen_shares(self.surface.scene, self.sensor)
+        parts = shown, shown * radiance, (shown > 0).astype(float)
+        choice = Choice(sum(k * part / part.sum() for k, part in zip(SHARES, parts) if part.any()))
+        return choice, choice.probability
+
+    def run(self) -> VertexDerivatives:
+        random, count = np.random.default_rng(self.sampling.seed), len(self.size)
+        shape = RANDOMISATIONS, len(self.area)
+        self.sums, self.counts = np.zeros(shape), np.zeros(shape)
+        of_radiance, invalid = np.zeros((RANDOMISATIONS, count)), 0
+        scene, launches = self.surface.scene, RANDOMISATIONS * len(self.patterns)
+        with changed(scene, emitter_sampling=False, opening_sampling=False):
+            for block in range(RANDOMISATIONS):
+                signs = random.choice([-1.0, 1.0], count)
+                for number, pattern in enumerate(self.patterns):
+                    launch = block * len(self.patterns) + number
+                    slopes, lost = self.difference(block, launch, signs * pattern[self.colours])
+                    of_radiance[block] += slopes / len(self.patterns)
+                    invalid += lost
+                    if self.sampling.progress is not None:
+                        self.sampling.progress(launch + 1, launches)
+        paths = 2 * launches * self.points
+        check_valid(invalid, paths, scene.name)
+        pooled = self.sums.sum(axis=0) / np.maximum(self.counts.sum(axis=0), 1)
+        R = np.where(self.counts > 0, self.sums / np.maximum(self.counts, 1), pooled)
+        of_area = np.array([self.surface.at_vertices(self.growth * r[:, None]) for r in R])
+        unscattered = self.unscattered(pooled, standard_errors(of_radiance))
+        return VertexDerivatives(
+            self.window * (of_area + of_radiance), self.window * unscattered, paths
+        )
+
+    def difference(self, block: int, launch: int, signs: np.ndarray) -> tuple[np.ndarray, int]:
+        """Derivatives (n,) by the changes of R between two poses, and the number of invalid paths.
+
+        The radiances of the paths are added to the sums of a block by triangle.
+        """
+        surface, scene, shift = self.surface, self.surface.scene, signs * self.size
+        radiance, met, shows, invalid = [], [], [], 0
+        for side in (1, -1):
+            vertices = surface.displaced(side * shift[:, None] * self.along)
+            outlines, area = surface.in_view(self.sensor, vertices)
+            aim = FacetStarts.at(surface.meshes, np.split(outlines, self.ends), self.q, self.choice)
+            seed = self.sampling.seed * SEEDS + launch
+            paths = Launch(1, 1, seed, randomisations=1, points=self.points, aim=aim)
+            with displaced(scene, surface.buffers(vertices)), scene.prepared() as tracer:
+                L, start, of_pose = met_triangles(tracer, self.sensor, paths, self.triangles)
+            valid = np.isfinite(L)
+            invalid += int(np.sum(~valid))
+            shows.append((area[start] > 0) & valid)
+            radiance.append(np.where(shows[-1], L, 0))
+            met.append(of_pose)
+            self.sums[block] += np.bincount(start, radiance[-1], len(self.area))
+            # A triangle that is edge-on is hidden or not as its neighbours move: only itself counts
+            counts = shows[-1] & ((self.area[start] > 0) | (L > 0))
+            self.counts[block] += np.bincount(start, counts, len(self.area))
+        # A triangle that turns away has no R; what it shows by then is in the derivative of A
+        change = np.where(shows[0] & shows[1], radiance[0] - radiance[1], 0)
+        change *= self.area[start] / self.q[start] / self.points
+        changed_paths = np.flatnonzero(change)
+        triangles = np.concatenate([start[:, None], *met], axis=1)[changed_paths]
+        corners = np.append(surface.corners, [[-1, -1, -1]], axis=0)[triangles]
+        corners = np.sort(corners.reshape(len(triangles), 3 * triangles.shape[1]), axis=1)
+        first = np.diff(corners, axis=1, prepend=-1) > 0  # each vertex of a path once
+        path, vertex = np.nonzero(first)[0], corners[first]
+        moves = shift[vertex] != 0
+        path, vertex = changed_paths[path[moves]], vertex[moves]
+        slope = change[path] / (2 * shift[vertex])
+        return np.bincount(vertex, slope, len(self.size)), invalid
+
+    def unscattered(self, R: np.ndarray, scatter: np.ndarray) -> np.ndarray:
+        """Standard errors of the means that the scatter does not show, by window's area, (n,).
+
+        All randomisations may miss a triangle, or the one path that a vertex hides or uncovers. Its
+        radiance is then taken for the mean over the model.
+
+        R: mean radiance of each triangle over all paths, (T,). scatter: standard errors of the
+        derivatives of R that the scatter does show, (n,).
+        """
+        surface, growth = self.surface, np.abs(self.growth)
+        radiance = np.concatenate([radiances(mesh) for mesh in surface.meshes])
+        missed = np.where(self.counts.sum(axis=0) > 0, 0, radiance)
+        share = edge_share(RANDOMISATIONS) / (self.points * len(self.patterns))
+        path = share * float(np.sum(self.area * R))
+        one_path = np.divide(path, 2 * self.size, out=np.zeros_like(scatter), where=self.size > 0)
+        rounding = rounding_error(surface.scene.mi.integrator().max_bounces)
+        parts = [
+            surface.at_vertices(missed[:, None] * growth),
+            np.sqrt(np.maximum(one_path**2 - scatter**2, 0)),
+            rounding * surface.at_vertices(R[:, None] * growth),
+        ]
+        return np.linalg.norm(parts, axis=0)
+
+
+def standard_errors(by_block: np.ndarray) -> np.ndarray:
+    """Standard errors of the means of independent estimates (R, n), (n,)."""
+    return by_block.std(axis=0, ddof=1) / np.sqrt(len(by_block))

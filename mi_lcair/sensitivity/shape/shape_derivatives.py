@@ -1,0 +1,152 @@
+"""Derivatives of an intensity with respect to the shape of a group, by vertex and by facet."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from mi_lcair.formats import VTK
+from mi_lcair.rendering.facets.polygons import FacetPolygons
+from mi_lcair.rendering.facets.table import FacetTable
+from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.rendering.window import window
+from mi_lcair.results import Result
+from mi_lcair.sensitivity.shape.estimation import differentiate_vertices, standard_errors
+from mi_lcair.sensitivity.shape.surface import Surface
+
+
+@dataclass(frozen=True, repr=False)
+class ShapeDerivatives(Result):
+    """How the target's intensity changes where the surface of a group is moved outward.
+
+    Attributes
+    ----------
+    scene_name, band, group : str
+        Names of the scene, of its band, and of the group.
+    table : dict of str to ndarray, shape (facets,)
+        Values of the group's facets, by name with unit. derivative_W_sr_m3 is the change of the
+        intensity per metre of outward displacement and per square metre that is displaced. Its
+        integral over the surface is `growth`.
+    triangles, triangle_facet : ndarray, shapes (T, 3, 3) and (T,)
+        Corners of the group's triangles [m], and the number of the facet of each.
+    positions, normals : ndarray, shape (n, 3)
+        Vertices of the group [m], and their outward normals.
+    derivative, standard_error : ndarray, shape (n,)
+        Derivatives with respect to the displacement of each vertex along its normal, W/sr per m.
+        NaN where a vertex has no normal, as in a plate without thickness.
+    growth, growth_error : float
+        Sum of all derivatives, and its standard error, W/sr per m.
+    paths : int
+        Number of paths.
+    axes : ndarray, shape (3, 3)
+        Directions to the right and up in the sensor's film, and toward the sensor.
+    """
+
+    scene_name: str
+    band: str
+    group: str
+    table: dict[str, np.ndarray]
+    triangles: np.ndarray
+    triangle_facet: np.ndarray
+    positions: np.ndarray
+    normals: np.ndarray
+    derivative: np.ndarray
+    standard_error: np.ndarray
+    growth: float
+    growth_error: float
+    paths: int
+    axes: np.ndarray
+
+    kind: ClassVar[str] = "shape_derivatives"
+    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.shape_derivatives:figure"
+    sections_by: ClassVar[str] = "mi_lcair.reports.sections.facets:sections"
+    saved_by: ClassVar[dict[str, str]] = dict.fromkeys(VTK, f"{__name__}:write_vtk")
+
+    def summary(self) -> str:
+        """One line with the change of the intensity if the whole surface moves outward."""
+        return (
+            f"shape of {self.group} in {self.scene_name}, {self.band}: moved outward by 1 mm, it "
+            f"changes the intensity by {1e-3 * self.growth:.4g} +- {1e-3 * self.growth_error:.2g} "
+            "W/sr (standard error)"
+        )
+
+    def entries(self) -> dict:
+        """Entries for JSON."""
+        return {
+            "scene_name": self.scene_name,
+            "band": self.band,
+            "group": self.group,
+            "growth_W_sr_m": self.growth,
+            "standard_error_W_sr_m": self.growth_error,
+            "paths": self.paths,
+            "columns": self.table,
+            "vertices": {
+                "position_m": self.positions,
+                "normal": self.normals,
+                "derivative_W_sr_m": self.derivative,
+                "standard_error_W_sr_m": self.standard_error,
+            },
+        }
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """The table, with a row for each facet of the group."""
+        return self.table
+
+
+def write_vtk(path, shape: ShapeDerivatives) -> None:
+    """Write the facets with their derivatives as a .vtp or .vtu file."""
+    FacetPolygons.of(shape.triangles, shape.triangle_facet).write(path, shape.table)
+
+
+def differentiate_shape(scene, group: str, sampling: Sampling) -> ShapeDerivatives:
+    """The derivatives of a loaded scene's intensity with respect to the shape of a group."""
+    surface = Surface.of(scene, group)
+    result = differentiate_vertices(surface, surface.outward, sampling)
+    has_normal = surface.outward.any(axis=1)
+    table = FacetTable(scene)
+    of_model = table.type[table.triangle_facet] == "model"
+    facet, triangles = (
+        values[of_model][surface.in_group] for values in (table.triangle_facet, table.triangles)
+    )
+    area, corners = np.linalg.norm(surface.normals, axis=1)[surface.in_group] / 2, surface.corners
+    numbers, rows = np.unique(facet, return_inverse=True)
+
+    def by_facet(of_vertices: np.ndarray) -> np.ndarray:
+        """Means over the facets' areas of values at the vertices, (n,)."""
+        of_corners = np.where(has_normal, of_vertices, np.nan)[corners[surface.in_group]]
+        sums = np.bincount(rows, area * of_corners.mean(axis=1), len(numbers))
+        return sums / np.bincount(rows, area, len(numbers))
+
+    per_area = 1 / surface.areas
+    by_block = np.array([by_facet(values * per_area) for values in result.by_block])
+    scatter = standard_errors(by_block)
+    _, right, down, direction = window(scene.sensor(sampling.sensor))
+    growth = result.by_block.sum(axis=1)
+    error = np.hypot(standard_errors(result.by_block), result.unscattered)
+    return ShapeDerivatives(
+        scene_name=scene.name,
+        band=scene.band.name,
+        group=group,
+        table={
+            "facet": numbers,
+            "area_m2": np.bincount(rows, area, len(numbers)),
+            "derivative_W_sr_m3": by_block.mean(axis=0),
+            "standard_error_W_sr_m3": np.hypot(scatter, by_facet(result.unscattered * per_area)),
+        },
+        triangles=triangles,
+        triangle_facet=facet,
+        positions=surface.positions,
+        normals=surface.outward,
+        derivative=np.where(has_normal, result.by_block.mean(axis=0), np.nan),
+        standard_error=np.where(has_normal, error, np.nan),
+        growth=float(growth.mean()),
+        growth_error=float(
+            np.hypot(standard_errors(growth[:, None])[0], np.linalg.norm(result.unscattered))
+        ),
+        paths=result.paths,
+        axes=np.array([unit(right), unit(-down), -direction]),
+    )
+
+
+def unit(vector: np.ndarray) -> np.ndarray:
+    return vector / np.linalg.norm(vector)

@@ -1,0 +1,189 @@
+"""The surface of a model whose vertices move one by one, and what a sensor sees of it."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import mitsuba as mi
+import numpy as np
+
+from mi_lcair.errors import InputError, unknown
+from mi_lcair.models3d.welding import weld
+from mi_lcair.motions.motion import groups_of_meshes
+from mi_lcair.motions.starts import facing, meshes_of_model, projected, shown_sides
+from mi_lcair.plugins.emission.triangles import triangle_vertices, vertex_positions
+from mi_lcair.rendering.window import window_size
+
+EDGE_ON = 1e-6  # cosine of a triangle below which it is seen from neither side
+NEARER = 0.1  # least part of its triangles' heights that counts, however near other surfaces are
+BESIDE = 1e-3  # distance from a vertex, in these heights, at which other surfaces are looked for
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """The triangles of a model, and those of its vertices that move.
+
+    Vertices at the same position move together, also those of other groups, so that no crack opens.
+
+    scene: Scene. meshes: those of the model. vertices: of all meshes (V, 3) [m], Float64. ends:
+    numbers of vertices at which the next mesh begins. triangles: their vertices (T, 3). moving:
+    number of each vertex among those that move, -1 for one that does not, (V,). counts: number of
+    triangles of each mesh. in_group: whether a triangle is one of the group (T,). facing: see
+    `facing`, (T,). sides: whether a triangle is seen from its back, and from its front, (T, 2).
+    corners: as `moving`, for the corners of the triangles, (T, 3).
+    """
+
+    scene: object
+    meshes: list[mi.Shape]
+    vertices: np.ndarray
+    ends: np.ndarray
+    triangles: np.ndarray
+    moving: np.ndarray
+    counts: list[int]
+    in_group: np.ndarray
+    facing: np.ndarray
+    sides: np.ndarray
+
+    @staticmethod
+    def of(scene, group: str) -> "Surface":
+        """The surface whose vertices of a group move.
+
+        Raises InputError for an unknown group, or if a part of the model is no mesh.
+        """
+        meshes, groups = meshes_of_model(scene), groups_of_meshes(scene)
+        if group not in groups:
+            raise unknown(f"group of meshes of {scene.name}", group, groups)
+        if meshes is None:
+            raise InputError(f"{scene.name}: a part of the model is no mesh, and has no vertices")
+        vertices = [vertex_positions(mesh).astype(float) for mesh in meshes]
+        faces = [triangle_vertices(mesh).astype(np.int64) for mesh in meshes]
+        ends, counts = np.cumsum(list(map(len, vertices))), list(map(len, faces))
+        triangles = np.concatenate([f + end - len(v) for f, end, v in zip(faces, ends, vertices)])
+        vertices = np.concatenate(vertices)
+        in_group = np.repeat([mesh in groups[group] for mesh in meshes], counts)
+        welded, moving = weld(vertices), np.full(len(vertices), -1)
+        places = np.unique(welded[triangles[in_group]])
+        moving[places] = np.arange(len(places))
+        of_meshes = [np.array(list(map(of, meshes))) for of in (facing, shown_sides)]
+        facings, sides = (np.repeat(values, counts, axis=0) for values in of_meshes)
+        return Surface(
+            scene,
+            meshes,
+            vertices,
+            ends[:-1],
+            triangles,
+            moving[welded],
+            counts,
+            in_group,
+            facings,
+            sides,
+        )
+
+    @cached_property
+    def corners(self) -> np.ndarray:
+        return self.moving[self.triangles]
+
+    @cached_property
+    def positions(self) -> np.ndarray:
+        """Positions of the moving vertices, (n, 3) [m]."""
+        numbers, first = np.unique(self.moving, return_index=True)
+        return self.vertices[first[numbers >= 0]]
+
+    @cached_property
+    def normals(self) -> np.ndarray:
+        """Twice the area of each triangle times its outward normal, (T, 3) [m^2]."""
+        a, b, c = np.moveaxis(self.vertices[self.triangles], 1, 0)
+        return np.cross(b - a, c - a) * self.facing[:, None]
+
+    def at_vertices(self, values: np.ndarray, of=slice(None)) -> np.ndarray:
+        """Sums at the moving vertices over their triangles; values: (T,), or by corner (T, 3)."""
+        values = np.broadcast_to(np.reshape(values, (len(self.triangles), -1)), self.corners.shape)
+        corners, values = self.corners[of], values[of]
+        return np.bincount(corners[corners >= 0], values[corners >= 0], len(self.positions))
+
+    @cached_property
+    def areas(self) -> np.ndarray:
+        """A third of the area of the group's triangles at each moving vertex, (n,) [m^2]."""
+        return self.at_vertices(np.linalg.norm(self.normals, axis=1) / 6, self.in_group)
+
+    @cached_property
+    def outward(self) -> np.ndarray:
+        """Outward unit normals at the moving vertices: means over the group's triangles, (n, 3).
+
+        The normal is 0 where they cancel, as in a plate without thickness.
+        """
+        sums = np.array([self.at_vertices(axis, self.in_group) for axis in self.normals.T])
+        lengths = np.linalg.norm(sums, axis=0)
+        known = lengths > EDGE_ON * self.areas
+        return np.divide(sums, lengths, out=np.zeros_like(sums), where=known).T
+
+    def reach(self) -> np.ndarray:
+        """Distances over which the surroundings of the moving vertices change, (n,) [m].
+
+        It is the mean height of the triangles, by area, or the distance to the next surface before
+        or behind the vertex if that is nearer.
+        """
+        corners = self.vertices[self.triangles]
+        longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+        twice_area = np.linalg.norm(self.normals, axis=1)
+        height = self.at_vertices(twice_area**2 / np.maximum(longest, 1e-300))
+        height /= np.maximum(self.at_vertices(twice_area), 1e-300)
+        nearest = np.full(len(height), np.inf)
+        for normals in (self.outward, -self.outward):
+            start = self.positions + BESIDE * height[:, None] * normals
+            ray = mi.Ray3f(mi.Point3f(*start.T), mi.Vector3f(*normals.T))
+            hit = self.scene.mi.ray_intersect_preliminary(ray)
+            nearest = np.fmin(nearest, np.where(hit.is_valid().numpy(), hit.t.numpy(), np.inf))
+        return np.clip(nearest, NEARER * height, height)
+
+    def colours(self) -> np.ndarray:
+        """A number for each moving vertex that differs between the corners of a triangle, (n,)."""
+        neighbours = [set() for _ in self.positions]
+        for triple in self.corners[(self.corners >= 0).any(axis=1)].tolist():
+            for vertex in set(triple) - {-1}:
+                neighbours[vertex].update(triple)
+        colours = np.full(len(neighbours), -1)
+        for vertex in np.argsort([-len(near) for near in neighbours], kind="stable"):
+            taken = {colours[near] for near in neighbours[vertex] - {-1}}
+            colours[vertex] = next(k for k in range(len(taken) + 1) if k not in taken)
+        return colours
+
+    def displaced(self, displacements: np.ndarray) -> np.ndarray:
+        """All vertices after displacements (n, 3) of those that move, (V, 3) [m]."""
+        return self.vertices + np.append(displacements, np.zeros((1, 3)), axis=0)[self.moving]
+
+    def buffers(self, vertices: np.ndarray) -> dict[mi.Shape, np.ndarray]:
+        """The vertices (V, 3) [m] by mesh."""
+        return dict(zip(self.meshes, np.split(vertices, self.ends)))
+
+    def whole(self, sensor) -> np.ndarray:
+        """Areas of the triangles in parts of the window's area, (T,)."""
+        return np.linalg.norm(self.normals, axis=1) / (2 * np.prod(window_size(sensor)))
+
+    def in_view(self, sensor, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Outlines of the triangles in parts of the window, and visible areas, as `outline`.
+
+        The area of a triangle that is edge-on is 0.
+        """
+        outlines, toward = projected(vertices[self.triangles], sensor)
+        toward *= np.where(np.abs(toward) > EDGE_ON * self.whole(sensor), self.facing, 0)
+        return outlines, np.abs(toward) * np.where(toward > 0, *self.sides.T[::-1])
+
+    def growth(self, sensor, along: np.ndarray) -> np.ndarray:
+        """Derivatives of the visible areas with respect to the displacements of corners, (T, 3).
+
+        It is the mean of both one-sided derivatives for a triangle that is edge-on.
+
+        along: displacement of each moving vertex per unit of its parameter, (n, 3) [m].
+        """
+        corners, growth = self.vertices[self.triangles], np.empty(self.triangles.shape)
+        along = np.append(along, np.zeros((1, 3)), axis=0)[self.corners]
+        toward = projected(corners, sensor)[1] * self.facing
+        side = np.where(np.abs(toward) > EDGE_ON * self.whole(sensor), np.sign(toward), 0)
+        back, front = self.sides.T.astype(float)
+        factor = (front * (1 + side) - back * (1 - side)) / 2
+        for k in range(3):
+            # The signed area is linear in the position of one corner
+            moved = corners.copy()
+            moved[:, k] += along[:, k]
+            growth[:, k] = factor * (projected(moved, sensor)[1] * self.facing - toward)
+        return growth

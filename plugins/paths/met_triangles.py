@@ -1,0 +1,88 @@
+"""Recorder of the triangles that a path meets, for derivatives with respect to their vertices."""
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mi_lcair.plugins.emission.triangles import PrimitiveEntries
+from mi_lcair.plugins.paths.launch import Launch, ParallelRays
+from mi_lcair.plugins.recorders.recorder import Emission, Recorder, Recorders
+
+PASSED = 8  # further triangles of a path that are kept in a scene with surfaces that rays pass
+
+
+class Store:
+    """Triangles that the paths of a launch meet, `slots` for each path.
+
+    It is no PyTree, because the loop must not carry arrays that are longer than the number of
+    paths.
+    """
+
+    def __init__(self, triangles: PrimitiveEntries, lane: mi.UInt32, slots: int):
+        self.triangles, self.lane, self.slots = triangles, lane, dr.opaque(mi.UInt32, slots)
+        self.number = dr.zeros(mi.UInt32, dr.width(lane) * slots)
+        dr.make_opaque(self.number)
+
+
+@dataclass
+class MetTriangles(Recorder):
+    """Triangles that each path meets: with its rays, and with those toward drawn emitters.
+
+    count: number of hits of each path so far. store: the triangles.
+    """
+
+    count: mi.UInt32
+    store: Store
+
+    def note(self, hit) -> None:
+        """Note the triangle of a hit, an interaction of any kind."""
+        store = self.store
+        number = store.triangles.at(hit.shape, hit.prim_index, hit.is_valid())
+        place = store.lane * store.slots + self.count
+        dr.scatter(store.number, number, place, self.count < store.slots)
+        self.count += 1
+
+    def begin(self, first, ray, active) -> mi.Bool:
+        self.note(first)
+        return active
+
+    def emission(self, emission: Emission) -> None:
+        if emission.toward is not None:
+            self.note(emission.toward)
+        elif emission.hit is not None:
+            self.note(emission.hit)
+
+
+def met_triangles(tracer, sensor, launch: Launch, triangles: PrimitiveEntries) -> tuple:
+    """Trace the paths of a launch that begins on facets, see `FacetStarts`.
+
+    Call it inside the context `BouncePath.prepared`. triangles: their numbers from 1 on.
+
+    Returns
+    -------
+    L : ndarray, shape (paths,)
+        Radiance of each path; 0 if it does not see the triangle on which it began, or NaN
+        [W m^-2 sr^-1].
+    start : ndarray, shape (paths,)
+        That triangle.
+    met : ndarray, shape (paths, slots)
+        Triangles that it meets, -1 for what is no triangle of these meshes.
+    """
+    hits = 2 + tracer.max_bounces * (1 + len(tracer.emitters.tables))
+    slots = 1 + hits + (PASSED if tracer.emitters.passes else 0)
+    with dr.suspend_grad():
+        paths = launch.paths_from(sensor.sampler())
+        sampler, column, row, position, weight, facet = paths.begin()
+        rays = ParallelRays.of(sensor) or sensor
+        ray = tracer.first_ray(paths, rays, sampler, column, row, position)
+        store = Store(triangles, paths.lane, slots)
+        start = triangles.at(facet.shape, facet.primitive)
+        recorders = Recorders([MetTriangles(mi.UInt32(0), store), facet])
+        L, recorders = tracer.radiance(sampler, ray, recorders)
+        L = dr.select(recorders.parts[-1].counts & (weight > 0), L, 0)
+        # One kernel traces the paths and fills the store
+        dr.eval(L, start, store.number)
+    met = store.number.numpy().reshape(launch.paths, slots).astype(np.int64) - 1
+    return L.numpy().astype(float), start.numpy().astype(np.int64) - 1, met
