@@ -164,19 +164,11 @@ def select(
             f"{measurements.name or 'measurements'}: {used.sum()} points to fit, fewer than the "
             f"{fewest} parameters{why}"
         )
-    spread = np.ones(used.sum())
-    if measurements.sigma is not None:
+    spread, has_sigma = np.ones(used.sum()), measurements.sigma is not None
+    if has_sigma:
         sigma = np.fmax(np.asarray(measurements.sigma, dtype=float)[used], SIGMA_FLOOR * brdf[used])
         spread = sigma * SCALES[scale](brdf[used])[1]
-    data = Data(
-        theta_i[used],
-        theta_r[used],
-        brdf[used],
-        half_angle,
-        scale,
-        spread,
-        measurements.sigma is not None,
-    )
+    data = Data(theta_i[used], theta_r[used], brdf[used], half_angle, scale, spread, has_sigma)
     return data, used, dropped
 
 

@@ -129,14 +129,8 @@ def search(data: Data, variant: Variant, start: np.ndarray) -> FittedVariant:
         best = minima.u[np.argsort(minima.cost, kind="stable")[:APERTURE_STARTS]]
         minima = levenberg_marquardt(residuals, best, free, tolerance=COARSE)
     best = int(np.argmin(minima.cost))
-    return FittedVariant(
-        variant,
-        residuals,
-        minima.u[best],
-        float(minima.cost[best]),
-        float(minima.gradient[best]),
-        float(share),
-    )
+    cost, gradient = float(minima.cost[best]), float(minima.gradient[best])
+    return FittedVariant(variant, residuals, minima.u[best], cost, gradient, float(share))
 
 
 def descend(candidate: FittedVariant, residuals, tolerance: float) -> FittedVariant:
@@ -200,15 +194,8 @@ def assess(data: Data, candidate: FittedVariant, c: float | None = None) -> Nois
         np.mean(np.square(influence[: data.points] / np.maximum(per_decade[: data.points], 1e-300)))
     )
     outliers = int(np.sum(np.abs(rows[: data.points]) > FAR * inner_deviation(rows[: data.points])))
-    return Noise(
-        variance,
-        curvature,
-        correlation,
-        effective,
-        brdf_effective,
-        float(np.sqrt(correlation) * dex),
-        outliers,
-    )
+    level_dex = float(np.sqrt(correlation) * dex)
+    return Noise(variance, curvature, correlation, effective, brdf_effective, level_dex, outliers)
 
 
 def inner_deviation(rows) -> float:

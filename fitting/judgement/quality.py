@@ -93,15 +93,8 @@ def quality(
     if data.has_sigma:
         per_decade = data.per_decade(data.brdf)[: data.points]
         noise_dex = float(np.sqrt(np.mean(np.square(1 / per_decade[kept]))))
-    return judged(
-        rows[kept],
-        dex[kept],
-        data.theta_i[kept],
-        data.theta_r[kept],
-        best.size,
-        noise_dex,
-        sigma_freedom,
-    )
+    of_points = (column[kept] for column in (rows, dex, data.theta_i, data.theta_r))
+    return judged(*of_points, best.size, noise_dex, sigma_freedom)
 
 
 def judged(

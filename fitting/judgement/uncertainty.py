@@ -250,9 +250,7 @@ def profile_intervals(
             # The end of the interval is interpolated linearly between this point and the one
             # before.
             x, y = np.append(0, distance[profile]), np.append(0, rise[profile])
-            width = x[reached] + (t - y[reached]) * (x[reached + 1] - x[reached]) / (
-                y[reached + 1] - y[reached]
-            )
+            width = np.interp(t, y[reached : reached + 2], x[reached : reached + 2])
             far = best[k] + sign * np.hypot(width, t * systematic[k])
             intervals[k, column] = np.clip(far, lower[k], upper[k])
     return intervals

@@ -76,16 +76,9 @@ def judge(data, candidate, noise, robust: bool, curve: Hemispherical) -> dict:
         0.5 * (intervals[:, 1] - intervals[:, 0]),
         standard_errors(model, matrix),
     )
-    doubt = Doubt(
-        misses=noise.brdf_effective < LEAST_EFFECTIVE,
-        joint=bool(data.directional),
-        outliers=noise.outliers
-        * (
-            not robust
-            and noise.outliers > MANY_OUTLIERS * data.points
-            and noise.correlation < SCATTERED
-        ),
-    )
+    many = noise.outliers > MANY_OUTLIERS * data.points and noise.correlation < SCATTERED
+    outliers = noise.outliers if many and not robust else 0
+    doubt = Doubt(noise.brdf_effective < LEAST_EFFECTIVE, bool(data.directional), outliers)
     verdicts = [
         verdict(*row, doubt) for row in zip(model.parameters, values, intervals, bounds, at_bounds)
     ]

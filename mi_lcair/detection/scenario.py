@@ -178,14 +178,9 @@ class Observer:
             )
         else:
             x, y, z = self.position_m
-            for name, value in zip(
-                POLAR,
-                (
-                    np.hypot(np.hypot(x, y), z),
-                    np.degrees(np.arctan2(y, x)),
-                    np.degrees(np.arctan2(z, np.hypot(x, y))),
-                ),
-            ):
+            level = np.hypot(x, y)
+            angles = np.degrees([np.arctan2(y, x), np.arctan2(z, level)])
+            for name, value in zip(POLAR, (np.hypot(level, z), *angles)):
                 object.__setattr__(self, name, float(value))
         check_fields(self, "[observer]: ")
 

@@ -252,14 +252,11 @@ def other_bands(data: list[Datum], loader: Loader, first: int) -> dict[str, list
                 and band != datum.scene.band.name
                 and "band" in survey(datum.scene.path, datum.scene.parameters)
             ):
-                candidate = Candidate(
-                    scene=entry.scene,
-                    name=f"{entry.name} in {band}",
-                    parameters={**entry.parameters, "band": band},
-                    sensor=entry.sensor,
-                    state=entry.state,
-                    netd_mK=entry.netd_mK,
-                )
+                same = {
+                    name: getattr(entry, name) for name in ("scene", "sensor", "state", "netd_mK")
+                }
+                in_band = {**entry.parameters, "band": band}
+                candidate = Candidate(**same, name=f"{entry.name} in {band}", parameters=in_band)
                 with suppress(InputError):
                     made.append(loader.datum(candidate, first, set()))
                     first += 1

@@ -1,6 +1,5 @@
 """The solution of an inverse problem: what it holds, and what its file says."""
 
-import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar
@@ -8,7 +7,6 @@ from typing import ClassVar
 import numpy as np
 
 from mi_lcair.errors import unknown
-from mi_lcair.files import replacing
 from mi_lcair.fitting.judgement.uncertainty import correlation
 from mi_lcair.inversion.advice import Advice
 from mi_lcair.inversion.answers import Answer, Direction
@@ -200,8 +198,3 @@ class Solution(Result):
             "seconds": entries["time_s"],
         }
         return built(cls, entries | more)
-
-    def write(self, path: str | Path) -> None:
-        """Write the solution as JSON, completely or not at all."""
-        with replacing(path) as partial:
-            partial.write_text(json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n")

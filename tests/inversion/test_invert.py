@@ -331,7 +331,7 @@ def test_facet_temperatures(tmp_path):
     assert np.mean(np.abs(z) < 1.96) > 0.8 and np.abs(z).max() < 5
     assert np.sqrt(np.mean((value - truth.ravel()) ** 2)) < 0.5
     # The solution's file gives the facets of another loaded scene their temperatures
-    found.write(tmp_path / "solution.json")
+    found.save(tmp_path / "solution.json")
     other = mi_lcair.load(write_waist(tmp_path, 280 + 0 * truth, 6, 6, size=12))
     apply_solution(other, tmp_path / "solution.json")
     facets = [answer.facet for answer in found.answers]

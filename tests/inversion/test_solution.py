@@ -73,7 +73,7 @@ def test_command_and_render_with_the_solution(folder, tmp_path):
 def test_states_must_be_named(folder, tmp_path):
     data = [datum(folder, "c", 1, "cold"), datum(folder, "h", 2, "hot", T=330.0)]
     found = mi_lcair.invert({"data": data, "unknowns": {"plate.temperature": {}}}, advise=False)
-    found.write(tmp_path / "s.json")
+    found.save(tmp_path / "s.json")
     scene = mi_lcair.load(folder / "plate.xml")
     with pytest.raises(InputError, match="differs between 'c' and 'h'; name a state, cold or hot"):
         apply_solution(scene, tmp_path / "s.json")
@@ -99,7 +99,7 @@ def test_material_of_a_solution(tmp_path):
     found = mi_lcair.invert({"data": [entry], "unknowns": unknown}, advise=False)
     answer = found["gloss_black.epsilon"]
     assert abs(answer.value - 0.88) < 4 * answer.standard_error < 0.02
-    found.write(tmp_path / "s.json")
+    found.save(tmp_path / "s.json")
     LWIR = band("LWIR")
     for entry in (
         material(str(tmp_path / "s.json"), LWIR),

@@ -148,14 +148,8 @@ def goal_datum(
     check_closure(scene)
     views = views_of(scene, goal.aspects)
     is_contrast = goal.background_K is not None
-    signatures = [
-        measure_signature(
-            view,
-            Sampling(spp=sampling.spp or SPP_OF_VIEWS, seed=sampling.seed),
-            by_spectrum=is_contrast,
-        )
-        for view in views
-    ]
+    of_view = Sampling(spp=sampling.spp or SPP_OF_VIEWS, seed=sampling.seed)
+    signatures = [measure_signature(view, of_view, by_spectrum=is_contrast) for view in views]
     background = np.zeros(len(views))
     if is_contrast:
         area = np.array([result.effective_areas.projected_area for result in signatures])

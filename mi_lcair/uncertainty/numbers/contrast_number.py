@@ -106,8 +106,6 @@ class ContrastNumber(Number):
     ----------
     scenario : Scenario
         The largest of its numbers of reflections is used.
-    progress : callable or None
-        As for `contrast`.
     names : sequence of str
         Quantities that will be asked for.
 
@@ -116,12 +114,12 @@ class ContrastNumber(Number):
 
     title, unit = "contrast", "W m^-2"
 
-    def __init__(self, scenario: Scenario, setting: Setting, progress=None, names=()):
+    def __init__(self, scenario: Scenario, setting: Setting, names=()):
         self.scenario, self.setting = scenario, setting
         self.scene, self.what = setting.view, scenario.name
         self.known = parameters_of(self.scene) | self.scenario_quantities()
         self.known |= {name: self.in_interval(name) for name in names if in_um(name)}
-        self.sampling = scenario.render.of_render(progress)
+        self.sampling = scenario.render.of_render()
         self.criterion = ExcessFunction(self.excess) if scenario.render.has_tolerance else None
         self.numbers = CommonNumbers(self.scene, self.sampling, True, criterion=self.criterion)
 

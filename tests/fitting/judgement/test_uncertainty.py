@@ -194,17 +194,18 @@ class LinearInParameters:
         return (values - self.best) @ self.A.T, self.A @ slopes
 
 
-@pytest.mark.parametrize("level", [0.0, 0.003])
-def test_profiles_of_linear_rows(level):
+@pytest.mark.parametrize("level, curvature", [(0.0, 0.8), (0.003, 0.8), (0.0, 0.02)])
+def test_profiles_of_linear_rows(level, curvature):
     """t standard errors with the others refitted; the common scale is added in squares.
 
-    The rise of the cost by variance t^2 / 2 is that of a parabola.
+    The rise of the cost by variance t^2 / 2 is that of a parabola. With the smallest curvature the
+    end lies between the minimum and the first point of the profile.
     """
     A = 200 * np.random.default_rng(3).normal(size=(40, 4))
     best = MODEL.values_at(U)
     rows = LinearInParameters(A, best)
     slopes = rows(U[None])[1][0]
-    variance, curvature, dof = 0.5, 0.8, 30
+    variance, dof = 0.5, 30
     free = np.ones(4, dtype=bool)
     near = Linearized(MODEL, U, free, slopes, variance, level * slopes.sum(axis=1))
     found = profile_intervals(near, rows, 0.0, curvature, dof)

@@ -69,7 +69,7 @@ def test_temperature_from_a_contrast(tmp_path, table):
             AREA * (B(answer.value) - B(294)) / 800**2, rel=2e-3
         )
         # The command takes the temperature from the solution's file
-        found.write(tmp_path / "s.json")
+        found.save(tmp_path / "s.json")
         command = ["contrast", tmp_path / "disc.toml", "-D", "observer.range_m=800", "--spp", "16"]
         command += ["-D", "target.parameters.temperature=380", "--solution", tmp_path / "s.json"]
         result = CliRunner().invoke(main, [*map(str, command), "--json"])
