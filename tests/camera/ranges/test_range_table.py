@@ -167,6 +167,7 @@ def test_ranges_of_the_table():
     assert table_ranges(air, 50.0, 20_000.0).tolist()[-2:] == [10_000, 20_000]
     assert table_ranges(vacuum, 50.0, 300.0)[[0, 1, 2, -1]].tolist() == [200, 300, 500, 200_000]
     assert table_ranges(vacuum, 50.0, 200.0)[[0, -1]].tolist() == [200, 200_000]
+    assert table_ranges(vacuum, 50.0, 499.6)[-1] == 200_000
 
 
 def test_ranges_at_which_the_background_is_known():
