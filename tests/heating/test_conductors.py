@@ -23,7 +23,7 @@ def facets(group: np.ndarray) -> Facets:
     n = len(group)
     ones, names = np.ones(n), tuple(f"g{k}" for k in range(group.max() + 1))
     at = np.zeros((n, 3))
-    return Facets(np.arange(n), ones, ones, at, at, names, group, np.full(n, "m"), ones, ones)
+    return Facets(np.arange(n), ones, 2 * ones, at, at, names, group, np.full(n, "m"), ones, ones)
 
 
 @pytest.fixture
@@ -55,6 +55,7 @@ def test_heat_is_that_of_each_pair(rng):
     np.testing.assert_allclose(
         C.heat(T, sky, ground), STEFAN_BOLTZMANN * np.array(expected), rtol=1e-12
     )
+    np.testing.assert_allclose(C.gained(T**4, sky**4, ground**4), expected, rtol=1e-9)
     in_all = C.between.toarray().sum(axis=1) + C.to_sky.sum(axis=1) + C.to_ground
     np.testing.assert_allclose(C.total, in_all)
 
@@ -94,3 +95,7 @@ def test_what_groups_exchange_within_is_their_own(rng):
         (by_group.total + by_group.to_self).sum(), (C.total + C.to_self).sum(), rtol=1e-12
     )
     assert np.all(by_group.between.diagonal() == 0)
+
+
+def test_both_sides_of_a_sheet_radiate():
+    np.testing.assert_array_equal(facets(np.array([0, 1, 1])).radiating_area, [2, 2, 2])

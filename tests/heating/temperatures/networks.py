@@ -33,7 +33,6 @@ def network(
     area=None,
     beam=0.0,
     groups=None,
-    replicates=(),
     onward=None,
 ):
     """A network of n facets, each in a group g0, g1, ... of its own."""
@@ -63,5 +62,5 @@ def network(
     tables = {name: GroupTable(**table) for name, table in (groups or {}).items()}
     for table in tables.values():
         table.check("")
-    traced = Traced(mean, tuple(map(conductors, replicates)))
+    traced = Traced(mean, ())
     return Network(facets, traced, sunlit, conditions, tables)

@@ -1,9 +1,12 @@
 """Temperatures over a day against closed forms, fine references and differences."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from mi_lcair.heating.conductors import Traced
 from mi_lcair.heating.temperatures.day import course
 from mi_lcair.heating.temperatures.description import Sigma
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
@@ -97,10 +100,18 @@ def test_scatter_of_the_conductors_reaches_the_temperatures():
     rng = np.random.default_rng(1)
     matrices = [np.array([[0, x], [x, 0]]) for x in 0.3 + 0.01 * rng.standard_normal(8)]
     mean = np.mean(matrices, axis=0)
-    given = ([0.6, 0.1], [0.0, 0.1], weather(sun_W_m2=600))
-    noisy = network(mean, *given, beam=[0.6, 0], replicates=matrices)
+    skies = 0.6 + 0.01 * rng.standard_normal((8, 2))
+
+    def of(matrix, sky):
+        conditions = weather(sun_W_m2=600, sky_K=200, ground_K=330)
+        return network(matrix, sky, 1 - sky, conditions, beam=[0.6, 0])
+
+    pairs = list(zip(matrices, skies))
+    base = of(mean, skies.mean(axis=0))
+    runs = tuple(of(*pair).traced.mean for pair in pairs)
+    noisy = replace(base, traced=Traced(base.traced.mean, runs))
     changes = course(noisy, noisy.noise()).changes[:, 0]
-    base = course(noisy).kelvin[0]
-    for matrix, change in zip(matrices, changes):
-        solved = course(network(matrix, *given, beam=[0.6, 0])).kelvin[0]
-        np.testing.assert_allclose(change, solved - base, atol=0.02)
+    kelvin = course(base).kelvin[0]
+    for pair, change in zip(pairs, changes):
+        lit = replace(of(*pair), sunlit=base.sunlit)  # light of the ground is that of the mean
+        np.testing.assert_allclose(change, course(lit).kelvin[0] - kelvin, atol=0.03)
