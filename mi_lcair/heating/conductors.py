@@ -8,8 +8,8 @@ Heat flows by differences of T^4 alone. Facets of one temperature therefore exch
 whatever the errors of the conductors, and the sum of all flows is 0.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -140,6 +140,12 @@ class Conductors:
         between.setdiag(0)
         between.eliminate_zeros()
         return Conductors(between, M @ self.to_sky, M @ self.to_ground, to_self)
+
+
+def weighted(conductors: Sequence[Conductors], weights: Sequence[float]) -> Conductors:
+    """The sum of some conductors with weights."""
+    names = [entry.name for entry in fields(Conductors)]
+    return Conductors(*(sum(getattr(c, k) * w for c, w in zip(conductors, weights)) for k in names))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,13 +1,12 @@
 """Exchange of heat between the facets of a scene, from paths that begin on the facets."""
 
-from dataclasses import fields
 from time import perf_counter
 
 import numpy as np
 from scipy import sparse
 
 from mi_lcair.errors import InputError
-from mi_lcair.heating.conductors import Conductors, Facets, Traced, standard_error
+from mi_lcair.heating.conductors import Conductors, Facets, Traced, standard_error, weighted
 from mi_lcair.heating.exchange_result import Asymmetry, Exchange
 from mi_lcair.heating.paths import ENDS, RANDOMISATIONS, RINGS, FacetPaths, Means, points_of
 from mi_lcair.heating.sunlight import Sunlight
@@ -43,13 +42,9 @@ def combined(means: Means, area: np.ndarray) -> Traced:
                 area * g.diagonal(),
             )
         )
-    return Traced(mean_of(replicates), tuple(replicates))
-
-
-def mean_of(conductors: list[Conductors]) -> Conductors:
-    """The mean of some conductors."""
-    names = [entry.name for entry in fields(Conductors)]
-    return Conductors(*(sum(getattr(c, k) for c in conductors) / len(conductors) for k in names))
+    return Traced(
+        weighted(replicates, np.full(len(replicates), 1 / len(replicates))), tuple(replicates)
+    )
 
 
 def asymmetry_of(means: Means, facets: Facets, rays: int) -> Asymmetry:

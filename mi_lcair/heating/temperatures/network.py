@@ -5,7 +5,7 @@ an input that is larger by i times a tiny number is exact to rounding [Squire an
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -13,7 +13,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
 from mi_lcair.errors import InputError, unknown
-from mi_lcair.heating.conductors import Conductors, Facets, Traced
+from mi_lcair.heating.conductors import Conductors, Facets, Traced, weighted
 from mi_lcair.heating.temperatures.balance import Balance
 from mi_lcair.heating.temperatures.description import GroupTable, Sigma
 from mi_lcair.heating.temperatures.wall import Wall
@@ -120,10 +120,6 @@ class Network:
         for group in self.groups:
             if group not in self.facets.groups:
                 raise unknown("group", group, self.facets.groups)
-        for group, members in zip(self.tables, self.members):
-            if (empty := self.facets.area[members] <= 0).any():
-                number = self.facets.number[members][empty.argmax()]
-                raise InputError(f"group {group}: facet {number} has no area")
         self.check_paths()
 
     @cached_property
@@ -316,12 +312,7 @@ class Network:
         free, mean = self.is_free, self.conductors
 
         def of(replicate):
-            change = Conductors(
-                *(
-                    getattr(replicate, entry.name) - getattr(mean, entry.name)
-                    for entry in fields(mean)
-                )
-            )
+            change = weighted([replicate, mean], (1, -1))
 
             def gained(kelvin, k):
                 sky, ground = self.weather.sky_K[k], self.weather.ground_K[k]

@@ -202,8 +202,6 @@ def test_groups_without_a_path_for_heat_are_refused():
         network([[0]], [0.0], [0.0], still)
     with pytest.raises(InputError, match="group g1: facet 1 has no path for heat"):
         network([[0, 0, 0], [0, 0, 0.2], [0, 0.2, 0]], [1.0, 0, 0], [0] * 3, still)
-    with pytest.raises(InputError, match="group g0: facet 0 has no area"):
-        network([[0]], [1.0], [0.0], weather(), area=[0.0])
 
 
 @pytest.mark.parametrize(
