@@ -6,7 +6,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.plugins.emission.triangles import PrimitiveEntries
+from mi_lcair.plugins.emission.triangles import PrimitiveTable
 from mi_lcair.plugins.paths.launch import Launch, ParallelRays
 from mi_lcair.plugins.recorders.recorder import Emission, Recorder, Recorders
 
@@ -20,7 +20,7 @@ class Store:
     paths.
     """
 
-    def __init__(self, triangles: PrimitiveEntries, lane: mi.UInt32, slots: int):
+    def __init__(self, triangles: PrimitiveTable, lane: mi.UInt32, slots: int):
         self.triangles, self.lane, self.slots = triangles, lane, dr.opaque(mi.UInt32, slots)
         self.number = dr.zeros(mi.UInt32, dr.width(lane) * slots)
         dr.make_opaque(self.number)
@@ -55,10 +55,11 @@ class MetTriangles(Recorder):
             self.note(emission.hit)
 
 
-def met_triangles(tracer, sensor, launch: Launch, triangles: PrimitiveEntries) -> tuple:
+def met_triangles(tracer, sensor, launch: Launch, triangles: PrimitiveTable) -> tuple:
     """Trace the paths of a launch that begins on facets, see `FacetStarts`.
 
-    Call it inside the context `BouncePath.prepared`. triangles: their numbers from 1 on.
+    Call it inside the context `BouncePath.prepared`. triangles: their numbers, from 1 on, and 0 for
+    everything else.
 
     Returns
     -------

@@ -19,7 +19,7 @@ from scipy.linalg import hadamard
 from mi_lcair.errors import InputError
 from mi_lcair.motions.pose import displaced
 from mi_lcair.motions.starts import radiances, seen_shares
-from mi_lcair.plugins.emission.triangles import Choice, PrimitiveEntries, pointer_id
+from mi_lcair.plugins.emission.triangles import Choice, PrimitiveTable, pointer_id
 from mi_lcair.plugins.paths.facet_starts import FacetStarts
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.paths.met_triangles import met_triangles
@@ -93,8 +93,9 @@ class Estimation:
         self.sensor = surface.scene.sensor(sampling.sensor)
         self.window = window_area(self.sensor, surface.scene.name)
         ids = [pointer_id(mi.ShapePtr(mesh)) for mesh in surface.meshes]
-        self.triangles = PrimitiveEntries(ids, surface.counts)
         self.ends = np.cumsum(surface.counts)[:-1]
+        numbers = np.split(1 + np.arange(len(surface.triangles)), self.ends)
+        self.triangles = PrimitiveTable(ids, numbers, 0)
         length = np.linalg.norm(along, axis=1)
         size = np.zeros(len(length))
         self.size = np.divide(STEP * surface.reach(), length, out=size, where=length > 0)
