@@ -16,6 +16,7 @@ from mi_lcair.table import LARGEST, read_table
 
 WAVELENGTH = "wavelength_um"
 SHORTEST_UM, LONGEST_UM = 0.1, 1000.0
+HIGHEST_DEG = 90.0  # largest elevation that may be a key
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +77,9 @@ def spectral_table(
 @lru_cache(maxsize=8)
 def _read(path, revision, kind, columns, key, keyless) -> SpectralTable:
     what = f"{kind} {path}"
-    largest = {WAVELENGTH: LONGEST_UM, **({key: LARGEST} if key else {}), **dict(columns)}
+    largest = {WAVELENGTH: LONGEST_UM, **dict(columns)}
+    if key is not None:
+        largest[key] = HIGHEST_DEG if key.endswith("_deg") else LARGEST
     file = read_table(path, [name for name in largest if name != key or not keyless], kind)
     if keyless and key not in file.columns:
         del largest[key]

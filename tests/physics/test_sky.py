@@ -151,6 +151,10 @@ def test_unusable_choice(name, elevation, message):
             "elevation_deg,wavelength_um,radiance_W_m2_sr_um\n0,3,1\n0,4,1\n5,3,1\n5,5,1\n",
             "same wavelengths",
         ),
+        (
+            "elevation_deg,wavelength_um,radiance_W_m2_sr_um\n95,3,1\n95,4,1\n",
+            "line 2: elevation_deg 95; must lie in 0..90|elevation_deg 95; must be 0 or more",
+        ),
     ],
 )
 def test_unusable_file(tmp_path, text, message):

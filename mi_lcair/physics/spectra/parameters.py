@@ -148,7 +148,10 @@ class SpectralParameters:
         """Parameters, in the model's order, of the reflectance averaged with these weights."""
         weights = weights / weights.sum()
         mean = {
-            name: float(weights @ value) if name in self.rows else self.common[name]
+            # Rounding must not take the mean of ones above 1
+            name: float(np.clip(weights @ value, value.min(), value.max()))
+            if name in self.rows
+            else self.common[name]
             for name, value in self.at(wavelengths_um).items()
         }
         if self.model.name == "microfacet":

@@ -85,7 +85,7 @@ class Words:
     def sun_file(self) -> str | None:
         """The file of the sun's irradiance; None for the sun of clear air."""
         parts = [] if self.sun is None else self.sun.split(",", 2)
-        return parts[2].strip() if len(parts) == 3 else None
+        return (parts[2].strip() or None) if len(parts) == 3 else None
 
     @property
     def sky_file(self) -> str | None:

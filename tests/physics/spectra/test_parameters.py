@@ -142,6 +142,17 @@ def test_radiation_too_cold_for_the_band_averages_evenly(tmp_path):
         assert averaged.parameters["emissivity"] == pytest.approx(0.6)
 
 
+@pytest.mark.parametrize("emissivity", [0.0, 1.0])
+def test_averages_of_ends(tmp_path, emissivity):
+    """A blackbody at all wavelengths has an emissivity of 1, and not of rounding above it."""
+    x = np.arange(2.5, 5.6, 0.1)
+    table = csv("wavelength_um,emissivity", x, np.full(len(x), emissivity))
+    path = write(tmp_path, GREY, grey=table)
+    for temperature in (None, 300.0, 401.7):
+        mean = material("own", MWIR, path).spectrum
+        assert mean.averaged(*mean.weights(MWIR, temperature)) == (emissivity,)
+
+
 def test_shape_that_absorbs_all_has_no_floor(tmp_path):
     G = float(sr.G(Float64(0.2))[0])
     fit_of(tmp_path, 0.2, 0.05, G, 0.0)

@@ -54,6 +54,7 @@ def test_sun_of_a_file(tmp_path):
     )
     irradiance = 4 * 0.7  # mean of .5 at 8 um and .9 at 12 um
     assert by_day - by_night == pytest.approx(0.5 * irradiance * 0.3 / np.pi, rel=1e-3)
+    assert Words(sky="250", ground="290", sun="30,120,").sun_file is None
     with pytest.raises(InputError, match="sunlight"):
         Words(sky="250", ground="290", sun=f"30,120,{tmp_path / 'missing.csv'}")
 
