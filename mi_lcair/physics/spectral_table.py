@@ -77,9 +77,8 @@ def spectral_table(
 @lru_cache(maxsize=8)
 def _read(path, revision, kind, columns, key, keyless) -> SpectralTable:
     what = f"{kind} {path}"
-    largest = {WAVELENGTH: LONGEST_UM, **dict(columns)}
-    if key is not None:
-        largest[key] = HIGHEST_DEG if key.endswith("_deg") else LARGEST
+    of_key = {} if key is None else {key: HIGHEST_DEG if key.endswith("_deg") else LARGEST}
+    largest = {WAVELENGTH: LONGEST_UM, **of_key, **dict(columns)}
     file = read_table(path, [name for name in largest if name != key or not keyless], kind)
     if keyless and key not in file.columns:
         del largest[key]
@@ -88,9 +87,9 @@ def _read(path, revision, kind, columns, key, keyless) -> SpectralTable:
         file.check_range(name, table[name], SHORTEST_UM if name == WAVELENGTH else 0, limit)
     numbers = [number for number, _ in file.rows]
 
-    of_key = table.get(key, np.zeros(len(numbers)))
-    keys = np.unique(of_key)
-    blocks = [np.flatnonzero(of_key == value) for value in keys]
+    key_of_row = table.get(key, np.zeros(len(numbers)))
+    keys = np.unique(key_of_row)
+    blocks = [np.flatnonzero(key_of_row == value) for value in keys]
     if not blocks or len(blocks[0]) < 2:
         raise InputError(f"{what}: needs two rows or more, with rising {WAVELENGTH}")
     for block in blocks:
