@@ -232,6 +232,7 @@ def main(rounds: int = 3, kills: int = KILLS) -> None:
         rows="\n".join(rows),
         paper="\n".join(paper),
         rounds=rounds,
+        counts=", ".join(map(str, sorted(COUNTS))),
         cores=os.cpu_count(),
         threads=drjit.thread_count(),
         load=f"{os.getloadavg()[2]:.1f}",

@@ -134,13 +134,11 @@ def check_names(conditions: Conditions) -> None:
 
 def temperatures_of(values: dict) -> dict[str, float]:
     """Temperatures, K, by group."""
-    temperatures = {}
-    for name, value in values.items():
-        if name.startswith(TEMPERATURE):
-            if type(value) not in (int, float):
-                raise InputError(f"{name} = {value!r}; must be a temperature in kelvin")
-            temperatures[name.removeprefix(TEMPERATURE)] = float(value)
-    return temperatures
+    return {
+        name.removeprefix(TEMPERATURE): number(name, value)
+        for name, value in values.items()
+        if name.startswith(TEMPERATURE)
+    }
 
 
 def of_scene(conditions: Conditions, values: dict, cases, azimuths) -> Line:

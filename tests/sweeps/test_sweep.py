@@ -251,7 +251,7 @@ BAD = [
     ({"conditions": {"range_m": list(range(5000)), "nei": list(range(5000))}}, "GB"),
     ({"conditions": {"camera.f_number": [2]}}, "belongs to the camera"),
     ({"conditions": {"temperature.wing": [300]}}, "blackbody group"),
-    ({"conditions": {"temperature.self": ["hot"]}}, "in kelvin"),
+    ({"conditions": {"temperature.self": ["hot"]}}, "must be a number"),
     ({"conditions": {"temperature.self": [1e9]}}, "at most 100000 K"),
     ({"conditions": {"range_m": [1]}}, "inside the target"),
     ({"conditions": {"air": ["fog"]}}, "fog"),
