@@ -43,14 +43,11 @@ def table(columns, rows) -> str:
         f"<th scope=col{_aligned(column)}>{_heading(name)}</th>"
         for name, column in zip(columns, right)
     )
-    body = "".join(
-        "<tr>"
-        + "".join(
-            f"<td{_aligned(column)}>{text_html(cell)}</td>" for cell, column in zip(row, right)
-        )
-        + "</tr>"
-        for row in cells
-    )
+
+    def in_html(row):
+        return "".join(f"<td{_aligned(r)}>{text_html(cell)}</td>" for cell, r in zip(row, right))
+
+    body = "".join(f"<tr>{in_html(row)}</tr>" for row in cells)
     return _wide("sortable", f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody>")
 
 

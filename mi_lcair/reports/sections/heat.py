@@ -60,16 +60,8 @@ def inputs(heat) -> Table:
         rows.append(
             (name, stated, f"{mean:+.3g}", f"{largest:.3g}", percent(squares[name] / total))
         )
-    share = area @ heat.noise[k] ** 2
-    rows.append(
-        (
-            "exchange",
-            "paths",
-            "",
-            f"{heat.noise[k].max():.3g}",
-            percent(share / total if total else 0),
-        )
-    )
+    of_paths = percent(area @ heat.noise[k] ** 2 / total if total else 0)
+    rows.append(("exchange", "paths", "", f"{heat.noise[k].max():.3g}", of_paths))
     return Table(["input", "sigma", "mean dT K", "largest K", "share"], rows)
 
 
