@@ -228,6 +228,8 @@ def described(tree: Mapping, folder: Path, name: str) -> Description:
     for table in tree:
         if table not in TABLES:
             raise unknown("table", table, TABLES)
+        if not isinstance(tree[table], Mapping):
+            raise InputError(f"[{table}] must be a table")
     stated = dict(tree.get("weather", {}))
     if "sky" in stated:
         raise InputError(

@@ -43,7 +43,12 @@ def temperatures(scene: Scene, description: Description) -> Heat:
     solved = course(network, [*columns, *noise, *doubtful], run.start_K)
     changes = dict(zip(description.sigma, solved.changes))
     replicates = solved.changes[len(columns) :][: len(noise)]
-    on_emissivity = [
+    of_sigma = [
+        f"[sigma] {name} changes no temperature"
+        for name, change in changes.items()
+        if not change.any()
+    ]
+    of_sigma += [
         f"[sigma] {column.name}: up to {abs(change).max():.2g} K of its effect, which is "
         f"{abs(changes[column.name]).max():.2g} K at most, assume that surfaces reflect evenly"
         for column, change in zip(doubtful, solved.changes[len(columns) + len(noise) :])
@@ -65,7 +70,7 @@ def temperatures(scene: Scene, description: Description) -> Heat:
             FacetPolygons.of(table.triangles, table.triangle_facet), table.temperature
         ),
         remarks=tuple(
-            dict.fromkeys((*radiation.remarks, *of_light, *conditions.remarks, *on_emissivity))
+            dict.fromkeys((*radiation.remarks, *of_light, *conditions.remarks, *of_sigma))
         ),
     )
     if description.signature is None:

@@ -80,7 +80,9 @@ def test_steady_state_of_a_sunlit_room_of_one_temperature(folder):
     """Everything at 300 K stays there: surroundings, air and no sun."""
     weather = {"air_K": 300.0, "sky_K": 300.0, "ground_K": 300.0, "h_W_m2_K": 5.0}
     target = {"scene": str(folder / "box" / "scene.xml")}
-    room = mi_lcair.heat({"target": target, "weather": weather, "run": {"rays": 64}})
+    tables = {"target": target, "weather": weather, "run": {"rays": 64}, "sigma": {"back_K": 1.0}}
+    room = mi_lcair.heat(tables)
+    assert "[sigma] back_K changes no temperature" in room.remarks
     np.testing.assert_allclose(room.kelvin, 300, atol=1e-6)
     assert "steady state" in room.summary()
     assert room.residual_W < 1e-9

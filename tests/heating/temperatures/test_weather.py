@@ -144,6 +144,7 @@ def test_refused(tmp_path, make, message):
         ({"sigma": {"h": "nine"}}, "h = 'nine'"),
         ({"sigma": {"h": -1.0}}, "h = -1"),
         ({"sun": {}}, "table 'sun'"),
+        ({"sigma": 3}, r"\[sigma\] must be a table"),
         ({"target": {}}, "scene is missing"),
     ],
 )
