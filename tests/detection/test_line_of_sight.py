@@ -9,7 +9,13 @@ import pytest
 from mi_lcair.api.contrast import contrast
 from mi_lcair.detection.contrast import unlit_sky
 from mi_lcair.detection.detection_range import detection_range
-from mi_lcair.detection.line_of_sight import Sight, from_sun, lower_height, sky_behind
+from mi_lcair.detection.line_of_sight import (
+    Sight,
+    background_sun,
+    from_sun,
+    lower_height,
+    sky_behind,
+)
 from mi_lcair.detection.scenario import Background, Observer
 from mi_lcair.detection.setting import setting_of
 from mi_lcair.errors import InputError
@@ -317,6 +323,8 @@ def test_sunlit_ground(folder):
     (sun,) = on(x, bands().wavelengths_um, AIR.sun(0.0, 45.0).radiance)
     of_sky = clear_sky("us_standard", 45.0, 0.0).mean_spectrum().at(x)
     np.testing.assert_allclose(ground.at(x) - of_sky, sun * np.sin(np.pi / 4) / np.pi, rtol=1e-3)
+    lights = sum(share * light.at(x) for share, light in ground.reflected)
+    np.testing.assert_allclose(ground.at(x), lights, rtol=1e-6)
     # What arrives is the sum of the lights through both of their ways in the air
     setting = setting_of(disc(folder, **(given | {"sensor__band": "4.2-4.6"}), **SLANT, **GROUND))
     x = np.linspace(4.2, 4.6, 9)
@@ -329,7 +337,16 @@ def test_sunlit_ground(folder):
         Background(sky="us_standard_clear", daytime_sky="us_standard")
 
 
+def test_a_sun_that_is_not_stated(folder):
+    assert background_sun(disc(folder, background__daytime_sky="us_standard")) == (0.0, 45.0)
+    assert background_sun(disc(folder)) is None
+
+
 def test_the_sky_is_darker_from_higher_up(folder):
+    x = np.array([8.5, 10.5, 11.5])
+    up = {"observer__elevation_deg": -0.5, "observer__range_m": 50_000, "sensor__band": "LWIR"}
+    sky = setting_of(disc(folder, observer__height_m=2000.0, **up, **SLANT, **SKY)).backdrop
+    np.testing.assert_allclose(sky.at(x), sky_of(x, 0.5, 2000.0), rtol=1e-6)
     looks_up = {"observer__elevation_deg": -30, "sensor__band": "LWIR"} | SLANT | SKY
     low, high = (
         setting_of(disc(folder, observer__height_m=height, **looks_up)).backdrop.at(
@@ -453,6 +470,7 @@ def test_lower_end_of_the_line_of_sight():
     assert lower(None, 30) == 50 and lower(None, 30, base_m=None) is None
     assert lower(700.0, -30) == lower(700.0, 0) == 700
     assert lower(700.0, 30) == pytest.approx(199.95, abs=0.001)
+    assert lower(700.0, 0.5) == pytest.approx(700 - 8.727 - 0.066, abs=0.001)
     assert lower(500.0, 30) == lower(499.56, 30) == 0
     with pytest.raises(InputError, match="ends below the ground before range_m = 1000"):
         lower(499.54, 30)
