@@ -72,3 +72,16 @@ def test_bad_input():
     with pytest.raises(InputError, match=r"sun at 0.5 degrees; must lie in 1\.\.90"):
         daytime_sky("us_standard", 0.5)
     assert daytime_sky("us_standard", 1.0).sun_elevation_deg == 1.0
+
+
+def test_the_mean_of_scattered_light_is_that_of_single_directions():
+    sky = daytime_sky("midlat_summer")
+    x, w = np.polynomial.legendre.leggauss(5)  # over the sine of the elevation
+    sines, weights = (x + 1) / 2, w * (x + 1) / 2
+    mean = 0.0
+    for elevation, weight in zip(np.degrees(np.arcsin(sines)), weights):
+        for azimuth in np.arange(5, 180, 10):
+            light = sky.components(elevation, azimuth)[1]
+            mean += weight / 18 * light.in_band_radiance(MWIR)
+    night = clear_sky("midlat_summer").mean_spectrum().in_band_radiance(MWIR)
+    assert sky.mean_spectrum().in_band_radiance(MWIR) - night == pytest.approx(mean, rel=1e-3)
