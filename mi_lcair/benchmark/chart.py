@@ -89,19 +89,9 @@ def point(case, method, effort, cost: Cost, values, exact) -> Point:
     """
     errors = np.abs(np.asarray(values) - exact) / abs(exact)
     low, middle, high = np.quantile(errors, (0.25, 0.5, 0.75))
-    return Point(
-        case,
-        method,
-        effort,
-        float(np.median(cost.samples)),
-        float(np.median(cost.seconds)),
-        float(cost.compile_seconds),
-        float(middle),
-        float(low),
-        float(high),
-        float(np.median(values)),
-        float(np.sqrt(np.mean(errors**2))),
-    )
+    costs = np.median(cost.samples), np.median(cost.seconds), cost.compile_seconds
+    value, rms = np.median(values), np.sqrt(np.mean(errors**2))
+    return Point(case, method, effort, *map(float, (*costs, middle, low, high, value, rms)))
 
 
 def curve(points, case: str, method: str) -> list[Point]:

@@ -186,14 +186,6 @@ def closed(problem: Problem, case: str, opening: float | None, effort: Effort) -
             - 1
             for seed in range(effort.seeds)
         ]
-        closures.append(
-            Closure(
-                case,
-                opening,
-                bounces,
-                closure,
-                float(np.mean(values)),
-                float(np.std(values, ddof=1) / np.sqrt(len(values))),
-            )
-        )
+        error = float(np.std(values, ddof=1) / np.sqrt(len(values)))
+        closures.append(Closure(case, opening, bounces, closure, float(np.mean(values)), error))
     return closures

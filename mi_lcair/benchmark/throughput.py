@@ -187,14 +187,7 @@ def observes(loaded, spp: int, split: str | None):
 
     def run(seed):
         with integrator.prepared(loaded, kept=kept) as tracer:
-            launch = Launch(
-                columns=width,
-                rows=height,
-                seed=seed,
-                randomisations=1,
-                points=spp,
-                windows=width * height,
-            )
+            launch = Launch(width, height, seed, 1, spp, windows=width * height)
             return tracer.trace(sensor, launch, Channels(split)).valid
 
     return run

@@ -113,10 +113,8 @@ class Band:
         The message begins with `what`, the name of the table.
         """
         x = wavelengths_um
-        first, last = (
-            np.searchsorted(x, self.lower_um, side="right") - 1,
-            np.searchsorted(x, self.upper_um),
-        )
+        first = np.searchsorted(x, self.lower_um, side="right") - 1
+        last = np.searchsorted(x, self.upper_um)
         if first >= 0 and last < len(x) and np.diff(x[first : last + 1]).max() <= WIDEST_UM:
             return
         parts = np.split(x, np.flatnonzero(np.diff(x) > WIDEST_UM) + 1)

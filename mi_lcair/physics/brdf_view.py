@@ -91,13 +91,9 @@ class BRDFView(Result):
 
         Raises InputError if xarray is not installed.
         """
-        return self.dataset(
-            {"brdf_per_sr": (("theta_r_deg", "azimuth_deg"), self.brdf)},
-            {
-                "theta_r_deg": ("theta_r_deg", self.theta_r),
-                "azimuth_deg": ("azimuth_deg", self.azimuth),
-            },
-        )
+        ticks = {"theta_r_deg": self.theta_r, "azimuth_deg": self.azimuth}
+        axes = {name: (name, values) for name, values in ticks.items()}
+        return self.dataset({"brdf_per_sr": (tuple(axes), self.brdf)}, axes)
 
 
 def brdf_view(
@@ -158,16 +154,10 @@ def brdf(model, S, theta_i, theta_r, azimuth) -> np.ndarray:
     All angles are in degrees. The azimuth is measured from the mirror direction.
     """
     theta_i, theta, phi = (np.radians(angle) for angle in (theta_i, theta_r, azimuth))
-    r = Array3f64(
-        np.array(
-            [-np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)]
-        ).reshape(3, -1)
-    )
-    return (
-        model.f(S, Array3f64(float(np.sin(theta_i)), 0, float(np.cos(theta_i))), r)
-        .numpy()
-        .reshape(np.shape(theta_r))
-    )
+    i = Array3f64(float(np.sin(theta_i)), 0, float(np.cos(theta_i)))
+    r = [-np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)]
+    f = model.f(S, i, Array3f64(np.array(r).reshape(3, -1)))
+    return f.numpy().reshape(np.shape(theta_r))
 
 
 def crowded(lower: float, upper: float, step: float, peak: float, width: float) -> np.ndarray:

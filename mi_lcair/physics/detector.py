@@ -55,11 +55,9 @@ class Detector:
     @property
     def solid_angle(self) -> float | None:
         """Solid angle of the field of view [sr]; None if field_of_view_deg is None."""
-        return (
-            None
-            if self.field_of_view_deg is None
-            else 4 * np.pi * np.sin(np.radians(self.field_of_view_deg) / 4) ** 2
-        )
+        if self.field_of_view_deg is None:
+            return None
+        return 4 * np.pi * np.sin(np.radians(self.field_of_view_deg) / 4) ** 2
 
     def signal(self, irradiance: ArrayLike) -> np.ndarray | float:
         """Signal behind the optics [W m^-2] for a contrast irradiance at the aperture [W m^-2].

@@ -226,9 +226,5 @@ class Imager:
         It is the quadratic sum of the shot noise of signal and dark current, of the electronics'
         noise, and of the quantisation, a twelfth of the squared count.
         """
-        return np.sqrt(
-            np.maximum(electrons, 0)
-            + self.dark
-            + self.read_noise_e**2
-            + self.electrons_per_count**2 / 12
-        )
+        of_counts = self.electrons_per_count**2 / 12
+        return np.sqrt(np.maximum(electrons, 0) + self.dark + self.read_noise_e**2 + of_counts)

@@ -49,13 +49,8 @@ class View:
     def direction(self) -> np.ndarray:
         """Unit vector from the model toward the observer."""
         azimuth, elevation = np.radians([self.azimuth_deg, self.elevation_deg])
-        return np.array(
-            [
-                np.cos(elevation) * np.cos(azimuth),
-                np.cos(elevation) * np.sin(azimuth),
-                np.sin(elevation),
-            ]
-        )
+        x, y = np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth)
+        return np.array([x, y, np.sin(elevation)])
 
 
 @dataclass(frozen=True)

@@ -118,15 +118,9 @@ class MicrofacetFamily:
         for material in materials:
             common = material.common
             tables.append(facet_tables(material, bins.band, bins.count))
-            scalar = dr.scalar.ArrayXf64(common["alpha"]), dr.scalar.ArrayXf64(common["gamma"])
-            numbers.append(
-                [
-                    distribution.peak(*scalar)[0],
-                    distribution.spread(scalar[0])[0],
-                    common["gamma"],
-                    common["rho_d"],
-                ]
-            )
+            alpha, gamma = (dr.scalar.ArrayXf64(common[name]) for name in ("alpha", "gamma"))
+            peak, spread = distribution.peak(alpha, gamma)[0], distribution.spread(alpha)[0]
+            numbers.append([peak, spread, common["gamma"], common["rho_d"]])
         self.has_floor = any(material.common["rho_d"] > 0 for material in materials)
         self.numbers = mi.Float(np.ravel(numbers))
         self.F, self.refracted, self.tables = (mi.Float(np.ravel(part)) for part in zip(*tables))

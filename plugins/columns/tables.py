@@ -152,14 +152,7 @@ def surface_numbers(places: dict, surfaces) -> mi.UInt32:
 
 def pilot_launch(seed: int, randomisations: int) -> Launch:
     """Paths through the cells of the film."""
-    return Launch(
-        columns=CELLS,
-        rows=CELLS,
-        seed=seed,
-        randomisations=randomisations,
-        points=PILOT_POINTS,
-        windows=CELLS**2,
-    )
+    return Launch(CELLS, CELLS, seed, randomisations, PILOT_POINTS, windows=CELLS**2)
 
 
 def incoming_radiance(found: dict, surfaces: int, name: str = "reflected") -> np.ndarray:

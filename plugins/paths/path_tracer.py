@@ -86,14 +86,9 @@ class PathTracer(RBIntegrator):
             )
             if by_spectrum and not binning.recorded:
                 emitters.sources.split(paths.by_bin.sources_by_bin())
-        of_tables = max(
-            (
-                part.relative_error
-                for part in derivations(deriving(state.plugins))
-                if isinstance(part, Table | ReflectionBSDF)
-            ),
-            default=0.0,
-        )
+        parts = derivations(deriving(state.plugins))
+        tabulated = [part for part in parts if isinstance(part, Table | ReflectionBSDF)]
+        of_tables = max((part.relative_error for part in tabulated), default=0.0)
         vars(self).update(
             scene=scene,
             plugins=deriving(state.plugins),

@@ -89,10 +89,7 @@ class Recorder:
     """
 
     needs_drawn_hit = False
-
-    @property
-    def needs_mirrored(self) -> bool:
-        return False
+    needs_mirrored = False
 
     def begin(self, first: mi.PreliminaryIntersection3f, ray: mi.Ray3f, active) -> mi.Bool:
         """Note the first hit; returns the paths that are followed."""

@@ -71,20 +71,13 @@ def reflected(scene, emitters, grid, si, beta, bounces: int) -> tuple[float, int
     # The points are worked on in batches, so that no more than LANES rays are in memory.
     for first in range(0, dr.width(reflects), at_once):
         count = min(at_once, dr.width(reflects) - first) * grid.cells
-        index = dr.arange(mi.UInt32, count)
-        parent = dr.gather(
-            mi.UInt32,
-            reflects,
-            index // dr.opaque(mi.UInt32, grid.cells) + dr.opaque(mi.UInt32, first),
-        )
-        here, beta_here = (
-            dr.gather(mi.SurfaceInteraction3f, si, parent),
-            dr.gather(mi.Float, beta, parent),
-        )
-        wo, solid_angle = grid.direction(index % dr.opaque(mi.UInt32, grid.cells), here.wi)
-        beta_there = (
-            beta_here * solid_angle * here.bsdf().eval(mi.BSDFContext(), here, wo, mi.Bool(True))[0]
-        )
+        index, cells = dr.arange(mi.UInt32, count), dr.opaque(mi.UInt32, grid.cells)
+        number = index // cells + dr.opaque(mi.UInt32, first)
+        parent = dr.gather(mi.UInt32, reflects, number)
+        here = dr.gather(mi.SurfaceInteraction3f, si, parent)
+        wo, solid_angle = grid.direction(index % cells, here.wi)
+        f = here.bsdf().eval(mi.BSDFContext(), here, wo, mi.Bool(True))[0]
+        beta_there = dr.gather(mi.Float, beta, parent) * solid_angle * f
         active = beta_there > 0
         there = scene.ray_intersect(emitters.spawn_ray(here, here.to_world(wo)), active)
         radiance = mi.Float64(beta_there * emitted(there, scene, active))

@@ -43,14 +43,8 @@ def truncated_normal(u, center, width, low, high):
     scale = 1 / (dr.sqrt(2) * width)
     cdf_low, cdf_high = dr.erf((low - center) * scale), dr.erf((high - center) * scale)
     x = center + dr.erfinv(dr.lerp(cdf_low, cdf_high, u)) / scale
-    density = (
-        2
-        * scale
-        * dr.rsqrt(dr.pi)
-        * dr.exp(-dr.square((x - center) * scale))
-        / (cdf_high - cdf_low)
-    )
-    return dr.clip(x, low, high), density
+    bell = 2 * scale * dr.rsqrt(dr.pi) * dr.exp(-dr.square((x - center) * scale))
+    return dr.clip(x, low, high), bell / (cdf_high - cdf_low)
 
 
 @cache
@@ -88,15 +82,9 @@ def inverse_density(x, center, width, low, high):
 
     Where the density underflows, the result is large but finite.
     """
-    mass = 0.5 * (
-        erf((high - center) / (np.sqrt(2) * width)) - erf((low - center) / (np.sqrt(2) * width))
-    )
-    return (
-        mass
-        * width
-        * np.sqrt(2 * np.pi)
-        * np.exp(np.minimum(0.5 * ((x - center) / width) ** 2, 300))
-    )
+    below, above = (erf((end - center) / (np.sqrt(2) * width)) for end in (low, high))
+    exponent = np.minimum(0.5 * ((x - center) / width) ** 2, 300)
+    return 0.5 * (above - below) * width * np.sqrt(2 * np.pi) * np.exp(exponent)
 
 
 def crowded(center, width, low, high):

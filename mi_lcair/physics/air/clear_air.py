@@ -135,10 +135,8 @@ class ClearAir:
         """
         model = bands()
         elevation = along.elevations_deg - along.turned_deg  # in the axes of the viewer
-        elevation, up = (
-            np.radians((elevation[1:] + elevation[:-1]) / 2),
-            np.radians(sun.elevation_deg),
-        )
+        up = np.radians(sun.elevation_deg)
+        elevation = np.radians((elevation[1:] + elevation[:-1]) / 2)
         across = np.cos(np.radians(azimuths_deg))[:, None]
         cosine = np.sin(elevation) * np.sin(up) + np.cos(elevation) * np.cos(up) * across
         angle = np.degrees(np.arccos(np.clip(cosine, -1, 1)))

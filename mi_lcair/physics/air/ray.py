@@ -104,10 +104,8 @@ class Path:
         self.levels, self.start_km = levels, height_km
         index, _ = levels.refraction(np.array(height_km))
         u = (1 + float(index)) * (EARTH_KM + height_km)
-        self.perigee, self.start = (
-            u * np.cos(np.radians(elevation_deg)),
-            u * np.sin(np.radians(elevation_deg)),
-        )
+        elevation = np.radians(elevation_deg)
+        self.perigee, self.start = u * np.cos(elevation), u * np.sin(elevation)
 
     def at(self, x) -> tuple[np.ndarray, np.ndarray]:
         """Heights [km] at coordinates x [km], and lengths along the ray per x."""

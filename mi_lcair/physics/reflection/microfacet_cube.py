@@ -67,17 +67,11 @@ class MicrofacetCube(ReflectionModel):
             return low * (high / low) ** place
 
         k = np.where(u[:, 3] < 0.5, decades(1e-3, 1, 2 * u[:, 3]), decades(1, 50, 2 * u[:, 3] - 1))
-        return self.to_cube(
-            np.column_stack(
-                [
-                    decades(1e-3, 1, u[:, 0]),
-                    decades(0.7, 3, u[:, 1]),
-                    decades(1.2, 12, u[:, 2]),
-                    k,
-                    decades(1e-4, 1, u[:, 4]),
-                ]
-            )
+        alpha, gamma, n = (
+            decades(low, high, place)
+            for (low, high), place in zip(((1e-3, 1), (0.7, 3), (1.2, 12)), u.T)
         )
+        return self.to_cube(np.column_stack([alpha, gamma, n, k, decades(1e-4, 1, u[:, 4])]))
 
 
 MicrofacetCube.restrictions = (

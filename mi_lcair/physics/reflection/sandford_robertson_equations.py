@@ -181,12 +181,8 @@ def f_s(S: SandfordRobertsonSurface, i, r):
     """Specular lobe, Eq 2.19 [1/sr]."""
     cos_i = cos_theta(i)
     lobe = dr.square(S.e) * h(sin2_alpha(i, r), S.e) / e2_H(cos_i, S.e)
-    return (
-        (0.25 * dr.inv_pi)
-        * rho_s(S, cos_i, sin2_theta(i))
-        * lobe
-        * observer_factor(S, cos_theta(r), sin2_theta(r))
-    )
+    reflectance = (0.25 * dr.inv_pi) * rho_s(S, cos_i, sin2_theta(i))
+    return reflectance * lobe * observer_factor(S, cos_theta(r), sin2_theta(r))
 
 
 def f(S: SandfordRobertsonSurface, i, r):

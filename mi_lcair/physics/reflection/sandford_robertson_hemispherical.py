@@ -74,12 +74,8 @@ def DHR(S: SandfordRobertsonSurface, theta_i):
 
     def integrand(theta_r, theta_i, S):
         sin_r, cos_r = dr.sincos(theta_r)
-        return (
-            observer_factor(S, cos_r, dr.square(sin_r))
-            * cos_r
-            * sin_r
-            * azimuthal_lobe(theta_i, theta_r, S.e)
-        )
+        weight = observer_factor(S, cos_r, dr.square(sin_r)) * cos_r * sin_r
+        return weight * azimuthal_lobe(theta_i, theta_r, S.e)
 
     sin_i, cos_i = dr.sincos(theta_i)
     sin2_i = dr.square(sin_i)

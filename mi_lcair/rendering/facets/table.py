@@ -120,22 +120,14 @@ class FacetTable:
         """Set area, normal and centre of each facet, from its triangles."""
 
         def total(vectors):
-            return np.stack(
-                [
-                    np.bincount(self.triangle_facet, axis, minlength=self.count)
-                    for axis in vectors.T
-                ],
-                axis=-1,
-            )
+            sums = [np.bincount(self.triangle_facet, axis, self.count) for axis in vectors.T]
+            return np.stack(sums, axis=-1)
 
         p0, p1, p2 = np.moveaxis(self.triangles, 1, 0)
         vector = 0.5 * np.cross(p1 - p0, p2 - p0)
         area = np.linalg.norm(vector, axis=1, keepdims=True)
-        normal, weighted, self.area = (
-            total(vector),
-            total((p0 + p1 + p2) / 3 * area),
-            total(area)[:, 0].astype(float),
-        )
+        normal, weighted = total(vector), total((p0 + p1 + p2) / 3 * area)
+        self.area = total(area)[:, 0].astype(float)
         with np.errstate(invalid="ignore"):
             self.normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
             self.centre = weighted / self.area[:, None]

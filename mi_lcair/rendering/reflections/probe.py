@@ -47,14 +47,8 @@ class Probe:
         if each_pixel:
             launch = pixels_launch(*camera.film().crop_size(), seed, factor)
         else:
-            launch = Launch(
-                columns=1,
-                rows=1,
-                seed=seed,
-                randomisations=WINDOW_RANDOMISATIONS,
-                points=WINDOW_POINTS * factor,
-                aim=Aim.anywhere(),
-            )
+            points = WINDOW_POINTS * factor
+            launch = Launch(1, 1, seed, WINDOW_RANDOMISATIONS, points, aim=Aim.anywhere())
         with scene.prepared() as tracer:
             sums = tracer.trace(camera, launch, Channels(split))
             unmet = float(tracer.unmet_sources(camera).bound(sums.draws.sum()))
@@ -73,12 +67,6 @@ def pixels_launch(width: int, height: int, seed: int, factor: int) -> Launch:
     # A stride with a divisor of the width would put all pixels into a few columns.
     while gcd(stride, width) > 1:
         stride += 1
-    return Launch(
-        columns=width,
-        rows=height,
-        seed=seed,
-        randomisations=PIXEL_RANDOMISATIONS,
-        points=PIXEL_POINTS * factor,
-        windows=-(-width * height // stride),
-        stride=stride,
-    )
+    paths = PIXEL_RANDOMISATIONS, PIXEL_POINTS * factor
+    count = -(-width * height // stride)
+    return Launch(width, height, seed, *paths, windows=count, stride=stride)
