@@ -8,12 +8,8 @@ import numpy as np
 
 from mi_lcair.formats import csv
 
-TOLERANCES = (
-    0.05,
-    0.01,
-    0.001,
-    0.0001,
-)  # relative errors for which a table names the cheapest method
+# Relative errors for which a table names the cheapest method
+TOLERANCES = 0.05, 0.01, 0.001, 0.0001
 
 
 @dataclass(frozen=True)

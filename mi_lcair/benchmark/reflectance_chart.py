@@ -111,12 +111,8 @@ def measured(case, method, effort, p, exact, work: Work) -> Point:
     """
     samples = method.samples(effort)
     batch = max(1, work.lanes // samples)
-    values, seconds = zip(
-        *(
-            timed(method, p, effort, batch, seed)
-            for seed in range(1 + max(work.launches, math.ceil(work.repetitions / batch)))
-        )
-    )
+    launches = 1 + max(work.launches, math.ceil(work.repetitions / batch))
+    values, seconds = zip(*(timed(method, p, effort, batch, seed) for seed in range(launches)))
     once = float(np.median(seconds[1:]))
     cost = chart.Cost(samples, once / batch, max(0.0, seconds[0] - once))
     return chart.point(case, method.name, effort, cost, np.concatenate(values[1:]), exact)

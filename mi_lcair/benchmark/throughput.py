@@ -116,11 +116,8 @@ def measure(
         ]
     # The last row compares the first contestant with ray intersection alone.
     bare_row, raw_row = rows[0], next(row for row in rows if row.name == RAW)
-    rows.append(
-        replace(
-            bare_row, against=raw_row.name, ratio=bare_row.rays_per_second / raw_row.rays_per_second
-        )
-    )
+    ratio = bare_row.rays_per_second / raw_row.rays_per_second
+    rows.append(replace(bare_row, against=raw_row.name, ratio=ratio))
     return Throughput(rows, bounces, spp, resolution, repeats)
 
 
@@ -202,10 +199,8 @@ def intersect(loaded, paths: int, rays: int, seed: int):
     random = mi.PCG32(size=paths, initstate=seed)
     hits, k = mi.UInt32(0), mi.UInt32(0)
     while k < rays:
-        origin = (
-            mi.Point3f(random.next_float32(), random.next_float32(), random.next_float32()) * 1.8
-            - 0.9
-        )
+        number = mi.Point3f(random.next_float32(), random.next_float32(), random.next_float32())
+        origin = 1.8 * number - 0.9
         direction = mi.warp.square_to_uniform_sphere(
             mi.Point2f(random.next_float32(), random.next_float32())
         )

@@ -200,10 +200,9 @@ class EmitterTable:
             ds.pdf *= probability
             compared = probability * seen.along(ds.d, ds.dist)
         if table.others is not None:
-            other = dr.reinterpret_array(
-                mi.EmitterPtr,
-                dr.gather(mi.UInt32, table.others, index - table.panel_count, from_others),
-            )
+            number = index - table.panel_count
+            other = dr.gather(mi.UInt32, table.others, number, from_others)
+            other = dr.reinterpret_array(mi.EmitterPtr, other)
             # The start depends on the side of the surface. Reflection stays on the observer's side.
             # Where light may pass through a surface, a first sample from si.p gives the side.
             toward = si.to_world(si.wi)

@@ -223,12 +223,8 @@ class Sky(DistantEmitter):
         radiance: at the nodes, (2, ROWS + 1).
         """
         nodes = np.linspace(0, 1, ROWS + 1) ** 2
-        edges = np.concatenate(
-            [
-                self.sin_horizon - (1 + self.sin_horizon) * nodes[:0:-1],
-                self.sin_horizon + (1 - self.sin_horizon) * nodes,
-            ]
-        )
+        below = self.sin_horizon - (1 + self.sin_horizon) * nodes[:0:-1]
+        edges = np.append(below, self.sin_horizon + (1 - self.sin_horizon) * nodes)
         of_cells = (radiance[:, 1:] + radiance[:, :-1]) / 2
         weights = np.concatenate([of_cells[1, ::-1], of_cells[0]]) * np.diff(edges)
         weights /= weights.sum()
@@ -362,12 +358,8 @@ class Sky(DistantEmitter):
             return self.is_scaled / float(dr.detach(self.scale)[0])
 
         def radiances(*changes):
-            return np.array(
-                [
-                    0.0 if light is None else light.in_band_radiance(self.band)
-                    for light in self.lights(self.around(*changes))
-                ]
-            )
+            lights = self.lights(self.around(*changes))
+            return np.array([0.0 if x is None else x.in_band_radiance(self.band) for x in lights])
 
         if key == "ground_emissivity":  # in which all is linear
             now = float(dr.detach(self.ground_emissivity)[0])
@@ -477,11 +469,8 @@ class Sky(DistantEmitter):
         table, factor = self.derived
 
         def at(values, index, stride=1):
-            return dr.lerp(
-                dr.gather(mi.Float, values, index, active),
-                dr.gather(mi.Float, values, index + stride, active),
-                up,
-            )
+            low, high = (dr.gather(mi.Float, values, k, active) for k in (index, index + stride))
+            return dr.lerp(low, high, up)
 
         stride = self.columns + 1
         if self.columns:
@@ -503,12 +492,8 @@ class Sky(DistantEmitter):
             emitted *= dr.select(below, 1 - reflectance, self.scale)
             other += dr.select(below, reflectance * factor * at(self.reflected, i), 0)
         other *= self.scale
-        return (
-            dr.select(active, emitted, 0),
-            dr.select(active, other, 0),
-            below,
-            at(self.places, first),
-        )
+        emitted, other = (dr.select(active, part, 0) for part in (emitted, other))
+        return emitted, other, below, at(self.places, first)
 
     def parts_along(self, d, active) -> list:
         """Numbers and shares of the parts that make up the radiance from `d`."""

@@ -496,10 +496,7 @@ def roulette(path: PathState, si, scattering: Scattering) -> mi.Spectrum:
     replay ends the same paths, and the lattice keeps its dimensions.
     """
     throughput = path.throughput[0] * scattering.weight[0]
-    p, d = (
-        dr.reinterpret_array(mi.Vector3u, si.p),
-        dr.reinterpret_array(mi.Vector3u, scattering.bs.wo),
-    )
+    p, d = (dr.reinterpret_array(mi.Vector3u, place) for place in (si.p, scattering.bs.wo))
     position = mi.sample_tea_32(p.x ^ d.z, p.y ^ (p.z << 16))[0]
     number = mi.sample_tea_float32(position, d.x ^ (d.y << 16))
     is_faint = (throughput > 0) & (throughput < FAINT)

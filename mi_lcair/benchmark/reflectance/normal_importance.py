@@ -7,7 +7,7 @@ are those of least variance for each surface and angle. The search for these wid
 in the time.
 """
 
-from functools import cache
+from functools import cache, partial
 
 import drjit as dr
 import numpy as np
@@ -67,13 +67,8 @@ def best_widths(problem) -> tuple[float, float]:
 
     bounds = [(np.log(1e-3), np.log(10))] * 2
     starts = [np.log([width, width]) for width in (0.01, 0.1, 1)]
-    best = min(
-        (
-            minimize(log_second_moment, start, method="Nelder-Mead", bounds=bounds)
-            for start in starts
-        ),
-        key=lambda minimum: minimum.fun,
-    )
+    search = partial(minimize, log_second_moment, method="Nelder-Mead", bounds=bounds)
+    best = min(map(search, starts), key=lambda minimum: minimum.fun)
     return tuple(float(width) for width in np.exp(best.x))
 
 

@@ -150,14 +150,9 @@ class Levels:
             for what stays. Mixing ratios of the other gases and the extinction of the aerosols
             at .55 um stay. The classes of humidity of the rural aerosol change.
         """
-        T, p, v = (
-            old if new is None else np.asarray(new, dtype=float)
-            for old, new in (
-                (self.temperature, temperature),
-                (self.pressure, pressure),
-                (self.vapour, vapour),
-            )
-        )
+        T = self.temperature if temperature is None else np.asarray(temperature, dtype=float)
+        p = self.pressure if pressure is None else np.asarray(pressure, dtype=float)
+        v = self.vapour if vapour is None else np.asarray(vapour, dtype=float)
         colder, denser = self.temperature / T, p / self.pressure
         moister = v / self.vapour
         d, d0 = (p * 273.15 / (1013.25 * T) for p, T in ((p, T), (self.pressure, self.temperature)))
@@ -208,12 +203,8 @@ def haze_factor(column: str, heights_km: np.ndarray, visibility: float) -> np.nd
     file = read_table(TABLES / "band_haze.csv", ("visibility_km", HEIGHT, "extinction_km"), "haze")
     table = file.numbers(file.columns)
     known = np.unique(table["visibility_km"])
-    rows = [
-        table["extinction_km"][table["visibility_km"] == value][
-            np.argsort(table[HEIGHT][table["visibility_km"] == value])
-        ]
-        for value in known
-    ]
+    order = np.lexsort((table[HEIGHT], table["visibility_km"]))
+    rows = table["extinction_km"][order].reshape(len(known), -1)
     extinction = [
         np.interp(1 / visibility, 1 / known[::-1], row[::-1]) for row in np.transpose(rows)
     ]

@@ -158,10 +158,8 @@ def mean_transmittance(contrast, nk):
     """Hemispherical mean of 1 - F, int_0^1 (1 - F(c)) 2 c dc, with derivatives, in Float64."""
     Float = type(contrast)
     x, weight = unit_rule(MEAN_NODES)
-    x, weight = (
-        GRAZING_KNEE * np.sinh(REACH * x),
-        GRAZING_KNEE * np.cosh(REACH * x) * REACH * weight,
-    )
+    weight = GRAZING_KNEE * np.cosh(REACH * x) * REACH * weight
+    x = GRAZING_KNEE * np.sinh(REACH * x)
     count = max(dr.width(contrast), dr.width(nk))
     lanes = [dr.repeat(v + dr.zeros(Float, count), MEAN_NODES) for v in (contrast, nk)]
     cos = Float(np.tile(x, count))

@@ -52,12 +52,8 @@ def pixel_rays(camera) -> tuple[mi.Ray3f, tuple[int, int]]:
     """Rays through the pixels' centres, row by row, and the film's (height, width)."""
     width, height = camera.film().crop_size()
     row, column = np.indices((height, width)).reshape(2, -1)
-    ray, _ = camera.sample_ray(
-        camera.shutter_open(),
-        0,
-        mi.Point2f((column + 0.5) / width, (row + 0.5) / height),
-        mi.Point2f(0.5),
-    )
+    position = mi.Point2f((column + 0.5) / width, (row + 0.5) / height)
+    ray, _ = camera.sample_ray(camera.shutter_open(), 0, position, mi.Point2f(0.5))
     return ray, (height, width)
 
 
