@@ -23,8 +23,9 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.plugins.emission.triangles import is_faceted
-from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of, is_thermal
+from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 from mi_lcair.rendering.loading.files import survey_values
+from mi_lcair.rendering.views import model_shapes
 
 MODEL = "model"
 # Axis and sign of each turn in the order in which they act, as the attitude of a scene's XML
@@ -75,11 +76,6 @@ def shifted(vertices: np.ndarray, metres: float, axis: int) -> np.ndarray:
 
 def scaled(vertices: np.ndarray, size: float, middle: np.ndarray) -> np.ndarray:
     return middle + size * (vertices - middle)
-
-
-def model_shapes(scene) -> list[mi.Shape]:
-    """The shapes of a scene's model, without sky and terrain."""
-    return [shape for shape in scene.mi.shapes() if facet_type_of(shape.emitter()) == "model"]
 
 
 def groups_of_meshes(scene) -> dict[str, list[mi.Shape]]:

@@ -4,7 +4,6 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.motions.motion import model_shapes
 from mi_lcair.motions.pose import moved
 from mi_lcair.plugins.emission.radiance_bound import radiance_bound
 from mi_lcair.plugins.emission.triangles import (
@@ -15,6 +14,7 @@ from mi_lcair.plugins.emission.triangles import (
     triangle_vertices,
 )
 from mi_lcair.plugins.paths.facet_starts import FacetStarts
+from mi_lcair.rendering.views import model_shapes
 from mi_lcair.rendering.window import window, window_size
 
 # Shares of the paths that begin on facets by their projected area, because a cold facet may reflect

@@ -3,10 +3,10 @@
 import numpy as np
 
 from mi_lcair.plugins.emission.emitter_table import hulls
-from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of
 from mi_lcair.plugins.paths.aim import CELLS, ON_MODEL, Aim, shared_out
 from mi_lcair.plugins.paths.launch import Launch, views_of
 from mi_lcair.rendering.measurands import Measurands
+from mi_lcair.rendering.views import model_shapes
 from mi_lcair.rendering.window import window
 
 POINTS = 4  # paths of the pilot in each cell
@@ -64,9 +64,7 @@ def aim_at_model(scene, tracer, sensor, seed: int, measurands: Measurands) -> Ai
         of_cells = values.reshape(cells, len(views), cells).swapaxes(0, 1)
         importance += shared_out(blurred(of_cells))
     importance[~of_cells.any(axis=(1, 2))] = 0  # of the radiance
-    model = [
-        hulls(shape) for shape in scene.mi.shapes() if facet_type_of(shape.emitter()) == "model"
-    ]
+    model = [hulls(shape) for shape in model_shapes(scene)]
     may_be_model = np.array([cells_of_model(model, view, cells) for view in views])
     return Aim.at(importance, may_be_model, ON_MODEL if len(views) == 1 else ON_MODEL_OF_MANY)
 

@@ -68,11 +68,7 @@ class Target:
     @staticmethod
     def of(scene: Scene) -> "Target":
         """The extent of a scene's model; raises InputError if the scene has no model."""
-        points = [
-            corners(shape)
-            for shape in scene.mi.shapes()
-            if facet_type_of(shape.emitter()) == "model"
-        ]
+        points = [corners(shape) for shape in model_shapes(scene)]
         if not points:
             raise InputError(
                 f"{scene.name}: has no model to look at; all its surfaces are sky or terrain"
@@ -132,6 +128,11 @@ class Target:
             "far_clip": far,
             "film": film(resolution, resolution),
         }
+
+
+def model_shapes(scene: Scene) -> list[mi.Shape]:
+    """The shapes of a scene's model, without sky and terrain."""
+    return [shape for shape in scene.mi.shapes() if facet_type_of(shape.emitter()) == "model"]
 
 
 def check_resolution(resolution: int) -> None:
