@@ -101,6 +101,15 @@ def test_a_worker_in_a_thread_is_refused():
         list(computed([os.getpid]))
 
 
+def test_a_script_without_a_guard(monkeypatch):
+    def fails(**options):
+        raise RuntimeError("Nanny failed to start.")
+
+    monkeypatch.setattr(distributed, "LocalCluster", fails)
+    with on_workers(1), pytest.raises(InputError, match="within `if __name__ == '__main__':`"):
+        list(computed([os.getpid]))
+
+
 SCHEDULER = """
 import time
 from dask.distributed import LocalCluster
