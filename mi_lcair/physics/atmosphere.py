@@ -277,13 +277,11 @@ def between_elevations(path, elevations_deg, airs, elevation_deg) -> AtmosphereT
     transmittance = np.exp(-(depth ** (1 - share)) * next_depth**share)
     radiance = (1 - transmittance) * ((1 - share) * source + share * next_source)
     first = airs[0]
-    return AtmosphereTable(
+    name, grid = (
         f"{first.name} at {elevation_deg:g} degrees",
-        first.ranges_m,
-        first.wavelengths_um,
-        transmittance,
-        radiance,
+        (first.ranges_m, first.wavelengths_um),
     )
+    return AtmosphereTable(name, *grid, transmittance, radiance)
 
 
 def _over_ranges(name, path, blocks, ranges) -> Atmosphere:
@@ -299,12 +297,7 @@ def _over_ranges(name, path, blocks, ranges) -> Atmosphere:
                 f"atmosphere {path}: the ranges of the blocks with headers in lines {first.line} "
                 f"and {block.line} have different wavelengths; run every range with the same ones"
             )
-    return plausible(
-        AtmosphereTable(
-            name,
-            np.unique(ranges),
-            first.wavelengths_um,
-            np.array([block.transmittance for block in lines_of_sight]),
-            np.array([block.path_radiance for block in lines_of_sight]),
-        )
-    )
+    transmittance = np.array([block.transmittance for block in lines_of_sight])
+    radiance = np.array([block.path_radiance for block in lines_of_sight])
+    grid = np.unique(ranges), first.wavelengths_um
+    return plausible(AtmosphereTable(name, *grid, transmittance, radiance))

@@ -77,11 +77,8 @@ class Band:
         wavelengths_um: rising wavelengths of the rows [um], (n,). They must cover the band, which
         must not be `total`.
         """
-        breaks = [
-            self.lower_um,
-            self.upper_um,
-            *([] if self.response is None else self.response[0]),
-        ]
+        of_response = [] if self.response is None else self.response[0]
+        breaks = [self.lower_um, self.upper_um, *of_response]
         inside = (self.lower_um < wavelengths_um) & (wavelengths_um < self.upper_um)
         nodes = np.unique(np.concatenate([breaks, wavelengths_um[inside]]))
         step, count = np.diff(nodes) / 6, len(wavelengths_um)
@@ -277,13 +274,8 @@ def _from_response(path, revision):
     nodes, weights = _gauss_between(wavelengths)
     weights = weights * np.interp(nodes, wavelengths, response)
     nodes, weights = nodes[weights > 0], weights[weights > 0]
-    return _band(
-        path.stem,
-        *_thinned(nodes, weights),
-        float(wavelengths[0]),
-        float(wavelengths[-1]),
-        np.array([wavelengths, response]),
-    )
+    limits, table = map(float, wavelengths[[0, -1]]), np.array([wavelengths, response])
+    return _band(path.stem, *_thinned(nodes, weights), *limits, table)
 
 
 def _thinned(nodes, weights):

@@ -169,8 +169,5 @@ def crowded(lower: float, upper: float, step: float, peak: float, width: float) 
     reach = np.arcsinh(180 / width)
     around = peak + width * np.sinh(np.linspace(-reach, reach, 121))
     inside = (around > lower + 1e-6) & (around < upper - 1e-6)
-    return np.unique(
-        np.concatenate(
-            [np.linspace(lower, upper, round((upper - lower) / step) + 1), around[inside]]
-        )
-    )
+    even = np.linspace(lower, upper, round((upper - lower) / step) + 1)
+    return np.unique(np.concatenate([even, around[inside]]))

@@ -46,16 +46,8 @@ def aim_at_model(scene, tracer, sensor, seed: int, measurands: Measurands) -> Ai
     hit = "hit" if measurands.channels.split == "model" else "target.hit"
     rows_at_once, parts = max(1, MOST_PATHS // (columns * points)), []
     for row in range(0, cells, rows_at_once):
-        launch = Launch(
-            columns=columns,
-            rows=cells,
-            seed=seed,
-            randomisations=1,
-            points=points,
-            first=row * columns,
-            windows=min(rows_at_once, cells - row) * columns,
-            aim=Aim.anywhere(cells),
-        )
+        some = {"first": row * columns, "windows": min(rows_at_once, cells - row) * columns}
+        launch = Launch(columns, cells, seed, 1, points, **some, aim=Aim.anywhere(cells))
         sums = recorded.trace(tracer, sensor, launch)
         of_rows = sums.channels[hit], sums.highest["target"], sums.channels["target"]
         parts.append([np.ravel(values) for values in of_rows])

@@ -102,12 +102,8 @@ def peak_region(wi):
     """Limits in theta (lower, upper), middle in phi and half width in phi of the peak region."""
     theta = dr.acos(dr.clip(wi.z, 0, 1))
     half = dr.minimum(PEAK_PHI * dr.maximum(1, 0.5 / dr.maximum(dr.sin(theta), 1e-6)), pi)
-    return (
-        dr.maximum(theta - PEAK_THETA, 0),
-        dr.minimum(theta + PEAK_THETA, HALF_PI),
-        dr.atan2(-wi.y, -wi.x),
-        half,
-    )
+    low, high = dr.maximum(theta - PEAK_THETA, 0), dr.minimum(theta + PEAK_THETA, HALF_PI)
+    return low, high, dr.atan2(-wi.y, -wi.x), half
 
 
 def middle(k, count, low, high):

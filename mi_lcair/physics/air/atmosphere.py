@@ -246,12 +246,8 @@ class Atmosphere:
     def _in_pieces(self, ranges_m, extrapolate, function):
         """Values of `function` at checked ranges [m], computed for RANGES_AT_ONCE at a time."""
         ranges = self._checked(ranges_m, extrapolate)
-        return np.concatenate(
-            [
-                function(ranges[start : start + RANGES_AT_ONCE])
-                for start in range(0, max(len(ranges), 1), RANGES_AT_ONCE)
-            ]
-        )
+        starts = range(0, max(len(ranges), 1), RANGES_AT_ONCE)
+        return np.concatenate([function(ranges[k : k + RANGES_AT_ONCE]) for k in starts])
 
     def _checked(self, ranges_m, extrapolate) -> np.ndarray:
         """The ranges [m] as an array; see `path` for what is refused."""

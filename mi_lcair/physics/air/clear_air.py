@@ -121,11 +121,9 @@ class ClearAir:
 
     def scattered(self, along: Ray, sun: SunDirection) -> AirLight:
         """Sunlight that the air along a ray scatters once to the viewer."""
-        return AirLight.of(
-            "scattered sunlight",
-            self.scattering(along, sun, [sun.azimuth_deg])[0],
-            along.amounts + self.amounts_to_sun(along, sun),
-        )
+        (sources,) = self.scattering(along, sun, [sun.azimuth_deg])
+        amounts = along.amounts + self.amounts_to_sun(along, sun)
+        return AirLight.of("scattered sunlight", sources, amounts)
 
     def scattering(self, along: Ray, sun: SunDirection, azimuths_deg: ArrayLike) -> np.ndarray:
         """Sources of scattered light at the edges of a ray's layers, (azimuths, n + 1, k).
