@@ -65,7 +65,7 @@ def draw(path: Path, loaded: dict) -> None:
             bar = figure.colorbar(drawn, ax=of_scale, extend="both", **where)
             bar.set_label("apparent temperature in 3-5 um (K)")
     panels[0].set_ylabel("m")
-    figure.savefig(path, dpi=110)
+    figure.savefig(path, dpi=110, bbox_inches="tight")
 
 
 def landing(sky: str, band: str) -> list[float]:
