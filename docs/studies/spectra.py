@@ -108,7 +108,7 @@ def room_rows(folder: Path):
         scenes.ENTRIES.update({key: (keys, before[key][1]) for key, keys in changes.items()})
         bins = Bins(band_of("MWIR"), ROOM_BINS)
         exact = bins.means(spectral_radiance(bins.grid_um, 400.0))
-        for paths in (PATHS, 16 * PATHS):
+        for paths in (PATHS, 16 * PATHS, 256 * PATHS):
             error, off = room_errors(folder, names, scenes.SPECTRA, paths, exact)
             ratios = []
             for k in ALONE:

@@ -82,7 +82,8 @@ class Sky(DistantEmitter):
     of the air before it, or `temperature` of a sky of one temperature; and `temperature` and
     `emissivity` of the ground. With `emitter_sampling`, directions are drawn by their radiance over
     the elevation. Where sources are told apart by their spectra, the spectra of neighbouring rings
-    of elevations are mixed, and emission and scattered sunlight are sources of their own.
+    of elevations are mixed, and emission and scattered sunlight are sources of their own. Near the
+    sun, scattered light has the spectrum toward the sun in addition.
     """
 
     is_divided = has_spectrum = True
