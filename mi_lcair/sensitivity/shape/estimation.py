@@ -30,7 +30,9 @@ from mi_lcair.rendering.statistics import check_valid, edge_share
 from mi_lcair.rendering.window import RANDOMISATIONS, Windows, window_area
 from mi_lcair.sensitivity.shape.surface import Surface
 
-STEP = 0.1  # displacement of a vertex in parts of its `Surface.reach`
+# Displacement of a vertex in parts of its `Surface.reach`. The truncation error of two plates whose
+# edges are near each other is 0.5 % with it, 5 % with 0.1 and 27 % with 0.3.
+STEP = 0.03
 # Shares of the paths that begin on triangles by their visible area, by that times their radiance,
 # and on all that can be seen alike
 SHARES = 0.35, 0.35, 0.3
