@@ -13,7 +13,8 @@ five minutes.
 import math
 import sys
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import product
 from pathlib import Path
 from statistics import median
 
@@ -29,7 +30,7 @@ from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.aiming import aim_at_model
-from mi_lcair.rendering.measurands import Measurands
+from mi_lcair.rendering.measurands import IntensityInterval, Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.window import RANDOMISATIONS, Windows, window_area
@@ -250,6 +251,20 @@ def with_tolerances(name: str, parameters: dict) -> str:
     return f"| {' | '.join(cells)} |"
 
 
+def with_facets(position: int, band: str) -> str:
+    """A row of the table of paths to 1 %: with one path for both parts, and with rays to facets."""
+    scene = mi_lcair.load("a340_landing", position=position, band=band)
+    whole, texts = Windows.whole(scene.sensor(0)), []
+    for follows in (False, True):
+        windows, totals = replace(whole, may_follow_facets=follows), []
+        for seed in range(TOLERANCE_SEEDS):
+            plan = Sampling(tolerance=0.01, seed=seed), Measurands.of("target")
+            totals.append(measure(scene, windows, *plan, IntensityInterval(0.01)))
+        texts.append(", ".join(f"{int(total.traced[0]):,}" for total in totals))
+    emission = float(totals[0].mean("target.bounce.0")[0] / totals[0].mean("target")[0])
+    return f"| {position}, {band} | {emission:.0%} | {texts[0]} | {texts[1]} |"
+
+
 def draw(path, panels: dict[str, tuple[str, dict[str, Curve]]]) -> None:
     """Write a PNG with a panel for each scene: rms error against the number of paths.
 
@@ -303,6 +318,7 @@ def main(page):
         openings="\n".join(f"| {k} | {digits(track_openings(k))} |" for k in OPENINGS),
         tolerance_seeds=TOLERANCE_SEEDS,
         tolerances="\n".join(with_tolerances(*case) for case in SCENES),
+        facets="\n".join(with_facets(*case) for case in product((1, 2, 3), ("LWIR", "MWIR"))),
     )
 
 

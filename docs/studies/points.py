@@ -164,7 +164,7 @@ def coverage(scene, numbers_of_paths) -> list[tuple[int, float, float, list[floa
             found = runs(scene, tracer, paths, R, paths)
             if truth is None:
                 truth = {name: values.mean() for name, values in found.items()}
-            missed = tracer.unmet_sources(scene.sensor(0)).always / paths
+            missed = tracer.unmet_sources(scene.sensor(0)).in_view / paths
             parts = [
                 covered(values, truth[name])
                 for name, values in found.items()

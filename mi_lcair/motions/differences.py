@@ -15,17 +15,12 @@ import numpy as np
 
 from mi_lcair.motions.motion import Motion
 from mi_lcair.motions.pose import known_motions, moved, value_of
-from mi_lcair.motions.starts import (
-    meshes_of_model,
-    moves_in_view,
-    radiances,
-    seen_shares,
-    starts_in,
-)
+from mi_lcair.motions.starts import moves_in_view, starts_in
 from mi_lcair.plugins.emission.draw_table import PREFERRED
 from mi_lcair.plugins.integrators.bounce_path import AUTO
 from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.plugins.paths.offsets import rounding_error
+from mi_lcair.rendering.facets.starts import meshes_of_model, radiances, seen_shares
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling
@@ -316,7 +311,7 @@ class Differences:
                 return 0.0
             errors = [float(total.edge_error(self.channel)[0]) for total in ends]
             return hypot(*errors) / (2 * h)
-        radiance = np.concatenate([radiances(mesh) for mesh in meshes_of_model(self.scene)])
+        radiance = radiances(meshes_of_model(self.scene))
         high, low = (total.aim.tables.weight.numpy().astype(float) for total in ends)
         slopes = (high - low) * radiance / (2 * h)
         points = float(ends[0].paths[0]) / ends[0].randomisations

@@ -1,10 +1,13 @@
 """Where in a window to begin paths, so that the mean radiance of the model has little noise."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from mi_lcair.plugins.emission.emitter_table import hulls
 from mi_lcair.plugins.paths.aim import CELLS, ON_MODEL, Aim, shared_out
-from mi_lcair.plugins.paths.launch import Launch, views_of
+from mi_lcair.plugins.paths.facet_starts import FacetStarts
+from mi_lcair.plugins.paths.launch import OTHER_THAN_DIRECT, WHOLE, Launch, views_of
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.views import model_shapes
 from mi_lcair.rendering.window import window
@@ -12,14 +15,17 @@ from mi_lcair.rendering.window import window
 POINTS = 4  # paths of the pilot in each cell
 # The same and the cells along each side for one of many windows, which get fewer paths each
 POINTS_OF_MANY, CELLS_OF_MANY = 2, 128
-# Share of the paths that begin anywhere on the model in one of many windows. It bounds the weight
-# of a path that meets what no other has met, which often decides on the number of paths.
+# Share of the paths that begin anywhere on the model in one of many windows, and beside paths that
+# begin on facets. It bounds the weight of a path that meets what no other has met, which often
+# decides on the number of paths.
 ON_MODEL_OF_MANY = 0.7
 MOST_PATHS = 2**21  # of a launch of the pilot
 EDGE = 1e-3  # cells by which a rectangle is enlarged, for rounding of positions
 
 
-def aim_at_model(scene, tracer, sensor, seed: int, measurands: Measurands) -> Aim:
+def aim_at_model(
+    scene, tracer, sensor, seed: int, measurands: Measurands, direct: FacetStarts | None = None
+) -> Aim:
     """An aim at the model's facets in each view, and more at those that radiate more.
 
     A pilot with a few paths in each cell of the window gives the mean radiance of the model there,
@@ -38,6 +44,8 @@ def aim_at_model(scene, tracer, sensor, seed: int, measurands: Measurands) -> Ai
     seed : int
     measurands : Measurands
         The same as later, so that one kernel serves both.
+    direct : FacetStarts or None
+        Where paths begin that bring what the model shows without a reflection; `direct` of the aim.
     """
     views = views_of(sensor)
     cells = CELLS if len(views) == 1 else CELLS_OF_MANY
@@ -47,6 +55,7 @@ def aim_at_model(scene, tracer, sensor, seed: int, measurands: Measurands) -> Ai
     rows_at_once, parts = max(1, MOST_PATHS // (columns * points)), []
     for row in range(0, cells, rows_at_once):
         some = {"first": row * columns, "windows": min(rows_at_once, cells - row) * columns}
+        some["part"] = WHOLE if direct is None else OTHER_THAN_DIRECT
         launch = Launch(columns, cells, seed, 1, points, **some, aim=Aim.anywhere(cells))
         sums = recorded.trace(tracer, sensor, launch)
         of_rows = sums.channels[hit], sums.highest["target"], sums.channels["target"]
@@ -58,7 +67,8 @@ def aim_at_model(scene, tracer, sensor, seed: int, measurands: Measurands) -> Ai
     importance[~of_cells.any(axis=(1, 2))] = 0  # of the radiance
     model = [hulls(shape) for shape in model_shapes(scene)]
     may_be_model = np.array([cells_of_model(model, view, cells) for view in views])
-    return Aim.at(importance, may_be_model, ON_MODEL if len(views) == 1 else ON_MODEL_OF_MANY)
+    on_model = ON_MODEL if len(views) == 1 and direct is None else ON_MODEL_OF_MANY
+    return replace(Aim.at(importance, may_be_model, on_model), direct=direct)
 
 
 def cells_of_model(model: list[np.ndarray], sensor, cells: int) -> np.ndarray:

@@ -7,10 +7,9 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.paths.aim import Aim
-from mi_lcair.rendering.aiming import aim_at_model
 from mi_lcair.rendering.limits import check_memory
 from mi_lcair.rendering.measurands import Criterion, Measurands
-from mi_lcair.rendering.pilots import WORTH_ASKING, cheapest, open_settings
+from mi_lcair.rendering.pilots import WORTH_ASKING, best_aim, cheapest, open_settings
 from mi_lcair.rendering.pixels.allocation import Allocation, allocate
 from mi_lcair.rendering.pixels.errors import PixelCriterion
 from mi_lcair.rendering.pixels.passes import traced
@@ -142,7 +141,7 @@ def _until_met(
                         allocation, may_share, done = shared, False, 0
             if needed.max() > WORTH_AIMING and may_aim:
                 # Begin again in all windows, with the same number of paths
-                aim = aim_at_model(scene, tracer, windows.sensor, sampling.seed, measurands)
+                aim = best_aim(scene, tracer, windows, sampling, measurands, criterion)
                 total, may_aim = windows.totals(tracer, aim), False
                 active, last = np.arange(windows.count), np.zeros(windows.count)
                 goal, done = done, 0

@@ -9,6 +9,9 @@ import numpy as np
 
 from mi_lcair.plugins.emission.drawing.openings import Openings
 from mi_lcair.plugins.integrators.bounce_path import AUTO
+from mi_lcair.plugins.paths.aim import Aim
+from mi_lcair.rendering.aiming import aim_at_model
+from mi_lcair.rendering.facets.starts import starts_on_facets
 from mi_lcair.rendering.settings import changed
 
 # Cost of a reflection at which directions are drawn, in rays. For emitters it was measured between
@@ -18,6 +21,8 @@ DRAWN_RAYS = {"emitter_sampling": 2, "opening_sampling": 4}
 # Ratio of the error to the allowed error, after the first paths, from which on the paths of the
 # pilots are few beside those that are still needed
 WORTH_ASKING = 3
+# Ratio of two errors from which on the smaller one is worth a ray to a facet for each path
+WORTH_STARTING = 0.9
 # Randomisations of the pilots of one window. With 32, two equal variances differ by less than 1.8.
 RANDOMISATIONS = 32
 
@@ -77,7 +82,28 @@ def cheapest(scene, settings: list, windows, sampling, measurands, criterion) ->
     return {name: name == best for name in settings}
 
 
-def pilot(scene, windows, sampling, measurands, criterion) -> tuple:
+def best_aim(scene, tracer, windows, sampling, measurands, criterion) -> Aim:
+    """An aim at the model, with paths for its own emission that begin on facets, if these pay.
+
+    That part has hardly any noise then. Where emission and reflections add up to a constant, as in
+    a closed isothermal scene, paths that bring both have none. The arguments are those of
+    `measure`.
+    """
+    starts, plan = None, (scene, tracer, windows.sensor, sampling.seed, measurands)
+    if windows.may_follow_facets and tracer.closure == "none":
+        starts = starts_on_facets(scene, windows.sensor, tracer.emitters.brightest)
+    if starts is not None:
+        aim = aim_at_model(*plan, starts)
+        split, whole = (
+            pilot(scene, windows, sampling, measurands, criterion, part)[0]
+            for part in (aim, replace(aim, direct=None))
+        )
+        if split < WORTH_STARTING * whole:
+            return aim
+    return aim_at_model(*plan)
+
+
+def pilot(scene, windows, sampling, measurands, criterion, aim: Aim | None = None) -> tuple:
     """Ratio of the error to the allowed error after the first paths, and their totals."""
     if not windows.are_pixels:
         windows = replace(windows, randomisations=RANDOMISATIONS)
@@ -86,7 +112,7 @@ def pilot(scene, windows, sampling, measurands, criterion) -> tuple:
     binning = measurands.binning(sampling.tolerance)
     with scene.prepared(measurands.by_spectrum, binning=binning) as tracer:
         criterion.check(tracer, scene.name)
-        total = windows.totals(tracer)
+        total = windows.totals(tracer, aim)
         for launch in windows.launches(active, 0, points, sampling.seed, total.aim):
             total.add(launch, measurands.trace(tracer, windows.sensor, launch))
         return float(np.max(criterion.excess(total))), total

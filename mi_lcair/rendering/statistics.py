@@ -1,6 +1,7 @@
 """Statistics of a render: means over windows, and their errors from randomisations."""
 
 from copy import copy
+from functools import reduce
 from math import hypot
 
 import numpy as np
@@ -12,6 +13,7 @@ from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.paths.sums import Sums
 from mi_lcair.plugins.recorders.by_source import up_to_prefix
+from mi_lcair.plugins.recorders.unmet_source import LARGEST, SUMMED, in_all_windows
 
 # Largest fraction of NaN or infinite samples in a result. Such samples are left out or count as 0,
 # which changes a mean by about their fraction. The limit is a tenth of the usual tolerance of 1 %.
@@ -72,7 +74,7 @@ class Totals:
         self.aim, self.emitters, self.excess, self.bins = aim, emitters, None, ""
         self.valid, self.radiance = (np.zeros((windows, randomisations)) for _ in range(2))
         self.sums = {}
-        self.unmet, self.chance, self.draws = unmet, np.zeros(windows), np.zeros(windows)
+        self.unmet, self.unmet_sums = unmet, {name: np.zeros(windows) for name in SUMMED + LARGEST}
         self.lowest, self.highest = {}, {}
         self.traced, self.invalid, self.tail = np.zeros(windows), 0, None
 
@@ -98,8 +100,10 @@ class Totals:
         for name, values in sums.highest.items():
             highest = self.highest.setdefault(name, np.full(len(self.valid), -np.inf))
             highest[run] = np.maximum(highest[run], values)
-        self.chance[run] = np.maximum(self.chance[run], sums.chance)
-        self.draws[run] += sums.draws
+        for name, values in sums.unmet.items():
+            so_far = self.unmet_sums[name]
+            added = name in SUMMED
+            so_far[run] = so_far[run] + values if added else np.maximum(so_far[run], values)
         self.invalid += launch.paths - int(sums.valid.sum())
         if sums.tail is not None:
             self.tail = sums.tail if self.tail is None else self.tail + sums.tail
@@ -230,23 +234,26 @@ class Totals:
 
         draws: numbers of draws of parts of the only window, in place of those of the windows.
         """
-        largest_weight, brightest = 1.0, np.inf
+        largest_weight, brightest, starts = 1.0, np.inf, None
         if self.aim is not None:
             on_model = (name or "").startswith("target")
             largest_weight = self.aim.largest_on_model if on_model else self.aim.largest_weight
+            starts = self.aim.direct
         if name is not None and self.emitters is not None:
             label = name.rpartition("group.")[2]
             brightest = self.emitters.brightest_of.get(label, np.inf)
-        bound = np.minimum(self.bound_of_unmet(draws), brightest) * largest_weight
-        largest = np.maximum(bound, np.minimum(self.chance, brightest * largest_weight))
         if self.unmet is None:
-            return largest
-        return np.maximum(largest, self.mean(name if name in self.sums else None))
-
-    def bound_of_unmet(self, draws: np.ndarray | None = None) -> np.ndarray:
-        """Bound of the radiance of sources that paths meet by chance alone, see `largest_unmet`."""
-        draws = self.draws if draws is None else draws
-        return np.zeros(len(draws)) if self.unmet is None else self.unmet.bound(draws)
+            return np.zeros(len(self.valid))
+        reflected = self.unmet.after_reflection(self.unmet_sums, largest_weight)
+        if draws is not None:
+            reflected = np.maximum(self.unmet.rare(draws), self.unmet_sums["largest"])
+        bounds = [np.minimum(self.unmet.in_view * largest_weight, brightest * largest_weight)]
+        bounds.append(np.minimum(reflected, brightest * largest_weight))
+        bounds.append(self.mean(name if name in self.sums else None))
+        if starts is not None:
+            direct = min(starts.largest_direct, brightest * starts.largest_weight)
+            bounds.append(direct)
+        return reduce(np.maximum, bounds)
 
     def half_width(self, name: str | None = None) -> np.ndarray:
         """Half of the 95 % interval of each window's mean, (windows,).
@@ -264,9 +271,11 @@ class Totals:
 
         It is largest if such a source is in the window with the fewest paths.
         """
-        most = float(self.chance.max())
+        most = 0.0
         if self.unmet is not None:
-            most = max(most, float(self.unmet.bound(self.draws.sum())), self.mean().mean())
+            sums = in_all_windows(self.unmet_sums)
+            reflected = float(self.unmet.after_reflection(sums))
+            most = max(self.unmet.in_view, reflected, self.mean().mean())
         most *= UNSEEN / student_factor(np.inf)
         return most / (len(self.traced) * max(self.traced.min(), 1))
 

@@ -49,6 +49,8 @@ class Windows:
         Whether the windows are the pixels of an image. Their error is then one number.
     by_randomisation : bool
         Whether `Totals` keeps the channels for each randomisation.
+    may_follow_facets : bool
+        Whether paths may begin on facets of the model. Such an aim is for one state of the scene.
     """
 
     sensor: mi.Sensor
@@ -59,6 +61,7 @@ class Windows:
     parts: int = 1
     are_pixels: bool = False
     by_randomisation: bool = True
+    may_follow_facets: bool = False
 
     @staticmethod
     def whole(sensor) -> "Windows":
@@ -102,7 +105,7 @@ class Windows:
             self.count,
             self.randomisations,
             self.by_randomisation,
-            tracer.unmet_sources(self.sensor),
+            tracer.unmet_sources(self.sensor, aim),
             tracer.systematic_error,
             aim,
             tracer.emitters,

@@ -160,7 +160,7 @@ class FacetSums:
         of_part = edge_share(R) * R * np.nan_to_num(radiance) * per_sample
         # The few paths that meet a facet may have missed what it reflects most. A facet that no
         # path has met is one that few paths would meet, as bright as the brightest path.
-        draws = totals.draws[0] * self.hits / max(self.hits.sum(), 1)
+        draws = totals.unmet_sums["draws"][0] * self.hits / max(self.hits.sum(), 1)
         largest = totals.largest_unmet("target", draws)
         largest = np.where(
             self.hits > 0,

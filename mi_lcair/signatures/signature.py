@@ -85,7 +85,9 @@ def measure_signature(
         criterion = IntensityInterval(sampling.tolerance)
     sums = FacetSums(FacetTable(scene), scene.mi.integrator().max_bounces) if facets else None
     measurands = Measurands(Channels("target", up_to=up_to), sums, by_spectrum)
-    total = measure(scene, Windows.whole(camera), sampling, measurands, criterion, aim)
+    # A caller with a criterion of its own takes the aim to other scenes
+    windows = replace(Windows.whole(camera), may_follow_facets=excess is None)
+    total = measure(scene, windows, sampling, measurands, criterion, aim)
     if not facets:
         return result(total)
     *_, direction = window(camera)

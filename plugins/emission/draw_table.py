@@ -4,7 +4,7 @@
 show.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import drjit as dr
@@ -31,25 +31,53 @@ SIMILAR = 2.0  # ratio of the radiances of facets of an emitter that stand for e
 class UnmetSources:
     """Upper bound of the radiance of sources that no path has hit.
 
-    always: radiance of the brightest source that a path meets by chance alone [W m^-2 sr^-1].
-    probability, radiance: the parts of emitters that are drawn, by rising probability of a draw,
-    and the largest radiance of each part and of those before it [W m^-2 sr^-1].
+    in_view: radiance of the brightest source that the first ray of a path meets by chance
+    [W m^-2 sr^-1]. undrawn: that of the brightest source that a path meets by chance alone after a
+    reflection. probability, radiance: the parts of emitters that are drawn, by rising probability
+    of a draw, and the largest radiance of each part and of those before it [W m^-2 sr^-1].
+    brightest: radiance of the brightest source.
     """
 
-    always: float
-    probability: np.ndarray
-    radiance: np.ndarray
+    in_view: float
+    undrawn: float = 0.0
+    probability: np.ndarray = field(default_factory=lambda: np.empty(0))
+    radiance: np.ndarray = field(default_factory=lambda: np.empty(0))
+    brightest: float = 0.0
 
-    def bound(self, draws: np.ndarray) -> np.ndarray:
-        """The bound after these numbers of draws [W m^-2 sr^-1].
+    def rare(self, draws: np.ndarray) -> np.ndarray:
+        """Radiance of the brightest source met by chance alone after a reflection [W m^-2 sr^-1].
 
         A part of an emitter that is drawn less than FEW_DRAWS times on average is met by chance,
-        as if it were not drawn at all. What is drawn more often shows in `Sums.chance`, be it
+        as if it were not drawn at all. What is drawn more often shows in `Sums.unmet`, be it
         hidden or not.
         """
         rare = FEW_DRAWS / np.maximum(draws, 1e-30)
         count = np.searchsorted(self.probability, rare)
-        return np.maximum(self.always, np.append(0.0, self.radiance)[count])
+        return np.maximum(self.undrawn, np.append(0.0, self.radiance)[count])
+
+    def after_reflection(self, sums: dict, largest_weight=1.0) -> np.ndarray:
+        """What a path adds that meets a source by chance after a reflection [W m^-2 sr^-1].
+
+        A source is as likely to be met at one reflection as at another, but for their throughput.
+        Of sources that are drawn and at least BRIGHT, it is what the paths could have met instead
+        of the throughput. sums: by the names of `UnmetSource`. largest_weight: that of a path.
+        """
+        rare = self.rare(sums["draws"])
+        rare = rare * self_weighted(sums["draws"], sums["squares"], largest_weight)
+        potentials = sums["potential"], sums["potential_squares"]
+        largest = sums["largest"] / (self.brightest or 1.0)
+        bright = self.brightest * self_weighted(*potentials, largest)
+        return np.maximum(np.maximum(rare, sums["darker"]), np.minimum(bright, sums["largest"]))
+
+
+def self_weighted(sums, squares, largest) -> np.ndarray:
+    """Mean of numbers, each weighted by itself, from their sums and sums of squares.
+
+    FEW_DRAWS further numbers are taken to be the largest one.
+    """
+    sums = sums + FEW_DRAWS * largest
+    squares = squares + FEW_DRAWS * largest**2
+    return np.divide(squares, sums, out=np.zeros_like(squares), where=sums > 0)
 
 
 def parts_of_emitters(radiances: list, probabilities: list) -> tuple[np.ndarray, np.ndarray]:
@@ -147,11 +175,11 @@ class DrawTable:
             index = dr.select(from_tree, index, other)
         return index, self.share * probability
 
-    def unmet(self, always: float) -> UnmetSources:
-        """Bound of the radiance of sources that no path has hit. always: see `UnmetSources`."""
+    def unmet(self, in_view: float, brightest: float) -> UnmetSources:
+        """Bound of the radiance of sources that no path has hit; the others: see `UnmetSources`."""
         split = partial(np.split, indices_or_sections=self.ends[:-1])
         parts = parts_of_emitters(split(self.bound), split(self.least))
-        return UnmetSources(always, *parts)
+        return UnmetSources(in_view, 0.0, *parts, brightest)
 
 
 def is_mesh(emitter) -> bool:

@@ -20,7 +20,7 @@ from mi_lcair.plugins.emission.triangles import (
     triangle_corners,
 )
 from mi_lcair.plugins.emitters.one_sun import one_sun
-from mi_lcair.plugins.emitters.thermal_emitter import groups_of, is_thermal
+from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of, groups_of, is_thermal
 from mi_lcair.plugins.paths.offsets import Offsets
 
 # Largest number of surfaces in a row that a ray passes. A path that needs more is not a number, so
@@ -93,12 +93,13 @@ class EmitterTable:
     def spawn_ray(self, si, d):
         return mi.Ray3f(self.leave(si, d), d)
 
-    def brightest_in_view(self, sensor) -> float:
+    def brightest_in_view(self, sensor, with_model: bool = True) -> float:
         """Upper bound of the radiance of all emitters in the field of view [W m^-2 sr^-1]."""
         field = FieldOfView(sensor)
         brightest = 0.0
         for shape, bound in self.bounds:
-            if bound is None or bound.max() <= brightest:
+            is_model = shape and facet_type_of(shape.emitter()) == "model"
+            if bound is None or bound.max() <= brightest or (is_model and not with_model):
                 continue
             hidden = field.excludes(hulls(shape)) if shape else np.zeros(1, bool)
             bounds = np.broadcast_to(bound, hidden.shape) if len(bound) == 1 else bound

@@ -8,6 +8,7 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.plugins.derivatives import own_memory
+from mi_lcair.plugins.paths.facet_starts import FacetStarts
 
 CELLS = 256  # cells along each side of a single window; a power of two
 # Shares of the paths that begin anywhere in the window, and anywhere where the model may be. They
@@ -48,12 +49,14 @@ class Aim:
 
     tables: for `Paths`. largest_weight: largest weight of a path of each window, (windows,), or
     (1,) if all have the same density. largest_on_model: the same for paths that begin where the
-    model may be.
+    model may be. direct: where paths begin that bring what the model shows without a reflection;
+    None: all paths bring it.
     """
 
     tables: CellTable
     largest_weight: np.ndarray
     largest_on_model: np.ndarray
+    direct: FacetStarts | None = None
 
     @staticmethod
     def at(importance: np.ndarray, may_be_model: np.ndarray, on_model: float = ON_MODEL) -> "Aim":

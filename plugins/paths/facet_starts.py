@@ -5,6 +5,7 @@ compared point by point, and hardly any noise is left in their difference.
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import drjit as dr
 import mitsuba as mi
@@ -66,15 +67,19 @@ class OnFacet(Recorder):
 class FacetStarts:
     """A density of starts over the facets of a scene in one pose; in place of an `Aim`.
 
-    tables: for `Paths`. largest_weight, largest_on_model: largest weight of a path.
+    tables: for `Paths`. largest_weight, largest_on_model: largest weight of a path. largest_direct:
+    the largest of weight times radiance that is seen without a reflection [W m^-2 sr^-1].
     """
 
     tables: FacetTable
     largest_weight: float
     largest_on_model: float
+    largest_direct: float
+
+    direct: ClassVar[None] = None  # see `Aim`: all of these paths bring everything
 
     @staticmethod
-    def at(meshes, outlines, area: np.ndarray, choice: Choice) -> "FacetStarts":
+    def at(meshes, outlines, area, choice: Choice, direct=0.0) -> "FacetStarts":
         """Starts on the triangles of meshes.
 
         Parameters
@@ -86,6 +91,8 @@ class FacetStarts:
             Visible area of all triangles in parts of the window's area.
         choice : Choice
             Draws one of all triangles.
+        direct : ndarray, shape (n,), or float
+            Upper bound of their radiance without reflections [W m^-2 sr^-1].
         """
         counts = [len(outline) for outline in outlines]
         ids = [pointer_id(mi.ShapePtr(mesh)) for mesh in meshes]
@@ -101,4 +108,5 @@ class FacetStarts:
             mi.UInt32(np.concatenate([np.arange(n) for n in counts]).astype(np.uint32)),
         )
         own_memory([table.outline, table.weight, table.shape, table.primitive])
-        return FacetStarts(table, float(weight.max()), float(weight.max()))
+        largest = float(weight.max())
+        return FacetStarts(table, largest, largest, float((weight * direct).max()))

@@ -1,6 +1,6 @@
 """A launch: which paths are traced together, where they begin and what random numbers they use."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
@@ -14,6 +14,9 @@ from mi_lcair.plugins.samplers.lattice import VECTOR, Lattice, hashed
 # Positions in the film of a sensor at which rays are taken. Those of a batch must lie inside the
 # film, because the edge belongs to the next sensor.
 NEAR, FAR = 0.25, 0.75
+FACETS = 0x5BD1E995  # changes the seed of paths that begin on facets
+# Parts of the radiance of a path: all, what the model shows without a reflection, and all but that
+WHOLE, DIRECT, OTHER_THAN_DIRECT = "whole", "direct", "other than direct"
 
 
 def numbers(sampler) -> str:
@@ -32,7 +35,8 @@ class Launch:
     the windows, counted row by row: `windows` windows from `first` on, every `stride`-th one.
     chosen: their numbers instead, in rising order. randomisations: number of randomisations of each
     window. first_point, points: the points of each randomisation. seed: seed of all random numbers.
-    aim: density of the positions in each window; None for a constant one.
+    aim: density of the positions in each window; None for a constant one. part: what the paths
+    bring; WHOLE, DIRECT or OTHER_THAN_DIRECT.
 
     The paths of a window follow each other, and within them those of a randomisation.
     """
@@ -48,6 +52,7 @@ class Launch:
     stride: int = 1
     chosen: tuple[int, ...] | None = None
     aim: Aim | FacetStarts | None = None
+    part: str = WHOLE
 
     @property
     def paths(self) -> int:
@@ -77,7 +82,16 @@ class Launch:
             opaque(self.first_point),
             mi.UInt32(VECTOR) if is_lattice else None,
             self.aim and self.aim.tables,
+            self.part,
         )
+
+    def split(self) -> "tuple[Launch, Launch]":
+        """Paths that bring all but what the model shows without a reflection, and paths for that.
+
+        The latter begin on facets, see `Aim.direct`. Their random numbers are others.
+        """
+        rest = replace(self, aim=replace(self.aim, direct=None), part=OTHER_THAN_DIRECT)
+        return rest, replace(self, aim=self.aim.direct, part=DIRECT, seed=self.seed ^ FACETS)
 
 
 @dataclass
@@ -85,7 +99,7 @@ class Paths:
     """The paths of a launch, as Dr.Jit arrays, so that one kernel serves all launches.
 
     lane: (paths,), number of each path. windows: (windows,), their numbers. vector: the lattice;
-    None for independent numbers. aim: see `Aim.tables`. The others are numbers of `Launch`.
+    None for independent numbers. aim: see `Aim.tables`. The others are those of `Launch`.
     """
 
     lane: mi.UInt32
@@ -98,6 +112,7 @@ class Paths:
     first_point: mi.UInt32
     vector: mi.UInt32 | None
     aim: CellTable | FacetTable | None
+    part: str = WHOLE
 
     def begin(self) -> tuple:
         """Sampler of each path, column and row of its window, its position there, its weight.

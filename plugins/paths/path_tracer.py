@@ -5,7 +5,6 @@ from math import hypot
 
 import drjit as dr
 import mitsuba as mi
-import numpy as np
 from mitsuba.python.ad.integrators.common import RBIntegrator
 
 from mi_lcair.errors import InputError
@@ -21,7 +20,9 @@ from mi_lcair.plugins.emission.draw_table import PREFERENCE, PREFERRED, UnmetSou
 from mi_lcair.plugins.emission.drawing.openings import Openings
 from mi_lcair.plugins.emission.emissivity import Table
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
-from mi_lcair.plugins.paths.launch import Launch, ParallelRays, Paths
+from mi_lcair.plugins.paths.aim import Aim
+from mi_lcair.plugins.paths.facet_starts import FacetStarts
+from mi_lcair.plugins.paths.launch import WHOLE, Launch, ParallelRays, Paths
 from mi_lcair.plugins.paths.offsets import rounding_error
 from mi_lcair.plugins.paths.recording import Recorded
 from mi_lcair.plugins.paths.sums import BlockSums, Sums, block_size
@@ -153,10 +154,12 @@ class PathTracer(RBIntegrator):
         finally:
             self.paths.control, self.paths.openings = None, openings
 
-    def radiance(self, sampler, ray, recorders: Recorders) -> tuple[mi.Float, Recorders]:
-        """Radiance of each path [W m^-2 sr^-1], and what was recorded along it."""
+    def radiance(
+        self, sampler, ray, recorders: Recorders, part: str = WHOLE
+    ) -> tuple[mi.Float, Recorders]:
+        """Radiance of each path [W m^-2 sr^-1], and what was recorded. part: see `Launch`."""
         (L, _), _, recorders = self.paths.walk(
-            dr.ADMode.Primal, sampler, ray, (None, None), mi.Bool(True), recorders
+            dr.ADMode.Primal, sampler, ray, (None, None), mi.Bool(True), recorders, part
         )
         return L[0], recorders
 
@@ -191,6 +194,9 @@ class PathTracer(RBIntegrator):
         """
         if self.paths.by_bin is not None and channels is not None and channels.tables is not None:
             raise InputError(WITHOUT_DERIVATIVES)
+        if isinstance(launch.aim, Aim) and launch.aim.direct is not None:
+            parts = [self.trace(sensor, part, channels, facets, rays) for part in launch.split()]
+            return parts[0].plus(parts[1])
         with dr.suspend_grad():
             paths = launch.paths_from(sensor.sampler())
             rays = ParallelRays.of(sensor) if rays is None else rays
@@ -256,7 +262,7 @@ class PathTracer(RBIntegrator):
             recorders.parts.append(ByBinOfPath.of(self.scene, self.emitters, bins, paths, weight))
         if facet is not None:
             recorders.parts.append(facet)
-        L, recorders = self.radiance(sampler, ray, recorders)
+        L, recorders = self.radiance(sampler, ray, recorders, paths.part)
         if bins is not None:
             recorders.of(ByBinOfPath).end()
         if facet is not None:
@@ -272,16 +278,18 @@ class PathTracer(RBIntegrator):
         film_position = (mi.Point2f(column, row) + position) / size
         return rays.sample_ray(rays.shutter_open(), 0, film_position, aperture)[0]
 
-    def unmet_sources(self, sensor) -> UnmetSources:
+    def unmet_sources(self, sensor, aim: Aim | FacetStarts | None = None) -> UnmetSources:
         """Bound of the radiance of sources that no path has hit.
 
-        Without emitter sampling, all emitters are met by chance alone. With it, those in the
-        sensor's field of view are, hidden or not, and those that are hardly ever drawn. The part of
-        the others is estimated along the paths (`Sums.chance`).
+        Those in the sensor's field of view, hidden or not, are met by chance. Without emitter
+        sampling, all are after a reflection. With it, those are that are hardly ever drawn. The
+        part of the others is estimated along the paths (`UnmetSource`). aim: where the paths begin.
+        Those that begin on facets of the model meet these by choice.
         """
+        in_view = self.emitters.brightest_in_view(sensor, aim is None or aim.direct is None)
         if self.emitter_sampling and self.emitters.draws:
-            return self.emitters.tables[0].unmet(self.emitters.brightest_in_view(sensor))
-        return UnmetSources(self.emitters.brightest, np.empty(0), np.empty(0))
+            return self.emitters.tables[0].unmet(in_view, self.emitters.brightest)
+        return UnmetSources(in_view, self.emitters.brightest if self.max_bounces else 0.0)
 
 
 def block_sums(L, channels: Channels, recorders: Recorders, weight, size: int) -> BlockSums:

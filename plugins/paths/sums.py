@@ -10,12 +10,13 @@ import numpy as np
 
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.paths.tail import Tail
-from mi_lcair.plugins.recorders.unmet_source import UnmetSource
+from mi_lcair.plugins.recorders.unmet_source import LARGEST, SUMMED, UnmetSource
 
 # Consecutive values summed in Float32, before sums in Float64. A Float32 sum of 16,000 equal
 # numbers has an error of 1e-5.
 SUMMED_IN_FLOAT32 = 8
 FEW_BLOCKS = 4  # NumPy sums so short a last axis several times slower than it adds arrays
+NO_RADIANCE = "range", "hit", "segments"  # channels that are not parts of the radiance
 EXTREMES = ("radiance", "target")  # what of which the darkest and the brightest path are known
 
 
@@ -26,10 +27,9 @@ class Sums:
     All but `valid` are weighted sums. NaN and infinite samples are left out. valid: number of the
     other samples. radiance: their sum [W m^-2 sr^-1]. channels: sums of the channels by name, see
     `Channels`. lowest, highest: the darkest and the brightest path of each window, (windows,)
-    [W m^-2 sr^-1], for `radiance` and for the channels in EXTREMES. chance: largest contribution of
-    a source that a path of the window could have hit but did not hit, (windows,) [W m^-2 sr^-1].
-    draws: number of directions drawn toward emitters, times the throughput, (windows,). tail: sums
-    for closure = tail; None for another closure.
+    [W m^-2 sr^-1], for `radiance` and for the channels in EXTREMES. unmet: what sources would add
+    that a path could have hit but did not hit, (windows,), by the names of `UnmetSource`. tail:
+    sums for closure = tail; None for another closure.
     """
 
     valid: np.ndarray
@@ -37,8 +37,7 @@ class Sums:
     channels: dict[str, np.ndarray]
     lowest: dict[str, np.ndarray]
     highest: dict[str, np.ndarray]
-    chance: np.ndarray
-    draws: np.ndarray
+    unmet: dict[str, np.ndarray]
     tail: Tail | None
 
     @staticmethod
@@ -57,15 +56,35 @@ class Sums:
 
         channels = {name: total(values) for name, values in blocks.sums.items()}
         highest = {name: of_windows(v).max(axis=1) for name, v in blocks.highest.items()}
+        unmet = {name: channels.pop(name).sum(axis=1) for name in SUMMED if name in channels}
+        unmet |= {name: highest.pop(name) for name in LARGEST if name in highest}
         return Sums(
             valid=channels.pop("valid"),
             radiance=channels.pop("radiance"),
-            draws=channels.pop("draws", np.zeros((launch.windows, 1))).sum(axis=1),
             channels=channels,
             lowest={name: of_windows(v).min(axis=1) for name, v in blocks.lowest.items()},
-            chance=highest.pop("chance", np.zeros(launch.windows)),
             highest=highest,
+            unmet=unmet,
             tail=tail,
+        )
+
+    def plus(self, direct: "Sums") -> "Sums":
+        """These sums, and those of as many other paths that bring another part of the radiance.
+
+        What is no radiance is that of these paths.
+        """
+        channels = {
+            name: values + direct.channels[name]
+            for name, values in self.channels.items()
+            if name.removeprefix("target.") not in NO_RADIANCE
+        }
+        return replace(
+            self,
+            valid=np.minimum(self.valid, direct.valid),
+            radiance=self.radiance + direct.radiance,
+            channels=self.channels | channels,
+            lowest={name: values + direct.lowest[name] for name, values in self.lowest.items()},
+            highest={name: values + direct.highest[name] for name, values in self.highest.items()},
         )
 
     def without(self, names) -> "Sums":
@@ -84,8 +103,8 @@ def block_size(launch: Launch) -> int:
 class BlockSums:
     """Sums and extremes over blocks of consecutive paths, as Dr.Jit arrays.
 
-    sums: `valid`, `radiance` and `draws` of `Sums`, and its channels by name. lowest, highest:
-    those of `Sums`, and its `chance`.
+    sums: `valid` and `radiance` of `Sums`, its channels, and what of `unmet` is added up, by name.
+    lowest, highest: those of `Sums`, and the rest of `unmet`.
     """
 
     sums: dict[str, mi.Float]
@@ -114,7 +133,8 @@ class BlockSums:
         highest = dict(lowest)
         values["valid"] = dr.select(finite, mi.Float(1), 0)
         if unmet is not None:
-            values["draws"], highest["chance"] = unmet.draws * weight, unmet.largest * weight
+            summed, largest = unmet.of_paths(weight)
+            values, highest = values | summed, highest | largest
         # One kernel for all arrays, which would otherwise trace the paths again and again
         dr.eval(values, highest)
 

@@ -17,6 +17,7 @@ from mi_lcair.plugins.emission.drawing.openings import Openings
 from mi_lcair.plugins.emission.drawing.spherical_polygon import Receiver
 from mi_lcair.plugins.emission.emitter_table import MOST_PASSED, EmitterTable
 from mi_lcair.plugins.emission.samples import DrawnDirection
+from mi_lcair.plugins.paths.launch import DIRECT, OTHER_THAN_DIRECT, WHOLE
 from mi_lcair.plugins.recorders.recorder import Emission, Recorders, Reflection
 
 # Where no direction is drawn, it is not a number, and its slopes times 0 would not be 0.
@@ -139,7 +140,7 @@ class Walk:
         return f"{self.by_bin.count} bins, which cause a relative error of {self.binning_error:.1e}"
 
     @dr.syntax
-    def walk(self, mode, sampler, ray, adjoint, active, recorders: Recorders):
+    def walk(self, mode, sampler, ray, adjoint, active, recorders: Recorders, part: str = WHOLE):
         """Trace paths from the observer.
 
         Parameters
@@ -155,6 +156,8 @@ class Walk:
             (Backward, else None), and the state that the primal pass returned.
         active : mi.Bool
         recorders : Recorders
+        part : str
+            WHOLE, or a part of the radiance, see `Launch`. A replay gives the derivative of all.
 
         Returns
         -------
@@ -167,7 +170,7 @@ class Walk:
         """
         primal = mode == dr.ADMode.Primal
         # An opaque number, so that one kernel serves every number of reflections
-        most = dr.opaque(mi.UInt32, self.max_bounces)
+        most = dr.opaque(mi.UInt32, 0 if part == DIRECT else self.max_bounces)
         # Radiance: accumulated in the primal pass; in a replay, the part not yet accounted for
         L, latent = self.nothing() if primal else adjoint[1]
         δL = mi.Spectrum(0 if adjoint[0] is None else adjoint[0])
@@ -176,12 +179,15 @@ class Walk:
         active = mi.Bool(active)
         path = self.begin(ray, active)
         valid = path.pi.is_valid()
+        counts = None
+        if part == OTHER_THAN_DIRECT:
+            counts = ~(valid & self.emitters.is_model(path.pi.shape.emitter()))
         active = recorders.begin(path.pi, path.ray, active)
 
         while dr.hint(active, label=f"bounce_path ({mode.name})"):
             hit, lost = self.hit(path, most, active)
             recorders.meet(hit.bsdf, hit.si.wi)
-            Le, of_latent = self.emitted(primal, path, hit, most, recorders)
+            Le, of_latent = self.emitted(primal, path, hit, most, recorders, counts)
             # A replay subtracts what the primal pass added, so that after the subtractions L is the
             # radiance from later vertices
             L = accounted(L, Le, primal)
@@ -209,6 +215,8 @@ class Walk:
 
             self.turn(path, hit, scattering, active)
             recorders.turn()
+            if dr.hint(part == OTHER_THAN_DIRECT, mode="scalar"):
+                counts |= path.bounce > 0
         return (mi.Spectrum(L) if primal else δL, (L, latent)), valid, recorders
 
     def nothing(self) -> tuple:
@@ -265,10 +273,11 @@ class Walk:
             reflects &= ~is_through
         return Hit(si, bsdf, si.emitter(self.scene, active), active, reflects, passes), lost
 
-    def emitted(self, primal: bool, path: PathState, hit: Hit, most, recorders):
+    def emitted(self, primal: bool, path: PathState, hit: Hit, most, recorders, counts):
         """Radiance that the rays have met, with derivatives in the temperature and emissivity.
 
-        Also that along latent paths, without derivatives; None where nothing is explored.
+        Also that along latent paths, without derivatives; None where nothing is explored. counts:
+        the paths of which it counts; None for all.
         """
         si, emitters, beyond = hit.si, self.emitters, path.bounce > most
         # The emitter may have been drawn at the vertex before. Both estimates share its radiance.
@@ -280,6 +289,8 @@ class Walk:
                 distance = dr.norm(si.p - path.receiver.p)
             pdf = emitters.pdf(self.scene, path.receiver, distance, si, hit.emitter, reachable)
             share = dr.select(reachable, mis_weight(path.pdf, pdf), 1)
+        counts = mi.Bool(True) if counts is None else counts
+        share = dr.select(counts, share, 0)
         # The throughput and the share are constants
         with dr.resume_grad(when=not primal):
             emitted = hit.emitter.eval(si, hit.active)
@@ -306,7 +317,7 @@ class Walk:
         recorders.emission(replace(emission, latent=first(latent), by_bin=by_bin))
         # The sun is no surface. It is seen where the ray escapes, and through the sky.
         if emitters.sun is not None:
-            sees = hit.active & ~beyond & emitters.shows_sun(si, hit.emitter)
+            sees = hit.active & counts & ~beyond & emitters.shows_sun(si, hit.emitter)
             with dr.resume_grad(when=not primal):
                 of_sun, pdf = emitters.sun_along(path.ray.d, sees)
                 share = dr.select(path.is_delta, 1, mis_weight(path.pdf, pdf))

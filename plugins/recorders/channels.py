@@ -66,8 +66,9 @@ class Channels:
         if self.split or facets or is_tailed:
             parts.append(FirstHit.of(tracer.scene, tracer.emitters, facets, self.split == "model"))
         parts += [LastCounts.of(tracer.max_bounces)] if is_tailed else []
-        if tracer.emitters.draws:
-            parts.append(UnmetSource(tracer.emitters, mi.Float(0), mi.Float(0)))
+        # Without it, a path is taken to bring all of a source that it meets by chance
+        if tracer.emitters.draws or (self.split and self.tables is None and tracer.max_bounces):
+            parts.append(UnmetSource.of(tracer.emitters))
         return Recorders(parts)
 
     def by_name(self, L: mi.Float, recorders: Recorders) -> dict:

@@ -25,8 +25,7 @@ def sums_of(radiance, points, lowest=0.0, highest=0.0, chance=0.0, channels=None
         channels={} if channels is None else channels,
         lowest={"radiance": np.full(windows, lowest)},
         highest={"radiance": np.full(windows, highest)},
-        chance=np.full(windows, chance),
-        draws=np.zeros(windows),
+        unmet={"darker": np.full(windows, chance)},
         tail=None,
     )
 

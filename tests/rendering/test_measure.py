@@ -10,7 +10,7 @@ import pytest
 import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.paths.aim import Aim
-from mi_lcair.rendering import aiming
+from mi_lcair.rendering import aiming, pilots
 from mi_lcair.rendering import measure as module
 from mi_lcair.rendering.measurands import ExcessFunction, IntensityInterval, Measurands
 from mi_lcair.rendering.measure import measure
@@ -34,7 +34,7 @@ class Tracer:
     def __init__(self, noise=(0.0,), invalid=0.0):
         self.noise, self.invalid, self.launches = np.array(noise), invalid, []
 
-    def unmet_sources(self, sensor):
+    def unmet_sources(self, sensor, aim=None):
         return None
 
     def trace(self, sensor, launch, channels, facets, rays):
@@ -168,7 +168,7 @@ def test_a_noisy_window_is_begun_again_and_aimed(monkeypatch, noise, aimed):
     """Where the first error is more than 8 times as large as allowed; the first paths are left."""
     aim, seeds = Aim.anywhere(), []
     monkeypatch.setattr(
-        module, "aim_at_model", lambda scene, tracer, sensor, seed, _: (seeds.append(seed), aim)[1]
+        pilots, "aim_at_model", lambda scene, tracer, sensor, seed, _: (seeds.append(seed), aim)[1]
     )
     windows, tracer = Windows(mi.load_dict(camera()), pixels=64), Tracer([noise])
     sampling = Sampling(tolerance=0.001, seed=5)

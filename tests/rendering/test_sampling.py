@@ -70,7 +70,7 @@ def test_error_of_pixels():
 
 
 def test_the_error_of_dark_pixels_is_not_known():
-    dark = totals(np.zeros(4), unmet=UnmetSources(10.0, np.empty(0), np.empty(0)))
+    dark = totals(np.zeros(4), unmet=UnmetSources(10.0))
     assert PixelError(0.1).excess(dark) == np.inf
 
 

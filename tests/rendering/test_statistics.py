@@ -42,7 +42,7 @@ def test_the_larger_of_scatter_and_edge_counts():
 
 def test_a_source_that_no_path_met():
     """2.5 paths of the brightest source: e^-2.5 = 8 % of such sources are missed."""
-    unmet = UnmetSources(100.0, np.empty(0), np.empty(0))
+    unmet = UnmetSources(100.0)
     total = totals(np.full(8, 3.0), points=64, unmet=unmet)
     assert total.half_width() == pytest.approx(2.5 * 100 / 512)
     assert total.missed_by_all() == pytest.approx(2.5 * 100 / 512 / NORMAL, rel=1e-5)
@@ -54,7 +54,7 @@ def test_a_source_that_no_path_met():
 
 def test_a_shadow_that_no_path_met():
     """It takes away what 2.5 paths bring, where no source brings more."""
-    unmet = UnmetSources(1.0, np.empty(0), np.empty(0))
+    unmet = UnmetSources(1.0)
     part = {"bounce.0": np.full((1, 8), 64 * 0.75)}
     total = totals(np.full(8, 3.0), points=64, unmet=unmet, channels=part)
     assert total.half_width() == pytest.approx(2.5 * 3 / 512)
@@ -63,7 +63,7 @@ def test_a_shadow_that_no_path_met():
 
 
 def test_a_channel_that_no_path_met_has_an_error():
-    unmet = UnmetSources(100.0, np.empty(0), np.empty(0))
+    unmet = UnmetSources(100.0)
     dark = {"group.lamp": np.zeros((1, 8)), "group.wall": np.full((1, 8), 64 * 3.0)}
     total = totals(np.full(8, 3.0), points=64, unmet=unmet, channels=dark)
     assert total.standard_error("group.lamp") == pytest.approx(2.5 * 100 / 512 / NORMAL, rel=1e-5)
@@ -72,7 +72,7 @@ def test_a_channel_that_no_path_met_has_an_error():
 
 
 def test_a_group_misses_no_more_than_its_own_brightest_source():
-    unmet = UnmetSources(100.0, np.empty(0), np.empty(0))
+    unmet = UnmetSources(100.0)
     wall = {"target.group.wall": np.full((1, 8), 64 * 3.0)}
     total = totals(np.full(8, 3.0), points=64, unmet=unmet, channels=wall)
     total.emitters = SimpleNamespace(brightest_of={"wall": 7.0})
@@ -87,7 +87,7 @@ def test_a_part_has_the_edge_of_the_whole_in_proportion():
 
 def test_edges_and_missed_sources_beside_the_scatter():
     """Squares of 0.0118, the edge's, less that of a scatter of 0.005; and of the missed source."""
-    unmet = UnmetSources(7.0, np.empty(0), np.empty(0))
+    unmet = UnmetSources(7.0)
     scatter = np.array([3 - 0.005 * np.sqrt(7), 3 + 0.005 * np.sqrt(7)] * 4)
     total = totals(scatter, points=64, lowest=1.0, highest=5.0, unmet=unmet)
     assert total.scatter_error() == pytest.approx(0.005, rel=1e-6)
@@ -98,7 +98,7 @@ def test_edges_and_missed_sources_beside_the_scatter():
 
 def test_rms_over_the_pixels_of_an_image():
     """Four pixels; the missed source is in one of them."""
-    unmet = UnmetSources(10.0, np.empty(0), np.empty(0))
+    unmet = UnmetSources(10.0)
     radiance = [[1, 3], [2, 2], [3, 5], [4, 4]]
     total = totals(radiance, points=4, unmet=unmet)
     missed = 2.5 * 10 / 32 / NORMAL  # of the mean over all pixels
@@ -107,7 +107,7 @@ def test_rms_over_the_pixels_of_an_image():
 
 
 def test_a_dark_image_is_not_known():
-    unmet = UnmetSources(10.0, np.empty(0), np.empty(0))
+    unmet = UnmetSources(10.0)
     assert totals(np.zeros(8), unmet=unmet).rms_error() is None
     assert totals(np.zeros(8)).rms_error() == 0
     assert totals([5.0], unmet=unmet).rms_error() is None  # one randomisation

@@ -8,6 +8,7 @@ import numpy as np
 from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.recorders.channels import Channels
+from mi_lcair.plugins.recorders.unmet_source import in_all_windows
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import UNSEEN
 
@@ -51,11 +52,11 @@ class Probe:
             launch = Launch(1, 1, seed, WINDOW_RANDOMISATIONS, points, aim=Aim.anywhere())
         with scene.prepared() as tracer:
             sums = tracer.trace(camera, launch, Channels(split))
-            unmet = float(tracer.unmet_sources(camera).bound(sums.draws.sum()))
+            unmet, noted = tracer.unmet_sources(camera), in_all_windows(sums.unmet)
         valid = np.maximum(sums.valid, 1)
         names = [name for name in sums.channels if name.startswith(f"{prefix}bounce.")]
         by_bounce = np.stack([(sums.channels[name] / valid).T for name in names], axis=1)
-        chance = UNSEEN * max(unmet, float(sums.chance.max()))
+        chance = UNSEEN * max(unmet.in_view, float(unmet.after_reflection(noted)))
         mean = by_bounce.sum(axis=1).mean()
         return Probe(by_bounce, chance / (launch.paths * mean) if mean > 0 else np.inf)
 

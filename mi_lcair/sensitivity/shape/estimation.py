@@ -18,12 +18,12 @@ from scipy.linalg import hadamard
 
 from mi_lcair.errors import InputError
 from mi_lcair.motions.pose import displaced
-from mi_lcair.motions.starts import radiances, seen_shares
 from mi_lcair.plugins.emission.triangles import Choice, PrimitiveTable, pointer_id
 from mi_lcair.plugins.paths.facet_starts import FacetStarts
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.paths.met_triangles import met_triangles
 from mi_lcair.plugins.paths.offsets import rounding_error
+from mi_lcair.rendering.facets.starts import radiances, seen_shares
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.statistics import check_valid, edge_share
@@ -115,7 +115,7 @@ class Estimation:
         """What draws the triangle on which a path begins, and the probabilities (T,)."""
         shifts = np.append(self.size, 0.0)[self.surface.corners]
         shown = self.area + np.sum(np.abs(self.growth) * shifts, axis=1)
-        radiance = np.concatenate([radiances(mesh) for mesh in self.surface.meshes])
+        radiance = radiances(self.surface.meshes)
         shown = shown * seen_shares(self.surface.scene, self.sensor)
         parts = shown, shown * radiance, (shown > 0).astype(float)
         choice = Choice(sum(k * part / part.sum() for k, part in zip(SHARES, parts) if part.any()))
@@ -195,7 +195,7 @@ class Estimation:
         derivatives of R that the scatter does show, (n,).
         """
         surface, growth = self.surface, np.abs(self.growth)
-        radiance = np.concatenate([radiances(mesh) for mesh in surface.meshes])
+        radiance = radiances(surface.meshes)
         missed = np.where(self.counts.sum(axis=0) > 0, 0, radiance)
         share = edge_share(RANDOMISATIONS) / (self.points * len(self.patterns))
         path = share * float(np.sum(self.area * R))

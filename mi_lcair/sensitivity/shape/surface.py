@@ -9,8 +9,8 @@ import numpy as np
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.models3d.welding import weld
 from mi_lcair.motions.motion import groups_of_meshes
-from mi_lcair.motions.starts import facing, meshes_of_model, projected, shown_sides
 from mi_lcair.plugins.emission.triangles import triangle_vertices, vertex_positions
+from mi_lcair.rendering.facets.starts import facing, meshes_of_model, projected, shown_sides
 from mi_lcair.rendering.window import window_size
 
 EDGE_ON = 1e-6  # cosine of a triangle below which it is seen from neither side

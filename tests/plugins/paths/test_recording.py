@@ -44,7 +44,7 @@ def check(scene, *arguments, **options):
     assert tracer.recorded.reason is None and tracer.recorded.count > 0
     np.testing.assert_array_equal(recorded.valid, anew.valid)
     np.testing.assert_array_equal(recorded.radiance, anew.radiance)
-    np.testing.assert_array_equal(recorded.chance, anew.chance)
+    np.testing.assert_equal(recorded.unmet, anew.unmet)
     assert recorded.channels.keys() == anew.channels.keys()
     for name, values in anew.channels.items():
         np.testing.assert_array_equal(recorded.channels[name], values, err_msg=name)

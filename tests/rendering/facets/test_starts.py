@@ -1,0 +1,100 @@
+"""Paths that begin on facets bring what the model shows without a reflection, and no more."""
+
+from dataclasses import replace
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+from mi_lcair.plugins.paths.aim import Aim
+from mi_lcair.rendering.facets.starts import starts_on_facets
+from mi_lcair.rendering.measurands import IntensityInterval, Measurands
+from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.pilots import best_aim
+from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.rendering.scene import load
+from mi_lcair.rendering.window import Windows
+from tests.plugins.conftest import plate  # noqa: F401, a fixture
+from tests.plugins.small_scenes import blackbody, camera
+
+BLACK = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}
+MEASURANDS = Measurands.of("target")
+
+
+def square(half, z, x=0.0):
+    return [[x + half * a, half * b, z] for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+
+
+def scene_of(shapes, sampling=False, max_bounces=2):
+    integrator = {
+        "type": "bounce_path",
+        "max_bounces": max_bounces,
+        "emitter_sampling": sampling,
+    }
+    sensor = {**camera(8, 2.0, origin=(0, 0, 3)), "sampler": {"type": "lattice"}}
+    parts = {"type": "scene", "integrator": integrator, "sensor": sensor, **shapes}
+    return load(mi.load_dict(parts, optimize=False))
+
+
+def with_starts(scene):
+    starts = starts_on_facets(scene, scene.sensor(0), blackbody(3000.0))
+    return replace(Aim.anywhere(), direct=starts)
+
+
+def totals(scene, aim, paths=2**14, seed=0):
+    windows = Windows.whole(scene.sensor(0))
+    return measure(scene, windows, Sampling(paths=paths, seed=seed), MEASURANDS, aim=aim)
+
+
+@pytest.mark.parametrize("sampling", [False, True])
+def test_the_parts_add_up_to_the_whole(plate, sampling):
+    """Every channel, with a floor that is not the model, a plume and a surface that reflects."""
+    shapes = {
+        "terrain": plate("terrain", square(0.9, -0.5), BLACK, 280.0, group="terrain"),
+        "grey": plate("grey", square(0.5, 0.0), {"type": "diffuse"}, 300.0, group="grey"),
+        "hot": plate("hot", square(0.2, 0.6, 0.5)[::-1], BLACK, 600.0, group="hot"),
+        "gas": plate("gas", square(0.3, 1.0, 0.2), {"type": "plume", "transmittance": 0.6}, 400.0),
+    }
+    shapes["terrain"]["emitter"]["facet_type"] = "terrain"
+    scene = scene_of(shapes, sampling)
+    whole, split = totals(scene, None, 2**16), totals(scene, with_starts(scene), 2**16)
+    assert split.sums.keys() == whole.sums.keys()
+    for name in (None, *whole.sums):
+        error = np.hypot(whole.scatter_error(name), split.scatter_error(name))
+        change = np.abs(split.mean(name) - whole.mean(name))
+        assert change[0] <= 6 * error[0] + 1e-5 * whole.mean(name)[0], name
+
+
+def test_intervals_of_black_plates_hold(plate):
+    """A speck of 3e-6 of the window makes two thirds of the intensity, and is never missed."""
+    half = np.sqrt(3e-6)
+    shapes = {
+        "plate": plate("plate", square(0.6, 0.0), BLACK, 250.0),
+        "speck": plate("speck", square(half, 0.5), BLACK, 3000.0),
+    }
+    scene = scene_of(shapes, max_bounces=0)
+    cold, hot = blackbody(250.0), blackbody(3000.0)
+    exact = 0.36 * cold + half**2 * (hot - cold)
+    errors, widths = [], []
+    for seed in range(20):
+        total = totals(scene, with_starts(scene), 2**10, seed)
+        errors.append(total.mean("target")[0] / exact - 1)
+        widths.append(total.half_width("target")[0] / exact)
+    held = np.mean(np.abs(errors) <= widths)
+    assert held >= 0.9 and np.abs(errors).max() < 0.03
+    assert min(widths) > 0
+
+
+def test_paths_that_bring_both_parts_are_kept_where_they_have_no_noise(plate):
+    """An isothermal closed box: emission and reflections add up to a constant."""
+    box = {
+        "type": "cube",
+        "flip_normals": True,
+        "bsdf": {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.5}},
+        "emitter": {"type": "thermal", "band": "LWIR", "temperature": 300.0},
+    }
+    scene = scene_of({"box": {**box, "to_world": mi.ScalarTransform4f().scale([2, 2, 5])}})
+    windows = replace(Windows.whole(scene.sensor(0)), may_follow_facets=True)
+    with scene.prepared(binning=MEASURANDS.binning(0.01)) as tracer:
+        plan = scene, tracer, windows, Sampling(tolerance=0.01), MEASURANDS
+        assert best_aim(*plan, IntensityInterval(0.01)).direct is None
