@@ -137,7 +137,8 @@ def test_material_of_a_solution(tmp_path):
 def test_a_trend_as_data(tmp_path):
     """Intensities from three aspects determine the temperature of the hottest stripe."""
     scene = mi_lcair.load("cylinder_ir_range", **CYLINDER)
-    trend = mi_lcair.trend(scene, [100, 140, 180], resolution=64, spp=16, path=tmp_path / "t.csv")
+    trend = mi_lcair.trend(scene, [100, 140, 180], resolution=64, spp=16)
+    trend.save(tmp_path / "t.csv")
     assert len(trend.table["azimuth_deg"]) == 3
     entry = {
         "scene": "cylinder_ir_range",
