@@ -135,7 +135,7 @@ def test_map_agrees_with_the_table(cube, tmp_path):
     view = hemispherical_view(
         cube("""<shape type="ply"> <string name="filename" value="plate.ply"/>
         <boolean name="face_normals" value="true"/> <transform name="to_world">
-        <rotate x="1" y="2" angle="50"/> <translate x="0.3" y="-0.2" z="0.1"/>
+        <rotate x="0.6" y="0.8" angle="50"/> <translate x="0.3" y="-0.2" z="0.1"/>
         </transform> </shape>"""),
         6,
     )

@@ -120,7 +120,7 @@ def check_values(node, values: dict, nodes) -> None:
     plugin = node.props.plugin_name()
     for name, value in values.items():
         if isinstance(value, mi.ScalarAffineTransform4d | mi.ScalarProjectiveTransform4d):
-            check_transform(name, np.array(value.matrix, dtype=float), node.type)
+            check_transform(name, value, node.type)
             continue
         given = numbers(value)
         with np.errstate(over="ignore"):
@@ -150,8 +150,13 @@ def check_bounds(where: str, given: np.ndarray, bounds: tuple[float, float]) -> 
         raise InputError(f"{where} = {given[bad][0]:g}; it must {right}")
 
 
-def check_transform(name: str, matrix: np.ndarray, kind) -> None:
-    """Raise InputError for a transform that is not finite, is too large, or flattens an object."""
+def check_transform(name: str, transform, kind) -> None:
+    """Raise InputError for a transform that is not finite, is too large, or flattens an object.
+
+    Mitsuba does not bring the axis of <rotate> to length 1. With another length the transform is no
+    rotation, and its inverse is another one's, so that normals are wrong.
+    """
+    matrix = np.array(transform.matrix, dtype=float)
     if not np.isfinite(matrix).all():
         raise InputError(f"{name}: the transform holds NaN or infinity; its numbers must be finite")
     if kind not in (mi.ObjectType.Shape, mi.ObjectType.Sensor, mi.ObjectType.Emitter):
@@ -165,6 +170,12 @@ def check_transform(name: str, matrix: np.ndarray, kind) -> None:
     if abs(np.linalg.det(matrix[:3, :3] / np.maximum(lengths, 1e-30))) < 1e-9:
         raise InputError(
             f"{name}: the transform flattens to nothing; each scale must differ from 0"
+        )
+    inverse = np.array(transform.inverse_transpose, dtype=float).T
+    if abs(matrix @ inverse - np.eye(4)).max() > 1e-6 * (abs(matrix) @ abs(inverse)).max():
+        raise InputError(
+            f"{name}: <rotate> has an axis that is not of length 1, which would stretch the object; "
+            "divide its x, y and z by their length"
         )
 
 

@@ -90,7 +90,7 @@ def room(file, names, temperature, sampling, bounces=None, **more):
         place = T().translate([1.3 * number - 1.3, 0.3 * number, 0])
         shapes[f"cube{number}"] = {
             "type": "cube",
-            "to_world": place @ T().rotate([1, 0, 1], 20 + 40 * number) @ T().scale(0.5),
+            "to_world": place @ T().rotate([0.6, 0, 0.8], 20 + 40 * number) @ T().scale(0.5),
             "bsdf": surface(file, name, **more),
             "emitter": thermal(temperature),
         }

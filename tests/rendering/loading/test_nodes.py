@@ -90,6 +90,7 @@ def placed(operation: str) -> str:
         (shape(PAINT + '<float name="radius" value="0"/>', "sphere"), "radius = 0"),
         (shape(PAINT + '<float name="radius" value="nan"/>', "sphere"), "radius = nan"),
         (shape(PAINT + placed('<scale value="0"/>')), "flattens to nothing"),
+        (shape(PAINT + placed('<rotate x="1" z="1" angle="60"/>')), "axis that is not of length 1"),
         (shape(PAINT + placed('<scale x="nan"/>')), "NaN or infinity"),
         (shape(PAINT + placed('<translate x="1e30"/>')), "reaches 1e\\+30 m"),
         (
