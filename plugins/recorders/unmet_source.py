@@ -50,7 +50,8 @@ class UnmetSource(Recorder):
         self.squares += dr.square(throughput)
         if reflection.drawn is not None:
             bound = self.emitters.by_chance(reflection.drawn, reflection.pdf, reflection.is_delta)
-            bound, brightest = throughput * bound, self.emitters.opaque_brightest
+            bound = dr.select(throughput > 0, throughput * bound, 0)  # NaN beside no draw
+            brightest = self.emitters.opaque_brightest
             is_bright = reflection.is_delta | (reflection.drawn.bound >= BRIGHT * brightest)
             part = dr.select(is_bright & (brightest > 0), bound / brightest, 0)
             self.potential += part
