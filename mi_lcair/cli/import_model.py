@@ -108,7 +108,7 @@ AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
 @json_option
 @click.pass_context
 def command(ctx, file, output, check, overwrite, materials, band, **options):
-    """Import a facet model, or a scene of Mitsuba, for rendering.
+    """Import a facet model or a scene of Mitsuba.
 
     MODEL is a Wavefront OBJ, glTF (.glb, .gltf), PLY or STL file whose objects or groups are named
     {f|s|t}*{material}*{kelvin}*{anything}, such as f*bare_aluminum*300*. The first letter stands

@@ -37,7 +37,7 @@ from mi_lcair.cli.output import Called, line_of, note
 @renderer_options
 @click.pass_obj
 def command(call, what, output, parameters, **options):
-    """Write a page of WHAT, with images to hover and models to turn.
+    """Write a page of WHAT, to hover and to turn.
 
     \b
     FILE.exr             images with the values of every channel

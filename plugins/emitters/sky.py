@@ -379,7 +379,7 @@ class Sky(DistantEmitter):
         self.refresh()
         scale = float(dr.detach(self.scale)[0])
         emitted = dr.detach(self.derived[0]).numpy().reshape(2, -1).astype(float)
-        other = self.tables[1].max(axis=2)
+        other = np.where(self.is_met(), self.tables[1], 0).max(axis=2)
         if self.ground_emissivity is not None:
             reflectance = 1 - float(dr.detach(self.ground_emissivity)[0])
             factor = float(dr.detach(self.derived[1])[0])
@@ -387,6 +387,20 @@ class Sky(DistantEmitter):
             emitted[1] *= 1 - reflectance
         largest = emitted * [[scale], [1]] + scale * other
         return np.array([largest.max() * (1 + 1e-6)])
+
+    def is_met(self) -> np.ndarray:
+        """Which values of the table of scattered light directions have, (2, ROWS + 1, columns + 1).
+
+        The angle from the sun is at least the difference of the elevations.
+        """
+        met = np.ones((2, ROWS + 1, self.columns + 1), bool)
+        if self.near is not None:
+            z = self.sin_horizon + (1 - self.sin_horizon) * np.linspace(0, 1, ROWS + 1) ** 2
+            elevation = np.degrees(np.arcsin(np.clip(z, -1, 1)))
+            least = abs(elevation - self.sun_elevation_deg) - np.diff(elevation).max()
+            angles = 180 * np.linspace(0, 1, self.columns + 1) ** 2
+            met[0] = np.append(angles[1:], 180) >= least[:, None]
+        return met
 
     # ---------------------------------------------------------------- Parts
 

@@ -34,7 +34,7 @@ def test_writes_its_files(run, folder, measured):
 @pytest.mark.slow
 def test_json(run, measured):
     found = json.loads(run("chart", "propagation", "--json").stdout)
-    assert found["limit_processor_seconds"] == 0.2
+    assert found["limit_processor_seconds"] == 0.1
     assert len(found["points"]) == 10 and found["closures"][0]["closure"] == "none"
 
 

@@ -1,4 +1,4 @@
-"""The kinds of file that are mutated: tables, scenarios, materials, trends and images."""
+"""The kinds of file that are mutated: tables, scenarios, materials and images."""
 
 import json
 import tempfile
@@ -11,7 +11,6 @@ import numpy as np
 import mi_lcair
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.drawing import write_figure
-from mi_lcair.errors import InputError
 from mi_lcair.fitting.scatterometer import reading
 from mi_lcair.models3d import read as read_model
 from mi_lcair.physics import materials
@@ -24,9 +23,7 @@ from mi_lcair.physics.sky import has_elevations, spectrum
 from mi_lcair.rendering.facets.image import by_facet
 from mi_lcair.rendering.images.exr import read_exr, write_exr
 from mi_lcair.rendering.sampling import DEFAULT_MAX_SPP
-from mi_lcair.rendering.views import View
 from mi_lcair.reports.pictures.image_channels import figure
-from mi_lcair.signatures.trend_file import TrendFile, beside
 from mi_lcair.table import read_table
 from tests.fuzz.mutants import Kind
 from tests.models3d.shapes import cube
@@ -294,76 +291,6 @@ FIT = Kind(
     tuple(b'null true {} [] "" "any" Infinity NaN 1e999 "materials":'.split()) + (b"[" * 5000,),
 )
 
-# ---------------------------------------------------------------- Trends
-
-VIEWS = [View(float(azimuth), 0.0) for azimuth in range(0, 360, 60)]
-BATCHES = [(number, tuple(VIEWS[2 * number : 2 * number + 2])) for number in range(3)]
-TREND_HEADER = {"scene": "two_plates", "parameters": "{}", "fingerprint": "0123", "seed": "0"}
-ROWS = {
-    view: {
-        "azimuth_deg": view.azimuth_deg,
-        "elevation_deg": 0.0,
-        "intensity_W_sr": 100.0 + k,
-        "standard_error_W_sr": 0.5,
-    }
-    for k, view in enumerate(VIEWS)
-}
-
-
-def trend_bytes() -> tuple[bytes, bytes]:
-    """Contents of the CSV and of the file beside it."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "trend.csv"
-        file = TrendFile(path, TREND_HEADER, BATCHES)
-        for _, views in BATCHES[:2]:
-            file.add({view: ROWS[view] for view in views})
-        return path.read_bytes(), beside(path).read_bytes()
-
-
-TREND_CSV, TREND_MADE = trend_bytes()
-
-
-def use_trend(path: Path) -> None:
-    """Nothing is resumed that was not rendered."""
-    beside(path).write_bytes(TREND_MADE)
-    resume_trend(path)
-
-
-def use_made(path: Path) -> None:
-    """The same, where the file beside the CSV is damaged."""
-    table = path.with_suffix("")
-    table.write_bytes(TREND_CSV)
-    assert beside(table) == path
-    resume_trend(table)
-
-
-def resume_trend(path: Path) -> None:
-    """Resume; the warning that batches do not match counts as a refusal."""
-    with numbers_that_behave(), warnings.catch_warnings(record=True) as remarks:
-        warnings.simplefilter("always", category=UserWarning)
-        file = TrendFile(path, TREND_HEADER, BATCHES)
-        file.resume()
-    for view, row in file.rows.items():
-        assert row == ROWS[view], f"{row} was not rendered"
-    if remarks:
-        raise InputError(remarks[0].message)
-
-
-TREND = Kind(
-    "trend",
-    ".csv",
-    (TREND_CSV,),
-    use_trend,
-    tuple(b"azimuth_deg intensity_W_sr 60,0, 1: 0 nan -5".split()),
-)
-MADE = Kind(
-    "trend_made",
-    ".csv.json",
-    (TREND_MADE,),
-    use_made,
-    tuple(b'{} [] null "made" "batches" "0" "1" "seed" 1e999 NaN'.split()),
-)
-
 # ---------------------------------------------------------------- Images
 
 
@@ -406,7 +333,5 @@ TEXT_KINDS = (
     SCENARIO,
     MATERIALS,
     FIT,
-    TREND,
-    MADE,
     EXR,
 )

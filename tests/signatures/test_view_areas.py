@@ -139,7 +139,7 @@ def test_a_file_holds_everything(areas, tmp_path):
 def test_bad_input(areas, tmp_path):
     with pytest.raises(InputError, match="blackbody group"):
         areas.intensity({"wing": 300.0})
-    with pytest.raises(InputError, match="positive and finite"):
+    with pytest.raises(InputError, match="must be above 0"):
         areas.intensity({areas.sources[0].group: np.array([300.0, np.nan])})
     with pytest.raises(InputError, match="band"):
         areas.intensity(band="3-5")

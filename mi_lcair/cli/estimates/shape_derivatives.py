@@ -29,7 +29,7 @@ from mi_lcair.formats import VTK
     (".csv", ".json", ".html", *VTK, *PICTURES),
 )
 def command(options, sensor, group, spp, output):
-    """Show where a displacement of the surface of a group changes the intensity of SCENE.
+    """Show where moving a surface changes the intensity.
 
     SCENE is a Mitsuba XML file or the name of a bundled scene with an orthographic sensor. Printed
     is the derivative of the target's intensity in W/sr with respect to an outward displacement of

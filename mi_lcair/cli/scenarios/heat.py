@@ -24,7 +24,7 @@ SUFFIXES = (*OF_HOUR, ".series", ".nc", ".json", ".html", ".png", ".svg", ".pdf"
 )
 @renderer_options
 def command(heat, output, hour):
-    """Temperatures of the facets of a scene from their heat balance.
+    """Temperatures of facets from their heat balance.
 
     HEAT.toml has the tables [target], [weather], [groups.NAME], [sigma], [run] and [signature].
     Printed are the mean temperatures of the groups in K with their standard uncertainty, and what

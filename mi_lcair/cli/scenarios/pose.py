@@ -30,7 +30,7 @@ SUFFIXES = (".toml", ".csv", ".json", ".html", ".nc")
 )
 @renderer_options
 def command(scenario, points, changes, sigma, output):
-    """Find where a camera is from points of a scene and their pixels.
+    """Find where a camera is from points and pixels.
 
     SCENARIO is a TOML file with a table [camera]. POINTS.csv has the columns x_m, y_m, z_m,
     column_px and row_px: four or more points, such as corners of facets, in the scene's axes, and

@@ -14,7 +14,11 @@ if TYPE_CHECKING:
     from mi_lcair.physics.reflection.interface import ReflectionModel
 
 # The first model is used where a material or a fit names no model.
-NAMES = ("sandford_robertson", "microfacet", "grey")
+NAMES = (
+    "sandford_robertson",
+    "microfacet",
+    "grey",
+)
 
 
 def __getattr__(name: str) -> Any:

@@ -174,7 +174,7 @@ def check_transform(name: str, transform, kind) -> None:
     inverse = np.array(transform.inverse_transpose, dtype=float).T
     if abs(matrix @ inverse - np.eye(4)).max() > 1e-6 * (abs(matrix) @ abs(inverse)).max():
         raise InputError(
-            f"{name}: <rotate> has an axis that is not of length 1, which would stretch the object; "
+            f"{name}: <rotate> has an axis that is not of length 1, which stretches the object; "
             "divide its x, y and z by their length"
         )
 
