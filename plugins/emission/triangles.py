@@ -4,7 +4,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.plugins.derivatives import members
+from mi_lcair.plugins.derivatives import members, own_memory
 
 ABSENT = 0xFFFFFFFF  # entry of a mesh that is not in the table
 # Names of a mesh's buffers in Mitsuba 3.9. In 3.10 they begin without "vertex_", and are tensors.
@@ -43,8 +43,9 @@ def points(buffer: mi.Float) -> np.ndarray:
 def set_triangles(mesh, vertices: np.ndarray, triangles: np.ndarray) -> None:
     """Give a mesh its vertices [m], (n, 3), and its triangles, the numbers of vertices, (m, 3)."""
     parameters = mi.traverse(mesh)
-    parameters[VERTICES] = vertices.astype(np.float32).ravel()
-    parameters[FACES] = triangles.astype(np.uint32).ravel()
+    buffers = mi.Float(np.ravel(vertices)), mi.UInt32(triangles.astype(np.uint32).ravel())
+    own_memory(buffers)
+    parameters[VERTICES], parameters[FACES] = buffers
     parameters.update()
 
 

@@ -5,6 +5,9 @@ table as well as through the reflection. Replay and differences must agree withi
 is less, within 3 joint standard errors, which come from the scatter of every pixel over the seeds.
 """
 
+import subprocess
+import sys
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -302,3 +305,27 @@ def test_tail_has_no_derivatives(corner):
     with pytest.raises(Exception) as caught:
         dr.backward(mean_image(scene, 0, parameters))
     assert "closure = tail has no derivatives" in causes(caught.value)
+
+
+BEFORE_A_GAP = """
+import ctypes, mmap, sys
+import drjit as dr, mitsuba as mi, numpy as np
+import mi_lcair
+from mi_lcair.plugins.derivatives import own_memory
+
+count, page = int(sys.argv[1]), mmap.PAGESIZE
+memory = mmap.mmap(-1, 2 * page)
+start = ctypes.addressof(ctypes.c_char.from_buffer(memory))
+assert ctypes.CDLL(None).mprotect(ctypes.c_void_p(start + page), page, 0) == 0
+values = np.frombuffer(memory, np.float32, count, page - 4 * count)
+array = mi.Float(values)
+own_memory([array])
+print(dr.sum(array)[0], len(array))
+"""
+
+
+@pytest.mark.slow
+def test_memory_ends_where_a_page_ends():
+    """An array that ends before a page that cannot be read is copied."""
+    command = [sys.executable, "-c", BEFORE_A_GAP, "1001"]
+    assert subprocess.check_output(command, timeout=100, text=True) == "0.0 1001\n"
