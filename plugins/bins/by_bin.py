@@ -17,6 +17,7 @@ from mi_lcair.physics.reflection.directions import SMALLEST
 from mi_lcair.physics.spectra.bins import COUNTS, Binning, bins_for, hats_at
 from mi_lcair.physics.spectra.parameters import SAMPLES
 from mi_lcair.physics.spectrum import Spectrum
+from mi_lcair.plugins.bins.blocks import blocks_of, gathered, in_blocks
 from mi_lcair.plugins.bins.lobes import DIFFUSE, MIRROR, families_of
 from mi_lcair.plugins.bsdfs.plume import is_plume, spectral_plumes
 from mi_lcair.plugins.bsdfs.reflection_bsdf import LOBES, is_reflection_bsdf
@@ -85,7 +86,7 @@ class ByBin:
         # A change of a spectrum, as for a derivative, must not change the number of bins
         measured = list(dict.fromkeys(layer.measured_spectrum for layer in layers))
         self.bins, self.binning_error = bins_for(band, measured, spectra_at, counts, binning)
-        self.count = self.bins.count
+        self.count, self.blocks = self.bins.count, blocks_of(self.bins.count)
         self.families = families_of(materials, self.bins)
         self.tabulate_surfaces(materials)
         self.tabulate_plumes(spectral_plumes(scene))
@@ -164,8 +165,7 @@ class ByBin:
             / max(float(plume.transmittance[0]), SMALLEST)
             for plume in plumes
         ]
-        self.relative = mi.Float(np.ravel(relative))
-        dr.make_opaque(self.relative)
+        self.relative = in_blocks(relative) if plumes else None
 
     def tabulate_sources(self, emitters, per_emitter) -> None:
         """Set the source of each primitive, the shares of its bins and its in-band radiance."""
@@ -178,17 +178,17 @@ class ByBin:
             self.bins.shares(radiances(self.sources[k : k + AT_ONCE], self.bins.grid_um))
             for k in groups
         ]
-        self.shares = mi.Float(np.concatenate(shares).ravel())
+        self.shares = in_blocks(np.concatenate(shares), beyond="constant")
         self.in_band = mi.Float([source.in_band for source in self.sources])
         by_material = [is_thermal(e) and e.given_emissivity is None for e in emitters]
         self.by_material = table_by_pointer(emitters, by_material)
-        dr.make_opaque(self.shares, self.in_band)
+        dr.make_opaque(self.in_band)
 
     # ---------------------------------------------------------------- Along the paths
 
     def ones(self) -> dr.Local:
-        """A path's own array with a 1 for each bin."""
-        return dr.alloc_local(mi.Float, self.count, value=mi.Float(1))
+        """A path's own array with a 1 for each bin, by blocks."""
+        return dr.alloc_local(mi.Vector4f, self.blocks, value=mi.Vector4f(1))
 
     def surface(self, bsdf, z, active) -> tuple[mi.UInt32, mi.UInt32]:
         """Material and lobe of a surface seen from a side, `z` the sign of the side.
@@ -213,17 +213,17 @@ class ByBin:
         for (family, _), rows in zip(self.families, self.rows):
             row = dr.gather(mi.UInt32, rows, material)
             here, row = row != self.none, dr.select(row != self.none, row, 0)
-            terms.append((here, row, family.between(row, i, r), family.toward(row, r)))
+            terms.append((here, family.between(row, i, r), family.toward(row, r)))
         return material > 0, lobe, dr.maximum(i.z, 0), terms, passed
 
-    def value(self, reflection: tuple, k) -> mi.Float:
-        """BSDF times cosine of bin k [1/sr]; HDR for a mirror."""
+    def value(self, reflection: tuple, block) -> mi.Vector4f:
+        """BSDF times cosine of a block of bins [1/sr]; HDR for a mirror."""
         _, lobe, cos, terms, _ = reflection
-        total = mi.Float(0)
-        for (family, _), (here, row, between, toward) in zip(self.families, terms):
-            value = family.f(row, between, k)
+        total = mi.Vector4f(0)
+        for (family, _), (here, between, toward) in zip(self.families, terms):
+            value = family.f(between, block)
             if family.saturates or self.has_simple_lobes:
-                HDR = family.HDR(row, toward, k)
+                HDR = family.HDR(toward, block)
                 value /= dr.maximum(HDR, 1)
             if self.has_simple_lobes:
                 HDR = dr.minimum(HDR, 1)
@@ -240,14 +240,14 @@ class ByBin:
         for (family, _), rows in zip(self.families, self.rows):
             row = dr.gather(mi.UInt32, rows, material)
             here, row = row != self.none, dr.select(row != self.none, row, 0)
-            terms.append((here, row, family.toward(row, r)))
+            terms.append((here, family.toward(row, r)))
         return material > 0, terms
 
-    def emissivity(self, emission: tuple, k) -> mi.Float:
-        """Emissivity of bin k; 1 where the emitter's radiance holds it already."""
-        value = mi.Float(1)
-        for (family, _), (here, row, toward) in zip(self.families, emission[1]):
-            value = dr.select(here, 1 - dr.minimum(family.HDR(row, toward, k), 1), value)
+    def emissivity(self, emission: tuple, block) -> mi.Vector4f:
+        """Emissivity of a block of bins; 1 where the emitter's radiance holds it already."""
+        value = mi.Vector4f(1)
+        for (family, _), (here, toward) in zip(self.families, emission[1]):
+            value = dr.select(here, 1 - dr.minimum(family.HDR(toward, block), 1), value)
         return value
 
     @dr.syntax
@@ -258,11 +258,11 @@ class ByBin:
         mean = weight[0] * bs.pdf
         multiplied = reflection[0] & (mean > 0)
         inverse = dr.select(multiplied, 1 / dr.select(multiplied, mean, 1), 0)
-        k = mi.UInt32(0)
-        while k < self.count:
-            factor = dr.select(multiplied, inverse * self.value(reflection, k), 1)
-            throughputs.write(throughputs.read(k) * factor, k)
-            k += 1
+        block = mi.UInt32(0)
+        while block < self.blocks:
+            factor = dr.select(multiplied, inverse * self.value(reflection, block), 1)
+            throughputs.write(throughputs.read(block) * factor, block)
+            block += 1
 
     @dr.syntax
     def sums(self, throughputs: dr.Local, factors: dr.Local, sources, emission, reflection):
@@ -286,37 +286,46 @@ class ByBin:
             For each source the sum of the factors times the shares of its bins.
         """
         totals = [mi.Float(0) for _ in sources]
-        k = mi.UInt32(0)
-        while k < self.count:
-            factor = throughputs.read(k) * self.emissivity(emission, k)
-            factor *= self.reflected(reflection, k)
-            factors.write(factor, k)
-            totals = self.with_bin(totals, factor, sources, k)
-            k += 1
+        block = mi.UInt32(0)
+        while block < self.blocks:
+            factor = throughputs.read(block) * self.emissivity(emission, block)
+            factor *= self.reflected(reflection, block)
+            factors.write(factor, block)
+            totals = self.with_block(totals, factor, sources, block)
+            block += 1
         return totals
 
-    def reflected(self, reflection: tuple | None, k) -> mi.Float:
+    def reflected(self, reflection: tuple | None, block) -> mi.Vector4f:
         """`value` of a spectral surface, times the transmittances of passed plumes.
 
         It is 1 for another surface, and where nothing is reflected. The transmittances are relative
         to their means in the band.
         """
         if reflection is None:
-            return mi.Float(1)
-        value = dr.select(reflection[0], self.value(reflection, k), 1)
+            return mi.Vector4f(1)
+        value = dr.select(reflection[0], self.value(reflection, block), 1)
         for number, times in enumerate(reflection[-1]):
-            relative = dr.gather(mi.Float, self.relative, number * self.count + k)
+            relative = gathered(self.relative, number * self.blocks + block)
             value *= dr.select(times > 0, dr.power(relative, mi.Float(times)), 1)
         return value
 
-    def with_bin(self, totals, factor, sources, k) -> list:
-        """The sums of `sums` with those of bin k."""
-        shares = [dr.gather(mi.Float, self.shares, n * self.count + k) for n in sources]
-        return [total + factor * share for total, share in zip(totals, shares)]
+    def with_block(self, totals, factor, sources, block) -> list:
+        """The sums of `sums` with those of a block."""
+        shares = [gathered(self.shares, n * self.blocks + block) for n in sources]
+        return [total + dr.dot(factor, share) for total, share in zip(totals, shares)]
 
-    def radiance(
-        self, path, emitted, emitter, parts, emits=None, reflection=None, beyond=None
-    ) -> BinnedRadiance:
+    def numbers(self, emitter, parts, beyond=None) -> list[mi.UInt32]:
+        """Numbers of the sources of an emitter's parts.
+
+        parts: numbers of the parts, and their shares of the radiance. beyond: whether the ambient
+        radiance stands for the emitter.
+        """
+        numbers = [self.source_numbers.at(emitter, prim) for prim, _ in parts]
+        if beyond is not None and self.ambient is not None:
+            numbers = [dr.select(beyond, self.ambient, number) for number in numbers]
+        return numbers
+
+    def radiance(self, path, emitted, parts, numbers, emits=None, reflection=None):
         """What the bins of a path see of an emitter.
 
         Parameters
@@ -325,22 +334,20 @@ class ByBin:
             Its `factors` are set to the factors of the bins.
         emitted : mi.Spectrum
             Radiance of the emitter for the mean of the band.
-        emitter : mi.EmitterPtr
         parts : list of tuple
             Numbers of its parts, and their shares of the radiance.
+        numbers : list of mi.UInt32
+            Numbers of the sources of the parts.
         emits : tuple or None
             Of `emits`, for a surface; None for an emitter whose radiance is known.
         reflection : tuple or None
             Of `reflects`, for a direction that was drawn at a surface.
-        beyond : mi.Bool or None
-            Whether the ambient radiance stands for the emitter.
+
+        Returns
+        -------
+        BinnedRadiance
         """
-        emitted, numbers = mi.Float(emitted[0]), []
-        for prim, _ in parts:
-            number = self.source_numbers.at(emitter, prim)
-            if beyond is not None and self.ambient is not None:
-                number = dr.select(beyond, self.ambient, number)
-            numbers.append(number)
+        emitted = mi.Float(emitted[0])
         base = emitted
         if emits is not None:
             base = dr.select(emits[0], dr.gather(mi.Float, self.in_band, numbers[0]), emitted)
@@ -355,16 +362,17 @@ class ByBin:
         sources = [(number, share) for number, (_, share) in zip(numbers, parts)]
         return BinnedRadiance(base * relative, shares, base, sources, path.factors)
 
-    def drawn(self, path, hit, direct, to, f, radiance, parts) -> BinnedRadiance:
+    def drawn(self, path, hit, direct, value, radiance, parts) -> BinnedRadiance:
         """What the bins see along a direction that was drawn toward an emitter, times the BSDF.
 
-        hit: where it was drawn. direct: what the ray hits, an `EmitterSample`. to: the direction in
-        the frame of the surface. f: BSDF times cosine for the mean of the band.
+        hit: where it was drawn. direct: what the ray hits, an `EmitterSample`. value: the direction
+        in the frame of the surface, BSDF times cosine for the mean of the band, and the density.
         """
-        surface = direct.hit
+        surface, (to, f, _) = direct.hit, value
         emits = self.emits(direct.emitter, surface.bsdf(), surface.wi, direct.counts)
         reflection = self.reflects(hit.bsdf, hit.si.wi, to, hit.reflects, direct.passed)
-        result = self.radiance(path, radiance, direct.emitter, parts, emits, reflection)
+        numbers = self.numbers(direct.emitter, parts)
+        result = self.radiance(path, radiance, parts, numbers, emits, reflection)
         factor = dr.select(reflection[0], 1, f[0])
         if direct.transmittance is not None:
             # The radiance of a surface comes from a table, without what its ray has passed

@@ -1,8 +1,8 @@
 """Reflectances of spectral materials by bin, from tables that the walk reads.
 
 A family is the materials of one reflection model in one form. Its `between` and `toward` compute
-what all bins share; `f` and `HDR` then give the value of a bin with few operations. Row 0 of a
-family stands for surfaces that do not belong to it.
+what all bins share; `f` and `HDR` then give the values of a block of bins with few operations. Row
+0 of a family stands for surfaces that do not belong to it.
 """
 
 from dataclasses import replace
@@ -20,6 +20,13 @@ from mi_lcair.physics.reflection.directions import cos_theta, sin2_theta
 from mi_lcair.physics.reflection.microfacet import half_vector, visibility
 from mi_lcair.physics.spectra.bins import Bins, of_falloff, reflectances
 from mi_lcair.physics.spectra.parameters import SpectralParameters
+from mi_lcair.plugins.bins.blocks import (
+    between_nodes,
+    blocks_of,
+    gathered,
+    in_blocks,
+    interpolated,
+)
 from mi_lcair.plugins.bsdfs.reflection_bsdf import LOBES, STEPS, tabulated
 from mi_lcair.plugins.bsdfs.uniform_table import interpolate_row
 
@@ -30,13 +37,13 @@ BRDF, MIRROR, DIFFUSE = range(len(LOBES))
 class SandfordRobertsonFamily:
     """Spectral materials of Sandford and Robertson in one form, and grey ones.
 
-    f = X (1 - absorbed_k g(theta_i)) + floor_k g g / pi is linear in absorbed_k and floor_k, the
-    coefficients of (epsilon + rho_d) / G and rho_d / G^2. A grey material has b = 0 and no lobe.
-    saturates: whether HDR exceeds 1 in a bin, so that f is scaled down.
+    f = X (1 - absorbed_k g(theta_i)) + floor_k g g / pi is linear in slack_k = 1 - absorbed_k and
+    floor_k, the coefficients of 1 - (epsilon + rho_d) / G and rho_d / G^2. A grey material has
+    b = 0 and no lobe. saturates: whether HDR exceeds 1 in a bin, so that f is scaled down.
     """
 
     def __init__(self, materials: list[SpectralParameters], bins: Bins):
-        self.count, self.form = bins.count, form_of(materials)
+        self.blocks, self.form = blocks_of(bins.count), form_of(materials)
         numbers, coefficients, tables = [], [], []
         for material in materials:
             is_grey = material.model.name == "grey"
@@ -44,15 +51,13 @@ class SandfordRobertsonFamily:
             b, e, G = 0.0, 1.0, 1.0
             if not is_grey:
                 b, e, G = material.common["b"], material.common["e"], of_falloff(material)
-            absorbed, floor = (np.ones(self.count), fitted[:, 0]) if is_grey else fitted.T
+            absorbed, floor = (np.ones(bins.count), fitted[:, 0]) if is_grey else fitted.T
             numbers.append([b, e, G, 0.0 if is_grey else 1.0])
-            # Four numbers are gathered at once
-            coefficients.append(np.stack([absorbed, 1 - absorbed, floor / G, 0 * floor], axis=1))
+            coefficients.append([1 - absorbed, floor / G])
             tables += map(mi.Float, lobe_tables(b, e, self.forms[0]))
-        self.numbers = mi.Float(np.ravel(numbers))
-        self.coefficients = mi.Float(np.ravel(coefficients))
+        self.numbers, self.coefficients = in_blocks(numbers), in_blocks(coefficients)
         self.tables = dr.concat(tables)
-        dr.make_opaque(self.numbers, self.coefficients, self.tables)
+        dr.make_opaque(self.tables)
         self.saturates = largest_HDR(self, len(materials)) > 1
 
     @property
@@ -63,7 +68,7 @@ class SandfordRobertsonFamily:
 
     def surface(self, row) -> tuple:
         """The surfaces with slack = floor = 1 and absorbed = 0, and whether they have a lobe."""
-        b, e, G, has_lobe = dr.gather(mi.Vector4f, self.numbers, row)
+        b, e, G, has_lobe = gathered(self.numbers, row)
         zero, one = mi.Float(0), mi.Float(1)
         S = sr.SandfordRobertsonSurface(zero, zero, b, e, one, zero, one, G, self.forms[0])
         return S, has_lobe
@@ -78,7 +83,7 @@ class SandfordRobertsonFamily:
         slack, absorbed = (
             scale * interpolate_row(self.tables, 2 * row + part, STEPS, x) for part in range(2)
         )
-        return model.floor_HDR(S, cos, sin2), slack, absorbed
+        return row, model.floor_HDR(S, cos, sin2), absorbed, slack - absorbed
 
     def between(self, row, i, r) -> tuple:
         """What f needs of the directions; multiplied by the cosine of i."""
@@ -86,15 +91,18 @@ class SandfordRobertsonFamily:
         above = (i.z > 0) & (r.z > 0)
         cos = dr.select(above, cos_theta(i), 0)
         lobe = has_lobe * cos * sr.f_s(S, i, r)
-        return cos * sr.f_d(S, i, r), lobe, lobe * sr.one_minus_g(cos_theta(i), sin2_theta(i), S.b)
+        one_minus_g = sr.one_minus_g(cos_theta(i), sin2_theta(i), S.b)
+        return row, cos * sr.f_d(S, i, r), lobe * one_minus_g, lobe * (1 - one_minus_g)
 
-    def of_bin(self, row, terms, k) -> mi.Float:
-        """The value of a bin from `toward` or `between`."""
-        index = row * self.count + k
-        absorbed, slack, floor, _ = dr.gather(mi.Vector4f, self.coefficients, index)
-        return floor * terms[0] + slack * terms[1] + absorbed * terms[2]
+    def of_block(self, terms, block) -> mi.Vector4f:
+        """The values of a block from `toward` or `between`."""
+        row, of_floor, constant, of_slack = terms
+        index = 2 * self.blocks * row + block
+        slack = gathered(self.coefficients, index)
+        floor = gathered(self.coefficients, index + self.blocks)
+        return floor * of_floor + constant + slack * of_slack
 
-    HDR = f = of_bin
+    HDR = f = of_block
 
 
 @lru_cache(maxsize=32)
@@ -113,7 +121,7 @@ class MicrofacetFamily:
     saturates = False  # HDR is at most 1
 
     def __init__(self, materials: list[SpectralParameters], bins: Bins):
-        self.count = bins.count
+        self.blocks = blocks_of(bins.count)
         numbers, tables = [], []
         for material in materials:
             common = material.common
@@ -122,43 +130,47 @@ class MicrofacetFamily:
             peak, spread = distribution.peak(alpha, gamma)[0], distribution.spread(alpha)[0]
             numbers.append([peak, spread, common["gamma"], common["rho_d"]])
         self.has_floor = any(material.common["rho_d"] > 0 for material in materials)
-        self.numbers = mi.Float(np.ravel(numbers))
-        self.F, self.refracted, self.tables = (mi.Float(np.ravel(part)) for part in zip(*tables))
-        dr.make_opaque(self.numbers, self.F, self.tables, self.refracted)
+        self.numbers = in_blocks(numbers)
+        self.F, self.refracted, self.tables = map(in_blocks, zip(*tables))
 
-    def facet(self, row, p, k) -> mi.Float:
-        """Fresnel reflectance of a bin at the place sqrt(cos)."""
-        return interpolate_row(self.F, row * self.count + k, STEPS_OF_F, p)
+    def facet(self, place, block) -> mi.Vector4f:
+        """Fresnel reflectances at a place from `at`."""
+        return interpolated(self.F, place, self.blocks, block)
+
+    def at(self, row, cos) -> tuple:
+        """Place of a cosine in the table of Fresnel reflectances."""
+        return between_nodes(row, dr.sqrt(cos), STEPS_OF_F)
 
     def toward(self, row, r) -> tuple:
         """What HDR(theta_r) needs of the observer's direction."""
-        rho_d = dr.gather(mi.Float, self.numbers, 4 * row + 3)
-        return dr.sqrt(cos_theta(r)), rho_d
+        rho_d, cos = dr.gather(mi.Float, self.numbers, 4 * row + 3), cos_theta(r)
+        return row, between_nodes(row, dr.sqrt(cos), STEPS), self.at(row, cos), rho_d
 
-    def HDR(self, row, terms, k) -> mi.Float:
-        x, rho_d = terms
-        lobe = interpolate_row(self.tables, row * self.count + k, STEPS, x)
+    def HDR(self, terms, block) -> mi.Vector4f:
+        row, place, facet, rho_d = terms
+        lobe = interpolated(self.tables, place, self.blocks, block)
         if not self.has_floor:
             return lobe
-        refracted = dr.gather(mi.Float, self.refracted, row * self.count + k)
-        return lobe + rho_d * refracted * (1 - self.facet(row, x, k))
+        refracted = gathered(self.refracted, row * self.blocks + block)
+        return lobe + rho_d * refracted * (1 - self.facet(facet, block))
 
     def between(self, row, i, r) -> tuple:
         """What f needs of the directions; multiplied by the cosine of i."""
-        peak, spread, gamma, rho_d = dr.gather(mi.Vector4f, self.numbers, row)
+        peak, spread, gamma, rho_d = gathered(self.numbers, row)
         c_i, c_r = cos_theta(i), cos_theta(r)
         sin2, p2 = half_vector(i, r)
         D = distribution.density(sin2, peak, spread, gamma)
         above = dr.select((i.z > 0) & (r.z > 0), c_i, 0)
         lobe = 0.25 * above * D * visibility(c_i, c_r, p2)
-        return dr.sqrt(dr.sqrt(p2)), lobe, dr.sqrt(c_i), dr.sqrt(c_r), above * dr.inv_pi * rho_d
+        p = dr.minimum(dr.sqrt(p2), 1)
+        return lobe, above * dr.inv_pi * rho_d, *(self.at(row, cos) for cos in (p, c_i, c_r))
 
-    def f(self, row, terms, k) -> mi.Float:
-        p, lobe, x_i, x_r, floor = terms
-        value = lobe * self.facet(row, dr.minimum(p, 1), k)
+    def f(self, terms, block) -> mi.Vector4f:
+        lobe, floor, p, c_i, c_r = terms
+        value = lobe * self.facet(p, block)
         if not self.has_floor:
             return value
-        return value + floor * (1 - self.facet(row, x_i, k)) * (1 - self.facet(row, x_r, k))
+        return value + floor * (1 - self.facet(c_i, block)) * (1 - self.facet(c_r, block))
 
 
 class DirectionalFamily:
@@ -171,53 +183,49 @@ class DirectionalFamily:
     saturates = False
 
     def __init__(self, materials: list[SpectralParameters], bins: Bins):
-        self.count, cos = bins.count, np.linspace(0, 1, STEPS_OF_F + 1) ** 2
+        self.blocks, cos = blocks_of(bins.count), np.linspace(0, 1, STEPS_OF_F + 1) ** 2
         tables = [
-            bins.coefficients(material.facet_reflectance(bins.grid_um, cos))
+            bins.coefficients(material.facet_reflectance(bins.grid_um, cos)).T
             for material in materials
         ]
-        means = np.ravel([2 * np.trapezoid(rho * cos, cos, axis=1) for rho in tables])
-        self.rho = mi.Float(np.ravel(tables))
-        self.inverse = mi.Float(np.divide(1, np.pi * means, where=means > 0, out=0 * means))
-        dr.make_opaque(self.rho, self.inverse)
+        means = np.array([2 * np.trapezoid(rho.T * cos, cos, axis=1) for rho in tables])
+        self.rho = in_blocks(tables)
+        self.inverse = in_blocks(np.divide(1, np.pi * means, where=means > 0, out=0 * means))
 
-    def reflectance(self, row, x, k) -> mi.Float:
-        """Reflectance of a bin at the place sqrt(cos)."""
-        return interpolate_row(self.rho, row * self.count + k, STEPS_OF_F, x)
-
-    def toward(self, row, r) -> mi.Float:
+    def toward(self, row, r) -> tuple:
         """What HDR(theta_r) needs of the observer's direction."""
-        return dr.sqrt(cos_theta(r))
+        return between_nodes(row, dr.sqrt(cos_theta(r)), STEPS_OF_F)
 
-    HDR = reflectance
+    def HDR(self, place, block) -> mi.Vector4f:
+        return interpolated(self.rho, place, self.blocks, block)
 
     def between(self, row, i, r) -> tuple:
         """What f needs of the directions; multiplied by the cosine of i."""
         above = dr.select((i.z > 0) & (r.z > 0), cos_theta(i), 0)
-        return above, dr.sqrt(cos_theta(i)), dr.sqrt(cos_theta(r))
+        return row, above, self.toward(row, i), self.toward(row, r)
 
-    def f(self, row, terms, k) -> mi.Float:
-        above, x_i, x_r = terms
-        both = self.reflectance(row, x_i, k) * self.reflectance(row, x_r, k)
-        return above * both * dr.gather(mi.Float, self.inverse, row * self.count + k)
+    def f(self, terms, block) -> mi.Vector4f:
+        row, above, i, r = terms
+        inverse = gathered(self.inverse, row * self.blocks + block)
+        return above * self.HDR(i, block) * self.HDR(r, block) * inverse
 
 
 def largest_HDR(family, materials: int) -> float:
     """Largest HDR of the materials of a family, at the angles of its tables and in any bin."""
-    lane = dr.arange(mi.UInt32, materials * family.count * STEPS)
-    node, bin_of_row = lane % STEPS, lane // STEPS
+    lane = dr.arange(mi.UInt32, materials * family.blocks * STEPS)
+    node, block = lane % STEPS, lane // STEPS
     cos = dr.square(mi.Float(node + 1) / STEPS)
     r = mi.Vector3f(dr.safe_sqrt(1 - dr.square(cos)), 0, cos)
-    row = bin_of_row // family.count
-    return float(dr.max(family.HDR(row, family.toward(row, r), bin_of_row % family.count))[0])
+    HDR = family.HDR(family.toward(block // family.blocks, r), block % family.blocks)
+    return float(dr.max(HDR, axis=None)[0])
 
 
 @lru_cache(maxsize=32)
 def facet_tables(material: SpectralParameters, band, count: int) -> tuple[np.ndarray, ...]:
     """Tables of a microfacet material by bin, which scenes share.
 
-    The Fresnel reflectances (count, STEPS_OF_F + 1), the hemispherical means of 1 - F (count,), and
-    the lobe's HDR (count, STEPS + 1).
+    The Fresnel reflectances (STEPS_OF_F + 1, count), the hemispherical means of 1 - F (count,), and
+    the lobe's HDR (STEPS + 1, count).
     """
     Float64 = dr.float64_array_t(mi.Float)
     bins, cos = Bins(band, count), np.linspace(0, 1, STEPS_OF_F + 1) ** 2
@@ -228,7 +236,7 @@ def facet_tables(material: SpectralParameters, band, count: int) -> tuple[np.nda
         return Float64(weights_of_facets(alpha, gamma, tuple(theta.numpy())) @ F)
 
     HDR = np.array([tabulated(partial(of_bin, F=F_of_bin)).numpy() for F_of_bin in F])
-    return F, 2 * np.trapezoid((1 - F) * cos, cos, axis=1), HDR
+    return F.T, 2 * np.trapezoid((1 - F) * cos, cos, axis=1), HDR.T
 
 
 @lru_cache(maxsize=16)

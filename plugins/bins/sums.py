@@ -7,6 +7,7 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.plugins.bins.blocks import SIZE, gathered, in_blocks
 from mi_lcair.plugins.bins.by_bin import NEIGHBOURS, ByBin
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
 from mi_lcair.plugins.paths.launch import Launch, Paths
@@ -29,7 +30,8 @@ class BinSums:
     counts_closure = False  # whether the radiance beyond the last reflection counts
 
     def __init__(self, by_bin: ByBin, launch: Launch, shape: tuple[int, ...], table):
-        self.count, self.shape, self.table = by_bin.count, shape, table
+        self.count, self.blocks, self.shape = by_bin.count, by_bin.blocks, shape
+        self.table = table
         if np.prod(self.shape, dtype=float) > MOST_SUMS:
             of_window = int(np.prod(shape)) // (launch.windows * launch.randomisations)
             raise InputError(
@@ -38,21 +40,15 @@ class BinSums:
                 "band with `average_K`"
             )
         self.array = dr.zeros(dr.float64_array_t(mi.Float), int(np.prod(self.shape)))
-        dr.make_opaque(self.array, self.table)
+        dr.make_opaque(self.array)
 
-    def value(self, source, k, factors: dr.Local) -> mi.Float:
-        """Radiance of bin k for a radiance of 1 of a source; factors: those of the bins."""
-        value, first = mi.Float(0), (source * self.count + k) * len(self.neighbours)
-        for column, step in enumerate(self.neighbours):
-            number = mi.UInt32(dr.clip(mi.Int32(k) + step, 0, self.count - 1))
-            value += factors.read(number) * dr.gather(mi.Float, self.table, first + column)
-        return value
-
-    def add(self, index, value) -> None:
-        """Add radiance to the sum with a number."""
-        active = (value != 0) & dr.isfinite(value)
-        value = dr.float64_array_t(mi.Float)(value)
-        dr.scatter_add(self.array, value, index, active, mode=dr.ReduceMode.Local)
+    def add(self, index, values, block) -> None:
+        """Add radiance in the bins of a block to sums; index: function of a bin's number."""
+        for place, value in enumerate(values):
+            k = SIZE * block + place
+            active = (k < self.count) & (value != 0) & dr.isfinite(value)
+            value = dr.float64_array_t(mi.Float)(value)
+            dr.scatter_add(self.array, value, index(k), active, mode=dr.ReduceMode.Local)
 
     def of_path(self) -> dr.Local | None:
         """Sums of one path; None where all that a path brings is added to those of the launch."""
@@ -73,13 +69,15 @@ class SourceSums(BinSums):
     def __init__(self, by_bin: ByBin, launch: Launch):
         self.sources = len(by_bin.sources)
         shape = launch.windows, launch.randomisations, 2, self.sources * by_bin.count
-        super().__init__(by_bin, launch, shape, mi.Float(by_bin.shares))
+        super().__init__(by_bin, launch, shape, by_bin.shares)
 
-    def add_parts(self, row, parts, k, base, factors, of_path) -> None:
-        """Add the radiance of bin k to a row, see `ByBinOfPath`."""
+    def add_parts(self, row, parts, block, base, factors, of_path) -> None:
+        """Add the radiance of a block of bins to a row, see `ByBinOfPath`."""
+        factor = factors.read(block)
         for source, share in parts:
-            value = base * share * self.value(source, k, factors)
-            self.add((row * self.sources + source) * self.count + k, value)
+            values = base * share * factor * gathered(self.table, source * self.blocks + block)
+            first = (row * self.sources + source) * self.count
+            self.add(lambda k, first=first: first + k, values, block)
 
     def channels(self, split: str) -> dict[str, np.ndarray]:
         """Sums by the names of channels, (windows, randomisations) each; split: see `Channels`."""
@@ -104,16 +102,30 @@ class SpectralSums(BinSums):
 
     def __init__(self, by_bin: ByBin, launch: Launch):
         shape = by_bin.count, launch.windows, launch.randomisations
-        super().__init__(by_bin, launch, shape, mi.Float(by_bin.densities.ravel()))
+        # The factors of neighbours of a block lie in three gathers
+        super().__init__(by_bin, launch, shape, in_blocks(np.moveaxis(by_bin.densities, -1, 1)))
         self.rows = dr.opaque(mi.UInt32, launch.windows * launch.randomisations)
 
     def of_path(self) -> dr.Local:
         """Sums of one path, which are added to those of the launch at its end."""
-        return zeros(self.count)
+        return zeros(self.blocks, mi.Vector4f)
 
-    def add_parts(self, row, parts, k, base, factors, of_path) -> None:
-        value = base * sum(share * self.value(source, k, factors) for source, share in parts)
-        of_path.write(of_path.read(k) + value, k)
+    def add_parts(self, row, parts, block, base, factors, of_path) -> None:
+        here, last = factors.read(block), self.blocks - 1
+        before = factors.read(dr.select(block > 0, block - 1, 0)).w
+        after = factors.read(dr.minimum(block + 1, last)).x
+        neighbours = (
+            mi.Vector4f(before, here.x, here.y, here.z),
+            here,
+            mi.Vector4f(here.y, here.z, here.w, after),
+        )
+        values = mi.Vector4f(0)
+        for source, share in parts:
+            first = source * len(neighbours) * self.blocks + block
+            for column, factor in enumerate(neighbours):
+                weight = gathered(self.table, first + column * self.blocks)
+                values += base * share * factor * weight
+        of_path.write(of_path.read(block) + values, block)
 
     def channels(self, split: str) -> dict[str, np.ndarray]:
         """Sums by the names of channels, (windows, randomisations) each."""
@@ -155,10 +167,10 @@ class ByBinOfPath(Recorder):
     @dr.syntax
     def add(self, base, sources, factors, row, of_path):
         """Add `base` times the factors of the bins, divided among the sources."""
-        k = mi.UInt32(0)
-        while k < self.sums.count:
-            self.sums.add_parts(row, sources, k, base, factors, of_path)
-            k += 1
+        block = mi.UInt32(0)
+        while block < self.sums.blocks:
+            self.sums.add_parts(row, sources, block, base, factors, of_path)
+            block += 1
 
     def end(self) -> None:
         """Add the sums of the path to those of the launch, after the path's end."""
@@ -168,8 +180,8 @@ class ByBinOfPath(Recorder):
     @dr.syntax
     def add_of_path(self, row, of_path):
         """Add each sum of a path to a row."""
-        k = mi.UInt32(0)
-        while k < self.sums.count:
+        block = mi.UInt32(0)
+        while block < self.sums.blocks:
             # The paths that first hit the model have odd rows
-            self.sums.add(k * self.sums.rows + row // 2, of_path.read(k))
-            k += 1
+            self.sums.add(lambda k: k * self.sums.rows + row // 2, of_path.read(block), block)
+            block += 1

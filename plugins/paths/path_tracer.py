@@ -27,7 +27,7 @@ from mi_lcair.plugins.paths.offsets import rounding_error
 from mi_lcair.plugins.paths.recording import Recorded
 from mi_lcair.plugins.paths.sums import BlockSums, Sums, block_size
 from mi_lcair.plugins.paths.tail import Tail
-from mi_lcair.plugins.paths.walk import Walk
+from mi_lcair.plugins.paths.walk import Replay, Walk
 from mi_lcair.plugins.recorders.by_bounce import SIZES, ByBounce
 from mi_lcair.plugins.recorders.channels import Channels, cell_of
 from mi_lcair.plugins.recorders.first_hit import FirstHit
@@ -72,7 +72,6 @@ class PathTracer(RBIntegrator):
         samples = settings.emitter_sampling in (True, PREFERRED)
         preference = PREFERENCE if settings.emitter_sampling == PREFERRED else 1.0
         emitters = EmitterTable(scene, samples, in_detail, preference)
-        own_memory(flatten(emitters))
         ambient = None
         if settings.closure == "ambient":
             ambient = mi.Float(in_band_radiance(emitters.band, settings.ambient_temperature))
@@ -80,6 +79,7 @@ class PathTracer(RBIntegrator):
         paths = Walk(scene, emitters, most, samples, ambient, explored)
         if settings.opening_sampling is True and not emitters.passes and emitters.sun is None:
             paths.openings = Openings.of(scene)
+        own_memory(flatten((emitters, paths.openings)))
         if has_bins:
             T = None if ambient is None else settings.ambient_temperature
             paths.by_bin = ByBin(
@@ -128,8 +128,9 @@ class PathTracer(RBIntegrator):
         if self.closure == "tail":
             first_hit = FirstHit.of(scene, self.emitters)
             recorders = Recorders([first_hit, LastCounts.of(self.max_bounces)])
+        replay = None if mode == dr.ADMode.Primal else Replay(mode, δL, state_in)
         (L, state), valid, recorders = self.paths.walk(
-            mode, sampler, ray, (δL, state_in), active, recorders
+            sampler, ray, active, recorders, replay=replay
         )
         if self.closure == "tail":
             L += recorders.of(LastCounts).tail(recorders.of(FirstHit).of_model)[0]
@@ -158,9 +159,7 @@ class PathTracer(RBIntegrator):
         self, sampler, ray, recorders: Recorders, part: str = WHOLE
     ) -> tuple[mi.Float, Recorders]:
         """Radiance of each path [W m^-2 sr^-1], and what was recorded. part: see `Launch`."""
-        (L, _), _, recorders = self.paths.walk(
-            dr.ADMode.Primal, sampler, ray, (None, None), mi.Bool(True), recorders, part
-        )
+        (L, _), _, recorders = self.paths.walk(sampler, ray, mi.Bool(True), recorders, part)
         return L[0], recorders
 
     def trace(
@@ -208,7 +207,9 @@ class PathTracer(RBIntegrator):
             elif self.records_bins:
                 bins = SpectralSums(self.paths.by_bin, launch)
             if facets is not None or self.closure == "tail":
-                blocks, tail = self.whole_sums(*arguments, facets, launch, bins)
+                blocks, tail = self.whole_sums(
+                    paths, rays or sensor, channels, facets, launch, bins
+                )
             elif rays is None or self.paths.by_bin is not None:
                 # A recording would not see that a sensor of another kind has changed, and it does
                 # not have the tables of the bins
@@ -232,7 +233,7 @@ class PathTracer(RBIntegrator):
         return block_sums(L, channels, recorders, weight, size)
 
     def whole_sums(
-        self, paths: Paths, rays, size: int, channels: Channels, facets, launch: Launch, bins=None
+        self, paths: Paths, rays, channels: Channels, facets, launch: Launch, bins: BinSums | None
     ) -> tuple[BlockSums, Tail | None]:
         """As `block_sums`, also for facets and for closure = tail, which read values."""
         L, recorders, weight = self.follow(paths, rays, channels, facets, bins)
@@ -250,7 +251,7 @@ class PathTracer(RBIntegrator):
             # One kernel for all later uses of these arrays
             dr.eval(L, recorders, channels.by_name(L, recorders))
             facets.add(first_hit.facet, L, weight, by_bounce, launch)
-        return block_sums(L, channels, recorders, weight, size), tail
+        return block_sums(L, channels, recorders, weight, block_size(launch)), tail
 
     def follow(self, paths: Paths, rays, channels: Channels, facets=None, bins=None) -> tuple:
         """Radiance, recorders and weight of each path; bins: sums by bin, or None."""

@@ -80,6 +80,20 @@ class Hit:
 
 
 @dataclass(frozen=True)
+class Replay:
+    """What a replay of paths needs of the pass that it repeats.
+
+    mode: dr.ADMode.Forward or Backward. gradient: that of the objective with respect to the
+    radiance of each path, mi.Spectrum; None where the mode is Forward. state: what the primal pass
+    returned.
+    """
+
+    mode: dr.ADMode
+    gradient: mi.Spectrum | None
+    state: tuple
+
+
+@dataclass(frozen=True)
 class Scattering:
     """What is sampled at a hit.
 
@@ -140,40 +154,37 @@ class Walk:
         return f"{self.by_bin.count} bins, which cause a relative error of {self.binning_error:.1e}"
 
     @dr.syntax
-    def walk(self, mode, sampler, ray, adjoint, active, recorders: Recorders, part: str = WHOLE):
+    def walk(self, sampler, ray, active, recorders: Recorders, part: str = WHOLE, replay=None):
         """Trace paths from the observer.
 
         Parameters
         ----------
-        mode : dr.ADMode
-            Primal: the radiance. Forward, Backward: its derivative. The same paths are traced again
-            and the radiance of the primal pass is used up step by step (path replay).
         sampler : mi.Sampler
         ray : mi.Ray3f
             The first ray of each path.
-        adjoint : tuple of mi.Spectrum or None
-            For a replay: the gradient of the objective with respect to the radiance of each path
-            (Backward, else None), and the state that the primal pass returned.
         active : mi.Bool
         recorders : Recorders
         part : str
             WHOLE, or a part of the radiance, see `Launch`. A replay gives the derivative of all.
+        replay : Replay or None
+            None: the radiance. Otherwise its derivative. The same paths are traced again and the
+            radiance of the primal pass is used up step by step (path replay).
 
         Returns
         -------
         (result, state) : tuple
-            `result` is the radiance (Primal) or its derivative (Forward), mi.Spectrum. `state` is
-            for a replay: the radiance, and that along latent paths [W m^-2 sr^-1].
+            `result` is the radiance or, in a replay, its derivative (Forward), mi.Spectrum. `state`
+            is for a replay: the radiance, and that along latent paths [W m^-2 sr^-1].
         valid : mi.Bool
             Whether the first ray hits a surface.
         recorders : Recorders
         """
-        primal = mode == dr.ADMode.Primal
+        primal, mode = replay is None, None if replay is None else replay.mode
         # An opaque number, so that one kernel serves every number of reflections
         most = dr.opaque(mi.UInt32, 0 if part == DIRECT else self.max_bounces)
         # Radiance: accumulated in the primal pass; in a replay, the part not yet accounted for
-        L, latent = self.nothing() if primal else adjoint[1]
-        δL = mi.Spectrum(0 if adjoint[0] is None else adjoint[0])
+        L, latent = self.nothing() if primal else replay.state
+        δL = mi.Spectrum(0 if primal or replay.gradient is None else replay.gradient)
         is_controlled = not primal and self.control is not None
         cell = self.control.cells(dr.width(ray)) if is_controlled else None
         active = mi.Bool(active)
@@ -184,7 +195,7 @@ class Walk:
             counts = ~(valid & self.emitters.is_model(path.pi.shape.emitter()))
         active = recorders.begin(path.pi, path.ray, active)
 
-        while dr.hint(active, label=f"bounce_path ({mode.name})"):
+        while dr.hint(active, label="bounce_path"):
             hit, lost = self.hit(path, most, active)
             recorders.meet(hit.bsdf, hit.si.wi)
             Le, of_latent = self.emitted(primal, path, hit, most, recorders, counts)
@@ -208,10 +219,11 @@ class Walk:
                 active &= is_real | (dr.max(scattering.weight) > LARGEST_LATENT)
                 active |= scattering.becomes_latent
             if dr.hint(not primal, mode="scalar"):
-                later, c = (L, latent), None
+                c = None
                 if dr.hint(is_controlled, mode="scalar"):
                     c = self.control.incoming(hit.bsdf, path.bounce, cell)
-                δL = replayed(mode, path, hit, scattering, Le, later, c, δL, active)
+                reflected = replayed(path, hit, scattering, (L, latent), c, active)
+                δL = propagated(mode, [Le, scattering.brought, reflected], δL)
 
             self.turn(path, hit, scattering, active)
             recorders.turn()
@@ -300,7 +312,8 @@ class Walk:
             emits = self.by_bin.emits(hit.emitter, hit.bsdf, si.wi, hit.active & ~beyond)
             if self.ambient_radiance is not None:
                 emitted = dr.select(beyond, self.ambient_radiance, emitted)
-            by_bin = self.by_bin.radiance(path, emitted, hit.emitter, parts, emits, beyond=beyond)
+            numbers = self.by_bin.numbers(hit.emitter, parts, beyond)
+            by_bin = self.by_bin.radiance(path, emitted, parts, numbers, emits)
             ambient = dr.select(si.is_valid(), mi.Float(1), 0)
             by_bin = by_bin.times(path.throughput[0] * dr.select(beyond, ambient, share))
             parts, Le = by_bin.parts, mi.Spectrum(by_bin.radiance)
@@ -330,7 +343,9 @@ class Walk:
                 if self.by_bin is None:
                     of_sun *= weight_of_sun
                 else:
-                    by_bin = self.by_bin.radiance(path, of_sun, sun, whole).times(weight_of_sun[0])
+                    numbers = self.by_bin.numbers(sun, whole)
+                    by_bin = self.by_bin.radiance(path, of_sun, whole, numbers)
+                    by_bin = by_bin.times(weight_of_sun[0])
                     of_sun = mi.Spectrum(by_bin.radiance)
                 Le += of_sun
             emission = Emission(of_sun[0], path.bounce, beyond, sun, whole, mi.Float(0), None)
@@ -374,7 +389,7 @@ class Walk:
                 traced = draws & direction.may_radiate & reflects
             with dr.resume_grad(when=not primal):
                 direct = self.emitters.trace(table, self.scene, si, direction, traced, with_hit)
-                part = self.bring(primal, path, hit, most, direct, value, recorders)
+                part = self.bring(primal, path, hit, direct, value, recorders)
                 brought = brought + part[0]
             latent = None if latent is None else latent + part[1]
         bs, weight, becomes_latent = self.reflected(path, hit, sampler, bs, weight)
@@ -391,7 +406,7 @@ class Walk:
             self.by_bin.reflect(path.by_bin, hit, bs, weight)
         return bs, weight * factor, self.becomes_latent(path, hit, bs, weight)
 
-    def bring(self, primal: bool, path, hit: Hit, most, direct, value, recorders):
+    def bring(self, primal: bool, path, hit: Hit, direct, value, recorders):
         """Radiance that a drawn direction brings, and that along latent paths, or None.
 
         direct: the `EmitterSample` of the direction. value: the direction in the surface's frame,
@@ -408,7 +423,7 @@ class Walk:
             )
             brought, by_bin = path.throughput * f * radiance * share, None
             if self.by_bin is not None:
-                by_bin = self.by_bin.drawn(path, hit, direct, to, f, radiance, parts)
+                by_bin = self.by_bin.drawn(path, hit, direct, value, radiance, parts)
                 by_bin = by_bin.times(dr.select(direct.counts, path.throughput[0] * share, 0))
                 parts, brought = by_bin.parts, mi.Spectrum(by_bin.radiance)
             brought = dr.select(direct.counts, brought, 0)
@@ -424,7 +439,7 @@ class Walk:
             Emission(
                 radiance=brought[0],
                 bounce=path.bounce + 1,
-                beyond=path.bounce >= most,
+                beyond=mi.Bool(False),  # none is drawn at the last reflection
                 emitter=direct.emitter,
                 parts=parts,
                 weight=dr.select(direct.counts, weight_of_source, 0),
@@ -527,13 +542,13 @@ def first(radiance: mi.Spectrum | None) -> mi.Float | None:
     return None if radiance is None else radiance[0]
 
 
-def replayed(mode, path: PathState, hit: Hit, scattering: Scattering, Le, later, c, δL, active):
-    """The derivative of each path's radiance after this vertex; in reverse mode, its gradient.
+def replayed(path: PathState, hit: Hit, scattering: Scattering, later, c, active) -> mi.Spectrum:
+    """The radiance from later vertices, with derivatives with respect to the parameters here.
 
-    later: the radiance from later vertices, times the throughput, and that along the latent path
-    that begins here. They depend on the parameters at this vertex through the BSDF value `f` alone,
-    since the sampled direction and its density are constants. The relative derivative of the
-    radiance is therefore that of `f`. The latent path has the weight 1 in place of f / pdf.
+    later: that radiance, times the throughput, and that along the latent path that begins here.
+    They depend on the parameters at this vertex through the BSDF value `f` alone, since the sampled
+    direction and its density are constants. The relative derivative of the radiance is therefore
+    that of `f`. The latent path has the weight 1 in place of f / pdf.
 
     c: mean incoming radiance, or 0, for the control variate; None without one, see `Control`.
     """
@@ -554,7 +569,16 @@ def replayed(mode, path: PathState, hit: Hit, scattering: Scattering, Le, later,
             weight = dr.select(bs.pdf > 0, f / dr.select(bs.pdf > 0, bs.pdf, 1), 0)
             controlled = hit.reflects & (c > 0) & (hit.si.wi.z > 0)
             reflected += dr.select(controlled, path.throughput * c * (HDR - weight), 0)
-        Lo = Le + scattering.brought + reflected
+        return reflected
+
+
+def propagated(mode, radiances, δL) -> mi.Spectrum:
+    """The derivative of each path's radiance with these parts of it added to `δL`.
+
+    In reverse mode `δL` is the gradient of the objective, and is passed on to the parameters.
+    """
+    with dr.resume_grad():
+        Lo = sum(radiances)
         if mode == dr.ADMode.Backward:
             dr.backward_from(δL * Lo)
             return δL
