@@ -19,19 +19,17 @@ MOST_SUMS = 2**27  # sums of one launch, of 8 bytes each
 class BinSums:
     """Sums for each window, randomisation and bin of wavelength.
 
-    There is one array for all paths, outside of what the loop carries.
+    There is one array for all paths, outside of what the loop carries. A subclass sets `table`,
+    the factors of the radiance of the scene's sources, by blocks.
 
-    neighbours: bins, counted from that bin, whose reflectances enter the sum of a bin. by_bin:
-    the scene's tables. launch: the launch. shape: of the sums. table: factors of the radiance of
-    the sources, (sources of the scene, bins, neighbours).
+    by_bin: the scene's tables. launch: the launch. shape: of the sums.
     """
 
-    neighbours: tuple[int, ...] = (0,)
+    table: mi.Float
     counts_closure = False  # whether the radiance beyond the last reflection counts
 
-    def __init__(self, by_bin: ByBin, launch: Launch, shape: tuple[int, ...], table):
+    def __init__(self, by_bin: ByBin, launch: Launch, shape: tuple[int, ...]):
         self.count, self.blocks, self.shape = by_bin.count, by_bin.blocks, shape
-        self.table = table
         if np.prod(self.shape, dtype=float) > MOST_SUMS:
             of_window = int(np.prod(shape)) // (launch.windows * launch.randomisations)
             raise InputError(
@@ -67,9 +65,9 @@ class SourceSums(BinSums):
     """
 
     def __init__(self, by_bin: ByBin, launch: Launch):
-        self.sources = len(by_bin.sources)
+        self.sources, self.table = len(by_bin.sources), by_bin.shares
         shape = launch.windows, launch.randomisations, 2, self.sources * by_bin.count
-        super().__init__(by_bin, launch, shape, by_bin.shares)
+        super().__init__(by_bin, launch, shape)
 
     def add_parts(self, row, parts, block, base, factors, of_path) -> None:
         """Add the radiance of a block of bins to a row, see `ByBinOfPath`."""
@@ -97,13 +95,11 @@ class SpectralSums(BinSums):
     The sums of a bin lie together, (bins, windows, randomisations), since they are added up later.
     """
 
-    neighbours = NEIGHBOURS
     counts_closure = True
 
     def __init__(self, by_bin: ByBin, launch: Launch):
-        shape = by_bin.count, launch.windows, launch.randomisations
-        # The factors of neighbours of a block lie in three gathers
-        super().__init__(by_bin, launch, shape, in_blocks(np.moveaxis(by_bin.densities, -1, 1)))
+        super().__init__(by_bin, launch, (by_bin.count, launch.windows, launch.randomisations))
+        self.table = in_blocks(np.moveaxis(by_bin.densities, -1, 1))
         self.rows = dr.opaque(mi.UInt32, launch.windows * launch.randomisations)
 
     def of_path(self) -> dr.Local:
@@ -111,21 +107,18 @@ class SpectralSums(BinSums):
         return zeros(self.blocks, mi.Vector4f)
 
     def add_parts(self, row, parts, block, base, factors, of_path) -> None:
-        here, last = factors.read(block), self.blocks - 1
-        before = factors.read(dr.select(block > 0, block - 1, 0)).w
-        after = factors.read(dr.minimum(block + 1, last)).x
-        neighbours = (
-            mi.Vector4f(before, here.x, here.y, here.z),
-            here,
-            mi.Vector4f(here.y, here.z, here.w, after),
-        )
-        values = mi.Vector4f(0)
+        here = factors.read(block)
+        # Beyond both ends the densities are 0
+        before = factors.read(dr.maximum(block, 1) - 1).w
+        after = factors.read(dr.minimum(block + 1, self.blocks - 1)).x
+        bins = before, *here, after
+        values = of_path.read(block)
         for source, share in parts:
-            first = source * len(neighbours) * self.blocks + block
-            for column, factor in enumerate(neighbours):
-                weight = gathered(self.table, first + column * self.blocks)
-                values += base * share * factor * weight
-        of_path.write(of_path.read(block) + values, block)
+            for column, step in enumerate(NEIGHBOURS):
+                index = (source * len(NEIGHBOURS) + column) * self.blocks + block
+                factor = mi.Vector4f(*bins[1 + step : 1 + step + SIZE])
+                values += base * share * factor * gathered(self.table, index)
+        of_path.write(values, block)
 
     def channels(self, split: str) -> dict[str, np.ndarray]:
         """Sums by the names of channels, (windows, randomisations) each."""
