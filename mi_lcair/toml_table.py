@@ -4,6 +4,7 @@ import json
 import re
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
+from datetime import date
 from pathlib import Path
 from types import UnionType
 from typing import Literal, Union, get_args, get_origin
@@ -19,6 +20,7 @@ EXPECTED = {
     int: "a whole number",
     bool: "true or false",
     dict: "a table",
+    date: "a date without quotes, such as 2026-06-21",
 }
 SMALLEST, LARGEST = 1e-30, 1e12  # sizes of numbers whose squares and ratios stay finite
 SIZES = f"{SMALLEST:g}..{LARGEST:g}"

@@ -35,7 +35,7 @@ def exchange(
         A loaded scene, or what `mi_lcair.load` takes. It needs no sun and no sky: what escapes
         upward goes to the sky, and what escapes downward to the ground.
     rays : int
-        Number of paths of each facet.
+        Number of paths of each side of a facet.
     seed : int
         The same seed gives the same result.
     sky_K, ground_K : float or None

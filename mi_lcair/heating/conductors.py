@@ -8,8 +8,8 @@ Heat flows by differences of T^4 alone. Facets of one temperature therefore exch
 whatever the errors of the conductors, and the sum of all flows is 0.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -47,12 +47,22 @@ class Facets:
         """Area of all sides that radiate [m^2], (n,)."""
         return self.area * self.sides
 
+    @property
+    def emitting_area(self) -> np.ndarray:
+        """Area times emissivity of all sides [m^2], (n,)."""
+        return self.radiating_area * self.emissivity
+
     @cached_property
     def membership(self) -> sparse.csr_array:
         """Whether each group (row) has each facet (column), 0 or 1."""
         n = len(self.number)
         rows = (self.group, np.arange(n))
         return sparse.csr_array((np.ones(n), rows), shape=(len(self.groups), n))
+
+    def share_of_groups(self, shares: np.ndarray) -> np.ndarray:
+        """Shares of what each group emits, from those of the facets, (groups,)."""
+        M, emitted = self.membership, self.emitting_area
+        return (M @ (shares * emitted)) / np.maximum(M @ emitted, np.finfo(float).tiny)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +79,15 @@ class Conductors:
     to_ground: np.ndarray
     to_self: np.ndarray
 
+    @staticmethod
+    def of(matrix, to_sky: np.ndarray, to_ground: np.ndarray, to_self=0.0) -> "Conductors":
+        """The conductors of a symmetric matrix, whose diagonal adds to `to_self`."""
+        between = sparse.csr_array(matrix)
+        to_self = to_self + between.diagonal()
+        between = between - sparse.diags_array(between.diagonal())
+        between.eliminate_zeros()
+        return Conductors(between, to_sky, to_ground, to_self)
+
     @cached_property
     def parts(self) -> dict[str, np.ndarray]:
         """Conductors to the sky, the ground, the facet itself and all others, (n,) each."""
@@ -84,23 +103,6 @@ class Conductors:
         """Sum of each facet's conductors to all others, to the sky and to the ground, (n,)."""
         return self.parts["sky"] + self.to_ground + self.parts["others"]
 
-    def heat(self, kelvin: np.ndarray, sky_K: np.ndarray | float, ground_K: float) -> np.ndarray:
-        """Heat that each facet gains [W], (n,).
-
-        kelvin: temperatures of the facets [K], (n,). sky_K: temperatures of blackbodies with the
-        radiance of the rings, (rings,), or of the whole sky. ground_K: that of the ground.
-        """
-        fourth = kelvin**4
-        rings = np.broadcast_to(np.asarray(sky_K, float) ** 4, self.to_sky.shape[1])
-        # The difference of each pair, so that equal temperatures give exactly 0
-        i, j = self.pairs
-        of_pairs = np.bincount(
-            i, self.between.data * (fourth[j] - fourth[i]), minlength=len(fourth)
-        )
-        of_sky = np.sum(self.to_sky * (rings - fourth[:, None]), axis=1)
-        of_ground = self.to_ground * (ground_K**4 - fourth)
-        return STEFAN_BOLTZMANN * (of_pairs + of_sky + of_ground)
-
     def absorbed(self, fourth: np.ndarray, sky: np.ndarray | float, ground: float) -> np.ndarray:
         """What the facets absorb, as an area times T^4 [m^2 K^4], (n,), also of what they emit.
 
@@ -111,8 +113,23 @@ class Conductors:
         return of_facets + np.sum(self.to_sky * sky, axis=1) + self.to_ground * ground
 
     def gained(self, fourth: np.ndarray, sky: np.ndarray | float, ground: float) -> np.ndarray:
-        """What the facets absorb less what they emit [m^2 K^4], (n,); see `absorbed`."""
-        return self.absorbed(fourth, sky, ground) - (self.total + self.to_self) * fourth
+        """What the facets absorb less what they emit [m^2 K^4], (n,); see `absorbed`.
+
+        It is exactly 0 if all T^4 are equal.
+        """
+        level = fourth[0]
+        fourth = fourth - level
+        absorbed = self.absorbed(fourth, sky - level, ground - level)
+        return absorbed - (self.total + self.to_self) * fourth
+
+    def heat(self, kelvin: np.ndarray, sky_K: np.ndarray | float, ground_K: float) -> np.ndarray:
+        """Heat that each facet gains [W], (n,).
+
+        kelvin: temperatures of the facets [K], (n,). sky_K: temperatures of blackbodies with the
+        radiance of the rings, (rings,), or of the whole sky. ground_K: that of the ground.
+        """
+        fourth = (np.asarray(T, float) ** 4 for T in (kelvin, sky_K, ground_K))
+        return STEFAN_BOLTZMANN * self.gained(*fourth)
 
     def irradiance(
         self, kelvin: np.ndarray, sky_K: np.ndarray | float, ground_K: float
@@ -126,38 +143,29 @@ class Conductors:
         power = STEFAN_BOLTZMANN * self.absorbed(kelvin**4, np.asarray(sky_K) ** 4, ground_K**4)
         return power / np.where(absorbs > 0, absorbs, np.nan)
 
-    @cached_property
-    def pairs(self) -> tuple[np.ndarray, np.ndarray]:
-        """Rows and columns of the entries of `between`."""
-        rows = np.repeat(np.arange(self.between.shape[0]), np.diff(self.between.indptr))
-        return rows, self.between.indices
-
     def by_group(self, facets: Facets) -> "Conductors":
         """The conductors between groups of isothermal facets."""
         M = facets.membership
-        between = sparse.csr_array(M @ self.between @ M.T)
-        to_self = M @ self.to_self + between.diagonal()
-        between.setdiag(0)
-        between.eliminate_zeros()
-        return Conductors(between, M @ self.to_sky, M @ self.to_ground, to_self)
-
-
-def weighted(conductors: Sequence[Conductors], weights: Sequence[float]) -> Conductors:
-    """The sum of some conductors with weights."""
-    names = [entry.name for entry in fields(Conductors)]
-    return Conductors(*(sum(getattr(c, k) * w for c, w in zip(conductors, weights)) for k in names))
+        return Conductors.of(
+            M @ self.between @ M.T, M @ self.to_sky, M @ self.to_ground, M @ self.to_self
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class Traced:
-    """Conductors with their randomisations, from which every standard error follows.
+    """Conductors of each randomisation of the paths, from which every standard error follows.
 
-    mean: the mean of the replicates. replicates: the conductors by each randomisation. They are
-    independent estimates of the same numbers.
+    replicates: independent estimates of the same conductors.
     """
 
-    mean: Conductors
     replicates: tuple[Conductors, ...]
+
+    @cached_property
+    def mean(self) -> Conductors:
+        """The mean of the replicates."""
+        names = ("between", "to_sky", "to_ground", "to_self")
+        sums = (sum(getattr(replicate, name) for replicate in self.replicates) for name in names)
+        return Conductors(*(total / len(self.replicates) for total in sums))
 
     def standard_error(self, function: Callable[[Conductors], np.ndarray]) -> np.ndarray:
         """Standard error of a linear function of the conductors at their mean.

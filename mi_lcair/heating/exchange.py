@@ -6,54 +6,43 @@ import numpy as np
 from scipy import sparse
 
 from mi_lcair.errors import InputError
-from mi_lcair.heating.conductors import Conductors, Facets, Traced, standard_error, weighted
+from mi_lcair.heating.conductors import Conductors, Facets, Traced, standard_error
 from mi_lcair.heating.exchange_result import Asymmetry, Exchange
 from mi_lcair.heating.paths import ENDS, RANDOMISATIONS, RINGS, FacetPaths, Means, points_of
-from mi_lcair.heating.sunlight import Sunlight
+from mi_lcair.heating.sunlight import solar_areas
 from mi_lcair.heating.surfaces import TOTAL, Surfaces, hemispherical_emissivity
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 from mi_lcair.rendering.scene import Scene
 
-RAYS = 1024  # paths of each facet
+RAYS = 1024  # paths of each side of a facet
 MOST_LOST = 1e-3  # share of a group's radiation that may end on backs and passive surfaces
 ASYMMETRY, SIGNIFICANT = 0.01, 4.0  # relative difference of two directions and its z for a remark
 
 
 def combined(means: Means, area: np.ndarray) -> Traced:
-    """Conductors from the means of paths of facets with these areas of their sides [m^2], (n,).
+    """Conductors from the areas [m^2] by which facets absorb what others emit.
 
-    Paths of facet i estimate GR_ij with a variance that is proportional to A_i. The two directions
-    of each pair are therefore combined with weights 1 / A, which do not depend on the outcome:
+    Paths of facet i estimate GR_ij with a variance that is proportional to its area A_i, (n,). The
+    two directions of each pair are therefore combined with weights 1 / A, which do not depend on
+    the outcome:
 
-        GR_ij = (g_ij + g_ji) A_i A_j / (A_i + A_j)
+        GR_ij = (A_j G_ij + A_i G_ji) / (A_i + A_j)
     """
     replicates = []
-    for g, ends in zip(means.between, means.ends):
-        both = sparse.coo_array(g + g.T)
-        i, j = both.coords
-        values = both.data * area[i] * area[j] / (area[i] + area[j])
-        apart = i != j
-        between = (values[apart], (i[apart], j[apart]))
-        replicates.append(
-            Conductors(
-                sparse.csr_array(between, shape=both.shape),
-                area[:, None] * ends[:, :RINGS],
-                area * ends[:, RINGS + ENDS.index("ground")],
-                area * g.diagonal(),
-            )
-        )
-    return Traced(
-        weighted(replicates, np.full(len(replicates), 1 / len(replicates))), tuple(replicates)
-    )
+    for G, ends in zip(means.between, means.ends):
+        i, j = (G := sparse.coo_array(G)).coords
+        half = sparse.csr_array((G.data * area[j] / (area[i] + area[j]), (i, j)), shape=G.shape)
+        replicates.append(Conductors.of(half + half.T, ends[:, :RINGS], ends[:, RINGS]))
+    return Traced(tuple(replicates))
 
 
 def asymmetry_of(means: Means, facets: Facets, rays: int) -> Asymmetry:
-    """How much the two directions differ. rays: number of paths of each facet."""
-    M, A = facets.membership, facets.radiating_area
-    one_way = np.array([(M @ (g * A[:, None]) @ M.T).toarray() for g in means.between])
+    """How much the two directions differ. rays: number of paths of each side of a facet."""
+    M = facets.membership
+    one_way = np.array([(M @ G @ M.T).toarray() for G in means.between])
     difference = one_way - np.swapaxes(one_way, 1, 2)
     # A large facet may have met a small one with no path, of which the scatter knows nothing
-    one_path = np.array([A[facets.group == k].max() for k in range(len(facets.groups))]) / rays
+    one_path = (M * facets.area).max(axis=1).toarray() / rays
     unmet = np.hypot(one_path[:, None], one_path)
     mean, error = difference.mean(axis=0), np.hypot(standard_error(difference), unmet)
     both = one_way.mean(axis=0)
@@ -80,21 +69,16 @@ def exchange(
     paths = FacetPaths(scene, surfaces)
     facets = facets_of(paths)
     points = points_of(rays)
-    means = paths.means(points, seed)
-    emissivity = np.maximum(facets.emissivity, np.finfo(float).tiny)
-
-    def share(*names):
-        return sum(means.end(name).mean(axis=0) for name in names) / emissivity
-
-    lost = share("backs", "passive")
-    check_lost(facets, lost, means.lost, paths)
+    means = paths.means(points, seed).sums(paths.areas)
+    emitted = np.maximum(facets.emitting_area, np.finfo(float).tiny)
+    astray = {name: means.end(name).mean(axis=0) / emitted for name in ENDS[1:]}
+    check_lost(facets, astray["lost"], means.lost, paths)
     asymmetry = asymmetry_of(means, facets, points * RANDOMISATIONS)
     remarks = [*surfaces.remarks, *remarks_on_asymmetry(asymmetry, facets)]
-    sun = absorptance = None
+    sun = None
     if toward_sun is not None:
-        sunlight = Sunlight(scene, rays, seed)
-        sun, absorptance = sunlight.areas(toward_sun[None], rays), sunlight.absorptance
-        remarks += sunlight.remarks
+        sun = solar_areas(scene, toward_sun[None], rays, rays, seed)
+        remarks += sun.remarks
     in_facets = np.isin(paths.table.triangle_facet, facets.number)
     return Exchange(
         scene_name=scene.name,
@@ -103,12 +87,9 @@ def exchange(
         temperature=paths.table.temperature[facets.number],
         sky_K=sky_K,
         ground_K=ground_K,
-        buried=share("buried"),
-        truncated=share("truncated"),
-        lost=lost,
+        astray=astray,
         asymmetry=asymmetry,
         sun=sun,
-        absorptance=absorptance,
         triangles=paths.table.triangles[in_facets],
         triangle_facet=paths.table.triangle_facet[in_facets],
         rays=points * RANDOMISATIONS,
@@ -119,33 +100,26 @@ def exchange(
 
 
 def facets_of(paths: FacetPaths) -> Facets:
-    """The facets on which paths begin. Raises InputError if there are none."""
+    """The facets on which paths begin."""
     table, number = paths.table, paths.number
-    if not len(number):
-        raise InputError(f"{paths.scene.name}: no surface emits, so that no heat is exchanged")
     groups, group = np.unique(table.group[number].astype(str), return_inverse=True)
-    surfaces = paths.surfaces.different
-    emissivity = np.array([hemispherical_emissivity(surface) for surface in surfaces])
-    of_facet = np.array(paths.surfaces.of_shape)[table.shape_index[number]]
     return Facets(
         number=number,
         area=table.area[number],
-        sides=paths.sides,
+        sides=paths.of_facets(lambda surface: len(surface.sides)),
         centre=table.centre[number],
         normal=table.normal[number],
         groups=tuple(groups.tolist()),
         group=group,
         material=table.material[number].astype(str),
-        emissivity=emissivity[of_facet],
-        is_diffuse=np.array([surface.is_diffuse for surface in surfaces])[of_facet],
+        emissivity=paths.of_facets(hemispherical_emissivity),
+        is_diffuse=paths.of_facets(lambda surface: surface.is_diffuse),
     )
 
 
 def check_lost(facets: Facets, lost, of_shapes, paths: FacetPaths) -> None:
     """Raise InputError if too much of a group's radiation ends where nothing takes part."""
-    sent = facets.radiating_area * facets.emissivity
-    M = facets.membership
-    share = (M @ (lost * sent)) / np.maximum(M @ sent, np.finfo(float).tiny)
+    share = facets.share_of_groups(lost)
     worst = int(share.argmax())
     if share[worst] <= MOST_LOST:
         return

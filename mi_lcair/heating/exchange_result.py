@@ -51,22 +51,17 @@ class Exchange(Result):
         Temperatures of the facets in the scene [K]; NaN if they have none.
     sky_K, ground_K : float or None
         Temperatures of blackbodies in place of sky and ground, for the irradiance [K].
-    buried : ndarray, shape (n,)
-        Share of each facet's radiation that begins inside a closed body, where facets of two bodies
-        cross. It reaches nothing.
-    truncated : ndarray, shape (n,)
-        Share in reflections after the last.
-    lost : ndarray, shape (n,)
-        Share that ended on surfaces that do not take part.
+    astray : dict of str to ndarray
+        Shares of each facet's radiation that reach nothing, (n,): "buried" what begins inside a
+        closed body, where facets of two bodies cross; "truncated" what is in reflections after the
+        last; "lost" what ends on surfaces that do not take part.
     asymmetry : Asymmetry
     sun : SolarAreas or None
         Areas by which the facets absorb sunlight, of one beam.
-    absorptance : ndarray, shape (n,), or None
-        Hemispherical absorptance of the facets for sunlight.
     triangles, triangle_facet : ndarray, shapes (T, 3, 3) and (T,)
         Corners of the triangles [m], and the number of the facet of each.
     rays, seed : int
-        Paths of each facet, and the seed of their random numbers.
+        Paths of each side of a facet, and the seed of their random numbers.
     seconds : float
     remarks : tuple of str
     """
@@ -77,12 +72,9 @@ class Exchange(Result):
     temperature: np.ndarray
     sky_K: float | None
     ground_K: float | None
-    buried: np.ndarray
-    truncated: np.ndarray
-    lost: np.ndarray
+    astray: dict[str, np.ndarray]
     asymmetry: Asymmetry
     sun: SolarAreas | None
-    absorptance: np.ndarray | None
     triangles: np.ndarray
     triangle_facet: np.ndarray
     rays: int
@@ -110,21 +102,15 @@ class Exchange(Result):
         def of_groups(conductors: Conductors) -> np.ndarray:
             return function(conductors.by_group(self.facets))
 
-        group, most = self.facets.group, self.facets.membership @ self.emitting_area
-        largest = np.zeros(len(most))
-        np.maximum.at(largest, group, self.emitting_area / self.rays)
+        M = self.facets.membership
+        most, path = M @ self.facets.emitting_area, (M * self.path_area).max(axis=1).toarray()
         values, errors = of_groups(self.conductors), self.traced.standard_error(of_groups)
-        return values, with_unmet(values, errors, most[:, None], largest[:, None])
+        return values, with_unmet(values, errors, most[:, None], path[:, None])
 
     @property
-    def emitting_area(self) -> np.ndarray:
-        """Area times emissivity of all sides [m^2], (n,)."""
-        return self.facets.radiating_area * self.facets.emissivity
-
-    def of_groups(self, shares: np.ndarray) -> np.ndarray:
-        """Shares of what each group emits, from those of the facets, (groups,)."""
-        M, emitted = self.facets.membership, self.emitting_area
-        return (M @ (shares * emitted)) / np.maximum(M @ emitted, np.finfo(float).tiny)
+    def path_area(self) -> np.ndarray:
+        """Emitting area that one path of each facet stands for [m^2], (n,)."""
+        return self.facets.area * self.facets.emissivity / self.rays
 
     @property
     def has_irradiance(self) -> bool:
@@ -139,21 +125,16 @@ class Exchange(Result):
     @cached_property
     def irradiance(self) -> tuple[np.ndarray, np.ndarray]:
         """Irradiance of the facets [W m^-2] at the scene's temperatures, and its error, (n,)."""
-        runs = np.array(
-            [
-                replicate.irradiance(self.temperature, self.sky_K or 0.0, self.ground_K or 0.0)
-                for replicate in self.traced.replicates
-            ]
-        )
-        mean = self.conductors.irradiance(self.temperature, self.sky_K or 0.0, self.ground_K or 0.0)
-        return mean, standard_error(runs)
+        around = self.temperature, self.sky_K or 0.0, self.ground_K or 0.0
+        error = self.traced.standard_error(lambda C: C.irradiance(*around))
+        return self.conductors.irradiance(*around), error
 
     def summary(self) -> str:
         """One line with the numbers of facets, groups and paths."""
         return (
             f"exchange in {self.scene_name}: {len(self.facets.number)} facets of "
             f"{len(self.facets.groups)} groups, {self.conductors.between.nnz // 2} conductors "
-            f"from {self.rays} paths of each facet"
+            f"from {self.rays} paths of each side of a facet"
         )
 
     def entries(self) -> dict:
@@ -169,8 +150,8 @@ class Exchange(Result):
             "conductors_error_m2": errors,
             "asymmetry": self.asymmetry.relative,
             "asymmetry_z": self.asymmetry.z,
-            "truncated": self.of_groups(self.truncated),
-            "lost": self.of_groups(self.lost),
+            "truncated": self.facets.share_of_groups(self.astray["truncated"]),
+            "lost": self.facets.share_of_groups(self.astray["lost"]),
             "columns": self.columns(),
             "time_s": self.seconds,
         }
@@ -178,8 +159,7 @@ class Exchange(Result):
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each facet. Shares are those of what the facet emits."""
         facets, C, error = self.facets, self.conductors, self.traced.standard_error
-        emitted = np.maximum(self.emitting_area, np.finfo(float).tiny)
-        path = emitted / self.rays
+        emitted = np.maximum(facets.emitting_area, np.finfo(float).tiny)
         columns = {
             "facet": facets.number,
             "group": np.array(facets.groups)[facets.group],
@@ -194,8 +174,8 @@ class Exchange(Result):
         for name, value in C.parts.items():
             columns[name] = value / emitted
             scatter = error(lambda c, name=name: c.parts[name])
-            columns[f"{name}_error"] = with_unmet(value, scatter, emitted, path) / emitted
-        columns["buried"] = self.buried
+            columns[f"{name}_error"] = with_unmet(value, scatter, emitted, self.path_area) / emitted
+        columns["buried"] = self.astray["buried"]
         if self.has_irradiance:
             E, E_error = self.irradiance
             kelvin = (E / STEFAN_BOLTZMANN) ** 0.25
@@ -206,7 +186,7 @@ class Exchange(Result):
                 "environment_error_K": kelvin * E_error / (4 * np.maximum(E, 1e-300)),
             }
         if self.sun is not None:
-            columns["absorptance"] = self.absorptance
+            columns["absorptance"] = self.sun.absorptance
             for name in ("lit", "direct", "reflected"):
                 runs = getattr(self.sun, name)[:, 0]
                 columns[f"sun_{name}_m2"] = runs.mean(axis=0)

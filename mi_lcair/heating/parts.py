@@ -58,27 +58,26 @@ class Parts:
         """Uniform points of facets; `wi` is not set."""
 
         def is_before(k):
-            of_part = dr.gather(mi.UInt32, self.facet, k)
-            until = dr.gather(mi.Float, self.until, k)
-            return (of_part < facet) | ((of_part == facet) & (until < u))
+            part = dr.gather(Parts, self, k)
+            return (part.facet < facet) | ((part.facet == facet) & (part.until < u))
 
-        part = dr.binary_search(0, dr.width(self.facet) - 1, is_before)
-        shape = dr.reinterpret_array(mi.ShapePtr, dr.gather(mi.UInt32, self.shape, part))
-        is_triangle = dr.gather(mi.Bool, self.is_triangle, part)
+        last = dr.width(self.facet) - 1
+        part = dr.gather(Parts, self, dr.binary_search(0, last, is_before))
         pi = dr.zeros(mi.PreliminaryIntersection3f, dr.width(facet))
-        pi.prim_index = dr.gather(mi.UInt32, self.primitive, part)
-        pi.prim_uv, pi.shape = mi.warp.square_to_uniform_triangle(sample), shape
-        si = shape.compute_surface_interaction(dr.zeros(mi.Ray3f), pi, mi.RayFlags.All, is_triangle)
-        ps = shape.sample_position(0, sample, ~is_triangle)
+        pi.shape = shape = dr.reinterpret_array(mi.ShapePtr, part.shape)
+        pi.prim_index, pi.prim_uv = part.primitive, mi.warp.square_to_uniform_triangle(sample)
+        si = shape.compute_surface_interaction(
+            dr.zeros(mi.Ray3f), pi, mi.RayFlags.All, part.is_triangle
+        )
+        ps = shape.sample_position(0, sample, ~part.is_triangle)
         # Mitsuba 3.9 leaves out the turn of a sphere from its normals
-        sphere = dr.gather(mi.Vector4f, self.sphere, part)
-        outward = dr.normalize(ps.p - mi.Point3f(sphere.xyz)) * sphere.w
-        ps.n = dr.select(sphere.w == 0, ps.n, mi.Normal3f(outward))
-        si.p = dr.select(is_triangle, si.p, ps.p)
-        si.n = dr.select(is_triangle, si.n, ps.n)
-        si.uv = dr.select(is_triangle, si.uv, ps.uv)
-        si.sh_frame = mi.Frame3f(dr.select(is_triangle, si.sh_frame.n, ps.n))
-        si.shape, si.prim_index, si.t = shape, pi.prim_index, mi.Float(0)
+        outward = dr.normalize(ps.p - mi.Point3f(part.sphere.xyz)) * part.sphere.w
+        n = dr.select(part.sphere.w == 0, ps.n, mi.Normal3f(outward))
+        whole = dr.zeros(mi.SurfaceInteraction3f, dr.width(facet))
+        whole.p, whole.n, whole.uv, whole.sh_frame = ps.p, n, ps.uv, mi.Frame3f(n)
+        si = dr.select(part.is_triangle, si, whole)
+        si.sh_frame = mi.Frame3f(si.sh_frame.n)  # Mitsuba leaves out the tangents of a triangle
+        si.shape, si.prim_index, si.t = shape, part.primitive, mi.Float(0)
         return si
 
 

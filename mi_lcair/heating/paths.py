@@ -1,13 +1,13 @@
 """Paths that begin on facets, and what they meet.
 
-A path begins at a point of a facet, on one of its sides, in a direction drawn by the cosine. It is
-followed as from an observer, against the direction of the light: of what surface j emits, facet i
+A path begins at a point on a side of a facet, in a direction drawn by the cosine. It is followed as
+from an observer, against the direction of the light: of what surface j emits, a side of facet i
 absorbs the part of the area
 
     G_ij = A_i <eps_i(theta) W eps_j(theta')>,
 
-where W is the product of the weights of the reflections between. The mean is over the paths of
-facet i, and A_i is the area of its sides.
+where W is the product of the weights of the reflections between. The mean is over the paths of the
+side, and A_i is its area.
 """
 
 from dataclasses import dataclass
@@ -41,8 +41,9 @@ CELLS, LANES = 2**24, 2**22  # most numbers that a launch adds up, and most of i
 BYTES = 150
 RINGS = len(RINGS_DEG) - 1
 # Ends of paths, the columns after those of the facets: the rings of the sky, then these. What meets
-# the back of a closed surface began inside a body and is buried.
-ENDS = ("ground", "truncated", "buried", "backs", "passive")
+# the back of a closed surface began inside a body and is buried. Other backs, and surfaces that do
+# not emit, take no part in the exchange: what meets them is lost.
+ENDS = ("ground", "truncated", "buried", "lost")
 
 
 def points_of(rays: int) -> int:
@@ -52,104 +53,83 @@ def points_of(rays: int) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Means:
-    """Means of what the paths of n facets met, for each randomisation.
+    """Means of what the paths of some rows met of n facets, for each randomisation.
 
     between: sparse, (rows, n), what the paths of each row met of the facets. ends:
     (RANDOMISATIONS, rows, rings and ENDS). lost: (shapes,), sums over the rows of the shares that
-    ended on the backs of shapes or on shapes that do not emit.
+    were lost on each shape.
     """
 
     between: list[sparse.csr_array]
     ends: np.ndarray
     lost: np.ndarray
 
-    @staticmethod
-    def of(rows: int, n: int, cells, values, lost) -> "Means":
-        """The means from values of cells, which are numbered by row, randomisation and column."""
-        place, column = np.divmod(cells, n + RINGS + len(ENDS))
-        row, run = np.divmod(place, RANDOMISATIONS)
-        is_end, between = column >= n, []
-        ends = np.zeros((RANDOMISATIONS, rows, RINGS + len(ENDS)))
-        ends[run[is_end], row[is_end], column[is_end] - n] = values[is_end]
-        for k in range(RANDOMISATIONS):
-            of_run = ~is_end & (run == k)
-            places = row[of_run], column[of_run]
-            between.append(sparse.csr_array((values[of_run], places), shape=(rows, n)))
-        return Means(between, ends, lost)
-
     def end(self, name: str) -> np.ndarray:
         """The means that ended in one of ENDS, (RANDOMISATIONS, rows)."""
         return self.ends[:, :, RINGS + ENDS.index(name)]
 
+    def sums(self, weights: sparse.csr_array) -> "Means":
+        """Sums over the rows with weights, (other rows, rows)."""
+        ends = np.array([weights @ ends for ends in self.ends])
+        return Means([weights @ between for between in self.between], ends, self.lost)
+
 
 class FacetPaths:
-    """Traces paths from the facets of a scene that emit.
+    """Traces paths from the facets of a scene that emit. Each of their sides is a row of paths.
 
     Attributes
     ----------
     table : FacetTable
     number : (n,)
         Numbers of the facets that emit, in the table.
-    surfaces : Surfaces
-    sides : (n,)
-        Number of sides of each facet that emit.
-    reflected : bool
-        Whether paths are of the light that a side of a facet has reflected, or else of what a facet
-        absorbs.
     rows : (rows,)
-        Index of the facet of each row of paths: one for each side of `reflected` light, otherwise
-        one for each facet.
-    row_sides : (rows,)
-        Side of each row, 1 in front and -1 behind; 0 for any.
+        Index of the facet of each row.
+    areas : sparse, (n, rows)
+        Area of the side of each row [m^2], in the row of its facet.
+    reflected : bool
+        Whether paths are of the light that a side has reflected, or else of what it absorbs.
     """
 
     def __init__(self, scene: Scene, surfaces: Surfaces, reflected: bool = False):
         self.scene, self.surfaces, self.table = scene, surfaces, FacetTable(scene)
+        self.reflected, self.offsets = reflected, Offsets(scene.mi)
         self.shapes = list(scene.mi.shapes())
         table = self.table
-        emits = np.array([is_thermal(shape.emitter()) for shape in self.shapes])
-        exists = table.shape_index >= 0
-        self.number = np.flatnonzero(exists & (table.type != "sky") & emits[table.shape_index])
-        for number in self.number[~(table.area[self.number] > 0)]:
-            shape = self.shapes[table.shape_index[number]]
-            raise InputError(
-                f"{scene.name}: facet {number} of shape '{shape.id()}' has no area; remove it"
-            )
+        self.number = emitting_facets(table, self.shapes, scene.name)
+        n, index = len(self.number), np.arange(len(self.number))
         self.parts = Parts.of(table, self.number, self.shapes)
-        self.offsets = Offsets(scene.mi)
         of_shape = np.array(surfaces.of_shape)
-        of_facet = of_shape[table.shape_index[self.number]]
-        flags = [int(surface.bsdf.flags()) for surface in surfaces.different]
-        sides = [surface.sides for surface in surfaces.different]
-        self.sides = np.array([len(s) for s in sides])[of_facet]
-        n = len(self.number)
-        column = np.full(table.count, n + RINGS + ENDS.index("passive"))
+        self.surface_of_facet = of_shape[table.shape_index[self.number]]
+        self.rows = np.repeat(index, self.of_facets(lambda surface: len(surface.sides)))
+        places = (self.rows, np.arange(len(self.rows)))
+        area = table.area[self.number][self.rows]
+        self.areas = sparse.csr_array((area, places), shape=(n, len(self.rows)))
+        different = surfaces.different
+        side = np.concatenate([different[k].sides for k in self.surface_of_facet])
+        self.row_facet, self.row_side = mi.UInt32(self.rows.astype(np.uint32)), mi.Float(side)
+        column = np.full(table.count, self.end("lost"))
         column[table.type == "sky"] = n
-        column[self.number] = np.arange(n)
-        ids = [pointer_id(mi.ShapePtr(shape)) for shape in self.shapes]
-        by_pointer = np.zeros((4, max(ids) + 1), dtype=np.uint32)
-        by_pointer[:3, ids] = np.arange(len(ids)), of_shape, np.array(flags)[of_shape]
-        is_one_sided = np.array([len(s) == 1 for s in sides])[of_shape]
-        backs = n + RINGS + ENDS.index("backs") - closed_shapes(table, self.shapes, is_one_sided)
-        by_pointer[3, ids] = backs
-        self.index_of, self.surface_of, self.flags_of, self.back_of = map(mi.UInt32, by_pointer)
+        column[self.number] = index
         self.column = mi.UInt32(column.astype(np.uint32))
-        self.in_front = mi.Float([s.count(1) / max(len(s), 1) for s in sides])
-        self.reflected = reflected
-        self.rows = np.repeat(np.arange(n), self.sides) if reflected else np.arange(n)
-        self.row_sides = np.zeros(n)
-        if reflected:
-            self.row_sides = np.concatenate([sides[k] for k in of_facet])
-        self.row_facet = mi.UInt32(self.rows.astype(np.uint32))
-        self.row_side = mi.Float(self.row_sides)
+        ids = [pointer_id(mi.ShapePtr(shape)) for shape in self.shapes]
+        is_one_sided = np.array([len(surface.sides) == 1 for surface in different])[of_shape]
+        flags = np.array([int(surface.bsdf.flags()) for surface in different])[of_shape]
+        backs = self.end("lost") - closed_shapes(table, self.shapes, is_one_sided)
+        by_pointer = np.zeros((4, max(ids) + 1), dtype=np.uint32)
+        by_pointer[:, ids] = np.arange(len(ids)), of_shape, flags, backs
+        self.index_of, self.surface_of, self.flags_of, self.back_of = map(mi.UInt32, by_pointer)
         self.vector = mi.UInt32(VECTOR)
         dr.eval(self.index_of, self.surface_of, self.flags_of, self.back_of, self.column)
-        dr.eval(self.in_front, self.row_facet, self.row_side)
+        dr.eval(self.row_facet, self.row_side)
 
-    @property
-    def columns(self) -> int:
-        """Number of columns of what paths meet: facets, rings of the sky, and ENDS."""
-        return len(self.number) + RINGS + len(ENDS)
+    def end(self, name: str) -> int:
+        """The column of one of ENDS."""
+        return len(self.number) + RINGS + ENDS.index(name)
+
+    def of_facets(self, function) -> np.ndarray:
+        """Values of a function of a surface, of the surface of each facet, (n,)."""
+        values = [function(surface) for surface in self.surfaces.different]
+        return np.array(values)[self.surface_of_facet]
 
     def respond(self, si, numbers, active):
         """Direction, weight and emissivity of the surfaces at hits, seen along `si.wi`."""
@@ -175,12 +155,6 @@ class FacetPaths:
             return targets[0](si, *arguments)
         return dr.switch(self.at(self.surface_of, si), targets, si, *arguments)
 
-    def sides_at(self, si, active=True) -> tuple[mi.Bool, mi.Bool]:
-        """Whether `si.wi` is in front, and whether it is behind, of a surface with such a side."""
-        flags = self.at(self.flags_of, si, active)
-        in_front = mi.has_flag(flags, mi.BSDFFlags.FrontSide) & (si.wi.z > 0)
-        return in_front, mi.has_flag(flags, mi.BSDFFlags.BackSide) & (si.wi.z < 0)
-
     def sees_sky(self, si, to, active) -> mi.Bool:
         """Whether nothing but the sky is in the directions `to` from the active points."""
         ray = mi.Ray3f(self.offsets.leave(si, to), to)
@@ -193,16 +167,12 @@ class FacetPaths:
         """The number of each hit's shape in a table by the pointer to it."""
         return dr.gather(mi.UInt32, table, dr.reinterpret_array(mi.UInt32, si.shape), active)
 
-    def start(self, row: mi.UInt32, sampler: Lattice) -> mi.SurfaceInteraction3f:
-        """Points on the facets of rows with a direction `wi`, drawn by the cosine."""
-        sample, u, v = sampler.next_2d(), sampler.next_1d(), sampler.next_2d()
-        si = self.parts.point(dr.gather(mi.UInt32, self.row_facet, row), u, sample)
-        in_front = dr.gather(mi.Float, self.in_front, self.at(self.surface_of, si))
-        side = dr.gather(mi.Float, self.row_side, row)
-        side = dr.select(side != 0, side, in_front - sampler.next_1d())
-        si.wi = mi.warp.square_to_cosine_hemisphere(v)
-        si.wi.z = dr.mulsign(si.wi.z, side)
-        return si
+    def points(self, row: mi.UInt32, sampler: Lattice) -> tuple[mi.SurfaceInteraction3f, mi.Float]:
+        """Even points on the facets of rows, and the sides of the rows."""
+        facet = dr.gather(mi.UInt32, self.row_facet, row)
+        sample = sampler.next_2d()
+        si = self.parts.point(facet, sampler.next_1d(), sample)
+        return si, dr.gather(mi.Float, self.row_side, row)
 
     def means(self, points: int, seed: int) -> Means:
         """What the paths of the rows meet.
@@ -222,29 +192,33 @@ class FacetPaths:
         InputError
             If the numbers that the first launches keep say that memory does not suffice for all.
         """
-        rows, C = len(self.rows), self.columns
+        rows, n, R = len(self.rows), len(self.number), RANDOMISATIONS
+        columns = n + RINGS + len(ENDS)
         lost, parts, kept = dr.zeros(mi.Float, len(self.shapes)), [], 0
-        step = max(1, min(rows, CELLS // (RANDOMISATIONS * C)))
+        step = max(1, min(rows, CELLS // (R * columns)))
         for first in range(0, rows, step):
             count = min(step, rows - first)
-            met = dr.zeros(mi.Float64, count * RANDOMISATIONS * C)
+            met = dr.zeros(mi.Float64, count * R * columns)
             tally = met, lost
-            most = max(1, LANES // (count * RANDOMISATIONS))
+            most = max(1, LANES // (count * R))
             for point in range(0, points, most):
                 self._launch(first, count, point, min(most, points - point), seed, tally)
             # Facets meet few of the others, so that the cells are compressed before they are copied
             cell = dr.compress(met > 0)
             values = dr.gather(mi.Float64, met, cell).numpy() / points
-            parts.append((cell.numpy() + np.int64(first) * RANDOMISATIONS * C, values))
+            parts.append((cell.numpy() + np.int64(first) * R * columns, values))
             kept += len(values)
             check_free(
                 BYTES * kept * rows / (first + count),
-                f"exchange of {rows} facets with {points * RANDOMISATIONS} paths each",
+                f"exchange of {n} facets with {points * R} paths each",
                 "trace fewer rays, or give the model larger facets",
             )
         cells, values = (np.concatenate(column) for column in zip(*parts))
-        lost = lost.numpy() / (points * RANDOMISATIONS)
-        return Means.of(rows, len(self.number), cells, values, lost)
+        places = np.divmod(cells, columns)
+        table = sparse.csr_array((values, places), shape=(rows * R, columns))
+        runs = [table[run::R] for run in range(R)]
+        ends = np.array([run[:, n:].toarray() for run in runs])
+        return Means([run[:, :n] for run in runs], ends, lost.numpy() / (points * R))
 
     def _launch(self, first, rows, point, points, seed, tally) -> None:
         """Trace `points` paths from `point` on, of each randomisation of each row."""
@@ -252,7 +226,9 @@ class FacetPaths:
         first, points, seed, point = (dr.opaque(mi.UInt32, k) for k in (first, points, seed, point))
         run, number = lane // points, lane % points
         sampler = Lattice.at(first * RANDOMISATIONS + run, point + number, seed, self.vector)
-        si = self.start(first + run // RANDOMISATIONS, sampler)
+        si, side = self.points(first + run // RANDOMISATIONS, sampler)
+        si.wi = mi.warp.square_to_cosine_hemisphere(sampler.next_2d())
+        si.wi.z = dr.mulsign(si.wi.z, side)
         absorbed = self.emissivity(si, mi.Bool(True))
         # What is absorbed of the sky's light is the same for light that arrives. Light that a side
         # has reflected begins with the weight 1.
@@ -260,7 +236,8 @@ class FacetPaths:
         of_escape = absorbed if self.reflected else mi.Float(1)
         to = si.to_world(si.wi)
         ray = mi.Ray3f(self.offsets.leave(si, to), to)
-        self._follow(ray, weight, of_escape, sampler, run * self.columns, tally)
+        columns = len(self.number) + RINGS + len(ENDS)
+        self._follow(ray, weight, of_escape, sampler, run * columns, tally)
         dr.eval(tally)
 
     @dr.syntax
@@ -284,14 +261,16 @@ class FacetPaths:
             escapes = active & (~hits | (column == n))
             hits &= ~escapes
             to, factor, emissivity = self.respond(si, (sampler.next_1d(), sampler.next_2d()), hits)
-            in_front, behind = self.sides_at(si, hits)
+            flags = self.at(self.flags_of, si, hits)
+            in_front = mi.has_flag(flags, mi.BSDFFlags.FrontSide) & (si.wi.z > 0)
+            behind = mi.has_flag(flags, mi.BSDFFlags.BackSide) & (si.wi.z < 0)
             is_back = hits & ~in_front & ~behind
             column = dr.select(is_back, self.at(self.back_of, si, hits), column)
             column = dr.select(escapes, n + self.ring(ray.d), column)
             part = weight * dr.select(hits & ~is_back, emissivity, 1)
             part *= dr.select(escapes, of_escape, 1)
             dr.scatter_add(met, mi.Float64(part), row + column, active)
-            is_lost = hits & (column >= n + RINGS + ENDS.index("backs"))
+            is_lost = hits & (column == self.end("lost"))
             dr.scatter_add(lost, part, self.at(self.index_of, si, hits), is_lost)
 
             weight *= factor
@@ -300,7 +279,7 @@ class FacetPaths:
             reflections += 1
             active = hits & ~is_back & (weight > 0)
             ends = active & (reflections >= MOST_REFLECTIONS)
-            dr.scatter_add(met, mi.Float64(weight), row + n + RINGS + ENDS.index("truncated"), ends)
+            dr.scatter_add(met, mi.Float64(weight), row + self.end("truncated"), ends)
             active &= ~ends
             d = si.to_world(to)
             ray = mi.Ray3f(self.offsets.leave(si, d), d)
@@ -309,4 +288,20 @@ class FacetPaths:
         """The ring of the sky in a direction, counted from the horizon; RINGS below it."""
         step = np.radians(RINGS_DEG[1])
         k = dr.minimum(mi.UInt32(dr.asin(dr.clip(d.z, 0, 1)) / step), RINGS - 1)
-        return dr.select(d.z < 0, RINGS + ENDS.index("ground"), k)
+        return dr.select(d.z < 0, RINGS, k)
+
+
+def emitting_facets(table: FacetTable, shapes: list, name: str) -> np.ndarray:
+    """Numbers of the facets that emit and are no sky, (n,).
+
+    name: of the scene. Raises InputError if there is none, or one without an area.
+    """
+    emits = np.array([is_thermal(shape.emitter()) for shape in shapes])
+    exists = table.shape_index >= 0
+    number = np.flatnonzero(exists & (table.type != "sky") & emits[table.shape_index])
+    if not len(number):
+        raise InputError(f"{name}: no surface emits, so that no heat is exchanged")
+    for facet in number[~(table.area[number] > 0)]:
+        shape = shapes[table.shape_index[facet]]
+        raise InputError(f"{name}: facet {facet} of shape '{shape.id()}' has no area; remove it")
+    return number

@@ -6,125 +6,119 @@ the first reflection were diffuse; the later reflections are those of the surfac
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 from scipy import sparse
 
-from mi_lcair.heating.paths import ENDS, LANES, RANDOMISATIONS, RINGS, FacetPaths, Means, points_of
+from mi_lcair.heating.paths import LANES, RANDOMISATIONS, RINGS, FacetPaths, points_of
 from mi_lcair.heating.surfaces import SOLAR, Surfaces, hemispherical_emissivity
 from mi_lcair.plugins.samplers.lattice import Lattice
 from mi_lcair.rendering.scene import Scene
 
-SHADOW_RAYS = 64  # of each facet toward each position of the sun
-
 
 @dataclass(frozen=True, eq=False)
 class SolarAreas:
-    """Areas by which m beams of sunlight heat n facets [m^2], for each randomisation.
+    """Areas by which m beams of sunlight and an even sky heat n facets [m^2].
 
-    The absorbed power is the area times the irradiance of the beam on a surface across it. lit:
-    (RANDOMISATIONS, m, n), area across the beam that it lights. direct: of it, what is absorbed.
-    reflected: area by which light that other facets, or the facet itself, have reflected is
-    absorbed. onward: (n, n), of the light that a facet (row) reflects, the share that each absorbs.
+    The absorbed power is the area times the irradiance of the beam on a surface across it. The
+    areas have the R randomisations as their first axis.
+
+    lit: (R, m, n), area across the beam that it lights. direct: of it, what is absorbed. reflected:
+    area by which light that other facets, or the facet itself, have reflected is absorbed. sky,
+    ground: (R, n), absorbed power by the irradiance of an even sky on a horizontal plane, and by
+    that which the ground reflects. absorptance: (n,), hemispherical. onward: (n, n), of the light
+    that a facet (row) reflects, the share that each absorbs. remarks: on the materials.
     """
 
     lit: np.ndarray
     direct: np.ndarray
     reflected: np.ndarray
+    sky: np.ndarray
+    ground: np.ndarray
+    absorptance: np.ndarray
     onward: sparse.csr_array
+    remarks: tuple[str, ...] = ()
 
-    @property
+    @cached_property
     def absorbing(self) -> np.ndarray:
-        """Area by which the facets absorb sunlight, with all reflections."""
+        """Area by which the facets absorb sunlight, with all reflections, (R, m, n)."""
         return self.direct + self.reflected
 
 
-class Sunlight:
-    """Absorption of sunlight by the facets of a scene, in the solar band.
+def solar_areas(
+    scene: Scene, toward_sun: np.ndarray, rays: int, shadow_rays: int, seed: int = 0
+) -> SolarAreas:
+    """The absorption of sunlight by the facets of a scene, in the solar band.
 
-    Attributes
+    Parameters
     ----------
-    paths : FacetPaths
-    absorptance : ndarray, shape (n,)
-        Hemispherical absorptance of the facets.
-    of_sky : ndarray, shape (RANDOMISATIONS, n, rings)
-        Absorbed power of a ring of the sky divided by pi times its radiance [m^2].
-    of_ground : ndarray, shape (RANDOMISATIONS, n)
-        The same of what lies below the horizon.
-    remarks : list of str
+    scene : Scene
+    toward_sun : ndarray, shape (m, 3)
+        Unit vectors toward the sun.
+    rays, shadow_rays : int
+        Paths of each side of a facet, and rays from it toward each position of the sun.
+    seed : int
     """
+    surfaces = Surfaces.of(scene, SOLAR)
+    paths = FacetPaths(scene, surfaces, reflected=True)
+    means = paths.means(points_of(rays), seed)
+    areas, area, n = means.sums(paths.areas), paths.areas.sum(axis=0), len(paths.number)
+    points = points_of(shadow_rays)
+    where, side = starts(paths, points, seed)
+    step = max(1, LANES // dr.width(side))
+    blocks = [
+        lit_shares(paths, toward_sun[k : k + step], where, side, points)
+        for k in range(0, len(toward_sun), step)
+    ]
+    lit, absorbed = np.concatenate(blocks, axis=2) * area
+    # A sheet reflects from the side that is lit
+    light = np.maximum(lit.sum(axis=(0, 1)), 1e-9 * area)
+    share = light / np.bincount(paths.rows, light)[paths.rows]
+    sides = sparse.csr_array((np.ones(len(area)), paths.areas.indices, paths.areas.indptr))
 
-    def __init__(self, scene: Scene, rays: int, seed: int = 0):
-        surfaces = Surfaces.of(scene, SOLAR)
-        self.paths, self.seed = FacetPaths(scene, surfaces, reflected=True), seed
-        table, number = self.paths.table, self.paths.number
-        self.area, self.remarks = table.area[number], surfaces.remarks
-        by_surface = np.array([hemispherical_emissivity(s) for s in surfaces.different])
-        self.absorptance = by_surface[np.array(surfaces.of_shape)[table.shape_index[number]]]
-        self.means: Means = self.paths.means(points_of(rays), seed)
-        sides = sparse.csr_array(
-            (self.area[self.paths.rows], (self.paths.rows, np.arange(len(self.paths.rows))))
-        )
-        self.of_sky = np.array([sides @ ends[:, :RINGS] for ends in self.means.ends])
-        ground = RINGS + ENDS.index("ground")
-        self.of_ground = np.array([sides @ ends[:, ground] for ends in self.means.ends])
+    def of_facets(values):
+        return np.reshape((sides @ values.reshape(-1, len(area)).T).T, (*values.shape[:2], n))
 
-    def areas(self, directions: np.ndarray, rays: int = SHADOW_RAYS) -> SolarAreas:
-        """The areas for directions to the sun, unit vectors (m, 3), with `rays` a facet and sun."""
-        points, rows = points_of(rays), self.paths.rows
-        where = self._points(points)
-        step = max(1, LANES // dr.width(where.p))
-        blocks = [
-            self._lit(directions[k : k + step], where, points)
-            for k in range(0, len(directions), step)
-        ]
-        lit, absorbed = np.concatenate(blocks, axis=3) * self.area
-        side = np.where(self.paths.row_sides > 0, 0, 1)
-        left = (lit - absorbed)[side, :, :, rows]  # (rows, RANDOMISATIONS, m)
-        reflected = [left[:, run].T @ g for run, g in enumerate(self.means.between)]
-        sums = lit.sum(axis=0), absorbed.sum(axis=0), np.array(reflected)
-        return SolarAreas(*sums, self.onward(lit.sum(axis=(1, 2))[side, rows]))
+    return SolarAreas(
+        lit=of_facets(lit),
+        direct=of_facets(absorbed),
+        reflected=np.array([left @ g for left, g in zip(lit - absorbed, means.between)]),
+        sky=areas.ends[:, :, :RINGS].sum(axis=2),
+        ground=areas.end("ground"),
+        absorptance=paths.of_facets(hemispherical_emissivity),
+        onward=(sides * share) @ (sum(means.between) / RANDOMISATIONS),
+        remarks=tuple(surfaces.remarks),
+    )
 
-    def onward(self, lit: np.ndarray) -> sparse.csr_array:
-        """Shares of the light that a facet (row) reflects and others absorb, (n, n).
 
-        lit: light on each row of the paths, which weights the sides of a sheet.
-        """
-        rows, n = self.paths.rows, len(self.area)
-        lit = np.maximum(lit, 1e-9 * self.area[rows])
-        share = lit / np.bincount(rows, lit, n)[rows]
-        sides = sparse.csr_array((share, (rows, np.arange(len(rows)))), shape=(n, len(rows)))
-        return sides @ (sum(self.means.between) / RANDOMISATIONS)
+def starts(paths: FacetPaths, points: int, seed: int) -> tuple[mi.SurfaceInteraction3f, mi.Float]:
+    """Points of each randomisation of each row of paths, and the sides of the rows."""
+    lane = dr.arange(mi.UInt32, len(paths.rows) * RANDOMISATIONS * points)
+    points, seed = dr.opaque(mi.UInt32, points), dr.opaque(mi.UInt32, seed)
+    run = lane // points
+    sampler = Lattice.at(run, lane % points, seed, paths.vector)
+    si, side = paths.points(run // RANDOMISATIONS, sampler)
+    dr.eval(si, side)
+    return si, side
 
-    def _points(self, points: int) -> mi.SurfaceInteraction3f:
-        """Points of each randomisation of each facet."""
-        lane = dr.arange(mi.UInt32, len(self.area) * RANDOMISATIONS * points)
-        points, seed = dr.opaque(mi.UInt32, points), dr.opaque(mi.UInt32, self.seed)
-        run = lane // points
-        sampler = Lattice.at(run, lane % points, seed, self.paths.vector)
-        sample = sampler.next_2d()
-        si = self.paths.parts.point(run // RANDOMISATIONS, sampler.next_1d(), sample)
-        dr.eval(si)
-        return si
 
-    def _lit(self, directions: np.ndarray, where, points: int) -> np.ndarray:
-        """Shares of the facets' areas across m beams, (2, 2, RANDOMISATIONS, m, n).
+def lit_shares(paths: FacetPaths, toward_sun: np.ndarray, where, side, points: int) -> np.ndarray:
+    """Shares of the rows' areas across m beams, (2, RANDOMISATIONS, m, rows).
 
-        First what is lit, in front and behind, then what is absorbed of it. where: from `_points`.
-        """
-        paths, m, n = self.paths, len(directions), len(self.area)
-        lane, count = dr.arange(mi.UInt32, m * dr.width(where.p)), dr.width(where.p)
-        si = dr.gather(mi.SurfaceInteraction3f, where, lane % count)
-        to = dr.gather(mi.Vector3f, mi.Float(np.ravel(directions)), lane // count)
-        si.wi = si.to_local(to)
-        in_front, behind = paths.sides_at(si)
-        lit = paths.sees_sky(si, to, in_front | behind)
-        cos = dr.select(lit, dr.abs(si.wi.z), 0)
-        absorbed = cos * paths.emissivity(si, lit)
-        values = [dr.select(side, x, 0) for x in (cos, absorbed) for side in (in_front, behind)]
-        dr.eval(values)  # in one kernel; a sum alone would trace the rays again
-        sums = [dr.block_sum(value, points) for value in values]
-        shares = np.reshape([total.numpy() / points for total in sums], (2, 2, m, n, -1))
-        return np.moveaxis(shares.astype(float), 4, 2)
+    First what is lit, then what is absorbed of it. where, side: from `starts`.
+    """
+    m, count = len(toward_sun), dr.width(side)
+    lane = dr.arange(mi.UInt32, m * count)
+    si = dr.gather(mi.SurfaceInteraction3f, where, lane % count)
+    to = dr.gather(mi.Vector3f, mi.Float(np.ravel(toward_sun)), lane // count)
+    si.wi = si.to_local(to)
+    lit = paths.sees_sky(si, to, si.wi.z * dr.gather(mi.Float, side, lane % count) > 0)
+    cos = dr.select(lit, dr.abs(si.wi.z), 0)
+    values = [cos, cos * paths.emissivity(si, lit)]
+    dr.eval(values)  # in one kernel; a sum alone would trace the rays again
+    sums = [dr.block_sum(value, points).numpy() / points for value in values]
+    shares = np.reshape(sums, (2, m, len(paths.rows), RANDOMISATIONS))
+    return np.moveaxis(shares.astype(float), 3, 1)

@@ -4,6 +4,7 @@ The scene keeps its band. A material that has a name is taken from its materials
 that is asked for. A surface that is given by numbers, or a BSDF of Mitsuba's, stays as it is.
 """
 
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import drjit as dr
@@ -109,32 +110,29 @@ class Surfaces:
             if not of_scene.is_total and layer.model.name != "grey":
                 self._stands_in(f"bsdf '{layer.id()}'", of_scene)
             return layer.model.name, dict(zip(layer.model.names, layer.values)), layer.form
-        name, file = layer.named
-        used = band(self.of_band)
-        try:
-            entry = materials.material(name, used, file)
-        except InputError:
-            entry, used = self._stand_in(name, file)
-        if entry.spectrum is not None:
-            entry = entry.averaged(used, self.kelvin)
+        entry = self._material(*layer.named)
         return entry.model.name, entry.parameters, entry.form
 
-    def _stand_in(self, name: str, file) -> tuple[materials.Material, Band]:
-        """The entry of a material that stands in for the missing one of the band, and its band."""
+    def _material(self, name: str, file) -> materials.Material:
+        """The entry of a material for the band, or one that stands in."""
         wanted = band(self.of_band)
-        try:
-            nearest = band(STAND_IN) if wanted.is_total else wanted
-            entry = materials.material(name, nearest, file, allow_band=not wanted.is_total)
-        except InputError:
+        other = band(STAND_IN) if wanted.is_total else wanted
+        for used, stands_in in ((wanted, False), (other, True)):
+            with suppress(InputError):
+                allow_band = stands_in and not wanted.is_total
+                entry = materials.material(name, used, file, allow_band)
+                break
+        else:
             wanted_or = f"{TOTAL} or {STAND_IN}" if wanted.is_total else SOLAR
             raise InputError(
                 f"material '{name}': has no entry for the band {wanted_or}, only for "
                 f'{", ".join(materials.bands_of(name, file))}; add [{name}."{self.of_band}"] to '
                 "its materials file"
-            ) from None
-        used = band(entry.band)
-        self._stands_in(f"material '{name}'", used)
-        return entry, used
+            )
+        if stands_in:
+            used = band(entry.band)
+            self._stands_in(f"material '{name}'", used)
+        return entry if entry.spectrum is None else entry.averaged(used, self.kelvin)
 
     @property
     def kelvin(self) -> float:

@@ -70,7 +70,7 @@ def test_groups_of_isothermal_facets_exchange_the_same_heat(rng):
 
 def test_the_standard_error_is_the_scatter_of_the_randomisations(rng):
     sets = tuple(conductors(rng, 5) for _ in range(8))
-    error = Traced(sets[0], sets).standard_error(lambda C: C.to_ground)
+    error = Traced(sets).standard_error(lambda C: C.to_ground)
     expected = np.sqrt(np.var([C.to_ground for C in sets], axis=0) / 7)
     np.testing.assert_allclose(error, expected)
 

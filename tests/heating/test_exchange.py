@@ -43,7 +43,7 @@ def test_a_turned_sphere_exchanges_as_it_does_unturned(is_flipped):
     turn = T.translate([3, -2, 1]).rotate([0, 0, 1], 70).rotate([1, 0, 0], 40).scale(0.2)
     ball = {"type": "sphere", "to_world": turn, "flip_normals": is_flipped, "bsdf": grey(0.7)}
     result = exchange(scene_of(ball=ball | {"emitter": emits()}), rays=1024)
-    C, emitted = result.conductors, result.emitting_area
+    C, emitted = result.conductors, result.facets.emitting_area
     reached, other = (C.to_self, C.total) if is_flipped else (C.total, C.to_self)
     assert reached == pytest.approx(emitted, rel=1e-4)
     assert other == 0
@@ -132,7 +132,7 @@ def test_what_is_inside_a_body_is_buried():
     )
     result = exchange(scene, rays=2048)
     # A quarter of each of three of the six faces
-    buried = (result.buried * result.facets.area).sum() / result.facets.area.sum()
+    buried = (result.astray["buried"] * result.facets.area).sum() / result.facets.area.sum()
     assert buried == pytest.approx(0.125, rel=1e-2)
 
 

@@ -74,7 +74,7 @@ def test_a_group_that_emits_nothing_has_tables_and_a_picture(tmp_path):
     result.save(tmp_path / "e.html")
     result.save(tmp_path / "e.png")
     mirror = result.facets.groups.index("mirror")
-    assert result.of_groups(result.buried)[mirror] == 0
+    assert result.facets.share_of_groups(result.astray["buried"])[mirror] == 0
     assert np.isnan(result.columns()["irradiance_W_m2"]).sum() == 1
 
 

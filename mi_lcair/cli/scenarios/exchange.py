@@ -19,7 +19,9 @@ SUFFIXES = (".csv", ".json", ".html", ".nc", *PICTURES, *VTK)
     ),
 )
 @loading_options
-@click.option("--rays", type=POSITIVE, help="Number of paths of each facet (default: 1024).")
+@click.option(
+    "--rays", type=POSITIVE, help="Number of paths of each side of a facet (default: 1024)."
+)
 @click.option("--sky-K", "sky_K", type=float, help="Temperature of the sky, for irradiances [K].")
 @click.option("--ground-K", "ground_K", type=float, help="Temperature of the ground [K].")
 @click.option(

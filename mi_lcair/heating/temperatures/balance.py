@@ -32,14 +32,6 @@ class Balance:
 
     laplacian: sparse.csr_array
 
-    @staticmethod
-    def of(conductors: sparse.csr_array, outward: np.ndarray) -> "Balance":
-        """The balance of symmetric conductors (n, n) and of those that lead outward (n,) [m^2]."""
-        conductors = sparse.csr_array(conductors)
-        total = conductors.sum(axis=1) + outward - conductors.diagonal()
-        conductors = conductors - sparse.diags_array(conductors.diagonal())
-        return Balance(sparse.csr_array(sparse.diags_array(total) - conductors))
-
     def residual(self, kelvin, power, conductance) -> np.ndarray:
         """Power that is left over at temperatures [W], (n,)."""
         emitted = STEFAN_BOLTZMANN * (self.laplacian @ kelvin**4)

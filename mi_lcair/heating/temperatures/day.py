@@ -11,13 +11,14 @@ due to an input of the wall has the same A, and d(M / dt) H + db - dA U in its s
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import expm
 
 from mi_lcair.errors import InputError
-from mi_lcair.heating.temperatures.network import STEP, Change, Network
-from mi_lcair.heating.temperatures.wall import CELLS, DAY, Wall
+from mi_lcair.heating.temperatures.network import STEP, Network
+from mi_lcair.heating.temperatures.wall import CELLS, DAY
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 
 PERIODIC = 2e-3  # largest distance of a temperature from its periodic value [K]
@@ -33,64 +34,81 @@ PARTS = 16  # implicit Euler steps in place of a first step of BDF2
 class Course:
     """Temperatures of the facets over the times of a weather.
 
-    kelvin: (m, n). changes: (columns, m, n), their changes by the columns [K]. residual: largest
-    power that is left over [W]. days: number of days that were calculated. drift: largest distance
-    of a temperature from its periodic value, as the last day shows it [K].
+    kelvin: (m, n). changes: (columns, m, n), their changes by the columns [K]. scatter: (R, m, n),
+    those by each randomisation of the paths. residual: largest power that is left over [W]. days:
+    number of days that were calculated. drift: largest distance of a temperature from its periodic
+    value, as the last day shows it [K].
     """
 
     kelvin: np.ndarray
     changes: np.ndarray
+    scatter: np.ndarray
     residual: float
     days: int = 0
     drift: float = 0.0
 
 
 class Step:
-    """An implicit step of a wall over some seconds.
+    """An implicit step of the walls of all facets over some seconds; 0 where there is none.
 
-    mass: M / dt, (nodes, 1). back: b, (nodes, 1). matrix: A, (nodes, nodes). conductance: g.
+    mass, back: M / dt and b, (nodes, n). matrices: A, by group.
     """
 
-    def __init__(self, wall: Wall, seconds: float, scheme: float):
-        self.mass = (wall.mass() / seconds)[:, None]
-        self.back = np.eye(CELLS + 1)[:, -1:] * (wall.outward * wall.back_temperature)
-        self.matrix = np.diag(scheme * self.mass[:, 0]) + wall.conduction()
-        self.inverse = np.linalg.inv(self.matrix)
-        self.conductance = 1 / self.inverse[0, 0]
+    def __init__(self, network: Network, seconds: float, scheme: float):
+        walls, group, last = network.walls, network.facets.group, np.eye(CELLS + 1)[-1]
+        mass = np.array([wall.mass() / seconds for wall in walls])
+        back = np.array([last * wall.outward * wall.back_temperature for wall in walls])
+        self.mass, self.back, self.members = mass[group].T, back[group].T, network.members
+        self.matrices = [
+            np.diag(scheme * rate) + wall.conduction() for rate, wall in zip(mass, walls)
+        ]
+
+    @cached_property
+    def inverses(self) -> list[np.ndarray]:
+        """A^-1, by group; 0 without a wall."""
+        return [np.linalg.inv(matrix) if matrix.any() else matrix for matrix in self.matrices]
+
+    @cached_property
+    def first(self) -> np.ndarray:
+        """Row 0 of A^-1, (nodes, n)."""
+        return self.times(self.inverses, np.tile(np.eye(CELLS + 1)[:, :1], self.mass.shape[1]))
+
+    @cached_property
+    def conductance(self) -> np.ndarray:
+        """g, (n,)."""
+        return np.divide(1, self.first[0], out=np.zeros(len(self.first.T)), where=self.first[0] > 0)
+
+    def times(self, matrices: list[np.ndarray], values: np.ndarray) -> np.ndarray:
+        """Products of the groups' matrices and values of nodes, (..., nodes, n)."""
+        products = np.zeros_like(values)
+        for matrix, members in zip(matrices, self.members):
+            if matrix.any():
+                products[..., members] = matrix @ values[..., members]
+        return products
 
     def varied(self, history: np.ndarray, nodes: np.ndarray) -> np.ndarray:
-        """What a complex step of the wall adds to the source of the changes, (nodes, n)."""
-        added = self.mass.imag * history + self.back.imag - self.matrix.imag @ nodes
-        return added / STEP
+        """What a complex step of the walls adds to the source of the changes, (nodes, n)."""
+        of_nodes = self.times([matrix.imag for matrix in self.matrices], nodes)
+        return (self.mass.imag * history + self.back.imag - of_nodes) / STEP
 
 
 def steady(network: Network, columns=()) -> Course:
     """The temperatures at which nothing changes, in the mean weather of a network."""
     power, conductance = (values.mean(axis=0) for values in network.loads())
     area, free = network.facets.area, network.is_free
-    g, r = through_walls(network, Change())
-    outward = conductance + area[free] * g[free]
+    g, r = network.through_walls()
+    outward = conductance + (area * g)[free]
     start = np.full(len(power), network.weather.air_K[0])
-    kelvin, residual = network.balance.solve(power + area[free] * (g * r)[free], outward, start)
-    rates = np.zeros((len(kelvin), len(columns)))
-    for k, column in enumerate(columns):
-        rates[:, k] = column.gained(kelvin, 0)
+    kelvin, residual = network.balance.solve(power + (area * g * r)[free], outward, start)
+    rates = network.rates(columns, kelvin, 0)
+    for row, column in zip(rates, columns):
         if column.walls:
-            g_changed, r_changed = through_walls(network, column.walls)
-            into = g_changed[free] * (r_changed[free] - kelvin)
-            rates[:, k] += area[free] * into.imag / STEP
-    changes = network.balance.linear(kelvin, outward, rates).T
-    return Course(
-        kelvin=network.whole(kelvin)[None],
-        changes=np.array([network.spread(*pair) for pair in zip(changes, columns)])[:, None],
-        residual=residual,
-    )
-
-
-def through_walls(network: Network, change: Change) -> tuple[np.ndarray, np.ndarray]:
-    """Conductance and far temperature of the steady walls of all facets, each (n,)."""
-    g, r = np.array([network.wall(group, change).steady() for group in network.tables]).T
-    return g[network.facets.group], r[network.facets.group]
+            g_changed, r_changed = column.walls.through_walls()
+            into = area * g_changed * (r_changed - network.whole(kelvin))
+            row += into[free].imag / STEP
+    changes = network.spread(network.balance.linear(kelvin, outward, rates.T).T, columns)[:, None]
+    count = len(columns)
+    return Course(network.whole(kelvin)[None], changes[:count], changes[count:], residual)
 
 
 def course(network: Network, columns=(), start_K: float | None = None) -> Course:
@@ -122,52 +140,45 @@ def course(network: Network, columns=(), start_K: float | None = None) -> Course
         if days == MOST_DAYS:
             raise InputError(f"the temperatures still change by {drift:.2g} K after {days} days")
         days, drift = days + 1, march.repeat()
-    return Course(march.kelvin, march.changes, march.residual, days, drift)
+    changes, count = march.changes, len(columns)
+    return Course(march.kelvin, changes[:count], changes[count:], march.residual, days, drift)
 
 
 class March:
     """Steps over the times of a network's weather.
 
-    state: temperatures of the nodes of all walls at the last two times, (2, nodes, n) [K].
-    tangents: their changes by the columns, (2, columns, nodes, n) [K].
+    states: temperatures of the nodes of all walls [K], and then their changes by the columns and
+    the randomisations, at the last two times, (2, 1 + changes, nodes, n).
     """
 
     def __init__(self, network: Network, columns, kelvin: np.ndarray):
         self.network, self.columns = network, columns
         times = network.weather.seconds
         seconds = float(times[1] - times[0])
-        self.walls = {
-            group: members
-            for group, members in zip(network.tables, network.members)
-            if network.wall(group).thickness
-        }
 
-        def steps(change):
-            return {
-                scheme: {name: Step(network.wall(name, change), dt, scheme) for name in self.walls}
-                for scheme, dt in ((EULER, seconds / PARTS), (BDF2, seconds))
-            }
+        def steps(network):
+            parts = (EULER, seconds / PARTS), (BDF2, seconds)
+            return {scheme: Step(network, dt, scheme) for scheme, dt in parts}
 
-        self.steps = steps(Change())
-        # Complex steps of the columns that are of walls
+        self.steps = steps(network)
         self.varied = {c: steps(column.walls) for c, column in enumerate(columns) if column.walls}
-        profile = np.broadcast_to(kelvin, (CELLS + 1, len(kelvin))).copy()
-        for group, members in self.walls.items():
-            profile[:, members] = network.wall(group).profile(kelvin[members])
-        self.state = np.stack([profile, profile])
-        self.tangents = np.zeros((2, len(columns), *profile.shape))
+        count = len(columns) + len(network.traced.replicates)
+        self.states = np.zeros((2, 1 + count, CELLS + 1, len(kelvin)))
+        for wall, members in zip(network.walls, network.members):
+            if wall.thickness:
+                self.states[:, 0][..., members] = wall.profile(kelvin[members])
         self.power, self.conductance = network.loads()
         self.kelvin = np.tile(kelvin, (len(times), 1))
-        self.changes = np.zeros((len(columns), *self.kelvin.shape))
+        self.changes = np.zeros((count, *self.kelvin.shape))
         self.residual = 0.0
-        self.passed = None  # what was `now` at the early time of the day before
+        self.passed = None  # the state at the early time of the day before
 
     def series(self) -> None:
         """Take the steps to all times. The first, of which no earlier one is known, has parts."""
-        before = self.state[1], self.tangents[1]
+        before = self.states[1]
         for _ in range(PARTS):
             self.step(0, EULER)
-        self.state[0], self.tangents[0] = before
+        self.states[0] = before
         for k in range(1, len(self.kelvin)):
             self.step(k, BDF2)
 
@@ -177,22 +188,17 @@ class March:
         A day that goes through the same temperatures and changes early on as the day before goes
         through all others too.
         """
-        begin, early = self.now, len(self.kelvin) // EARLY
+        begin, early = self.states[1], len(self.kelvin) // EARLY
         for k in range(len(self.kelvin)):
             self.step(k, BDF2)
             if k == early:
-                passed, self.passed = self.passed, self.now
+                passed, self.passed = self.passed, self.states[1]
                 if passed is not None and (drift := abs(self.passed - passed).max()) < PERIODIC:
                     return float(drift)
-        change = self.now - begin
+        change = self.states[1] - begin
         left = self.left(change)
-        self.state, self.tangents = self.state + left[0], self.tangents + left[1:]
+        self.states = self.states + left
         return float(abs(change + left).max())
-
-    @property
-    def now(self) -> np.ndarray:
-        """Temperatures of the nodes and their changes at the last time, (1 + columns, nodes, n)."""
-        return np.concatenate([self.state[1:], self.tangents[1]])
 
     def left(self, change: np.ndarray) -> np.ndarray:
         """How far temperatures still are from periodic ones, from their change over a day.
@@ -201,69 +207,45 @@ class March:
         U = Phi U from day to day, so that (I - Phi)^-1 Phi of a change is left to do. change:
         (..., nodes, n).
         """
-        result, facets = np.zeros_like(change), self.network.facets
-        loss = np.full(len(facets.area), np.nan)
-        slope = 4 * STEFAN_BOLTZMANN * self.kelvin.mean(axis=0) ** 3 * self.network.conductors.total
-        loss[self.network.is_free] = self.conductance.mean(axis=0)
-        loss = (loss + slope) / facets.area
-        for group, members in self.walls.items():
-            wall = self.network.wall(group)
-            matrix = wall.conduction()
-            matrix[0, 0] += loss[members].mean()
-            day = expm(-matrix / wall.mass()[:, None] * DAY)
-            rest = np.linalg.solve(np.eye(CELLS + 1) - day, day)
-            result[..., members] = rest @ change[..., members]
+        network, result = self.network, np.zeros_like(change)
+        loss = np.zeros(len(self.kelvin.T))
+        loss[network.is_free] = self.conductance.mean(axis=0)
+        slope = 4 * STEFAN_BOLTZMANN * self.kelvin.mean(axis=0) ** 3 * network.conductors.total
+        loss = (loss + slope) / network.facets.area
+        for wall, members in zip(network.walls, network.members):
+            if wall.thickness:
+                matrix = wall.conduction()
+                matrix[0, 0] += loss[members].mean()
+                day = expm(-matrix / wall.mass()[:, None] * DAY)
+                rest = np.linalg.solve(np.eye(CELLS + 1) - day, day)
+                result[..., members] = rest @ change[..., members]
         return result
 
     def step(self, k: int, scheme: float) -> None:
         """Take the step to a time, of the temperatures and then of their changes."""
-        network, steps = self.network, self.steps[scheme]
-        area, free = network.facets.area, network.is_free
-        history, into = earlier(self.state, scheme), np.zeros(len(area))
-        for group, step in steps.items():
-            into[self.walls[group]] = step.conductance
-        into *= area
-        source = {g: s.mass * history[:, self.walls[g]] + s.back for g, s in steps.items()}
-        r = self.surfaces(steps, source, history)
+        network, balance, step = self.network, self.network.balance, self.steps[scheme]
+        earlier, last = self.states
+        history = last if scheme == EULER else 2 * last - 0.5 * earlier
+        source = step.mass * history
+        source[0] += step.back
+        into, free = network.facets.area * step.conductance, network.is_free
         outward = self.conductance[k] + into[free]
+
+        r = np.sum(step.first * source[0], axis=0)
         power = self.power[k] + (into * r)[free]
-        solved, residual = network.balance.solve(power, outward, self.kelvin[k][free], DAILY)
+        kelvin, residual = balance.solve(power, outward, self.kelvin[k][free], DAILY)
         self.residual = max(self.residual, residual)
-        self.kelvin[k] = network.whole(solved)
-        self.state = self.stepped(self.state, steps, source, self.kelvin[k] - r)
-        if not self.columns:
-            return
-        changed = earlier(self.tangents, scheme)
-        source = {g: s.mass * changed[..., self.walls[g]] for g, s in steps.items()}
+        self.kelvin[k] = network.whole(kelvin)
+        source[0, 0] += step.conductance * (self.kelvin[k] - r)
+        nodes = step.times(step.inverses, source[0])
+
         for c, of_scheme in self.varied.items():
-            for group, varied in of_scheme[scheme].items():
-                members = self.walls[group]
-                source[group][c] += varied.varied(history[:, members], self.state[1][:, members])
-        r = self.surfaces(steps, source, changed)
-        rates = np.array([column.gained(solved, k) for column in self.columns])
-        rates += (into * r)[..., free]
-        solved = network.balance.linear(solved, outward, rates.T, ROUGH).T
-        surfaces = np.array([network.spread(*pair) for pair in zip(solved, self.columns)])
-        self.changes[:, k] = surfaces
-        self.tangents = self.stepped(self.tangents, steps, source, surfaces - r)
-
-    def surfaces(self, steps, source, history) -> np.ndarray:
-        """Temperatures of the surfaces without a flux, (..., n); 0 without a wall."""
-        surface = np.zeros_like(history[..., 0, :])
-        for group, members in self.walls.items():
-            surface[..., members] = steps[group].inverse[0] @ source[group]
-        return surface
-
-    def stepped(self, before, steps, source, above) -> np.ndarray:
-        """The last two states, (2, ..., nodes, n). above: surfaces, from those without a flux."""
-        nodes = before[1].copy()
-        for group, members in self.walls.items():
-            step = steps[group]
-            source[group][..., 0, :] += step.conductance * above[..., members]
-            nodes[..., members] = step.inverse @ source[group]
-        return np.stack([before[1], nodes])
-
-
-def earlier(states: np.ndarray, scheme: float) -> np.ndarray:
-    """The temperatures H of a step, from those of the last two times."""
-    return states[1] if scheme == EULER else 2 * states[1] - 0.5 * states[0]
+            source[1 + c] += of_scheme[scheme].varied(history[0], nodes)
+        r = np.sum(step.first * source[1:], axis=1)
+        rates = network.rates(self.columns, kelvin, k) + (into * r)[:, free]
+        self.changes[:, k] = network.spread(
+            balance.linear(kelvin, outward, rates.T, ROUGH).T, self.columns
+        )
+        source[1:, 0] += step.conductance * (self.changes[:, k] - r)
+        tangents = step.times(step.inverses, source[1:])
+        self.states = np.stack([last, np.concatenate([nodes[None], tangents])])

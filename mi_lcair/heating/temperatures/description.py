@@ -7,10 +7,13 @@ from os import PathLike
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from mi_lcair import toml_table
 from mi_lcair.declared import Bounds, check_fields, within
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.fraction import fraction
+from mi_lcair.heating.temperatures.wall import Wall
 from mi_lcair.toml_table import filled
 
 KELVIN = within(lower=10, upper=6000, unit="K")
@@ -35,8 +38,8 @@ class WeatherTable:
     ----------
     file : str or None
         EPW file, or CSV with the column `hour` and columns called as the numbers below.
-    day : str or None
-        Date of the day of an EPW file, or of the sun by place: 2026-06-21.
+    day : date or None
+        The day of an EPW file, or of the sun by place: 2026-06-21.
     air_K : float or None
         Temperature of the air.
     h_W_m2_K, wind_m_s : float or None
@@ -58,7 +61,7 @@ class WeatherTable:
     """
 
     file: str | None = None
-    day: str | None = None
+    day: date | None = None
     air_K: float | None = field(default=None, metadata=KELVIN)
     h_W_m2_K: float | None = field(default=None, metadata=NOT_NEGATIVE)
     wind_m_s: float | None = field(default=None, metadata=NOT_NEGATIVE)
@@ -76,16 +79,6 @@ class WeatherTable:
 
     def __post_init__(self):
         check_fields(self, "[weather]: ")
-        if self.day is not None and not is_date(self.day):
-            raise InputError(f"[weather]: day = {self.day!r}; must be a date such as 2026-06-21")
-
-
-def is_date(text: str) -> bool:
-    """Whether a text is a date such as 2026-06-21."""
-    try:
-        return date.fromisoformat(text).isoformat() == text
-    except ValueError:
-        return False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,18 +117,35 @@ class GroupTable:
     def check(self, where: str) -> None:
         """Raise InputError for numbers out of bounds or that do not go together."""
         check_fields(self, where)
-        given = [name for name in self.WALL if getattr(self, name) is not None]
-        if given and len(given) < len(self.WALL):
-            missing = [name for name in self.WALL if name not in given]
-            raise InputError(f"{where}a wall needs {', '.join(missing)} too")
-        if self.temperature is not None and (given or self.internal_W_m2 or self.back_K):
-            raise InputError(f"{where}a group at a temperature has no wall and no internal_W_m2")
-        if self.back is not None and self.back_K is not None:
-            raise InputError(f'{where}give back = "insulated" or back_K, not both')
-        if self.back_h is not None and self.back_K is None:
-            raise InputError(f"{where}back_h needs back_K, the temperature of the air behind")
-        if self.back_K is not None and not given:
-            raise InputError(f"{where}back_K needs a wall: {', '.join(self.WALL)}")
+        missing = [name for name in self.WALL if getattr(self, name) is None]
+        has_wall, wall = len(missing) < len(self.WALL), ", ".join(missing)
+        is_held = self.temperature is not None
+        for is_wrong, why in (
+            (has_wall and missing, f"a wall needs {wall} too"),
+            (
+                is_held and (has_wall or self.internal_W_m2 or self.back_K),
+                "a group at a temperature has no wall and no internal_W_m2",
+            ),
+            (self.back and self.back_K, 'give back = "insulated" or back_K, not both'),
+            (self.back_h and not self.back_K, "back_h needs back_K, the temperature of the air"),
+            (self.back_K and not has_wall, f"back_K needs a wall: {wall}"),
+        ):
+            if is_wrong:
+                raise InputError(f"{where}{why}")
+
+    def wall(self, duration: float) -> Wall:
+        """The wall for weather of a duration [s]; one of thickness 0 if there is none."""
+        if self.thickness_mm is None:
+            return Wall()
+        return Wall(
+            thickness=self.thickness_mm / 1000,
+            conductivity=self.conductivity,
+            density=self.density,
+            heat_capacity=self.heat_capacity,
+            back=(0.0 if self.back_K is None else np.inf) if self.back_h is None else self.back_h,
+            back_temperature=self.back_K or 0.0,
+            duration=duration,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,7 +157,7 @@ class RunTable:
     steps : int
         Steps of a day.
     rays : int
-        Paths from each facet, for conductors and sunlight.
+        Paths from each side of a facet, for conductors and sunlight.
     seed : int
     start_K : float or None
         Temperature at which a series of rows begins; without it the day is repeated until it is
@@ -200,6 +210,10 @@ class Sigma:
         Bounds(is_positive=True).check(float(given), where)
         return Sigma(float(given), False)
 
+    def size(self, value):
+        """The uncertainty of a value, in its unit."""
+        return value * self.value if self.is_relative else self.value + 0 * value
+
 
 @dataclass(frozen=True)
 class Description:
@@ -230,26 +244,23 @@ def described(tree: Mapping, folder: Path, name: str) -> Description:
             raise unknown("table", table, TABLES)
         if not isinstance(tree[table], Mapping):
             raise InputError(f"[{table}] must be a table")
-    stated = dict(tree.get("weather", {}))
-    if "sky" in stated:
+    if "sky" in tree.get("weather", {}):
         raise InputError(
             "[weather]: sky has radiances in two bands only; give sky_K, or an EPW file, for its "
             "total radiance"
         )
-    if "day" in stated:
-        stated["day"] = str(stated["day"])
     target = filled(TargetTable, tree.get("target", {}), "[target]")
     if Path(target.scene).suffix or (folder / target.scene).exists():
         target = TargetTable(scene=str(folder / target.scene), parameters=target.parameters)
     groups = {}
-    for group, values in dict(tree.get("groups", {})).items():
+    for group, values in tree.get("groups", {}).items():
         where = f"[groups.{group}]"
         groups[group] = filled(GroupTable, values, where)
         groups[group].check(f"{where}: ")
     signature = tree.get("signature")
     return Description(
         target=target,
-        weather=filled(WeatherTable, stated, "[weather]"),
+        weather=filled(WeatherTable, tree.get("weather", {}), "[weather]"),
         groups=groups,
         sigma={key: Sigma.of(key, value) for key, value in flat(tree.get("sigma", {})).items()},
         run=filled(RunTable, tree.get("run", {}), "[run]"),

@@ -27,20 +27,18 @@ def write_csv(path: str | PathLike[str], heat: Heat, hour: float | None = None) 
         The nearest time is written; without one that of the warmest facet.
     """
     k = heat.row(hour)
-    kelvin = heat.all_facets.kelvin.copy()
-    kelvin[heat.facets.number] = heat.kelvin[k]
+    kelvin = heat.of_scene(heat.kelvin[k], heat.scene_kelvin)
     kelvin = np.where(np.isnan(kelvin), np.nanmean(kelvin), kelvin)
     columns = {"facet": np.arange(len(kelvin)), "kelvin": kelvin}
     changes = {f"{BEFORE}{name}{AFTER}": change for name, change in heat.changes.items()}
     for name, values in {"error_K": heat.error_K, **changes}.items():
-        columns[name] = np.zeros(len(kelvin))
-        columns[name][heat.facets.number] = values[k]
+        columns[name] = heat.of_scene(values[k])
     csv.write(path, columns)
 
 
 def write_vtk(path: str | PathLike[str], heat: Heat, hour: float | None = None) -> None:
     """Write the facets with their temperatures at the time nearest to an hour, .vtp or .vtu."""
-    heat.all_facets.polygons.write(path, heat.table(hour))
+    heat.polygons.write(path, heat.columns(hour))
 
 
 def write_series(path: str | PathLike[str], heat: Heat) -> None:

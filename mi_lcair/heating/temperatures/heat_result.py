@@ -37,17 +37,6 @@ class Intensity:
         return np.sqrt(sum((change**2 for change in self.changes.values()), start=self.error**2))
 
 
-@dataclass(frozen=True, eq=False)
-class AllFacets:
-    """All facets of a scene with those that do not exchange heat.
-
-    polygons: their outlines. kelvin: temperatures in the scene, (count,); NaN for none.
-    """
-
-    polygons: FacetPolygons
-    kelvin: np.ndarray
-
-
 @dataclass(frozen=True, repr=False, eq=False)
 class Heat(Result):
     """Temperatures of facets at some times, with their uncertainty by input.
@@ -75,7 +64,10 @@ class Heat(Result):
     drift_K : float
         Largest change of a temperature in the last day.
     intensity : Intensity or None
-    all_facets : AllFacets
+    polygons : FacetPolygons
+        Outlines of all facets of the scene, with those that do not exchange heat.
+    scene_kelvin : ndarray, shape (count,)
+        Temperatures of all facets in the scene [K]; NaN for none.
     remarks : tuple of str
     """
 
@@ -90,7 +82,8 @@ class Heat(Result):
     days: int
     drift_K: float
     intensity: Intensity | None
-    all_facets: AllFacets
+    polygons: FacetPolygons
+    scene_kelvin: np.ndarray
     remarks: tuple[str, ...] = ()
 
     kind: ClassVar[str] = "heat"
@@ -129,6 +122,12 @@ class Heat(Result):
         weights = self.facets.membership * self.facets.area
         return values @ (weights.T / weights.sum(axis=1))
 
+    def of_scene(self, values: np.ndarray, others: np.ndarray | float = 0.0) -> np.ndarray:
+        """Values (..., n) among those of all facets of the scene, (..., count)."""
+        whole = np.zeros((*values.shape[:-1], len(self.scene_kelvin))) + others
+        whole[..., self.facets.number] = values
+        return whole
+
     def summary(self) -> str:
         """One line with the range of the temperatures."""
         low, high = self.kelvin.min(), self.kelvin.max()
@@ -140,6 +139,7 @@ class Heat(Result):
 
     def entries(self) -> dict:
         """Entries for JSON: by group and time, and the largest effect of each input."""
+        of_groups = (self.of_groups(values).T for values in (self.kelvin, self.error_K))
         entries = {
             "scene": self.name,
             "facets": len(self.facets.number),
@@ -149,11 +149,7 @@ class Heat(Result):
             "drift_K": self.drift_K,
             "groups": {
                 group: {"mean_K": mean, "error_K": error}
-                for group, mean, error in zip(
-                    self.facets.groups,
-                    self.of_groups(self.kelvin).T,
-                    self.of_groups(self.error_K).T,
-                )
+                for group, mean, error in zip(self.facets.groups, *of_groups)
             },
             "inputs": {
                 name: {
@@ -170,22 +166,16 @@ class Heat(Result):
             entries["intensity_sigma_W_sr"] = self.intensity.sigma
         return entries
 
-    def columns(self) -> dict[str, np.ndarray]:
-        """A row for each facet at the time of the warmest one."""
-        return self.table(None)
-
-    def table(self, hour: float | None) -> dict[str, np.ndarray]:
-        """A row for each facet that exchanges heat, at the time nearest to an hour."""
+    def columns(self, hour: float | None = None) -> dict[str, np.ndarray]:
+        """A row for each facet that exchanges heat, at a time; see `row`."""
         k = self.row(hour)
         return {
             "facet": self.facets.number,
             "group": np.array(self.facets.groups)[self.facets.group],
             "temperature_K": self.kelvin[k],
             "error_K": self.error_K[k],
-            **{
-                f"{name.replace('.', '_')}_changes_K": values[k]
-                for name, values in self.changes.items()
-            },
+        } | {
+            f"{key.replace('.', '_')}_changes_K": change[k] for key, change in self.changes.items()
         }
 
     def to_xarray(self) -> "xarray.Dataset":

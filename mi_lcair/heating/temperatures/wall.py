@@ -102,6 +102,8 @@ class Wall:
 
     def conduction(self) -> np.ndarray:
         """K with the conductance of the back on its diagonal [W m^-2 K^-1], (nodes, nodes)."""
+        if not self.thickness:
+            return np.zeros((CELLS + 1, CELLS + 1))
         along = 2 * self.conductivity * WEIGHTS / self.grid[1]
         matrix = DERIVATIVE.T @ (along[:, None] * DERIVATIVE)
         # An even temperature conducts no heat, whatever the rounding

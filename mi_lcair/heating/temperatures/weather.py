@@ -2,6 +2,7 @@
 
 import csv
 from dataclasses import dataclass, fields
+from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.files import read_text
 from mi_lcair.heating.temperatures.description import WeatherTable
 from mi_lcair.heating.temperatures.wall import DAY
+from mi_lcair.motions.observer import toward
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 from mi_lcair.physics.sun.position import sun_position
 from mi_lcair.table import LARGEST, TextTable, read_table
@@ -27,8 +29,9 @@ EPW = {
 MEANS = ("sky_K", "sun_W_m2", "diffuse_W_m2")
 EPW_HEADER = 8  # lines above the rows
 ZERO_CELSIUS = 273.15
-ROWS = ("air_K", "h_W_m2_K", "wind_m_s", "sky_K", "ground_K", "sun_W_m2", "diffuse_W_m2")
 DIRECTION = ("sun_elevation_deg", "sun_azimuth_deg")
+AT_TIMES = ("air_K", "h_W_m2_K", "sky_K", "ground_K", "sun_W_m2", "diffuse_W_m2", *DIRECTION)
+ROWS = ("wind_m_s", *AT_TIMES)  # columns of a CSV beside the hour
 PLACE = ("latitude_deg", "longitude_deg", "utc_offset_h", "day")
 LIMITS = {
     entry.name: (bounds.lower, min(bounds.upper, LARGEST))
@@ -53,22 +56,26 @@ class Weather:
     ground_K: np.ndarray
     sun_W_m2: np.ndarray
     diffuse_W_m2: np.ndarray
-    elevation_deg: np.ndarray
-    azimuth_deg: np.ndarray
+    sun_elevation_deg: np.ndarray
+    sun_azimuth_deg: np.ndarray
     albedo: float
     remarks: tuple[str, ...] = ()
 
     @property
     def toward_sun(self) -> np.ndarray:
         """Unit vectors toward the sun in the axes of the scene, (m, 3)."""
-        elevation, azimuth = np.radians(self.elevation_deg), np.radians(self.azimuth_deg)
-        cos = np.cos(elevation)
-        return np.stack([cos * np.cos(azimuth), cos * np.sin(azimuth), np.sin(elevation)], axis=1)
+        angles = zip(self.sun_azimuth_deg, self.sun_elevation_deg)
+        return np.array([toward(*pair)[:, 0] for pair in angles])
+
+    @property
+    def shines(self) -> np.ndarray:
+        """Whether the sun shines, (m,)."""
+        return np.real(self.sun_W_m2) > 0
 
     @property
     def height_of_sun(self) -> np.ndarray:
         """Sine of the sun's elevation, 0 below the horizon, (m,)."""
-        return np.maximum(np.sin(np.radians(self.elevation_deg)), 0)
+        return np.maximum(np.sin(np.radians(self.sun_elevation_deg)), 0)
 
 
 def convection(wind_m_s):
@@ -99,32 +106,29 @@ def weather(table: WeatherTable, folder: Path, steps: int, is_periodic: bool) ->
         If rows are missing or cannot be used, if something is missing or given twice, or if the sun
         shines from below the horizon.
     """
-    constants = {
-        name: value
-        for name in (*ROWS, *DIRECTION, *PLACE)
-        if (value := getattr(table, name)) is not None
-    }
-    where, times, values = "[weather]", np.zeros(1), dict(constants)
-    if table.file is not None:
-        path = folder / table.file
-        where, is_epw = f"weather {path}", path.suffix.lower() == ".epw"
-        text, rows, place = (epw_rows if is_epw else csv_rows)(path, table.day)
-        if is_epw and table.h_W_m2_K is not None:
-            del rows["wind_m_s"]
-        hours = rows.pop("hour")
-        check_hours(where, hours, is_periodic)
-        length = DAY if is_periodic else HOUR * (hours[-1] - hours[0])
-        count = steps if is_periodic else max(2, round(length / DAY * steps))
-        begin = 0.0 if is_periodic else hours[0] * HOUR
-        times = begin + length / count * np.arange(1, count + 1)
-        values |= place
-        if twice := [name for name in (*rows, *place) if constants.get(name)]:
-            raise InputError(f"{where}: has {twice[0]}; leave it out of [weather]")
-        for name, numbers in rows.items():
-            text.check_range(name, numbers, *LIMITS[name])
-            centres = hours - 0.5 * (is_epw and name in MEANS)
-            values[name] = interpolated(times, centres * HOUR, numbers, is_periodic)
-    return completed(table, values, times, where)
+    given = ((name, getattr(table, name)) for name in (*ROWS, *PLACE))
+    values = {name: value for name, value in given if value is not None}
+    if table.file is None:
+        return completed(table, values, np.zeros(1), "[weather]")
+    path = folder / table.file
+    where, is_epw = f"weather {path}", path.suffix.lower() == ".epw"
+    text, rows, place = epw_rows(path, table.day) if is_epw else csv_rows(path)
+    if is_epw and table.h_W_m2_K is not None:
+        del rows["wind_m_s"]
+    if twice := [name for name in (*rows, *place) if values.get(name)]:
+        raise InputError(f"{where}: has {twice[0]}; leave it out of [weather]")
+    hours = rows.pop("hour")
+    check_hours(where, hours, is_periodic)
+    if is_periodic:
+        times = DAY / steps * np.arange(1, steps + 1)
+    else:
+        count = max(2, round((hours[-1] - hours[0]) / 24 * steps))
+        times = HOUR * np.linspace(hours[0], hours[-1], count + 1)[1:]
+    for name, numbers in rows.items():
+        text.check_range(name, numbers, *LIMITS[name])
+        centres = hours - 0.5 * (is_epw and name in MEANS)
+        values[name] = interpolated(times, centres * HOUR, numbers, is_periodic)
+    return completed(table, values | place, times, where)
 
 
 def interpolated(times, centres, numbers, is_periodic: bool) -> np.ndarray:
@@ -156,29 +160,20 @@ def check_hours(where: str, hours: np.ndarray, is_periodic: bool) -> None:
         )
 
 
-def csv_rows(path: Path, day) -> tuple[TextTable, dict, dict]:
+def csv_rows(path: Path) -> tuple[TextTable, dict, dict]:
     """The table of a CSV, its columns as {name: numbers}, and no place."""
     table = read_table(path, ("hour",), "weather")
-    names = [name for name in table.columns if name in (*ROWS, *DIRECTION)]
-    if odd := [name for name in table.columns if name not in (*names, "hour")]:
+    if odd := [name for name in table.columns if name not in ("hour", *ROWS)]:
         raise InputError(
-            f"weather {path}: column {odd[0]} is unknown; known are hour, "
-            f"{', '.join((*ROWS, *DIRECTION))}"
+            f"weather {path}: column {odd[0]} is unknown; known are hour, {', '.join(ROWS)}"
         )
-    numbers = table.numbers(["hour", *names])
-    if {"sun_W_m2", "sun_elevation_deg"} <= numbers.keys():
-        below = (numbers["sun_W_m2"] > 0) & (numbers["sun_elevation_deg"] <= 0)
-        if below.any():
-            raise InputError(
-                f"weather {path}, line {table.rows[int(below.argmax())][0]}: sun_W_m2 > 0 with the "
-                "sun below the horizon"
-            )
+    numbers = table.numbers(table.columns)
     if "sun_azimuth_deg" in numbers:
         numbers["sun_azimuth_deg"] = np.unwrap(numbers["sun_azimuth_deg"], period=360)
     return table, numbers, {}
 
 
-def epw_rows(path: Path, day: str | None) -> tuple[TextTable, dict, dict]:
+def epw_rows(path: Path, day: date | None) -> tuple[TextTable, dict, dict]:
     """Rows of a day of an EPW file, as `csv_rows`, and the place of its first line.
 
     The year of the day is ignored, because the months of a typical year come from several years.
@@ -189,11 +184,11 @@ def epw_rows(path: Path, day: str | None) -> tuple[TextTable, dict, dict]:
         raise InputError(f"{where}: is no EPW file, whose first line begins with LOCATION")
     if day is None:
         raise InputError(f"{where}: name the day, such as day = 2026-06-21")
-    month, date = map(int, day.split("-")[1:])
     of_day = [
         (number, [cell.strip() for cell in (row[3], *(row[k] for k, _ in EPW.values()))])
         for number, row in enumerate(lines[EPW_HEADER:], EPW_HEADER + 1)
-        if len(row) > 21 and row[1:3] == [str(month), str(date)]
+        if len(row) > 21
+        and [cell.strip().lstrip("0") for cell in row[1:3]] == [str(day.month), str(day.day)]
     ]
     if len(of_day) != 24:
         raise InputError(f"{where}: has {len(of_day)} rows of {day}; expected 24")
@@ -217,58 +212,36 @@ def completed(table: WeatherTable, values: dict, times: np.ndarray, where: str) 
     for name in ("air_K", "sky_K"):
         if name not in values:
             raise InputError(f"{where}: {name} is missing")
-    remarks = []
+    remarks = ()
     if "ground_K" not in values:
-        remarks.append("the ground has the temperature of the air; give ground_K to change it")
+        remarks = ("the ground has the temperature of the air; give ground_K to change it",)
         values["ground_K"] = values["air_K"]
-    elevation, azimuth = directions(table, values, times, where)
     if "wind_m_s" in values:
         values["h_W_m2_K"] = convection(values["wind_m_s"])
-    sun = np.broadcast_to(values["sun_W_m2"], times.shape)
-    is_day = elevation > 0
+    if not all(name in values for name in DIRECTION):
+        values |= zip(DIRECTION, directions(table, values, times, where))
+    arrays = {name: np.broadcast_to(values[name], times.shape).astype(float) for name in AT_TIMES}
+    sun, is_day = arrays["sun_W_m2"], arrays["sun_elevation_deg"] > 0
     if (below := sun[~is_day].sum()) > DUSK * sun.sum():
         raise InputError(
             f"{where}: {below / sun.sum():.0%} of sun_W_m2 is there with the sun below the horizon"
         )
-    arrays = {
-        name: np.broadcast_to(np.asarray(values[name], float), times.shape)
-        for name in ("air_K", "h_W_m2_K", "sky_K", "ground_K", "diffuse_W_m2")
-    }
-    return Weather(
-        seconds=times,
-        **arrays,
-        sun_W_m2=np.where(is_day, sun, 0.0),
-        elevation_deg=elevation,
-        azimuth_deg=azimuth,
-        albedo=table.albedo,
-        remarks=tuple(remarks),
-    )
+    sun[~is_day] = 0
+    return Weather(seconds=times, albedo=table.albedo, remarks=remarks, **arrays)
 
 
-def directions(table, values: dict, times: np.ndarray, where: str) -> tuple:
-    """Elevation and azimuth of the sun at some times [degrees]; 0 without a sun."""
-    if all(name in values for name in DIRECTION):
-        return tuple(
-            np.broadcast_to(np.asarray(values[name], float), times.shape) for name in DIRECTION
-        )
+def directions(table, values: dict, times: np.ndarray, where: str) -> np.ndarray:
+    """Elevation and azimuth of the sun by place, at some times [degrees]; 0 without a sun."""
     if not np.any(values["sun_W_m2"]):
         return np.zeros((2, *times.shape))
-    missing = [name for name in PLACE if name not in values]
-    if missing or table.file is None:
+    if table.file is None or not all(name in values for name in PLACE):
         raise InputError(
             f"{where}: sunlight needs {' and '.join(DIRECTION)}, or for a file its place: "
             f"{', '.join(PLACE)}"
         )
-    midnight = np.datetime64(values["day"]) - np.timedelta64(
-        round(3600 * values["utc_offset_h"]), "s"
-    )
-    suns = [
-        sun_position(
-            values["latitude_deg"],
-            values["longitude_deg"],
-            f"{midnight + np.timedelta64(round(second), 's')}+00:00",
-        )
-        for second in times
-    ]
+    offset = np.timedelta64(round(3600 * values["utc_offset_h"]), "s")
+    moments = np.datetime64(values["day"]) - offset + np.round(times).astype("timedelta64[s]")
+    place = values["latitude_deg"], values["longitude_deg"]
+    suns = [sun_position(*place, f"{moment}+00:00") for moment in moments]
     azimuth = table.north_deg - np.array([sun.compass_deg for sun in suns])
-    return np.array([sun.elevation_deg for sun in suns]), np.unwrap(azimuth, period=360)
+    return np.array([[sun.elevation_deg for sun in suns], np.unwrap(azimuth, period=360)])

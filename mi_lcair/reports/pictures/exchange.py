@@ -17,7 +17,7 @@ def figure(exchange: Exchange):
 
     C, facets = exchange.conductors.by_group(exchange.facets), exchange.facets
     names = [plain(name) for name in facets.groups]
-    emitted = np.maximum(facets.membership @ exchange.emitting_area, np.finfo(float).tiny)
+    emitted = np.maximum(facets.membership @ facets.emitting_area, np.finfo(float).tiny)
     figure = new_figure((11, 1.8 + 0.45 * len(names) + 1.2), layout="constrained")
     bars, matrix = figure.subplots(1, 2)
 
@@ -30,7 +30,7 @@ def figure(exchange: Exchange):
         ("ground", C.parts["ground"], "C2"),
         ("the group itself", C.parts["itself"], "0.6"),
         ("other groups", C.parts["others"], "C1"),
-        ("inside bodies", exchange.of_groups(exchange.buried) * emitted, "0.9"),
+        ("inside bodies", facets.share_of_groups(exchange.astray["buried"]) * emitted, "0.9"),
     ]
     left = np.zeros(len(names))
     for label, values, color in parts:

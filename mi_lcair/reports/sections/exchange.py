@@ -16,9 +16,10 @@ PARTS = ("sky", "ground", "itself", "other groups")  # of what a group emits
 def sections(result) -> list[Section]:
     """Shares of the groups, the conductors between them, their sky by elevation, and facets."""
     M, names = result.facets.membership, result.facets.groups
-    emitted = np.maximum(M @ result.emitting_area, np.finfo(float).tiny)
+    emitted = np.maximum(M @ result.facets.emitting_area, np.finfo(float).tiny)
     areas = result.by_group(lambda C: np.transpose([*C.parts.values()]))
     shares = zip(*(area / emitted[:, None] for area in areas))
+    astray = {k: result.facets.share_of_groups(v) for k, v in result.astray.items()}
     counts, area = M.sum(axis=1).astype(int), M @ result.facets.area
     groups = Table(
         ["group", "facets", ("area", "m2"), "emissivity", *PARTS, "inside bodies"],
@@ -30,7 +31,7 @@ def sections(result) -> list[Section]:
                 area,
                 emitted / (M @ result.facets.radiating_area),
                 shares,
-                result.of_groups(result.buried),
+                astray["buried"],
             )
         ],
     )
@@ -50,8 +51,8 @@ def sections(result) -> list[Section]:
         ],
     )
     facts = [
-        ("left after the last reflection", percent(result.of_groups(result.truncated).max())),
-        ("on surfaces that take no part", percent(result.of_groups(result.lost).max())),
+        ("left after the last reflection", percent(astray["truncated"].max())),
+        ("on surfaces that take no part", percent(astray["lost"].max())),
     ]
     parts = [summary_of(result), groups, *([pairs] if pairs.rows else []), Facts(facts)]
     parts += [sky_table(result, emitted), *sun_table(result), Remarks(list(result.remarks))]

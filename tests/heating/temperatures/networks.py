@@ -4,8 +4,9 @@ import numpy as np
 from scipy import sparse
 
 from mi_lcair.heating.conductors import Conductors, Facets, Traced
+from mi_lcair.heating.sunlight import SolarAreas
 from mi_lcair.heating.temperatures.description import GroupTable
-from mi_lcair.heating.temperatures.network import Network, Sunlit
+from mi_lcair.heating.temperatures.network import Network
 from mi_lcair.heating.temperatures.weather import Weather
 
 
@@ -15,7 +16,7 @@ def weather(count=1, albedo=0.2, **numbers) -> Weather:
     usual = {
         "air_K": 290.0, "h_W_m2_K": 8.0, "sky_K": 260.0, "ground_K": 285.0, "sun_W_m2": 0.0,
         "diffuse_W_m2": 0.0,
-        "elevation_deg": 45.0, "azimuth_deg": 0.0,
+        "sun_elevation_deg": 45.0, "sun_azimuth_deg": 0.0,
     }  # fmt: skip
     arrays = {
         name: np.broadcast_to(np.asarray(value, float), seconds.shape)
@@ -40,13 +41,9 @@ def network(
     area = np.ones(n) if area is None else np.asarray(area, float)
     names = tuple(f"g{k}" for k in range(n))
 
-    def conductors(matrix):
-        to_sky, to_ground = np.reshape(sky, (n, 1)), np.asarray(ground, float)
-        itself = np.diag(np.asarray(matrix, float))
-        between = sparse.csr_array(np.asarray(matrix, float) - np.diag(itself))
-        return Conductors(between, to_sky, to_ground, to_self=itself)
-
-    mean = conductors(between)
+    mean = Conductors.of(
+        np.asarray(between, float), np.reshape(sky, (n, 1)), np.asarray(ground, float)
+    )
     total = np.maximum(mean.total, 1e-3)
     facets = Facets(
         number=np.arange(n), area=area, sides=np.ones(n, int), centre=np.zeros((n, 3)),
@@ -55,12 +52,11 @@ def network(
         is_diffuse=np.ones(n, bool),
     )  # fmt: skip
     times = len(conditions.seconds)
-    beam = np.broadcast_to(beam, (times, n)).astype(float)
+    beam = np.broadcast_to(beam, (times, n)).astype(float)[None, conditions.shines]
     diffuse = 0.6 * np.array([[sky], [ground]], float)
     onward = sparse.csr_array((n, n)) if onward is None else sparse.csr_array(onward)
-    sunlit = Sunlit(beam[None], *diffuse, np.full(n, 0.6), onward)
+    sun = SolarAreas(beam, beam, 0 * beam, *diffuse, np.full(n, 0.6), onward)
     tables = {name: GroupTable(**table) for name, table in (groups or {}).items()}
     for table in tables.values():
         table.check("")
-    traced = Traced(mean, ())
-    return Network(facets, traced, sunlit, conditions, tables)
+    return Network(facets, Traced((mean,)), sun, conditions, tables)
