@@ -48,7 +48,8 @@ def night(path):
     (path / "night.csv").write_text(
         "hour,sun_W_m2\n" + "".join(f"{hour},{600 * (hour < 5)}\n" for hour in range(24))
     )
-    place = {"latitude_deg": 47.0, "longitude_deg": 8.0, "utc_offset_h": 1.0, "day": date(2026, 6, 21)}
+    place = {"latitude_deg": 47.0, "longitude_deg": 8.0, "utc_offset_h": 1.0}
+    place["day"] = date(2026, 6, 21)
     return WeatherTable(file="night.csv", **place, **CONSTANT)
 
 
