@@ -8,7 +8,15 @@ from scipy import sparse
 from mi_lcair.errors import InputError
 from mi_lcair.heating.conductors import Conductors, Facets, Traced, standard_error
 from mi_lcair.heating.exchange_result import Asymmetry, Exchange
-from mi_lcair.heating.paths import ENDS, RANDOMISATIONS, RINGS, FacetPaths, Means, points_of
+from mi_lcair.heating.paths import (
+    ENDS,
+    MOST_REFLECTIONS,
+    RANDOMISATIONS,
+    RINGS,
+    FacetPaths,
+    Means,
+    points_of,
+)
 from mi_lcair.heating.sunlight import solar_areas
 from mi_lcair.heating.surfaces import TOTAL, Surfaces, hemispherical_emissivity
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
@@ -75,6 +83,12 @@ def exchange(
     check_lost(facets, astray["lost"], means.lost, paths)
     asymmetry = asymmetry_of(means, facets, points * RANDOMISATIONS)
     remarks = [*surfaces.remarks, *remarks_on_asymmetry(asymmetry, facets)]
+    truncated = facets.share_of_groups(astray["truncated"])
+    if truncated.max() > MOST_LOST:
+        remarks.append(
+            f"group {facets.groups[int(truncated.argmax())]}: {truncated.max():.1%} of its "
+            f"radiation is left after {MOST_REFLECTIONS} reflections and reaches nothing"
+        )
     sun = None
     if toward_sun is not None:
         sun = solar_areas(scene, toward_sun[None], rays, rays, seed)
@@ -95,7 +109,7 @@ def exchange(
         rays=points * RANDOMISATIONS,
         seed=seed,
         seconds=perf_counter() - began,
-        remarks=tuple(remarks),
+        remarks=tuple(dict.fromkeys(remarks)),
     )
 
 
@@ -112,7 +126,7 @@ def facets_of(paths: FacetPaths) -> Facets:
         groups=tuple(groups.tolist()),
         group=group,
         material=table.material[number].astype(str),
-        emissivity=paths.of_facets(hemispherical_emissivity),
+        emissivity=paths.of_facets(lambda surface: hemispherical_emissivity(surface).mean()),
         is_diffuse=paths.of_facets(lambda surface: surface.is_diffuse),
     )
 

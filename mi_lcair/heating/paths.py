@@ -31,10 +31,10 @@ from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.limits import check_free
 from mi_lcair.rendering.scene import Scene
 
-FAINT = 1e-4  # throughput below which half of the paths end, and the others count twice
-MOST_REFLECTIONS = (
-    10_000  # bound of the reflections in a closed cavity that absorbs hardly anything
-)
+# Part of a path's first weight below which half of the paths end, and the others count twice
+FAINT = 1e-4
+# Bound of the reflections in a closed cavity that absorbs hardly anything
+MOST_REFLECTIONS = 10_000
 RANDOMISATIONS = 8
 CELLS, LANES = 2**24, 2**22  # most numbers that a launch adds up, and most of its paths
 # Memory for each number that is kept [bytes]: 106 to 143 on a bowl of 8,000 facets
@@ -105,8 +105,8 @@ class FacetPaths:
         area = table.area[self.number][self.rows]
         self.areas = sparse.csr_array((area, places), shape=(n, len(self.rows)))
         different = surfaces.different
-        side = np.concatenate([different[k].sides for k in self.surface_of_facet])
-        self.row_facet, self.row_side = mi.UInt32(self.rows.astype(np.uint32)), mi.Float(side)
+        self.row_facet = mi.UInt32(self.rows.astype(np.uint32))
+        self.row_side = mi.Float(self.of_rows(lambda surface: surface.sides))
         column = np.full(table.count, self.end("lost"))
         column[table.type == "sky"] = n
         column[self.number] = index
@@ -130,6 +130,11 @@ class FacetPaths:
         """Values of a function of a surface, of the surface of each facet, (n,)."""
         values = [function(surface) for surface in self.surfaces.different]
         return np.array(values)[self.surface_of_facet]
+
+    def of_rows(self, function) -> np.ndarray:
+        """Values of a function that returns one for each side of a surface, (rows,)."""
+        values = [function(surface) for surface in self.surfaces.different]
+        return np.concatenate([values[k] for k in self.surface_of_facet])
 
     def respond(self, si, numbers, active):
         """Direction, weight and emissivity of the surfaces at hits, seen along `si.wi`."""
@@ -249,7 +254,7 @@ class FacetPaths:
         """
         met, lost = tally
         n, scene = len(self.number), self.scene.mi
-        weight, active = mi.Float(weight), weight > 0
+        weight, faint, active = mi.Float(weight), FAINT * weight, weight > 0
         reflections = mi.UInt32(0)
         while dr.hint(active, label="exchange"):
             pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active)
@@ -275,7 +280,7 @@ class FacetPaths:
 
             weight *= factor
             # Russian roulette keeps the means
-            weight *= dr.select(weight < FAINT, dr.select(sampler.next_1d() < 0.5, 2, 0), 1)
+            weight *= dr.select(weight < faint, dr.select(sampler.next_1d() < 0.5, 2, 0), 1)
             reflections += 1
             active = hits & ~is_back & (weight > 0)
             ends = active & (reflections >= MOST_REFLECTIONS)

@@ -29,8 +29,9 @@ class SolarAreas:
     lit: (R, m, n), area across the beam that it lights. direct: of it, what is absorbed. reflected:
     area by which light that other facets, or the facet itself, have reflected is absorbed. sky,
     ground: (R, n), absorbed power by the irradiance of an even sky on a horizontal plane, and by
-    that which the ground reflects. absorptance: (n,), hemispherical. onward: (n, n), of the light
-    that a facet (row) reflects, the share that each absorbs. remarks: on the materials.
+    that which the ground reflects. absorptance: (n,), hemispherical, of the lit sides. onward:
+    (n, n), of the light that a facet (row) reflects, the share that each absorbs. remarks: on the
+    materials.
     """
 
     lit: np.ndarray
@@ -88,7 +89,7 @@ def solar_areas(
         reflected=np.array([left @ g for left, g in zip(lit - absorbed, means.between)]),
         sky=areas.ends[:, :, :RINGS].sum(axis=2),
         ground=areas.end("ground"),
-        absorptance=paths.of_facets(hemispherical_emissivity),
+        absorptance=sides @ (share * paths.of_rows(hemispherical_emissivity)),
         onward=(sides * share) @ (sum(means.between) / RANDOMISATIONS),
         remarks=tuple(surfaces.remarks),
     )

@@ -18,7 +18,8 @@ from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
 from mi_lcair.plugins.derivatives import children
-from mi_lcair.plugins.emission.emissivity import Emissivity, Table, emissivity_of
+from mi_lcair.plugins.emission.emissivity import SIDES, Emissivity, Table, emissivity_of
+from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 from mi_lcair.rendering.scene import Scene
 
 TOTAL, SOLAR = "total", "0.3-2.5"  # bands of the exchanged heat and of sunlight, um
@@ -37,11 +38,7 @@ class Surface:
     @property
     def sides(self) -> tuple[int, ...]:
         """The sides that emit: 1 in front, -1 behind."""
-        return tuple(
-            side
-            for side, flag in ((1, mi.BSDFFlags.FrontSide), (-1, mi.BSDFFlags.BackSide))
-            if int(self.bsdf.flags()) & flag
-        )
+        return tuple(side for side, flag in SIDES if int(self.bsdf.flags()) & flag)
 
     @property
     def is_diffuse(self) -> bool:
@@ -80,6 +77,12 @@ class Surfaces:
                 raise InputError(
                     f"shape '{shape.id()}': the transmittance of a plume holds in the band "
                     f"{scene.band.label} and not for heat; leave the plume out or make it opaque"
+                )
+            emitter = shape.emitter()
+            if is_thermal(emitter) and emitter.given_emissivity is not None:
+                surfaces.remarks.append(
+                    f"shape '{shape.id()}': the emissivity of its emitter is not used; a surface "
+                    "emits and absorbs heat that its BSDF does not reflect"
                 )
             key, make = surfaces._in_band(bsdf, scene)
             if key not in index:
@@ -148,14 +151,17 @@ class Surfaces:
         )
 
 
-def hemispherical_emissivity(surface: Surface, nodes: int = 64) -> float:
-    """Hemispherical emissivity of a surface, the mean over the sides that emit."""
+def hemispherical_emissivity(surface: Surface, nodes: int = 64) -> np.ndarray:
+    """Hemispherical emissivity of each side of a surface that emits, (sides,).
+
+    That of a texture is about the mean over it.
+    """
     x, w = np.polynomial.legendre.leggauss(nodes)
     sin2 = np.tile((x + 1) / 2, len(surface.sides))  # cos sin d(theta) = d(sin^2) / 2
     side = np.repeat(surface.sides, nodes)
     si = dr.zeros(mi.SurfaceInteraction3f, len(side))
     si.n, si.sh_frame = mi.Normal3f(0, 0, 1), mi.Frame3f(mi.Normal3f(0, 0, 1))
     si.wi = mi.Vector3f(mi.Float(np.sqrt(sin2)), 0, mi.Float(side * np.sqrt(1 - sin2)))
+    si.uv = mi.Point2f(np.random.default_rng(0).random((2, len(side))))
     emitted = surface.emissivity.eval(surface.bsdf, si, mi.Bool(True))
-    emitted = np.broadcast_to(emitted.numpy(), len(side)).astype(float)
-    return float(emitted @ np.tile(w, len(surface.sides)) / 2 / max(len(surface.sides), 1))
+    return np.broadcast_to(emitted.numpy(), len(side)).reshape(-1, nodes).astype(float) @ w / 2

@@ -62,6 +62,14 @@ def test_an_enclosure_keeps_what_it_emits():
     assert result.conductors.to_sky.sum() + result.conductors.to_ground.sum() == 0
 
 
+def test_what_is_left_after_the_last_reflection_is_told():
+    """Each of 10,000 reflections absorbs 1e-5, which Float32 rounds by up to 3e-8."""
+    result = exchange(scene_of(box=box(grey(1e-5), emitter=emits())), rays=64)
+    kept = (result.conductors.to_self + result.conductors.total).sum() / (1e-5 * 24)
+    assert kept == pytest.approx(-np.expm1(-0.1), rel=6e-3)
+    assert "90.5% of its radiation is left after 10000 reflections" in result.remarks[0]
+
+
 def test_conductors_are_the_same_however_many_paths_a_launch_has(monkeypatch):
     scene = scene_of(box=box(grey(0.3), emitter=emits()))
     whole = exchange(scene, rays=64).conductors

@@ -36,6 +36,14 @@ def test_a_sheet_is_lit_on_the_side_of_the_sun():
     assert areas.ground.mean(axis=0).sum() == pytest.approx(0.7 * 4, rel=1e-5)
 
 
+@pytest.mark.parametrize(("elevation", "absorptance"), [(30, 0.7), (-30, 0.1)])
+def test_the_absorptance_of_a_sheet_is_that_of_its_lit_side(elevation, absorptance):
+    sides = {"type": "twosided", "front": grey(0.7), "back": grey(0.1)}
+    areas = solar_areas(scene_of(sheet=square(sides, emitter=emits())), slanted(elevation), 64, 64)
+    assert areas.absorptance == pytest.approx(absorptance, rel=1e-5)
+    np.testing.assert_allclose(areas.direct, absorptance * areas.lit, rtol=1e-5)
+
+
 def test_areas_are_the_same_however_many_suns_a_launch_has(monkeypatch):
     scene = scene_of(plate=square(grey(0.7), emitter=emits()))
     suns = np.concatenate([UP, slanted(30), slanted(60)])

@@ -27,6 +27,7 @@ from mi_lcair.sensitivity.facets import facet_matrix
 
 SHADOW_RAYS = 32  # of each facet toward each position of the sun
 BYTES = 1100  # memory for a facet and a position of the sun, measured with 4,000 and 8,000 facets
+DOUBTFUL = 0.01  # share of an effect that may rest on an assumption without a remark
 STEP = 0.1  # of the temperatures in differences of radiances [K]
 
 
@@ -54,6 +55,7 @@ def temperatures(scene: Scene, description: Description) -> Heat:
         f"[sigma] {column.name}: up to {abs(change).max():.2g} K of its effect, which is "
         f"{abs(changes[column.name]).max():.2g} K at most, assume that surfaces reflect evenly"
         for column, change in zip(doubtful, solved.changes[len(columns) :])
+        if abs(change).max() > DOUBTFUL * abs(changes[column.name]).max()
     ]
     of_sun = () if sun is None else sun.remarks
     table = FacetTable(scene)

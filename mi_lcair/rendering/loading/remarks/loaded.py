@@ -4,6 +4,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mi_lcair.fraction import percent
 from mi_lcair.models3d.label import ICE_POINT, LOWEST
 from mi_lcair.plugins.bsdfs.plume import is_passed
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf, reflection_layers
@@ -11,6 +12,7 @@ from mi_lcair.plugins.derivatives import deriving_plugins, members
 from mi_lcair.plugins.emitters.one_sun import one_sun
 from mi_lcair.plugins.emitters.thermal_emitter import thermal_shapes
 from mi_lcair.plugins.paths.launch import numbers
+from mi_lcair.plugins.paths.offsets import OF_POSITION, UNIT
 from mi_lcair.rendering.loading.nodes import properties, references
 from mi_lcair.rendering.loading.origin import extent, far_origin
 from mi_lcair.rendering.loading.parsing import INDEPENDENT
@@ -53,8 +55,11 @@ def remarks_on_loaded(scene: mi.Scene) -> list[str]:
     """Remarks on a scene that Mitsuba has loaded, which `load` would have prepared otherwise."""
     lines = []
     if far_origin(scene) is not None:
+        low, high = extent(scene)
+        offset = OF_POSITION * UNIT * max(abs(low).max(), abs(high).max())
         lines.append(
-            "the scene lies far from its origin, where single precision is coarse; "
+            "the scene lies far from its origin, where single precision is coarse: rays start "
+            f"{offset:.1g} m off surfaces, {percent(offset / (high - low).max())} of its size; "
             "mi_lcair.load moves the scene of a file"
         )
     if any(numbers(sensor.sampler()) == "independent" for sensor in scene.sensors()):
