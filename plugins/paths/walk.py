@@ -306,25 +306,18 @@ class Walk:
         # The throughput and the share are constants
         with dr.resume_grad(when=not primal):
             emitted = hit.emitter.eval(si, hit.active)
+            if self.ambient_radiance is not None:
+                emitted = dr.select(beyond, self.ambient_radiance, emitted)
+                share = dr.select(beyond, dr.select(si.is_valid(), mi.Float(1), 0), share)
             Le = path.throughput * share * emitted
+        latent = None if path.latent is None else path.latent * share * dr.detach(emitted)
         parts, by_bin = emitters.parts(hit.emitter, si.prim_index, path.ray.d, hit.active), None
         if self.by_bin is not None:
             emits = self.by_bin.emits(hit.emitter, hit.bsdf, si.wi, hit.active & ~beyond)
-            if self.ambient_radiance is not None:
-                emitted = dr.select(beyond, self.ambient_radiance, emitted)
             numbers = self.by_bin.numbers(hit.emitter, parts, beyond)
             by_bin = self.by_bin.radiance(path, emitted, parts, numbers, emits)
-            ambient = dr.select(si.is_valid(), mi.Float(1), 0)
-            by_bin = by_bin.times(path.throughput[0] * dr.select(beyond, ambient, share))
+            by_bin = by_bin.times(path.throughput[0] * share)
             parts, Le = by_bin.parts, mi.Spectrum(by_bin.radiance)
-        latent = None if path.latent is None else path.latent * share * dr.detach(emitted)
-        if self.ambient_radiance is not None:
-            ambient = path.throughput * self.ambient_radiance if by_bin is None else Le
-            ambient = dr.select(si.is_valid(), ambient, 0)
-            Le = dr.select(beyond, ambient, Le)
-            if latent is not None:
-                ambient = dr.select(si.is_valid(), path.latent * self.ambient_radiance, 0)
-                latent = dr.select(beyond, ambient, latent)
         weight = dr.select(beyond, 0, path.throughput[0] * share)
         emission = Emission(Le[0], path.bounce, beyond, hit.emitter, parts, weight, si)
         recorders.emission(replace(emission, latent=first(latent), by_bin=by_bin))
