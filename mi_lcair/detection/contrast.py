@@ -285,8 +285,8 @@ def unlit_sky(view: Scene, scenario: Scenario, detector: Detector) -> list[str]:
 
     Scattered sunlight matters in MWIR, where there are tables of the daytime sky.
     """
-    is_thermal = scenario.background.sky is not None and detector.band.lower_um < THERMAL_UM
-    if not is_thermal or one_sun(view.mi.emitters()) is None:
+    behind, is_thermal = scenario.background, detector.band.lower_um < THERMAL_UM
+    if behind.sky is None or behind.by_day or not is_thermal or one_sun(view.mi.emitters()) is None:
         return []
     return [
         "the scene has a sun, but `sky` of [background] has no scattered sunlight; "

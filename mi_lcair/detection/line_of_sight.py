@@ -182,20 +182,18 @@ def backdrop(scenario: Scenario, detector: Detector, sight: Sight) -> Backdrop:
         )
     # Past the ground, the sky is that at the target, and the air before the target is added
     height_m = sight.observer_m if upward >= 0 else sight.target_m
-    sun = None if behind.daytime_sky is None else sight.sun
-    sky = sky_behind(scenario, HEIGHT_M if height_m is None else height_m, sun)
+    sky = sky_behind(scenario, HEIGHT_M if height_m is None else height_m, sight.sun)
     if sky.by_elevation and sight.meets_ground:
         raise InputError(
             f"the line of sight looks down, by {-upward:g} degrees, where no sky is behind "
             "the target; give [background] a temperature or ground_temperature"
         )
-    if sun is None:
-        table = sky.at(upward)
+    if sky.by_azimuth:
+        azimuth = sight.sun.azimuth_deg
+        name = f"{sky.name} by day, {upward:.4g} deg, azimuth {azimuth:.4g} deg from the sun"
+        table = replace(sky.at(upward, azimuth), name=name)
     else:
-        name = (
-            f"{sky.name} by day, {upward:.4g} deg, azimuth {sun.azimuth_deg:.4g} deg from the sun"
-        )
-        table = replace(sky.at(upward, sun.azimuth_deg), name=name)
+        table = sky.at(upward)
     table.in_band_radiance(detector.band)  # raises InputError if the table does not cover the band
     through_air = None, ()
     if sky.by_elevation and upward < 0:
@@ -208,7 +206,7 @@ def background_sun(scenario: Scenario) -> tuple[float, float] | None:
 
     They hold for a scene that has no sun of its own.
     """
-    if scenario.background.daytime_sky is None:
+    if not scenario.background.by_day:
         return None
     behind = scenario.background.with_sun(0.0, SUN_ELEVATION_DEG)
     return behind.sun_azimuth_deg, behind.sun_elevation_deg
@@ -224,11 +222,14 @@ def weather_of(scenario: Scenario, name: str | None) -> Weather:
 def sky_behind(
     scenario: Scenario, height_m: float, sun: SunDirection | None
 ) -> ClearSky | TableSky:
-    """The sky of a scenario's background, as it is seen from a height [m]; sun: None by night."""
+    """The sky of a scenario's background, as it is seen from a height [m].
+
+    sun: the sun, whose light it has if it is one by day.
+    """
     behind = scenario.background
     name = behind.daytime_sky or clear_name(behind.sky)
     sky = behind.sky if behind.daytime_sky is None else CLEAR
-    elevation = None if sun is None else sun.elevation_deg
+    elevation = sun.elevation_deg if behind.by_day else None
     return sky_of(sky, name or ATMOSPHERE, elevation, height_m, weather_of(scenario, name))
 
 
@@ -242,7 +243,7 @@ def surroundings_of(scenario: Scenario, sight: Sight) -> Surroundings | None:
         return None
     if behind.sky is not None or behind.daytime_sky is not None:
         height_m = HEIGHT_M if sight.observer_m is None else sight.observer_m
-        sky = sky_behind(scenario, height_m, None if behind.daytime_sky is None else sight.sun)
+        sky = sky_behind(scenario, height_m, sight.sun)
         if behind.ground_temperature is None and not sky.by_elevation:
             return None
     if behind.ground_temperature is not None:

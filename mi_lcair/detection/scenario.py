@@ -26,7 +26,7 @@ from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.detector import LOCK_ON, Detector
 from mi_lcair.physics.imager import Imager
 from mi_lcair.physics.materials import hemispherical_emissivity
-from mi_lcair.physics.sky import clear_name
+from mi_lcair.physics.sky import clear_name, has_azimuths
 from mi_lcair.physics.surroundings.skies import sky_name
 from mi_lcair.physics.surroundings.words import Words, number
 from mi_lcair.progress import Progress
@@ -248,7 +248,7 @@ class Background:
     Attributes
     ----------
     sky : str, optional
-        Sky table.
+        Sky table. One with azimuths from the sun is a sky by day.
     daytime_sky : str, optional
         Clear air whose sky with scattered sunlight is the sky. The ground then reflects the sun,
         too.
@@ -295,6 +295,11 @@ class Background:
                 f"[background]: ground_emissivity = {self.ground_emissivity:g} without {missing}; "
                 "ground that is not black reflects the sky, so give sky and ground_temperature"
             )
+
+    @property
+    def by_day(self) -> bool:
+        """Whether its sky is one by day, which needs a sun."""
+        return self.daytime_sky is not None or (self.sky is not None and has_azimuths(self.sky))
 
     def with_sun(self, azimuth_deg: float, elevation_deg: float) -> "Background":
         """The background with the sun at a place [degrees], if it states no other."""
@@ -637,15 +642,11 @@ def background_of(tree: dict, parts: dict) -> Background:
     given = {}
     if words.sky is not None:
         name = words.atmosphere if words.sky == "clear" else clear_name(words.sky)
-        if name is not None and words.sun is not None:
+        given = {"sky": sky_name(words.sky, words.atmosphere)}
+        if words.sun is not None:
             elevation, azimuth = words.sun_parts
-            given = {
-                "daytime_sky": name,
-                "sun_azimuth_deg": azimuth,
-                "sun_elevation_deg": elevation,
-            }
-        else:
-            given = {"sky": sky_name(words.sky, words.atmosphere)}
+            given = given if name is None else {"daytime_sky": name}
+            given |= {"sun_azimuth_deg": azimuth, "sun_elevation_deg": elevation}
     given |= {} if words.sun_file is None else {"sun_file": words.sun_file}
     if words.ground is not None:
         temperature, material = words.ground_parts

@@ -123,10 +123,10 @@ def sun_over(scenario: Scenario, scene: Scene) -> tuple[float, float] | None:
     """
     sun = one_sun(scene.mi.emitters())
     is_up, behind = sun is not None and sun.elevation_deg > 0, scenario.background
-    if sun is not None and behind.daytime_sky is not None:
+    if sun is not None and behind.by_day:
         elevation = sun.elevation_deg if is_up else SUN_ELEVATION_DEG
         sky = behind.with_sun(sun.azimuth_deg, elevation)
-        check_fits(sun, sky, "the daytime_sky of [background]")
+        check_fits(sun, sky, "the sky of [background]")
     if is_up:
         return sun.azimuth_deg, sun.elevation_deg
     return background_sun(scenario)

@@ -180,12 +180,13 @@ def atmosphere(
 
 def _from_csv(name, path) -> Atmosphere:
     columns = (TRANSMITTANCE, 1.0), (PATH_RADIANCE, LARGEST)
-    table = spectral_table(path, "atmosphere", columns, key=RANGE)
-    if table.keys[0] == 0:
+    table = spectral_table(path, "atmosphere", columns, (RANGE,))
+    ranges = table.keys[RANGE]
+    if ranges[0] == 0:
         raise InputError(
             f"atmosphere {path}: {RANGE} 0; ranges must be positive (at range 0 nothing is lost)"
         )
-    return plausible(AtmosphereTable(name, 1000 * table.keys, table.wavelengths_um, *table.columns))
+    return plausible(AtmosphereTable(name, 1000 * ranges, table.wavelengths_um, *table.columns))
 
 
 def plausible(air: AtmosphereTable) -> AtmosphereTable:

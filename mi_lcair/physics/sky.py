@@ -15,7 +15,7 @@ from mi_lcair.physics.spectral_table import spectral_table
 from mi_lcair.physics.spectrum import BUNDLED, Spectrum
 from mi_lcair.table import LARGEST, rows_at
 
-RADIANCE, ELEVATION = "radiance_W_m2_sr_um", "elevation_deg"
+RADIANCE, ELEVATION, AZIMUTH = "radiance_W_m2_sr_um", "elevation_deg", "azimuth_deg"
 CLEAR = "_clear"  # end of the names of clear skies
 HEIGHT_M = 50.0  # height above the ground of a scene that states none
 ABOVE_AIR = 1.002  # radiance of a blackbody at the air's temperature that no sky reaches, relative
@@ -132,13 +132,18 @@ def spectrum(
     name = clear_name(source)
     if name is None:
         path, keys, wavelengths, radiance = _read(source)
-        if keys is None:
+        if AZIMUTH in keys:
+            raise InputError(
+                f"spectrum {path}: has {AZIMUTH}; it serves as the sky of surroundings, not as the "
+                "spectrum of a source"
+            )
+        if not keys:
             if elevation_deg is not None:
                 raise InputError(
                     f"spectrum {path}: has no column {ELEVATION}; an elevation cannot be chosen"
                 )
             return Spectrum(str(source), wavelengths, radiance)
-        what = f"one of its {len(keys)} lines of sight"
+        what = f"one of its {len(radiance)} lines of sight"
     else:
         path, what = source, "a line of sight"
     if elevation_deg is None or not 0 <= elevation_deg <= 90:
@@ -146,18 +151,38 @@ def spectrum(
             f"spectrum {path}: elevation_deg = {elevation_deg} must lie in 0..90, to choose {what}"
         )
     if name is None:
-        return SkyTable(str(source), keys, wavelengths, radiance).at(elevation_deg)
+        return SkyTable(str(source), keys[ELEVATION], wavelengths, radiance).at(elevation_deg)
     sky = clear_air(name, weather).sky(height_m, elevation_deg)
     return replace(sky, name=f"{source} {elevation_deg:g} deg")
 
 
 def has_elevations(source: str | Path) -> bool:
     """Whether `source` has a spectrum for each elevation; `spectrum` then needs `elevation_deg`."""
-    return clear_name(source) is not None or _read(source)[1] is not None
+    return clear_name(source) is not None or ELEVATION in _read(source)[1]
+
+
+def has_azimuths(source: str | Path) -> bool:
+    """Whether `source` is a file with spectra for each elevation and azimuth from the sun."""
+    return os.path.isfile(source) and AZIMUTH in _read(source)[1]
+
+
+def tables_by_azimuth(source: str | Path) -> tuple[np.ndarray, list[SkyTable]]:
+    """Azimuths from the sun [degrees], and the sky at each, of a file with azimuths.
+
+    Raises InputError if the elevations are not the same at all azimuths.
+    """
+    path, keys, wavelengths, radiance = _read(source)
+    azimuths, elevations = (np.unique(keys.get(name, [])) for name in (AZIMUTH, ELEVATION))
+    if len(radiance) != len(azimuths) * len(elevations) or len(azimuths) < 2:
+        raise InputError(
+            f"spectrum {path}: needs two {AZIMUTH} or more, each with the same {ELEVATION}"
+        )
+    grid = radiance.reshape(len(azimuths), len(elevations), -1)
+    return azimuths, [SkyTable(str(source), elevations, wavelengths, part) for part in grid]
 
 
 def _read(source):
-    """Path, elevations [degrees] (or None), wavelengths [um] and radiances of `source`."""
+    """Path, keys of the spectra, wavelengths [um] and radiances of `source`."""
     path = Path(source)
     if str(source) in sky_names():
         path = BUNDLED / f"sky_{source}.csv"
@@ -170,6 +195,7 @@ def _read(source):
                 f"spectrum {path}: holds lines of sight of different ranges; keep the blocks of one"
             )
         block = tape7.joined(path, blocks)
-        return path, None, block.wavelengths_um, block.total_radiance
-    table = spectral_table(path, "spectrum", ((RADIANCE, LARGEST),), key=ELEVATION, keyless=True)
+        return path, {}, block.wavelengths_um, block.total_radiance
+    keys = AZIMUTH, ELEVATION
+    table = spectral_table(path, "spectrum", ((RADIANCE, LARGEST),), keys, keyless=True)
     return path, table.keys, table.wavelengths_um, table.columns[0]

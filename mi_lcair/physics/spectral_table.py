@@ -1,7 +1,7 @@
 """CSV files of spectra.
 
 A file has # comments, a header of named columns, and rows of numbers. It holds one spectrum, or one
-spectrum for each value of a key column.
+spectrum for each value of a key column or combination of values of several.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from mi_lcair.table import LARGEST, read_table
 
 WAVELENGTH = "wavelength_um"
 SHORTEST_UM, LONGEST_UM = 0.1, 1000.0
-HIGHEST_DEG = 90.0  # largest elevation that may be a key
+HIGHEST_DEG = {"elevation_deg": 90.0, "azimuth_deg": 180.0}  # largest angles that may be keys
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,14 +26,15 @@ class SpectralTable:
     Attributes
     ----------
     keys
-        Rising keys of the spectra, (k,); None if the file holds a single spectrum.
+        Keys of the spectra by column, (k,) each, rising in the order of the columns; none if the
+        file holds a single spectrum.
     wavelengths_um
         Rising wavelengths [um], (n,).
     columns
         The columns, (n,) each, or (k, n) if the file has keys.
     """
 
-    keys: np.ndarray | None
+    keys: dict[str, np.ndarray]
     wavelengths_um: np.ndarray
     columns: tuple[np.ndarray, ...]
 
@@ -42,7 +43,7 @@ def spectral_table(
     path: Path,
     kind: str,
     columns: tuple[tuple[str, float], ...],
-    key: str | None = None,
+    keys: tuple[str, ...] = (),
     keyless: bool = False,
 ) -> SpectralTable:
     """Read wavelengths and columns of a CSV file, in whatever order the file has them.
@@ -55,11 +56,11 @@ def spectral_table(
         What error messages call the file, such as "spectrum".
     columns
         Name and largest accepted value of each column. Negative values are refused.
-    key
-        Column that tells spectra apart: rows with the same key are one spectrum, and all spectra
+    keys
+        Columns that tell spectra apart: rows with the same keys are one spectrum, and all spectra
         have the same wavelengths. None for a file with a single spectrum.
     keyless
-        Whether the file may lack the column `key`.
+        Whether the file may lack these columns.
 
     Returns
     -------
@@ -71,25 +72,25 @@ def spectral_table(
     InputError
         With the line that cannot be used.
     """
-    return _read(path, revision(path), kind, columns, key, keyless)
+    return _read(path, revision(path), kind, columns, keys, keyless)
 
 
 @lru_cache(maxsize=8)
-def _read(path, revision, kind, columns, key, keyless) -> SpectralTable:
+def _read(path, revision, kind, columns, keys, keyless) -> SpectralTable:
     what = f"{kind} {path}"
-    of_key = {} if key is None else {key: HIGHEST_DEG if key.endswith("_deg") else LARGEST}
-    largest = {WAVELENGTH: LONGEST_UM, **of_key, **dict(columns)}
-    file = read_table(path, [name for name in largest if name != key or not keyless], kind)
-    if keyless and key not in file.columns:
-        del largest[key]
+    of_keys = {key: HIGHEST_DEG.get(key, LARGEST) for key in keys}
+    largest = {WAVELENGTH: LONGEST_UM, **of_keys, **dict(columns)}
+    file = read_table(path, [name for name in largest if name not in keys or not keyless], kind)
+    keys = [key for key in keys if key in file.columns]
+    largest = {name: limit for name, limit in largest.items() if name in file.columns}
     table = file.numbers(largest)
     for name, limit in largest.items():
         file.check_range(name, table[name], SHORTEST_UM if name == WAVELENGTH else 0, limit)
     numbers = [number for number, _ in file.rows]
 
-    key_of_row = table.get(key, np.zeros(len(numbers)))
-    keys = np.unique(key_of_row)
-    blocks = [np.flatnonzero(key_of_row == value) for value in keys]
+    keys_of_rows = np.stack([np.zeros(len(numbers)), *(table[key] for key in keys)])
+    of_blocks, block_of_row = np.unique(keys_of_rows, axis=1, return_inverse=True)
+    blocks = [np.flatnonzero(block_of_row == k) for k in range(of_blocks.shape[1])]
     if not blocks or len(blocks[0]) < 2:
         raise InputError(f"{what}: needs two rows or more, with rising {WAVELENGTH}")
     for block in blocks:
@@ -102,9 +103,10 @@ def _read(path, revision, kind, columns, key, keyless) -> SpectralTable:
             )
         if not np.array_equal(wavelengths, table[WAVELENGTH][blocks[0]]):
             raise InputError(
-                f"{what}, line {numbers[block[0]]}: every {key} must have the same wavelengths"
+                f"{what}, line {numbers[block[0]]}: every {' and '.join(keys)} must have the same "
+                "wavelengths"
             )
     spectra = [np.array([table[name][block] for block in blocks]) for name, _ in columns]
-    if key not in table:
-        return SpectralTable(None, wavelengths, tuple(column[0] for column in spectra))
-    return SpectralTable(keys, wavelengths, tuple(spectra))
+    if not keys:
+        spectra = [column[0] for column in spectra]
+    return SpectralTable(dict(zip(keys, of_blocks[1:])), wavelengths, tuple(spectra))

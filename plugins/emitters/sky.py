@@ -48,7 +48,8 @@ class Sky(DistantEmitter):
 
     ================== ====== ======================================================================
     sky                string clear; overcast (low clouds); a temperature in K; a bundled sky; or a
-                              CSV file of spectra, with or without elevations; none        (clear)
+                              CSV file of spectra, with or without elevations and azimuths from
+                              the sun; none                                                (clear)
     ground_temperature float  temperature of the ground [K]; without it there is no ground
     ground_emissivity  float  emissivity of the ground, which reflects diffusely              (1.0)
     ground_material    string in its place: an emissivity, or a material, whose hemispherical
@@ -213,7 +214,7 @@ class Sky(DistantEmitter):
         directions = np.broadcast_arrays(elevation[list(halves), :, None], azimuth)
         emitted, other = around.in_band_components(self.band, *directions)
         emitted, mean = emitted[..., 0], other.mean(axis=2)
-        if 0 in halves and self.sun_elevation_deg is not None and isinstance(around.sky, ClearSky):
+        if 0 in halves and around.sky is not None and around.sky.by_azimuth:
             angles = np.broadcast_arrays(elevation[0, :, None], 180 * (azimuth / 180) ** 2)
             other[0] = around.sky.in_band_by_angle(self.band, *angles)[1]
         return emitted, other, emitted + mean
@@ -248,7 +249,7 @@ class Sky(DistantEmitter):
             np.minimum(horizon + angles[0] * (1 - horizon / 90), 90),
             np.maximum(horizon - angles[1] * (1 + horizon / 90), -90),
         )
-        day = self.sun_elevation_deg is not None and isinstance(around.sky, ClearSky)
+        day = around.sky is not None and around.sky.by_azimuth
         present = [around.sky is not None] * (1 + day), [around.ground is not None] * 2
         self.parts, first = [], []  # first: number of the first part of each half and component
         for half in (0, 1):
@@ -258,7 +259,7 @@ class Sky(DistantEmitter):
                     self.parts += [(half, component, float(e)) for e in elevations[half]]
         self.first, self.rings = first, [len(of_half) for of_half in elevations]
         self.near = None  # first and last ring with a spectrum toward the sun
-        if day:
+        if day and isinstance(around.sky, ClearSky):
             self.set_mixture(around.sky)
             from_sun = abs(elevations[0] - self.sun_elevation_deg)
             near = np.flatnonzero(from_sun <= max(ASIDE_DEG / 2, from_sun.min()))

@@ -311,7 +311,7 @@ def test_the_sun_of_scene_and_background_is_one(tmp_path, azimuth, elevation, fi
         (remark,) = unlit_sky(setting.view, night, setting.detector)
         assert "no scattered sunlight; `daytime_sky` has it in MWIR" in remark
     else:
-        with pytest.raises(InputError, match="does not fit the daytime_sky of .background., whose"):
+        with pytest.raises(InputError, match="does not fit the sky of .background., whose"):
             setting_of(scenario)
 
 

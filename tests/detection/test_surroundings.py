@@ -4,11 +4,14 @@ import numpy as np
 import pytest
 
 from mi_lcair.api.contrast import contrast
+from mi_lcair.detection.contrast import unlit_sky
 from mi_lcair.detection.setting import setting_of
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.physics.surroundings.skies import SunlitTable
 from tests.detection.disc_scenario import AREA, disc, write_disc
+from tests.physics.surroundings.test_sunlit_table import SUN, WAVELENGTHS, write
 
 MWIR = band("MWIR")
 EMISSIVITY = 0.6
@@ -69,6 +72,24 @@ def test_they_are_the_background(folder, words, background):
     at = [setting.backdrop.at_sensor(1000.0).at(x) for setting in (found, expected)]
     np.testing.assert_allclose(*at, rtol=1e-12)
     assert found.sun == expected.sun
+
+
+@pytest.mark.parametrize("azimuth", [0, 200])
+def test_a_sky_by_azimuth_is_behind_the_target(folder, azimuth):
+    """The sensor looks away from its own azimuth, and the table counts from the sun's."""
+    file, place = write(folder / "sky.csv", azimuths=(0, 40, 180)), {"observer__elevation_deg": -12}
+    place |= {"observer__azimuth_deg": azimuth, "atmosphere__table": "us_standard"}
+    behind = {"sun_azimuth_deg": 25, "sun_elevation_deg": SUN}
+    expected = SunlitTable(file, SUN).at(12, azimuth + 180 - 25).at(WAVELENGTHS)
+    for table, given in (
+        ("surroundings", {"sky": file, "sun": [SUN, 25]}),
+        ("background", {"sky": file, **behind}),
+    ):
+        given = {f"{table}__{key}": value for key, value in given.items()}
+        setting = setting_of(scenario := disc(folder, **place, **given))
+        values = setting.backdrop.at_sensor(1000.0).at(WAVELENGTHS)
+        np.testing.assert_allclose(values, expected, rtol=1e-9)
+        assert not unlit_sky(setting.view, scenario, setting.detector)
 
 
 def test_emitters_replace_those_of_the_scene(folder):

@@ -78,10 +78,10 @@ def test_cloudy_skies_have_their_stated_transmittance():
     assert len(rows) == 6 * 11 * 2
     for row in rows:
         path = BUNDLED / f"sky_{row['atmosphere']}_{row['sky']}.csv"
-        table = spectral_table(path, "sky", (("transmittance", 1.0),), key="elevation_deg")
+        table = spectral_table(path, "sky", (("transmittance", 1.0),), ("elevation_deg",))
         window, line = (
             band(BANDS[row["band_um"]]),
-            list(table.keys).index(float(row["elevation_deg"])),
+            list(table.keys["elevation_deg"]).index(float(row["elevation_deg"])),
         )
         mean = window.integral(table.wavelengths_um, table.columns[0][line]) / (
             window.upper_um - window.lower_um

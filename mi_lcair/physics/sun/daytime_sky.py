@@ -51,6 +51,11 @@ class ClearSky:
     by_elevation: ClassVar = True
 
     @property
+    def by_azimuth(self) -> bool:
+        """Whether it depends on the azimuth, as by day."""
+        return self.sun_elevation_deg is not None
+
+    @property
     def name(self) -> str:
         """Name of the air."""
         return self.air.name
@@ -198,6 +203,16 @@ def between_rings(places: np.ndarray, rings: np.ndarray, values: np.ndarray) -> 
     at, of_rings = -np.log(air_mass(places)), -np.log(air_mass(rings))
     logarithms = scipy.interpolate.PchipInterpolator(of_rings, np.log(np.maximum(values, SMALLEST)))
     return np.exp(logarithms(np.clip(at, of_rings[0], of_rings[-1])))
+
+
+def azimuth_from_sun(
+    elevation_deg: np.ndarray, angle_deg: np.ndarray, sun_elevation_deg: float
+) -> np.ndarray:
+    """Azimuths from the sun of directions at an angle from it [degrees], or the closest ones."""
+    h, s = np.radians(elevation_deg), np.radians(sun_elevation_deg)
+    across = np.maximum(np.cos(h) * np.cos(s), SMALLEST)
+    cosine = (np.cos(np.radians(angle_deg)) - np.sin(h) * np.sin(s)) / across
+    return np.degrees(np.arccos(np.clip(cosine, -1, 1)))
 
 
 def clear_sky(

@@ -5,6 +5,7 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from mi_lcair.errors import InputError, unknown
@@ -15,16 +16,29 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.physics.sky import (
     HEIGHT_M,
+    air_mass,
     clear_name,
+    has_azimuths,
     has_elevations,
     mean_nodes,
     sky_names,
     spectrum,
+    tables_by_azimuth,
 )
 from mi_lcair.physics.spectrum import Spectrum
-from mi_lcair.physics.sun.daytime_sky import RINGS_DEG, ClearSky, between_rings, clear_sky
+from mi_lcair.physics.sun.daytime_sky import (
+    MEAN_COLUMNS,
+    RINGS_DEG,
+    SMALLEST,
+    ClearSky,
+    azimuth_from_sun,
+    between_rings,
+    clear_sky,
+)
+from mi_lcair.table import rows_at
 
 CLEAR, OVERCAST = "clear", "overcast"
+CLOSE_DEG = 2.0  # largest step between azimuths at which the in-band sky of a file is computed
 CLOUD = "stratus"  # cloud of an overcast sky, the lowest one of the tables
 
 
@@ -73,6 +87,7 @@ class TableSky:
     """
 
     horizon_deg = 0.0  # elevation of the horizon [degrees]
+    by_azimuth = False
 
     def __init__(self, source: str | float):
         self.source = source
@@ -108,6 +123,74 @@ class TableSky:
         if not self.by_elevation:
             return [(1.0, *self.components(0))]
         return [(weight, *self.components(ring)) for ring, weight in zip(*mean_nodes())]
+
+
+class SunlitTable(TableSky):
+    """A sky by day, from a file with azimuths from the sun, on whose sides the sky is the same.
+
+    Its components are the least radiance over the azimuth, and the rest, which is mainly sunlight.
+    Between azimuths the logarithms are linear. sun_elevation_deg: true elevation of the sun.
+    """
+
+    by_azimuth = True
+
+    def __init__(self, source: str, sun_elevation_deg: float):
+        super().__init__(source)
+        self.sun_elevation_deg = sun_elevation_deg
+        self.azimuths_deg, self.tables = tables_by_azimuth(source)
+
+    def spectra(self, elevation_deg: float, azimuths_deg: ArrayLike) -> np.ndarray:
+        """Spectral radiance at azimuths from the sun, (a, k); see `at`."""
+        elevation = float(np.clip(elevation_deg, 0, 90))
+        rows = np.array([table.at(elevation).radiance for table in self.tables])
+        from_sun = abs((np.asarray(azimuths_deg, dtype=float) + 180) % 360 - 180)
+        return np.exp(rows_at(from_sun, self.azimuths_deg, np.log(np.maximum(rows, SMALLEST))))
+
+    def components(self, elevation_deg, azimuth_deg=0.0):
+        name, x = f"{self.name} {elevation_deg:g} deg", self.tables[0].wavelengths_um
+        spectra = self.spectra(elevation_deg, [*self.azimuths_deg, azimuth_deg])
+        least = spectra.min(axis=0)
+        return [Spectrum(name, x, least), Spectrum(name, x, spectra[-1] - least)]
+
+    def at(self, elevation_deg, azimuth_deg=0.0):
+        least, rest = self.components(elevation_deg, azimuth_deg)
+        return replace(least, radiance=least.radiance + rest.radiance)
+
+    def scattered_by(self, elevation_deg: float, angle_deg: float) -> Spectrum:
+        """Mean over the azimuth of the second component, whose shape stands for all angles."""
+        mean, least = self.mean(elevation_deg), self.components(elevation_deg)[0]
+        return replace(mean, radiance=np.maximum(mean.radiance - least.radiance, 0))
+
+    def mean(self, elevation_deg: float) -> Spectrum:
+        """Mean over the azimuth."""
+        middles = (np.arange(MEAN_COLUMNS) + 0.5) * 180 / MEAN_COLUMNS
+        light = self.spectra(elevation_deg, middles).mean(axis=0)
+        return replace(self.components(elevation_deg)[0], radiance=light)
+
+    def in_band_components(self, band, elevation_deg, azimuth_deg=0.0):
+        x = self.tables[0].wavelengths_um
+        band.check_covered(x, f"sky '{self.name}'")
+        rings = np.union1d(RINGS_DEG, self.tables[0].elevations_deg)
+        azimuths = np.union1d(self.azimuths_deg, np.arange(0, 180 + CLOSE_DEG, CLOSE_DEG))
+        total = np.array([self.spectra(ring, azimuths) for ring in rings])
+        least = np.broadcast_to(total.min(axis=1, keepdims=True), total.shape)
+        values = np.stack([band.integral(x, least), band.integral(x, total)], axis=-1)
+        between = scipy.interpolate.RegularGridInterpolator(
+            (-np.log(air_mass(rings)), azimuths), np.log(values)
+        )
+        from_sun = abs((np.asarray(azimuth_deg, dtype=float) + 180) % 360 - 180)
+        least, total = np.exp(
+            between((-np.log(air_mass(np.clip(elevation_deg, 0, 90))), from_sun))
+        ).T
+        return [least.T, (total - least).T]
+
+    def in_band_by_angle(self, band, elevation_deg, angle_deg):
+        azimuth = azimuth_from_sun(elevation_deg, angle_deg, self.sun_elevation_deg)
+        return self.in_band_components(band, elevation_deg, azimuth)
+
+    @cached_property
+    def on_ground(self):
+        return [(weight, self.mean(ring)) for ring, weight in zip(*mean_nodes())]
 
 
 def sky_name(word: str, atmosphere: str) -> str:
@@ -152,6 +235,10 @@ def sky_of(
         raise InputError(
             "surroundings: an overcast sky hides the sun; leave the sun out, or choose a clear sky"
         )
+    if has_azimuths(text):
+        if sun_elevation_deg is None:
+            raise InputError(f"surroundings: sky {text} has azimuths from the sun; give the sun")
+        return SunlitTable(text, sun_elevation_deg)
     try:
         kelvin = float(text)
     except ValueError:

@@ -11,6 +11,7 @@ from mi_lcair.physics.air.clear_air import SunDirection, clear_air
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.sensitivity.parameters import set_values
+from tests.physics.surroundings.test_sunlit_table import SUN, WAVELENGTHS, write
 from tests.plugins.emitters.test_sun import direction, path, sun
 from tests.plugins.small_scenes import GREY, camera, runs, scene
 
@@ -143,6 +144,48 @@ def test_near_the_sun(sun):
         seen = sky.along(d, mi.Bool(True))[0].numpy()
     exact = [sky.around().at(e, a - 20).in_band_radiance(sky.band) for e, a in places]
     np.testing.assert_allclose(seen, exact, rtol=1e-2)
+
+
+def test_table_by_azimuth(tmp_path):
+    """A user's sky by day: its radiance by direction, and sources that add up to it."""
+    file = write(tmp_path / "sky.csv", azimuths=(0, 20, 70, 180))
+    settings = {"sky": file, "sun_elevation_deg": SUN, "sun_azimuth_deg": 20.0, "band": "MWIR"}
+    made = mi_lcair.load(scene(path(), camera(1), sky={**NIGHT, **settings}))
+    (sky,) = made.mi.emitters()
+    sources, more = sky.spectra(), np.where(WAVELENGTHS < 4.2, 0.5, 0.0)
+    for elevation, azimuth in ((2, 0), (9, 110), (25, 50), (33, 22), (40, -30), (70, 200)):
+        d = mi.Vector3f(*map(float, direction(elevation, azimuth)))
+        with made.prepared():
+            total, parts = sky.along(d, mi.Bool(True))[0][0], sky.parts_along(d, mi.Bool(True))
+        around = sky.around()
+        expected = around.in_band_radiance(sky.band, elevation, azimuth - 20)
+        assert total == pytest.approx(expected, rel=1e-2)
+        shares = [(sources[number[0]], share[0]) for number, share in parts]
+        assert sum(share for _, share in shares) == pytest.approx(1, rel=1e-5)
+        light = around.at(elevation, azimuth - 20)
+        left = sum(
+            share
+            * sky.band.integral(WAVELENGTHS, more * source.spectrum.at(WAVELENGTHS))
+            / source.in_band
+            for source, share in shares
+            if source.in_band
+        )
+        expected = sky.band.integral(WAVELENGTHS, more * light.at(WAVELENGTHS))
+        assert left * total == pytest.approx(expected, rel=1e-2, abs=5e-3 * total)
+
+
+def test_even_table_by_azimuth(tmp_path):
+    """Its second component is nothing, and adds nothing."""
+    file = write(tmp_path / "sky.csv", (0, 90), (0, 180), lambda e, a: 2.0)
+    settings = {"sky": file, "sun_elevation_deg": SUN, "band": "MWIR"}
+    made = mi_lcair.load(scene(path(), camera(1), sky={**NIGHT, **settings}))
+    (sky,) = made.mi.emitters()
+    with made.prepared():
+        assert sky.along(mi.Vector3f(0.6, 0, 0.8), mi.Bool(True))[0][0] == pytest.approx(
+            4, rel=1e-5
+        )
+    of_sky = {round(source.in_band, 5) for source in sky.spectra() if source.group == "sky"}
+    assert of_sky == {0.0, 4.0}
 
 
 def test_density():

@@ -1,0 +1,95 @@
+"""A user's sky by day, by elevation and azimuth from the sun: the clear sky, written as a table."""
+
+import numpy as np
+import pytest
+
+from mi_lcair.errors import InputError
+from mi_lcair.physics.bands import band
+from mi_lcair.physics.sky import mean_nodes, spectrum
+from mi_lcair.physics.surroundings.surroundings import Ground, surroundings
+
+MWIR = band("MWIR")
+SUN = 40.0  # elevation of the sun [degrees]
+COLUMNS = "elevation_deg,azimuth_deg,wavelength_um,radiance_W_m2_sr_um\n"
+ELEVATIONS = 0.5, 1.5, 4, 8, 15, 25, 35, 40, 45, 60, 75, 90
+AZIMUTHS = 0, 2, 5, 9, 15, 25, 40, 60, 90, 130, 180
+WAVELENGTHS = np.arange(2.98, 5.05, 0.02)
+
+
+def write(path, elevations=ELEVATIONS, azimuths=AZIMUTHS, radiance=None):
+    """Write a sky, the clear one unless `radiance` gives it by elevation and azimuth."""
+    if radiance is None:
+        sky = surroundings("clear", sun_elevation_deg=SUN).sky
+
+        def radiance(elevation, azimuth):
+            return sky.at(elevation, azimuth).at(WAVELENGTHS)
+
+    rows = [
+        f"{e},{a},{x:.2f},{L:.8g}"
+        for e in elevations
+        for a in azimuths
+        for x, L in zip(WAVELENGTHS, np.broadcast_to(radiance(e, a), WAVELENGTHS.shape))
+    ]
+    path.write_text(COLUMNS + "\n".join(rows) + "\n", encoding="utf-8")
+    return str(path)
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    return write(tmp_path_factory.mktemp("sky") / "sky.csv")
+
+
+def test_it_is_the_sky_that_was_written(file):
+    """Within the table's interpolation, on both sides of the sun."""
+    table, clear = (surroundings(sky, sun_elevation_deg=SUN) for sky in (file, "clear"))
+    for elevation, azimuth in ((25, 40), (25, -40), (40, 320), (6, 75), (52, 3.5), (83, 110)):
+        expected = clear.at(elevation, azimuth).in_band_radiance(MWIR)
+        assert table.at(elevation, azimuth).in_band_radiance(MWIR) == pytest.approx(
+            expected, rel=1.5e-2
+        )
+        assert table.in_band_radiance(MWIR, elevation, azimuth) == pytest.approx(expected, rel=2e-2)
+        by_angle = table.sky.in_band_by_angle(
+            MWIR, np.array([elevation]), clear.sky.from_sun([elevation], azimuth)
+        )
+        assert sum(by_angle)[0] == pytest.approx(
+            table.in_band_radiance(MWIR, elevation, azimuth), rel=1e-6
+        )
+
+
+def test_ground_reflects_its_mean(tmp_path):
+    """Radiance 2 + cos(azimuth) has the mean 2 at every elevation."""
+    azimuths = np.arange(0, 181, 2.0)
+    path = write(tmp_path / "sky.csv", (0, 90), azimuths, lambda e, a: 2 + np.cos(np.radians(a)))
+    around = surroundings(path, Ground(250.0, 0.25), SUN)
+    lit = surroundings("200", Ground(250.0, 0.25), SUN).reflected[-1]  # by the sun
+    assert around.reflected[-1].in_band_radiance(MWIR) == lit.in_band_radiance(MWIR)
+    of_sky = sum(light.at(4.0) for light in around.reflected[:-1])
+    assert of_sky == pytest.approx(0.75 * 2 * mean_nodes()[1].sum(), rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    "given, message",
+    [
+        ({"azimuths": (0, 90, 181)}, "line 210: azimuth_deg 181; must lie in 0..180"),
+        ({"azimuths": (30,)}, "needs two azimuth_deg or more, each with the same elevation_deg"),
+        ({"elevations": (5, 91)}, "elevation_deg 91; must lie in 0..90"),
+    ],
+)
+def test_bad_tables(given, message, tmp_path):
+    path = write(tmp_path / "sky.csv", **{"radiance": lambda e, a: 1.0, **given})
+    with pytest.raises(InputError, match=message):
+        surroundings(path, sun_elevation_deg=SUN)
+
+
+def test_it_needs_a_sun_and_a_band_and_is_no_spectrum(file, tmp_path):
+    with pytest.raises(InputError, match="has azimuths from the sun; give the sun"):
+        surroundings(file)
+    with pytest.raises(InputError, match="has azimuth_deg; it serves as the sky of surroundings"):
+        spectrum(file, 10)
+    with pytest.raises(InputError, match="does not cover band LWIR"):
+        surroundings(file, sun_elevation_deg=SUN).in_band_radiance(band("LWIR"), 10.0)
+    with open(file, encoding="utf-8") as lines:
+        short = "".join(lines.readlines()[: -len(WAVELENGTHS)])
+    (tmp_path / "short.csv").write_text(short, encoding="utf-8")
+    with pytest.raises(InputError, match="each with the same elevation_deg"):
+        surroundings(str(tmp_path / "short.csv"), sun_elevation_deg=SUN)
