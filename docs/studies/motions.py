@@ -18,15 +18,20 @@ from tqdm import tqdm
 import mi_lcair
 from docs.studies.page import label, write_page
 from mi_lcair.motions.differences import ATTACHED, ON_FILM, Difference
-from mi_lcair.motions.pose import declare, set_motions
+from mi_lcair.motions.pose import declare, moved, set_motions
+from mi_lcair.motions.starts import starts_in
 from mi_lcair.motions.table import motions_of
+from mi_lcair.rendering.facets.starts import seen_shares
+from mi_lcair.rendering.measurands import Measurands
+from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.statistics import student_factor
+from mi_lcair.rendering.window import Windows, window_area
 from mi_lcair.sensitivity.common_numbers import CommonNumbers
 from mi_lcair.sensitivity.parameters import changed
 from mi_lcair.sensitivity.shape.estimation import standard_errors
 from mi_lcair.sensitivity.shape.surface import Surface
-from mi_lcair.sensitivity.window import differences_of
+from mi_lcair.sensitivity.window import differences_of, mean_and_deviations
 from tests.motions.test_differences import (
     CUBE,
     GAP,
@@ -64,7 +69,7 @@ PITCH = "model.pitch_deg"
 TURNED = 1.0  # distance of the two attitudes in which the airliner is rendered on the film [deg]
 SPP = 64
 SIGMA = {"model.yaw_deg": 1.0, "exhaust.radius": 0.05}
-DRAWS = 100
+DRAWS, DRAW_PATHS = 100, 2**16
 CAVITY = 0.5, 0.2, 0.5  # radius of the sphere and of its opening [m], emissivity
 OPENED = 0.05  # growth of the opening for a value of 1 [m]
 APART = 0.1  # half the distance of two values between which vertices are taken to move evenly
@@ -369,18 +374,28 @@ def registration(folder: Path) -> dict[str, str]:
 
 
 def budget() -> dict[str, float]:
-    """Standard deviation of an intensity, by the budget and by draws that are rendered."""
+    """Standard deviation of an intensity, by the budget and by draws that are rendered.
+
+    The paths of all draws begin at the same points of facets.
+    """
     scene = mi_lcair.load("a340_landing", motions=MOTIONS, position=1)
     result = mi_lcair.budget(scene, {"sigma": SIGMA}, spp=16)
     draws = np.random.default_rng(0).normal(size=(DRAWS, len(SIGMA))) * list(SIGMA.values())
-    values = []
-    for draw in tqdm(draws, "draws"):
-        with changed(scene, dict(zip(SIGMA, draw.tolist()))):
-            values.append(mi_lcair.signature(scene, spp=1).target.intensity)
+    poses = [dict(zip(SIGMA, draw.tolist())) for draw in draws]
+    camera, rows = scene.sensor(0), []
+    windows, sampling = Windows.whole(camera), Sampling(paths=DRAW_PATHS)
+    aims = starts_in(scene, camera, poses, seen_shares(scene, camera))
+    for pose, aim in zip(poses, tqdm(aims, "draws")):
+        with moved(scene, pose):
+            total = measure(scene, windows, sampling, Measurands.of("target"), aim=aim)
+        rows.append(mean_and_deviations(total, ["target"]) * window_area(camera, scene.name))
+    values, deviations = np.array(rows)[:, 0], np.array(rows)[:, 1:]
+    noise = np.sum((deviations - deviations.mean(axis=0)) ** 2) / (DRAWS - 1)
     return {
         "of_budget": float(result.sigma),
-        "of_draws": float(np.std(values, ddof=1)),
+        "of_draws": float(np.sqrt(np.var(values, ddof=1) - noise)),
         "of_draws_error": float(100 / np.sqrt(2 * (DRAWS - 1))),
+        "draw_noise": float(np.sqrt(noise)),
         "renders": result.renders,
     }
 

@@ -11,7 +11,7 @@ from mi_lcair.physics.air import tape7
 from mi_lcair.physics.air.clear_air import clear_air
 from mi_lcair.physics.air.levels import Weather, model_names
 from mi_lcair.physics.blackbody import C1, C2, spectral_radiance
-from mi_lcair.physics.spectral_table import spectral_table
+from mi_lcair.physics.spectral_table import SpectralTable, spectral_table
 from mi_lcair.physics.spectrum import BUNDLED, Spectrum
 from mi_lcair.table import LARGEST, rows_at
 
@@ -131,19 +131,19 @@ def spectrum(
     """
     name = clear_name(source)
     if name is None:
-        path, keys, wavelengths, radiance = _read(source)
-        if AZIMUTH in keys:
+        path, table = _read(source)
+        if AZIMUTH in table.keys:
             raise InputError(
                 f"spectrum {path}: has {AZIMUTH}; it serves as the sky of surroundings, not as the "
                 "spectrum of a source"
             )
-        if not keys:
+        if not table.keys:
             if elevation_deg is not None:
                 raise InputError(
                     f"spectrum {path}: has no column {ELEVATION}; an elevation cannot be chosen"
                 )
-            return Spectrum(str(source), wavelengths, radiance)
-        what = f"one of its {len(radiance)} lines of sight"
+            return Spectrum(str(source), table.wavelengths_um, table.columns[0])
+        what = f"one of its {len(table.columns[0])} lines of sight"
     else:
         path, what = source, "a line of sight"
     if elevation_deg is None or not 0 <= elevation_deg <= 90:
@@ -151,19 +151,20 @@ def spectrum(
             f"spectrum {path}: elevation_deg = {elevation_deg} must lie in 0..90, to choose {what}"
         )
     if name is None:
-        return SkyTable(str(source), keys[ELEVATION], wavelengths, radiance).at(elevation_deg)
+        rows = table.keys[ELEVATION], table.wavelengths_um, table.columns[0]
+        return SkyTable(str(source), *rows).at(elevation_deg)
     sky = clear_air(name, weather).sky(height_m, elevation_deg)
     return replace(sky, name=f"{source} {elevation_deg:g} deg")
 
 
 def has_elevations(source: str | Path) -> bool:
     """Whether `source` has a spectrum for each elevation; `spectrum` then needs `elevation_deg`."""
-    return clear_name(source) is not None or ELEVATION in _read(source)[1]
+    return clear_name(source) is not None or ELEVATION in _read(source)[1].keys
 
 
 def has_azimuths(source: str | Path) -> bool:
     """Whether `source` is a file with spectra for each elevation and azimuth from the sun."""
-    return os.path.isfile(source) and AZIMUTH in _read(source)[1]
+    return os.path.isfile(source) and AZIMUTH in _read(source)[1].keys
 
 
 def tables_by_azimuth(source: str | Path) -> tuple[np.ndarray, list[SkyTable]]:
@@ -171,18 +172,16 @@ def tables_by_azimuth(source: str | Path) -> tuple[np.ndarray, list[SkyTable]]:
 
     Raises InputError if the elevations are not the same at all azimuths.
     """
-    path, keys, wavelengths, radiance = _read(source)
-    azimuths, elevations = (np.unique(keys.get(name, [])) for name in (AZIMUTH, ELEVATION))
-    if len(radiance) != len(azimuths) * len(elevations) or len(azimuths) < 2:
-        raise InputError(
-            f"spectrum {path}: needs two {AZIMUTH} or more, each with the same {ELEVATION}"
-        )
-    grid = radiance.reshape(len(azimuths), len(elevations), -1)
-    return azimuths, [SkyTable(str(source), elevations, wavelengths, part) for part in grid]
+    _, table = _read(source)
+    if ELEVATION not in table.keys or len(np.unique(table.keys[AZIMUTH])) < 2:
+        raise InputError(f"spectrum {source}: needs {ELEVATION} and two {AZIMUTH} or more")
+    (azimuths, elevations), (radiance,) = table.grid(f"spectrum {source}")
+    x = table.wavelengths_um
+    return azimuths, [SkyTable(str(source), elevations, x, part) for part in radiance]
 
 
 def _read(source):
-    """Path, keys of the spectra, wavelengths [um] and radiances of `source`."""
+    """Path and spectra of `source`."""
     path = Path(source)
     if str(source) in sky_names():
         path = BUNDLED / f"sky_{source}.csv"
@@ -195,7 +194,6 @@ def _read(source):
                 f"spectrum {path}: holds lines of sight of different ranges; keep the blocks of one"
             )
         block = tape7.joined(path, blocks)
-        return path, {}, block.wavelengths_um, block.total_radiance
+        return path, SpectralTable({}, block.wavelengths_um, (block.total_radiance,))
     keys = AZIMUTH, ELEVATION
-    table = spectral_table(path, "spectrum", ((RADIANCE, LARGEST),), keys, keyless=True)
-    return path, table.keys, table.wavelengths_um, table.columns[0]
+    return path, spectral_table(path, "spectrum", ((RADIANCE, LARGEST),), keys, keyless=True)

@@ -38,6 +38,19 @@ class SpectralTable:
     wavelengths_um: np.ndarray
     columns: tuple[np.ndarray, ...]
 
+    def grid(self, what: str) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """Rising values of each key, and the columns over these and wavelength, (..., n).
+
+        Raises InputError, which begins with `what`, if a combination of values has no spectrum.
+        """
+        axes = [np.unique(values) for values in self.keys.values()]
+        shape = [len(axis) for axis in axes]
+        count = len(self.columns[0])
+        if count != np.prod(shape):
+            each = " and ".join(f"{n} {name}" for n, name in zip(shape, self.keys))
+            raise InputError(f"{what}: {count} spectra for {each}; each pair must have one")
+        return axes, [column.reshape(*shape, -1) for column in self.columns]
+
 
 def spectral_table(
     path: Path,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from docs.studies.claims.case import Case, Draw
+from docs.studies.claims.case import Body, Case, Draw
 from docs.studies.claims.lit import X, Y
 from docs.studies.claims.scene_file import BLACK, FARTHEST, UP, SceneFile, diffuse, thermal
 from docs.studies.claims.sources import corners
@@ -10,6 +10,7 @@ from docs.studies.claims.view_factors import to_polygon
 
 ROUND = 24  # sides of a cone
 TERRAIN = 3.0  # depth of the terrain below the body's middle, in radii of the body
+MARGIN = 1.2  # half the window over the radius of a body that may grow
 POINTS = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4]]) / 6  # of a quadrature over a triangle
 
 
@@ -162,6 +163,16 @@ def body(draw: Draw) -> Case:
         projected = toward(-direction).sum() if kind == "plate" else 0.0
         return float(total @ shown), float(shown.sum() + projected)
 
+    target = None
+    if around != "terrain" and not sunlit:
+        target = Body(
+            place.points(triangles.reshape(-1, 3)).reshape(-1, 3, 3),
+            np.array(group_of),
+            lambda B, materials: radiances(B, materials, of_terrain).sum(axis=0),
+            place.vectors(eye),
+            is_whole=half_window > MARGIN * radius,
+        )
+
     def facets(B, materials):
         return radiances(B, materials, of_terrain).sum(axis=0) * seen
 
@@ -179,6 +190,7 @@ def body(draw: Draw) -> Case:
         irradiance=irradiance,
         shows=shows,
         view=view,
+        body=target,
         facets=facets,
         fills_window=around == "void",
     )

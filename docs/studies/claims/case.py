@@ -20,6 +20,39 @@ class Unsuitable(Exception):
 
 
 @dataclass(frozen=True)
+class Body:
+    """A convex body whose surroundings are the same in all directions.
+
+    corners: of its triangles, as the scene has them [m], (n, 3, 3). groups: of the triangles, (n,).
+    radiance: callable (radiances, materials) -> radiance of each triangle, (n,). toward: unit
+    vector toward the sensor. is_whole: whether the sensor's window has a margin around it.
+    """
+
+    corners: np.ndarray
+    groups: np.ndarray
+    radiance: Callable[[Values, Values], np.ndarray]
+    toward: np.ndarray
+    is_whole: bool
+
+    @property
+    def areas(self) -> np.ndarray:
+        """Areas of the triangles times their outward normals, (n, 3) [m^2]."""
+        a, b, c = np.moveaxis(self.corners, 1, 0)
+        return np.cross(b - a, c - a) / 2
+
+    def change(self, displaced: np.ndarray, values: Values, materials: Values) -> float:
+        """Change of the intensity if the corners are displaced, per unit of the displacement.
+
+        displaced: displacements of the corners, (n, 3, 3).
+        """
+        a, b, c = np.moveaxis(self.corners, 1, 0)
+        of_a, of_b, of_c = np.moveaxis(displaced, 1, 0)
+        rates = (np.cross(of_b - of_a, c - a) + np.cross(b - a, of_c - of_a)) / 2
+        seen = self.areas @ self.toward > 0
+        return float(self.radiance(values, materials)[seen] @ (rates @ self.toward)[seen])
+
+
+@dataclass(frozen=True)
 class Case:
     """A scene with its exact results, which are linear in the radiances of its sources.
 
@@ -56,6 +89,8 @@ class Case:
     view : callable or None
         (direction toward the observer, radiances, materials) -> intensity [W/sr], projected area
         [m^2] of the model.
+    body : Body or None
+        The target, if it is a convex body whose surroundings are the same in all directions.
     facets : callable or None
         (radiances, materials) -> intensity of each facet toward the sensor [W/sr].
     shows : str, callable or None
@@ -80,6 +115,7 @@ class Case:
     error: float = 2e-6
     irradiance: float | None = None
     view: Callable | None = None
+    body: "Body | None" = None
     facets: Callable | None = None
     shows: str | Callable[[Values, Values], Values] | None = None
     fills_window: bool = True
@@ -95,6 +131,17 @@ class Case:
         values = {name: planck.in_band_radiance(self.band, T) for name, T in temperatures.items()}
         if self.irradiance is not None:
             values["sun"] = changed.get("sun", self.irradiance)
+        return values
+
+    def radiances_within(self, lower_um: float, upper_um: float) -> Values:
+        """Radiance of each source between two wavelengths in the band [um]."""
+        values = {
+            name: planck.radiance_within(lower_um, upper_um, T)
+            for name, T in self.temperatures.items()
+        }
+        if self.irradiance is not None:
+            lower, upper = planck.BANDS_UM[self.band]
+            values["sun"] = self.irradiance * (upper_um - lower_um) / (upper - lower)
         return values
 
     def photons(self) -> Values:

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.stats import chi2
 
 import mi_lcair
+from docs.studies.claims import further_claims
 from docs.studies.claims.case import Case
 from docs.studies.claims.scenario_claims import camera, cavity, contrast, directions, sweep
 from docs.studies.claims.scene_file import PIXELS
@@ -237,6 +238,8 @@ def claims(case: Case, seed: int, number: int) -> list[Claim]:
     """All claims that the commands make about a case."""
     rng = np.random.default_rng([seed, number, 1])
     commands = [signature, to_tolerance, (options := further(case))[rng.integers(len(options))]]
+    if options := further_claims.suited(case):
+        commands.append(options[rng.integers(len(options))])
     if case.kind.startswith("part"):
         commands = [part]
     witness = Witness(case, seed, number, {"true": "on", "false": "off"}.get(case.sampling, "auto"))

@@ -25,7 +25,11 @@ def fraction_below(wavelength_um: float, temperature: float) -> float:
 
 def in_band_radiance(band: str, temperature: float) -> float:
     """Radiance of a blackbody in a band of BANDS_UM [W m^-2 sr^-1]."""
-    lower, upper = BANDS_UM[band]
+    return radiance_within(*BANDS_UM[band], temperature)
+
+
+def radiance_within(lower: float, upper: float, temperature: float) -> float:
+    """Radiance of a blackbody between two wavelengths [um] [W m^-2 sr^-1]."""
     share = fraction_below(upper, temperature) - fraction_below(lower, temperature)
     return sigma * temperature**4 / np.pi * share
 

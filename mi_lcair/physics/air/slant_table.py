@@ -23,8 +23,8 @@ from mi_lcair.physics.atmosphere import (
     plausible,
 )
 from mi_lcair.physics.sky import ELEVATION
-from mi_lcair.physics.spectral_table import LONGEST_UM, SHORTEST_UM, WAVELENGTH
-from mi_lcair.table import LARGEST, read_table
+from mi_lcair.physics.spectral_table import spectral_table
+from mi_lcair.table import LARGEST
 
 UP, DOWN = "path_radiance_up_W_m2_sr_um", "path_radiance_down_W_m2_sr_um"
 HIGHEST_M = 150.0  # largest height of a path's lower end, which the table has at 50 m
@@ -111,41 +111,18 @@ def slant_table(source) -> SlantTable:
 
 @lru_cache(maxsize=4)
 def _read(path, revision) -> SlantTable:
-    limits = {  # smallest and largest value of each column
-        ELEVATION: (0, 90),
-        RANGE: (0, LARGEST),
-        WAVELENGTH: (SHORTEST_UM, LONGEST_UM),
-        TRANSMITTANCE: (0, 1),
-        UP: (0, LARGEST),
-        DOWN: (0, LARGEST),
-    }
-    file = read_table(path, list(limits), "atmosphere")
-    table = file.numbers(limits)
-    for column, (lowest, highest) in limits.items():
-        file.check_range(column, table[column], lowest, highest)
-    keys = [np.unique(table[column]) for column in (ELEVATION, RANGE, WAVELENGTH)]
-    for column, values in zip((ELEVATION, RANGE), keys):
+    columns = (TRANSMITTANCE, 1.0), (UP, LARGEST), (DOWN, LARGEST)
+    table = spectral_table(path, "atmosphere", columns, (ELEVATION, RANGE))
+    (elevations, ranges), grid = table.grid(f"atmosphere {path}")
+    for column, values in ((ELEVATION, elevations), (RANGE, ranges)):
         if values[0] == 0:
             raise InputError(f"atmosphere {path}: {column} 0; must be positive")
-    shape = tuple(len(values) for values in keys)
-    places = [
-        np.searchsorted(values, table[column])
-        for values, column in zip(keys, (ELEVATION, RANGE, WAVELENGTH))
-    ]
-    order = np.ravel_multi_index(places, shape)
-    if len(order) != np.prod(shape) or len(np.unique(order)) != len(order):
-        raise InputError(
-            f"atmosphere {path}: {len(order)} rows for {shape[0]} elevations, {shape[1]} ranges "
-            f"and {shape[2]} wavelengths; each combination must have one row"
+    x, transmittance = table.wavelengths_um, grid[0]
+    up, down = (
+        tuple(
+            plausible(AtmosphereTable(f"{path} at {elevation:g} degrees", 1000 * ranges, x, *air))
+            for elevation, *air in zip(elevations, transmittance, radiance)
         )
-    grid = {
-        column: table[column][np.argsort(order)].reshape(shape)
-        for column in (TRANSMITTANCE, UP, DOWN)
-    }
-    airs = {UP: [], DOWN: []}
-    for n, elevation in enumerate(keys[0]):
-        for column, of_column in airs.items():
-            at = f"{path} at {elevation:g} degrees"
-            values = grid[TRANSMITTANCE][n], grid[column][n]
-            of_column.append(plausible(AtmosphereTable(at, 1000 * keys[1], keys[2], *values)))
-    return SlantTable(path, keys[0], tuple(airs[UP]), tuple(airs[DOWN]))
+        for radiance in grid[1:]
+    )
+    return SlantTable(path, elevations, up, down)

@@ -102,8 +102,9 @@ class TableSky:
         return [spectrum(self.source, np.clip(elevation_deg, 0, 90) if self.by_elevation else None)]
 
     def at(self, elevation_deg: float, azimuth_deg: float = 0.0) -> Spectrum:
-        """Spectrum at an elevation [degrees]."""
-        return self.components(elevation_deg)[0]
+        """Spectrum at an elevation and, by day, an azimuth from the sun [degrees]."""
+        first, *rest = self.components(elevation_deg, azimuth_deg)
+        return replace(first, radiance=first.radiance + rest[0].radiance) if rest else first
 
     def in_band_components(
         self, band: Band, elevation_deg: ArrayLike, azimuth_deg: ArrayLike = 0.0
@@ -151,10 +152,6 @@ class SunlitTable(TableSky):
         spectra = self.spectra(elevation_deg, [*self.azimuths_deg, azimuth_deg])
         least = spectra.min(axis=0)
         return [Spectrum(name, x, least), Spectrum(name, x, spectra[-1] - least)]
-
-    def at(self, elevation_deg, azimuth_deg=0.0):
-        least, rest = self.components(elevation_deg, azimuth_deg)
-        return replace(least, radiance=least.radiance + rest.radiance)
 
     def scattered_by(self, elevation_deg: float, angle_deg: float) -> Spectrum:
         """Mean over the azimuth of the second component, whose shape stands for all angles."""

@@ -89,7 +89,10 @@ def test_outside_the_table(table):
 @pytest.mark.parametrize(
     "rows, message",
     [
-        ("10,1,3,0.5,1,1\n10,1,4,0.5,1,1\n10,2,3,0.4,1,1", "3 rows for 1 elevations, 2 ranges and"),
+        (
+            "10,1,3,0.5,1,1\n10,1,4,0.5,1,1\n10,2,3,0.4,1,1",
+            "line 4: every elevation_deg and range_km must have the same wavelengths",
+        ),
         ("0,1,3,0.5,1,1\n0,1,4,0.5,1,1", "elevation_deg 0; must be positive"),
         ("10,0,3,0.5,1,1\n10,0,4,0.5,1,1", "range_km 0; must be positive"),
         ("10,1,3,1.5,1,1\n10,1,4,0.5,1,1", "line 2: transmittance 1.5; must lie in 0..1"),

@@ -71,7 +71,7 @@ def test_ground_reflects_its_mean(tmp_path):
     "given, message",
     [
         ({"azimuths": (0, 90, 181)}, "line 210: azimuth_deg 181; must lie in 0..180"),
-        ({"azimuths": (30,)}, "needs two azimuth_deg or more, each with the same elevation_deg"),
+        ({"azimuths": (30,)}, "needs elevation_deg and two azimuth_deg or more"),
         ({"elevations": (5, 91)}, "elevation_deg 91; must lie in 0..90"),
     ],
 )
@@ -91,5 +91,8 @@ def test_it_needs_a_sun_and_a_band_and_is_no_spectrum(file, tmp_path):
     with open(file, encoding="utf-8") as lines:
         short = "".join(lines.readlines()[: -len(WAVELENGTHS)])
     (tmp_path / "short.csv").write_text(short, encoding="utf-8")
-    with pytest.raises(InputError, match="each with the same elevation_deg"):
+    with pytest.raises(
+        InputError,
+        match="131 spectra for 11 azimuth_deg and 12 elevation_deg; each pair must have one",
+    ):
         surroundings(str(tmp_path / "short.csv"), sun_elevation_deg=SUN)
