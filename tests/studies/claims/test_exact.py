@@ -1,9 +1,11 @@
 """The exact results of adverse scenes, each against a second derivation."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from docs.studies.claims import planck
+from docs.studies.claims import bodies, planck
 from docs.studies.claims.case import Draw, Unsuitable
 from docs.studies.claims.enclosed import overlap
 from docs.studies.claims.scenes import DARKEST, KINDS, case
@@ -88,3 +90,37 @@ def test_second_derivation(kind):
 def test_a_case_is_the_same_for_the_same_numbers():
     assert case(3, 5).mean == case(3, 5).mean != case(3, 6).mean
     assert sum(case(3, 5).by_group.values()) == pytest.approx(case(3, 5).mean)
+
+
+def test_change_of_a_convex_body():
+    """Differences of the projected areas; and everything scaled changes by twice the intensity."""
+    found = (drawn for k in range(40) if (drawn := drawn_body(k)) and drawn.body is not None)
+    for drawn in [next(found) for _ in range(CASES)]:
+        body, values = drawn.body, (drawn.radiances(), drawn.materials)
+        corners = body.corners - body.corners.mean(axis=(0, 1))
+        scale, step = np.array([0.3, -1.0, 0.7]), 1e-6
+
+        def intensity(corners, body=body, values=values):
+            seen = np.maximum(replace(body, corners=corners).areas @ body.toward, 0)
+            return seen @ body.radiance(*values)
+
+        assert intensity(corners) == pytest.approx(drawn.facets(*values).sum(), rel=1e-6)
+        ends = intensity(corners * (1 + step * scale)), intensity(corners * (1 - step * scale))
+        slope = (ends[0] - ends[1]) / (2 * step)
+        assert body.change(corners * scale, *values) == pytest.approx(slope, rel=1e-5)
+        assert body.change(corners, *values) == pytest.approx(2 * intensity(corners), rel=1e-9)
+
+
+def drawn_body(number):
+    try:
+        return bodies.body(Draw(np.random.default_rng([6, number])))
+    except Unsuitable:
+        return None
+
+
+def test_parts_of_a_band_add_up():
+    drawn = case(3, 5)
+    lower, upper = planck.BANDS_UM[drawn.band]
+    parts = [drawn.radiances_within(*limits) for limits in ((lower, 4.3), (4.3, upper))]
+    for name, whole in drawn.radiances().items():
+        assert parts[0][name] + parts[1][name] == pytest.approx(whole, rel=1e-9)
