@@ -1,6 +1,7 @@
 """Path tracer of one scene: traces launches of paths and sums what recorders note."""
 
 from contextlib import contextmanager
+from dataclasses import replace
 from math import hypot
 
 import drjit as dr
@@ -82,9 +83,9 @@ class PathTracer(RBIntegrator):
         own_memory(flatten((emitters, paths.openings)))
         if has_bins:
             T = None if ambient is None else settings.ambient_temperature
-            paths.by_bin = ByBin(
-                scene, emitters.band, T, binning.recorded or settings.bins, binning
-            )
+            count = binning.recorded or settings.bins
+            of_scene = replace(binning, reflections=max(most, 1))
+            paths.by_bin = ByBin(scene, emitters.band, T, count, of_scene)
             if by_spectrum and not binning.recorded:
                 emitters.sources.split(paths.by_bin.sources_by_bin())
         parts = derivations(deriving(state.plugins))

@@ -28,12 +28,13 @@ class Binning:
 
     recorded: number of bins whose spectral radiance is recorded; 0 for none. allowed: relative
     error that the bins may cause if their number is free. filters: transmittances between the scene
-    and the result, at the grid of the band, see `filter_of`.
+    and the result, at the grid of the band, see `filter_of`. reflections: largest number of them.
     """
 
     recorded: int = 0
     allowed: float = SMALL_ERROR
     filters: tuple[tuple[float, ...], ...] = ()
+    reflections: int = 1
 
     @staticmethod
     def of(recorded: int, tolerance: float | None, by_spectrum: bool) -> "Binning":
@@ -158,12 +159,15 @@ def emissivities(spectrum: SpectralParameters, numbers: np.ndarray) -> np.ndarra
     return (numbers[..., :1] - numbers[..., 1:]) * g
 
 
-def binning_error(bins: Bins, materials: list[SpectralParameters], spectra: np.ndarray) -> float:
+def binning_error(
+    bins: Bins, materials: list[SpectralParameters], spectra: np.ndarray, reflections: int = 1
+) -> float:
     """Largest error of emitted and reflected radiance that the bins cause, relative.
 
     For sources of these spectra on the grid (sources, SAMPLES): emission of each material relative
-    to itself, emission of one material reflected by another relative to the emission, and
-    reflection of each source relative to the source, at ANGLES_DEG.
+    to itself, emission of one material reflected by another relative to the emission, reflection of
+    each source relative to the source, and the radiance in a closed room of one material from the
+    emission of another up to a number of reflections, at ANGLES_DEG.
     """
     exact, binned = [], []
     for material in materials:
@@ -177,7 +181,16 @@ def binning_error(bins: Bins, materials: list[SpectralParameters], spectra: np.n
     emitted = np.einsum("sl,mla->sma", fine, exact)
     error = abs(np.einsum("sk,mka->sma", shares, binned) - emitted)
     errors = [error, error / np.maximum(emitted, 1e-3)]
+
+    def in_room(emissivity):  # sum of the powers of the reflectance
+        absorbed = 1 - (1 - emissivity) ** (reflections + 1)
+        many = np.full_like(emissivity, reflections + 1)
+        return np.divide(absorbed, emissivity, out=many, where=emissivity > 0)
+
     for k, other in enumerate(exact):
+        room = np.einsum("sl,mla,la->sma", fine, exact, in_room(other))
+        of_bins = np.einsum("sk,mka,ka->sma", shares, binned, in_room(binned[k]))
+        errors.append(abs(of_bins - room) / np.maximum(room, 1e-3))
         twice = np.einsum("sl,mla,la->sma", fine, exact, 1 - other)
         of_bins = np.einsum("sk,mka,ka->sma", shares, binned, 1 - binned[k])
         errors.append(abs(of_bins - twice) / np.maximum(emitted, 1e-3))
@@ -196,7 +209,7 @@ def bins_for(
     radiances = np.concatenate([radiances, *(radiances * row for row in binning.filters)])
     for count in counts:
         bins = Bins(band, count)
-        error = binning_error(bins, materials, radiances)
+        error = binning_error(bins, materials, radiances, binning.reflections)
         if error <= binning.allowed:
             break
     return bins, error

@@ -109,6 +109,20 @@ def test_binning_error_of_two_materials(count):
     assert got == pytest.approx(max(errors), rel=1e-2)
 
 
+def test_binning_error_of_a_closed_room():
+    """The error of a step that cancels in emission and one reflection grows with their number."""
+    bins, reflections, x = Bins(MWIR, 64), 20, np.array([2.9, 4.62, 4.6201, 5.1])
+    rows = {"emissivity": np.array([0.7, 0.7, 0.1, 0.1])}
+    step = SpectralParameters(reflection.model("grey"), "standard", {}, x, rows, "")
+    S = spectral_radiance(bins.grid_um, np.array([[400.0]]))
+    exact = np.interp(bins.grid_um, x, rows["emissivity"])
+    room = 1 - (1 - exact) ** (reflections + 1)
+    of_bins = bins.hats(bins.grid_um) @ (1 - (1 - bins.coefficients(exact)) ** (reflections + 1))
+    missed = 1 - np.trapezoid(S[0] * of_bins) / np.trapezoid(S[0] * room)
+    assert missed > 0.01 > 100 * binning_error(bins, [step], S)
+    assert binning_error(bins, [step], S, reflections) == pytest.approx(missed, rel=2e-2)
+
+
 def test_reflectances_and_emissivities_of_the_models():
     x = np.array([3.0, 4.0, 5.0])
     ones = np.ones(len(X))
