@@ -13,11 +13,6 @@ if worker := os.environ.get("PYTEST_XDIST_WORKER"):
 
 import mi_lcair  # noqa: E402, F401  before any test file imports drjit or mitsuba, so that they find the right LLVM
 
-# isort: split
-import drjit  # noqa: E402
-
-drjit.set_thread_count(2)  # as users have it: with one, denormal numbers are not flushed to 0
-
 # A shell that runs pytest in the background, and nohup, have these signals ignored in all that it
 # starts. The programs that tests start and interrupt must receive them.
 signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -12,12 +12,15 @@ thread there.
 """
 
 import logging
+import os
 import re
 from functools import wraps
+from pathlib import Path
 
 from mi_lcair.errors import printable
 
 FUNCTIONS = ("render", "traverse")
+THREADS = Path("/proc/self/task")  # Linux lists the threads of this process here
 
 
 def take_loaded_scenes() -> None:
@@ -76,7 +79,16 @@ def log_to_python() -> None:
 
 
 def avoid_one_thread() -> None:
-    """Let Dr.Jit have two threads, even on one core."""
+    """Let Dr.Jit have two threads, even on one core.
+
+    After each kernel a thread of Dr.Jit asks for more work for 20 ms, without sleep. On one core it
+    would take every second moment of the program then. Its priority there is the lowest.
+    """
     import drjit
 
-    drjit.set_thread_count(max(drjit.thread_count(), 2))
+    if drjit.thread_count() > 1:
+        return
+    before = {*THREADS.glob("*")}
+    drjit.set_thread_count(2)
+    for thread in {*THREADS.glob("*")} - before:
+        os.setpriority(os.PRIO_PROCESS, int(thread.name), 19)

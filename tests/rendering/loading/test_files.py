@@ -45,16 +45,21 @@ def test_pipes_and_devices(tmp_path, use):
 
 
 def test_pictures_on_one_core(tmp_path):
-    """Where Dr.Jit would take one thread, Mitsuba's own functions would wait for ever."""
+    """Where Dr.Jit would take one thread, Mitsuba's own functions would wait for ever.
+
+    The thread that Dr.Jit gets for it gives way to all others.
+    """
     code = f"""
 import os
 os.sched_setaffinity(0, {{0}})
 import mi_lcair, mitsuba as mi
 mi.Bitmap(mi.TensorXf([0.5] * 16, (4, 4, 1))).write({str(tmp_path / "picture.exr")!r})
 print(mi.Bitmap({str(tmp_path / "picture.exr")!r}).size())
+threads = map(int, os.listdir("/proc/self/task"))
+print(max(os.getpriority(os.PRIO_PROCESS, thread) for thread in threads))
 """
     command = [sys.executable, "-c", code]
-    assert subprocess.check_output(command, timeout=100, text=True) == "[4, 4]\n"
+    assert subprocess.check_output(command, timeout=100, text=True) == "[4, 4]\n19\n"
 
 
 def test_pipe_named_by_a_parameter(tmp_path):
