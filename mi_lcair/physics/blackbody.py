@@ -63,10 +63,7 @@ def in_band_radiance(band: Band, temperature):
     """
     dr = _drjit(temperature)
     if dr is None:
-        temperature = np.asarray(temperature, dtype=float)
-        return (
-            _total(np, temperature) if band.is_total else _radiance_and_slope(band, temperature)[0]
-        )
+        return radiance_and_slope(band, np.asarray(temperature, dtype=float))[0]
     exact = dr.float64_array_t(type(temperature))(temperature)
     if band.is_total:
         return type(temperature)(_total(dr, exact))
@@ -119,8 +116,10 @@ def _total(m, temperature):
     return STEFAN_BOLTZMANN / np.pi * (t * t) * (t * t)
 
 
-def _radiance_and_slope(band, temperature):
+def radiance_and_slope(band: Band, temperature):
     """In-band radiance and its derivative with respect to temperature, in NumPy."""
+    if band.is_total:
+        return _total(np, temperature), 4 * STEFAN_BOLTZMANN / np.pi * temperature**3
     if np.size(temperature) <= FEW:
         nodes = np.asarray(band.wavelengths_um).reshape(-1, *[1] * np.ndim(temperature))
         both = _planck(np, nodes, temperature)
@@ -168,7 +167,7 @@ def _interpolate(band, radiance):
 
     knots = np.geomspace(radiance.min() * (1 - 1e-6), radiance.max() * (1 + 1e-6), KNOTS)
     temperature = _solve(band, knots)
-    value, slope = _radiance_and_slope(band, temperature)
+    value, slope = radiance_and_slope(band, temperature)
     spline = CubicHermiteSpline(np.log(knots), np.log(temperature), value / (temperature * slope))
     return np.exp(spline(np.log(radiance)))
 
@@ -187,7 +186,7 @@ def _solve(band, radiance):
     for wavelength in band.wavelengths_um:
         u = np.minimum(u, wavelength / C2 * np.logaddexp(0, np.log(C1 / wavelength**5) - mean))
     for _ in range(50):
-        value, slope = _radiance_and_slope(band, 1 / u)
+        value, slope = radiance_and_slope(band, 1 / u)
         step = (np.log(value) - target) * value * u * u / slope
         u = u + step
         # Convergence is quadratic: the remaining relative error is the square of the last step's.

@@ -11,6 +11,7 @@ Newton's iteration from above therefore converges for any noise of the conductor
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy import sparse
@@ -23,7 +24,7 @@ CLOSED = 1e-12  # residual of the balance, as a fraction of the power that surfa
 SOLVED = 1e-13  # residual of a linear system, as a fraction of its right-hand side
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Balance:
     """Radiative exchange of the facets whose temperatures are sought.
 
@@ -31,6 +32,11 @@ class Balance:
     """
 
     laplacian: sparse.csr_array
+
+    @cached_property
+    def diagonal(self) -> np.ndarray:
+        """Diagonal of L [m^2], (n,)."""
+        return self.laplacian.diagonal()
 
     def residual(self, kelvin, power, conductance) -> np.ndarray:
         """Power that is left over at temperatures [W], (n,)."""
@@ -45,11 +51,10 @@ class Balance:
         Raises InputError if the iteration does not converge.
         """
         kelvin = np.array(start, float)
-        diagonal = self.laplacian.diagonal()
         for _ in range(MOST_STEPS):
             residual = self.residual(kelvin, power, conductance)
             # With the power at 1 K, so that a surface without any source cools to 0 K
-            scale = STEFAN_BOLTZMANN * diagonal * (1 + kelvin**4) + conductance * kelvin
+            scale = STEFAN_BOLTZMANN * self.diagonal * (1 + kelvin**4) + conductance * kelvin
             scale += abs(power)
             worst = float(abs(residual).max(initial=0))
             if (abs(residual) <= closed * scale).all():
@@ -77,7 +82,7 @@ class Balance:
         """
         slope = 4 * STEFAN_BOLTZMANN * kelvin**3
         shift = (conductance / slope)[:, None]
-        inverse = 1 / (self.laplacian.diagonal()[:, None] + shift)
+        inverse = 1 / (self.diagonal[:, None] + shift)
         solution, residual = np.zeros_like(power), power.copy()
         limit = solved**2 * np.sum(power**2 * inverse, axis=0)
         direction = inverse * residual

@@ -17,7 +17,7 @@ from mi_lcair.heating.temperatures.description import (
 from mi_lcair.heating.temperatures.heat_result import Heat, Intensity
 from mi_lcair.heating.temperatures.network import Column, Network
 from mi_lcair.heating.temperatures.weather import Weather, weather
-from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.physics.blackbody import radiance_and_slope
 from mi_lcair.rendering.facets.polygons import FacetPolygons
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.limits import check_free
@@ -28,7 +28,6 @@ from mi_lcair.sensitivity.facets import facet_matrix
 SHADOW_RAYS = 32  # of each facet toward each position of the sun
 BYTES = 1100  # memory for a facet and a position of the sun, measured with 4,000 and 8,000 facets
 DOUBTFUL = 0.01  # share of an effect that may rest on an assumption without a remark
-STEP = 0.1  # of the temperatures in differences of radiances [K]
 
 
 def temperatures(scene: Scene, description: Description) -> Heat:
@@ -115,12 +114,9 @@ def intensity(scene: Scene, heat: Heat, table: SignatureTable, seed: int) -> Int
     weights = pixel * np.array([np.asarray(m.sum(axis=0)).ravel() for m in traced.matrices])
     rest = pixel * traced.rest.sum(axis=1)
 
-    def radiance(kelvin):
-        whole = heat.of_scene(kelvin, heat.scene_kelvin)[:, traced.facets]
-        return in_band_radiance(traced.band, whole)
-
-    values = (radiance(heat.kelvin) @ weights.T + rest).T
-    slope = (radiance(heat.kelvin + STEP) - radiance(heat.kelvin - STEP)) / (2 * STEP)
+    whole = heat.of_scene(heat.kelvin, heat.scene_kelvin)[:, traced.facets]
+    radiance, slope = radiance_and_slope(traced.band, whole)
+    values = (radiance @ weights.T + rest).T
     mean = slope * weights.mean(axis=0)
     changes = {
         name: np.sum(mean * heat.of_scene(change)[:, traced.facets], axis=1)
