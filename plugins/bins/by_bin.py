@@ -11,11 +11,11 @@ from functools import cached_property, lru_cache, partial
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from scipy.sparse import csr_array, diags_array, hstack
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.reflection.directions import SMALLEST
-from mi_lcair.physics.spectra.bins import COUNTS, Binning, bins_for, hats_at
-from mi_lcair.physics.spectra.parameters import SAMPLES
+from mi_lcair.physics.spectra.bins import COUNTS, TRAPEZOIDS, Binning, bins_for, grid_hats
 from mi_lcair.physics.spectrum import Spectrum
 from mi_lcair.plugins.bins.blocks import blocks_of, gathered, in_blocks
 from mi_lcair.plugins.bins.lobes import DIFFUSE, MIRROR, families_of
@@ -123,16 +123,17 @@ class ByBin:
     def densities(self) -> np.ndarray:
         """int S h_k h_(k + step) dlambda / int h_k dlambda of the sources, for steps in NEIGHBOURS.
 
-        They are divided by the in-band radiance, (sources, count, neighbours) [1/um]. The response
+        They are divided by the in-band radiance, (sources, neighbours, count) [1/um]. The response
         of the band does not enter.
         """
-        weights = products(self.count, NEIGHBOURS)
         in_band = np.array([source.in_band for source in self.sources])
+        weights = products(self.count)
         means = [
-            np.tensordot(radiances(self.sources[k : k + AT_ONCE], self.bins.grid_um), weights, 1)
+            radiances(self.sources[k : k + AT_ONCE], self.bins.grid_um) @ weights
             for k in range(0, len(self.sources), AT_ONCE)
         ]
-        return np.concatenate(means) / np.where(in_band > 0, in_band, np.inf)[:, None, None]
+        means = np.concatenate(means).reshape(len(in_band), len(NEIGHBOURS), self.count)
+        return means / np.where(in_band > 0, in_band, np.inf)[:, None, None]
 
     def tabulate_surfaces(self, materials) -> None:
         """Set the material and the lobe of the front and the back of each BSDF, by its pointer.
@@ -381,16 +382,12 @@ class ByBin:
 
 
 @lru_cache(maxsize=8)
-def products(count: int, neighbours: tuple[int, ...]) -> np.ndarray:
-    """Weights (wavelengths, count, neighbours) of the grid of any band, see `ByBin.densities`."""
-    hats = hats_at(np.linspace(0, count - 1, SAMPLES), count)
-    of_trapezoids = np.ones(len(hats))
-    of_trapezoids[[0, -1]] /= 2
-    padded, steps = np.pad(hats, ((0, 0), (1, 1))), []
-    for step in neighbours:
-        product = hats * padded[:, 1 + step : 1 + step + count]
-        steps.append(product * of_trapezoids[:, None] / (of_trapezoids @ hats))
-    return np.stack(steps, axis=-1)
+def products(count: int) -> csr_array:
+    """Weights of the grid of any band, (SAMPLES, neighbours times count), see `ByBin.densities`."""
+    hats = grid_hats(count)
+    weighted = hats.multiply(TRAPEZOIDS[:, None] / (TRAPEZOIDS @ hats))
+    shifted = (diags_array([1.0], offsets=[-step], shape=(count, count)) for step in NEIGHBOURS)
+    return hstack([weighted.multiply(hats @ shift) for shift in shifted], format="csr")
 
 
 def radiances(sources: list[Source], wavelengths_um: np.ndarray) -> np.ndarray:

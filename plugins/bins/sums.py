@@ -99,7 +99,7 @@ class SpectralSums(BinSums):
 
     def __init__(self, by_bin: ByBin, launch: Launch):
         super().__init__(by_bin, launch, (by_bin.count, launch.windows, launch.randomisations))
-        self.table = in_blocks(np.moveaxis(by_bin.densities, -1, 1))
+        self.table = in_blocks(by_bin.densities)
         self.rows = dr.opaque(mi.UInt32, launch.windows * launch.randomisations)
 
     def of_path(self) -> dr.Local:

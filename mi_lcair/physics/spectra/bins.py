@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.reflection import sandford_robertson_equations as sr
@@ -20,6 +21,8 @@ COUNTS = (16, 32, 64)  # numbers of bins; the first whose binning error is small
 SMALL_ERROR = 2e-4  # allowed relative binning error where no tolerance says another
 OF_TOLERANCE = 0.1  # allowed binning error, as a fraction of a tolerance
 ANGLES_DEG = (0, 45, 60, 75)  # angles at which the binning error is projected
+# Weights of the trapezoid rule on the grid of a band, in its steps
+TRAPEZOIDS = np.append(np.append(0.5, np.ones(SAMPLES - 2)), 0.5)
 
 
 @dataclass(frozen=True)
@@ -82,27 +85,26 @@ class Bins:
 
     def coefficients(self, values: np.ndarray) -> np.ndarray:
         """Coefficients (count, ...) of values on the grid (SAMPLES, ...), clipped to 0..1."""
-        return np.clip(np.tensordot(projection(self.count), values, axes=1), 0, 1)
+        inverse, weighted = projection(self.count)
+        of_hats = weighted @ values.reshape(SAMPLES, -1)
+        return np.clip(inverse @ of_hats, 0, 1).reshape(self.count, *values.shape[1:])
 
     def means(self, spectrum: np.ndarray) -> np.ndarray:
         """Means of a spectrum on the grid (SAMPLES,), weighted with each hat, (count,)."""
-        hats = self.hats(self.grid_um)
-        hats[[0, -1]] /= 2  # trapezoid rule
-        return spectrum @ hats / hats.sum(axis=0)
+        hats = grid_hats(self.count)
+        return (spectrum * TRAPEZOIDS) @ hats / (TRAPEZOIDS @ hats)
 
     @cached_property
     def weights(self) -> np.ndarray:
         """Relative weights of the grid in an integral over the band, with its response."""
-        weights = self.band.response_at(self.grid_um)
-        weights[[0, -1]] /= 2
-        return weights
+        return self.band.response_at(self.grid_um) * TRAPEZOIDS
 
     def shares(self, spectra: np.ndarray) -> np.ndarray:
         """Share of each bin in the in-band radiance of spectra on the grid (..., SAMPLES).
 
         They add up to 1; they are 0 for a spectrum without radiance in the band.
         """
-        of_bin = (spectra * self.weights) @ self.hats(self.grid_um)
+        of_bin = (spectra * self.weights) @ grid_hats(self.count)
         total = of_bin.sum(axis=-1, keepdims=True)
         return np.divide(of_bin, total, out=np.zeros_like(of_bin), where=total > 0)
 
@@ -113,12 +115,20 @@ def hats_at(places: np.ndarray, count: int) -> np.ndarray:
 
 
 @lru_cache(maxsize=16)
-def projection(count: int) -> np.ndarray:
-    """The matrix (count, SAMPLES) of the least-squares fit on the grid of any band."""
-    hats, weight = hats_at(np.linspace(0, count - 1, SAMPLES), count), np.ones(SAMPLES)
-    weight[[0, -1]] /= 2
-    weighted = hats * weight[:, None]
-    return np.linalg.solve(weighted.T @ hats, weighted.T)
+def grid_hats(count: int) -> csr_array:
+    """The hats on the grid of any band, (SAMPLES, count); two of them overlap at each wavelength.
+
+    Products with a dense matrix would take longer, and much longer where other processes run.
+    """
+    return csr_array(hats_at(np.linspace(0, count - 1, SAMPLES), count))
+
+
+@lru_cache(maxsize=16)
+def projection(count: int) -> tuple[np.ndarray, csr_array]:
+    """The matrices (count, count) and (count, SAMPLES) of the least-squares fit on any grid."""
+    hats = grid_hats(count)
+    weighted = csr_array(hats.multiply(TRAPEZOIDS[:, None]).T)
+    return np.linalg.inv((weighted @ hats).toarray()), weighted
 
 
 def reflectances(spectrum: SpectralParameters, wavelengths_um: np.ndarray) -> np.ndarray:
