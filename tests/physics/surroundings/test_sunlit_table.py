@@ -42,11 +42,19 @@ def file(tmp_path_factory):
 def test_it_is_the_sky_that_was_written(file):
     """Within the table's interpolation, on both sides of the sun."""
     table, clear = (surroundings(sky, sun_elevation_deg=SUN) for sky in (file, "clear"))
-    for elevation, azimuth in ((25, 40), (25, -40), (40, 320), (6, 75), (52, 3.5), (83, 110)):
+    for elevation, azimuth in (
+        (0.5, 30),
+        (25, 40),
+        (25, -40),
+        (40, 320),
+        (6, 75),
+        (52, 3.5),
+        (83, 110),
+    ):
         expected = clear.at(elevation, azimuth).in_band_radiance(MWIR)
-        assert table.at(elevation, azimuth).in_band_radiance(MWIR) == pytest.approx(
-            expected, rel=1.5e-2
-        )
+        for whole in (table, table.sky):
+            light = whole.at(elevation, azimuth)
+            assert light.in_band_radiance(MWIR) == pytest.approx(expected, rel=1.5e-2)
         assert table.in_band_radiance(MWIR, elevation, azimuth) == pytest.approx(expected, rel=2e-2)
         by_angle = table.sky.in_band_by_angle(
             MWIR, np.array([elevation]), clear.sky.from_sun([elevation], azimuth)
