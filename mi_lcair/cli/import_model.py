@@ -1,6 +1,7 @@
 """mi-lcair import: convert a model of a modelling program to meshes and a scene."""
 
 import shlex
+from functools import partial
 
 import click
 
@@ -172,7 +173,7 @@ def _write(model, output, materials, words, overwrite):
     from mi_lcair.physics.surroundings.words import Words
     from mi_lcair.reports.pictures.model import TITLE, png
 
-    picture = {"model.png": png(model, f"{output.resolve().name}: {TITLE}")}
+    picture = {"model.png": partial(png, model, f"{output.resolve().name}: {TITLE}")}
     given, sky, around = {name: word for name, word in words.items() if word}, None, None
     if given.keys() == {"sky"} and any(label.elevation_deg is not None for label in model.labels):
         sky = words["sky"]

@@ -1,6 +1,7 @@
 """Writes a facet model: meshes, model.xml for inclusion in scenes, scene.xml for rendering."""
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,7 +24,7 @@ def export(
     materials: str | Path | None = None,
     sky: str | Path | None = None,
     overwrite: bool = False,
-    also: dict[str, bytes] | None = None,
+    also: dict[str, Callable[[], bytes]] | None = None,
     around: Words | None = None,
 ) -> list[Path]:
     """Write a model into a folder and return the paths of the files.
@@ -46,8 +47,8 @@ def export(
         Table with the spectra of sky facets that have an elevation_deg: a bundled name or a file.
     overwrite : bool
         Replace files that were edited since they were written, or that something else wrote.
-    also : dict of str to bytes or None
-        Content of further files by name, such as a picture.
+    also : dict of str to callable or None
+        Functions that give the content of further files by name, such as a picture.
     around : Words or None
         Surroundings of the model. The scene gets their emitters sky and sun.
 
@@ -84,7 +85,7 @@ def export(
         for copy, source in sources.items()
         if not _is_same(folder / copy, source)
     }
-    contents |= also or {}
+    contents |= {file: content() for file, content in (also or {}).items()}
     labels = {stem: label for stem, (label, _) in parts.items()}
     text = fragment(name, labels, short, materials, sky) + recorded(contents)
     contents["model.xml"] = signed(text).encode()
