@@ -27,6 +27,7 @@ def test_at_height():
     assert sky == pytest.approx(in_band_radiance(LWIR, 270.0))
     assert ground == pytest.approx(0.9 * in_band_radiance(LWIR, 300.0) + 0.1 * sky)
     assert Words(sky="clear", sun="30").at_height(2000.0).horizon_deg < 0
+    assert Words(sky="clear", sun="90").sun_parts == (90.0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -43,7 +44,7 @@ def test_sky_file(words, file, tmp_path, monkeypatch):
 def test_sun_of_a_file(tmp_path):
     """Its irradiance shines, and the ground reflects it: E sin(elevation) (1 - epsilon) / pi."""
     rows = "".join(f"{7 + k / 10},{0.4 + k / 100}\n" for k in range(61))
-    file = tmp_path / "sun.csv"
+    file = tmp_path / "sun, low.csv"
     file.write_text(f"wavelength_um,irradiance_W_m2_um\n{rows}")
     words = Words(sky="250", ground="290,0.7", sun=f"30,120,{file}")
     sky, sun = words.emitters("LWIR")
@@ -69,7 +70,7 @@ def test_sun_of_a_file(tmp_path):
         ({"ground": "-3"}, "must be KELVIN"),
         ({"ground": "nan"}, "must be KELVIN"),
         ({"ground": "288,1.2"}, "must lie in 0..1"),
-        ({"sky": "clear", "sun": "120"}, "elevation in 1..90"),
+        ({"sky": "clear", "sun": "90.5"}, "elevation in 1..90"),
         ({"sky": "clear", "sun": "30,40,50"}, "ELEVATION,AZIMUTH"),
         ({"sky": "overcast", "sun": "30"}, "hides the sun"),
         ({"sky": "clear", "atmosphere": "mars"}, "mars"),
