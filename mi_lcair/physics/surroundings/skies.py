@@ -16,6 +16,7 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.physics.sky import (
     HEIGHT_M,
+    SkyTable,
     air_mass,
     clear_name,
     has_azimuths,
@@ -38,6 +39,7 @@ from mi_lcair.physics.sun.daytime_sky import (
 from mi_lcair.table import rows_at
 
 CLEAR, OVERCAST = "clear", "overcast"
+HOTTEST_K = 1e4  # largest temperature of a sky, above that of the sun's surface
 CLOSE_DEG = 2.0  # largest step between azimuths at which the in-band sky of a file is computed
 CLOUD = "stratus"  # cloud of an overcast sky, the lowest one of the tables
 
@@ -94,6 +96,12 @@ class TableSky:
         self.temperature = source if isinstance(source, float) else None
         self.by_elevation = self.temperature is None and has_elevations(source)
         self.name = f"{source:g} K" if self.temperature else str(source)
+        light = self.at(45.0)
+        if np.any(light.radiance > spectral_radiance(light.wavelengths_um, HOTTEST_K)):
+            raise InputError(
+                f"surroundings: sky {self.name} is brighter than the sun's surface; its radiance "
+                "must be in W m^-2 sr^-1 um^-1"
+            )
 
     def components(self, elevation_deg: float, azimuth_deg: float = 0.0) -> list[Spectrum]:
         """Spectrum at an elevation [degrees]."""
@@ -138,18 +146,24 @@ class SunlitTable(TableSky):
     def __init__(self, source: str, sun_elevation_deg: float):
         super().__init__(source)
         self.sun_elevation_deg = sun_elevation_deg
-        self.azimuths_deg, self.tables = tables_by_azimuth(source)
+
+    @cached_property
+    def tables(self) -> tuple[np.ndarray, list[SkyTable]]:
+        """Azimuths from the sun [degrees], and the sky at each."""
+        return tables_by_azimuth(self.source)
 
     def spectra(self, elevation_deg: float, azimuths_deg: ArrayLike) -> np.ndarray:
         """Spectral radiance at azimuths from the sun, (a, k); see `at`."""
+        azimuths, tables = self.tables
         elevation = float(np.clip(elevation_deg, 0, 90))
-        rows = np.array([table.at(elevation).radiance for table in self.tables])
+        rows = np.array([table.at(elevation).radiance for table in tables])
         from_sun = abs((np.asarray(azimuths_deg, dtype=float) + 180) % 360 - 180)
-        return np.exp(rows_at(from_sun, self.azimuths_deg, np.log(np.maximum(rows, SMALLEST))))
+        return np.exp(rows_at(from_sun, azimuths, np.log(np.maximum(rows, SMALLEST))))
 
     def components(self, elevation_deg, azimuth_deg=0.0):
-        name, x = f"{self.name} {elevation_deg:g} deg", self.tables[0].wavelengths_um
-        spectra = self.spectra(elevation_deg, [*self.azimuths_deg, azimuth_deg])
+        azimuths, (table, *_) = self.tables
+        name, x = f"{self.name} {elevation_deg:g} deg", table.wavelengths_um
+        spectra = self.spectra(elevation_deg, [*azimuths, azimuth_deg])
         least = spectra.min(axis=0)
         return [Spectrum(name, x, least), Spectrum(name, x, spectra[-1] - least)]
 
@@ -165,10 +179,11 @@ class SunlitTable(TableSky):
         return replace(self.components(elevation_deg)[0], radiance=light)
 
     def in_band_components(self, band, elevation_deg, azimuth_deg=0.0):
-        x = self.tables[0].wavelengths_um
+        azimuths, (table, *_) = self.tables
+        x = table.wavelengths_um
         band.check_covered(x, f"sky '{self.name}'")
-        rings = np.union1d(RINGS_DEG, self.tables[0].elevations_deg)
-        azimuths = np.union1d(self.azimuths_deg, np.arange(0, 180 + CLOSE_DEG, CLOSE_DEG))
+        rings = np.union1d(RINGS_DEG, table.elevations_deg)
+        azimuths = np.union1d(azimuths, np.arange(0, 180 + CLOSE_DEG, CLOSE_DEG))
         total = np.array([self.spectra(ring, azimuths) for ring in rings])
         least = np.broadcast_to(total.min(axis=1, keepdims=True), total.shape)
         values = np.stack([band.integral(x, least), band.integral(x, total)], axis=-1)
@@ -244,6 +259,6 @@ def sky_of(
             words = CLEAR, OVERCAST, "a temperature in K", *known, "a CSV file"
             raise unknown("sky table", text, words) from None
         return TableSky(text)
-    if not 0 < kelvin < 1e4:
+    if not 0 < kelvin < HOTTEST_K:
         raise InputError(f"surroundings: sky {text}; a temperature must lie in 0..10000 K")
     return TableSky(kelvin)

@@ -134,6 +134,13 @@ def test_sky_of_one_temperature():
     np.testing.assert_allclose(values, in_band_radiance(MWIR, 280.0), rtol=1e-12)
 
 
+def test_sky_per_metre_of_wavelength(tmp_path):
+    rows = "".join(f"{8 + k / 20},8e6\n" for k in range(81))
+    (tmp_path / "sky.csv").write_text(f"wavelength_um,radiance_W_m2_sr_um\n{rows}")
+    with pytest.raises(InputError, match="brighter than the sun's surface; .* sr.-1 um"):
+        surroundings(str(tmp_path / "sky.csv"))
+
+
 @pytest.mark.parametrize(
     "words, message",
     [
