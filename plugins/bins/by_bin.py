@@ -87,8 +87,8 @@ class ByBin:
         measured = list(dict.fromkeys(layer.measured_spectrum for layer in layers))
         self.bins, self.binning_error = bins_for(band, measured, spectra_at, counts, binning)
         self.count, self.blocks = self.bins.count, blocks_of(self.bins.count)
-        self.families = families_of(materials, self.bins)
-        self.tabulate_surfaces(materials)
+        self.families, of_families = families_of(materials, self.bins)
+        self.tabulate_surfaces(materials, of_families)
         self.tabulate_plumes(spectral_plumes(scene))
         self.tabulate_sources(emitters, per_emitter)
 
@@ -128,17 +128,20 @@ class ByBin:
         """
         in_band = np.array([source.in_band for source in self.sources])
         weights = products(self.count)
-        means = [
-            radiances(self.sources[k : k + AT_ONCE], self.bins.grid_um) @ weights
-            for k in range(0, len(self.sources), AT_ONCE)
-        ]
-        means = np.concatenate(means).reshape(len(in_band), len(NEIGHBOURS), self.count)
+        means = self.of_spectra(lambda radiance: radiance @ weights)
+        means = means.reshape(len(in_band), len(NEIGHBOURS), self.count)
         return means / np.where(in_band > 0, in_band, np.inf)[:, None, None]
 
-    def tabulate_surfaces(self, materials) -> None:
+    def of_spectra(self, function) -> np.ndarray:
+        """A function of the spectra of all sources on the grid, of a few sources at a time."""
+        groups = [self.sources[k : k + AT_ONCE] for k in range(0, len(self.sources), AT_ONCE)]
+        return np.concatenate([function(radiances(of, self.bins.grid_um)) for of in groups])
+
+    def tabulate_surfaces(self, materials, of_families) -> None:
         """Set the material and the lobe of the front and the back of each BSDF, by its pointer.
 
-        Entry 0 stands for surfaces whose material is constant in the band.
+        Entry 0 stands for surfaces whose material is constant in the band. of_families: numbers of
+        the materials of each family.
         """
         ids = [pointer_id(mi.BSDFPtr(bsdf)) for bsdf, _ in self.layers]
         table = np.zeros((2, 2, max(ids) + 2), dtype=np.uint32)  # (what, side, pointer)
@@ -152,7 +155,7 @@ class ByBin:
         self.material, self.lobe = (mi.UInt32(part.ravel()) for part in table)
         # Row of each material in each family; NO_ROW in the others
         self.rows = []
-        for _, numbers in self.families:
+        for numbers in of_families:
             rows = np.full(len(materials) + 1, len(materials), dtype=np.uint32)
             rows[1 + np.array(numbers)] = np.arange(len(numbers))
             self.rows.append(mi.UInt32(rows))
@@ -174,12 +177,7 @@ class ByBin:
         ids = [pointer_id(mi.EmitterPtr(emitter)) for emitter in emitters]
         of_emitters = [[numbers[source] for source in many] for many in per_emitter]
         self.source_numbers = PrimitiveTable(ids, of_emitters, 0)
-        groups = range(0, len(self.sources), AT_ONCE)
-        shares = [
-            self.bins.shares(radiances(self.sources[k : k + AT_ONCE], self.bins.grid_um))
-            for k in groups
-        ]
-        self.shares = in_blocks(np.concatenate(shares), beyond="constant")
+        self.shares = in_blocks(self.of_spectra(self.bins.shares), beyond="constant")
         self.in_band = mi.Float([source.in_band for source in self.sources])
         by_material = [is_thermal(e) and e.given_emissivity is None for e in emitters]
         self.by_material = table_by_pointer(emitters, by_material)
@@ -202,6 +200,14 @@ class ByBin:
         material = dr.gather(mi.UInt32, self.material, index, known)
         return material, dr.gather(mi.UInt32, self.lobe, index, known)
 
+    def in_families(self, material) -> list[tuple]:
+        """Each family, whether a material belongs to it, and its row there."""
+        rows = [dr.gather(mi.UInt32, rows, material) for rows in self.rows]
+        return [
+            (family, row != self.none, dr.select(row != self.none, row, 0))
+            for family, row in zip(self.families, rows)
+        ]
+
     def reflects(self, bsdf, wi, wo, active, passed=()) -> tuple:
         """What the bins' values of a BSDF need, for `value`: materials, lobe, terms.
 
@@ -210,18 +216,17 @@ class ByBin:
         material, lobe = self.surface(bsdf, wi.z, active)
         side = dr.select(wi.z < 0, -1, mi.Float(1))
         r, i = mi.Vector3f(wi.x, wi.y, side * wi.z), mi.Vector3f(wo.x, wo.y, side * wo.z)
-        terms = []
-        for (family, _), rows in zip(self.families, self.rows):
-            row = dr.gather(mi.UInt32, rows, material)
-            here, row = row != self.none, dr.select(row != self.none, row, 0)
-            terms.append((here, family.between(row, i, r), family.toward(row, r)))
+        terms = [
+            (here, family.between(row, i, r), family.toward(row, r))
+            for family, here, row in self.in_families(material)
+        ]
         return material > 0, lobe, dr.maximum(i.z, 0), terms, passed
 
     def value(self, reflection: tuple, block) -> mi.Vector4f:
         """BSDF times cosine of a block of bins [1/sr]; HDR for a mirror."""
         _, lobe, cos, terms, _ = reflection
         total = mi.Vector4f(0)
-        for (family, _), (here, between, toward) in zip(self.families, terms):
+        for family, (here, between, toward) in zip(self.families, terms):
             value = family.f(between, block)
             if family.saturates or self.has_simple_lobes:
                 HDR = family.HDR(toward, block)
@@ -237,17 +242,14 @@ class ByBin:
         """What the bins' emissivities need, for `emissivity`."""
         by_material = at_pointer(self.by_material, emitter) > 0
         material, _ = self.surface(bsdf, wi.z, active & by_material)
-        r, terms = mi.Vector3f(wi.x, wi.y, dr.abs(wi.z)), []
-        for (family, _), rows in zip(self.families, self.rows):
-            row = dr.gather(mi.UInt32, rows, material)
-            here, row = row != self.none, dr.select(row != self.none, row, 0)
-            terms.append((here, family.toward(row, r)))
-        return material > 0, terms
+        r = mi.Vector3f(wi.x, wi.y, dr.abs(wi.z))
+        families = self.in_families(material)
+        return material > 0, [(here, family.toward(row, r)) for family, here, row in families]
 
     def emissivity(self, emission: tuple, block) -> mi.Vector4f:
         """Emissivity of a block of bins; 1 where the emitter's radiance holds it already."""
         value = mi.Vector4f(1)
-        for (family, _), (here, toward) in zip(self.families, emission[1]):
+        for family, (here, toward) in zip(self.families, emission[1]):
             value = dr.select(here, 1 - dr.minimum(family.HDR(toward, block), 1), value)
         return value
 

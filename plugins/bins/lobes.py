@@ -43,7 +43,9 @@ class SandfordRobertsonFamily:
     """
 
     def __init__(self, materials: list[SpectralParameters], bins: Bins):
-        self.blocks, self.form = blocks_of(bins.count), form_of(materials)
+        self.blocks, form = blocks_of(bins.count), form_of(materials)
+        known = reflection.model("sandford_robertson").forms
+        self.form = form if form in known else known[0]
         numbers, coefficients, tables = [], [], []
         for material in materials:
             is_grey = material.model.name == "grey"
@@ -54,23 +56,17 @@ class SandfordRobertsonFamily:
             absorbed, floor = (np.ones(bins.count), fitted[:, 0]) if is_grey else fitted.T
             numbers.append([b, e, G, 0.0 if is_grey else 1.0])
             coefficients.append([1 - absorbed, floor / G])
-            tables += map(mi.Float, lobe_tables(b, e, self.forms[0]))
+            tables += map(mi.Float, lobe_tables(b, e, self.form))
         self.numbers, self.coefficients = in_blocks(numbers), in_blocks(coefficients)
         self.tables = dr.concat(tables)
         dr.make_opaque(self.tables)
         self.saturates = largest_HDR(self, len(materials)) > 1
 
-    @property
-    def forms(self) -> tuple[str, ...]:
-        """The form of Sandford and Robertson's model."""
-        known = reflection.model("sandford_robertson").forms
-        return (self.form,) if self.form in known else known
-
     def surface(self, row) -> tuple:
         """The surfaces with slack = floor = 1 and absorbed = 0, and whether they have a lobe."""
         b, e, G, has_lobe = gathered(self.numbers, row)
         zero, one = mi.Float(0), mi.Float(1)
-        S = sr.SandfordRobertsonSurface(zero, zero, b, e, one, zero, one, G, self.forms[0])
+        S = sr.SandfordRobertsonSurface(zero, zero, b, e, one, zero, one, G, self.form)
         return S, has_lobe
 
     def toward(self, row, r) -> tuple:
@@ -275,8 +271,8 @@ def form_of(materials: list[SpectralParameters]) -> str:
     return next(forms, materials[0].form)
 
 
-def families_of(materials: list[SpectralParameters], bins: Bins) -> list[tuple]:
-    """The families of some materials, each with the numbers of its materials."""
+def families_of(materials: list[SpectralParameters], bins: Bins) -> tuple[list, list]:
+    """The families of some materials, and the numbers of the materials of each."""
     kinds = {}
     for number, material in enumerate(materials):
         family, form = SandfordRobertsonFamily, material.form
@@ -287,7 +283,5 @@ def families_of(materials: list[SpectralParameters], bins: Bins) -> list[tuple]:
         elif material.model.name == "microfacet":
             family = MicrofacetFamily
         kinds.setdefault((family, form), []).append(number)
-    return [
-        (family([materials[number] for number in numbers], bins), numbers)
-        for (family, _), numbers in kinds.items()
-    ]
+    families = [family([materials[k] for k in of], bins) for (family, _), of in kinds.items()]
+    return families, list(kinds.values())
