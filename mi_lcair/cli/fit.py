@@ -4,15 +4,7 @@ from itertools import zip_longest
 
 import click
 
-from mi_lcair.cli.options import (
-    FILE,
-    examples,
-    json_option,
-    output_option,
-    plot_option,
-    progress_bar,
-    seed_option,
-)
+from mi_lcair.cli import options
 from mi_lcair.cli.output import (
     JSON,
     is_set,
@@ -38,15 +30,12 @@ def known_form(ctx, param, value):
     return value
 
 
-@click.command(
-    "fit",
-    epilog=examples(
-        "mi-lcair fit paint.csv --model microfacet --starts 8 -o paint.json --plot paint.png"
-    ),
+@options.command(
+    "fit", "mi-lcair fit paint.csv --model microfacet --starts 8 -o paint.json --plot paint.png"
 )
-@click.argument("files", nargs=-1, required=True, type=FILE, metavar="DATA...")
-@output_option("the report, which is a material for scenes, FILE.json", (".json",))
-@plot_option("data, fitted curves and parameters")
+@click.argument("files", nargs=-1, required=True, type=options.FILE, metavar="DATA...")
+@options.output("the report, which is a material for scenes, FILE.json", (".json",))
+@options.plot("data, fitted curves and parameters")
 @click.option(
     "--band",
     "bands",
@@ -58,14 +47,14 @@ def known_form(ctx, param, value):
 @click.option(
     "--emissivity",
     "emissivities",
-    type=FILE,
+    type=options.FILE,
     multiple=True,
     help="Measured emissivity to fit as well; one file for each DATA.",
 )
 @click.option(
     "--dhr",
     "dhrs",
-    type=FILE,
+    type=options.FILE,
     multiple=True,
     help="Measured directional-hemispherical reflectance to fit as well; one file for each DATA.",
 )
@@ -100,7 +89,7 @@ def known_form(ctx, param, value):
 )
 @click.option("--robust", is_flag=True, help="Give outliers little weight.")
 @click.option("--starts", type=click.IntRange(min=1), default=64, help="Number of starting points.")
-@seed_option("Seed of the starting points.")
+@options.seed("Seed of the starting points.")
 @click.option(
     "--max-angle-deg",
     type=click.FloatRange(0, 90, min_open=True),
@@ -116,7 +105,7 @@ def known_form(ctx, param, value):
     help="Half the angle of the source seen from the sample; 0 for a point source (default: as the "
     "file states).",
 )
-@json_option
+@options.json
 def command(files, output, plot, bands, **settings):
     """Fit a reflection model to measured BRDFs.
 
@@ -142,7 +131,7 @@ def command(files, output, plot, bands, **settings):
 
     from mi_lcair.fitting.estimation import fit
 
-    with progress_bar("step") as progress:
+    with options.progress_bar("step") as progress:
         fits = [
             fit(data, **directional, **settings, progress=progress)
             for data, directional in zip(measurements, joint)

@@ -6,25 +6,24 @@ from functools import partial
 import click
 
 import mi_lcair
-from mi_lcair.cli import completion
-from mi_lcair.cli.options import FILE, check_given, examples, json_option, output_option
+from mi_lcair.cli import completion, options
 from mi_lcair.cli.output import Called, note, print_next, print_result, print_written
 
 FIRST = 0.02  # tolerance of the first intensity of a model
 AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
 
 
-@click.command(
+@options.command(
     "import",
+    "mi-lcair import box.obj -o box",
+    "mi-lcair import box.obj --check",
+    "mi-lcair import drone.obj --names drone.csv --forward -Z --up Y -o drone",
     cls=Called,
-    epilog=examples(
-        "mi-lcair import box.obj -o box",
-        "mi-lcair import box.obj --check",
-        "mi-lcair import drone.obj --names drone.csv --forward -Z --up Y -o drone",
-    ),
 )
-@click.argument("file", type=FILE, metavar="MODEL")
-@output_option("meshes, model.xml, scene.xml and the picture model.png to FOLDER", metavar="FOLDER")
+@click.argument("file", type=options.FILE, metavar="MODEL")
+@options.output(
+    "meshes, model.xml, scene.xml and the picture model.png to FOLDER", metavar="FOLDER"
+)
 @click.option("--check", is_flag=True, help="Only report; write nothing.")
 @click.option(
     "--overwrite",
@@ -45,7 +44,7 @@ AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
 @click.option("--nose", type=AXIS, default="X", help="Axis along which the nose points in Blender.")
 @click.option(
     "--names",
-    type=FILE,
+    type=options.FILE,
     metavar="CSV|TOML",
     help="Table that says what the faces of an object, group or Blender material are: name and "
     "type, material or emissivity, kelvin, group, elevation_deg.",
@@ -58,7 +57,7 @@ AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
 )
 @click.option(
     "--temperatures",
-    type=FILE,
+    type=options.FILE,
     metavar="CSV|VTU|JSON",
     help="Table facet,kelvin with each facet once, instead of the labels' temperatures; a mesh of "
     "a FEM program (.vtu, .med); or the solution of an inversion, for the facets that were unknown "
@@ -73,7 +72,7 @@ AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
 )
 @click.option(
     "--materials",
-    type=FILE,
+    type=options.FILE,
     metavar="TOML|JSON",
     help="Your own materials, or the JSON of a fit or of an inversion; copied to FOLDER.",
 )
@@ -106,9 +105,9 @@ AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
     metavar="MWIR|LWIR|A-B",
     help="Also print the intensity of the model in this band, toward the scene's sensor.",
 )
-@json_option
+@options.json
 @click.pass_context
-def command(ctx, file, output, check, overwrite, materials, band, **options):
+def command(ctx, file, output, check, overwrite, materials, band, **settings):
     """Import a facet model or a scene of Mitsuba.
 
     MODEL is a Wavefront OBJ, glTF (.glb, .gltf), PLY or STL file whose objects or groups are named
@@ -121,11 +120,11 @@ def command(ctx, file, output, check, overwrite, materials, band, **options):
     A Mitsuba scene, MODEL.xml, becomes thermal with --temperature: all its shapes emit.
     """
     if file.suffix.lower() == ".xml":
-        _import_scene(ctx, file, output, options["temperature"], band or "LWIR", overwrite)
+        _import_scene(ctx, file, output, settings["temperature"], band or "LWIR", overwrite)
         return
     if bool(output) == check:
         raise click.UsageError("give either -o FOLDER or --check", click.get_current_context())
-    words = {name: options.pop(name) for name in ("sky", "ground", "sun", "atmosphere")}
+    words = {name: settings.pop(name) for name in ("sky", "ground", "sun", "atmosphere")}
     written = [(f"--{name}", word) for name, word in words.items()]
     for option, given in (*written, ("--overwrite", overwrite), ("--band", band)):
         if check and given:
@@ -135,7 +134,7 @@ def command(ctx, file, output, check, overwrite, materials, band, **options):
             )
     from mi_lcair import models3d
 
-    model = models3d.read(file, materials=materials, **options)
+    model = models3d.read(file, materials=materials, **settings)
     files = _write(model, output, materials, words, overwrite) if output else []
     rows, more = [], {"files": files}
     if band:
@@ -155,7 +154,9 @@ def _import_scene(ctx, file, output, temperature, band, overwrite) -> None:
     """Write a thermal version of a scene that was written for Mitsuba."""
     from mi_lcair.models3d.mitsuba_scene import thermal_scene
 
-    check_given(ctx, ("file", "output", "temperature", "band", "overwrite"), "a scene of Mitsuba")
+    options.check_given(
+        ctx, ("file", "output", "temperature", "band", "overwrite"), "a scene of Mitsuba"
+    )
     if output is None or temperature is None:
         raise click.UsageError("a scene of Mitsuba needs -o FOLDER and --temperature K", ctx)
     for remark in thermal_scene(file, output, temperature, band, overwrite):

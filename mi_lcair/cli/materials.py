@@ -5,15 +5,13 @@ from pathlib import Path
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import examples, json_option
+from mi_lcair.cli import options
 from mi_lcair.cli.output import print_result
 
 
-@click.command(
-    "materials", epilog=examples("mi-lcair materials", "mi-lcair materials own.toml --json")
-)
+@options.command("materials", "mi-lcair materials", "mi-lcair materials own.toml --json")
 @click.argument("files", nargs=-1, type=click.Path(path_type=Path), metavar="[FILE|FOLDER]...")
-@json_option
+@options.json
 def command(files):
     """List the known materials.
 

@@ -12,7 +12,7 @@ import click
 import mi_lcair
 from mi_lcair import scenes
 from mi_lcair.cli import completion
-from mi_lcair.cli.output import QUIET, is_set, json_option, note, print_notes
+from mi_lcair.cli.output import JSON, QUIET, flag_option, is_set, note, print_notes
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 from mi_lcair.files import check_suffix, check_writable
@@ -183,20 +183,23 @@ class Output(click.Path):
         return path
 
 
-def renderer_options(command):
+json = flag_option(JSON, "--json", help="Print the results as JSON.")
+
+
+def renderer(command):
     """Give a command --variant, -t, --plugin and --json, and prepare the renderer before it."""
 
     @click.option(
         "--variant", type=click.Choice(VARIANTS), help=f"Mitsuba variant (default: {VARIANTS[0]})."
     )
     @click.option("-t", "--threads", type=POSITIVE, help="CPU threads (default: all).")
-    @file_option(
+    @file(
         "--plugin",
         "Run a Python file that registers your BSDFs or emitters with Mitsuba, FILE.py; may be "
         "repeated.",
         multiple=True,
     )
-    @json_option
+    @json
     @wraps(command)
     def prepared(variant, threads, plugin, **arguments):
         prepare_renderer(variant, threads, plugin)
@@ -205,7 +208,7 @@ def renderer_options(command):
     return prepared
 
 
-def workers_options(command):
+def workers(command):
     """Give a command --workers and --dask, and run it within `mi_lcair.workers`."""
 
     @click.option("--workers", type=POSITIVE, help="Work in this number of processes.")
@@ -218,7 +221,7 @@ def workers_options(command):
     return on_workers
 
 
-overwrite_option = click.option(
+overwrite = click.option(
     "--overwrite", "--resume", "overwrite", is_flag=True, help="Replace an output that exists."
 )
 
@@ -241,7 +244,7 @@ def kept_areas(output: Path, areas: Path | None, overwrite: bool) -> Iterator[Pa
     AreasFolder(folder).clear()
 
 
-def sensor_option(command):
+def sensor(command):
     """Give a command the option -s for the number of the sensor."""
     return click.option(
         "-s",
@@ -252,12 +255,12 @@ def sensor_option(command):
     )(command)
 
 
-def seed_option(help: str = "Seed of the random numbers."):
+def seed(help: str = "Seed of the random numbers."):
     """Decorator that gives a command the option --seed."""
     return click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, help=help)
 
 
-def changes_option(help: str, name: str = "changes"):
+def changes(help: str, name: str = "changes"):
     """Decorator that gives a command the option -D key=value.
 
     The command receives the pairs as its argument `name`.
@@ -272,7 +275,7 @@ def changes_option(help: str, name: str = "changes"):
     )
 
 
-def sampling_options(spp: str, tolerance: str, max_spp: str | None = None):
+def sampling(spp: str, tolerance: str, max_spp: str | None = None):
     """Decorator that gives a command --spp, --tolerance and --max-spp, with these help texts.
 
     In every command --spp sets the number of samples, and a tolerance lets the renderer choose it.
@@ -318,7 +321,7 @@ def check_given(ctx: click.Context, names, what: str) -> None:
             raise click.UsageError(f"{parameter.opts[-1]} does not go with {what}", ctx)
 
 
-def output_option(what: str, suffixes=(), metavar: str = "FILE", **settings):
+def output(what: str, suffixes=(), metavar: str = "FILE", **settings):
     """Decorator that gives a command the option -o. `what` is written, and to which file.
 
     suffixes: of the file; without any it is not checked. settings: further arguments of
@@ -328,7 +331,7 @@ def output_option(what: str, suffixes=(), metavar: str = "FILE", **settings):
     return click.option("-o", "--output", type=kind, metavar=metavar, help=help, **settings)
 
 
-def file_option(name: str, help: str, suffixes=(), metavar: str = "FILE", **settings):
+def file(name: str, help: str, suffixes=(), metavar: str = "FILE", **settings):
     """Decorator that gives a command an option whose value is a path.
 
     suffixes: those of a file to write; without any it is not checked.
@@ -336,12 +339,12 @@ def file_option(name: str, help: str, suffixes=(), metavar: str = "FILE", **sett
     return click.option(name, type=Output(suffixes), metavar=metavar, help=help, **settings)
 
 
-def plot_option(what: str):
+def plot(what: str):
     """Decorator that gives a command the option --plot FILE."""
-    return file_option("--plot", f"Draw {what}, FILE.png, .svg or .pdf.", PICTURES)
+    return file("--plot", f"Draw {what}, FILE.png, .svg or .pdf.", PICTURES)
 
 
-areas_option = file_option(
+areas = file(
     "--areas",
     "Keep what is traced in this folder. A later call that finds it there traces nothing again "
     "(default: FILE.areas, which is removed at the end).",
@@ -349,7 +352,7 @@ areas_option = file_option(
 )
 
 
-def solution_option(command):
+def solution(command):
     """Give a command the option --solution."""
     return click.option(
         "--solution",
@@ -358,13 +361,13 @@ def solution_option(command):
     )(command)
 
 
-def motions_option(command):
+def motions(command):
     """Give a command the option --motions."""
     what = "Declare motions of meshes, which -D then sets, FILE.toml."
-    return file_option("--motions", what)(command)
+    return file("--motions", what)(command)
 
 
-def scenario_options(example: str, spp: str, tolerance: str):
+def scenario(example: str, spp: str, tolerance: str):
     """Decorator that gives a command the argument SCENARIO and the options of a measurement.
 
     The command receives `scenario` and all changes of its entries, `changes`, as `read_scenario`
@@ -372,12 +375,12 @@ def scenario_options(example: str, spp: str, tolerance: str):
     """
 
     def decorator(command):
-        command = renderer_options(command)
+        command = renderer(command)
 
         @click.argument("scenario", shell_complete=completion.scenarios)
-        @changes_option(f"Change an entry of the scenario, such as {example}")
-        @sampling_options(spp, tolerance, MAX_SPP)
-        @solution_option
+        @changes(f"Change an entry of the scenario, such as {example}")
+        @sampling(spp, tolerance, MAX_SPP)
+        @solution
         @wraps(command)
         def with_scenario(changes, solution, **arguments):
             sampling = {name: arguments.pop(name) for name in ("spp", *CHOICE)}
@@ -390,7 +393,7 @@ def scenario_options(example: str, spp: str, tolerance: str):
     return decorator
 
 
-max_bounces_option = click.option(
+max_bounces = click.option(
     "--max-bounces",
     metavar="N|auto",
     help="Largest number of reflections. With auto, pilot paths choose it, so that at most a tenth "
@@ -398,54 +401,61 @@ max_bounces_option = click.option(
 )
 
 
-def scene_options(spp: str, tolerance: str):
+def scene(spp: str, tolerance: str):
     """Decorator that gives a command the argument SCENE and the options of a render.
 
-    The command receives them as one argument `options`, a SceneOptions. `spp` and `tolerance` are
+    The command receives them as one argument `scene`, a SceneOptions. `spp` and `tolerance` are
     the help texts of these options: what they mean for the command.
     """
 
     def decorator(command):
-        @sensor_option
-        @sampling_options(spp, tolerance, MAX_SPP)
-        @max_bounces_option
+        @sensor
+        @sampling(spp, tolerance, MAX_SPP)
+        @max_bounces
         @wraps(command)
-        def with_sampling(options, max_bounces, **arguments):
+        def with_sampling(scene, max_bounces, **arguments):
             sampling = {name: arguments.pop(name) for name in ("sensor", "spp", *CHOICE)}
             check_max_spp(**sampling)
-            options.sampling |= sampling | given({"max_bounces": max_bounces})
-            return command(options=options, **arguments)
+            scene.sampling |= sampling | given({"max_bounces": max_bounces})
+            return command(scene=scene, **arguments)
 
-        return loading_options(with_sampling)
+        return loading(with_sampling)
 
     return decorator
 
 
-def loading_options(command):
+def loading(command):
     """Give a command the argument SCENE and the options that every scene needs.
 
-    The options of sampling are not included. The command receives a SceneOptions, as with
-    `scene_options`.
+    The options of sampling are not included. The command receives a SceneOptions, as with `scene`.
     """
-    command = renderer_options(command)
+    command = renderer(command)
 
     @click.argument("scene", shell_complete=completion.scenes)
-    @changes_option(
+    @changes(
         "Set a $-parameter of the scene, or one that mi_lcair.parameters lists, such as "
         "model.yaw_deg",
         "parameters",
     )
-    @seed_option()
-    @solution_option
-    @motions_option
+    @seed()
+    @solution
+    @motions
     @wraps(command)
     def with_scene(parameters, seed, **arguments):
         names = "scene", "solution", "motions"
         of_scene = {name: arguments.pop(name) for name in names}
-        options = SceneOptions(parameters=dict(parameters), sampling={"seed": seed}, **of_scene)
-        return command(options=options, **arguments)
+        given = SceneOptions(parameters=dict(parameters), sampling={"seed": seed}, **of_scene)
+        return command(scene=given, **arguments)
 
     return with_scene
+
+
+def command(name: str, *lines: str, **settings):
+    """Decorator that makes a function the command of this name, with these example lines.
+
+    settings: further arguments of click.command.
+    """
+    return click.command(name, epilog=examples(*lines), **settings)
 
 
 def examples(*lines: str) -> str:

@@ -31,7 +31,6 @@ def flag_option(key: str, *names: str, help: str):
     return click.option(*names, is_flag=True, expose_value=False, callback=remember, help=help)
 
 
-json_option = flag_option(JSON, "--json", help="Print the results as JSON.")
 quiet_option = flag_option(
     QUIET,
     "-q",

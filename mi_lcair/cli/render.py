@@ -3,24 +3,22 @@
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import examples, output_option, scene_options, workers_options
+from mi_lcair.cli import options
 from mi_lcair.cli.output import print_next, print_result, time_row
 from mi_lcair.errors import InputError
 
 
-@click.command(
+@options.command(
     "render",
-    epilog=examples(
-        "mi-lcair render open_box --spp 64 -o open_box.exr",
-        "mi-lcair render cylinder_ir_range -D band=MWIR --tolerance 5% -o cylinder.exr",
-    ),
+    "mi-lcair render open_box --spp 64 -o open_box.exr",
+    "mi-lcair render cylinder_ir_range -D band=MWIR --tolerance 5% -o cylinder.exr",
 )
-@scene_options(
+@options.scene(
     spp="Samples per pixel, instead of --tolerance (default: the scene's own).",
     tolerance="Render until the rms standard error over the pixels is below this fraction of the "
     "mean radiance, such as 0.01 or 1%.",
 )
-@output_option("the image, FILE.exr", required=True)
+@options.output("the image, FILE.exr", required=True)
 @click.option(
     "--atmosphere",
     help="Also write the radiance that arrives through an atmosphere: a bundled name, a CSV, a "
@@ -52,8 +50,8 @@ from mi_lcair.errors import InputError
     help="Also write the standard error of each pixel at this wavelength of --bins or "
     "--wavelengths, um; may be repeated.",
 )
-@workers_options
-def command(options, output, atmosphere, range_m, bins, wavelengths, errors_um):
+@options.workers
+def command(scene, output, atmosphere, range_m, bins, wavelengths, errors_um):
     """Render SCENE to a radiance image.
 
     SCENE is a Mitsuba XML file or the name of a bundled scene. Written is an OpenEXR file in W m^-2
@@ -68,9 +66,9 @@ def command(options, output, atmosphere, range_m, bins, wavelengths, errors_um):
     if wavelengths is not None:
         from mi_lcair.rendering.images.spectral import even_wavelengths
 
-        if bins or "band" in options.parameters:
+        if bins or "band" in scene.parameters:
             raise InputError("--wavelengths sets bins and band; leave out --bins and -D band")
-        options.parameters["band"], bins = even_wavelengths(wavelengths)
+        scene.parameters["band"], bins = even_wavelengths(wavelengths)
     is_cube = bool(bins) and output.suffix.lower() in (".hdr", ".nc")
     if output.suffix.lower() != ".exr" and not is_cube:
         raise InputError(
@@ -85,7 +83,7 @@ def command(options, output, atmosphere, range_m, bins, wavelengths, errors_um):
         from mi_lcair.physics.atmosphere import atmosphere as read
 
         air = {"atmosphere": read(atmosphere), "range_m": range_m}
-    result = options.run(mi_lcair.render, bins=bins, errors_um=errors_um, **air)
+    result = scene.run(mi_lcair.render, bins=bins, errors_um=errors_um, **air)
     if is_cube:
         result.save(output)
     else:

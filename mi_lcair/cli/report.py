@@ -3,40 +3,28 @@
 import click
 
 import mi_lcair
-from mi_lcair.cli import completion
-from mi_lcair.cli.options import (
-    MAX_SPP,
-    changes_option,
-    check_max_spp,
-    examples,
-    output_option,
-    progress_bar,
-    renderer_options,
-    sampling_options,
-)
+from mi_lcair.cli import completion, options
 from mi_lcair.cli.output import Called, line_of, note
 
 
-@click.command(
-    "report", cls=Called, epilog=examples("mi-lcair report two_plates --spp 16 -o two_plates.html")
-)
+@options.command("report", "mi-lcair report two_plates --spp 16 -o two_plates.html", cls=Called)
 @click.argument("what", nargs=-1, required=True, shell_complete=completion.scenes_and_scenarios)
-@output_option("the page, FILE.html", required=True)
+@options.output("the page, FILE.html", required=True)
 @click.option("--scene", metavar="SCENE", help="Scene whose model shows the facets of a FILE.csv.")
-@changes_option("Set a $-parameter of the scene, or an entry of the scenario", "parameters")
+@options.changes("Set a $-parameter of the scene, or an entry of the scenario", "parameters")
 @click.option(
     "-s", "--sensor", type=click.IntRange(min=0), help="Number of the scene's sensor (default: 0)."
 )
-@sampling_options(
+@options.sampling(
     "Samples per pixel (default: the scene's or scenario's own).",
     "Trace paths until half of the 95 % interval of the signature's intensity, or of the "
     "scenario's contrast, is at most this fraction of it.",
-    MAX_SPP,
+    options.MAX_SPP,
 )
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="Seed of the random numbers.")
-@renderer_options
+@options.renderer
 @click.pass_obj
-def command(call, what, output, parameters, **options):
+def command(call, what, output, parameters, **settings):
     """Write a page of WHAT, to hover and to turn.
 
     \b
@@ -53,15 +41,15 @@ def command(call, what, output, parameters, **options):
     share one page. The page is one file that needs no network. Radiances are in W m^-2 sr^-1,
     temperatures in K, intensities in W/sr, contrasts in W/m^2.
     """
-    check_max_spp(**options)
-    with progress_bar() as progress:
+    options.check_max_spp(**settings)
+    with options.progress_bar() as progress:
         notes = mi_lcair.report(
             what,
             output,
             parameters=dict(parameters),
             command=line_of(call),
             progress=progress,
-            **options,
+            **settings,
         )
     for remark in notes:
         note(remark)

@@ -2,12 +2,12 @@
 
 import click
 
-from mi_lcair.cli.options import examples, json_option
+from mi_lcair.cli import options
 from mi_lcair.cli.output import JSON, is_set, print_columns, print_json
 
 
-@click.command("scenes", epilog=examples("mi-lcair scenes", "mi-lcair scenes --json"))
-@json_option
+@options.command("scenes", "mi-lcair scenes", "mi-lcair scenes --json")
+@options.json
 def command():
     """List the bundled scenes.
 

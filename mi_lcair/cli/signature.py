@@ -1,39 +1,35 @@
 """mi-lcair signature: intensity of a scene in W/sr."""
 
-import click
-
 import mi_lcair
-from mi_lcair.cli.options import examples, file_option, plot_option, scene_options
+from mi_lcair.cli import options
 from mi_lcair.cli.output import print_result, print_written, time_row
 from mi_lcair.errors import InputError
 from mi_lcair.files import together
 from mi_lcair.formats import VTK
 
 
-@click.command(
+@options.command(
     "signature",
-    epilog=examples(
-        "mi-lcair signature cylinder_ir_range --spp 16",
-        "mi-lcair signature box/scene.xml --tolerance 1% --facets facets.csv --spectrum s.csv",
-    ),
+    "mi-lcair signature cylinder_ir_range --spp 16",
+    "mi-lcair signature box/scene.xml --tolerance 1% --facets facets.csv --spectrum s.csv",
 )
-@scene_options(
+@options.scene(
     spp="Number of paths, divided by the number of pixels of the film (default: the scene's own). "
     "The paths begin anywhere on the film.",
     tolerance="Trace paths until half of the 95 % interval of the target's intensity is at most "
     "this fraction of it, such as 0.01 or 1%.",
 )
-@file_option(
+@options.file(
     "--spectrum", "Write the spectral intensity, FILE.csv or FILE.nc (netCDF).", (".csv", ".nc")
 )
-@plot_option("the spectral intensity of --spectrum")
-@file_option(
+@options.plot("the spectral intensity of --spectrum")
+@options.file(
     "--facets",
     "Write radiance and intensity of each facet of the model, FILE.csv; or the facets with them "
     "for ParaView, FILE.vtp or FILE.vtu.",
     (".csv", *VTK),
 )
-def command(options, spectrum, plot, facets):
+def command(scene, spectrum, plot, facets):
     """Intensity of SCENE in W/sr.
 
     SCENE is a Mitsuba XML file or the name of a bundled scene with an orthographic sensor. Printed
@@ -46,7 +42,7 @@ def command(options, spectrum, plot, facets):
         raise InputError("--plot draws the spectral intensity; give --spectrum FILE.csv too")
     if spectrum and spectrum == facets:
         raise InputError(f"--spectrum and --facets both name '{spectrum}'; give each its own file")
-    result = options.run(mi_lcair.signature, by_spectrum=bool(spectrum), facets=bool(facets))
+    result = scene.run(mi_lcair.signature, by_spectrum=bool(spectrum), facets=bool(facets))
     with together():
         if spectrum:
             result.effective_areas.save(spectrum)

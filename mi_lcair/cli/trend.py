@@ -5,21 +5,7 @@ from math import isfinite
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import (
-    MAX_SPP,
-    POSITIVE,
-    areas_option,
-    examples,
-    kept_areas,
-    loading_options,
-    max_bounces_option,
-    output_option,
-    overwrite_option,
-    plot_option,
-    progress_bar,
-    sampling_options,
-    workers_options,
-)
+from mi_lcair.cli import options
 from mi_lcair.cli.output import write_and_print
 
 MOST_ANGLES = 100_000  # largest number of angles in START:STOP:STEP
@@ -67,13 +53,11 @@ class Azimuths(Angles):
         return [angle for angle in angles if kept[round(angle % 360, 9) % 360] == angle]
 
 
-@click.command(
+@options.command(
     "trend",
-    epilog=examples(
-        "mi-lcair trend cylinder_ir_range --azimuth 0:180:45 --resolution 16 --spp 16 -o trend.csv"
-    ),
+    "mi-lcair trend cylinder_ir_range --azimuth 0:180:45 --resolution 16 --spp 16 -o trend.csv",
 )
-@loading_options
+@options.loading
 @click.option(
     "--azimuth",
     type=Azimuths(),
@@ -87,26 +71,26 @@ class Azimuths(Angles):
     default="0",
     help="Elevations of the observer above the horizontal, degrees; written like the azimuths.",
 )
-@output_option("a row for each view, FILE.csv or FILE.nc (netCDF)", (".csv", ".nc"), required=True)
-@plot_option("polar curves")
+@options.output("a row for each view, FILE.csv or FILE.nc (netCDF)", (".csv", ".nc"), required=True)
+@options.plot("polar curves")
 @click.option(
     "--resolution",
-    type=POSITIVE,
+    type=options.POSITIVE,
     default=64,
     help="Pixels along each side of a view, to which --spp and --max-spp refer. The paths begin "
     "anywhere in the view.",
 )
-@sampling_options(
+@options.sampling(
     spp="Paths of each view, divided by its number of pixels, instead of --tolerance.",
     tolerance="Trace paths until half of the 95 % interval of each intensity is at most this "
     "fraction of it (default: 1%).",
-    max_spp=MAX_SPP,
+    max_spp=options.MAX_SPP,
 )
-@max_bounces_option
-@areas_option
-@overwrite_option
-@workers_options
-def command(options, azimuth, elevation, output, plot, areas, overwrite, **settings):
+@options.max_bounces
+@options.areas
+@options.overwrite
+@options.workers
+def command(scene, azimuth, elevation, output, plot, areas, overwrite, **settings):
     """Intensity of SCENE's model toward observers around it.
 
     SCENE is a Mitsuba XML file or the name of a bundled scene. FILE has a row for each view with
@@ -115,14 +99,14 @@ def command(options, azimuth, elevation, output, plot, areas, overwrite, **setti
     rendered together in batches. A trend that was interrupted goes on when the same command is
     given again. FILE.csv.json beside FILE.csv states how the rows were made.
     """
-    with kept_areas(output, areas, overwrite) as folder:
-        scene = options.load(with_sensors=False)
-        with progress_bar("views") as progress:
+    with options.kept_areas(output, areas, overwrite) as folder:
+        loaded = scene.load(with_sensors=False)
+        with options.progress_bar("views") as progress:
             result = mi_lcair.trend(
-                scene,
+                loaded,
                 azimuth,
                 elevation,
-                **options.sampling,
+                **scene.sampling,
                 **settings,
                 areas=folder,
                 progress=progress,

@@ -5,40 +5,19 @@ from functools import partial
 import click
 
 import mi_lcair
-from mi_lcair.cli import completion
-from mi_lcair.cli.options import (
-    FILE,
-    POSITIVE,
-    SceneOptions,
-    changes_option,
-    examples,
-    file_option,
-    given,
-    motions_option,
-    output_option,
-    plot_option,
-    progress_bar,
-    read_scenario,
-    renderer_options,
-    sampling_options,
-    seed_option,
-    sensor_option,
-    solution_option,
-    workers_options,
-)
+from mi_lcair.cli import completion, options
 from mi_lcair.cli.output import time_row, write_and_print
 from mi_lcair.errors import InputError
 
 
-@click.command(
-    "budget",
-    epilog=examples("mi-lcair budget box.toml -u sigma.toml -D render.max_bounces=1 --spp 16"),
+@options.command(
+    "budget", "mi-lcair budget box.toml -u sigma.toml -D render.max_bounces=1 --spp 16"
 )
 @click.argument("what", shell_complete=completion.scenes_and_scenarios)
 @click.option(
     "-u",
     "--uncertainties",
-    type=FILE,
+    type=options.FILE,
     required=True,
     help="The uncertainties, FILE.toml: standard deviations, covariances, reports of fits.",
 )
@@ -47,10 +26,10 @@ from mi_lcair.errors import InputError
     metavar="RESULT",
     help="Of a scenario: contrast (default), apparent_temperature, detection_range, snr or netd.",
 )
-@changes_option("Set a $-parameter of the scene, or an entry of the scenario")
-@output_option("the budget, FILE.json, for show, report and convert", (".json",))
-@plot_option("a tornado chart")
-@file_option(
+@options.changes("Set a $-parameter of the scene, or an entry of the scenario")
+@options.output("the budget, FILE.json, for show, report and convert", (".json",))
+@options.plot("a tornado chart")
+@options.file(
     "--image",
     "Write the image of a scene with the derivatives d.NAME.Y and the uncertainty sigma.Y of each "
     "pixel, FILE.exr.",
@@ -59,22 +38,22 @@ from mi_lcair.errors import InputError
 @click.option(
     "--monte-carlo",
     "draws",
-    type=POSITIVE,
+    type=options.POSITIVE,
     help="Also compute the distribution of the result from this number of random draws.",
 )
-@sampling_options(
+@options.sampling(
     spp="Number of paths, divided by the number of pixels (default: that of the scene or the "
     "scenario).",
     tolerance="Trace paths until half of the 95 % interval of the result is at most this fraction "
     "of it. It is the error of the rendering alone.",
 )
-@seed_option()
-@solution_option
-@motions_option
-@sensor_option
-@workers_options
-@renderer_options
-def command(what, uncertainties, output, plot, image, draws, of, **options):
+@options.seed()
+@options.solution
+@options.motions
+@options.sensor
+@options.workers
+@options.renderer
+def command(what, uncertainties, output, plot, image, draws, of, **settings):
     """Uncertainty budget of WHAT.
 
     WHAT is a Mitsuba XML file or the name of a bundled scene, or a TOML file or the name of a
@@ -88,10 +67,10 @@ def command(what, uncertainties, output, plot, image, draws, of, **options):
     from mi_lcair.uncertainty.uncertainties import Uncertainties
 
     stated = Uncertainties.read(uncertainties)
-    sampling = given({name: options[name] for name in ("spp", "tolerance")})
+    sampling = options.given({name: settings[name] for name in ("spp", "tolerance")})
     measured = _scenario if is_scenario(what) else _scene
-    subject, arguments = measured(what, sampling, image, **options)
-    with progress_bar("draws") as progress:
+    subject, arguments = measured(what, sampling, image, **settings)
+    with options.progress_bar("draws") as progress:
         result = mi_lcair.budget(
             subject, stated, draws=draws, of=of, progress=progress, **arguments
         )
@@ -103,28 +82,30 @@ def command(what, uncertainties, output, plot, image, draws, of, **options):
     write_and_print(result, files, [time_row(result)])
 
 
-def _scenario(what, sampling, image, **options):
+def _scenario(what, sampling, image, **settings):
     """The scenario, and no further arguments of `mi_lcair.budget` for it."""
     if image:
         raise InputError("--image needs a scene; a contrast is a single number")
-    if options["sensor"]:
+    if settings["sensor"]:
         raise InputError("--sensor is one of a scene; a scenario has its observer")
-    changes = dict(options["changes"]) | given(sampling, "render.")
-    changes |= given(
+    changes = dict(settings["changes"]) | options.given(sampling, "render.")
+    changes |= options.given(
         {
-            "render.seed": options["seed"] or None,
-            "target.solution": options["solution"] or None,
-            "target.parameters.motions": options["motions"] and str(options["motions"]),
+            "render.seed": settings["seed"] or None,
+            "target.solution": settings["solution"] or None,
+            "target.parameters.motions": settings["motions"] and str(settings["motions"]),
         }
     )
-    return read_scenario(what, changes), {}
+    return options.read_scenario(what, changes), {}
 
 
-def _scene(what, sampling, image, **options):
+def _scene(what, sampling, image, **settings):
     """The scene, and the keyword arguments of `mi_lcair.budget` for it."""
-    sampling |= {name: options[name] for name in ("seed", "sensor")}
-    common = {name: options[name] for name in ("solution", "motions")}
-    return SceneOptions(what, dict(options["changes"]), sampling, **common).load(), sampling
+    sampling |= {name: settings[name] for name in ("seed", "sensor")}
+    common = {name: settings[name] for name in ("solution", "motions")}
+    return options.SceneOptions(
+        what, dict(settings["changes"]), sampling, **common
+    ).load(), sampling
 
 
 def _write_image(scene, result, arguments, path):
@@ -134,6 +115,6 @@ def _write_image(scene, result, arguments, path):
     from mi_lcair.uncertainty.image import budget_image
 
     numbers = {name: arguments[name] for name in ("sensor", "seed", "spp") if name in arguments}
-    with progress_bar() as progress:
+    with options.progress_bar() as progress:
         sampling = Sampling(progress=progress, **numbers)
         write_exr(path, *budget_image(scene, result.inputs, sampling))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from mi_lcair.cli.options import examples, json_option, output_option, progress_bar, workers_options
+from mi_lcair.cli import options
 from mi_lcair.cli.output import print_table
 from mi_lcair.files import filling
 
@@ -28,7 +28,7 @@ def chart_options(files: str):
     The command receives `output` and `quick`. `files` names its files in the help.
     """
     what = f"{files} to FOLDER, which is made if it is absent"
-    written = output_option(what, metavar="FOLDER", default=".")
+    written = options.output(what, metavar="FOLDER", default=".")
     quick = click.option(
         "--quick",
         is_flag=True,
@@ -36,7 +36,7 @@ def chart_options(files: str):
     )
 
     def decorator(command):
-        return written(quick(json_option(command)))
+        return written(quick(options.json(command)))
 
     return decorator
 
@@ -47,15 +47,17 @@ def charted(output: Path, unit: str, measure: Callable, write: Callable):
     unit: of the progress. An unusable folder is refused before the work.
     """
     with filling(output) as folder:
-        with progress_bar(unit) as progress:
+        with options.progress_bar(unit) as progress:
             result = measure(progress)
         write(folder, result)
     return result
 
 
-@command.command("reflectance", epilog=examples("mi-lcair chart reflectance --quick -o charts"))
+@command.command(
+    "reflectance", epilog=options.examples("mi-lcair chart reflectance --quick -o charts")
+)
 @chart_options("reflectance.png and reflectance.csv")
-@workers_options
+@options.workers
 def reflectance(output, quick):
     """Compare eight methods that integrate a BRDF over the hemisphere.
 
@@ -72,9 +74,11 @@ def reflectance(output, quick):
     )
 
 
-@command.command("propagation", epilog=examples("mi-lcair chart propagation --quick -o charts"))
+@command.command(
+    "propagation", epilog=options.examples("mi-lcair chart propagation --quick -o charts")
+)
 @chart_options(OF_PROPAGATION)
-@workers_options
+@options.workers
 def propagation(output, quick):
     """Compare methods that follow radiation from facet to facet.
 
@@ -98,9 +102,9 @@ def propagation(output, quick):
     )
 
 
-@command.command("cavity", epilog=examples("mi-lcair chart cavity --quick -o charts"))
+@command.command("cavity", epilog=options.examples("mi-lcair chart cavity --quick -o charts"))
 @chart_options("cavity.png, cavity.csv and gouffe.png")
-@workers_options
+@options.workers
 def cavity(output, quick):
     """Render the thesis's eight cavities after 0 to 4 reflections.
 
@@ -120,7 +124,7 @@ def cavity(output, quick):
     )
 
 
-@command.command("facet", epilog=examples("mi-lcair chart facet --quick -o charts"))
+@command.command("facet", epilog=options.examples("mi-lcair chart facet --quick -o charts"))
 @chart_options("facet.png and facet.csv")
 def facet(output, quick):
     """Compute the radiance of one facet with ever more samples of its hemisphere.
@@ -143,7 +147,7 @@ def facet(output, quick):
 
 
 @command.command("throughput")
-@json_option
+@options.json
 def throughput():
     """Measure paths and rays per second.
 
@@ -152,7 +156,7 @@ def throughput():
     """
     from mi_lcair.benchmark.throughput import measure
 
-    with progress_bar("runs") as progress:
+    with options.progress_bar("runs") as progress:
         result = measure(progress=progress)
     columns = [field.name for field in fields(result.rows[0])]
     rows = ([getattr(row, name) for name in columns] for row in result.rows)

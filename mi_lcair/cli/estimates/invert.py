@@ -3,32 +3,22 @@
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import (
-    FILE,
-    examples,
-    output_option,
-    plot_option,
-    progress_bar,
-    renderer_options,
-    workers_options,
-)
+from mi_lcair.cli import options
 from mi_lcair.cli.output import print_next, time_row, write_and_print
 
 
-@click.command(
+@options.command(
     "invert",
-    epilog=examples(
-        "mi-lcair render box/scene.xml -D azimuth_deg=30 -D elevation_deg=30 -D resolution=64 "
-        "-o camera.exr",
-        "mi-lcair invert problem.toml --no-advice -o solution.json",
-    ),
+    "mi-lcair render box/scene.xml -D azimuth_deg=30 -D elevation_deg=30 -D resolution=64 "
+    "-o camera.exr",
+    "mi-lcair invert problem.toml --no-advice -o solution.json",
 )
-@click.argument("problem", type=FILE)
-@output_option("the solution, FILE.json, for --solution of commands with a SCENE", (".json",))
-@plot_option("measured, predicted and their difference in standard deviations")
+@click.argument("problem", type=options.FILE)
+@options.output("the solution, FILE.json, for --solution of commands with a SCENE", (".json",))
+@options.plot("measured, predicted and their difference in standard deviations")
 @click.option("--no-advice", is_flag=True, help="Do not compute what to measure next.")
-@workers_options
-@renderer_options
+@options.workers
+@options.renderer
 def command(problem, output, plot, no_advice):
     """Estimate unknown parameters from measurements.
 
@@ -38,7 +28,7 @@ def command(problem, output, plot, no_advice):
     what the data do not determine, and which further measurement would help most. With [goal] in
     place of measurements, it looks for the values that give a wanted intensity or contrast.
     """
-    with progress_bar("renders") as progress:
+    with options.progress_bar("renders") as progress:
         solution = mi_lcair.invert(problem, advise=not no_advice, progress=progress)
     files = {output: solution.save, plot: solution.plot}
     write_and_print(solution, files, [time_row(solution)])

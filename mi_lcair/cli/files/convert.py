@@ -5,27 +5,25 @@ from pathlib import Path
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import FILE, changes_option, check_given, examples
+from mi_lcair.cli import options
 from mi_lcair.cli.output import print_written
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.files import check_suffix, check_writable
 from mi_lcair.formats import VTK
 
 
-@click.command(
+@options.command(
     "convert",
-    epilog=examples(
-        "mi-lcair convert open_box.exr open_box.tif -c temperature.Y",
-        "mi-lcair convert box.obj box.vtp",
-    ),
+    "mi-lcair convert open_box.exr open_box.tif -c temperature.Y",
+    "mi-lcair convert box.obj box.vtp",
 )
 @click.argument("source", metavar="IN")
-@click.argument("output", metavar="OUT", type=FILE)
+@click.argument("output", metavar="OUT", type=options.FILE)
 @click.option(
     "-c", "--channel", default="Y", help="Channel of FILE.exr for a TIFF, such as temperature.Y."
 )
 @click.option("--scene", help="Scene of a table of facets.")
-@changes_option("Set a $-parameter of the scene", "parameters")
+@options.changes("Set a $-parameter of the scene", "parameters")
 @click.pass_context
 def command(ctx, source, output, channel, scene, parameters):
     """Write the content of IN as OUT.
@@ -47,13 +45,13 @@ def command(ctx, source, output, channel, scene, parameters):
     Pictures are made by show.
     """
     convert, suffixes, names = _way(source, scene)
-    check_given(ctx, ("source", "output", *names), f"'{source}'")
+    options.check_given(ctx, ("source", "output", *names), f"'{source}'")
     suffix = check_suffix(output, suffixes, f"'{source}' becomes {', '.join(suffixes)}; output")
     check_writable(output)
     if Path(source).exists() and output.exists() and output.samefile(source):
         raise InputError(f"'{source}' and the output are the same file")
-    options = {"channel": channel, "scene": scene, "parameters": dict(parameters)}
-    convert(source, output, suffix, **{name: options[name] for name in names})
+    settings = {"channel": channel, "scene": scene, "parameters": dict(parameters)}
+    convert(source, output, suffix, **{name: settings[name] for name in names})
     print_written(output)
 
 

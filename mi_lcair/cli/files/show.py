@@ -2,17 +2,8 @@
 
 import click
 
-from mi_lcair.cli import completion
+from mi_lcair.cli import completion, options
 from mi_lcair.cli.files import pictures
-from mi_lcair.cli.options import (
-    FILE,
-    changes_option,
-    check_given,
-    examples,
-    json_option,
-    output_option,
-    sensor_option,
-)
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 
@@ -47,15 +38,13 @@ NOT_DRAWN = {
 }
 
 
-@click.command(
+@options.command(
     "show",
-    epilog=examples(
-        "mi-lcair show open_box.exr -o open_box.png",
-        "mi-lcair show gloss_black --band LWIR -o brdf.png",
-    ),
+    "mi-lcair show open_box.exr -o open_box.png",
+    "mi-lcair show gloss_black --band LWIR -o brdf.png",
 )
 @click.argument("what", nargs=-1, required=True, metavar="WHAT", shell_complete=completion.pictured)
-@output_option("the picture, FILE.png, .svg or .pdf (default: named after WHAT)", PICTURES)
+@options.output("the picture, FILE.png, .svg or .pdf (default: named after WHAT)", PICTURES)
 @click.option(
     "-c",
     "--channel",
@@ -84,7 +73,7 @@ NOT_DRAWN = {
 )
 @click.option(
     "--facets",
-    type=FILE,
+    type=options.FILE,
     metavar="FILE.csv",
     help="Table with a column `facet` and others to colour the facets by.",
 )
@@ -94,19 +83,19 @@ NOT_DRAWN = {
     metavar="ROW COLUMN",
     help="Pixel of a spectral image whose spectrum is drawn, from 0 at the upper left.",
 )
-@changes_option("Set a $-parameter of the scene, or change an entry of the scenario", "parameters")
-@sensor_option
+@options.changes("Set a $-parameter of the scene, or change an entry of the scenario", "parameters")
+@options.sensor
 @click.option("--band", help="Band (default: that of a fit of one band, or MWIR).")
-@click.option("--materials", type=FILE, metavar="TOML", help="Your own materials.")
+@click.option("--materials", type=options.FILE, metavar="TOML", help="Your own materials.")
 @click.option(
     "--theta-deg",
     type=click.FloatRange(0, 90, max_open=True),
     default=30,
     help="Angle of incidence in degrees.",
 )
-@json_option
+@options.json
 @click.pass_context
-def command(ctx, what, output, **options):
+def command(ctx, what, output, **settings):
     """Write a picture of WHAT.
 
     WHAT is one of these, with its options:
@@ -136,13 +125,13 @@ def command(ctx, what, output, **options):
     if len(what) == 1:
         (what,) = what
     kind = _kind(
-        what, **{name: options[name] for name in ("facet", "facets", "materials", "pixel")}
+        what, **{name: settings[name] for name in ("facet", "facets", "materials", "pixel")}
     )
     draw, names = DRAWN[kind]
-    check_given(ctx, ("what", "output", *names), kind)
-    if options["scene"] and not options["outlines"]:
+    options.check_given(ctx, ("what", "output", *names), kind)
+    if settings["scene"] and not settings["outlines"]:
         raise InputError("--scene names the scene whose facets --outlines draws; give that too")
-    draw(what, output, **{name: options[name] for name in names if name in options})
+    draw(what, output, **{name: settings[name] for name in names if name in settings})
 
 
 def _kind(what, facet, facets, materials, pixel) -> str:

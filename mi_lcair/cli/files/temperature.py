@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import examples, given, json_option, output_option
+from mi_lcair.cli import options
 from mi_lcair.cli.output import Called, print_next, write_and_print
 
 SUFFIXES = (".tif", ".tiff", ".csv", ".exr", ".json", ".html", ".png", ".svg", ".pdf", ".nc")
@@ -28,14 +28,12 @@ def quantities(command):
     return command
 
 
-@click.command(
+@options.command(
     "temperature",
+    "mi-lcair temperature 305.2 --band LWIR --emissivity 0.92+-0.02 --reflected 293+-2",
+    "mi-lcair temperature seen.exr --emissivity 0.92+-0.02 --reflected 285+-2 "
+    "--distance 1000 -o object.tif",
     cls=Called,
-    epilog=examples(
-        "mi-lcair temperature 305.2 --band LWIR --emissivity 0.92+-0.02 --reflected 293+-2",
-        "mi-lcair temperature seen.exr --emissivity 0.92+-0.02 --reflected 285+-2 "
-        "--distance 1000 -o object.tif",
-    ),
 )
 @click.argument("image", metavar="IMAGE|K")
 @click.option("--band", metavar="BAND", help="Band of the camera; an EXR states its own.")
@@ -57,10 +55,10 @@ def quantities(command):
 @click.option(
     "--offset", type=float, metavar="K", help="273.15 for an image in degrees Celsius, else 0."
 )
-@output_option(
+@options.output(
     "the temperatures to FILE (.tif, .csv, .exr with their uncertainty), or a picture", SUFFIXES
 )
-@json_option
+@options.json
 @click.pass_obj
 def command(call, image, band, output, sigma, **measurement):
     """Temperature of an object with its uncertainty.
@@ -71,7 +69,7 @@ def command(call, image, band, output, sigma, **measurement):
     the temperature in K and what each quantity contributes to its uncertainty; written is the image
     in K.
     """
-    result = mi_lcair.temperature(image, band, sigma=sigma, **given(measurement))
+    result = mi_lcair.temperature(image, band, sigma=sigma, **options.given(measurement))
     write_and_print(result, {output: result.save})
     if not output and result.kelvin.ndim == 2:
         print_next([*call, "-o", f"{Path(image).stem}_object.png"])

@@ -3,13 +3,13 @@
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import examples, given, json_option, output_option
+from mi_lcair.cli import options
 from mi_lcair.cli.output import write_and_print
 
 SUFFIXES = (".csv", ".json", ".html", ".png", ".svg", ".pdf", ".nc")
 
 
-@click.command("cavity", epilog=examples("mi-lcair cavity cavity.toml -o cavity.png"))
+@options.command("cavity", "mi-lcair cavity cavity.toml -o cavity.png")
 @click.argument("cavity", metavar="CAVITY.toml")
 @click.option(
     "--tolerance",
@@ -18,10 +18,10 @@ SUFFIXES = (".csv", ".json", ".html", ".png", ".svg", ".pdf", ".nc")
     help="Half of the 95 % interval for walls that the renderer traces (default: 2e-4).",
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, help="Seed of the random numbers.")
-@output_option(
+@options.output(
     "the table to FILE (.csv, .json, .html, .nc), or a picture (.png, .svg, .pdf)", SUFFIXES
 )
-@json_option
+@options.json
 def command(cavity, tolerance, seed, output):
     """Effective emissivity of a cavity with its uncertainty.
 
@@ -29,5 +29,5 @@ def command(cavity, tolerance, seed, output):
     emissivity by wavelength, and what each uncertain quantity contributes to its uncertainty.
     Emissivities are fractions.
     """
-    result = mi_lcair.cavity(cavity, seed=seed, **given({"tolerance": tolerance}))
+    result = mi_lcair.cavity(cavity, seed=seed, **options.given({"tolerance": tolerance}))
     write_and_print(result, {output: result.save})

@@ -3,26 +3,17 @@
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import (
-    examples,
-    given,
-    plot_option,
-    progress_bar,
-    read_scenario,
-    scenario_options,
-)
+from mi_lcair.cli import options
 from mi_lcair.cli.output import time_row, write_and_print
 from mi_lcair.errors import InputError
 
 
-@click.command(
+@options.command(
     "contrast",
-    epilog=examples(
-        "mi-lcair contrast box.toml -D render.max_bounces=2 --range",
-        "mi-lcair contrast a340_landing/position_1 --spp 4",
-    ),
+    "mi-lcair contrast box.toml -D render.max_bounces=2 --range",
+    "mi-lcair contrast a340_landing/position_1 --spp 4",
 )
-@scenario_options(
+@options.scenario(
     "sensor.band=LWIR",
     spp="Number of paths, divided by the number of pixels of render.resolution, instead of a "
     "tolerance (default: 64). The paths begin anywhere in a window around the target.",
@@ -41,7 +32,7 @@ from mi_lcair.errors import InputError
     is_flag=True,
     help="Find the ranges at which the target is detected; needs sensor.nei.",
 )
-@plot_option("the spectra")
+@options.plot("the spectra")
 def command(scenario, changes, tolerance_W_m2, ranges, plot):
     """Measure a target against its background.
 
@@ -50,13 +41,15 @@ def command(scenario, changes, tolerance_W_m2, ranges, plot):
     contrast, and the largest noise at which the target is detected, all in W/m^2, and ranges in m.
     The options of the sampling override [render] of the scenario.
     """
-    stated = read_scenario(scenario, changes | given({"render.tolerance_W_m2": tolerance_W_m2}))
+    stated = options.read_scenario(
+        scenario, changes | options.given({"render.tolerance_W_m2": tolerance_W_m2})
+    )
     if ranges and stated.sensor.nei is None:
         raise InputError(
             f"scenario '{scenario}': --range needs nei of [sensor], the noise-equivalent "
             "irradiance in W m^-2"
         )
-    with progress_bar() as progress:
+    with options.progress_bar() as progress:
         result = mi_lcair.contrast(stated, progress=progress)
     more = {}
     if ranges:

@@ -3,7 +3,7 @@
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import POSITIVE, examples, given, loading_options, output_option
+from mi_lcair.cli import options
 from mi_lcair.cli.output import time_row, write_and_print
 from mi_lcair.drawing import PICTURES
 from mi_lcair.formats import VTK
@@ -11,16 +11,16 @@ from mi_lcair.formats import VTK
 SUFFIXES = (".csv", ".json", ".html", ".nc", *PICTURES, *VTK)
 
 
-@click.command(
+@options.command(
     "exchange",
-    epilog=examples(
-        "mi-lcair exchange box/scene.xml --sky-K 250 --ground-K 290 -o facets.csv",
-        "mi-lcair exchange box/scene.xml --sun 40 120 -o exchange.nc",
-    ),
+    "mi-lcair exchange box/scene.xml --sky-K 250 --ground-K 290 -o facets.csv",
+    "mi-lcair exchange box/scene.xml --sun 40 120 -o exchange.nc",
 )
-@loading_options
+@options.loading
 @click.option(
-    "--rays", type=POSITIVE, help="Number of paths of each side of a facet (default: 1024)."
+    "--rays",
+    type=options.POSITIVE,
+    help="Number of paths of each side of a facet (default: 1024).",
 )
 @click.option("--sky-K", "sky_K", type=float, help="Temperature of the sky, for irradiances [K].")
 @click.option("--ground-K", "ground_K", type=float, help="Temperature of the ground [K].")
@@ -32,12 +32,12 @@ SUFFIXES = (".csv", ".json", ".html", ".nc", *PICTURES, *VTK)
     metavar="ELEVATION AZIMUTH",
     help="Position of the sun in degrees, for the sunlight that facets absorb.",
 )
-@output_option(
+@options.output(
     "the facets (.csv, .json, .html, .vtp, .vtu), the facets and the sparse matrix of their "
     "conductors (.nc), or a picture (.png, .svg, .pdf)",
     SUFFIXES,
 )
-def command(options, rays, sky_K, ground_K, sun_deg, output):
+def command(scene, rays, sky_K, ground_K, sun_deg, output):
     """Heat that the facets of SCENE exchange by radiation.
 
     Printed are for each group the shares of what it emits that reach sky, ground, itself and other
@@ -45,6 +45,6 @@ def command(options, rays, sky_K, ground_K, sun_deg, output):
     All values have standard errors.
     """
     arguments = {"rays": rays, "sky_K": sky_K, "ground_K": ground_K, "sun_deg": sun_deg}
-    scene = options.load(with_sensors=False, with_nothing=False)  # what escapes has its place
-    result = mi_lcair.exchange(scene, **options.sampling, **given(arguments))
+    loaded = scene.load(with_sensors=False, with_nothing=False)  # what escapes has its place
+    result = mi_lcair.exchange(loaded, **scene.sampling, **options.given(arguments))
     write_and_print(result, {output: result.save}, [time_row(result)])

@@ -5,7 +5,7 @@ from functools import partial
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import examples, output_option, renderer_options
+from mi_lcair.cli import options
 from mi_lcair.cli.output import write_and_print
 from mi_lcair.errors import InputError
 
@@ -13,16 +13,16 @@ OF_HOUR = (".csv", ".vtp", ".vtu")  # files of the temperatures at one time
 SUFFIXES = (*OF_HOUR, ".series", ".nc", ".json", ".html", ".png", ".svg", ".pdf")
 
 
-@click.command("heat", epilog=examples("mi-lcair heat heat.toml -o temperatures.csv --hour 14"))
+@options.command("heat", "mi-lcair heat heat.toml -o temperatures.csv --hour 14")
 @click.argument("heat", metavar="HEAT.toml")
-@output_option(f"the temperatures to FILE ({', '.join(SUFFIXES)})", SUFFIXES)
+@options.output(f"the temperatures to FILE ({', '.join(SUFFIXES)})", SUFFIXES)
 @click.option(
     "--hour",
     type=click.FloatRange(min=0),
     help="Time of the temperatures in a .csv, .vtp or .vtu file (default: that of the warmest "
     "facet).",
 )
-@renderer_options
+@options.renderer
 def command(heat, output, hour):
     """Temperatures of facets from their heat balance.
 
@@ -31,8 +31,8 @@ def command(heat, output, hour):
     each uncertain input contributes. FILE.csv is what `mi-lcair import --temperatures` takes;
     FILE.nc has all times.
     """
-    options = {} if hour is None else {"hour": hour}
-    if options and (output is None or output.suffix.lower() not in OF_HOUR):
+    settings = {} if hour is None else {"hour": hour}
+    if settings and (output is None or output.suffix.lower() not in OF_HOUR):
         raise InputError(f"--hour goes with an output {', '.join(OF_HOUR)}")
     result = mi_lcair.heat(heat)
-    write_and_print(result, {output: partial(result.save, **options)})
+    write_and_print(result, {output: partial(result.save, **settings)})

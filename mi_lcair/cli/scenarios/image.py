@@ -3,40 +3,29 @@
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import (
-    POSITIVE,
-    examples,
-    output_option,
-    plot_option,
-    progress_bar,
-    read_scenario,
-    scenario_options,
-    seed_option,
-)
+from mi_lcair.cli import options
 from mi_lcair.cli.output import print_next, time_row, write_and_print
 from mi_lcair.files import check_writable
 
 
-@click.command(
-    "image", epilog=examples("mi-lcair image box.toml --spp 4 -o seen.exr --plot seen.png")
-)
-@scenario_options(
+@options.command("image", "mi-lcair image box.toml --spp 4 -o seen.exr --plot seen.png")
+@options.scenario(
     "camera.f_number=2",
     spp="Paths through a pixel (default: 64).",
     tolerance="Render until the rms standard error over the pixels on the target is at most this "
     "fraction of its mean radiance.",
 )
-@output_option(
+@options.output(
     "the image, FILE.exr, and the counts to FILE.tif beside it", (".exr",), required=True
 )
 @click.option(
     "--frames",
-    type=POSITIVE,
+    type=options.POSITIVE,
     default=1,
     help="Number of frames with independent noise, pages of FILE.tif. There is one render.",
 )
-@seed_option("Seed of the camera's noise and fixed pattern.")
-@plot_option("frame and measures")
+@options.seed("Seed of the camera's noise and fixed pattern.")
+@options.plot("frame and measures")
 def command(scenario, changes, output, frames, seed, plot):
     """Record the target of a scenario with its camera.
 
@@ -47,8 +36,8 @@ def command(scenario, changes, output, frames, seed, plot):
     """
     pages = output.with_suffix(".tif")
     check_writable(pages)
-    stated = read_scenario(scenario, changes)
-    with progress_bar() as progress:
+    stated = options.read_scenario(scenario, changes)
+    with options.progress_bar() as progress:
         result = mi_lcair.image(stated, frames=frames, seed=seed, progress=progress)
     rows = [time_row(result), ("rendering time", f"{result.render_seconds:.2f} s")]
     more = {"file": str(output), "counts_file": str(pages)}

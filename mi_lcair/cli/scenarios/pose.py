@@ -3,32 +3,30 @@
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import FILE, changes_option, examples, output_option, renderer_options
+from mi_lcair.cli import options
 from mi_lcair.cli.output import print_next, write_and_print
 
 SUFFIXES = (".toml", ".csv", ".json", ".html", ".nc")
 
 
-@click.command(
+@options.command(
     "pose",
-    epilog=examples(
-        "mi-lcair pose box.toml corners.csv -D pose.yaw_deg=0 -o seen.toml",
-        "mi-lcair image seen.toml --spp 4 -o seen.exr",
-    ),
+    "mi-lcair pose box.toml corners.csv -D pose.yaw_deg=0 -o seen.toml",
+    "mi-lcair image seen.toml --spp 4 -o seen.exr",
 )
 @click.argument("scenario")
-@click.argument("points", type=FILE, metavar="POINTS.csv")
-@changes_option("Change an entry of the scenario, such as camera.focal_length_mm=50")
+@click.argument("points", type=options.FILE, metavar="POINTS.csv")
+@options.changes("Change an entry of the scenario, such as camera.focal_length_mm=50")
 @click.option(
     "--sigma",
     type=click.FloatRange(min=0, min_open=True),
     metavar="PX",
     help="Standard deviation of a column or row, pixels (default: that of the residuals).",
 )
-@output_option(
+@options.output(
     "the scenario with this camera to FILE.toml; or a table, .csv, .json, .html", SUFFIXES
 )
-@renderer_options
+@options.renderer
 def command(scenario, points, changes, sigma, output):
     """Find where a camera is from points and pixels.
 

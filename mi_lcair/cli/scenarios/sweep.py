@@ -3,27 +3,17 @@
 import click
 
 import mi_lcair
-from mi_lcair.cli.options import (
-    FILE,
-    areas_option,
-    examples,
-    kept_areas,
-    output_option,
-    overwrite_option,
-    progress_bar,
-    renderer_options,
-    workers_options,
-)
+from mi_lcair.cli import options
 from mi_lcair.cli.output import time_row, write_and_print
 
 
-@click.command("sweep", epilog=examples("mi-lcair sweep sweep.toml -o signatures.nc --areas areas"))
-@click.argument("conditions", type=FILE)
-@output_option("the table, FILE.nc (netCDF) or FILE.csv", (".nc", ".csv"), required=True)
-@areas_option
-@overwrite_option
-@workers_options
-@renderer_options
+@options.command("sweep", "mi-lcair sweep sweep.toml -o signatures.nc --areas areas")
+@click.argument("conditions", type=options.FILE)
+@options.output("the table, FILE.nc (netCDF) or FILE.csv", (".nc", ".csv"), required=True)
+@options.areas
+@options.overwrite
+@options.workers
+@options.renderer
 def command(conditions, output, areas, overwrite):
     """Signatures over the table of CONDITIONS.
 
@@ -32,7 +22,7 @@ def command(conditions, output, areas, overwrite):
     change geometry or reflectances is not traced again. A sweep that was interrupted goes on when
     the same command is given again.
     """
-    with kept_areas(output, areas, overwrite) as folder:
-        with progress_bar("views") as progress:
+    with options.kept_areas(output, areas, overwrite) as folder:
+        with options.progress_bar("views") as progress:
             result = mi_lcair.sweep(conditions, areas=folder, progress=progress)
         write_and_print(result, {output: result.save}, [time_row(result)])
