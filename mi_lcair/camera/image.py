@@ -20,7 +20,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.imager import Imager
 from mi_lcair.rendering.limits import GIB, available_memory
 from mi_lcair.rendering.statistics import invalid_remark
-from mi_lcair.rendering.views import View, hidden_remark
+from mi_lcair.rendering.views import hidden_remark
 
 BYTES_PER_PIXEL = 400  # memory for a pixel of the frame beside its counts [bytes]
 
@@ -40,9 +40,7 @@ def record_image(scenario: Scenario, frames: int, seed: int, progress) -> Image:
     setting.air.check_covers(scene.band)
     check_frames(imager, frames)
     camera = Camera.of(scenario, setting.detector, behind, seed)
-    view = CameraView.of(
-        target, View(observer.azimuth_deg, observer.elevation_deg), observer.range_m, imager
-    )
+    view = CameraView.of(target, observer.view, observer.range_m, imager)
     scenery = Scenery.of(scenario, setting, view)
 
     rendering = time.perf_counter()

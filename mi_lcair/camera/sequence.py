@@ -3,8 +3,6 @@
 import pickle
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from copy import copy
-from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
 
@@ -19,12 +17,10 @@ from mi_lcair.detection.setting import Setting, rendered_as, setting_of, target_
 from mi_lcair.errors import InputError
 from mi_lcair.files import check_suffix, check_writable, replacing
 from mi_lcair.formats import tiff
-from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.emission.sources import Sources
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
-from mi_lcair.rendering.views import View
 from mi_lcair.signatures.effective_areas import temperatures_of
 from mi_lcair.startup.tasks import in_order
 
@@ -142,8 +138,7 @@ class FilmedFlight:
             return self.sights[number]
         setting, scenario = self.setting(number), self.scenario.at_moment(self.moments, number)
         observer = scenario.observer
-        direction = View(observer.azimuth_deg, observer.elevation_deg)
-        view = CameraView.of(setting.target, direction, observer.range_m, scenario.camera)
+        view = CameraView.of(setting.target, observer.view, observer.range_m, scenario.camera)
         self.sights = {number: (setting, view, Scenery.of(scenario, setting, view))}
         return self.sights[number]
 
@@ -176,20 +171,16 @@ def filmed(arguments: bytes) -> FilmedFlight:
 
 def heated(sources: Sources, temperatures: dict[str, float], scene: Scene) -> Sources:
     """The sources of a scene at other temperatures, K, by group."""
-    result = copy(sources)
     known = [source for source in sources.list if source.name is not None]
     kelvin = dict(zip(known, temperatures_of(known, temperatures)))
-    result.list = [
-        source
-        if kelvin.get(source) in (None, source.temperature)
-        else replace(
-            source,
-            temperature=float(kelvin[source]),
-            in_band=float(in_band_radiance(scene.band, kelvin[source])),
-        )
-        for source in sources.list
-    ]
-    return result
+    return sources.replaced(
+        [
+            source
+            if kelvin.get(source) in (None, source.temperature)
+            else source.at(kelvin[source], scene.band)
+            for source in sources.list
+        ]
+    )
 
 
 def check_film(scenario: Scenario, frames: Path | None, video: Path | None) -> None:

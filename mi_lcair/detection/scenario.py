@@ -184,6 +184,13 @@ class Observer:
                 object.__setattr__(self, name, float(value))
         check_fields(self, "[observer]: ")
 
+    @property
+    def view(self):
+        """Direction from the target to the sensor, a `View`."""
+        from mi_lcair.rendering.views import View  # loads the renderer, which reading needs not
+
+        return View(self.azimuth_deg, self.elevation_deg)
+
 
 @dataclass(frozen=True)
 class Air:

@@ -24,7 +24,7 @@ from mi_lcair.rendering.reflections.number import chosen
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.settings import changed
-from mi_lcair.rendering.views import Target, View, seen_from
+from mi_lcair.rendering.views import Target, seen_from
 from mi_lcair.sensitivity.parameters import load_with_values
 from mi_lcair.sensitivity.solution_file import apply_solution
 
@@ -99,8 +99,7 @@ def setting_of(scenario: Scenario, scene: Scene | None = None) -> Setting:
 
 def seen_by_observer(scenario: Scenario, scene: Scene, target: Target) -> Scene:
     """A scene with the sensor of a scenario's observer, whose window holds the target."""
-    view = View(scenario.observer.azimuth_deg, scenario.observer.elevation_deg)
-    return seen_from(scene, view, scenario.render.resolution, target)
+    return seen_from(scene, scenario.observer.view, scenario.render.resolution, target)
 
 
 def holding(setting: Setting, scenario: Scenario, poses: Iterable[Mapping]) -> Setting:

@@ -71,6 +71,14 @@ def in_band_radiance(band: Band, temperature):
     return type(temperature)(dr.replace_grad(value, slope * exact))
 
 
+def in_band_slope(band: Band, temperature) -> np.ndarray:
+    """Derivative of `in_band_radiance` with respect to temperature [W m^-2 sr^-1 K^-1], Float64."""
+    temperature = np.asarray(temperature, dtype=float)
+    if band.is_total:
+        return 4 * STEFAN_BOLTZMANN / np.pi * np.maximum(temperature, 0) ** 3
+    return _radiance_and_slope(band, temperature)[1]
+
+
 def brightness_temperature(band: Band, radiance):
     """Temperature [K] of the blackbody with this in-band radiance.
 

@@ -242,12 +242,7 @@ class ViewAreas(SourcesInBand):
         sources = [
             source
             if source.temperature in (None, T)
-            else replace(
-                source,
-                name=f"{kelvin(T)} K",
-                temperature=T,
-                in_band=float(in_band_radiance(self.band, T)),
-            )
+            else replace(source.at(T, self.band), name=f"{kelvin(T)} K")
             for source, T in zip(self.sources, self.temperatures(temperatures))
         ]
         ratio = self.brighter(np.array([source.in_band for source in sources]))

@@ -12,7 +12,7 @@ from mi_lcair.detection.setting import sun_over
 from mi_lcair.errors import InputError
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.sampling import Sampling
-from mi_lcair.rendering.views import Target, View
+from mi_lcair.rendering.views import Target
 from mi_lcair.signatures.effective_areas import temperatures_of
 from mi_lcair.signatures.many_views import DEFAULT_TOLERANCE
 from mi_lcair.signatures.view_areas import Estimates, ViewAreas
@@ -117,8 +117,9 @@ class Aspects:
                 sight = sightline(scenario, self.scene, self.sun, values)
             except InputError as error:
                 raise InputError(f"at {self.moments.time_s[number]:g} s: {error}") from None
-            view = View(scenario.observer.azimuth_deg, scenario.observer.elevation_deg)
-            self.lines[number] = Line(np.array([number]), (view,), self.subject(number), *sight)
+            self.lines[number] = Line(
+                np.array([number]), (scenario.observer.view,), self.subject(number), *sight
+            )
         return self.lines[number]
 
     def trace(self, numbers: list[int]) -> None:

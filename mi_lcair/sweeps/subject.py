@@ -58,7 +58,7 @@ def loaded(subject: Subject, variant: str) -> Scene:
     if render.lobe is not None:
         scene.set_lobe(render.lobe)
     sampling = Sampling(tolerance=render.tolerance, seed=render.seed)
-    views = [View(observer.azimuth_deg, observer.elevation_deg)]
+    views = [observer.view]
     integrator = scene.mi.integrator()
     set_all(integrator, chosen(scene, render.most_bounces, False, sampling, views))
     integrator.check()

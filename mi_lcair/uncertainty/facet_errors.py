@@ -5,13 +5,12 @@ from pathlib import Path
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.physics.blackbody import in_band_slope
 from mi_lcair.plugins.emission.source import rounded
 from mi_lcair.sensitivity.facets import facet_matrix
 from mi_lcair.table import LARGEST, read_table
 from mi_lcair.uncertainty.numbers.number import Number
 
-STEP = 1e-3  # step of the derivative of the blackbody radiance [K]
 LEAST_SPP = 16  # samples per pixel, 2 for each of the matrix's randomisations
 
 
@@ -70,8 +69,7 @@ def slopes_per_area(number: Number, group: str, matrix, area: np.ndarray) -> np.
                 f"{number.what}: errors of single facets in a contrast need at most 64 "
                 "temperatures in the scene"
             )
-        high, low = (in_band_radiance(matrix.band, matrix.temperature + s) for s in (STEP, -STEP))
-        return (high - low) / (2 * STEP)
+        return in_band_slope(matrix.band, matrix.temperature)
     slopes, temperature = np.zeros(len(area)), rounded(matrix.temperature)
     for k, source in enumerate(number.areas.sources):
         if source.group == group and source.temperature is not None:

@@ -1,6 +1,6 @@
 """What radiates one spectrum in a scene: a group of emitters, or a part of it."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -37,6 +37,20 @@ class Source:
         if self.temperature is not None:
             return float(in_band_radiance(band, self.temperature))
         return self.spectrum.in_band_radiance(band)
+
+    def at(self, temperature: float, band) -> "Source":
+        """The same blackbody at another temperature [K]."""
+        in_band = float(in_band_radiance(band, temperature))
+        return replace(self, temperature=float(temperature), in_band=in_band)
+
+    def hotter(self, by: float, band) -> "Source":
+        """The source hotter by this [K]; one with a tabulated spectrum as it is."""
+        return self if self.temperature is None else self.at(self.temperature + by, band)
+
+    def scaled(self, factor: float) -> "Source":
+        """The source with its tabulated spectrum multiplied by a factor."""
+        spectrum = self.spectrum.scaled(factor)
+        return replace(self, in_band=self.in_band * factor, spectrum=spectrum)
 
     @staticmethod
     def of_bin(source: "Source", number: int, light: Spectrum, band) -> "Source":

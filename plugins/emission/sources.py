@@ -1,5 +1,6 @@
 """Sources by which emission is recorded: each group of a scene, or each spectrum of a group."""
 
+from copy import copy
 from itertools import chain
 
 import drjit as dr
@@ -58,6 +59,12 @@ class Sources:
     def split(self, by_bin: list[Source]) -> None:
         """Let the sources be those by bin of wavelength, which `BySourceAndBin` records."""
         self.by_spectrum, self.by_bin, self.list = True, True, by_bin
+
+    def replaced(self, sources: list[Source]) -> "Sources":
+        """The same numbers with other sources, such as those of other temperatures."""
+        result = copy(self)
+        result.list = sources
+        return result
 
     def tabulate(self, per_emitter, band) -> None:
         """Set `wavelengths_um`, `share` and, for each entry, its row in `share`.

@@ -15,7 +15,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mi_lcair.physics.bands import band
-from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance, spectral_radiance
+from mi_lcair.physics.blackbody import (
+    brightness_temperature,
+    in_band_radiance,
+    in_band_slope,
+    spectral_radiance,
+)
 
 TABLE = json.loads((Path(__file__).parents[1] / "data" / "in_band_radiance.json").read_text())
 NAMED = ["SWIR", "MWIR", "LWIR"]
@@ -105,6 +110,15 @@ def test_total_is_the_law_of_stefan_and_boltzmann_and_the_limit_of_wide_bands():
     np.testing.assert_allclose(
         in_band_radiance(band("0.1-1000"), temperatures) + beyond, total, rtol=2e-8
     )
+
+
+@pytest.mark.parametrize("name", ["LWIR", "total"])
+@pytest.mark.parametrize("count", [3, 1000])
+def test_the_slope_is_that_of_differences(name, count):
+    T, step = np.linspace(250.0, 1000.0, count), 1e-3
+    high, low = (in_band_radiance(band(name), T + change) for change in (step, -step))
+    np.testing.assert_allclose(in_band_slope(band(name), T), (high - low) / (2 * step), rtol=1e-7)
+    assert in_band_slope(band(name), 0.0) == 0
 
 
 @pytest.mark.slow

@@ -9,13 +9,18 @@ from dataclasses import replace
 import numpy as np
 
 from mi_lcair.physics.bands import Band
-from mi_lcair.physics.blackbody import LIGHT_SPEED, PLANCK, brightness_temperature, in_band_radiance
+from mi_lcair.physics.blackbody import (
+    LIGHT_SPEED,
+    PLANCK,
+    brightness_temperature,
+    in_band_radiance,
+    in_band_slope,
+)
 from mi_lcair.physics.imager import Imager
 
 # Points between two rows of a response. The product of two straight lines is a parabola, which the
 # points replace by straight lines.
 BETWEEN = 8
-STEP_K = 0.01  # half of the step of a derivative with respect to temperature, K
 
 
 def electron_band(band: Band, imager: Imager, optics_transmittance: float = 1.0) -> Band:
@@ -65,8 +70,7 @@ def electrons(electron_band: Band, temperature):
 
 def electrons_per_kelvin(electron_band: Band, temperature: float) -> float:
     """Change of the electrons with the temperature of a blackbody, at `temperature`, K."""
-    above, below = electrons(electron_band, np.array([1.0, -1.0]) * STEP_K + temperature)
-    return float((above - below) / (2 * STEP_K))
+    return float(in_band_slope(electron_band, temperature))
 
 
 def in_kelvin(electron_band: Band, electrons, deviation) -> np.ndarray:

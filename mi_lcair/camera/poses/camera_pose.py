@@ -15,7 +15,7 @@ from mi_lcair.detection.setting import target_scene
 from mi_lcair.errors import InputError
 from mi_lcair.files import replacing
 from mi_lcair.rendering.statistics import student_factor
-from mi_lcair.rendering.views import Target, View
+from mi_lcair.rendering.views import Target
 from mi_lcair.results import Result
 from mi_lcair.toml_table import text_of
 
@@ -128,8 +128,7 @@ def camera_pose(
     from_middle = solved.eye - (target.centre + scene.origin)
     hidden = hidden_points(scene, target, points[:, :3] - scene.origin, from_middle)
     observer = Observer(position_m=tuple(map(float, from_middle)))
-    view = View(observer.azimuth_deg, observer.elevation_deg)
-    pointing = pointing_of(view, solved.sides[0], solved.sides[2])
+    pointing = pointing_of(observer.view, solved.sides[0], solved.sides[2])
     change(tables, ["observer", "position_m"], list(observer.position_m))
     for name, angle in pointing.items():
         change(tables, ["camera", name], angle)

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -31,12 +30,12 @@ from mi_lcair.motions.pose import known_motions
 from mi_lcair.plugins.emission.source import rounded
 from mi_lcair.plugins.emission.sources import Sources
 from mi_lcair.rendering.images.measured import COLDEST, TEMPERATURE
-from mi_lcair.rendering.views import Target, View
+from mi_lcair.rendering.views import Target
 from mi_lcair.sensitivity.entries import Parameter
 from mi_lcair.sensitivity.parameters import changed as with_values
 from mi_lcair.sensitivity.parameters import parameter, parameters_of
 from mi_lcair.uncertainty.numbers.contrast_number import BEHIND, before
-from mi_lcair.uncertainty.numbers.number import SOURCE_STEP, shifted
+from mi_lcair.uncertainty.numbers.number import SOURCE_STEP
 
 COUNTS = "counts"
 CHANNELS = {COUNTS: "counts.Y", TEMPERATURE: "temperature.Y"}  # of the file of `mi-lcair image`
@@ -90,8 +89,7 @@ class CameraImage:
     def aspect(self) -> tuple:
         """What a view of the target depends on, for `CameraView.of` and `axes_of`."""
         observer = self.scenario.observer
-        direction = View(observer.azimuth_deg, observer.elevation_deg)
-        return self.setting.target, direction, observer.range_m, self.scenario.camera
+        return self.setting.target, observer.view, observer.range_m, self.scenario.camera
 
     def facing(self, room: int = 0) -> "CameraImage":
         """The image with a window for the present pose of the model, and room in it [pixels]."""
@@ -241,7 +239,10 @@ class CameraImage:
         present = self.present
 
         def ends(sources: Sources) -> list[Sources]:
-            return [hotter(sources, step, scene.band) for step in (SOURCE_STEP, -SOURCE_STEP)]
+            return [
+                sources.replaced([source.hotter(step, scene.band) for source in sources.list])
+                for step in (SOURCE_STEP, -SOURCE_STEP)
+            ]
 
         with rendered_as(scene, self.scenario.render, each_pixel=True):
             for number in range(seed, seed + randomisations):
@@ -292,16 +293,6 @@ def difference(of_image: CameraImage, of: Parameter, image: np.ndarray, predict)
                 ends.append((value, of_image.with_value(of.name, value, predict)))
     (first, high), (second, low) = [*ends, (of.value, image)][:2]
     return (high - low) / (first - second)
-
-
-def hotter(sources: Sources, step: float, band) -> Sources:
-    """The sources with all temperatures higher by `step`, K."""
-    result = copy(sources)
-    result.list = [
-        source if source.temperature is None else shifted(source, step, band)
-        for source in sources.list
-    ]
-    return result
 
 
 def numbers_of(sources: Sources, name: str, value: float) -> list[int]:

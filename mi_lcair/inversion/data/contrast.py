@@ -21,7 +21,7 @@ from mi_lcair.sensitivity.window import (
     rows_of_part,
 )
 from mi_lcair.uncertainty.numbers.contrast_number import BEHIND, ContrastNumber
-from mi_lcair.uncertainty.numbers.number import SOURCE_STEP, shifted
+from mi_lcair.uncertainty.numbers.number import SOURCE_STEP
 
 BEHIND_STEP = 1e-4  # relative step of the derivative of a background
 WEATHER_SIGMA = 0.01  # standard deviation of the weather whose derivative is wanted, of its range
@@ -160,10 +160,7 @@ def slope_weights(number: ContrastNumber) -> dict:
     """
     ends = []
     for step in (SOURCE_STEP, -SOURCE_STEP):
-        sources = [
-            source if source.temperature is None else shifted(source, step, number.scene.band)
-            for source in number.areas.sources
-        ]
+        sources = [source.hotter(step, number.scene.band) for source in number.areas.sources]
         areas = replace(number.areas, sources=sources)
         factors = number.terms(number.total, areas, {})[1][0]
         ends.append((factors[:-1], np.array([source.in_band for source in sources])))

@@ -10,13 +10,13 @@ from scipy.ndimage import maximum_filter
 
 from mi_lcair.inversion.data.camera_image import ROOM, CameraImage
 from mi_lcair.inversion.data.contrast import MeasuredContrast, of_randomisations
-from mi_lcair.inversion.data.images import slope
 from mi_lcair.inversion.data.measurement import Observation
 from mi_lcair.inversion.data.spectrum import MeasuredSpectrum
 from mi_lcair.inversion.least_squares.common_noise import CommonNoise
 from mi_lcair.inversion.least_squares.prediction import DatumBlock, variance_of_mean
 from mi_lcair.inversion.tables import Goal, RenderSettings
 from mi_lcair.inversion.unknowns import INSTRUMENT, Unknown, Where, model_label
+from mi_lcair.physics.blackbody import in_band_slope
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.sensitivity.facets import facet_matrix
@@ -316,7 +316,7 @@ class Datum:
         temperature[wanted] = values
         rows = np.flatnonzero(self.counts.ravel())
         radiance = seen.radiance(temperature).reshape(len(seen.matrices), -1)[:, rows]
-        rate = sparse.diags_array(slope(seen.band, values))
+        rate = sparse.diags_array(in_band_slope(seen.band, values))
         columns = [sparse.csr_array(matrix[rows][:, wanted] @ rate) for matrix in seen.matrices]
         return radiance, columns
 

@@ -4,10 +4,9 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import Band
-from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
+from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance, in_band_slope
 from mi_lcair.rendering.images.measured import TEMPERATURE, check_kelvin, read_values
 
-STEP = 1e-3  # step of a derivative with respect to temperature, K
 NETD_K = 300.0  # temperature of the blackbody at which a NETD is stated, K
 
 
@@ -52,7 +51,7 @@ def measured_radiance(measurement, band: Band, size: tuple[int, int]) -> tuple:
         check_kelvin(path, values[counts])
         kelvin = np.where(counts, values, 300.0)
         if sigma is not None:
-            sigma = sigma * slope(band, kelvin)
+            sigma = sigma * in_band_slope(band, kelvin)
         values = in_band_radiance(band, kelvin)
     return values, sigma, counts
 
@@ -84,14 +83,6 @@ def check_counts(path, counts: np.ndarray) -> None:
         )
 
 
-def slope(band: Band, temperature) -> np.ndarray:
-    """Derivative of the in-band radiance of a blackbody with respect to its temperature
-    [W m^-2 sr^-1 K^-1].
-    """
-    high, low = (in_band_radiance(band, np.asarray(temperature) + d) for d in (STEP, -STEP))
-    return (high - low) / (2 * STEP)
-
-
 def noise_of_netd(band: Band, radiance, netd_mK: float) -> np.ndarray:
     """Standard deviation of the radiance of pixels, for a NETD that is stated at NETD_K.
 
@@ -100,7 +91,7 @@ def noise_of_netd(band: Band, radiance, netd_mK: float) -> np.ndarray:
     NETD_K, the variance max(1, L / L0) is at least as large for any shares, and the same at L0.
     """
     share = np.maximum(np.asarray(radiance) / in_band_radiance(band, NETD_K), 1.0)
-    return slope(band, NETD_K) * netd_mK * 1e-3 * np.sqrt(share)
+    return in_band_slope(band, NETD_K) * netd_mK * 1e-3 * np.sqrt(share)
 
 
 def check_radiance(path, values: np.ndarray, predicted: np.ndarray, band: Band) -> None:

@@ -6,7 +6,6 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from mi_lcair.inversion.data.images import slope
 from mi_lcair.inversion.least_squares.prediction import (
     DatumBlock,
     Equations,
@@ -16,7 +15,7 @@ from mi_lcair.inversion.least_squares.prediction import (
 )
 from mi_lcair.inversion.smoothness import precision
 from mi_lcair.inversion.unknowns import Unknown
-from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
+from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance, in_band_slope
 
 INNER = 50  # largest number of steps between two renders
 SMALLEST = 0.1  # least factor by which a step changes a blackbody radiance
@@ -148,7 +147,7 @@ def followed(blocks: list[DatumBlock], x: np.ndarray, step: np.ndarray) -> np.nd
             continue
         T = x[hot]
         radiance = in_band_radiance(block.band, T)
-        wanted = radiance + slope(block.band, T) * step[hot]
+        wanted = radiance + in_band_slope(block.band, T) * step[hot]
         new[hot] = brightness_temperature(block.band, np.maximum(wanted, SMALLEST * radiance))
     return new
 

@@ -15,10 +15,9 @@ from functools import cached_property
 import numpy as np
 from scipy import sparse
 
-from mi_lcair.inversion.data.images import slope
 from mi_lcair.inversion.least_squares.common_noise import CommonNoise, weighted
 from mi_lcair.physics.bands import Band
-from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.physics.blackbody import in_band_radiance, in_band_slope
 
 # Smallest eigenvalue of the scaled covariance of the gradient, relative to the largest, that counts
 RANK = 1e-13
@@ -100,7 +99,7 @@ class DatumBlock:
         u, rate, hot = values.astype(float), np.ones(len(values)), self.is_temperature
         if hot.any():
             u[hot] = in_band_radiance(self.band, values[hot])
-            rate[hot] = slope(self.band, values[hot])
+            rate[hot] = in_band_slope(self.band, values[hot])
         return u, rate
 
     @cached_property

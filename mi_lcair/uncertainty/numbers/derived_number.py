@@ -20,7 +20,6 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import brightness_temperature
 from mi_lcair.physics.detector import Detector
 from mi_lcair.physics.imager import Imager
-from mi_lcair.rendering.views import View
 from mi_lcair.sensitivity.entries import Parameter
 from mi_lcair.uncertainty.numbers.contrast_number import ContrastNumber, Seen
 from mi_lcair.uncertainty.numbers.number import SMALL, Linear
@@ -162,9 +161,8 @@ class SignalToNoise(DerivedNumber):
             if detector.nei is None:
                 raise InputError(f"{self.title}: needs a table [camera], or nei of [sensor]")
             return float(abs(detector.signal(contrast)) / detector.nei)
-        camera, range_m, observer = self.camera(seen), seen.path.range_m, self.scenario.observer
-        aspect = View(observer.azimuth_deg, observer.elevation_deg)
-        view = CameraView.of(seen.setting.target, aspect, range_m, imager)
+        camera, range_m, target = self.camera(seen), seen.path.range_m, seen.setting.target
+        view = CameraView.of(target, self.scenario.observer.view, range_m, imager)
         silhouette = Silhouette.of(self.scene, view, range_m)
         spread, _ = silhouette.spread(camera.optics.at(range_m), range_m)
         electrons = contrast / imager.pixel_angle**2

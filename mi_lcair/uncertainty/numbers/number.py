@@ -14,8 +14,7 @@ from math import isclose
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.plugins.emission.source import Source, rounded
+from mi_lcair.plugins.emission.source import rounded
 from mi_lcair.plugins.recorders.by_bounce import MAX_BOUNCE_CHANNELS
 from mi_lcair.rendering.reflections.bounces import beyond_last
 from mi_lcair.rendering.statistics import Totals
@@ -194,9 +193,9 @@ class Number(ABC):
             was, touched = self.known[name].value, self.touched(name)
             for k in touched:
                 if self.known[name].kind == "temperature":
-                    sources[k] = shifted(sources[k], value - was, self.scene.band)
+                    sources[k] = sources[k].hotter(value - was, self.scene.band)
                 else:
-                    sources[k] = scaled(sources[k], value / was if was else 0.0)
+                    sources[k] = sources[k].scaled(value / was if was else 0.0)
         return replace(areas, sources=sources)
 
     def touched(self, name: str) -> list[int]:
@@ -258,10 +257,10 @@ class Number(ABC):
 
     def source_slope(self, k: int) -> float:
         """Derivative of the number with respect to the temperature of source number k."""
-        source, ends = self.areas.sources[k], []
+        ends = []
         for step in (SOURCE_STEP, -SOURCE_STEP):
             sources = list(self.areas.sources)
-            sources[k] = shifted(source, step, self.scene.band)
+            sources[k] = sources[k].hotter(step, self.scene.band)
             ends.append(self.linear(self.total, replace(self.areas, sources=sources), {}).value)
         return (ends[0] - ends[1]) / (2 * SOURCE_STEP)
 
@@ -364,16 +363,3 @@ class Number(ABC):
     def of_intensity(self) -> float:
         """The part of the number that is proportional to the intensity."""
         return self.value
-
-
-def shifted(source: Source, by: float, band) -> Source:
-    """A source whose temperature is higher by `by` [K]."""
-    temperature = source.temperature + by
-    return replace(
-        source, temperature=temperature, in_band=float(in_band_radiance(band, temperature))
-    )
-
-
-def scaled(source: Source, factor: float) -> Source:
-    """A source whose spectrum is multiplied by a factor."""
-    return replace(source, in_band=source.in_band * factor, spectrum=source.spectrum.scaled(factor))

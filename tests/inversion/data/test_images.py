@@ -11,7 +11,6 @@ from mi_lcair.inversion.data.images import (
     check_size,
     measured_radiance,
     noise_of_netd,
-    slope,
 )
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
@@ -114,11 +113,6 @@ def test_apparent_temperatures_become_radiances(tmp_path):
     np.save(tmp_path / "s.npy", np.array([[0.1, 0.0]]))
     with pytest.raises(InputError, match="a standard deviation is not positive"):
         measured_radiance(one, LWIR, (1, 2))
-
-
-def test_slope():
-    T = np.array([250.0, 300.0, 1000.0])
-    np.testing.assert_allclose(slope(LWIR, T), (B(T + 1) - B(T - 1)) / 2, rtol=1e-3)
 
 
 def test_noise_of_a_netd_covers_any_share_of_shot_noise():

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from mi_lcair.inversion.data.images import slope
 from mi_lcair.inversion.least_squares import curvature
 from mi_lcair.inversion.least_squares.curvature import bent
 from mi_lcair.inversion.least_squares.solve import solve
 from mi_lcair.physics.bands import band
-from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
+from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance, in_band_slope
 from tests.inversion.blocks import block, kelvin, unknown
 
 LWIR = band("LWIR")
@@ -24,7 +23,7 @@ def wall(x, R=2, measured=None, **changes):
     T, rho = x
     B = in_band_radiance(LWIR, T)
     radiance = np.full((R, VALUES), (1 - rho) * B + rho * SKY)
-    columns = np.tile([(1 - rho) * slope(LWIR, T), SKY - B], (R, VALUES, 1))
+    columns = np.tile([(1 - rho) * in_band_slope(LWIR, T), SKY - B], (R, VALUES, 1))
     options = {"reference": np.array(x), "band": LWIR, "is_temperature": np.array([True, False])}
     measured = np.zeros(VALUES) if measured is None else measured
     return block(radiance, columns, measured, **options | changes)

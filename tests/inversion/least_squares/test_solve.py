@@ -8,14 +8,13 @@ from scipy.optimize import least_squares
 from scipy.sparse import csr_array
 
 from mi_lcair.errors import InputError
-from mi_lcair.inversion.data.images import slope
 from mi_lcair.inversion.least_squares.newton import Prior, is_informed, length
 from mi_lcair.inversion.least_squares.newton import solved as damped
 from mi_lcair.inversion.least_squares.prediction import DatumBlock, Equations, equations
 from mi_lcair.inversion.least_squares.solve import covariances, feasible, solve, with_noise
 from mi_lcair.inversion.smoothness import matern
 from mi_lcair.physics.bands import band
-from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
+from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance, in_band_slope
 from tests.inversion.blocks import block, kelvin, unknown
 
 RANDOM = np.random.default_rng(7)
@@ -197,7 +196,7 @@ def test_facets_against_a_solver_of_scipy(length):
         measured=measured,
         noise=lambda predicted: np.full(200, sigma),
         radiance=np.array([matrix @ in_band_radiance(LWIR, start)]),
-        columns=[csr_array(matrix * slope(LWIR, start))],
+        columns=[csr_array(matrix * in_band_slope(LWIR, start))],
         unknown=np.arange(count),
         reference=start,
         band=LWIR,
@@ -239,7 +238,7 @@ def mixed_radiances(start: float) -> DatumBlock:
         measured=matrix @ truth + 0.3 * random.normal(size=60),
         noise=lambda predicted: np.full(60, 0.3),
         radiance=np.array([matrix @ in_band_radiance(LWIR, first)]),
-        columns=[matrix * slope(LWIR, first)],
+        columns=[matrix * in_band_slope(LWIR, first)],
         unknown=np.arange(5),
         reference=first,
         band=LWIR,
@@ -318,7 +317,7 @@ def test_noise_of_the_matrix_causes_no_bias():
         measured=measured,
         noise=lambda predicted: np.full(pixels, 0.01),
         radiance=np.array([one @ in_band_radiance(LWIR, start) for one in noisy]),
-        columns=[csr_array(one * slope(LWIR, start)) for one in noisy],
+        columns=[csr_array(one * in_band_slope(LWIR, start)) for one in noisy],
         unknown=np.arange(5),
         reference=start,
         band=LWIR,
