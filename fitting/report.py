@@ -102,8 +102,6 @@ class Fit(Result):
     directional: dict[str, DirectionalData]
 
     kind = KIND
-    drawn_by = "mi_lcair.reports.pictures.fit:figure"
-    sections_by = "mi_lcair.reports.sections.fit:sections"
 
     def summary(self) -> str:
         """One line: model, surface, parameters with standard errors, misfit."""

@@ -81,8 +81,6 @@ class Image(Result):
     render_seconds: float
 
     kind: ClassVar[str] = "image"
-    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.camera:figure"
-    sections_by: ClassVar[str] = "mi_lcair.reports.sections.image:sections"
     saved_by: ClassVar[dict[str, str]] = {
         ".exr": "mi_lcair.rendering.images.exr:write_render",
         ".tif": "mi_lcair.camera.image_result:write_counts",

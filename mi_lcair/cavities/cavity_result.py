@@ -60,8 +60,6 @@ class Cavity(Result):
     remarks: tuple[str, ...] = ()
 
     kind: ClassVar[str] = "cavity"
-    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.cavity:figure"
-    sections_by: ClassVar[str] = "mi_lcair.reports.sections.cavity:sections"
 
     @property
     def sigma(self) -> np.ndarray:

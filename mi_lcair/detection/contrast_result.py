@@ -155,8 +155,6 @@ class Contrast(Result):
     seconds: float
 
     kind: ClassVar[str] = "contrast"
-    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.contrast:figure"
-    sections_by: ClassVar[str] = "mi_lcair.reports.sections.contrast:sections"
 
     @property
     def reached(self) -> bool | None:

@@ -83,8 +83,6 @@ class Exchange(Result):
     remarks: tuple[str, ...]
 
     kind: ClassVar[str] = "exchange"
-    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.exchange:figure"
-    sections_by: ClassVar[str] = "mi_lcair.reports.sections.exchange:sections"
     saved_by: ClassVar[dict[str, str]] = dict.fromkeys(VTK, f"{__name__}:write_vtk")
 
     @property

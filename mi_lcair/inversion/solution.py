@@ -131,8 +131,6 @@ class Solution(Result):
     trace: list[Step] = field(default_factory=list)
 
     kind: ClassVar[str] = KIND
-    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.solution:figure"
-    sections_by: ClassVar[str] = "mi_lcair.reports.sections.solution:sections"
 
     def __getitem__(self, label: str) -> Answer:
         """The answer for the unknown with this label."""

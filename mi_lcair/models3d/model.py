@@ -52,8 +52,6 @@ class Model(Result):
     remarks: tuple[str, ...] = ()
 
     kind: ClassVar[str] = "model"
-    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.model:figure"
-    sections_by: ClassVar[str] = "mi_lcair.reports.sections.model:sections"
 
     def summary(self) -> str:
         """One line with the number of facets, the size and the temperatures."""

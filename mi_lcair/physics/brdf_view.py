@@ -62,7 +62,6 @@ class BRDFView(Result):
     emissivity: float
 
     kind: ClassVar[str] = "brdf"
-    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.brdf:figure"
 
     def summary(self) -> str:
         """One line with the hemispherical reflectance and the emissivity."""

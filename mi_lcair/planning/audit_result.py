@@ -51,8 +51,6 @@ class Audit(Result):
     facets: dict[str, np.ndarray] = field(default_factory=dict)
 
     kind: ClassVar[str] = "audit"
-    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.audit:figure"
-    sections_by: ClassVar[str] = "mi_lcair.reports.sections.audit:sections"
 
     def summary(self) -> str:
         """One line with the emitted flux and the balance."""

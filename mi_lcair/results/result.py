@@ -4,6 +4,7 @@ import importlib
 import json
 from base64 import b64encode
 from dataclasses import fields, is_dataclass
+from importlib.util import find_spec
 from inspect import signature
 from os import PathLike
 from pathlib import Path
@@ -42,25 +43,22 @@ class Result:
     (`as_dict`), a table (`columns`, `to_dataframe`, `to_xarray`), a figure (`plot`) or a file
     (`save`).
 
-    A class sets the names below and defines `summary`, `entries` and `columns`. What draws or
-    writes is named as text, "module:function", and is imported on use.
+    A class sets the names below and defines `summary`, `entries` and `columns`. The last word of
+    `kind` names the file of `mi_lcair/reports/pictures` whose figure(result, **options) draws the
+    result, and that of `mi_lcair/reports/sections` whose sections(result, **options) describe it.
+    Without the first there is no picture; without the second, sections are the summary and the
+    table.
 
     Attributes
     ----------
     kind : str
         Kind of the result, such as "signature". It is the entry `kind` of the JSON.
-    drawn_by : str
-        Function that draws the result: figure(result, **options) -> Figure. "" without a picture.
-    sections_by : str
-        Function of its sections: sections(result, **options) -> list of Section. "" for the
-        summary and the table.
     saved_by : dict of str to str
-        Functions that write files of further suffixes: write(path, result, **options).
+        Functions that write files of further suffixes, as "module:function": write(path, result,
+        **options).
     """
 
     kind: ClassVar[str] = ""
-    drawn_by: ClassVar[str] = ""
-    sections_by: ClassVar[str] = ""
     saved_by: ClassVar[dict[str, str]] = {}
 
     def summary(self) -> str:
@@ -98,14 +96,15 @@ class Result:
         Parameters
         ----------
         **options
-            Options of the function that makes them (`sections_by`).
+            Options of the function that makes them.
 
         Raises
         ------
         InputError
             If that function has no such option.
         """
-        make = named(self.sections_by) if self.sections_by else whole_table
+        module = self._module("sections")
+        make = named(f"{module}:sections") if module else whole_table
         check_options(f"the page of {self._named()}", make, options)
         return make(self, **options)
 
@@ -157,7 +156,7 @@ class Result:
         path : path-like, optional
             File to write it to: .png, .svg or .pdf.
         **options
-            Options of the function that draws it (`drawn_by`).
+            Options of the function that draws it.
 
         Raises
         ------
@@ -165,14 +164,15 @@ class Result:
             If the result has no picture, if it has no such option, or if the file cannot be
             written.
         """
-        if not self.drawn_by:
+        module = self._module("pictures")
+        if not module:
             raise InputError(
                 f"{self._named()} has no picture; it can be saved as {', '.join(self.suffixes())}"
             )
         if path is not None:
             self._check_suffix(Path(path), PICTURES)
             check_writable(path)
-        draw = named(self.drawn_by)
+        draw = named(f"{module}:figure")
         check_options(f"the picture of {self._named()}", draw, options)
         figure = draw(self, **options)
         if path is not None:
@@ -182,7 +182,7 @@ class Result:
     def suffixes(self) -> list[str]:
         """Suffixes of the files that `save` can write."""
         of_result = WRITERS | PAGE | self.saved_by
-        return [".json", *of_result, *(PICTURES if self.drawn_by else ())]
+        return [".json", *of_result, *(PICTURES if self.has_picture else ())]
 
     def save(self, path: str | PathLike[str], **options: Any) -> None:
         """Write the result to a file, whose suffix chooses the format (`suffixes`).
@@ -223,6 +223,16 @@ class Result:
         if suffix not in allowed:
             raise InputError(f"'{path}': {self._named()} can be saved as {', '.join(allowed)}")
         return suffix
+
+    @property
+    def has_picture(self) -> bool:
+        """Whether `plot` can draw the result."""
+        return bool(self._module("pictures"))
+
+    def _module(self, part: str) -> str:
+        """The module of mi_lcair/reports that makes a part of results of this kind, or ""."""
+        module = f"mi_lcair.reports.{part}.{self.kind.rpartition(' ')[2]}"
+        return module if find_spec(module) else ""
 
     def _named(self) -> str:
         """The result as messages name it."""

@@ -47,7 +47,6 @@ class DerivativeImages(Result):
     units: tuple[str, ...]
 
     kind: ClassVar[str] = "derivative_images"
-    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.derivatives:figure"
     saved_by: ClassVar[dict[str, str]] = {".exr": "mi_lcair.rendering.images.exr:write_render"}
 
     @property

@@ -57,7 +57,6 @@ class Sensitivities(Result):
     differences: dict[str, Difference] = field(default_factory=dict)
 
     kind: ClassVar[str] = "sensitivities"
-    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.sensitivities:figure"
 
     @property
     def error(self) -> np.ndarray:

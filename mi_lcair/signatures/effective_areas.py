@@ -122,8 +122,6 @@ class EffectiveAreas(SourcesInBand):
     by_wavelength: np.ndarray
 
     kind: ClassVar[str] = "effective_areas"
-    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.spectrum:figure"
-    sections_by: ClassVar[str] = "mi_lcair.reports.sections.spectrum:sections"
 
     def summary(self) -> str:
         """One line with the number of sources and the projected area of the target."""

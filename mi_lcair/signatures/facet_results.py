@@ -43,8 +43,6 @@ class FacetResults(Result):
     triangle_facet: np.ndarray
 
     kind: ClassVar[str] = "facets"
-    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.facets:figure"
-    sections_by: ClassVar[str] = "mi_lcair.reports.sections.facets:sections"
     saved_by: ClassVar[dict[str, str]] = dict.fromkeys(VTK, f"{__name__}:write_vtk")
 
     def summary(self) -> str:

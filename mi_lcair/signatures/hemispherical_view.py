@@ -60,8 +60,6 @@ class HemisphericalView(Result):
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     kind: ClassVar[str] = "hemispherical_view"
-    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.hemispherical_view:figure"
-    sections_by: ClassVar[str] = "mi_lcair.reports.sections.hemispherical_view:sections"
 
     def summary(self) -> str:
         """One line with the number of neighbours and the largest view factor."""

@@ -128,8 +128,6 @@ class Signature(Result):
     fewer: "tuple[Signature, ...]" = ()
 
     kind: ClassVar[str] = "signature"
-    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.signature:figure"
-    sections_by: ClassVar[str] = "mi_lcair.reports.sections.signature:sections"
     saved_by: ClassVar[dict[str, str]] = dict.fromkeys(VTK, f"{__name__}:write_vtk")
 
     def suffixes(self) -> list[str]:

@@ -48,8 +48,6 @@ class Trend(Result):
     made: dict[str, str] = field(default_factory=dict)
 
     kind: ClassVar[str] = "trend"
-    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.trend:figure"
-    sections_by: ClassVar[str] = "mi_lcair.reports.sections.trend:sections"
     saved_by: ClassVar[dict[str, str]] = {".csv": "mi_lcair.signatures.trend_result:write_csv"}
 
     @staticmethod

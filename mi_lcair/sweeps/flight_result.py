@@ -39,7 +39,6 @@ class Flight(Result):
     rendered: int | None = None
 
     kind: ClassVar[str] = "flight"
-    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.flight:figure"
 
     @property
     def detections_s(self) -> tuple[float | None, float | None, float | None]:

@@ -41,7 +41,6 @@ class Sweep(Result):
     seconds: float
 
     kind: ClassVar[str] = "sweep"
-    sections_by: ClassVar[str] = "mi_lcair.reports.sections.sweep:sections"
 
     @property
     def missed(self) -> int:

@@ -60,8 +60,6 @@ class Temperature(Result):
     remarks: tuple[str, ...] = ()
 
     kind: ClassVar[str] = "temperature"
-    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.temperature:figure"
-    sections_by: ClassVar[str] = "mi_lcair.reports.sections.temperature:sections"
     saved_by: ClassVar[dict[str, str]] = {
         suffix: f"mi_lcair.thermography.files:write_{suffix[1:4]}"
         for suffix in (".tif", ".tiff", ".exr", ".csv")

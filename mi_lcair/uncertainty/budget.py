@@ -98,8 +98,6 @@ class Budget(Result):
     seconds: float
 
     kind: ClassVar[str] = "budget"
-    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.budget:figure"
-    sections_by: ClassVar[str] = "mi_lcair.reports.sections.budget:sections"
 
     @property
     def sigma_of_quantities(self) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mi_lcair.reports.line_charts import COLOURS, INK, Curve, LineChart, figure_of, label
-from mi_lcair.reports.pictures.spectrum import charts
+from mi_lcair.reports.pictures.effective_areas import charts
 
 X = np.linspace(3, 5, 11)
 MAIN = Curve("total", 4 * X, "W sr-1 um-1")

@@ -181,7 +181,7 @@ def test_a_notebook_shows_the_picture_or_the_table(result):
     html = result._repr_html_()
     images = Tags(html).images
     assert len(html) < 500_000
-    if result.drawn_by:
+    if result.has_picture:
         (source,) = images
         data = source.removeprefix("data:image/png;base64,")
         assert b64decode(data, validate=True).startswith(b"\x89PNG")
@@ -222,7 +222,7 @@ def test_a_dataset_has_units(result):
 
 
 def test_the_axes_of_a_picture_are_labelled(result):
-    if not result.drawn_by:
+    if not result.has_picture:
         with pytest.raises(InputError, match="has no picture"):
             result.plot()
         return
@@ -251,7 +251,7 @@ def test_every_format_that_a_result_names_is_written(result, tmp_path):
     }
     suffixes = set(result.suffixes())
     assert {".json", ".csv", ".nc"} <= suffixes
-    assert suffixes & set(PICTURES) == set(PICTURES if result.drawn_by else ())
+    assert suffixes & set(PICTURES) == set(PICTURES if result.has_picture else ())
     if result.kind != "signature":
         suffixes -= {".png", ".pdf"}  # drawing is slow, and the writer is the same for all
     for suffix in suffixes:

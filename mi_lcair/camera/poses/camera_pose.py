@@ -65,7 +65,6 @@ class CameraPose(Result):
     remarks: tuple[str, ...] = ()
 
     kind: ClassVar[str] = "pose"
-    sections_by: ClassVar[str] = "mi_lcair.reports.sections.pose:sections"
     saved_by: ClassVar[dict[str, str]] = {
         ".toml": "mi_lcair.camera.poses.camera_pose:write_scenario"
     }

@@ -132,7 +132,7 @@ def trend(what, output):
 def spectrum(what, output):
     """Draw the spectral intensity of a signature."""
     from mi_lcair.formats.tables import read_columns
-    from mi_lcair.reports.pictures.spectrum import figure_of_columns
+    from mi_lcair.reports.pictures.effective_areas import figure_of_columns
 
     file = Path(what)
     figure = figure_of_columns(read_columns(file), file.stem)

@@ -87,8 +87,6 @@ class Heat(Result):
     remarks: tuple[str, ...] = ()
 
     kind: ClassVar[str] = "heat"
-    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.heat:figure"
-    sections_by: ClassVar[str] = "mi_lcair.reports.sections.heat:sections"
     saved_by: ClassVar[dict[str, str]] = {
         ".csv": "mi_lcair.heating.temperatures.files:write_csv",
         ".vtu": "mi_lcair.heating.temperatures.files:write_vtk",

@@ -35,7 +35,6 @@ class MaterialList(Result):
     left_out: tuple[str, ...] = ()
 
     kind: ClassVar[str] = "materials"
-    sections_by: ClassVar[str] = "mi_lcair.reports.sections.materials:sections"
 
     def summary(self) -> str:
         """One line with the number of materials."""

@@ -72,8 +72,6 @@ class Render(Result):
     wavelengths_um: np.ndarray = field(default_factory=lambda: np.empty(0))
 
     kind: ClassVar[str] = "render"
-    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.render:figure"
-    sections_by: ClassVar[str] = "mi_lcair.reports.sections.render:sections"
     saved_by: ClassVar[dict[str, str]] = {
         ".exr": "mi_lcair.rendering.images.exr:write_render",
         ".tif": "mi_lcair.rendering.images.render_result:write_tiff",

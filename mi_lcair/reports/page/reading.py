@@ -13,10 +13,10 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.reports.page.model_panel import rows_by_facet
 from mi_lcair.reports.sections import contrast as contrast_sections
 from mi_lcair.reports.sections import fit as fit_sections
+from mi_lcair.reports.sections.effective_areas import spectrum_section
 from mi_lcair.reports.sections.facets import facets_section, known_band
 from mi_lcair.reports.sections.render import image_sections
 from mi_lcair.reports.sections.signature import columns_of, sections_of_entries
-from mi_lcair.reports.sections.spectrum import spectrum_section
 from mi_lcair.reports.sections.sweep import extremes
 from mi_lcair.results.cells import unpacked
 from mi_lcair.results.result import details

@@ -4,7 +4,7 @@ import numpy as np
 
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.reports.sections import facets
-from mi_lcair.reports.sections.spectrum import spectrum_section
+from mi_lcair.reports.sections.effective_areas import spectrum_section
 from mi_lcair.results.cells import error_row, heading, interval
 from mi_lcair.results.result import details
 from mi_lcair.results.sections import Facts, Remarks, Section, Table

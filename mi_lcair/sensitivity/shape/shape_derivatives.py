@@ -58,8 +58,6 @@ class ShapeDerivatives(Result):
     axes: np.ndarray
 
     kind: ClassVar[str] = "shape_derivatives"
-    drawn_by: ClassVar[str] = "mi_lcair.reports.pictures.shape_derivatives:figure"
-    sections_by: ClassVar[str] = "mi_lcair.reports.sections.facets:sections"
     saved_by: ClassVar[dict[str, str]] = dict.fromkeys(VTK, f"{__name__}:write_vtk")
 
     def summary(self) -> str:

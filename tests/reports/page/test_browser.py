@@ -10,8 +10,8 @@ import mi_lcair
 from mi_lcair.reports.page.image_panel import image_panel
 from mi_lcair.reports.page.model_panel import EMISSIVITY, with_emissivity
 from mi_lcair.reports.page.page import save
+from mi_lcair.reports.sections.effective_areas import spectrum_section
 from mi_lcair.reports.sections.facets import sections as facets_sections
-from mi_lcair.reports.sections.spectrum import spectrum_section
 from mi_lcair.results.sections import Drawing, Facts, Lines, Remarks, Section, Table
 from mi_lcair.signatures.facet_results import FacetResults
 

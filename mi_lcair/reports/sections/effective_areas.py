@@ -24,6 +24,6 @@ def spectrum_section(columns: dict[str, np.ndarray]) -> Section:
 def spectra(columns: dict[str, np.ndarray]):
     """The panel of a spectral intensity."""
     from mi_lcair.reports.page.line_panel import line_panel
-    from mi_lcair.reports.pictures.spectrum import charts
+    from mi_lcair.reports.pictures.effective_areas import charts
 
     return line_panel(charts(columns), across=True)
