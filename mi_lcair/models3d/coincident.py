@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mi_lcair.models3d.welding import unique_rows
+
 FLATNESS = 1e-6  # distance at which planes count as equal, as a fraction of the extent
 SAME_DIRECTION = 1e-5  # difference in each coordinate at which unit normals count as parallel
 NEAR = 1e-3  # largest distance between two triangles in one plane, as a fraction of their size
@@ -56,7 +58,7 @@ def _pairs(corners, unit):
     # that rounding puts into different cells of one grid are in the same cell of the other.
     for shift in (0.0, 0.5):
         cells = np.column_stack([unit / direction, height / flatness]) / 4
-        key = _hashed(np.floor(cells + shift).astype(np.int64))
+        _, key = unique_rows(np.floor(cells + shift))
         order = np.argsort(key, kind="stable")
         begins = np.flatnonzero(np.append(True, np.diff(key[order]) != 0))
         sizes = np.diff(begins, append=len(order))
@@ -65,10 +67,7 @@ def _pairs(corners, unit):
         if len(mine):
             flat = _in_plane(corners[mine], unit[first])
             pairs.append(mine[_by_sweep(flat, first, rounding)])
-    a, b = np.concatenate(pairs).T
-    same = (abs(unit[a] - unit[b]) < 8 * direction).all(axis=1)
-    same &= abs(height[a] - height[b]) < 8 * flatness  # two planes may share a hash
-    return np.stack([a[same], b[same]], axis=1)
+    return np.concatenate(pairs)
 
 
 def _is_near(corners, unit):
@@ -84,25 +83,11 @@ def _is_near(corners, unit):
 
 def _copies(corners):
     """Pairs of triangles with the same three corners, in whatever order."""
-    key = np.sort(_hashed((corners + 0.0).reshape(-1, 3).view(np.int64)).reshape(-1, 3), axis=1)
-    key = _hashed(key)
+    _, corner = unique_rows(corners.reshape(-1, 3))
+    _, key = unique_rows(np.sort(corner.reshape(-1, 3), axis=1))
     order = np.argsort(key, kind="stable")
     same = np.flatnonzero(np.diff(key[order]) == 0)
-    a, b = order[same], order[same + 1]
-    equal = (corners[a][:, :, None] == corners[b][:, None]).all(axis=-1)  # (P, corner, corner)
-    is_copy = equal.any(axis=2).all(axis=1) & equal.any(axis=1).all(axis=1)
-    return np.stack([a[is_copy], b[is_copy]], axis=1)
-
-
-def _hashed(rows):
-    """One number for each row of integers (n, m); equal rows have equal numbers."""
-    total = np.zeros(len(rows), np.uint64)
-    for column in rows.T:
-        total = (total ^ column.astype(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
-        total ^= total >> np.uint64(32)
-        total *= np.uint64(0xD6E8FEB86659FD93)
-        total ^= total >> np.uint64(29)
-    return total
+    return np.stack([order[same], order[same + 1]], axis=1)
 
 
 def _in_plane(corners, normals):
