@@ -63,6 +63,16 @@ class InputError(ValueError):
         super().__init__(printable(message))
 
 
+@contextmanager
+def errors_of(where: object):
+    """Context manager in which the message of an InputError begins with what it is about, once."""
+    try:
+        yield
+    except InputError as error:
+        text, front = str(error), f"{where}: "
+        raise InputError(text if text.startswith(front) else front + text) from None
+
+
 def unknown(kind: str, name: str, names) -> InputError:
     """The error for an unknown `name`, with a list of the known `names`, the most similar first.
 

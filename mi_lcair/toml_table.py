@@ -11,7 +11,7 @@ from typing import Literal, Union, get_args, get_origin
 
 import numpy as np
 
-from mi_lcair.errors import InputError, shortened, unknown
+from mi_lcair.errors import InputError, errors_of, shortened, unknown
 from mi_lcair.files import parse_toml, read_text
 
 EXPECTED = {
@@ -37,10 +37,8 @@ def read(source, of, kind: str):
         return of(source, Path(), kind)
     path, what = Path(source), f"{kind} '{source}'"
     tables = parse_toml(read_text(path, what), what)
-    try:
+    with errors_of(what):
         return of(tables, path.parent, path.stem)
-    except InputError as error:
-        raise InputError(f"{what}: {error}") from None
 
 
 def filled(kind, values, where: str):

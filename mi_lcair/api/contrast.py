@@ -3,10 +3,11 @@
 from collections.abc import Mapping
 from os import PathLike
 
-from mi_lcair.api.scenario import named_errors, scenario_of
+from mi_lcair.api.scenario import scenario_of
 from mi_lcair.detection.contrast import measure_contrast
 from mi_lcair.detection.contrast_result import Contrast
 from mi_lcair.detection.scenario import Scenario
+from mi_lcair.errors import errors_of
 from mi_lcair.fraction import fraction
 from mi_lcair.progress import Progress
 from mi_lcair.startup.threads import exclusively
@@ -54,5 +55,5 @@ def contrast(
         tolerance_W_m2=tolerance_W_m2,
         max_spp=max_spp,
     )
-    with named_errors(scenario):
+    with errors_of(f"scenario '{scenario.name}'"):
         return measure_contrast(scenario, progress)

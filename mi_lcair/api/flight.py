@@ -4,9 +4,10 @@ from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
-from mi_lcair.api.scenario import named_errors, scenario_of
+from mi_lcair.api.scenario import scenario_of
 from mi_lcair.camera.sequence import check_film, film
 from mi_lcair.detection.scenario import Scenario
+from mi_lcair.errors import errors_of
 from mi_lcair.files import together
 from mi_lcair.progress import Progress
 from mi_lcair.startup.threads import exclusively
@@ -56,7 +57,7 @@ def flight(
     """
     scenario = scenario_of(scenario)
     outputs = [None if path is None else Path(path) for path in (frames, video)]
-    with named_errors(scenario), together():
+    with errors_of(f"scenario '{scenario.name}'"), together():
         if outputs != [None, None]:
             check_film(scenario, *outputs)
         folder = None if areas is None else AreasFolder(areas)

@@ -3,11 +3,12 @@
 from collections.abc import Mapping
 from os import PathLike
 
-from mi_lcair.api.scenario import named_errors, scenario_of
+from mi_lcair.api.scenario import scenario_of
 from mi_lcair.camera.image import record_image
 from mi_lcair.camera.image_result import Image
 from mi_lcair.declared import Bounds
 from mi_lcair.detection.scenario import Scenario
+from mi_lcair.errors import errors_of
 from mi_lcair.fraction import fraction
 from mi_lcair.progress import Progress
 from mi_lcair.startup.threads import exclusively
@@ -61,5 +62,5 @@ def image(
     )
     Bounds(lower=1, upper=MOST_FRAMES).check(frames, "frames")
     Bounds(lower=0, upper=2**32 - 1).check(seed, "seed")
-    with named_errors(scenario):
+    with errors_of(f"scenario '{scenario.name}'"):
         return record_image(scenario, frames, seed, progress)

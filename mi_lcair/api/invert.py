@@ -2,7 +2,7 @@
 
 from os import PathLike
 
-from mi_lcair.errors import InputError
+from mi_lcair.errors import errors_of
 from mi_lcair.inversion.invert import solve_problem
 from mi_lcair.inversion.problem import InverseProblem
 from mi_lcair.inversion.solution import Solution
@@ -40,9 +40,5 @@ def invert(
         problem = InverseProblem.of(problem)
     elif not isinstance(problem, InverseProblem):
         problem = InverseProblem.read(problem)
-    try:
+    with errors_of(f"problem '{problem.name}'"):
         return solve_problem(problem, advise, progress)
-    except InputError as error:
-        text = str(error)
-        prefix = f"problem '{problem.name}': "
-        raise InputError(text if text.startswith(prefix) else prefix + text) from None

@@ -6,11 +6,10 @@ from os import PathLike
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mi_lcair.api.scenario import named_errors
 from mi_lcair.camera.poses.camera_pose import COLUMNS, CameraPose, camera_pose
 from mi_lcair.declared import Bounds
 from mi_lcair.detection.scenario import Scenario, tables_of
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, errors_of
 from mi_lcair.startup.threads import exclusively
 from mi_lcair.table import FARTHEST, read_table
 
@@ -58,7 +57,7 @@ def pose(
     changes = dict(parameters or {})
     read = Scenario.read(scenario, **changes)
     *_, tables = tables_of(scenario, changes)
-    with named_errors(read):
+    with errors_of(f"scenario '{read.name}'"):
         return camera_pose(read, tables, values_of(points), sigma_px)
 
 

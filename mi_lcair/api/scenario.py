@@ -1,7 +1,6 @@
 """The scenario that a caller of a public function means."""
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from os import PathLike
 
 from mi_lcair.detection.scenario import TO_A_TOLERANCE, Scenario
@@ -44,12 +43,3 @@ def scenario_of(
             "changed here; Scenario.read takes changes"
         )
     return scenario
-
-
-@contextmanager
-def named_errors(scenario: Scenario) -> Iterator[None]:
-    """Context manager that names the scenario in the text of every InputError."""
-    try:
-        yield
-    except InputError as error:
-        raise InputError(f"scenario '{scenario.name}': {error}") from None

@@ -9,7 +9,7 @@ from mi_lcair.cavities.cavity_result import Cavity
 from mi_lcair.cavities.description import Description
 from mi_lcair.cavities.gouffe import gouffe
 from mi_lcair.cavities.walls import PROFILE_RINGS, OwnMesh, Wall
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, errors_of
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.materials import hemispherical_emissivity
@@ -48,13 +48,11 @@ def measured(cavity: Description, sampling: Sampling) -> Cavity:
             ends = np.clip(known + ends, *LIMITS[entry.name]) - known
         if ends[0] == ends[1]:
             raise InputError(f"sigma: {entry.name} has no room within its bounds")
-        try:
+        with errors_of(f"sigma: {entry.name} = {sigma:g}"):
             low, high = (
                 effective_emissivity(cavity.changed(entry.name, end), method, repeated)[0]
                 for end in ends
             )
-        except InputError as problem:
-            raise InputError(f"sigma: {entry.name} = {sigma:g}: {problem}") from None
         number = Uncertain(np.nan if known is None else known, sigma)
         unit = UNITS.get(entry.name, entry.name.rpartition("_")[2])
         slope = (high - low) / (ends[1] - ends[0])

@@ -15,7 +15,7 @@ import numpy as np
 from mi_lcair import scenes
 from mi_lcair.declared import check_fields, within
 from mi_lcair.detection.flight_path import FlightTable, Moments
-from mi_lcair.errors import InputError, unknown
+from mi_lcair.errors import InputError, errors_of, unknown
 from mi_lcair.files import parse_toml, read_text
 from mi_lcair.fraction import fraction
 from mi_lcair.motions.table import MOTIONS, Declared, motions_of
@@ -428,10 +428,8 @@ class RenderTable:
         if not given and self.spp is None:
             object.__setattr__(self, "spp", DEFAULT_SPP)
         if self.tolerance is not None:
-            try:
+            with errors_of("[render]: tolerance"):
                 object.__setattr__(self, "tolerance", fraction(str(self.tolerance)))
-            except InputError as error:
-                raise InputError(f"[render]: tolerance: {error}") from None
         check_fields(self, "[render]: ")
 
     @property
@@ -528,7 +526,7 @@ class Scenario:
             If the file or a change cannot be used.
         """
         path, name, title, tree = tables_of(source, changes)
-        try:
+        with errors_of(f"scenario '{source}'"):
             known = {
                 entry.name: kind
                 for entry in fields(Scenario)
@@ -550,8 +548,6 @@ class Scenario:
             parts["background"] = background_of(tree, parts)
             if "flight" in parts:
                 parts |= placed(parts["target"], parts["flight"].moments(), 0)
-        except InputError as error:
-            raise InputError(f"scenario '{source}': {error}") from None
         return Scenario(name, title, **parts, motions=motions)
 
     def at_moment(self, moments: Moments, number: int) -> "Scenario":
@@ -564,10 +560,8 @@ class Scenario:
 
     def check_scene(self) -> None:
         """Raise InputError if there is no such scene; unlike loading, this imports no renderer."""
-        try:
+        with errors_of(f"scenario '{self.name}': [target]"):
             scenes.file_of(self.target.scene)
-        except InputError as error:
-            raise InputError(f"scenario '{self.name}': [target]: {error}") from None
 
     def scene_parameters(self) -> dict[str, str]:
         """The scene's $-parameters as text, without the band."""
@@ -592,13 +586,11 @@ def tables_of(source: str | PathLike[str], changes: Mapping[str, object]) -> tup
         path, name = scenes.scenario_path(str(source)), str(source)
     text = read_text(path, f"scenario '{source}'")
     tree = parse_toml(text, f"scenario '{source}'")
-    try:
+    with errors_of(f"scenario '{source}'"):
         locate(tree, path.parent)
         for key, value in changes.items():
             # The name of a parameter may have a dot of its own
             change(tree, key.split(".", 2 if key.startswith(OF_SCENE) else -1), value)
-    except InputError as error:
-        raise InputError(f"scenario '{source}': {error}") from None
     return path, name, scenes.first_comment(text), tree
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from mi_lcair import scenes
-from mi_lcair.errors import InputError, unknown
+from mi_lcair.errors import InputError, errors_of, unknown
 from mi_lcair.files import parse_toml, read_text
 from mi_lcair.inversion.data.measurement import Candidate, Measurement
 from mi_lcair.inversion.tables import Goal, RenderSettings, UnknownEntry
@@ -64,7 +64,7 @@ class InverseProblem:
 
         folder: folder to which paths are relative. Raises InputError if an entry cannot be used.
         """
-        try:
+        with errors_of(f"problem '{name}'"):
             for table in tree:
                 if table not in TABLES:
                     raise unknown("table", table, TABLES)
@@ -84,8 +84,6 @@ class InverseProblem:
                 motions=motions_of(tree.get(MOTIONS, {}), folder),
             )
             problem.check()
-        except InputError as error:
-            raise InputError(f"problem '{name}': {error}") from None
         return problem
 
     def check(self) -> None:

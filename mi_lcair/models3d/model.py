@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from mi_lcair.errors import InputError, option, shown
+from mi_lcair.errors import InputError, errors_of, option, shown
 from mi_lcair.files import read_text
 from mi_lcair.formats import check_model
 from mi_lcair.models3d.label import TYPES, Label, find_material, kelvin
@@ -188,10 +188,8 @@ def read(
             table_of_temperatures, np.split(corners, welded["first"][1:-1])
         )
         for number in (kelvins.min(), kelvins.max()):
-            try:
+            with errors_of(f"temperatures {table_of_temperatures}"):
                 kelvin(f"{number:.9g}")
-            except InputError as error:
-                raise InputError(f"temperatures {table_of_temperatures}: {error}") from None
     elif table_of_temperatures:
         kelvins = _read_temperatures(table_of_temperatures, len(label))
     else:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mi_lcair.declared import Bounds
-from mi_lcair.errors import InputError, shown, unknown
+from mi_lcair.errors import InputError, errors_of, shown, unknown
 from mi_lcair.files import parse_json, parse_toml, read_text, revision
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
@@ -337,12 +337,10 @@ def _entry(where, name, band, keys, file):
     from mi_lcair.physics import reflection
 
     where = f"{where}, band '{band}'"
-    try:
+    with errors_of(where):
         if band != EVERY_BAND:
             band_of(band)
         model = reflection.model(keys["model"]) if "model" in keys else reflection.DEFAULT
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from None
     allowed = (*model.names, "model", "form", "source", "emits")
     for key, value in keys.items():
         if key not in allowed:
@@ -360,11 +358,9 @@ def _entry(where, name, band, keys, file):
         raise InputError(f"{where}: lacks {', '.join(missing)}")
     parameters = {key: float(keys[key]) for key in model.names}
     form = keys.get("form", model.forms[0])
-    try:
+    with errors_of(where):
         model.check_form(form)
         model.check_feasible(*parameters.values(), form=form)
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from None
     return Material(name, band, model, parameters, form, source=keys.get("source", file))
 
 

@@ -7,7 +7,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, errors_of
 from mi_lcair.motions.motion import Motion
 from mi_lcair.motions.pose import known_motions, value_of
 from mi_lcair.physics.spectra.change import CHANGES
@@ -364,7 +364,5 @@ def check_materials(wanted) -> None:
             )
             new[place.key] = float(number[0])
     for node, new in surfaces.items():
-        try:
+        with errors_of(f"material {node.material}"):
             node.model.check_feasible(*new.values(), form=node.form)
-        except InputError as error:
-            raise InputError(f"material {node.material}: {error}") from None

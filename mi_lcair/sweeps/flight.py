@@ -9,7 +9,7 @@ from mi_lcair.detection.flight_path import Moments
 from mi_lcair.detection.irradiance import LineOfSources
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import sun_over
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, errors_of
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.views import Target
@@ -113,10 +113,8 @@ class Aspects:
             scenario = self.scenario.at_moment(self.moments, number)
             histories = self.moments.temperatures
             values = {f"{TEMPERATURE}{group}": float(T[number]) for group, T in histories.items()}
-            try:
+            with errors_of(f"at {self.moments.time_s[number]:g} s"):
                 sight = sightline(scenario, self.scene, self.sun, values)
-            except InputError as error:
-                raise InputError(f"at {self.moments.time_s[number]:g} s: {error}") from None
             self.lines[number] = Line(
                 np.array([number]), (scenario.observer.view,), self.subject(number), *sight
             )

@@ -9,7 +9,7 @@ from mi_lcair.detection.irradiance import Backdrop
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import check_outside, line_of, sun_over
 from mi_lcair.detection.weather import AirOfLight
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, errors_of
 from mi_lcair.physics.air.atmosphere import Atmosphere, LineOfSight
 from mi_lcair.physics.detector import Detector
 from mi_lcair.plugins.emitters.distant_emitter import DistantEmitter
@@ -103,14 +103,12 @@ def lines_of(conditions: Conditions) -> Iterator[Line]:
         azimuths = None
         if azimuth is not None:
             azimuths = [conditions.values[azimuth][places[azimuth][case]] for case in cases]
-        try:
+        stated = ", ".join(f"{name} = {value}" for name, value in values.items())
+        with errors_of(f"case {stated}"):
             if conditions.base.scene is None:
                 yield from of_scenario(conditions, values, cases, azimuths)
             else:
                 yield of_scene(conditions, values, cases, azimuths)
-        except InputError as error:
-            stated = ", ".join(f"{name} = {value}" for name, value in values.items())
-            raise InputError(f"case {stated}: {error}") from None
 
 
 def is_untraced(name: str) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import rendered_as, setting_of
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, errors_of
 from mi_lcair.motions.pose import declare
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
@@ -245,13 +245,11 @@ def result_of(what: Scene | Scenario, sampling: Sampling, names=(), of: str = "c
     names: quantities that will be asked for. of: what the number of a scenario is.
     """
     if isinstance(what, Scenario):
-        try:
+        with errors_of(f"scenario '{what.name}'"):
             setting = setting_of(what)
             with rendered_as(setting.view, what.render):
                 check_differentiable(setting.view)
                 yield NUMBERS[of](what, setting, names=names)
-        except InputError as error:
-            raise InputError(f"scenario '{what.name}': {error}") from None
     else:
         check_differentiable(what)
         yield IntensityNumber(what, replace(sampling, progress=None))

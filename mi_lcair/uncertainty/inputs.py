@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mi_lcair.errors import InputError, unknown
+from mi_lcair.errors import InputError, errors_of, unknown
 from mi_lcair.sensitivity.entries import Parameter
 from mi_lcair.uncertainty.distributions import Distribution, in_unit
 from mi_lcair.uncertainty.uncertainties import Uncertainties, of_material
@@ -71,10 +71,8 @@ class Inputs:
             If a name is unknown, a relative uncertainty is one of zero, a fit belongs to another
             material, or two statements concern the same quantity.
         """
-        try:
+        with errors_of(uncertainties.source):
             return gathered(uncertainties, known, what)
-        except InputError as error:
-            raise InputError(f"{uncertainties.source}: {error}") from None
 
 
 def gathered(uncertainties: Uncertainties, known: dict[str, Parameter], what: str) -> Inputs:

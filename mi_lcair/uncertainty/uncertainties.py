@@ -33,7 +33,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.errors import InputError, unknown
+from mi_lcair.errors import InputError, errors_of, unknown
 from mi_lcair.files import parse_toml, read_text
 from mi_lcair.motions.table import MOTIONS, Declared, motions_of
 from mi_lcair.uncertainty.distributions import KINDS, check_sigma
@@ -108,10 +108,8 @@ class Uncertainties:
         else:
             name, folder = str(source), Path(source).parent
             tree = parse_toml(read_text(source, f"uncertainties '{name}'"), name)
-        try:
+        with errors_of(name):
             return parsed(tree, name, folder)
-        except InputError as error:
-            raise InputError(f"{name}: {error}") from None
 
 
 def parsed(tree: Mapping, name: str, folder: Path) -> Uncertainties:

@@ -6,7 +6,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, errors_of
 from mi_lcair.inversion.data.camera_image import COUNTS, CameraImage
 from mi_lcair.inversion.data.contrast import MeasuredContrast
 from mi_lcair.inversion.data.datum import SPP_OF_VIEWS, Datum
@@ -60,10 +60,8 @@ class Loader:
 
     def datum(self, entry: Observation, number: int, facet_groups: set[str]) -> Datum:
         """The datum of an entry; raises InputError with its name in front."""
-        try:
+        with errors_of(entry.name):
             return self._datum(entry, number, facet_groups)
-        except InputError as error:
-            raise InputError(f"{entry.name}: {error}") from None
 
     def _datum(self, entry: Observation, number: int, facet_groups: set[str]) -> Datum:
         sight = None

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.errors import InputError, option, shown, unknown
+from mi_lcair.errors import InputError, errors_of, option, shown, unknown
 from mi_lcair.files import parse_toml, read_text
 from mi_lcair.models3d.label import Label, parse, unlabelled
 from mi_lcair.models3d.modellers.obj import Obj
@@ -100,10 +100,8 @@ class NameTable:
             [kind, values.get("material", ""), values.get("kelvin", "")]
             + [f"{key}={values[key]}" for key in COLUMNS[4:] if key in values]
         )
-        try:
+        with errors_of(place):
             return parse(text, folder=self.path.parent, **options)
-        except InputError as error:
-            raise InputError(f"{place}: {error}") from None
 
 
 def emissivity(text: str, place: str) -> str:
@@ -147,12 +145,10 @@ def labels_of(obj: Obj, table: NameTable | None, **options) -> tuple[list[Label]
             labels.append(table.label(*entry, **options))
         elif name >= 0 or "*" in obj.parts[part][0]:
             line, kind, text = obj.names[name] if name >= 0 else (0, "material", obj.parts[part][0])
-            try:
+            where = f"{obj.path}, line {line}" if line else obj.path
+            with errors_of(f"{where}: {kind} '{text}'"):
                 bare = without_number(text, texts)
                 labels.append(parse(bare, folder=obj.path.parent, **options))
-            except InputError as error:
-                where = f"{obj.path}, line {line}" if line else obj.path
-                raise InputError(f"{where}: {kind} '{text}': {error}") from None
         elif options["material"] and (options["temperature"] or options["has_temperatures"]):
             labels.append(unlabelled(options["material"], options["temperature"]))
         else:

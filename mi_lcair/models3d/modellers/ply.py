@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, errors_of
 from mi_lcair.files import read_bytes
 
 ALIASES = {
@@ -81,11 +81,9 @@ def read_ply(path: str | Path) -> Faces:
     coordinates that are not finite, a mesh without faces, and a face whose corner is no vertex.
     """
     content = read_bytes(path)
-    try:
+    with errors_of(path):
         faces = _parsed(content)
         _check(faces)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
     return faces
 
 

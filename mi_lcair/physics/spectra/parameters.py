@@ -16,7 +16,7 @@ from drjit.llvm.ad import Float64
 from scipy.optimize import least_squares
 
 from mi_lcair.declared import Bounds
-from mi_lcair.errors import InputError, unknown
+from mi_lcair.errors import InputError, errors_of, unknown
 from mi_lcair.physics import reflection
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import spectral_radiance
@@ -295,11 +295,9 @@ def spectral_parameters(
         raise InputError(f"{where}: lacks {', '.join(missing)}")
     files = {key: beside(folder, entry[key]) for key in (kind, "wavelengths") if key in entry}
     common = {key: float(entry[key]) for key in numbers}
-    try:
+    with errors_of(where):
         parameters = OF_KIND[kind](entry, files, common, lambda path: fit(beside(folder, path)))
         check_rows(parameters)
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from None
     return parameters
 
 
@@ -399,10 +397,8 @@ def check_rows(parameters: SpectralParameters) -> None:
     if parameters.model.name == "microfacet":
         given |= {"n": np.ones(1), "k": np.ones(1)}
     for wavelength, *values in zip(parameters.wavelengths_um, *given.values()):
-        try:
+        with errors_of(f"at {wavelength:g} um"):
             parameters.model.check_feasible(*map(float, values), form=parameters.form)
-        except InputError as error:
-            raise InputError(f"at {wavelength:g} um: {error}") from None
 
 
 OF_KIND = {"nk": of_nk, "spectrum": of_columns, "dhr": of_dhr, "emissivity": of_emissivity}

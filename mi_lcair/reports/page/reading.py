@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.errors import InputError, option
+from mi_lcair.errors import InputError, errors_of, option
 from mi_lcair.files import parse_json, read_bytes, read_text
 from mi_lcair.formats import kinds, netcdf, tables
 from mi_lcair.physics.bands import Band
@@ -201,10 +201,8 @@ def facets_on_model(what: str, columns: dict, model: SceneModel | None, band=Non
         section = facets_section(columns, band=band)
         remark = f"{what}: give {option('scene', 'SCENE')} to show the facets on its model"
         return Section(section.title, [*section.parts, Remarks([remark])])
-    try:
+    with errors_of(f"'{what}'"):
         rows_by_facet(columns["facet"], model.triangle_facet)
-    except InputError as error:
-        raise InputError(f"'{what}': {error}") from None
     return facets_section(
         columns, (model.triangles, model.triangle_facet), model.toward, model.band
     )
