@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mi_lcair.declared import check_fields, within
-from mi_lcair.errors import unknown
+from mi_lcair.errors import check_known
 from mi_lcair.fitting.loss import SCALES
 
 
@@ -27,8 +27,7 @@ class FitSettings:
     source_half_angle_deg: float = field(metadata=within(lower=0, upper=np.nextafter(90.0, 0)))
 
     def __post_init__(self):
-        if self.loss not in SCALES:
-            raise unknown("loss", self.loss, list(SCALES))
+        check_known("loss", SCALES, self.loss)
         check_fields(self)
 
     @property

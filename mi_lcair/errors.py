@@ -90,6 +90,13 @@ def unknown(kind: str, name: str, names) -> InputError:
     return InputError(f"unknown {kind} '{name}'; known: {known}")
 
 
+def check_known(kind: str, known, *names) -> None:
+    """Raise the error of `unknown` for the first name that is not one of the known ones."""
+    for name in names:
+        if name not in known:
+            raise unknown(kind, name, known)
+
+
 def option(name: str, value: object = None) -> str:
     """An option as the caller writes it: --max-spp in the shell, max_spp in Python.
 

@@ -11,7 +11,7 @@ from typing import Literal, Union, get_args, get_origin
 
 import numpy as np
 
-from mi_lcair.errors import InputError, errors_of, shortened, unknown
+from mi_lcair.errors import InputError, check_known, errors_of, shortened
 from mi_lcair.files import parse_toml, read_text
 
 EXPECTED = {
@@ -49,9 +49,7 @@ def filled(kind, values, where: str):
     if not isinstance(values, dict):
         raise InputError(f"{where} must be a table")
     known = {entry.name: entry for entry in fields(kind)}
-    for key in values:
-        if key not in known:
-            raise unknown(f"key of {where}", key, known)
+    check_known(f"key of {where}", known, *values)
     for key, entry in known.items():
         if key not in values and entry.default is MISSING and entry.default_factory is MISSING:
             needed = [

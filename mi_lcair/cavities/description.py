@@ -13,7 +13,7 @@ from mi_lcair.cavities.shape import Shape
 from mi_lcair.cavities.view import Beam, Cone, Hemisphere, View
 from mi_lcair.cavities.walls import OwnMesh
 from mi_lcair.declared import Bounds, check_fields, within
-from mi_lcair.errors import InputError, unknown
+from mi_lcair.errors import InputError, check_known
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.materials import Material, bands_of, material
 from mi_lcair.table import read_table
@@ -160,9 +160,7 @@ class Description:
     @staticmethod
     def of(tables: Mapping, folder: Path, name: str) -> "Description":
         """The description of the tables of a file in a folder."""
-        for key in tables:
-            if key not in TABLES:
-                raise unknown("table of a cavity", key, TABLES)
+        check_known("table of a cavity", TABLES, *tables)
         for key in ("shape", "wall"):
             if key not in tables:
                 raise InputError(f"table [{key}] is missing")
@@ -172,8 +170,7 @@ class Description:
         else:
             shape = filled(Shape, shape, "[shape]")
         if isinstance(view, Mapping) and "from" in view:
-            if view["from"] not in DIRECTIONS:
-                raise unknown("direction of [view] from", str(view["from"]), DIRECTIONS)
+            check_known("direction of [view] from", DIRECTIONS, view["from"])
             view = {("direction" if key == "from" else key): value for key, value in view.items()}
         described = Description(
             name=name,

@@ -9,7 +9,7 @@ from math import pi, radians, sqrt, tan
 import numpy as np
 
 from mi_lcair.declared import check_fields, within
-from mi_lcair.errors import InputError, unknown
+from mi_lcair.errors import InputError, check_known
 
 KINDS = ("cylinder", "cone", "cylinder_cone", "sphere")
 # What each kind needs beside radius_m; a cone takes its length or its angle
@@ -46,8 +46,7 @@ class Shape:
     )
 
     def __post_init__(self):
-        if self.kind not in KINDS:
-            raise unknown("kind of cavity", self.kind, KINDS)
+        check_known("kind of cavity", KINDS, self.kind)
         check_fields(self, "shape: ")
         given = {name for name in ("length_m", "angle_deg") if getattr(self, name) is not None}
         if self.kind == "cone":

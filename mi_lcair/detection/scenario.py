@@ -15,7 +15,7 @@ import numpy as np
 from mi_lcair import scenes
 from mi_lcair.declared import check_fields, within
 from mi_lcair.detection.flight_path import FlightTable, Moments
-from mi_lcair.errors import InputError, errors_of, unknown
+from mi_lcair.errors import InputError, check_known, errors_of
 from mi_lcair.files import parse_toml, read_text
 from mi_lcair.fraction import fraction
 from mi_lcair.motions.table import MOTIONS, Declared, motions_of
@@ -534,9 +534,7 @@ class Scenario:
             }
             if isinstance(tree.get("surroundings"), dict):
                 tree["surroundings"] = dict(map(worded, *zip(*tree["surroundings"].items())))
-            for table in tree:
-                if table not in known and table != MOTIONS:
-                    raise unknown("table", table, [*known, MOTIONS])
+            check_known("table", [*known, MOTIONS], *tree)
             motions = motions_of(tree.get(MOTIONS, {}), path.parent)
             check_moves(tree)
             lacking = OPTIONAL | ({"observer"} if "flight" in tree else set())

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from mi_lcair import scenes
-from mi_lcair.errors import InputError, errors_of, unknown
+from mi_lcair.errors import InputError, check_known, errors_of
 from mi_lcair.files import parse_toml, read_text
 from mi_lcair.inversion.data.measurement import Candidate, Measurement
 from mi_lcair.inversion.tables import Goal, RenderSettings, UnknownEntry
@@ -65,9 +65,7 @@ class InverseProblem:
         folder: folder to which paths are relative. Raises InputError if an entry cannot be used.
         """
         with errors_of(f"problem '{name}'"):
-            for table in tree:
-                if table not in TABLES:
-                    raise unknown("table", table, TABLES)
+            check_known("table", TABLES, *tree)
             data = rows(tree, "data", Measurement, Path(folder))
             candidates = rows(tree, "candidates", Candidate, Path(folder))
             goal = tree.get("goal")

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from mi_lcair.errors import unknown
+from mi_lcair.errors import check_known
 from mi_lcair.fitting.judgement.uncertainty import correlation
 from mi_lcair.inversion.advice import Advice
 from mi_lcair.inversion.answers import Answer, Direction
@@ -135,8 +135,7 @@ class Solution(Result):
     def __getitem__(self, label: str) -> Answer:
         """The answer for the unknown with this label."""
         by_label = {answer.label: answer for answer in self.answers}
-        if label not in by_label:
-            raise unknown("unknown of the solution", label, by_label)
+        check_known("unknown of the solution", by_label, label)
         return by_label[label]
 
     @property

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from mi_lcair.declared import check_fields, within
-from mi_lcair.errors import InputError, unknown
+from mi_lcair.errors import InputError, check_known
 
 NUMBERS = ("intensity", "contrast")  # what a goal may be about, W/sr
 PER = ("band", "state", "data")  # what an unknown may have a value of its own for
@@ -43,9 +43,7 @@ class UnknownEntry:
     def __post_init__(self):
         check_fields(self)
         check_prior(self.prior, "prior")
-        for word in self.per or ():
-            if word not in PER:
-                raise unknown("word of per", word, PER)
+        check_known("word of per", PER, *(self.per or ()))
         if None not in (self.lower, self.upper) and not self.lower < self.upper:
             raise InputError(f"lower = {self.lower:g} is not below upper = {self.upper:g}")
 
@@ -87,8 +85,7 @@ class Goal:
 
     def __post_init__(self):
         check_fields(self)
-        if self.quantity not in NUMBERS:
-            raise unknown("quantity", self.quantity, NUMBERS)
+        check_known("quantity", NUMBERS, self.quantity)
         if (self.background_K is not None) != (self.quantity == "contrast"):
             raise InputError("background_K goes with quantity = 'contrast', and is needed there")
         if self.at_most and not self.value > 0:

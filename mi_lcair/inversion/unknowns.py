@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mi_lcair.errors import InputError, unknown
+from mi_lcair.errors import InputError, check_known, unknown
 from mi_lcair.inversion.problem import parts
 from mi_lcair.inversion.tables import UnknownEntry
 from mi_lcair.motions.observer import ANGLES, OBSERVER
@@ -240,9 +240,7 @@ def check_name(name: str, of, data: list[Where]) -> None:
         known |= {f"{group}{FACETS}" for where in data for group in where.facets}
         raise unknown("parameter of the data's scenes", name, known)
     labels = {label for where in data for label in where.labels.values() if label}
-    for label in of:
-        if label not in labels:
-            raise unknown("band, state or data", label, labels)
+    check_known("band, state or data", labels, *of)
 
 
 def instances(

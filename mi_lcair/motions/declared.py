@@ -10,7 +10,7 @@ from pathlib import Path
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.errors import InputError, unknown
+from mi_lcair.errors import InputError, check_known
 from mi_lcair.files import check_file
 from mi_lcair.models3d.welding import weld
 from mi_lcair.motions.motion import Motion, groups_of_meshes
@@ -28,9 +28,7 @@ def declared_motions(scene, declared: dict[str, Declared], points: dict) -> list
     """
     groups, motions = groups_of_meshes(scene), []
     for name, motion in declared.items():
-        for group in motion.groups:
-            if group not in groups:
-                raise unknown(f"group of meshes of {scene.name}", group, groups)
+        check_known(f"group of meshes of {scene.name}", groups, *motion.groups)
         shapes = [shape for group in motion.groups for shape in groups[group]]
         if motion.displaced:
             displacement = displaced(name, motion.displaced, shapes, points)

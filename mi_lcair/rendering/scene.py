@@ -11,7 +11,7 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair import scenes
-from mi_lcair.errors import InputError, mitsuba_error, unknown
+from mi_lcair.errors import InputError, check_known, mitsuba_error, unknown
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.spectra.bins import Binning
 from mi_lcair.plugins import PLUGINS
@@ -227,9 +227,7 @@ def load_file(
     texts = {name: str(value) for name, value in parameters.items()}
     in_file = {name: text for name, text in texts.items() if not name.startswith(LOBE_OF)}
     known = survey(path, in_file)
-    for name in in_file:
-        if name not in known:
-            raise unknown(f"parameter of {path.name}", name, known)
+    check_known(f"parameter of {path.name}", known, *in_file)
     with searching(path.parent):
         try:
             loaded = parsed_and_checked(path, in_file, around)

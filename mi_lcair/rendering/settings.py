@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from mi_lcair.errors import unknown
+from mi_lcair.errors import check_known
 from mi_lcair.plugins.integrators.bounce_path import BouncePath
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.startup.threads import exclusive
@@ -22,9 +22,7 @@ def changed(
     or lobe, and for values that contradict each other.
     """
     integrator = scene.mi.integrator()
-    for name in settings:
-        if name not in INTEGRATOR:
-            raise unknown("setting", name, INTEGRATOR)
+    check_known("setting", INTEGRATOR, *settings)
     values = {name: getattr(integrator, name) for name in settings}
     with exclusive:
         # Recorded by surface, because two surfaces with the same material may have different lobes

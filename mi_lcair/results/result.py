@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, get_args
 import numpy as np
 
 from mi_lcair.drawing import PICTURES, notebook_png, write_figure
-from mi_lcair.errors import InputError, printable, unknown
+from mi_lcair.errors import InputError, check_known, printable
 from mi_lcair.extras import optional
 from mi_lcair.files import check_writable, replacing
 from mi_lcair.results import html
@@ -254,9 +254,7 @@ def check_options(what: str, function, options: dict) -> None:
             known += options_type.__annotations__
         elif parameter.default is not parameter.empty:
             known.append(parameter.name)
-    for name in options:
-        if name not in known:
-            raise unknown(f"option of {what}", name, known)
+    check_known(f"option of {what}", known, *options)
 
 
 def named(text: str):

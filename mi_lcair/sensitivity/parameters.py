@@ -33,7 +33,7 @@ from types import MappingProxyType
 
 import mitsuba as mi
 
-from mi_lcair.errors import InputError, unknown
+from mi_lcair.errors import InputError, check_known
 from mi_lcair.motions.pose import declare, set_motions
 from mi_lcair.motions.table import MOTIONS, Declared, read_motions
 from mi_lcair.plugins.derivatives import own_memory
@@ -241,7 +241,5 @@ def chosen(scene, names) -> list[Entry]:
     if isinstance(names, str):
         raise InputError(f"names = '{names}' is one text; give a sequence of names: ['{names}']")
     known = known_entries(scene)
-    for name in names:
-        if name not in known:
-            raise unknown(f"parameter of {scene.name}", name, known)
+    check_known(f"parameter of {scene.name}", known, *names)
     return [known[name] for name in names]

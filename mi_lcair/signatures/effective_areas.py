@@ -13,7 +13,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from mi_lcair.errors import InputError, unknown
+from mi_lcair.errors import InputError, check_known, unknown
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
@@ -221,8 +221,7 @@ class EffectiveAreas(SourcesInBand):
             If the part, a group or the band is unusable, or if the scene has too many temperatures.
         """
         self.check_told_apart()
-        if part not in PARTS:
-            raise unknown("part", part, PARTS)
+        check_known("part", PARTS, part)
         wanted = self.band if band is None else self.within(band_of(band))
         p = PARTS.index(part)
         radiance = np.array(

@@ -10,7 +10,7 @@ import numpy as np
 
 from mi_lcair import toml_table
 from mi_lcair.declared import check_fields, within
-from mi_lcair.errors import InputError, shortened, unknown
+from mi_lcair.errors import InputError, check_known, shortened
 from mi_lcair.fraction import fraction
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.table import read_table
@@ -154,9 +154,7 @@ class Conditions:
 
 def conditions_of(tree: Mapping, folder: Path, name: str) -> Conditions:
     """The conditions of the tables of a file in a folder."""
-    for table in tree:
-        if table not in TABLES:
-            raise unknown("table", table, TABLES)
+    check_known("table", TABLES, *tree)
     base = filled(Base, tree.get("base", {}), "[base]")
     located = {
         key: str(folder / text)

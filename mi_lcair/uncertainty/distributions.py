@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from mi_lcair.declared import Bounds
-from mi_lcair.errors import InputError, shown, unknown
+from mi_lcair.errors import InputError, check_known, shown
 
 KINDS = ("uniform", "triangular", "lognormal", "normal")
 ENDS = ("lower", "upper")  # further entries of a normal distribution
@@ -127,9 +127,7 @@ def check_distribution(name: str, stated: Mapping) -> None:
         raise InputError(f"'{name}' = {dict(stated)}: must have one of {', '.join(KINDS)}")
     (kind,) = kinds
     allowed = (kind, *ENDS) if kind == "normal" else (kind,)
-    for entry in stated:
-        if entry not in allowed:
-            raise unknown(f"entry of '{name}'", entry, allowed)
+    check_known(f"entry of '{name}'", allowed, *stated)
     numbers = [stated[end] for end in ENDS if end in stated]
     ends = numbers if kind == "normal" else stated[kind]
     if isinstance(ends, list):

@@ -33,7 +33,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.errors import InputError, errors_of, unknown
+from mi_lcair.errors import InputError, check_known, errors_of
 from mi_lcair.files import parse_toml, read_text
 from mi_lcair.motions.table import MOTIONS, Declared, motions_of
 from mi_lcair.uncertainty.distributions import KINDS, check_sigma
@@ -113,9 +113,7 @@ class Uncertainties:
 
 
 def parsed(tree: Mapping, name: str, folder: Path) -> Uncertainties:
-    for table in tree:
-        if table not in TABLES:
-            raise unknown("table", table, TABLES)
+    check_known("table", TABLES, *tree)
     tables = {}
     for table in ("sigma", "scenario", "fits", "facets"):
         tables[table] = tree.get(table, {})
@@ -209,8 +207,7 @@ def read_fit(folder: Path, file, material: str) -> list[FittedMaterial]:
         report = json.loads(read_text(folder / file, f"fit '{file}'"))
         by_band = report.get("materials", {"": report})
         if "kind" in report and "unknowns" in report:
-            if material not in by_band:
-                raise unknown(f"material of '{file}'", material, by_band)
+            check_known(f"material of '{file}'", by_band, material)
             by_band = by_band[material]
         reports = list(by_band.values())
         return [fitted_material(file, part) for part in reports]

@@ -7,7 +7,7 @@ import click
 import mi_lcair
 from mi_lcair.cli import options
 from mi_lcair.cli.output import print_written
-from mi_lcair.errors import InputError, unknown
+from mi_lcair.errors import InputError, check_known
 from mi_lcair.files import check_suffix, check_writable
 from mi_lcair.formats import VTK
 
@@ -92,8 +92,7 @@ def _image(source, output, suffix, channel):
 
     channels, header = read_exr(source)
     if suffix != ".nc":
-        if channel not in channels:
-            raise unknown("channel", channel, channels)
+        check_known("channel", channels, channel)
         is_radiance = "units" in header or "band" in header
         unit = quantity_of(channel)[1] if is_radiance else "units of the image"
         values = or_nan(channel, channels[channel])

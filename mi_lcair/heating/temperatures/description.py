@@ -11,7 +11,7 @@ import numpy as np
 
 from mi_lcair import toml_table
 from mi_lcair.declared import Bounds, check_fields, within
-from mi_lcair.errors import InputError, unknown
+from mi_lcair.errors import InputError, check_known
 from mi_lcair.fraction import fraction
 from mi_lcair.heating.temperatures.wall import Wall
 from mi_lcair.toml_table import filled
@@ -240,8 +240,7 @@ class Description:
 def described(tree: Mapping, folder: Path, name: str) -> Description:
     """The description of the tables of a file in a folder."""
     for table in tree:
-        if table not in TABLES:
-            raise unknown("table", table, TABLES)
+        check_known("table", TABLES, table)
         if not isinstance(tree[table], Mapping):
             raise InputError(f"[{table}] must be a table")
     if "sky" in tree.get("weather", {}):

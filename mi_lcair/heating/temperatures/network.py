@@ -12,7 +12,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from mi_lcair.errors import InputError, unknown
+from mi_lcair.errors import InputError, check_known
 from mi_lcair.heating.conductors import Conductors, Facets, Traced
 from mi_lcair.heating.sunlight import SolarAreas
 from mi_lcair.heating.temperatures.balance import Balance
@@ -78,9 +78,7 @@ class Network:
     @cached_property
     def tables(self) -> dict[str, GroupTable]:
         """The table of each group, in the order of the facets' groups, with its convection."""
-        for group in self.groups:
-            if group not in self.facets.groups:
-                raise unknown("group", group, self.facets.groups)
+        check_known("group", self.facets.groups, *self.groups)
         tables = {group: self.groups.get(group, GroupTable()) for group in self.facets.groups}
         usual = self.weather.h_W_m2_K
         return {
@@ -179,10 +177,9 @@ class Network:
     def column(self, name: str, sigma: Sigma) -> Column:
         """The derivatives with respect to an input; raises InputError for an unknown one."""
         group, dot, bare = name.rpartition(".")
-        if bare not in (*OF_WEATHER, *OF_GROUP):
-            raise unknown("input", bare, (*OF_WEATHER, *OF_GROUP))
-        if dot and group not in self.facets.groups:
-            raise unknown("group", group, self.facets.groups)
+        check_known("input", (*OF_WEATHER, *OF_GROUP), bare)
+        if dot:
+            check_known("group", self.facets.groups, group)
         if dot and bare in OF_WEATHER:
             raise InputError(f"[sigma]: {name}: {bare} is of the weather, not of a group")
         if bare == "emissivity":

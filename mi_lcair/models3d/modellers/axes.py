@@ -7,7 +7,7 @@ coordinates, z then points up, and the nose points along the axis `nose`.
 
 import numpy as np
 
-from mi_lcair.errors import InputError, option, unknown
+from mi_lcair.errors import InputError, check_known, option
 
 AXES = ("X", "Y", "Z", "-X", "-Y", "-Z")
 AS_BLENDER = ("Y", "Z")  # forward and up of a file whose coordinates are those of Blender
@@ -26,8 +26,7 @@ def rotation(forward: str = "Y", up: str = "Z", nose: str = "X") -> np.ndarray:
     other names, and for axes that exclude each other.
     """
     for name, axis in (("forward", forward), ("up", up), ("nose", nose)):
-        if axis not in AXES:
-            raise unknown(f"axis in {option(name)}", axis, AXES)
+        check_known(f"axis in {option(name)}", AXES, axis)
     if forward[-1] == up[-1]:
         raise InputError(
             f"{_given(forward, up)} lie on one line; Blender's OBJ exporter has "

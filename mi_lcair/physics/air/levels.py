@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mi_lcair.declared import check_fields, within
-from mi_lcair.errors import unknown
+from mi_lcair.errors import check_known
 from mi_lcair.physics.air.bands import TABLES, bands
 from mi_lcair.table import read_table, rows_at
 
@@ -234,8 +234,7 @@ def model_names() -> list[str]:
 @lru_cache(maxsize=16)
 def levels(name: str, weather: Weather = Weather()) -> Levels:
     """The air of a model atmosphere, in some weather; raises InputError for an unknown name."""
-    if name not in model_names():
-        raise unknown("air", name, model_names())
+    check_known("air", model_names(), name)
     file = read_table(TABLES / f"band_levels_{name}.csv", STATE, "air")
     table = file.numbers(file.columns)
     heights, pressure, temperature, humidity, vapour, refractivity = (table[key] for key in STATE)

@@ -8,7 +8,7 @@ plugins/bsdfs/NAME.py.
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from mi_lcair.errors import unknown
+from mi_lcair.errors import check_known, unknown
 
 if TYPE_CHECKING:
     from mi_lcair.physics.reflection.interface import ReflectionModel
@@ -39,6 +39,5 @@ def __getattr__(name: str) -> Any:
 
 def model(name: str) -> "ReflectionModel":
     """The reflection model of that name; InputError for a name that is not registered."""
-    if name not in NAMES:
-        raise unknown("reflection model", name, NAMES)
+    check_known("reflection model", NAMES, name)
     return importlib.import_module(f"{__name__}.{name}").MODEL

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.errors import InputError, unknown
+from mi_lcair.errors import InputError, check_known
 from mi_lcair.files import read_bytes, read_text
 from mi_lcair.physics.bands import Band
 from mi_lcair.rendering.images.exr import read_exr
@@ -65,8 +65,7 @@ def from_exr(path: str, channel: str | None, quantity: str | None, band: Band) -
     channels, header = read_exr(path)
     usual = next((name for name in ("Y", "temperature.Y") if name in channels), "Y")
     channel = channel or (usual if len(channels) > 1 else next(iter(channels)))
-    if channel not in channels:
-        raise unknown(f"channel of {path}", channel, channels)
+    check_known(f"channel of {path}", channels, channel)
     stated = header.get("band")
     if quantity != "mask" and isinstance(stated, str) and stated not in (band.name, band.label):
         raise InputError(f"{path}: is of band {stated}, and not of band {band.name}")

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from mi_lcair.errors import unknown
+from mi_lcair.errors import check_known
 from mi_lcair.formats import envi, tiff
 from mi_lcair.formats.channels import column_of, or_nan, spectral_channel
 from mi_lcair.physics.bands import Band
@@ -203,8 +203,7 @@ def write_tiff(path, render: Render, channel: str = "Y") -> None:
     It is the radiance [W m^-2 sr^-1], or another channel such as "temperature.Y" [K], with
     NaN where a pixel has no value. Raises InputError if the render has no such channel.
     """
-    if channel not in render.channels:
-        raise unknown(f"channel of the render of {render.scene_name}", channel, render.channels)
+    check_known(f"channel of the render of {render.scene_name}", render.channels, channel)
     values = or_nan(channel, render.channels[channel])
     tiff.write(path, values, f"{column_of(channel)} of {render.scene_name}")
 

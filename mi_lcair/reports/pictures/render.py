@@ -4,7 +4,7 @@ from typing import Unpack
 
 import numpy as np
 
-from mi_lcair.errors import unknown
+from mi_lcair.errors import check_known
 from mi_lcair.rendering.images.render_result import Render
 from mi_lcair.reports.pictures import image_channels
 from mi_lcair.reports.pictures.image_channels import Scale
@@ -32,7 +32,5 @@ def figure(
 def named_channels(known: dict, channels, scene_name: str) -> dict:
     """The named channels of `known`; raises InputError for a name that it does not have."""
     names = [channels] if isinstance(channels, str) else list(channels)
-    for name in names:
-        if name not in known:
-            raise unknown(f"channel of the image of {scene_name}", name, known)
+    check_known(f"channel of the image of {scene_name}", known, *names)
     return {name: known[name] for name in names}

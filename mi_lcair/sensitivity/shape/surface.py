@@ -6,7 +6,7 @@ from functools import cached_property
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.errors import InputError, unknown
+from mi_lcair.errors import InputError, check_known
 from mi_lcair.models3d.welding import weld
 from mi_lcair.motions.motion import groups_of_meshes
 from mi_lcair.plugins.emission.triangles import triangle_vertices, vertex_positions
@@ -50,8 +50,7 @@ class Surface:
         Raises InputError for an unknown group, or if a part of the model is no mesh.
         """
         meshes, groups = meshes_of_model(scene), groups_of_meshes(scene)
-        if group not in groups:
-            raise unknown(f"group of meshes of {scene.name}", group, groups)
+        check_known(f"group of meshes of {scene.name}", groups, group)
         if meshes is None:
             raise InputError(f"{scene.name}: a part of the model is no mesh, and has no vertices")
         vertices = [vertex_positions(mesh).astype(float) for mesh in meshes]
