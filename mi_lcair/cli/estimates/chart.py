@@ -2,8 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import asdict, fields
-from functools import partial
-from pathlib import Path
+from functools import partial, wraps
 
 import click
 
@@ -22,10 +21,12 @@ def command():
     """Measure the speed of the renderer, and compare methods."""
 
 
-def chart_options(files: str):
-    """Decorator that gives a command the options -o FOLDER, --quick and --json.
+def chart(name: str, files: str, unit: str, *more: Callable):
+    """Decorator that makes a command of the function that says what it measures.
 
-    The command receives `output` and `quick`. `files` names its files in the help.
+    function(quick) returns measure(progress), write(folder, result), and printed(result): the JSON,
+    the table and notes. files: what is written, in words. unit: of the progress. more: decorators
+    of further options. An unusable folder is refused before the work.
     """
     what = f"{files} to FOLDER, which is made if it is absent"
     written = options.output(what, metavar="FOLDER", default=".")
@@ -35,30 +36,28 @@ def chart_options(files: str):
         help="Measure fewer efforts and repetitions, in seconds instead of minutes.",
     )
 
-    def decorator(command):
-        return written(quick(options.json(command)))
+    def decorator(function):
+        @wraps(function)
+        def run(output, quick):
+            measure, write, printed = function(quick)
+            with filling(output) as folder:
+                with options.progress_bar(unit) as progress:
+                    result = measure(progress)
+                write(folder, result)
+            print_table(*printed(result), f"wrote {files} to {output}")
+
+        register = command.command(
+            name, epilog=options.examples(f"mi-lcair chart {name} --quick -o charts")
+        )
+        for option in (*more, options.json, quick, written, register):
+            run = option(run)
+        return run
 
     return decorator
 
 
-def charted(output: Path, unit: str, measure: Callable, write: Callable):
-    """What `measure(progress)` returns, after `write(folder, result)` has written its files.
-
-    unit: of the progress. An unusable folder is refused before the work.
-    """
-    with filling(output) as folder:
-        with options.progress_bar(unit) as progress:
-            result = measure(progress)
-        write(folder, result)
-    return result
-
-
-@command.command(
-    "reflectance", epilog=options.examples("mi-lcair chart reflectance --quick -o charts")
-)
-@chart_options("reflectance.png and reflectance.csv")
-@options.workers
-def reflectance(output, quick):
+@chart("reflectance", "reflectance.png and reflectance.csv", "points", options.workers)
+def reflectance(quick):
     """Compare eight methods that integrate a BRDF over the hemisphere.
 
     Printed and written are relative rms errors against samples and time in s.
@@ -66,20 +65,14 @@ def reflectance(output, quick):
     from mi_lcair.benchmark.reflectance_chart import measure
     from mi_lcair.reports.method_chart import write_reflectance
 
-    points = charted(output, "points", partial(measure, quick), write_reflectance)
-    print_table(
-        {"points": list(map(_entries, points))},
-        cheapest(points, "case", "samples"),
-        f"wrote reflectance.png and reflectance.csv to {output}",
-    )
+    def printed(points):
+        return {"points": list(map(_entries, points))}, cheapest(points, "case", "samples")
+
+    return partial(measure, quick), write_reflectance, printed
 
 
-@command.command(
-    "propagation", epilog=options.examples("mi-lcair chart propagation --quick -o charts")
-)
-@chart_options(OF_PROPAGATION)
-@options.workers
-def propagation(output, quick):
+@chart("propagation", OF_PROPAGATION, "curves", options.workers)
+def propagation(quick):
     """Compare methods that follow radiation from facet to facet.
 
     The methods are those of the thesis, path tracing and Mitsuba's own integrator, on six scenes.
@@ -88,24 +81,24 @@ def propagation(output, quick):
     from mi_lcair.benchmark.propagation_chart import measure
     from mi_lcair.reports.closure_chart import write
 
-    result = charted(output, "curves", partial(measure, quick), write)
-    print_table(
-        {
+    def printed(result):
+        entries = {
             "limit_processor_seconds": result.effort.seconds,
             "points": list(map(_entries, result.points)),
             "closures": [asdict(closure) for closure in result.closures],
-        },
-        cheapest(result.points, "scene", "rays", result.limit),
-        "No larger effort of a method is tried once a run takes more than "
-        f"{result.effort.seconds:g} s of processor time on each thread, however busy the machine.",
-        f"wrote {OF_PROPAGATION} to {output}",
-    )
+        }
+        note = (
+            "No larger effort of a method is tried once a run takes more than "
+            f"{result.effort.seconds:g} s of processor time on each thread, however busy the "
+            "machine."
+        )
+        return entries, cheapest(result.points, "scene", "rays", result.limit), note
+
+    return partial(measure, quick), write, printed
 
 
-@command.command("cavity", epilog=options.examples("mi-lcair chart cavity --quick -o charts"))
-@chart_options("cavity.png, cavity.csv and gouffe.png")
-@options.workers
-def cavity(output, quick):
+@chart("cavity", "cavity.png, cavity.csv and gouffe.png", "cavities", options.workers)
+def cavity(quick):
     """Render the thesis's eight cavities after 0 to 4 reflections.
 
     Printed and written are the areas of its Table B.1, Gouffé's emissivity, the exact one, and the
@@ -115,18 +108,15 @@ def cavity(output, quick):
     from mi_lcair.cavities.openings import openings
     from mi_lcair.reports.openings_chart import columns, write
 
-    paths = 2**14 if quick else 2**20
-    rows = charted(output, "cavities", lambda p: openings(paths, progress=p), write)
-    print_table(
-        {"openings": (table := columns(rows))},
-        cells(table, zip(*table.values())),
-        f"wrote cavity.png, cavity.csv and gouffe.png to {output}",
-    )
+    def printed(rows):
+        table = columns(rows)
+        return {"openings": table}, cells(table, zip(*table.values()))
+
+    return lambda progress: openings(2**14 if quick else 2**20, progress=progress), write, printed
 
 
-@command.command("facet", epilog=options.examples("mi-lcair chart facet --quick -o charts"))
-@chart_options("facet.png and facet.csv")
-def facet(output, quick):
+@chart("facet", "facet.png and facet.csv", "grids")
+def facet(quick):
     """Compute the radiance of one facet with ever more samples of its hemisphere.
 
     It is a facet at the wing root of cylinder_ir_range (thesis Fig 3.21). Printed and written are
@@ -135,15 +125,13 @@ def facet(output, quick):
     from mi_lcair.benchmark.facet_radiance import facet_radiance
     from mi_lcair.reports.facet_chart import write
 
+    def printed(result):
+        rows = zip(result.samples, result.even, result.stratified)
+        note = f"finest grid: {result.reference:.5g}"
+        return asdict(result), cells(["samples", "even", "stratified"], rows), note
+
     samples = list(range(20, 401, 60 if quick else 10))
-    result = charted(output, "grids", partial(facet_radiance, samples), write)
-    rows = zip(result.samples, result.even, result.stratified)
-    print_table(
-        asdict(result),
-        cells(["samples", "even", "stratified"], rows),
-        f"finest grid: {result.reference:.5g}",
-        f"wrote facet.png and facet.csv to {output}",
-    )
+    return partial(facet_radiance, samples), write, printed
 
 
 @command.command("throughput")
