@@ -370,8 +370,8 @@ def motions(command):
 def scenario(example: str, spp: str, tolerance: str):
     """Decorator that gives a command the argument SCENARIO and the options of a measurement.
 
-    The command receives `scenario` and all changes of its entries, `changes`, as `read_scenario`
-    takes them. `example` is an entry that -D changes; `spp` and `tolerance` are help texts.
+    The command receives the Scenario with all changes of its entries as `scenario`. `example` is an
+    entry that -D changes; `spp` and `tolerance` are help texts.
     """
 
     def decorator(command):
@@ -382,11 +382,11 @@ def scenario(example: str, spp: str, tolerance: str):
         @sampling(spp, tolerance, MAX_SPP)
         @solution
         @wraps(command)
-        def with_scenario(changes, solution, **arguments):
-            sampling = {name: arguments.pop(name) for name in ("spp", *CHOICE)}
+        def with_scenario(scenario, changes, solution, **arguments):
+            sampling = {name: arguments.pop(name, None) for name in ("spp", *CHOOSING)}
             changes = dict(changes) | given(sampling, "render.")
             changes |= given({"target.solution": solution or None})
-            return command(changes=changes, **arguments)
+            return command(scenario=read_scenario(scenario, changes), **arguments)
 
         return with_scenario
 

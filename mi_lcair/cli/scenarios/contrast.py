@@ -33,7 +33,7 @@ from mi_lcair.errors import InputError
     help="Find the ranges at which the target is detected; needs sensor.nei.",
 )
 @options.plot("the spectra")
-def command(scenario, changes, tolerance_W_m2, ranges, plot):
+def command(scenario, ranges, plot):
     """Measure a target against its background.
 
     SCENARIO is a TOML file or the name of a bundled scenario. It states the target, the observer,
@@ -41,16 +41,13 @@ def command(scenario, changes, tolerance_W_m2, ranges, plot):
     contrast, and the largest noise at which the target is detected, all in W/m^2, and ranges in m.
     The options of the sampling override [render] of the scenario.
     """
-    stated = options.read_scenario(
-        scenario, changes | options.given({"render.tolerance_W_m2": tolerance_W_m2})
-    )
-    if ranges and stated.sensor.nei is None:
+    if ranges and scenario.sensor.nei is None:
         raise InputError(
-            f"scenario '{scenario}': --range needs nei of [sensor], the noise-equivalent "
+            f"scenario '{scenario.name}': --range needs nei of [sensor], the noise-equivalent "
             "irradiance in W m^-2"
         )
     with options.progress_bar() as progress:
-        result = mi_lcair.contrast(stated, progress=progress)
+        result = mi_lcair.contrast(scenario, progress=progress)
     more = {}
     if ranges:
         more["rows"] = [

@@ -28,7 +28,7 @@ from mi_lcair.files import together
 @options.seed("Seed of the camera's noise and fixed pattern.")
 @options.workers
 @options.plot("contrast, signal-to-noise ratio and range")
-def command(scenario, changes, output, areas, frames, video, seed, plot):
+def command(scenario, output, areas, frames, video, seed, plot):
     """Contrast of a scenario's target along a path.
 
     SCENARIO is a TOML file as for `contrast`, with a table [flight] in place of [observer] and
@@ -36,10 +36,10 @@ def command(scenario, changes, output, areas, frames, video, seed, plot):
     signal-to-noise ratio at each moment, with their errors. Printed is when the target is first
     detected.
     """
-    stated, files = options.read_scenario(scenario, changes), {"frames": frames, "video": video}
+    files = {"frames": frames, "video": video}
     with together():
         with options.progress_bar() as progress:
-            result = mi_lcair.flight(stated, areas=areas, **files, seed=seed, progress=progress)
+            result = mi_lcair.flight(scenario, areas=areas, **files, seed=seed, progress=progress)
         result.save(output)
         if plot:
             result.plot(plot)

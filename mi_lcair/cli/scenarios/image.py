@@ -26,7 +26,7 @@ from mi_lcair.files import check_writable
 )
 @options.seed("Seed of the camera's noise and fixed pattern.")
 @options.plot("frame and measures")
-def command(scenario, changes, output, frames, seed, plot):
+def command(scenario, output, frames, seed, plot):
     """Record the target of a scenario with its camera.
 
     SCENARIO is a TOML file as for `contrast`, with a table [camera]. FILE.exr has the radiance at
@@ -36,9 +36,8 @@ def command(scenario, changes, output, frames, seed, plot):
     """
     pages = output.with_suffix(".tif")
     check_writable(pages)
-    stated = options.read_scenario(scenario, changes)
     with options.progress_bar() as progress:
-        result = mi_lcair.image(stated, frames=frames, seed=seed, progress=progress)
+        result = mi_lcair.image(scenario, frames=frames, seed=seed, progress=progress)
     rows = [time_row(result), ("rendering time", f"{result.render_seconds:.2f} s")]
     more = {"file": str(output), "counts_file": str(pages)}
     files = {output: result.save, pages: result.save, plot: result.plot}
