@@ -107,8 +107,7 @@ def draw(panel, chart: LineChart) -> None:
     right = None
     if any(curve.on_right for curve in chart.curves):
         right = panel.twinx()
-        right.set_ylim(0, 1.25)
-        right.set_yticks(np.linspace(0, 1, 5))
+        right.set(ylim=(0, 1.25), yticks=np.linspace(0, 1, 5))
     lines = []
     for curve in chart.curves:
         style = {"linewidth": 0.7 * curve.line["width"], "color": curve.line["color"]}
@@ -128,8 +127,7 @@ def draw(panel, chart: LineChart) -> None:
     panel.set_xlim(chart.x.min(), chart.x.max())
     if not chart.is_close:
         panel.axhline(0, color="black", linewidth=0.5)
-    panel.set_title(fill(plain(chart.title), WIDEST_TITLE))
-    panel.set_ylabel(chart.y_label)
+    panel.set(title=fill(plain(chart.title), WIDEST_TITLE), ylabel=chart.y_label)
     if len(lines) > 1:
         names = [line.get_label() for line in lines]
         panel.legend(lines, names, ncols=4, loc="upper center")

@@ -121,8 +121,7 @@ def draw_curves(panel, points, case: str, field: str, styles: dict, floor: float
             panel.vlines(x, low, high, color=style["color"], alpha=0.5)
     for tolerance in chart.TOLERANCES:
         panel.axhline(tolerance, color="0.6", linewidth=0.6, linestyle=":")
-    panel.set_xscale("log")
-    panel.set_yscale("log")
+    panel.set(xscale="log", yscale="log")
     panel.minorticks_off()  # drawing them takes longer than all the rest
     panel.yaxis.set_major_locator(LogLocator(numticks=12))
     return lines

@@ -138,10 +138,7 @@ def draw_directional(axes, fit, quantity: str, data) -> None:
         points = {"fmt": "o", "ms": 3.5, "color": INK, "lw": 1, "capsize": 2, "label": "measured"}
         axes.errorbar(np.degrees(data.theta), data.value, data.std, **points)
     axes.legend()
-    axes.set_ylim(0, 1)
-    axes.set_xlim(0, 90)
-    axes.set_xlabel(f"{ANGLES[angle]} (degrees)")
-    axes.set_ylabel(title)
+    axes.set(ylim=(0, 1), xlim=(0, 90), xlabel=f"{ANGLES[angle]} (degrees)", ylabel=title)
     axes.grid(color="0.9", lw=0.6)
     axes.set_axisbelow(True)
 

@@ -31,8 +31,6 @@ def figure(flight):
         if first is not None:
             panels[1].axvline(first, color=COLOURS[1], linewidth=1, linestyle=":")
     panels[-1].plot(time_s, table["range_m"] / 1e3, color=INK, linewidth=1.3)
-    panels[-1].set_ylim(0, None)
-    panels[-1].set_ylabel(label("range", "km"))
-    panels[-1].set_xlabel(label("time", "s"))
+    panels[-1].set(ylim=(0, None), ylabel=label("range", "km"), xlabel=label("time", "s"))
     figure.suptitle(plain(f"{scenario.name}, {scenario.sensor.band}"))
     return figure

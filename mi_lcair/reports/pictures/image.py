@@ -121,9 +121,7 @@ def _ranges(axes, image: Image) -> None:
     axes.axvline(image.scenario.observer.range_m, color="0.6", linewidth=0.8)
     if image.detected_to_m:
         axes.axvspan(x.min(), image.detected_to_m, color="0.93", zorder=-1)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.set_xlim(x.min(), x.max())
+    axes.set(xscale="log", yscale="log", xlim=(x.min(), x.max()))
     axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if x.max() < 300 * x.min() else (1,)))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter("{x:g}")

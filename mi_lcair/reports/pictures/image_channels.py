@@ -218,8 +218,7 @@ def _draw(panel, bar_axes, channel: Channel, limits: Limits, cmap, window_m) -> 
     remarks = [] if with_value.all() else [f"{nothing}: no value"]
     remarks += filter(None, [limits.remark])
     across, along = ("column (pixel)", "row (pixel)") if window_m is None else ("x (m)", "y (m)")
-    panel.set_xlabel("; ".join([across, *remarks]))
-    panel.set_ylabel(along)
+    panel.set(xlabel="; ".join([across, *remarks]), ylabel=along)
     for axis, length in ((panel.xaxis, width), (panel.yaxis, height)):
         share = length / max(height, width)
         if window_m is not None:

@@ -70,7 +70,4 @@ def bars(panel, title: str, names: list[str], values: dict, label: str) -> None:
     panel.set_xticks(np.arange(len(kept)), [plain(names[k]) for k in kept])
     if max(len(names[k]) for k in kept) > 4 and len(kept) > 4:
         panel.tick_params(axis="x", rotation=45)
-    panel.set_title(title)
-    panel.set_xlim(-1, len(kept))
-    panel.set_xlabel(label)
-    panel.set_ylabel(UNIT)
+    panel.set(title=title, xlim=(-1, len(kept)), xlabel=label, ylabel=UNIT)

@@ -59,8 +59,7 @@ def _draw_unknowns(part, solution) -> None:
         away = away / (answer.standard_error or 1.0)
         distances.plot([number for number, _ in steps], away, f"o-C{k % 10}", markersize=3)
     distances.set_yscale("symlog", linthresh=1)
-    distances.set_xlabel("values tried")
-    distances.set_ylabel("from the solution (standard errors)")
+    distances.set(xlabel="values tried", ylabel="from the solution (standard errors)")
     distances.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     drawn = matrix.imshow(solution.correlation, vmin=-1, vmax=1, cmap="RdBu_r")
     matrix.set_yticks(range(len(labels)), labels, fontsize=7)
@@ -92,8 +91,7 @@ def _draw_iteration(part, trace) -> None:
             numbers, values = zip(*((number, getattr(step, name)) for number, step in steps))
             panel.plot(numbers, values, style, markersize=4, label=word)
         panel.set_yscale("symlog", linthresh=LINEAR_TO[name])
-        panel.set_xlabel("values tried")
-        panel.set_ylabel(label)
+        panel.set(xlabel="values tried", ylabel=label)
         panel.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     if trace:
         chi_square.legend()
@@ -138,8 +136,7 @@ def _draw_image(part, fitted) -> None:
     of_residual = part.colorbar(drawn, ax=residual, shrink=0.85, extend="both", pad=0.02)
     of_residual.set_label("standard deviations")
     for panel in (measured, predicted, residual):
-        panel.set_facecolor("0.6")
-        panel.set_xlabel("column (pixel)")
+        panel.set(facecolor="0.6", xlabel="column (pixel)")
         for axis in (panel.xaxis, panel.yaxis):
             axis.set_major_locator(MaxNLocator(4, integer=True))
     measured.set_ylabel("row (pixel)")

@@ -28,8 +28,7 @@ def figure(temperature: Temperature):
     )
     total = temperature.typical(temperature.sigma)
     bars.axvline(total, color="C3")
-    bars.set_title(f"total {total:.3g} K (line)")
-    bars.set_xlabel("median contribution (K)")
+    bars.set(title=f"total {total:.3g} K (line)", xlabel="median contribution (K)")
     figure.suptitle(plain(temperature.summary()), fontsize=10)
     return figure
 

@@ -79,6 +79,5 @@ def draw(panel, title: str, curves: dict) -> None:
             label=plain(label),
             marker="." if len(values) < 8 else None,
         )
-    panel.set_ylim(0, None)
-    panel.set_title(title)
+    panel.set(ylim=(0, None), title=title)
     panel.legend(loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=4)
