@@ -443,7 +443,7 @@ class RenderTable:
         """Whether the number of samples follows from a tolerance."""
         return self.spp is None
 
-    def of_render(self, progress: Progress | None = None) -> Sampling:
+    def of_render(self) -> Sampling:
         """The sampling of one render, whose criterion is made from the tolerances.
 
         Raises InputError if the number of samples is left to a camera's noise.
@@ -453,7 +453,7 @@ class RenderTable:
                 "[render]: to_noise chooses the samples of a camera's image only; give spp, "
                 "tolerance or tolerance_W_m2"
             )
-        return Sampling(spp=self.spp, max_spp=self.max_spp, seed=self.seed, progress=progress)
+        return Sampling(spp=self.spp, max_spp=self.max_spp, seed=self.seed)
 
     def of_image(self, progress: Progress | None = None) -> Sampling:
         """The sampling of a camera's image, for which only a relative tolerance counts.

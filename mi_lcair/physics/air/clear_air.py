@@ -180,10 +180,10 @@ class ClearAir:
         return np.einsum("ngc,g->nc", self.levels.at(heights)[0], WEIGHTS)
 
 
-def check_height(height_m: float, name: str = "height") -> None:
+def check_height(height_m: float) -> None:
     """Raise InputError for a height [m] below the ground or above the air."""
     if not 0 <= height_m <= TOP_M:
-        raise InputError(f"{name} {height_m:g} m; must lie in 0..{TOP_M:g} m above the ground")
+        raise InputError(f"height {height_m:g} m; must lie in 0..{TOP_M:g} m above the ground")
 
 
 @lru_cache(maxsize=16)

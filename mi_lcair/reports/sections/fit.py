@@ -25,15 +25,12 @@ def sections(fit) -> list[Section]:
     return sections_of_report(fit.as_dict(), fit, fit.measurements, fit.directional)
 
 
-def sections_of_report(
-    report: dict, fit=None, measurements=None, directional=None
-) -> list[Section]:
+def sections_of_report(report: dict, fit, measurements=None, directional=None) -> list[Section]:
     """Parameters, curves and residuals of a fit, from its report.
 
-    fit: the Fit, with `used_points` if there are measurements; by default that of the report.
+    fit: the Fit, or `fit_of_report` with `used_points` if there are measurements.
     directional: measured tables by quantity; by default the emissivity of the report.
     """
-    fit = fit or fit_of_report(report)
     directional = measured_emissivity(report) if directional is None else directional
     note = "The measured data are not beside the report. Only the fitted curves are shown."
     data = [note] if measurements is None else []
