@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 import mi_lcair
 from mi_lcair.physics.reflection.interface import ReflectionModel
 from mi_lcair.plugins.paths.aim import Aim
+from mi_lcair.rendering.views import View
 
 ROOT = Path(__file__).resolve().parents[1]
 # Names that modules import for type checkers only
@@ -22,6 +23,7 @@ LATER = {
     "Aim": Aim,
     "ReflectionModel": ReflectionModel,
     "Figure": Figure,
+    "View": View,
     "pandas": pandas,
     "xarray": xarray,
 }

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from os import PathLike
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -32,6 +32,9 @@ from mi_lcair.physics.surroundings.words import Words, number
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.toml_table import filled, required
+
+if TYPE_CHECKING:
+    from mi_lcair.rendering.views import View
 
 STATED = "a scenario is a TOML file that names a scene, its observer and the sensor"
 
@@ -185,7 +188,7 @@ class Observer:
         check_fields(self, "[observer]: ")
 
     @property
-    def view(self):
+    def view(self) -> "View":
         """Direction from the target to the sensor, a `View`."""
         from mi_lcair.rendering.views import View  # loads the renderer, which reading needs not
 

@@ -80,7 +80,12 @@ class Conductors:
     to_self: np.ndarray
 
     @staticmethod
-    def of(matrix, to_sky: np.ndarray, to_ground: np.ndarray, to_self=0.0) -> "Conductors":
+    def of(
+        matrix: sparse.sparray | np.ndarray,
+        to_sky: np.ndarray,
+        to_ground: np.ndarray,
+        to_self: np.ndarray | float = 0.0,
+    ) -> "Conductors":
         """The conductors of a symmetric matrix, whose diagonal adds to `to_self`."""
         between = sparse.csr_array(matrix)
         to_self = to_self + between.diagonal()

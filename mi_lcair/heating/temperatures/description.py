@@ -210,7 +210,7 @@ class Sigma:
         Bounds(is_positive=True).check(float(given), where)
         return Sigma(float(given), False)
 
-    def size(self, value):
+    def size(self, value: float | np.ndarray) -> float | np.ndarray:
         """The uncertainty of a value, in its unit."""
         return value * self.value if self.is_relative else self.value + 0 * value
 
