@@ -13,7 +13,7 @@ from mi_lcair.physics.spectrum import Spectrum
 from mi_lcair.plugins.emission.source import Source
 from mi_lcair.sensitivity.entries import NEAREST, Parameter
 from mi_lcair.signatures.effective_areas import EffectiveAreas
-from mi_lcair.uncertainty.numbers.number import Linear, Number, scaled, shifted
+from mi_lcair.uncertainty.numbers.number import Linear, Number
 
 LWIR = band("LWIR")
 AREAS = np.array([2.0, 3.0, 0.5])
@@ -251,10 +251,3 @@ def test_what_further_reflections_would_add():
     assert number.truncation() == pytest.approx(1 / 14 * VALUE)
     means.update(dict.fromkeys(means, 0.0))
     assert number.truncation() == 0
-
-
-def test_other_sources():
-    hot = shifted(Source("body", "300 K", B(300), 300.0), 20.0, LWIR)
-    assert (hot.temperature, hot.in_band) == (320, pytest.approx(B(320)))
-    bright = scaled(Source("sky", "sky", 24.0, spectrum=SKY), 1.5)
-    assert bright.in_band == 36 and bright.spectrum.radiance.tolist() == [7.5, 10.5]
