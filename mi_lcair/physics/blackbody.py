@@ -73,10 +73,7 @@ def in_band_radiance(band: Band, temperature):
 
 def in_band_slope(band: Band, temperature) -> np.ndarray:
     """Derivative of `in_band_radiance` with respect to temperature [W m^-2 sr^-1 K^-1], Float64."""
-    temperature = np.asarray(temperature, dtype=float)
-    if band.is_total:
-        return 4 * STEFAN_BOLTZMANN / np.pi * np.maximum(temperature, 0) ** 3
-    return _radiance_and_slope(band, temperature)[1]
+    return radiance_and_slope(band, np.asarray(temperature, dtype=float))[1]
 
 
 def brightness_temperature(band: Band, radiance):
@@ -127,7 +124,9 @@ def _total(m, temperature):
 def radiance_and_slope(band: Band, temperature):
     """In-band radiance and its derivative with respect to temperature, in NumPy."""
     if band.is_total:
-        return _total(np, temperature), 4 * STEFAN_BOLTZMANN / np.pi * temperature**3
+        return _total(np, temperature), 4 * STEFAN_BOLTZMANN / np.pi * np.maximum(
+            temperature, 0
+        ) ** 3
     if np.size(temperature) <= FEW:
         nodes = np.asarray(band.wavelengths_um).reshape(-1, *[1] * np.ndim(temperature))
         both = _planck(np, nodes, temperature)
