@@ -29,6 +29,7 @@ from mi_lcair.plugins.bins.blocks import (
 )
 from mi_lcair.plugins.bsdfs.reflection_bsdf import LOBES, STEPS, tabulated
 from mi_lcair.plugins.bsdfs.uniform_table import interpolate_row
+from mi_lcair.table import rows_at
 
 STEPS_OF_F = 512  # steps of the table of Fresnel reflectances, even in sqrt(cos)
 BRDF, MIRROR, DIFFUSE = range(len(LOBES))
@@ -111,10 +112,28 @@ def lobe_tables(b: float, e: float, form: str) -> list[np.ndarray]:
     return [tabulated(lambda theta, S=S: model.lobe_HDR(S, theta)).numpy() for S in parts]
 
 
-class MicrofacetFamily:
+class FamilyOfTables:
+    """Base class of families whose HDR, at most 1, is tabulated for each bin.
+
+    tables: HDR at even steps of sqrt(cos), by blocks. steps: their number.
+    """
+
+    saturates = False
+    tables: mi.Float
+    steps: int
+
+    def toward(self, row, r) -> tuple:
+        """What HDR(theta_r) needs of the observer's direction."""
+        return between_nodes(row, dr.sqrt(cos_theta(r)), self.steps)
+
+    def HDR(self, place, block) -> mi.Vector4f:
+        return interpolated(self.tables, place, self.blocks, block)
+
+
+class MicrofacetFamily(FamilyOfTables):
     """Spectral microfacet materials: the lobe is linear in the Fresnel reflectance of a facet."""
 
-    saturates = False  # HDR is at most 1
+    steps = STEPS
 
     def __init__(self, materials: list[SpectralParameters], bins: Bins):
         self.blocks = blocks_of(bins.count)
@@ -127,28 +146,11 @@ class MicrofacetFamily:
             numbers.append([peak, spread, common["gamma"], common["rho_d"]])
         self.has_floor = any(material.common["rho_d"] > 0 for material in materials)
         self.numbers = in_blocks(numbers)
-        self.F, self.refracted, self.tables = map(in_blocks, zip(*tables))
+        self.F, self.tables = map(in_blocks, zip(*tables))
 
     def facet(self, place, block) -> mi.Vector4f:
-        """Fresnel reflectances at a place from `at`."""
+        """Fresnel reflectances at a place of the table."""
         return interpolated(self.F, place, self.blocks, block)
-
-    def at(self, row, cos) -> tuple:
-        """Place of a cosine in the table of Fresnel reflectances."""
-        return between_nodes(row, dr.sqrt(cos), STEPS_OF_F)
-
-    def toward(self, row, r) -> tuple:
-        """What HDR(theta_r) needs of the observer's direction."""
-        rho_d, cos = dr.gather(mi.Float, self.numbers, 4 * row + 3), cos_theta(r)
-        return row, between_nodes(row, dr.sqrt(cos), STEPS), self.at(row, cos), rho_d
-
-    def HDR(self, terms, block) -> mi.Vector4f:
-        row, place, facet, rho_d = terms
-        lobe = interpolated(self.tables, place, self.blocks, block)
-        if not self.has_floor:
-            return lobe
-        refracted = gathered(self.refracted, row * self.blocks + block)
-        return lobe + rho_d * refracted * (1 - self.facet(facet, block))
 
     def between(self, row, i, r) -> tuple:
         """What f needs of the directions; multiplied by the cosine of i."""
@@ -159,7 +161,8 @@ class MicrofacetFamily:
         above = dr.select((i.z > 0) & (r.z > 0), c_i, 0)
         lobe = 0.25 * above * D * visibility(c_i, c_r, p2)
         p = dr.minimum(dr.sqrt(p2), 1)
-        return lobe, above * dr.inv_pi * rho_d, *(self.at(row, cos) for cos in (p, c_i, c_r))
+        places = (between_nodes(row, dr.sqrt(cos), STEPS_OF_F) for cos in (p, c_i, c_r))
+        return lobe, above * dr.inv_pi * rho_d, *places
 
     def f(self, terms, block) -> mi.Vector4f:
         lobe, floor, p, c_i, c_r = terms
@@ -169,14 +172,14 @@ class MicrofacetFamily:
         return value + floor * (1 - self.facet(c_i, block)) * (1 - self.facet(c_r, block))
 
 
-class DirectionalFamily:
+class DirectionalFamily(FamilyOfTables):
     """Spectral materials whose emissivity is known by angle, with a reciprocal diffuse reflection.
 
     f = rho(theta_i) rho(theta_r) / (pi m) with the mean m of rho over the hemisphere, weighted by
     the cosine, has the HDR rho(theta_r) = 1 - emissivity(theta_r).
     """
 
-    saturates = False
+    steps = STEPS_OF_F
 
     def __init__(self, materials: list[SpectralParameters], bins: Bins):
         self.blocks, cos = blocks_of(bins.count), np.linspace(0, 1, STEPS_OF_F + 1) ** 2
@@ -185,15 +188,8 @@ class DirectionalFamily:
             for material in materials
         ]
         means = np.array([2 * np.trapezoid(rho.T * cos, cos, axis=1) for rho in tables])
-        self.rho = in_blocks(tables)
+        self.tables = in_blocks(tables)
         self.inverse = in_blocks(np.divide(1, np.pi * means, where=means > 0, out=0 * means))
-
-    def toward(self, row, r) -> tuple:
-        """What HDR(theta_r) needs of the observer's direction."""
-        return between_nodes(row, dr.sqrt(cos_theta(r)), STEPS_OF_F)
-
-    def HDR(self, place, block) -> mi.Vector4f:
-        return interpolated(self.rho, place, self.blocks, block)
 
     def between(self, row, i, r) -> tuple:
         """What f needs of the directions; multiplied by the cosine of i."""
@@ -217,22 +213,23 @@ def largest_HDR(family, materials: int) -> float:
 
 
 @lru_cache(maxsize=32)
-def facet_tables(material: SpectralParameters, band, count: int) -> tuple[np.ndarray, ...]:
+def facet_tables(material: SpectralParameters, band, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Tables of a microfacet material by bin, which scenes share.
 
-    The Fresnel reflectances (STEPS_OF_F + 1, count), the hemispherical means of 1 - F (count,), and
-    the lobe's HDR (STEPS + 1, count).
+    The Fresnel reflectances (STEPS_OF_F + 1, count), and HDR (STEPS + 1, count).
     """
     Float64 = dr.float64_array_t(mi.Float)
-    bins, cos = Bins(band, count), np.linspace(0, 1, STEPS_OF_F + 1) ** 2
-    F = bins.coefficients(material.facet_reflectance(bins.grid_um, cos))
+    bins, x = Bins(band, count), np.linspace(0, 1, STEPS_OF_F + 1)
+    F = bins.coefficients(material.facet_reflectance(bins.grid_um, x**2))
     alpha, gamma = material.common["alpha"], material.common["gamma"]
 
     def of_bin(theta, F):
         return Float64(weights_of_facets(alpha, gamma, tuple(theta.numpy())) @ F)
 
-    HDR = np.array([tabulated(partial(of_bin, F=F_of_bin)).numpy() for F_of_bin in F])
-    return F.T, 2 * np.trapezoid((1 - F) * cos, cos, axis=1), HDR.T
+    lobe = np.array([tabulated(partial(of_bin, F=F_of_bin)).numpy() for F_of_bin in F])
+    refracted = 2 * np.trapezoid((1 - F) * x**2, x**2, axis=1)  # mean of 1 - F over the hemisphere
+    floor = material.common["rho_d"] * refracted * (1 - F.T)
+    return F.T, lobe.T + rows_at(np.linspace(0, 1, STEPS + 1), x, floor)
 
 
 @lru_cache(maxsize=16)
