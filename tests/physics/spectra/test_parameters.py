@@ -181,7 +181,7 @@ def test_constant_outside_the_rows(tmp_path):
     """Asked for, the first and the last row hold beyond them, and a remark says how far."""
     (tmp_path / "grey.csv").write_text("wavelength_um,emissivity\n3.5,0.4\n4.5,0.8\n")
     entry = {"emissivity": "grey.csv"}
-    with pytest.raises(InputError, match="does not cover band MWIR"):
+    with pytest.raises(InputError, match="3.5-4.5 um and does not cover"):
         spectral_parameters("own", entry, tmp_path).check_covers(MWIR, "own")
     spectrum = spectral_parameters("own", entry | {"outside": "constant"}, tmp_path)
     spectrum.check_covers(MWIR, "own")
