@@ -41,6 +41,7 @@ def test_the_same_spectrum_in_every_format_and_order(tmp_path, seed):
 
 BAD = {
     "nanometres: divide by 1000": "wavelength_um,reflectance\n3000,.1\n5000,.2\n",
+    "wavelengths 0.01..5; must lie in": "wavelength_um,reflectance\n.01,.1\n5,.2\n",
     "per cent: divide by 100": "wavelength_um,reflectance\n3,10\n5,20\n",
     "reflectance 1.02 at 4 um; must lie in 0..1": "wavelength_um,reflectance\n3,.9\n4,1.02\n",
     "3.5 um follows 4 um": "wavelength_um,reflectance\n3,.1\n4,.1\n3.5,.1\n5,.1\n",
@@ -64,6 +65,10 @@ def test_files_of_usgs_must_belong_together(tmp_path):
     (tmp_path / "values").write_text("title\n.1\n.2\n.3\n")
     (tmp_path / "waves").write_text("title\n1\n2\n")
     with pytest.raises(InputError, match="3 values and .* 2 wavelengths"):
+        spectrum_of(tmp_path / "values", "reflectance", tmp_path / "waves")
+    (tmp_path / "waves").write_text("title\n1\n2\n3\n")
+    (tmp_path / "values").write_text("title\n.1\n1.02\n.3\n")
+    with pytest.raises(InputError, match="reflectance 1.02 at 2 um"):
         spectrum_of(tmp_path / "values", "reflectance", tmp_path / "waves")
     (tmp_path / "waves").write_text("title\n1\n2\nthree\n")
     with pytest.raises(InputError, match="one number a line"):
