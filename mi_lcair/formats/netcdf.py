@@ -4,6 +4,8 @@ The files are netCDF-3 with 64-bit offsets, which SciPy writes and every netCDF 
 netCDF-4 engines would need HDF5 beside it.
 """
 
+from hashlib import sha256
+
 import numpy as np
 
 from mi_lcair.errors import InputError
@@ -133,6 +135,25 @@ def _storable(array):
     if kind in "iu" and array.size and np.abs(array.values.astype(float)).max() > LARGEST_WHOLE:
         return array.astype(np.float64)
     return array.astype(str) if kind == "O" else array
+
+
+def checksum(dataset) -> str:
+    """16 hexadecimal digits that stand for all that a Dataset holds.
+
+    It is the same before `write` and after `read`. An attribute `checksum` does not count.
+    """
+    digest = sha256()
+    for name, value in sorted(dataset.attrs.items()):
+        if name != "checksum":
+            digest.update(f"{name}={value};".encode())
+    for name in sorted(map(str, dataset.variables)):
+        values = dataset[name].values
+        is_text = values.dtype.kind not in "iufb"
+        content = (
+            repr(list(map(str, values))).encode() if is_text else values.astype("<f8").tobytes()
+        )
+        digest.update(f"{name}{dataset[name].dims}{values.shape}".encode() + content)
+    return digest.hexdigest()[:16]
 
 
 def read_columns(path) -> dict[str, np.ndarray]:

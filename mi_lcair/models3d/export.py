@@ -14,7 +14,7 @@ from mi_lcair.models3d.model import Model
 from mi_lcair.models3d.record import check_unedited, recorded, signed
 from mi_lcair.models3d.scene_xml import fragment, scene
 from mi_lcair.physics.materials import is_json
-from mi_lcair.physics.sky import sky_names, spectrum
+from mi_lcair.physics.sky import check_brightness, sky_names, spectrum
 from mi_lcair.physics.surroundings.words import Words
 
 
@@ -70,6 +70,7 @@ def export(
         spectrum(sky, 45.0)  # raises InputError for a table without spectra by elevation
         sky = str(sky)
         if sky not in sky_names():
+            check_brightness(sky)
             _add(sources, sky)
             sky = Path(sky).name
         if not any(label.elevation_deg is not None for label in model.labels):

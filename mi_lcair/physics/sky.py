@@ -1,6 +1,7 @@
 """Skies by elevation: clear skies by the band model, cloudy skies and a user's from tables."""
 
 import os
+import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -21,6 +22,9 @@ HEIGHT_M = 50.0  # height above the ground of a scene that states none
 ABOVE_AIR = 1.002  # radiance of a blackbody at the air's temperature that no sky reaches, relative
 MEAN_ROWS = 5  # elevations of a mean over the sky
 LEAST = 1e-12  # emissivity of a sky that stands for 0 in logarithms
+# Beyond this wavelength, where it scatters little sunlight, no sky is brighter than a blackbody of
+# this temperature
+THERMAL_UM, HOTTEST_K = 3.0, 400.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,6 +182,21 @@ def tables_by_azimuth(source: str | Path) -> tuple[np.ndarray, list[SkyTable]]:
     (azimuths, elevations), (radiance,) = table.grid(f"spectrum {source}")
     x = table.wavelengths_um
     return azimuths, [SkyTable(str(source), elevations, x, part) for part in radiance]
+
+
+def check_brightness(source: str | Path) -> None:
+    """Warn of a sky that is too bright, as one in another unit than W m^-2 sr^-1 um^-1."""
+    path, table = _read(source)
+    thermal = table.wavelengths_um >= THERMAL_UM
+    x, radiance = table.wavelengths_um[thermal], table.columns[0][..., thermal]
+    black = np.trapezoid(spectral_radiance(x, HOTTEST_K), x)
+    ratio = np.max(np.trapezoid(radiance, x)) / black if black else 0.0
+    if ratio > 1:
+        warnings.warn(
+            f"sky {path}: is {ratio:.2g} times as bright as a blackbody of {HOTTEST_K:g} K beyond "
+            f"{THERMAL_UM:g} um; {RADIANCE} must be in W m^-2 sr^-1 um^-1",
+            stacklevel=3,
+        )
 
 
 def _read(source):

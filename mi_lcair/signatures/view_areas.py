@@ -308,9 +308,12 @@ class ViewAreas(SourcesInBand):
         """The effective areas in a .nc file that `save` wrote.
 
         Tabulated spectra are those at the sensor of the scene, without the air's amounts of
-        absorbers. Raises InputError for a file of another kind.
+        absorbers. Raises InputError for a file of another kind, and for one of a sweep's folder
+        that is damaged.
         """
         dataset = netcdf.read(path)
+        if dataset.attrs.get("checksum", stated := netcdf.checksum(dataset)) != stated:
+            raise InputError(f"{path}: does not match its checksum; trace it again")
         try:
             return of_dataset(dataset)
         except (KeyError, ValueError, IndexError, AttributeError) as error:

@@ -2,9 +2,7 @@
 
 import re
 import warnings
-from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from mi_lcair.errors import InputError
 from mi_lcair.extras import optional
@@ -14,9 +12,6 @@ from mi_lcair.signatures.trend import TrendRows
 from mi_lcair.signatures.view_areas import ViewAreas, of_dataset
 from mi_lcair.sweeps.subject import Batch, Views
 
-if TYPE_CHECKING:
-    import xarray
-
 READERS = {ViewAreas.kind: of_dataset, TrendRows.kind: TrendRows.of_dataset}
 BATCH = re.compile(r"[0-9a-f]{32}\.nc")  # names of the files
 
@@ -24,8 +19,8 @@ BATCH = re.compile(r"[0-9a-f]{32}\.nc")  # names of the files
 class AreasFolder:
     """A folder with a netCDF file for each batch of views, which `ViewAreas.read` reads.
 
-    A file appears whole or not at all. Its name stands for everything on which its content depends,
-    and its checksum is part of it: a file that does not match is traced again.
+    A file appears whole or not at all. Its name stands for everything on which its content depends.
+    It states this name and its checksum: a file that does not match is traced again.
 
     Parameters
     ----------
@@ -58,7 +53,8 @@ class AreasFolder:
             return None
         try:
             dataset = netcdf.read(path)
-            if dataset.attrs["checksum"] == checksum(dataset):
+            stated = dataset.attrs["batch"], dataset.attrs["checksum"]
+            if stated == (batch.key, netcdf.checksum(dataset)):
                 return READERS[dataset.attrs["kind"]](dataset)
         except (InputError, KeyError, ValueError):
             pass
@@ -68,8 +64,9 @@ class AreasFolder:
     def write(self, batch: Batch, traced: Views) -> None:
         """Keep what was traced for a batch."""
         self.path.mkdir(exist_ok=True)
-        dataset = traced.to_xarray()
-        netcdf.write(self.file_of(batch), dataset.assign_attrs(checksum=checksum(dataset)))
+        dataset = traced.to_xarray().assign_attrs(batch=batch.key)
+        stated = dataset.assign_attrs(checksum=netcdf.checksum(dataset))
+        netcdf.write(self.file_of(batch), stated)
 
     def clear(self) -> None:
         """Remove the files of all batches, and the folder if nothing else is in it."""
@@ -80,16 +77,3 @@ class AreasFolder:
                 path.unlink()
         if not any(self.path.iterdir()):
             self.path.rmdir()
-
-
-def checksum(dataset: "xarray.Dataset") -> str:
-    """16 hexadecimal digits that stand for all variables of a Dataset."""
-    digest = sha256()
-    for name in sorted(map(str, dataset.variables)):
-        values = dataset[name].values
-        is_text = values.dtype.kind not in "iufb"
-        content = (
-            repr(list(map(str, values))).encode() if is_text else values.astype("<f8").tobytes()
-        )
-        digest.update(name.encode() + content)
-    return digest.hexdigest()[:16]

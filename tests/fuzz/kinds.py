@@ -8,7 +8,13 @@ from pathlib import Path
 import numpy as np
 
 import mi_lcair
+from mi_lcair.formats import netcdf
 from mi_lcair.models3d import export, read, report
+from mi_lcair.physics.bands import band
+from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.plugins.emission.source import Source
+from mi_lcair.rendering.views import View
+from mi_lcair.signatures.view_areas import ViewAreas
 from tests.fuzz.mutants import Kind
 from tests.fuzz.text_kinds import TEXT_KINDS
 from tests.models3d.shapes import cube
@@ -209,4 +215,42 @@ XML = Kind(
     value=re.compile(rb'(?<==")[^"<>]*(?=")|(?<=<)\w+'),
 )
 
-KINDS = (OBJ, NAMES, NAMES_TOML, GLB, STL, MODEL_PLY, PLY, XML, *TEXT_KINDS)
+# ---------------------------------------------------------------- Effective areas of a sweep
+
+AREAS = ViewAreas(
+    scene_name="plate",
+    band=band("LWIR"),
+    sources=[Source("self", "300 K", float(in_band_radiance(band("LWIR"), 300.0)), 300.0)],
+    nodes_um=np.empty(0),
+    views=(View(0.0), View(30.0, 5.0)),
+    amounts=np.array([[1.0, 2.0], [3.0, 4.0]]),
+    deviations=np.full((2, 8, 2), 0.01),
+    relative=np.zeros(2),
+    missed=np.zeros(2),
+    paths=np.array([64, 64]),
+    reached=np.array([True, False]),
+)
+
+
+def areas_bytes() -> bytes:
+    """A file as a sweep keeps it."""
+    dataset = AREAS.to_xarray()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "areas.nc"
+        netcdf.write(path, dataset.assign_attrs(checksum=netcdf.checksum(dataset)))
+        return path.read_bytes()
+
+
+def use_areas(path: Path) -> None:
+    """Reads kept effective areas: what is damaged is refused."""
+    read = ViewAreas.read(path)
+    assert (read.band, read.views) == (AREAS.band, AREAS.views)
+    for name in ("amounts", "deviations", "relative", "missed", "paths", "reached"):
+        assert np.array_equal(getattr(read, name), getattr(AREAS, name)), name
+
+
+VIEW_AREAS = Kind(
+    "areas", ".nc", (areas_bytes(),), use_areas, (b"CDF\x02", b"view", b"LWIR", b"MWIR")
+)
+
+KINDS = (VIEW_AREAS, OBJ, NAMES, NAMES_TOML, GLB, STL, MODEL_PLY, PLY, XML, *TEXT_KINDS)

@@ -9,8 +9,15 @@ import pytest
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.levels import Weather
 from mi_lcair.physics.bands import band
-from mi_lcair.physics.blackbody import spectral_radiance
-from mi_lcair.physics.sky import air_mass, has_elevations, mean_nodes, sky_names, spectrum
+from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
+from mi_lcair.physics.sky import (
+    air_mass,
+    check_brightness,
+    has_elevations,
+    mean_nodes,
+    sky_names,
+    spectrum,
+)
 from mi_lcair.physics.spectrum import BUNDLED
 from tests.physics.air.test_tape7 import LWIR, MWIR, block, file, planck  # noqa: F401
 
@@ -118,6 +125,23 @@ def test_a_file_of_ones_own(tmp_path):
     response = tmp_path / "response.csv"
     response.write_text("wavelength_um,response\n4,0\n5,1\n")
     assert spectrum(path).in_band_radiance(band(response)) == pytest.approx(5 / 6, rel=1e-9)
+
+
+def test_a_sky_in_another_unit_is_remarked_upon(tmp_path):
+    """Per metre in place of per micrometre: 10^6 times as bright as a blackbody of 300 K."""
+    path, x = tmp_path / "sky.csv", np.linspace(8, 12, 201)
+    for factor in (1, 1e6):
+        rows = zip(x, factor * spectral_radiance(x, 300.0))
+        lines = (f"{wavelength:.6f},{radiance:.9g}" for wavelength, radiance in rows)
+        path.write_text("\n".join(["wavelength_um,radiance_W_m2_sr_um", *lines]))
+        if factor == 1:
+            check_brightness(path)  # warnings are errors
+            continue
+        ratio = in_band_radiance(band("LWIR"), 300.0) / in_band_radiance(band("LWIR"), 400.0)
+        with pytest.warns(
+            UserWarning, match=f"is {1e6 * ratio:.2g} times as bright".replace("+", "[+]")
+        ):
+            check_brightness(path)
 
 
 @pytest.mark.parametrize(

@@ -153,9 +153,9 @@ def test_only_new_geometry_is_traced(tmp_path):
     assert other.traced == 0 and other.conditions.count == 36
     assert sweep(tmp_path, {"azimuth_deg": [1, *AZIMUTHS]}, areas=folder).traced == 4
     assert sweep(tmp_path, {"azimuth_deg": AZIMUTHS, "band": ["LWIR"]}, areas=folder).traced == 3
-    for path in folder.iterdir():  # a damaged file
-        content = bytearray(path.read_bytes())
-        content[len(content) // 2] ^= 1
+    paths = list(folder.iterdir())
+    contents = [path.read_bytes() for path in paths]
+    for path, content in zip(paths, contents[1:] + contents[:1]):  # the file of another batch
         path.write_bytes(content)
     with pytest.warns(UserWarning, match="does not match its checksum"):
         repaired = sweep(tmp_path, {"azimuth_deg": AZIMUTHS}, areas=folder)

@@ -18,6 +18,7 @@ from mi_lcair.physics.sky import (
     HEIGHT_M,
     SkyTable,
     air_mass,
+    check_brightness,
     clear_name,
     has_azimuths,
     has_elevations,
@@ -95,6 +96,8 @@ class TableSky:
         self.source = source
         self.temperature = source if isinstance(source, float) else None
         self.by_elevation = self.temperature is None and has_elevations(source)
+        if self.temperature is None:
+            check_brightness(source)
         self.name = f"{source:g} K" if self.temperature else str(source)
         light = self.at(45.0)
         if np.any(light.radiance > spectral_radiance(light.wavelengths_um, HOTTEST_K)):
