@@ -79,16 +79,17 @@ def read_text(path: str | Path, what: str = "") -> str:
     return text
 
 
-def revision(path: str | Path) -> tuple[int, int] | None:
-    """Time of the last change and size of a file, by which caches notice that it was edited.
+def revision(path: str | Path) -> tuple[int, ...] | None:
+    """What caches notice by that a file was edited or replaced; None if it does not exist.
 
-    It is None for a path that does not exist.
+    It is the time of its last change, which can be set, with the time of its last change of state,
+    the file's number and its size.
     """
     try:
         status = os.stat(path)
     except (OSError, ValueError):
         return None
-    return status.st_mtime_ns, status.st_size
+    return status.st_mtime_ns, status.st_ctime_ns, status.st_dev, status.st_ino, status.st_size
 
 
 def parse_toml(text: str, what: str) -> dict:
