@@ -14,7 +14,7 @@ import pytest
 import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.startup import tasks
-from mi_lcair.startup.tasks import check_scheduler, computed, in_order, on_workers
+from mi_lcair.startup.tasks import check_scheduler, computed, in_order, kept, on_workers
 
 distributed = pytest.importorskip("dask.distributed")
 
@@ -36,12 +36,22 @@ def refused(text):
     raise InputError(text)
 
 
+READ = []
+
+
 def end_once(path):
     """End this worker at the first call."""
     if not path.exists():
         path.write_text("")
         os._exit(1)
     return "done"
+
+
+@kept
+def content(path):
+    """Content of a file, and how often a worker has read it."""
+    READ.append(path)
+    return Path(os.fsdecode(path)).read_text(), len(READ)
 
 
 def test_results_are_in_order_here_and_there(address):
@@ -54,6 +64,16 @@ def test_results_are_in_order_here_and_there(address):
         with pytest.raises(InputError, match="no such scene .on the Dask worker at"):
             list(computed([partial(refused, "no such scene")]))
     assert tasks.PRESENT.get() is None
+
+
+def test_what_a_worker_keeps_is_of_one_call(address, tmp_path):
+    """Tasks of a call share what they need; a later call sees that a file has changed."""
+    path = tmp_path / "scene.xml"
+    tasks = [partial(content, os.fsencode(path))] * 6
+    with on_workers(address=address):
+        for call, text in enumerate(("first", "second"), 1):
+            path.write_text(text)
+            assert all(read == text and count <= call for read, count in in_order(tasks))
 
 
 def test_a_worker_that_dies_is_replaced(address, tmp_path):

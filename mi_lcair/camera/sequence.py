@@ -3,7 +3,7 @@
 import pickle
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +22,7 @@ from mi_lcair.progress import Progress
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.signatures.effective_areas import temperatures_of
-from mi_lcair.startup.tasks import in_order
+from mi_lcair.startup.tasks import in_order, kept
 
 AT_ONCE = 16  # frames of a task
 STEADY = 1e-3  # relative change of a temperature up to which a render is kept
@@ -163,7 +163,7 @@ class FilmedFlight:
         return made.contrast + after - before
 
 
-@lru_cache(maxsize=1)
+@kept
 def filmed(arguments: bytes) -> FilmedFlight:
     """The flight of pickled arguments, which a worker makes once."""
     return FilmedFlight(*pickle.loads(arguments))

@@ -2,7 +2,7 @@
 
 import pickle
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from mi_lcair.inversion.problem import InverseProblem
 from mi_lcair.inversion.tables import RenderSettings
 from mi_lcair.inversion.unknowns import Unknown
 from mi_lcair.progress import Progress
-from mi_lcair.startup.tasks import in_order
+from mi_lcair.startup.tasks import in_order, kept
 
 DRAWS = 100  # random values drawn for one first guess that a surface can have
 
@@ -59,7 +59,7 @@ class Starts:
         return estimate(tried, self.data, self.problem.render, self.progress)
 
 
-@lru_cache(maxsize=1)
+@kept
 def starts_of(problem: bytes) -> Starts:
     """The starts of a pickled problem, which a worker loads once."""
     stated = pickle.loads(problem)

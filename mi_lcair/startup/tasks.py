@@ -5,6 +5,7 @@ it runs. Whatever takes long asks for `computed(tasks)`. The tasks run here, one
 unless the caller is within `on_workers`.
 """
 
+import atexit
 import gc
 import importlib.metadata
 import logging
@@ -16,8 +17,10 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
+from functools import wraps
 from typing import TypeVar
 from urllib.parse import urlsplit
+from uuid import uuid4
 
 from mi_lcair.errors import InputError
 from mi_lcair.startup.threads import exclusive
@@ -38,6 +41,25 @@ LEAN = {
 PACKAGES = ("mi_lcair", "mitsuba", "drjit")  # whose versions a worker must have too
 
 _collected = 0.0  # when a task last collected garbage, on a worker
+_call = ""  # call of `computed` of the last task, on a worker
+_kept: dict = {}  # what this call has made of the pickled arguments of functions, see `kept`
+
+
+def kept(make: Callable[[bytes], Result]) -> Callable[[bytes], Result]:
+    """Decorator: a worker calls a function of pickled arguments once in a call of `computed`.
+
+    In a later call the files that the arguments name may have changed.
+    """
+
+    @wraps(make)
+    def known(arguments: bytes) -> Result:
+        key = make.__qualname__, arguments
+        if key not in _kept:
+            _kept.clear()
+            _kept[key] = make(arguments)
+        return _kept[key]
+
+    return known
 
 
 class Cluster:
@@ -103,7 +125,8 @@ class Cluster:
         from dask.distributed import as_completed
         from distributed.comm import CommClosedError
 
-        about = versions(), (socket.gethostname(), os.getpid()), mitsuba.variant()
+        sender = socket.gethostname(), os.getpid()
+        about = versions(), sender, mitsuba.variant(), uuid4().hex
         run = opener()
         numbers = {
             client.submit(run, *about, cloudpickle.dumps(task), pure=False, retries=RETRIES): number
@@ -193,7 +216,7 @@ def opener() -> Callable:
     It is made here so that it is sent as a whole. A worker without this package can then say so.
     """
 
-    def opened(versions: dict, sender: tuple, variant: str, task: bytes) -> tuple:
+    def opened(versions: dict, sender: tuple, variant: str, call: str, task: bytes) -> tuple:
         """(None, result) of a pickled task, or (what is wrong, None)."""
         import importlib.metadata
         import os
@@ -219,7 +242,7 @@ def opener() -> Callable:
                 )
         from mi_lcair.startup.tasks import run_here
 
-        return run_here(variant, task, host)
+        return run_here(variant, call, task, host)
 
     return opened
 
@@ -229,18 +252,25 @@ def versions() -> dict[str, str]:
     return {package: importlib.metadata.version(package) for package in PACKAGES}
 
 
-def run_here(variant: str, task: bytes, host: str) -> tuple:
-    """Run a task on this worker, which may use all of the worker's threads."""
-    import drjit
-    import mitsuba
+def run_here(variant: str, call: str, task: bytes, host: str) -> tuple:
+    """Run a task of a call of `computed` on this worker, which may use all of its threads."""
     from dask.distributed import get_worker
 
-    # If Dask's own thread collected an object of Mitsuba while a task records, it would wait for
-    # Dr.Jit with Python's lock, and the task for that lock. Only tasks collect garbage, therefore.
-    if gc.isenabled():
-        gc.disable()
-        gc.freeze()  # modules and what else is never collected
-    with exclusive:  # Mitsuba renders with all threads of a worker
+    global _call, _collected
+    with exclusive:  # Mitsuba renders with all threads of a worker, and one of them imports it
+        import drjit
+        import mitsuba
+
+        # If Dask's own thread collected an object of Mitsuba while a task records, it would wait
+        # for Dr.Jit with Python's lock, and the task for that lock. Only tasks collect garbage.
+        if gc.isenabled():
+            gc.disable()
+            gc.freeze()  # modules and what else is never collected
+        if call != _call:
+            _kept.clear()
+            _call = call
+            atexit.unregister(_kept.clear)  # last registered, it runs before Mitsuba ends
+            atexit.register(_kept.clear)
         mitsuba.set_variant(variant)
         drjit.set_thread_count(get_worker().state.nthreads)
         try:
@@ -248,7 +278,6 @@ def run_here(variant: str, task: bytes, host: str) -> tuple:
         except InputError as error:
             return f"{error} (on the Dask worker at {host})", None
         finally:
-            global _collected
             if time.monotonic() - _collected > COLLECTION_S:
                 gc.collect()
                 _collected = time.monotonic()

@@ -4,7 +4,6 @@ import pickle
 import time
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -19,6 +18,7 @@ from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.results import Result
 from mi_lcair.results.reading import built
 from mi_lcair.sensitivity.parameters import checked
+from mi_lcair.startup.tasks import kept
 from mi_lcair.uncertainty.check import Check, SecondOrder, check, second_order
 from mi_lcair.uncertainty.facet_errors import facet_contribution
 from mi_lcair.uncertainty.inputs import Inputs
@@ -229,7 +229,7 @@ def draw_up(
         )
 
 
-@lru_cache(maxsize=1)
+@kept
 def started(recipe: bytes) -> Number:
     """The `Number` of pickled arguments of `result_of`, which a worker makes once."""
     number = (block := ExitStack()).enter_context(result_of(*pickle.loads(recipe)))
