@@ -63,7 +63,7 @@ def materials(data: list[Datum], everything: list[Unknown], x, covariance) -> di
         names = {name.rpartition(".")[0] for name in number_of}
         with datum.at(everything, x):
             for surface in datum.scene.surfaces():
-                material = surface.material or surface.model.name
+                material = surface.material
                 if material not in names:
                     continue
                 entry = {

@@ -210,7 +210,7 @@ def entries(scene) -> dict[str, Entry]:
     for node in nodes(scene.mi):
         kind = "material"
         if is_reflection_bsdf(node):
-            material, keys = node.material or node.model.name, node.parameters
+            material, keys = node.material, node.parameters
         elif is_grey_diffuse(node):
             material, keys = node.id() or "diffuse", ["reflectance.value"]
         elif is_plume(node):

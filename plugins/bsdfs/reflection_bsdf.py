@@ -120,7 +120,7 @@ class ReflectionBSDF(SpectralBSDF):
         Sets `model` and `material`.
         """
         if "material" not in props:
-            self.material = self.id()
+            self.material = self.id() or self.model.name
             return self.read_numbers(props)
         given = read(props, plugin, OF_MATERIALS)
         self.material = given["material"]

@@ -86,4 +86,6 @@ def met_triangles(tracer, sensor, launch: Launch, triangles: PrimitiveTable) -> 
         # One kernel traces the paths and fills the store
         dr.eval(L, start, store.number)
     met = store.number.numpy().reshape(launch.paths, slots).astype(np.int64) - 1
-    return L.numpy().astype(float), start.numpy().astype(np.int64) - 1, met
+    # The number of the only triangle of a scene is a constant of the kernel
+    start = np.broadcast_to(start.numpy().astype(np.int64) - 1, launch.paths)
+    return L.numpy().astype(float), start, met

@@ -29,7 +29,7 @@ def rows(scene) -> list[tuple[str, str]]:
     return [
         ("band", scene.band.label),
         ("groups", names(scene.groups)),
-        ("materials", names(dict.fromkeys(s.material or s.model.name for s in scene.surfaces()))),
+        ("materials", names(dict.fromkeys(s.material for s in scene.surfaces()))),
         ("sensors", names(sensor_text(sensor) for sensor in scene.sensors)),
         ("parameters", names(f"{name}={value}" for name, value in scene.parameters.items())),
     ]

@@ -54,6 +54,15 @@ def test_vertices_of_a_cube(yaw_deg, tolerance):
     assert (error > 0).all() and (error < 5).all()
 
 
+def test_a_single_facet():
+    """A facet that grows from its first corner has the intensity (1 + t)^2 I: derivative 2 I."""
+    corners = np.array([[0.0, -0.5, -0.4], [0.0, 0.5, -0.4], [0.0, -0.5, 0.6]])
+    scene = scene_of(mesh("sheet", corners, [[0, 1, 2]]))
+    _, result, _, _ = derivatives(scene, "sheet", lambda positions: positions - corners[0], 2**10)
+    sides = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    assert total(result)[0] == pytest.approx(L * abs(sides @ VIEW), rel=1e-3)
+
+
 def bodies(seed: int, reflectance: float):
     """Corners and triangles of two closed bodies with bumps, which hide and light each other."""
     rng, points, triangles = np.random.default_rng(seed), [], []
