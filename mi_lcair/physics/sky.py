@@ -24,7 +24,7 @@ MEAN_ROWS = 5  # elevations of a mean over the sky
 LEAST = 1e-12  # emissivity of a sky that stands for 0 in logarithms
 # Beyond this wavelength, where it scatters little sunlight, no sky is brighter than a blackbody of
 # this temperature
-THERMAL_UM, HOTTEST_K = 3.0, 400.0
+THERMAL_UM, WARMEST_K = 3.0, 400.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,11 +189,11 @@ def check_brightness(source: str | Path) -> None:
     path, table = _read(source)
     thermal = table.wavelengths_um >= THERMAL_UM
     x, radiance = table.wavelengths_um[thermal], table.columns[0][..., thermal]
-    black = np.trapezoid(spectral_radiance(x, HOTTEST_K), x)
+    black = np.trapezoid(spectral_radiance(x, WARMEST_K), x)
     ratio = np.max(np.trapezoid(radiance, x)) / black if black else 0.0
     if ratio > 1:
         warnings.warn(
-            f"sky {path}: is {ratio:.2g} times as bright as a blackbody of {HOTTEST_K:g} K beyond "
+            f"sky {path}: is {ratio:.2g} times as bright as a blackbody of {WARMEST_K:g} K beyond "
             f"{THERMAL_UM:g} um; {RADIANCE} must be in W m^-2 sr^-1 um^-1",
             stacklevel=3,
         )

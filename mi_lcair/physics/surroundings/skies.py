@@ -96,8 +96,6 @@ class TableSky:
         self.source = source
         self.temperature = source if isinstance(source, float) else None
         self.by_elevation = self.temperature is None and has_elevations(source)
-        if self.temperature is None:
-            check_brightness(source)
         self.name = f"{source:g} K" if self.temperature else str(source)
         light = self.at(45.0)
         if np.any(light.radiance > spectral_radiance(light.wavelengths_um, HOTTEST_K)):
@@ -105,6 +103,8 @@ class TableSky:
                 f"surroundings: sky {self.name} is brighter than the sun's surface; its radiance "
                 "must be in W m^-2 sr^-1 um^-1"
             )
+        if self.temperature is None:
+            check_brightness(source)
 
     def components(self, elevation_deg: float, azimuth_deg: float = 0.0) -> list[Spectrum]:
         """Spectrum at an elevation [degrees]."""
