@@ -20,7 +20,7 @@ from mi_lcair.plugins.emission.draw_table import PREFERRED
 from mi_lcair.plugins.integrators.bounce_path import AUTO
 from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.plugins.paths.offsets import rounding_error
-from mi_lcair.rendering.facets.starts import meshes_of_model, radiances, seen_shares
+from mi_lcair.rendering.facets.starts import meshes_of_model, outlines, radiances, seen_shares
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling
@@ -157,7 +157,8 @@ class Differences:
 
     @cached_property
     def seen(self) -> np.ndarray:
-        return seen_shares(self.scene, self.camera)
+        area = outlines(meshes_of_model(self.scene), self.camera)[1]
+        return seen_shares(self.scene, self.camera, area)[0]
 
     @cached_property
     def scale(self) -> float:

@@ -10,7 +10,9 @@ from mi_lcair.rendering.facets.starts import meshes_of_model, outlines, radiance
 # Shares of the paths that begin on facets by their projected area, because a cold facet may reflect
 # much, by projected area times radiance, and by the change of the latter between the poses
 SHARES = 0.3, 0.3, 0.4
-TINY = 1e-6  # parts of the window, and of its area, below which nothing moves or is seen
+# Parts of the window, and of its area, below which nothing moves or is seen. Also the part of an
+# area by which rounding may change it.
+TINY = 1e-6
 
 
 def starts_in(scene, sensor, poses: list[dict], seen: np.ndarray) -> list[FacetStarts]:
@@ -29,8 +31,9 @@ def starts_in(scene, sensor, poses: list[dict], seen: np.ndarray) -> list[FacetS
     """
     meshes = meshes_of_model(scene)
     radiance, corners, areas = radiances(meshes), *in_poses(scene, sensor, poses)
-    area, change = np.max(areas, axis=0) * seen, np.ptp(areas, axis=0) * seen
-    parts = area, area * radiance, change * radiance
+    area, change = np.max(areas, axis=0), np.ptp(areas, axis=0)
+    change[change < TINY * area] = 0  # rounding of vertices that are shifted
+    parts = np.array([area, area * radiance, change * radiance]) * seen
     choice = Choice(sum(k * part / part.sum() for k, part in zip(SHARES, parts) if part.any()))
     return [FacetStarts.at(meshes, *pose, choice) for pose in zip(corners, areas)]
 
@@ -38,7 +41,7 @@ def starts_in(scene, sensor, poses: list[dict], seen: np.ndarray) -> list[FacetS
 def moves_in_view(scene, sensor, poses: list[dict]) -> bool:
     """Whether a triangle that a sensor can see differs between two poses; others as above."""
     shown = [
-        np.concatenate(corners) * (area > TINY)[:, None, None]
+        corners * (area > TINY)[:, None, None]
         for corners, area in zip(*in_poses(scene, sensor, poses))
     ]
     return bool(np.abs(shown[0] - shown[1]).max() > TINY)
@@ -49,5 +52,5 @@ def in_poses(scene, sensor, poses: list[dict]) -> tuple[tuple, tuple]:
     of_poses = []
     for pose in poses:
         with moved(scene, pose):
-            of_poses.append(outlines(meshes_of_model(scene), sensor))
+            of_poses.append([of_view[0] for of_view in outlines(meshes_of_model(scene), sensor)])
     return tuple(zip(*of_poses))

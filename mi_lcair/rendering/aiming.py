@@ -5,16 +5,15 @@ from dataclasses import replace
 import numpy as np
 
 from mi_lcair.plugins.emission.emitter_table import hulls
-from mi_lcair.plugins.paths.aim import CELLS, ON_MODEL, Aim, shared_out
+from mi_lcair.plugins.paths.aim import ANYWHERE, CELLS, ON_MODEL, Aim, shared_out
 from mi_lcair.plugins.paths.facet_starts import FacetStarts
 from mi_lcair.plugins.paths.launch import OTHER_THAN_DIRECT, WHOLE, Launch, views_of
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.views import model_shapes
 from mi_lcair.rendering.window import window
 
-POINTS = 4  # paths of the pilot in each cell
-# The same and the cells along each side for one of many windows, which get fewer paths each
-POINTS_OF_MANY, CELLS_OF_MANY = 2, 128
+POINTS = 2  # paths of the pilot in each cell
+CELLS_OF_MANY = 128  # cells along each side of one of many windows, which get fewer paths each
 # Share of the paths that begin anywhere on the model in one of many windows, and beside paths that
 # begin on facets. It bounds the weight of a path that meets what no other has met, which often
 # decides on the number of paths.
@@ -47,16 +46,14 @@ def aim_at_model(
     direct : FacetStarts or None
         Where paths begin that bring what the model shows without a reflection; `direct` of the aim.
     """
-    views = views_of(sensor)
-    cells = CELLS if len(views) == 1 else CELLS_OF_MANY
-    points = POINTS if len(views) == 1 else POINTS_OF_MANY
+    views, cells = views_of(sensor), cells_of(sensor)
     columns, recorded = cells * len(views), measurands.with_columns(None)
     hit = "hit" if measurands.channels.split == "model" else "target.hit"
-    rows_at_once, parts = max(1, MOST_PATHS // (columns * points)), []
+    rows_at_once, parts = max(1, MOST_PATHS // (columns * POINTS)), []
     for row in range(0, cells, rows_at_once):
         some = {"first": row * columns, "windows": min(rows_at_once, cells - row) * columns}
         some["part"] = WHOLE if direct is None else OTHER_THAN_DIRECT
-        launch = Launch(columns, cells, seed, 1, points, **some, aim=Aim.anywhere(cells))
+        launch = Launch(columns, cells, seed, 1, POINTS, **some, aim=Aim.anywhere(cells))
         sums = recorded.trace(tracer, sensor, launch)
         of_rows = sums.channels[hit], sums.highest["target"], sums.channels["target"]
         parts.append([np.ravel(values) for values in of_rows])
@@ -65,10 +62,30 @@ def aim_at_model(
         of_cells = values.reshape(cells, len(views), cells).swapaxes(0, 1)
         importance += shared_out(blurred(of_cells))
     importance[~of_cells.any(axis=(1, 2))] = 0  # of the radiance
-    model = [hulls(shape) for shape in model_shapes(scene)]
-    may_be_model = np.array([cells_of_model(model, view, cells) for view in views])
     on_model = ON_MODEL if len(views) == 1 and direct is None else ON_MODEL_OF_MANY
-    return replace(Aim.at(importance, may_be_model, on_model), direct=direct)
+    return replace(Aim.at(importance, may_be_model(scene, sensor), on_model), direct=direct)
+
+
+def aim_over_model(scene, sensor) -> Aim:
+    """An even aim at all cells of each view's window in which the model may be."""
+    cells = may_be_model(scene, sensor)
+    return Aim.at(np.zeros(cells.shape), cells, 1 - ANYWHERE)
+
+
+def cells_of(sensor) -> int:
+    """Number of cells along each side of a window."""
+    return CELLS if len(views_of(sensor)) == 1 else CELLS_OF_MANY
+
+
+def pilot_paths(sensor) -> int:
+    """Number of paths of the pilot of `aim_at_model` in each window."""
+    return POINTS * cells_of(sensor) ** 2
+
+
+def may_be_model(scene, sensor) -> np.ndarray:
+    """Whether a scene's model may be in a cell, (views, cells, cells)."""
+    model = [hulls(shape) for shape in model_shapes(scene)]
+    return np.array([cells_of_model(model, view, cells_of(sensor)) for view in views_of(sensor)])
 
 
 def cells_of_model(model: list[np.ndarray], sensor, cells: int) -> np.ndarray:

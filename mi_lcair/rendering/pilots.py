@@ -10,9 +10,10 @@ import numpy as np
 from mi_lcair.plugins.emission.drawing.openings import Openings
 from mi_lcair.plugins.integrators.bounce_path import AUTO
 from mi_lcair.plugins.paths.aim import Aim
-from mi_lcair.rendering.aiming import aim_at_model
+from mi_lcair.rendering.aiming import aim_at_model, aim_over_model, pilot_paths
 from mi_lcair.rendering.facets.starts import starts_on_facets
 from mi_lcair.rendering.settings import changed
+from mi_lcair.rendering.statistics import Totals, student_factor
 
 # Cost of a reflection at which directions are drawn, in rays. For emitters it was measured between
 # 0.6 and 2.7 in the bundled scenes. For openings it is 1.3 to 2.5, and paths that do not leave have
@@ -21,8 +22,8 @@ DRAWN_RAYS = {"emitter_sampling": 2, "opening_sampling": 4}
 # Ratio of the error to the allowed error, after the first paths, from which on the paths of the
 # pilots are few beside those that are still needed
 WORTH_ASKING = 3
-# Ratio of two errors from which on the smaller one is worth a ray to a facet for each path
-WORTH_STARTING = 0.9
+# Cost of a ray to a facet beside a path, in parts of the path's. Measured for an airliner.
+FACET_RAY = 0.5
 # Randomisations of the pilots of one window. With 32, two equal variances differ by less than 1.8.
 RANDOMISATIONS = 32
 
@@ -60,10 +61,8 @@ def open_settings(scene, measurands, criterion) -> list[str]:
 def cheapest(scene, settings: list, windows, sampling, measurands, criterion) -> dict[str, bool]:
     """Values of open settings, of which at most one is True, that meet a criterion soonest.
 
-    Pilots with equal numbers of paths give the ratio of the error to the allowed error, which
-    includes sources that no path has met. The cost to the same error is that of a path times the
-    square of this ratio. settings: from `open_settings`. The other arguments are those of
-    `measure`.
+    The cost is that of a path times the number of paths that a pilot finds to be needed. settings:
+    from `open_settings`. The other arguments are those of `measure`.
     """
     drawn = [
         name for name in settings if name != "opening_sampling" or Openings.of(scene.mi) is not None
@@ -71,13 +70,13 @@ def cheapest(scene, settings: list, windows, sampling, measurands, criterion) ->
     # About the same paths are reflected, so that one count of their rays serves all
     counting = replace(measurands, channels=replace(measurands.channels, counts_segments=True))
     with changed(scene, **dict.fromkeys(settings, False)):
-        excess, total = pilot(scene, windows, sampling, counting, criterion)
+        needed, total = pilot(scene, windows, sampling, counting, criterion)
         segments = float(total.mean("segments").mean())
-        costs = {None: cost(segments) * excess**2}
+        costs = {None: cost(segments) * needed}
         for name in drawn:
             with changed(scene, **{name: True}):
-                excess, _ = pilot(scene, windows, sampling, measurands, criterion)
-            costs[name] = cost(segments, DRAWN_RAYS[name]) * excess**2
+                needed, _ = pilot(scene, windows, sampling, measurands, criterion)
+            costs[name] = cost(segments, DRAWN_RAYS[name]) * needed
     best = min(costs, key=costs.get)
     return {name: name == best for name in settings}
 
@@ -86,25 +85,29 @@ def best_aim(scene, tracer, windows, sampling, measurands, criterion) -> Aim:
     """An aim at the model, with paths for its own emission that begin on facets, if these pay.
 
     That part has hardly any noise then. Where emission and reflections add up to a constant, as in
-    a closed isothermal scene, paths that bring both have none. The arguments are those of
-    `measure`.
+    a closed isothermal scene, paths that bring both have none. Important parts of the windows are
+    looked for if more paths are needed than that takes. The arguments are those of `measure`.
     """
-    starts, plan = None, (scene, tracer, windows.sensor, sampling.seed, measurands)
+
+    def needed(aim: Aim) -> float:
+        return pilot(scene, windows, sampling, measurands, criterion, aim)[0]
+
+    best, starts = aim_over_model(scene, windows.sensor), None
+    paths = needed(best)
     if windows.may_follow_facets and tracer.closure == "none":
         starts = starts_on_facets(scene, windows.sensor, tracer.emitters.brightest)
     if starts is not None:
-        aim = aim_at_model(*plan, starts)
-        split, whole = (
-            pilot(scene, windows, sampling, measurands, criterion, part)[0]
-            for part in (aim, replace(aim, direct=None))
-        )
-        if split < WORTH_STARTING * whole:
-            return aim
-    return aim_at_model(*plan)
+        split = replace(best, direct=starts)
+        paths_of_split = needed(split)
+        if paths_of_split * (1 + FACET_RAY) < paths:
+            best, paths = split, paths_of_split
+    if paths < pilot_paths(windows.sensor):
+        return best
+    return aim_at_model(scene, tracer, windows.sensor, sampling.seed, measurands, best.direct)
 
 
 def pilot(scene, windows, sampling, measurands, criterion, aim: Aim | None = None) -> tuple:
-    """Ratio of the error to the allowed error after the first paths, and their totals."""
+    """Number of paths that a window needs, and the totals of the first paths."""
     if not windows.are_pixels:
         windows = replace(windows, randomisations=RANDOMISATIONS)
     points = min(windows.first_points(), windows.points(sampling.limit))
@@ -114,5 +117,25 @@ def pilot(scene, windows, sampling, measurands, criterion, aim: Aim | None = Non
         criterion.check(tracer, scene.name)
         total = windows.totals(tracer, aim)
         for launch in windows.launches(active, 0, points, sampling.seed, total.aim):
-            total.add(launch, measurands.trace(tracer, windows.sensor, launch))
-        return float(np.max(criterion.excess(total))), total
+            total.add(launch, measurands.trace(tracer, windows.sensor, launch, windows.rays))
+    return needed_paths(total, criterion.excess(total)), total
+
+
+def needed_paths(total: Totals, excess: float | np.ndarray) -> float:
+    """Mean number of paths of a window after which the error is the allowed one.
+
+    The part of the interval that comes from scatter falls as the root of this number, and the rest
+    as its inverse.
+
+    excess: ratio of the error to the allowed error, of each window or of all.
+    """
+    scatter = 1.0
+    if total.by_randomisation:
+        channel = "target" if "target" in total.sums else None
+        random = student_factor(total.randomisations - 1) * total.scatter_error(channel)
+        whole = total.half_width(channel)
+        scatter = np.divide(random, whole, out=np.ones_like(whole), where=whole > 0) ** 2
+    square = np.minimum(excess, 1e60) ** 2
+    of_scatter, of_rest = square * scatter, square * (1 - scatter)
+    ratio = (of_scatter + np.sqrt(of_scatter**2 + 4 * of_rest)) / 2
+    return float(np.mean(ratio * total.traced))

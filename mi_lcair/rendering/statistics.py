@@ -251,8 +251,7 @@ class Totals:
         bounds.append(np.minimum(reflected, brightest * largest_weight))
         bounds.append(self.mean(name if name in self.sums else None))
         if starts is not None:
-            direct = min(starts.largest_direct, brightest * starts.largest_weight)
-            bounds.append(direct)
+            bounds.append(np.minimum(starts.largest_direct, brightest * starts.largest_weight))
         return reduce(np.maximum, bounds)
 
     def half_width(self, name: str | None = None) -> np.ndarray:

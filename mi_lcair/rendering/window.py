@@ -5,13 +5,14 @@ The mean radiance of an orthographic sensor's window times the area of the windo
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.paths.aim import Aim
-from mi_lcair.plugins.paths.launch import Launch, views_of
+from mi_lcair.plugins.paths.launch import Launch, ParallelRays, views_of
 from mi_lcair.rendering.limits import check_paths
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.statistics import Totals
@@ -85,6 +86,11 @@ class Windows:
     def count(self) -> int:
         return self.columns * self.rows
 
+    @cached_property
+    def rays(self) -> ParallelRays | None:
+        """The rays of the sensor, if they are parallel."""
+        return ParallelRays.of(self.sensor)
+
     @property
     def size(self) -> tuple[int, int]:
         return self.rows, self.columns
@@ -132,7 +138,8 @@ class Windows:
         """Points of each randomisation before the first estimate of the error."""
         if self.are_pixels:
             return self.points(PILOT_SPP)
-        return max(LEAST_POINTS, FIRST_PATHS // (self.count * self.randomisations))
+        points = max(LEAST_POINTS, FIRST_PATHS // (self.count * self.randomisations))
+        return 2 ** (points.bit_length() - 1)  # see `next_points`
 
     def next_points(self, done: int, excess: float) -> int:
         """Points of each randomisation after which the error is estimated again.

@@ -117,7 +117,8 @@ def windows_of(scene: Scene, views: list[View], resolution: int) -> tuple[Window
     target = Target.of(scene)
     sensor = cameras(scene, target, views)
     areas = np.array([target.window_area(view) for view in views])
-    return Windows(sensor, columns=len(views), pixels=resolution**2), areas
+    windows = Windows(sensor, columns=len(views), pixels=resolution**2, may_follow_facets=True)
+    return windows, areas
 
 
 def of_totals(total: Totals, areas: np.ndarray) -> ManyViews:

@@ -120,31 +120,35 @@ class Choice:
     indices. The table therefore holds integers. Probabilities are rounded to multiples of 2^-32,
     and `probability` holds the rounded values, which are exact for the indices that are drawn.
 
-    weights: (n,), proportional to the probabilities, not all 0. probability: (n,), NumPy Float64.
+    weights: (n,) or (rows, n), proportional to the probabilities, not all 0 in a row. probability:
+    the same shape, NumPy Float64. count: n.
     """
 
     def __init__(self, weights):
-        ends = np.rint(np.cumsum(weights) / np.sum(weights) * 2.0**32).astype(np.uint64)
-        ends[-1] = 2**32
+        parts = np.cumsum(weights, axis=-1) / np.sum(weights, axis=-1, keepdims=True)
+        ends = np.rint(parts * 2.0**32).astype(np.uint64)
+        ends[..., -1] = 2**32
         self.probability = np.diff(ends, prepend=np.uint64(0)) / 2.0**32
-        self.ends = mi.UInt32(np.minimum(ends, 2**32 - 1).astype(np.uint32))
+        self.ends = mi.UInt32(np.minimum(ends, 2**32 - 1).astype(np.uint32).ravel())
+        self.count = ends.shape[-1]
         dr.make_opaque(self.ends)
 
     @staticmethod
-    def of_ends(ends: mi.UInt32) -> "Choice":
+    def of_ends(ends: mi.UInt32, count: int) -> "Choice":
         """A table that draws only, from the `ends` of another one."""
         table = Choice.__new__(Choice)
-        table.ends = ends
+        table.ends, table.count = ends, count
         return table
 
-    def pick(self, number, active=True):
-        """The index that a random 32-bit integer selects."""
-        last = dr.width(self.ends) - 1
+    def pick(self, number, active=True, first=0):
+        """The index that a random 32-bit integer selects in the row that begins at `first`."""
         return dr.binary_search(
-            0, last, lambda k: dr.gather(mi.UInt32, self.ends, k, active) <= number
+            0,
+            self.count - 1,
+            lambda k: dr.gather(mi.UInt32, self.ends, first + k, active) <= number,
         )
 
-    def pick_and_rest(self, sample, active=True):
+    def pick_and_rest(self, sample, active=True, first=0):
         """The index that a 2D sample of 23 + 23 bits selects, and a 2D sample for a point in it.
 
         All bits of the first number and the lowest 9 bits of the second one select the index. The
@@ -153,9 +157,10 @@ class Choice:
         """
         high, low = mi.UInt32(sample.x * 2**23), mi.UInt32(sample.y * 2**23) & (2**9 - 1)
         number = (high << 9) | low
-        index = self.pick(number, active)
-        end = dr.gather(mi.UInt32, self.ends, index, active)
-        start = dr.gather(mi.UInt32, self.ends, dr.maximum(index, 1) - 1, active & (index > 0))
+        index = self.pick(number, active, first)
+        end = dr.gather(mi.UInt32, self.ends, first + index, active)
+        before = first + dr.maximum(index, 1) - 1
+        start = dr.gather(mi.UInt32, self.ends, before, active & (index > 0))
         within = (mi.Float(number - start) + 0.5) / mi.Float(dr.maximum(end - start, 1))
         return index, mi.Point2f(dr.minimum(within, dr.one_minus_epsilon(mi.Float)), sample.y)
 

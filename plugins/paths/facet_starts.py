@@ -5,14 +5,13 @@ compared point by point, and hardly any noise is left in their difference.
 """
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from mi_lcair.plugins.derivatives import own_memory
-from mi_lcair.plugins.emission.triangles import Choice, pointer_id
+from mi_lcair.plugins.emission.triangles import Choice, pointer_id, triangle_vertices
 from mi_lcair.plugins.recorders.recorder import Recorder
 
 
@@ -20,8 +19,10 @@ from mi_lcair.plugins.recorders.recorder import Recorder
 class FacetTable:
     """The triangles on which paths may begin, as Dr.Jit arrays.
 
-    choice: ends of `Choice`. outline: corner of each triangle and its two sides in the window, in
-    parts of the window. weight: weight of each triangle's paths. shape, primitive: the triangle.
+    ends: those of `Choice`, with a row for each window. outline: corner of each triangle and its
+    two sides in each window, in parts of the window. weight: weight of each triangle's paths in
+    each window. shape, primitive: the triangle. windows: number of windows that have tables of
+    their own; if it is 1, all share one. count: number of triangles.
     """
 
     ends: mi.UInt32
@@ -29,17 +30,23 @@ class FacetTable:
     weight: mi.Float
     shape: mi.UInt32
     primitive: mi.UInt32
+    windows: mi.UInt32
+    count: int
 
-    def place(self, sample: mi.Point2f) -> tuple[mi.Point2f, mi.Float, "OnFacet"]:
-        """A position in the window, the weight of its path, and what its first hit must be."""
-        index, sample = Choice.of_ends(self.ends).pick_and_rest(sample)
+    def place(
+        self, sample: mi.Point2f, window: mi.UInt32
+    ) -> tuple[mi.Point2f, mi.Float, "OnFacet"]:
+        """A position in a window, the weight of its path, and what its first hit must be."""
+        first = (window % self.windows) * self.count
+        choice = Choice.of_ends(self.ends, self.count)
+        index, sample = choice.pick_and_rest(sample, first=first)
         uv = mi.warp.square_to_uniform_triangle(sample)
         corner, right, up = (
-            dr.gather(mi.Point2f, self.outline, 3 * index + row) for row in range(3)
+            dr.gather(mi.Point2f, self.outline, 3 * (first + index) + row) for row in range(3)
         )
         position = corner + uv.x * right + uv.y * up
         inside = dr.all((position >= 0) & (position < 1))
-        weight = dr.select(inside, dr.gather(mi.Float, self.weight, index), 0)
+        weight = dr.select(inside, dr.gather(mi.Float, self.weight, first + index), 0)
         shape, primitive = (
             dr.gather(mi.UInt32, numbers, index) for numbers in (self.shape, self.primitive)
         )
@@ -67,46 +74,50 @@ class OnFacet(Recorder):
 class FacetStarts:
     """A density of starts over the facets of a scene in one pose; in place of an `Aim`.
 
-    tables: for `Paths`. largest_weight, largest_on_model: largest weight of a path. largest_direct:
-    the largest of weight times radiance that is seen without a reflection [W m^-2 sr^-1].
+    tables: for `Paths`. largest_weight, largest_on_model: largest weight of a path of each window,
+    (windows,), or (1,) if all have the same density. largest_direct: the largest of weight times
+    radiance that is seen without a reflection, the same shape [W m^-2 sr^-1]. direct: see `Aim`.
     """
 
     tables: FacetTable
-    largest_weight: float
-    largest_on_model: float
-    largest_direct: float
+    largest_weight: np.ndarray
+    largest_on_model: np.ndarray
+    largest_direct: np.ndarray
 
-    direct: ClassVar[None] = None  # see `Aim`: all of these paths bring everything
+    direct: "FacetStarts | None" = None
 
     @staticmethod
     def at(meshes, outlines, area, choice: Choice, direct=0.0) -> "FacetStarts":
-        """Starts on the triangles of meshes.
+        """Starts on the n triangles of meshes.
 
         Parameters
         ----------
         meshes : list of mi.Shape
-        outlines : list of ndarray, shape (n, 3, 2)
-            Corners of the triangles of each mesh in parts of the window, Float64.
-        area : ndarray, shape (n,)
-            Visible area of all triangles in parts of the window's area.
+        outlines : ndarray, shape (..., n, 3, 2)
+            Corners of the triangles in parts of the window, or of each window.
+        area : ndarray, shape (..., n)
+            Their visible areas in parts of the window's area.
         choice : Choice
-            Draws one of all triangles.
+            Draws a triangle; with a row for each window.
         direct : ndarray, shape (n,), or float
             Upper bound of their radiance without reflections [W m^-2 sr^-1].
         """
-        counts = [len(outline) for outline in outlines]
+        counts = [len(triangle_vertices(mesh)) for mesh in meshes]
         ids = [pointer_id(mi.ShapePtr(mesh)) for mesh in meshes]
-        corners = np.concatenate(outlines)
-        sides = corners[:, 1:] - corners[:, :1]
+        sides = np.array(outlines, dtype=np.float32)
+        sides[..., 1:, :] = outlines[..., 1:, :] - outlines[..., :1, :]
         drawn = choice.probability > 0
         weight = np.divide(area, choice.probability, out=np.zeros_like(area), where=drawn)
+        weight = np.atleast_2d(weight)
         table = FacetTable(
             mi.UInt32(choice.ends),
-            mi.Float(np.concatenate([corners[:, :1], sides], axis=1).ravel()),
-            mi.Float(weight),
+            mi.Float(sides.ravel()),
+            mi.Float(weight.ravel()),
             mi.UInt32(np.repeat(ids, counts).astype(np.uint32)),
             mi.UInt32(np.concatenate([np.arange(n) for n in counts]).astype(np.uint32)),
+            dr.opaque(mi.UInt32, len(weight)),
+            choice.count,
         )
         own_memory([table.outline, table.weight, table.shape, table.primitive])
-        largest = float(weight.max())
-        return FacetStarts(table, largest, largest, float((weight * direct).max()))
+        largest = weight.max(axis=1)
+        return FacetStarts(table, largest, largest, (weight * direct).max(axis=1))

@@ -130,7 +130,7 @@ class Paths:
             sampler = Lattice.at(number, point, self.seed, self.vector)
         position, weight, facet = sampler.next_position(), mi.Float(1), None
         if isinstance(self.aim, FacetTable):
-            position, weight, facet = self.aim.place(position)
+            position, weight, facet = self.aim.place(position, window)
         elif self.aim is not None:
             position, weight = self.aim.place(position, window)
         return sampler, window % self.columns, window // self.columns, position, weight, facet

@@ -130,8 +130,9 @@ class PathTracer(RBIntegrator):
             first_hit = FirstHit.of(scene, self.emitters)
             recorders = Recorders([first_hit, LastCounts.of(self.max_bounces)])
         replay = None if mode == dr.ADMode.Primal else Replay(mode, δL, state_in)
+        first = ray, scene.ray_intersect_preliminary(ray, coherent=True, active=active)
         (L, state), valid, recorders = self.paths.walk(
-            sampler, ray, active, recorders, replay=replay
+            sampler, first, active, recorders, replay=replay
         )
         if self.closure == "tail":
             L += recorders.of(LastCounts).tail(recorders.of(FirstHit).of_model)[0]
@@ -157,10 +158,15 @@ class PathTracer(RBIntegrator):
             self.paths.control, self.paths.openings = None, openings
 
     def radiance(
-        self, sampler, ray, recorders: Recorders, part: str = WHOLE
+        self, sampler, ray, recorders: Recorders, part: str = WHOLE, coherent: bool = False
     ) -> tuple[mi.Float, Recorders]:
-        """Radiance of each path [W m^-2 sr^-1], and what was recorded. part: see `Launch`."""
-        (L, _), _, recorders = self.paths.walk(sampler, ray, mi.Bool(True), recorders, part)
+        """Radiance of each path [W m^-2 sr^-1], and what was recorded.
+
+        part: see `Launch`. coherent: whether the rays of successive paths are next to each other,
+        which are then traced together.
+        """
+        first = ray, self.scene.ray_intersect_preliminary(ray, coherent=coherent)
+        (L, _), _, recorders = self.paths.walk(sampler, first, mi.Bool(True), recorders, part)
         return L[0], recorders
 
     def trace(
@@ -194,7 +200,7 @@ class PathTracer(RBIntegrator):
         """
         if self.paths.by_bin is not None and channels is not None and channels.tables is not None:
             raise InputError(WITHOUT_DERIVATIVES)
-        if isinstance(launch.aim, Aim) and launch.aim.direct is not None:
+        if launch.aim is not None and launch.aim.direct is not None:
             parts = [self.trace(sensor, part, channels, facets, rays) for part in launch.split()]
             return parts[0].plus(parts[1])
         with dr.suspend_grad():
@@ -264,7 +270,8 @@ class PathTracer(RBIntegrator):
             recorders.parts.append(ByBinOfPath.of(self.scene, self.emitters, bins, paths, weight))
         if facet is not None:
             recorders.parts.append(facet)
-        L, recorders = self.radiance(sampler, ray, recorders, paths.part)
+        # Without an aim, the paths of a pixel follow each other
+        L, recorders = self.radiance(sampler, ray, recorders, paths.part, paths.aim is None)
         if bins is not None:
             recorders.of(ByBinOfPath).end()
         if facet is not None:

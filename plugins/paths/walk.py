@@ -154,14 +154,14 @@ class Walk:
         return f"{self.by_bin.count} bins, which cause a relative error of {self.binning_error:.1e}"
 
     @dr.syntax
-    def walk(self, sampler, ray, active, recorders: Recorders, part: str = WHOLE, replay=None):
+    def walk(self, sampler, first, active, recorders: Recorders, part: str = WHOLE, replay=None):
         """Trace paths from the observer.
 
         Parameters
         ----------
         sampler : mi.Sampler
-        ray : mi.Ray3f
-            The first ray of each path.
+        first : tuple of mi.Ray3f and mi.PreliminaryIntersection3f
+            The first ray of each path, and what it hits.
         active : mi.Bool
         recorders : Recorders
         part : str
@@ -186,9 +186,9 @@ class Walk:
         L, latent = self.nothing() if primal else replay.state
         δL = mi.Spectrum(0 if primal or replay.gradient is None else replay.gradient)
         is_controlled = not primal and self.control is not None
-        cell = self.control.cells(dr.width(ray)) if is_controlled else None
+        cell = self.control.cells(dr.width(first)) if is_controlled else None
         active = mi.Bool(active)
-        path = self.begin(ray, active)
+        path = self.begin(*first)
         valid = path.pi.is_valid()
         counts = None
         if part == OTHER_THAN_DIRECT:
@@ -241,10 +241,9 @@ class Walk:
             return mi.Spectrum(0), None
         return dr.float64_array_t(mi.Spectrum)(0), mi.Spectrum(0)
 
-    def begin(self, ray, active) -> PathState:
+    def begin(self, ray, pi) -> PathState:
         """Paths whose first ray is traced. The inputs are copied, since the loop changes them."""
-        ray = mi.Ray3f(ray)
-        pi = self.scene.ray_intersect_preliminary(ray, coherent=True, active=active)
+        ray, pi = mi.Ray3f(ray), mi.PreliminaryIntersection3f(pi)
         # Dr.Jit 1.5 reads a path's own array wrongly if its index is a number that began as one for
         # all paths, and becomes different between them
         bounce = mi.UInt32(0)

@@ -27,9 +27,11 @@ class Channels:
     (seen.LABEL), with range, hit (1 or 0) and target (the radiance of paths that first hit the
     model). "target": also source.N and wavelength.N where the tracer has sources by spectrum, and
     for each channel NAME the part of paths that first hit the model, target.NAME. "model": that
-    part alone, as NAME; paths that first hit something else are not followed.
+    part alone, as NAME, without seen.LABEL and range; paths that first hit something else are not
+    followed.
     counted: largest number of reflections whose radiance is recorded separately, in one of SIZES;
-    that of more reflections is added to the last channel. None: as many as the tracer follows.
+    that of more reflections is added to the last channel. None: as many as the tracer follows. 0:
+    numbers of reflections are not told apart, and there is no bounce.N and no closure.
     counts_segments: whether the number of rays of each path is recorded, as `segments`.
     up_to: numbers of reflections up to which source.N, wavelength.N and group.LABEL are recorded as
     well, as upto.COUNT.NAME.
@@ -54,7 +56,7 @@ class Channels:
             tables, explores = self.tables, tracer.paths.explored is not None
             incoming = tables.incoming is None
             parts.append(Incoming.of(tables) if incoming else Columns.of(tables, cell, explores))
-        if self.split or facets:
+        if (self.split or facets) and self.counted != 0:
             parts.append(
                 ByBounce.up_to(tracer.max_bounces if self.counted is None else self.counted)
             )

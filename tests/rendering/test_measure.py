@@ -10,7 +10,7 @@ import pytest
 import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.paths.aim import Aim
-from mi_lcair.rendering import aiming, pilots
+from mi_lcair.rendering import aiming
 from mi_lcair.rendering import measure as module
 from mi_lcair.rendering.measurands import ExcessFunction, IntensityInterval, Measurands
 from mi_lcair.rendering.measure import measure
@@ -168,7 +168,8 @@ def test_a_noisy_window_is_begun_again_and_aimed(monkeypatch, noise, aimed):
     """Where the first error is more than 8 times as large as allowed; the first paths are left."""
     aim, seeds = Aim.anywhere(), []
     monkeypatch.setattr(
-        pilots, "aim_at_model", lambda scene, tracer, sensor, seed, _: (seeds.append(seed), aim)[1]
+        "mi_lcair.rendering.measure.best_aim",
+        lambda scene, tracer, windows, sampling, *_: (seeds.append(sampling.seed), aim)[1],
     )
     windows, tracer = Windows(mi.load_dict(camera()), pixels=64), Tracer([noise])
     sampling = Sampling(tolerance=0.001, seed=5)

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 import mi_lcair
+from mi_lcair.plugins.emission.draw_table import UnmetSources
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.measurands import IntensityInterval, Measurands
 from mi_lcair.rendering.measure import measure
-from mi_lcair.rendering.pilots import cheapest, cost, open_settings
+from mi_lcair.rendering.pilots import cheapest, cost, needed_paths, open_settings
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.window import Windows
+from tests.rendering.made_totals import totals
 
 
 def loaded(name, **parameters):
@@ -67,6 +69,20 @@ def test_paths_go_on_where_drawing_does_not_pay(monkeypatch):
     monkeypatch.setattr("mi_lcair.rendering.measure.WORTH_AIMING", np.inf)
     mi_lcair.signature(loaded("furnace", emitter_sampling="auto"), tolerance=2e-5)
     assert len(first_points) > 1 and first_points.count(0) == 1
+
+
+def test_needed_paths():
+    """Scatter falls as the root of the number of paths, and the bound of unmet sources as 1 / n."""
+    means = 1 + 0.1 * np.array([[-1.0, 1, -1, 1, -1, 1, -1, 1]])
+    of_scatter, of_bound = totals(means), totals(np.ones((1, 8)), unmet=UnmetSources(3.0))
+    paths = 8 * 64
+    assert needed_paths(of_scatter, 10.0) == pytest.approx(100 * paths)
+    assert needed_paths(of_bound, 10.0) == pytest.approx(10 * paths)
+    both = totals(means, unmet=UnmetSources(3.0))
+    needed = needed_paths(both, 10.0) / paths
+    random, missed = (t.half_width()[0] / both.half_width()[0] for t in (of_scatter, of_bound))
+    assert 100 * (random**2 / needed + missed**2 / needed**2) == pytest.approx(1)
+    assert needed_paths(both, np.inf) > 1e50
 
 
 def test_who_is_asked():

@@ -11,17 +11,22 @@ from mi_lcair.plugins.bsdfs.plume import is_passed
 from mi_lcair.plugins.emission.radiance_bound import radiance_bound
 from mi_lcair.plugins.emission.triangles import (
     Choice,
+    PrimitiveTable,
     is_faceted,
     pointer_id,
     triangle_corners,
     triangle_vertices,
 )
 from mi_lcair.plugins.paths.facet_starts import FacetStarts
+from mi_lcair.plugins.paths.launch import ParallelRays, views_of
 from mi_lcair.rendering.views import model_shapes
-from mi_lcair.rendering.window import window, window_size
+from mi_lcair.rendering.window import window
 
-RAYS = 1024  # rays along each side of the window that find what is seen
+# Rays along each side of a window, and of one of many windows, that find what is seen
+RAYS, RAYS_OF_MANY = 1024, 128
+RAYS_AT_ONCE = 2**22
 HIDDEN = 0.1  # least share of a triangle that counts as seen
+MOST_STARTS = 2**23  # triangles of all windows together, which take 36 bytes each
 
 
 def meshes_of_model(scene) -> list[mi.Shape] | None:
@@ -33,62 +38,71 @@ def meshes_of_model(scene) -> list[mi.Shape] | None:
 def starts_on_facets(scene, sensor, brightest: float) -> FacetStarts | None:
     """Starts on the facets of a scene's model that emit, in the window of an orthographic sensor.
 
-    None if a part of the model is no mesh, or if the sensor sees no facet that emits. brightest:
-    bound of the radiance of all emitters [W m^-2 sr^-1].
+    The sensor may be a batch of them, with a window each. None if a part of the model is no mesh,
+    if there are too many triangles, or if a sensor sees no facet that emits. brightest: bound of
+    the radiance of all emitters [W m^-2 sr^-1].
     """
-    meshes = meshes_of_model(scene)
+    meshes, views = meshes_of_model(scene), views_of(sensor)
     if meshes is None:
+        return None
+    counts = [len(triangle_vertices(mesh)) for mesh in meshes]
+    if len(views) * sum(counts) > MOST_STARTS:
         return None
     corners, area = outlines(meshes, sensor)
     # What lies behind a surface that is passed is seen as well
-    passes = np.repeat([is_passed(mesh.bsdf().flags()) for mesh in meshes], list(map(len, corners)))
+    passes = np.repeat([is_passed(mesh.bsdf().flags()) for mesh in meshes], counts)
     direct = radiances(meshes) + passes * brightest
-    emitted = area * direct * seen_shares(scene, sensor)
-    if not emitted.any():
+    emitted = area * direct * seen_shares(scene, sensor, area)
+    if not emitted.any(axis=1).all():
         return None
     return FacetStarts.at(meshes, corners, area, Choice(emitted), direct)
 
 
-def seen_shares(scene, sensor) -> np.ndarray:
-    """Share of each of the model's triangles that a sensor sees, about, (n,), at least HIDDEN.
+def seen_shares(scene, sensor, area: np.ndarray) -> np.ndarray:
+    """Share of each of the model's triangles that sensors see, about, at least HIDDEN.
 
-    Rays through RAYS x RAYS cells of the window are counted by what they hit first. A triangle that
-    is smaller than a cell counts as seen.
+    Rays through cells of each window are counted by what they hit first. A triangle that is smaller
+    than a cell counts as seen.
+
+    sensor: an orthographic sensor, or a batch of them. area: visible areas of the triangles in
+    parts of each window's area, (windows, n), the shape of the shares.
     """
-    meshes = meshes_of_model(scene)
-    areas, cell = outlines(meshes, sensor)[1], RAYS**-2.0
-    index = dr.arange(mi.UInt32, RAYS**2)
-    position = (mi.Point2f(index % RAYS, index // RAYS) + 0.5) / RAYS
-    ray, _ = sensor.sample_ray(0, 0, position, mi.Point2f(0.5))
-    hit = scene.mi.ray_intersect_preliminary(ray)
-    shape, primitive = dr.reinterpret_array(mi.UInt32, hit.shape).numpy(), hit.prim_index.numpy()
-    counts = [
-        np.bincount(
-            primitive[shape == pointer_id(mi.ShapePtr(mesh))],
-            minlength=len(triangle_vertices(mesh)),
-        )
-        for mesh in meshes
-    ]
-    share = (np.concatenate(counts) + 0.5) / (areas / cell + 0.5)
-    return np.clip(share, HIDDEN, 1.0)
+    windows, count = area.shape
+    meshes, rays = meshes_of_model(scene), ParallelRays.of(sensor)
+    ends = np.cumsum([len(triangle_vertices(mesh)) for mesh in meshes])[:-1]
+    ids = [pointer_id(mi.ShapePtr(mesh)) for mesh in meshes]
+    triangles = PrimitiveTable(ids, np.split(np.arange(count), ends), count)
+    side = RAYS if windows == 1 else RAYS_OF_MANY
+    hits = dr.zeros(mi.UInt32, windows * (count + 1))
+    for first in range(0, windows, RAYS_AT_ONCE // side**2):
+        some = min(RAYS_AT_ONCE // side**2, windows - first)
+        index = dr.arange(mi.UInt32, some * side**2)
+        window, cell = first + index // side**2, index % side**2
+        position = (mi.Point2f(cell % side, cell // side) + 0.5) / side
+        ray = rays.at(window, mi.UInt32(0), position, mi.UInt32(windows), mi.UInt32(1))
+        hit = scene.mi.ray_intersect_preliminary(ray)
+        triangle = triangles.at(hit.shape, hit.prim_index, hit.is_valid())
+        dr.scatter_add(hits, mi.UInt32(1), window * (count + 1) + triangle)
+        dr.eval(hits)
+    hits = hits.numpy().reshape(windows, count + 1)[:, :-1]
+    return np.clip((hits + 0.5) / (area * side**2 + 0.5), HIDDEN, 1.0)
 
 
-def outlines(meshes, sensor) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
-    """Corners of the triangles of each mesh, and visible areas of all, as by `outline`."""
-    corners, areas = zip(*(outline(mesh, sensor) for mesh in meshes))
-    return corners, np.concatenate(areas)
+def outlines(meshes, sensor) -> tuple[np.ndarray, np.ndarray]:
+    """Corners (views, n, 3, 2) and visible areas (views, n) of the triangles of meshes.
 
-
-def outline(mesh: mi.Shape, sensor) -> tuple[np.ndarray, np.ndarray]:
-    """Corners (n, 3, 2) of a mesh's triangles in parts of the window, and visible areas (n,).
-
-    The visible area is the projected one in parts of the window's area, or 0 for a triangle that
-    shows a side from which its surface neither emits nor reflects.
+    The corners are in parts of the window of an orthographic sensor, or of each in a batch. The
+    visible area is the projected one in parts of the window's area, or 0 for a triangle that shows
+    a side from which its surface neither emits nor reflects.
     """
-    corners, toward = projected(np.stack(triangle_corners(mesh), axis=1).astype(float), sensor)
-    toward *= facing(mesh)
-    back, front = shown_sides(mesh)
-    return corners, np.abs(toward) * np.where(toward > 0, front, back)
+    of_meshes = [np.stack(triangle_corners(mesh), axis=1) for mesh in meshes]
+    counts = list(map(len, of_meshes))
+    corners = np.concatenate(of_meshes).astype(float)
+    faces = np.repeat(list(map(facing, meshes)), counts)
+    back, front = np.repeat(list(map(shown_sides, meshes)), counts, axis=0).T
+    places, toward = zip(*(projected(corners, view) for view in views_of(sensor)))
+    toward = np.array(toward) * faces
+    return np.array(places), np.abs(toward) * np.where(toward > 0, front, back)
 
 
 def projected(corners: np.ndarray, sensor) -> tuple[np.ndarray, np.ndarray]:
@@ -98,8 +112,9 @@ def projected(corners: np.ndarray, sensor) -> tuple[np.ndarray, np.ndarray]:
     """
     corner, right, up, direction = window(sensor)
     axes = np.stack([right / (right @ right), up / (up @ up)], axis=1)
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return (corners - corner) @ axes, -0.5 * (normal @ direction) / np.prod(window_size(sensor))
+    places = (corners - corner) @ axes
+    (x, y), (v, w) = (places[:, k].T - places[:, 0].T for k in (1, 2))
+    return places, -0.5 * np.sign(np.cross(right, up) @ direction) * (x * w - y * v)
 
 
 def facing(mesh: mi.Shape) -> float:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import lru_cache, partial
 
-from mi_lcair.plugins.paths.launch import Launch, ParallelRays
+from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.paths.sums import Sums
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.scene import Scene
@@ -31,9 +31,8 @@ def traced(
         sent = pickle.dumps((scene, number, measurands, tolerance, windows.by_randomisation))
         yield from in_order([partial(trace_sent, sent, launch) for launch in launches])
     else:
-        rays = ParallelRays.of(windows.sensor)
         for launch in launches:
-            yield measurands.trace(tracer, windows.sensor, launch, rays)
+            yield measurands.trace(tracer, windows.sensor, launch, windows.rays)
 
 
 def may_be_sent(scene: Scene, windows: Windows, measurands: Measurands) -> bool:

@@ -116,7 +116,7 @@ class Estimation:
         shifts = np.append(self.size, 0.0)[self.surface.corners]
         shown = self.area + np.sum(np.abs(self.growth) * shifts, axis=1)
         radiance = radiances(self.surface.meshes)
-        shown = shown * seen_shares(self.surface.scene, self.sensor)
+        shown = shown * seen_shares(self.surface.scene, self.sensor, self.area[None])[0]
         parts = shown, shown * radiance, (shown > 0).astype(float)
         choice = Choice(sum(k * part / part.sum() for k, part in zip(SHARES, parts) if part.any()))
         return choice, choice.probability
@@ -157,7 +157,7 @@ class Estimation:
         for side in (1, -1):
             vertices = surface.displaced(side * shift[:, None] * self.along)
             outlines, area = surface.in_view(self.sensor, vertices)
-            aim = FacetStarts.at(surface.meshes, np.split(outlines, self.ends), self.q, self.choice)
+            aim = FacetStarts.at(surface.meshes, outlines, self.q, self.choice)
             seed = self.sampling.seed * SEEDS + launch
             paths = Launch(1, 1, seed, randomisations=1, points=self.points, aim=aim)
             with displaced(scene, surface.buffers(vertices)), scene.prepared() as tracer:

@@ -7,13 +7,16 @@ import numpy as np
 import pytest
 
 from mi_lcair.plugins.paths.aim import Aim
+from mi_lcair.rendering.aiming import aim_over_model
 from mi_lcair.rendering.facets.starts import starts_on_facets
 from mi_lcair.rendering.measurands import IntensityInterval, Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.pilots import best_aim
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import load
+from mi_lcair.rendering.views import View
 from mi_lcair.rendering.window import Windows
+from mi_lcair.signatures.many_views import windows_of
 from tests.plugins.conftest import plate  # noqa: F401, a fixture
 from tests.plugins.small_scenes import blackbody, camera
 
@@ -46,9 +49,8 @@ def totals(scene, aim, paths=2**14, seed=0):
     return measure(scene, windows, Sampling(paths=paths, seed=seed), MEASURANDS, aim=aim)
 
 
-@pytest.mark.parametrize("sampling", [False, True])
-def test_the_parts_add_up_to_the_whole(plate, sampling):
-    """Every channel, with a floor that is not the model, a plume and a surface that reflects."""
+def room_of_plates(plate, sampling):
+    """A floor that is not the model, a plume, a hot surface and one that reflects."""
     shapes = {
         "terrain": plate("terrain", square(0.9, -0.5), BLACK, 280.0, group="terrain"),
         "grey": plate("grey", square(0.5, 0.0), {"type": "diffuse"}, 300.0, group="grey"),
@@ -56,13 +58,35 @@ def test_the_parts_add_up_to_the_whole(plate, sampling):
         "gas": plate("gas", square(0.3, 1.0, 0.2), {"type": "plume", "transmittance": 0.6}, 400.0),
     }
     shapes["terrain"]["emitter"]["facet_type"] = "terrain"
-    scene = scene_of(shapes, sampling)
+    return scene_of(shapes, sampling)
+
+
+@pytest.mark.parametrize("sampling", [False, True])
+def test_the_parts_add_up_to_the_whole(plate, sampling):
+    """In every channel."""
+    scene = room_of_plates(plate, sampling)
     whole, split = totals(scene, None, 2**16), totals(scene, with_starts(scene), 2**16)
     assert split.sums.keys() == whole.sums.keys()
     for name in (None, *whole.sums):
         error = np.hypot(whole.scatter_error(name), split.scatter_error(name))
         change = np.abs(split.mean(name) - whole.mean(name))
         assert change[0] <= 6 * error[0] + 1e-5 * whole.mean(name)[0], name
+
+
+def test_views_have_starts_of_their_own(plate):
+    """The parts of each view, where the aim of another view would miss the hot plate."""
+    scene = room_of_plates(plate, False)
+    views = [View(azimuth, elevation) for azimuth, elevation in ((0, 90), (20, 60), (200, 35))]
+    windows, _ = windows_of(scene, views, 8)
+    starts = starts_on_facets(scene, windows.sensor, blackbody(600.0))
+    aims = None, replace(aim_over_model(scene, windows.sensor), direct=starts)
+    sampling, measurands = Sampling(paths=2**15), Measurands.of("model")
+    whole, split = (measure(scene, windows, sampling, measurands, aim=aim) for aim in aims)
+    assert split.sums.keys() == whole.sums.keys()
+    for name in whole.sums:
+        error = np.hypot(whole.scatter_error(name), split.scatter_error(name))
+        change = np.abs(split.mean(name) - whole.mean(name))
+        assert (change <= 6 * error + 1e-5 * whole.mean(name)).all(), name
 
 
 def test_intervals_of_black_plates_hold(plate):
