@@ -83,14 +83,18 @@ def test_samples_of_an_edge(slope):
         assert side - samples[row].sum() == pytest.approx(crossing, abs=1e-12)
 
 
-@pytest.mark.parametrize("gradient, sigma", [(0.08749, 0.6), (-0.0951, 0.5)])
-def test_slanted_edge(gradient, sigma):
+@pytest.mark.parametrize(
+    "rows, start, gradient, sigma",
+    [(120, 47, 0.08749, 0.6), (120, 47, -0.0951, 0.5), (24, 46, 0.08749, 0.6)],
+)
+def test_slanted_edge(rows, start, gradient, sigma):
     """The MTF of a Gaussian blur of sigma pixels, exp(-2 (pi sigma f)^2), from a tilted edge.
 
-    The values are those at the pixels' centres, which no pixel's footprint blurs further.
+    The values are those at the pixels' centres, which no pixel's footprint blurs further. An
+    edge off the middle of few rows leaves places without a pixel, which must not count.
     """
-    y, x = np.mgrid[:120, :100] + 0.5
-    distance = (x - 47 - gradient * y) / np.hypot(1, gradient)
+    y, x = np.mgrid[:rows, :100] + 0.5
+    distance = (x - start - gradient * y) / np.hypot(1, gradient)
     frequency, value = slanted_edge_mtf(2 + 3 * (1 + erf(distance / (sigma * np.sqrt(2)))))
     assert frequency[0] == 0 and frequency[-1] == pytest.approx(0.5)
     assert value == pytest.approx(np.exp(-2 * (np.pi * sigma * frequency) ** 2), abs=0.01)
