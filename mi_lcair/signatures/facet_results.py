@@ -174,12 +174,7 @@ class FacetSums:
             for k in range(1, min(len(by_bounce), BOUNCE_CHANNELS))
         }
         columns = {
-            "facet": np.arange(table.count),
-            "type": table.type,
-            "group": table.group,
-            "material": table.material,
-            "temperature_K": table.temperature,
-            "area_m2": table.area,
+            **table.columns(),
             "mean_cosine": mean_cosine,
             "visible_fraction": visible,
             "samples": self.hits.astype(int),

@@ -167,18 +167,8 @@ def _model(source, output, suffix):
 
 def _scene(source, output, suffix, parameters):
     """The facets of a scene with their groups, materials and temperatures."""
-    import numpy as np
-
     from mi_lcair.rendering.facets.polygons import FacetPolygons
     from mi_lcair.rendering.facets.table import FacetTable
 
     facets = FacetTable(mi_lcair.load(source, **parameters))
-    columns = {
-        "facet": np.arange(facets.count),
-        "type": facets.type,
-        "group": facets.group,
-        "material": facets.material,
-        "temperature_K": facets.temperature,
-        "area_m2": facets.area,
-    }
-    FacetPolygons.of(facets.triangles, facets.triangle_facet).write(output, columns)
+    FacetPolygons.of(facets.triangles, facets.triangle_facet).write(output, facets.columns())

@@ -91,6 +91,17 @@ class FacetTable:
         """
         return self._numbers.at(shape, prim_index, active)
 
+    def columns(self) -> dict[str, np.ndarray]:
+        """A row for each facet: its number, what it is, its temperature and its area."""
+        return {
+            "facet": np.arange(self.count),
+            "type": self.type,
+            "group": self.group,
+            "material": self.material,
+            "temperature_K": self.temperature,
+            "area_m2": self.area,
+        }
+
     def _describe(self, shapes, of_primitive) -> None:
         """Set shape, type, group, material and temperature of each facet."""
         self.shape_index = np.full(self.count, -1)
