@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from scipy import sparse
 
-from mi_lcair.formats import VTK
 from mi_lcair.heating.conductors import Conductors, Facets, Traced, standard_error
 from mi_lcair.heating.sunlight import SolarAreas
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
-from mi_lcair.rendering.facets.polygons import FacetPolygons
+from mi_lcair.rendering.facets.polygons import WRITERS
 from mi_lcair.results import Result
 
 if TYPE_CHECKING:
@@ -83,7 +82,7 @@ class Exchange(Result):
     remarks: tuple[str, ...]
 
     kind: ClassVar[str] = "exchange"
-    saved_by: ClassVar[dict[str, str]] = dict.fromkeys(VTK, f"{__name__}:write_vtk")
+    saved_by: ClassVar[dict[str, str]] = WRITERS
 
     @property
     def conductors(self) -> Conductors:
@@ -229,8 +228,3 @@ def with_unmet(values, errors, most, path) -> np.ndarray:
     """
     same = (values == 0) | (np.abs(values - most) < 1e-6 * most)
     return np.where(same, np.maximum(errors, UNMET / 2 * path), errors)
-
-
-def write_vtk(path, exchange: Exchange) -> None:
-    """Write facets with all columns of their table as a .vtp or .vtu file."""
-    FacetPolygons.of(exchange.triangles, exchange.triangle_facet).write(path, exchange.columns())

@@ -5,11 +5,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from mi_lcair.formats import VTK
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.recorders.by_bounce import BOUNCE_CHANNELS, MAX_BOUNCE_CHANNELS
-from mi_lcair.rendering.facets.polygons import FacetPolygons
+from mi_lcair.rendering.facets.polygons import WRITERS
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.statistics import UNSEEN, Totals, edge_share, student_factor
 from mi_lcair.results import Result
@@ -43,7 +42,7 @@ class FacetResults(Result):
     triangle_facet: np.ndarray
 
     kind: ClassVar[str] = "facets"
-    saved_by: ClassVar[dict[str, str]] = dict.fromkeys(VTK, f"{__name__}:write_vtk")
+    saved_by: ClassVar[dict[str, str]] = WRITERS
 
     def summary(self) -> str:
         """One line with the number of facets and the intensity of the brightest one."""
@@ -65,11 +64,6 @@ class FacetResults(Result):
     def columns(self) -> dict[str, np.ndarray]:
         """The table, with a row for each facet."""
         return self.table
-
-
-def write_vtk(path, facets: FacetResults) -> None:
-    """Write facets with all columns of their table as a .vtp or .vtu file."""
-    FacetPolygons.of(facets.triangles, facets.triangle_facet).write(path, facets.table)
 
 
 class FacetSums:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from mi_lcair.formats import VTK
+from mi_lcair.rendering.facets import polygons
 from mi_lcair.results import Result
-from mi_lcair.signatures import facet_results
 from mi_lcair.signatures.effective_areas import EffectiveAreas
 from mi_lcair.signatures.facet_results import FacetResults
 
@@ -239,4 +239,4 @@ class Signature(Result):
 
 def write_vtk(path, signature: Signature) -> None:
     """Write the facets of a signature as a .vtp or .vtu file."""
-    facet_results.write_vtk(path, signature.facets)
+    polygons.write_vtk(path, signature.facets)

@@ -167,8 +167,7 @@ def _model(source, output, suffix):
 
 def _scene(source, output, suffix, parameters):
     """The facets of a scene with their groups, materials and temperatures."""
-    from mi_lcair.rendering.facets.polygons import FacetPolygons
+    from mi_lcair.rendering.facets.polygons import write_vtk
     from mi_lcair.rendering.facets.table import FacetTable
 
-    facets = FacetTable(mi_lcair.load(source, **parameters))
-    FacetPolygons.of(facets.triangles, facets.triangle_facet).write(output, facets.columns())
+    write_vtk(output, FacetTable(mi_lcair.load(source, **parameters)))

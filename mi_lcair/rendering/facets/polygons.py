@@ -5,8 +5,10 @@ from os import PathLike
 
 import numpy as np
 
-from mi_lcair.formats import vtk
+from mi_lcair.formats import VTK, vtk
 
+# `saved_by` of results with facets, whose files `write_vtk` writes
+WRITERS = dict.fromkeys(VTK, f"{__name__}:write_vtk")
 PLANAR = 1e-7  # relative error of the area up to which an outline stands for its triangles
 
 
@@ -58,6 +60,14 @@ class FacetPolygons:
         faces = [face for face, place in zip(self.faces, places) if place >= 0]
         cells = {name: values[places[places >= 0]] for name, values in columns.items()}
         vtk.write_facets(path, self.vertices, faces, cells)
+
+
+def write_vtk(path: str | PathLike[str], facets) -> None:
+    """Write facets with all columns of their table as a .vtp or .vtu file.
+
+    facets: what has `triangles`, `triangle_facet` and `columns`, such as a FacetTable.
+    """
+    FacetPolygons.of(facets.triangles, facets.triangle_facet).write(path, facets.columns())
 
 
 def _merged(vertices: np.ndarray, triangles: np.ndarray) -> list[np.ndarray]:

@@ -5,8 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from mi_lcair.formats import VTK
-from mi_lcair.rendering.facets.polygons import FacetPolygons
+from mi_lcair.rendering.facets.polygons import WRITERS
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.window import window
@@ -58,7 +57,7 @@ class ShapeDerivatives(Result):
     axes: np.ndarray
 
     kind: ClassVar[str] = "shape_derivatives"
-    saved_by: ClassVar[dict[str, str]] = dict.fromkeys(VTK, f"{__name__}:write_vtk")
+    saved_by: ClassVar[dict[str, str]] = WRITERS
 
     def summary(self) -> str:
         """One line with the change of the intensity if the whole surface moves outward."""
@@ -89,11 +88,6 @@ class ShapeDerivatives(Result):
     def columns(self) -> dict[str, np.ndarray]:
         """The table, with a row for each facet of the group."""
         return self.table
-
-
-def write_vtk(path, shape: ShapeDerivatives) -> None:
-    """Write the facets with their derivatives as a .vtp or .vtu file."""
-    FacetPolygons.of(shape.triangles, shape.triangle_facet).write(path, shape.table)
 
 
 def differentiate_shape(scene, group: str, sampling: Sampling) -> ShapeDerivatives:
