@@ -92,21 +92,12 @@ def grid(columns: dict[str, np.ndarray], axes: tuple[str, ...], **attributes):
     stay integers where the grid is full.
     """
     xarray = optional("xarray", "a netCDF file or an xarray Dataset")
-    columns = _arrays(columns)
-    ticks, places = zip(*(np.unique(columns[axis], return_inverse=True) for axis in axes))
-    shape = tuple(len(tick) for tick in ticks)
-    full = np.prod(shape) == len(columns[axes[0]])
-    variables = {}
-    for name, values in columns.items():
-        if name in axes:
-            continue
-        numeric = values.dtype.kind in "iub" and full
-        spread = np.full(shape, 0 if numeric else np.nan, values.dtype if numeric else float)
-        if values.dtype.kind not in "iufb":
-            spread = np.full(shape, "", object)
-        spread[places] = values
-        variables[name] = (axes, spread)
-    return described(xarray.Dataset(variables, dict(zip(axes, ticks)), attributes))
+    from pandas import DataFrame  # which xarray needs
+
+    frame = DataFrame(_arrays(columns)).drop_duplicates(axes, keep="last").set_index(list(axes))
+    made = xarray.Dataset.from_dataframe(frame)
+    texts = [name for name, values in made.items() if values.dtype.kind == "O"]
+    return described(made.assign(made[texts].fillna("")).assign_attrs(attributes))
 
 
 def dataset(columns: dict[str, np.ndarray], **attributes):
