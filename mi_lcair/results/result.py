@@ -17,7 +17,7 @@ from mi_lcair.errors import InputError, check_known, printable
 from mi_lcair.extras import optional
 from mi_lcair.files import check_writable, replacing
 from mi_lcair.results import html
-from mi_lcair.results.cells import unit_of, unpacked, words_of
+from mi_lcair.results.cells import unpacked, words_of
 from mi_lcair.results.sections import Facts, LongTable, Section
 
 if TYPE_CHECKING:
@@ -139,14 +139,8 @@ class Result:
         Raises InputError if xarray is not installed.
         """
         xarray = optional("xarray", f"the dataset of {self._named()}")
-        variables, coordinates = (
-            {
-                name: (dimensions, values, {"units": unit} if (unit := unit_of(name)) else {})
-                for name, (dimensions, values) in table.items()
-            }
-            for table in (variables, coordinates)
-        )
-        return xarray.Dataset(variables, coordinates, self.attributes())
+        described = named("mi_lcair.formats.netcdf:described")
+        return described(xarray.Dataset(variables, coordinates, self.attributes()))
 
     def plot(self, path: str | PathLike[str] | None = None, **options: Any) -> "Figure":
         """The picture of the result, as a Matplotlib Figure.
