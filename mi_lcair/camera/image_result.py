@@ -14,7 +14,7 @@ from mi_lcair.camera.ranges.range_table import RangeRow
 from mi_lcair.camera.view import CameraView
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.formats import tiff
-from mi_lcair.formats.channels import column_of
+from mi_lcair.formats.channels import column_of, pixel_axes
 from mi_lcair.physics.bands import Band
 from mi_lcair.results import Result
 
@@ -146,12 +146,11 @@ class Image(Result):
 
         Raises InputError if xarray is not installed.
         """
-        _, height, width = self.counts.shape
         over = ("row", "column")
         return self.dataset(
             {column_of(name): (over, values) for name, values in self.channels.items()}
             | {"counts": (("frame", *over), self.counts)},  # of all frames
-            {"row": ("row", np.arange(height)), "column": ("column", np.arange(width))},
+            pixel_axes(self.counts.shape[1:]),
         )
 
 

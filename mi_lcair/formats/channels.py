@@ -66,6 +66,20 @@ def column_of(channel: str) -> str:
     return name.removesuffix(end) + end
 
 
+def pixel_axes(shape, window_m=None) -> dict[str, tuple[str, np.ndarray]]:
+    """Numbers of pixels, and their centres [m] in a window, by name: each with its dimension.
+
+    row and column begin with 0 at the upper left. x_m and y_m begin in the middle of the window;
+    x is to the right and y upward. shape: (H, W).
+    """
+    axes = {name: (name, np.arange(count)) for name, count in zip(("row", "column"), shape)}
+    if window_m is not None:
+        down, across = ((np.arange(count) + 0.5) / count for count in shape)
+        axes["x_m"] = "column", (across - 0.5) * window_m[0]
+        axes["y_m"] = "row", (0.5 - down) * window_m[1]
+    return axes
+
+
 def has_value(channel: str, values: np.ndarray) -> np.ndarray:
     """Which pixels of a channel have a value. NaN and infinite values are none."""
     known = np.isfinite(values)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 import scipy
 
+from mi_lcair.formats.channels import pixel_axes
 from mi_lcair.rendering.pixels.errors import POOLED
 from mi_lcair.results import Result
 from mi_lcair.sensitivity.sensitivities import per_unit
@@ -138,7 +139,7 @@ class DerivativeImages(Result):
         The derivatives and their errors are over (parameter, row, column). Raises InputError if
         xarray is not installed.
         """
-        over, (_, height, width) = ("row", "column"), self.radiance.shape
+        over = "row", "column"
         return self.dataset(
             {
                 "radiance_W_m2_sr": (over, self.mean),
@@ -149,8 +150,7 @@ class DerivativeImages(Result):
             {
                 "parameter": ("parameter", list(self.names)),
                 "parameter_unit": ("parameter", list(self.units)),
-                "row": ("row", np.arange(height)),
-                "column": ("column", np.arange(width)),
+                **pixel_axes(self.mean.shape),
             },
         )
 

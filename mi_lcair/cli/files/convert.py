@@ -84,10 +84,8 @@ def _way(source: str, scene):
 
 def _image(source, output, suffix, channel):
     """A channel of an EXR image as a TIFF, or all channels as netCDF."""
-    import numpy as np
-
     from mi_lcair.formats import netcdf, tiff
-    from mi_lcair.formats.channels import column_of, or_nan, quantity_of
+    from mi_lcair.formats.channels import column_of, or_nan, pixel_axes, quantity_of
     from mi_lcair.rendering.images.exr import read_exr, window_of
 
     channels, header = read_exr(source)
@@ -101,15 +99,10 @@ def _image(source, output, suffix, channel):
     from mi_lcair.extras import optional
 
     xarray = optional("xarray", "a netCDF file")
-    height, width = next(iter(channels.values())).shape
-    coordinates = {"row": np.arange(height), "column": np.arange(width)}
-    if window_m := window_of(header):
-        coordinates["x_m"] = ("column", ((np.arange(width) + 0.5) / width - 0.5) * window_m[0])
-        coordinates["y_m"] = ("row", (0.5 - (np.arange(height) + 0.5) / height) * window_m[1])
     names = {name: column_of(name) if "band" in header else name for name in channels}
     dataset = xarray.Dataset(
         {names[name]: (("row", "column"), values) for name, values in channels.items()},
-        coordinates,
+        pixel_axes(next(iter(channels.values())).shape, window_of(header)),
         header,
     )
     netcdf.write(output, netcdf.described(dataset))

@@ -7,7 +7,7 @@ import numpy as np
 
 from mi_lcair.errors import check_known
 from mi_lcair.formats import envi, tiff
-from mi_lcair.formats.channels import column_of, or_nan, spectral_channel
+from mi_lcair.formats.channels import column_of, or_nan, pixel_axes, spectral_channel
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import spectral_temperature
 from mi_lcair.results import Result
@@ -148,30 +148,17 @@ class Render(Result):
         """The channels, (H, W) each, by the names of their columns, which end in the unit."""
         return {column_of(name): values for name, values in self.channels.items()}
 
-    def positions(self) -> dict[str, np.ndarray]:
-        """Numbers of the pixels, and their centres [m] if the sensor is orthographic.
-
-        row, (H,), and column, (W,), begin with 0 at the upper left. x_m and y_m begin in the middle
-        of the window; x is to the right and y upward.
-        """
-        height, width = self.channels["Y"].shape
-        row, column = np.arange(height), np.arange(width)
-        if self.window_m is None:
-            return {"row": row, "column": column}
-        return {
-            "row": row,
-            "column": column,
-            "x_m": ((column + 0.5) / width - 0.5) * self.window_m[0],
-            "y_m": (0.5 - (row + 0.5) / height) * self.window_m[1],
-        }
+    @property
+    def axes(self) -> dict[str, tuple[str, np.ndarray]]:
+        """The `pixel_axes` of the image, with centres in metres if the sensor is orthographic."""
+        return pixel_axes(self.channels["Y"].shape, self.window_m)
 
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each pixel: its place and its channels."""
         images, shape = self.images(), self.channels["Y"].shape
-        along = {"row": 0, "y_m": 0, "column": 1, "x_m": 1}
         places = {
-            name: np.broadcast_to(np.expand_dims(values, 1 - along[name]), shape)
-            for name, values in self.positions().items()
+            name: np.broadcast_to(values[:, None] if along == "row" else values, shape)
+            for name, (along, values) in self.axes.items()
         }
         return {name: values.ravel() for name, values in (places | images).items()}
 
@@ -181,8 +168,7 @@ class Render(Result):
         The spectral radiance and its brightness temperature are over wavelength_um, too. Raises
         InputError if xarray is not installed.
         """
-        along = {"row": "row", "y_m": "row", "column": "column", "x_m": "column"}
-        axes = {name: (along[name], values) for name, values in self.positions().items()}
+        axes = self.axes
         by_wavelength = {spectral_channel(wavelength) for wavelength in self.wavelengths_um}
         variables = {
             column_of(name): (("row", "column"), values)
