@@ -206,7 +206,7 @@ class Datum:
         count = sampling.randomisations
         if self.camera:
             return self.camera.predicted([], sampling.spp, seed, count)[0]
-        settings = Sampling(spp=sampling.spp, seed=seed, sensor=self.entry.sensor)
+        settings = self._sampling(sampling, seed)
         return randomised_images(self.scene, settings, count).astype(float)
 
     def _seed(self, sampling: RenderSettings, kind: int) -> int:
@@ -272,14 +272,18 @@ class Datum:
         """Paths of a render with derivatives; 0 for a contrast, whose scenario chooses them."""
         if self.sight:
             return 0
-        settings = Sampling(spp=sampling.spp, sensor=self.entry.sensor)
         total = 0
         for view in self.views or (self.scene,):
-            is_own = view is self.scene
-            camera = view.sensor(self.entry.sensor if is_own else 0)
-            spp = settings.settled(camera).spp if is_own else sampling.spp or SPP_OF_VIEWS
-            total += int(spp * np.prod(camera.film().crop_size()))
+            settings = self._sampling(sampling, 0, view)
+            camera = view.sensor(settings.sensor)
+            total += int(settings.settled(camera).spp * np.prod(camera.film().crop_size()))
         return total
+
+    def _sampling(self, sampling: RenderSettings, seed: int, view: Scene | None = None) -> Sampling:
+        """How its scene is rendered, or a view of it from another aspect."""
+        if view in (None, self.scene):
+            return Sampling(spp=sampling.spp, seed=seed, sensor=self.entry.sensor)
+        return Sampling(spp=sampling.spp or SPP_OF_VIEWS, seed=seed)
 
     def _traced_image(self, names, sampling: RenderSettings, seed: int):
         """Radiance (R, n) and columns [(n, K)] of the pixels that count."""
@@ -289,12 +293,8 @@ class Datum:
             )
             columns = [of[:, self.counts].T for of in derivatives]
             return radiance[:, self.counts], columns
-        images = differentiate_image(
-            self.scene,
-            names,
-            Sampling(spp=sampling.spp, seed=seed, sensor=self.entry.sensor),
-            sampling.randomisations,
-        )
+        settings = self._sampling(sampling, seed)
+        images = differentiate_image(self.scene, names, settings, sampling.randomisations)
         radiance = images.radiance[:, self.counts].astype(float)
         columns = [of[:, self.counts].T.astype(float) for of in images.derivatives]
         return radiance, columns
@@ -323,21 +323,14 @@ class Datum:
     def _traced_numbers(self, names, sampling: RenderSettings, seed: int):
         """Intensities (R, n) and columns [(n, K)]: of views, a contrast or a spectrum."""
         if self.spectrum:
-            of = Sampling(spp=sampling.spp, seed=seed, sensor=self.entry.sensor)
-            return self.spectrum.predicted(self.scene, names, of)
+            return self.spectrum.predicted(self.scene, names, self._sampling(sampling, seed))
         if self.sight:
             contrast, columns = self.sight.contrast(names, sampling.spp, seed)
             return contrast[:, None], list(columns.T[:, None, :])
         radiance, columns = [], []
         for view in self.views:
-            is_own = view is self.scene
-            of_view = Sampling(
-                spp=sampling.spp if is_own else sampling.spp or SPP_OF_VIEWS,
-                seed=seed,
-                sensor=self.entry.sensor if is_own else 0,
-            )
-            sensitivity = differentiate_intensity(view, names, of_view)
-            each = of_randomisations(sensitivity)
+            of_view = self._sampling(sampling, seed, view)
+            each = of_randomisations(differentiate_intensity(view, names, of_view))
             radiance.append(each[0])
             columns.append(each[1:])
         radiance = np.array(radiance).T  # (R, n)
