@@ -5,7 +5,7 @@ texts, numbers, None for a missing value, or pairs (value, standard error). Unit
 UDUNITS has them, such as "W sr-1".
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +27,12 @@ class Table:
 
     columns: list[Heading]
     rows: list
+
+    @staticmethod
+    def of(columns: dict[Heading, tuple[Iterable, str]]) -> "Table":
+        """The table of columns by heading: their values, and the format of these."""
+        cells = ([format(value, how) for value in values] for values, how in columns.values())
+        return Table([*columns], list(zip(*cells)))
 
 
 @dataclass(frozen=True)

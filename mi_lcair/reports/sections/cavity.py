@@ -19,26 +19,15 @@ def sections(result) -> list[Section]:
         ("wall", f"{wall}, compared with a blackbody of {result.reference:g} K"),
         ("method", METHODS[result.method]),
     ]
-    head = [
-        "wavelength um",
-        "wall",
-        "effective emissivity",
-        "sigma",
-        "of which numerical",
-        "Gouffé",
-    ]
-    lines = [
-        (f"{um:g}", f"{wall:.4f}", f"{value:.6f}", f"{sigma:.2g}", f"{error:.2g}", f"{gouffe:.4f}")
-        for um, wall, value, sigma, error, gouffe in zip(
-            result.wavelengths_um,
-            result.wall_emissivity,
-            result.effective,
-            result.sigma,
-            result.numerical,
-            result.gouffe,
-        )
-    ]
-    parts = [summary_of(result), Facts(rows), Table(head, lines)]
+    by_wavelength = {
+        "wavelength um": (result.wavelengths_um, "g"),
+        "wall": (result.wall_emissivity, ".4f"),
+        "effective emissivity": (result.effective, ".6f"),
+        "sigma": (result.sigma, ".2g"),
+        "of which numerical": (result.numerical, ".2g"),
+        "Gouffé": (result.gouffe, ".4f"),
+    }
+    parts = [summary_of(result), Facts(rows), Table.of(by_wavelength)]
     budget = [
         contribution(
             row,

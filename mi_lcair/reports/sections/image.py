@@ -5,34 +5,24 @@ from mi_lcair.reports.sections.render import image_sections
 from mi_lcair.results.cells import error_row
 from mi_lcair.results.sections import Facts, Lines, Remarks, Section, Table
 
-OVER_RANGE = [
-    ("range", "m"),
-    "pixels on target",
-    "electrons",
-    "signal to noise, matched filter",
-    "of the peak pixel",
-    "detected by matched filter",
-]
-
 
 def sections(image) -> list[Section]:
     """The frame of a camera, its measures, and the target over range."""
     frame, made = image_sections(image.channels, image.header)
-    rows = [
-        [
-            f"{row.range_m:.6g}",
-            f"{row.pixels:.4g}",
-            f"{row.electrons:.4g}",
-            f"{row.snr:.4g}",
-            f"{row.peak_snr:.4g}",
-            "yes" if row.detected else f"no, too few: {row.lacks}",
-        ]
-        for row in image.ranges
-    ]
+    columns = image.columns()
+    verdicts = ("yes" if row.detected else f"no, too few: {row.lacks}" for row in image.ranges)
+    over_range = {
+        ("range", "m"): (columns["range_m"], ".6g"),
+        "pixels on target": (columns["pixels"], ".4g"),
+        "electrons": (columns["electrons"], ".4g"),
+        "signal to noise, matched filter": (columns["snr"], ".4g"),
+        "of the peak pixel": (columns["peak_snr"], ".4g"),
+        "detected by matched filter": (verdicts, ""),
+    }
     return [
         frame,
         Section("Camera", [Facts(measured(image)), Remarks(image.remarks)]),
-        Section("Target over range", [Table(OVER_RANGE, rows), Lines("", [detected(image)])]),
+        Section("Target over range", [Table.of(over_range), Lines("", [detected(image)])]),
         made,
     ]
 
