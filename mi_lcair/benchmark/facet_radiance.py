@@ -58,11 +58,11 @@ def facet_radiance(
         si = loaded.mi.ray_intersect(ray)
         if not np.linalg.norm(np.array(si.p).ravel() - centre) < HIT * size:
             raise InputError(f"{loaded.name}: the sensor does not see the middle of facet {facet}")
-        own = summed(emitted(si, loaded.mi))
+        emission = summed(emitted(si, loaded.mi))
 
         def radiance(grid):
             step()
-            return own + reflected(loaded.mi, tracer.emitters, grid, si, mi.Float(1), 1)[0]
+            return emission + reflected(loaded.mi, tracer.emitters, grid, si, mi.Float(1), 1)[0]
 
         return FacetRadiance(
             scene_name=loaded.name,

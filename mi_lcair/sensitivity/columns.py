@@ -193,15 +193,15 @@ def recording(scene, columns: dict, weights, pilot) -> Recording:
         tables = tables.with_incoming(np.zeros(CELLS**2 + 1))
         return Recording(tables, channels, dict.fromkeys(columns, "linear"))
 
-    found = pilot(tables, 1)
+    traced = pilot(tables, 1)
     measured = ("reflected", "mirrored") if tables.has_mirrors else ("reflected",)
     tables = tables.with_incoming(
-        *(incoming_radiance(found, tables.surfaces, of) for of in measured)
+        *(incoming_radiance(traced, tables.surfaces, of) for of in measured)
     )
-    found, method = pilot(tables, 2), {}
+    traced, method = pilot(tables, 2), {}
 
     def noise(names):
-        return np.var(sum(found[name] for name in names), axis=1).sum()
+        return np.var(sum(traced[name] for name in names), axis=1).sum()
 
     for k, name in enumerate(columns):
         method[name] = "score" if k < tables.materials else "linear"

@@ -185,15 +185,15 @@ class OfMotion(Entry):
 
 def entries(scene) -> dict[str, Entry]:
     """All parameters of a scene with their places."""
-    found = {}
+    known = {}
 
     def add(emitter, shape, area):
         """Add the parameters of an emitter; area: of the primitives of its shape [m^2]."""
-        for own in emitter.parameters():
-            name = f"{own.group or emitter.group}.{own.name}"
-            node, weight = (shape, area) if own.is_by_facet else (emitter, area.sum(keepdims=True))
-            entry = found.setdefault(name, Entry(name, own.kind, [], own.unit, own.upper))
-            entry.places.append(Place(node, own.key, None, weight))
+        for of in emitter.parameters():
+            name = f"{of.group or emitter.group}.{of.name}"
+            node, weight = (shape, area) if of.is_by_facet else (emitter, area.sum(keepdims=True))
+            entry = known.setdefault(name, Entry(name, of.kind, [], of.unit, of.upper))
+            entry.places.append(Place(node, of.key, None, weight))
 
     emitting = thermal_shapes(scene.mi)
     for shape in sorted(emitting, key=lambda shape: shape.emitter().group):
@@ -201,10 +201,10 @@ def entries(scene) -> dict[str, Entry]:
     for emitter in scene.mi.emitters():
         if is_thermal(emitter) and emitter.get_shape() is None:
             add(emitter, None, np.ones(1))
-    for entry in list(found.values()):
+    for entry in list(known.values()):
         if entry.kind == "temperature":
-            found.update(single_temperatures(entry, emitting))
-    found = dict(sorted(found.items(), key=lambda item: (item[1].kind, item[0])))
+            known.update(single_temperatures(entry, emitting))
+    known = dict(sorted(known.items(), key=lambda item: (item[1].kind, item[0])))
 
     surfaces = {}
     for node in nodes(scene.mi):
@@ -228,12 +228,12 @@ def entries(scene) -> dict[str, Entry]:
             upper = np.inf if kind == "plugin" else 1.0
             entry = surfaces.setdefault(name, Entry(name, kind, [], upper=upper))
             entry.places.append(Place(node, key, None, np.ones(1)))
-    found |= {name: surfaces[name] for name in surfaces if name not in found}
+    known |= {name: surfaces[name] for name in surfaces if name not in known}
     motions = {
         name: OfMotion(name, "motion", [], m.unit, motion=m, value=value_of(scene, m))
         for name, m in known_motions(scene).items()
     }
-    return found | {name: motions[name] for name in motions if name not in found}
+    return known | {name: motions[name] for name in motions if name not in known}
 
 
 def add_changes(surfaces: dict[str, Entry], node, material: str) -> None:

@@ -147,9 +147,9 @@ def facet_matrix(
         blocks, invalid, done = {}, 0, 0
         with unit_radiance(emitters):
             for launch in launches(width, height, seed, randomisations, points, slots(tracer)):
-                found = contributions(tracer, camera, launch, table, model_only)
-                invalid += int((~found.valid).sum())
-                summed = pass_sums(found, launch, shape[-1])
+                traced = contributions(tracer, camera, launch, table, model_only)
+                invalid += int((~traced.valid).sum())
+                summed = pass_sums(traced, launch, shape[-1])
                 before = blocks.get(launch.first)
                 blocks[launch.first] = (
                     summed if before is None else [a + b for a, b in zip(before, summed)]
@@ -223,17 +223,17 @@ def chosen_facets(scene: Scene, groups) -> tuple:
             raise unknown("group", group, known)
         if group not in known:
             raise InputError(f"{scene.name}: group {group} has no facets with temperatures")
-    chosen = [
+    wanted = [
         shape for shape in with_temperature if groups is None or shape.emitter().group in groups
     ]
-    if not chosen:
+    if not wanted:
         raise InputError(f"{scene.name}: no facets with temperatures were chosen")
     numbers = []
-    for shape in chosen:
+    for shape in wanted:
         count = len(triangle_vertices(shape)) if is_faceted(shape) else 1
         number = facets.number(mi.ShapePtr(shape), dr.arange(mi.UInt32, count))
         numbers.append(number.numpy().astype(np.int64))
     used, columns = np.unique(np.concatenate(numbers), return_inverse=True)
     ends = np.cumsum([len(number) for number in numbers])[:-1]
-    emitters = [shape.emitter() for shape in chosen]
+    emitters = [shape.emitter() for shape in wanted]
     return emitters, used, np.split(columns, ends), facets.temperature[used]

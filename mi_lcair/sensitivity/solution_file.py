@@ -61,18 +61,18 @@ def applied(file: str, content: dict, scene: Scene, state: str | None) -> list[s
     for entry in data:
         if state is not None and entry["state"] != state:
             continue
-        found = {
+        stated = {
             name: value
             for name, value in entry["values"].items()
             if name in known
             and (entry["kinds"][name] in OF_ANY_BAND or entry["band"] == scene.band.name)
         }
-        found |= {
+        stated |= {
             (group, int(facet)): kelvin
-            for group, own in entry["facets"].items()
-            for facet, kelvin in own.items()
+            for group, temperatures in entry["facets"].items()
+            for facet, kelvin in temperatures.items()
         }
-        for name, value in found.items():
+        for name, value in stated.items():
             if owner.setdefault(name, (value, entry))[0] != value:
                 other = owner[name][1]
                 raise InputError(

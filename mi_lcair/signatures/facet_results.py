@@ -180,13 +180,13 @@ class FacetSums:
             "standard_error_W_sr": error,
         }
         of_model = table.type == "model"
-        own = of_model[table.triangle_facet]
+        is_of_model = of_model[table.triangle_facet]
         return FacetResults(
             scene.name,
             scene.band.name,
             {name: values[of_model] for name, values in columns.items()},
-            table.triangles[own],
-            table.triangle_facet[own],
+            table.triangles[is_of_model],
+            table.triangle_facet[is_of_model],
         )
 
 

@@ -22,13 +22,13 @@ def facet_temperatures(scene: Scene, groups) -> dict[str, dict[int, float]]:
     if not groups:
         return {}
     table = FacetTable(scene)
-    found = {}
+    known = {}
     for group in groups:
-        own = (table.group == group) & np.isfinite(table.temperature) & (table.area > 0)
-        if own.any():
-            facets = np.flatnonzero(own)
-            found[group] = dict(zip(facets.tolist(), table.temperature[facets].tolist()))
-    return found
+        is_known = (table.group == group) & np.isfinite(table.temperature) & (table.area > 0)
+        if is_known.any():
+            facets = np.flatnonzero(is_known)
+            known[group] = dict(zip(facets.tolist(), table.temperature[facets].tolist()))
+    return known
 
 
 def set_facets(scene: Scene, kelvin: dict[int, float]) -> dict:
@@ -54,9 +54,9 @@ def set_facets(scene: Scene, kelvin: dict[int, float]) -> dict:
         for k, value in enumerate(wanted):
             if value is not None:
                 new[k] = value
-        own = mi.Float(new)
-        own_memory([own])
-        parameters[emitter.attribute] = own
+        attribute = mi.Float(new)
+        own_memory([attribute])
+        parameters[emitter.attribute] = attribute
         parameters.update()
     return before
 
