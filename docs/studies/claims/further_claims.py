@@ -8,8 +8,8 @@ from scipy.spatial import KDTree
 import mi_lcair
 from docs.studies.claims import planck
 from docs.studies.claims.case import Case
-from docs.studies.claims.scene_file import diffuse
-from docs.studies.claims.witness import Claim, Witness, student
+from docs.studies.claims.scene_file import PIXELS, diffuse
+from docs.studies.claims.witness import MOST_PATHS, Claim, Witness, student
 from mi_lcair.motions.pose import declare
 from mi_lcair.motions.table import motions_of
 
@@ -85,7 +85,7 @@ def balance(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
 
 
 def by_wavelength(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
-    """The interval of an intensity with materials whose reflectances have a step in the band."""
+    """Interval or tolerance with materials whose reflectances have a step in the band."""
     lower, upper = planck.BANDS_UM[case.band]
     middle = float(rng.uniform(0.9 * lower + 0.1 * upper, 0.1 * lower + 0.9 * upper))
     text, entries = scene.path.read_text(encoding="utf-8"), []
@@ -105,14 +105,21 @@ def by_wavelength(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
     (scene.path.parent / "spectral.toml").write_text("".join(entries), encoding="utf-8")
     path = scene.path.with_name("spectral.xml")
     path.write_text(text, encoding="utf-8")
-    spp, seed = int(2 ** rng.integers(6, 11)), int(rng.integers(1000))
-    result = mi_lcair.signature(path, spp=spp, seed=seed)
     truth = 0.0
     for limits, materials in zip(((lower, middle), (middle, upper)), parts):
-        truth += float(case.response(case.radiances_within(*limits), materials).sum(axis=0).mean())
+        pixels = case.response(case.radiances_within(*limits), materials)
+        truth += float(pixels.sum(axis=0).mean()) * case.area
+    spp, seed, tolerance = int(2 ** rng.integers(6, 11)), int(rng.integers(1000)), None
+    if rng.random() < 0.5:
+        tolerance, most = float(rng.choice([0.03, 0.01])), MOST_PATHS // PIXELS**2
+        result = mi_lcair.signature(path, tolerance=tolerance, max_spp=most, seed=seed)
+    else:
+        result = mi_lcair.signature(path, spp=spp, seed=seed)
     target = result.target
-    truth *= case.area
     yield witness.claim("interval, by wavelength", target.intensity, truth, target.half_width)
+    if tolerance and result.reached and result.main_part == "target":
+        allowed = tolerance * truth
+        yield witness.claim("tolerance, by wavelength", target.intensity, truth, allowed)
 
 
 def suited(case: Case) -> list:
