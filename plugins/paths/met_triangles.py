@@ -7,23 +7,11 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.plugins.emission.triangles import PrimitiveTable
+from mi_lcair.plugins.paths.facet_starts import OnFacet
 from mi_lcair.plugins.paths.launch import Launch, ParallelRays
-from mi_lcair.plugins.recorders.recorder import Emission, Recorder, Recorders
+from mi_lcair.plugins.recorders.recorder import Emission, Recorder, Recorders, Store
 
 PASSED = 8  # further triangles of a path that are kept in a scene with surfaces that rays pass
-
-
-class Store:
-    """Triangles that the paths of a launch meet, `slots` for each path.
-
-    It is no PyTree, because the loop must not carry arrays that are longer than the number of
-    paths.
-    """
-
-    def __init__(self, triangles: PrimitiveTable, lane: mi.UInt32, slots: int):
-        self.triangles, self.lane, self.slots = triangles, lane, dr.opaque(mi.UInt32, slots)
-        self.number = dr.zeros(mi.UInt32, dr.width(lane) * slots)
-        dr.make_opaque(self.number)
 
 
 @dataclass
@@ -39,9 +27,8 @@ class MetTriangles(Recorder):
     def note(self, hit) -> None:
         """Note the triangle of a hit, an interaction of any kind."""
         store = self.store
-        number = store.triangles.at(hit.shape, hit.prim_index, hit.is_valid())
-        place = store.lane * store.slots + self.count
-        dr.scatter(store.number, number, place, self.count < store.slots)
+        number = store.table.at(hit.shape, hit.prim_index, hit.is_valid())
+        store.note(self.count, self.count < store.slots, number=number)
         self.count += 1
 
     def begin(self, first, ray, active) -> mi.Bool:
@@ -75,17 +62,14 @@ def met_triangles(tracer, sensor, launch: Launch, triangles: PrimitiveTable) -> 
     slots = 1 + hits + (PASSED if tracer.emitters.passes else 0)
     with dr.suspend_grad():
         paths = launch.paths_from(sensor.sampler())
-        sampler, column, row, position, weight, facet = paths.begin()
-        rays = ParallelRays.of(sensor) or sensor
-        ray = tracer.first_ray(paths, rays, sampler, column, row, position)
-        store = Store(triangles, paths.lane, slots)
-        start = triangles.at(facet.shape, facet.primitive)
-        recorders = Recorders([MetTriangles(mi.UInt32(0), store), facet])
-        L, recorders = tracer.radiance(sampler, ray, recorders)
-        L = dr.select(recorders.parts[-1].counts & (weight > 0), L, 0)
+        store = Store(triangles, paths.lane, slots, number=(mi.UInt32, 0))
+        met, rays = MetTriangles(mi.UInt32(0), store), ParallelRays.of(sensor) or sensor
+        L, recorders, weight = tracer.follow(paths, rays, lambda cell: Recorders([met]))
+        facet = recorders.of(OnFacet)
+        start, L = triangles.at(facet.shape, facet.primitive), dr.select(weight > 0, L, 0)
         # One kernel traces the paths and fills the store
-        dr.eval(L, start, store.number)
-    met = store.number.numpy().reshape(launch.paths, slots).astype(np.int64) - 1
+        dr.eval(L, start, store.arrays)
+    (met,) = store.of_paths()
     # The number of the only triangle of a scene is a constant of the kernel
     start = np.broadcast_to(start.numpy().astype(np.int64) - 1, launch.paths)
-    return L.numpy().astype(float), start, met
+    return L.numpy().astype(float), start, met.astype(np.int64) - 1

@@ -2,6 +2,7 @@
 
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from math import hypot
 
 import drjit as dr
@@ -236,14 +237,16 @@ class PathTracer(RBIntegrator):
         It may be recorded. It therefore uses only the tracer and its arguments, and launches
         kernels but reads no values. rays: ParallelRays or a sensor.
         """
-        L, recorders, weight = self.follow(paths, rays, channels, bins=bins)
+        of_cells = partial(channels.recorders, self, None)
+        L, recorders, weight = self.follow(paths, rays, of_cells, bins)
         return block_sums(L, channels, recorders, weight, size)
 
     def whole_sums(
         self, paths: Paths, rays, channels: Channels, facets, launch: Launch, bins: BinSums | None
     ) -> tuple[BlockSums, Tail | None]:
         """As `block_sums`, also for facets and for closure = tail, which read values."""
-        L, recorders, weight = self.follow(paths, rays, channels, facets, bins)
+        of_cells = partial(channels.recorders, self, facets)
+        L, recorders, weight = self.follow(paths, rays, of_cells, bins)
         first_hit, by_bounce = recorders.of(FirstHit), recorders.of(ByBounce)
         tail = None
         if self.closure == "tail":
@@ -260,12 +263,15 @@ class PathTracer(RBIntegrator):
             facets.add(first_hit.facet, L, weight, by_bounce, launch)
         return block_sums(L, channels, recorders, weight, block_size(launch)), tail
 
-    def follow(self, paths: Paths, rays, channels: Channels, facets=None, bins=None) -> tuple:
-        """Radiance, recorders and weight of each path; bins: sums by bin, or None."""
+    def follow(self, paths: Paths, rays, recorders_of, bins: BinSums | None = None) -> tuple:
+        """Radiance, recorders and weight of each path.
+
+        recorders_of: gives the `Recorders` for the cell of the film in which each path begins.
+        bins: sums by bin, or None.
+        """
         sampler, column, row, position, weight, facet = paths.begin()
         ray = self.first_ray(paths, rays, sampler, column, row, position)
-        cell = None if channels.tables is None else cell_of(paths, column, row, position)
-        recorders = channels.recorders(self, facets, cell)
+        recorders = recorders_of(cell_of(paths, column, row, position))
         if bins is not None:
             recorders.parts.append(ByBinOfPath.of(self.scene, self.emitters, bins, paths, weight))
         if facet is not None:

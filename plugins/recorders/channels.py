@@ -49,7 +49,7 @@ class Channels:
         """Recorders of these channels, and of what a tracer needs itself.
 
         facets: numbering of the facets that paths hit first, see `FirstHit`; or None. cell: cell of
-        the film in which each path begins, see `Columns`; None without tables.
+        the film in which each path begins, see `Columns`.
         """
         parts, is_tailed = [], tracer.closure == "tail"
         if self.tables is not None:

@@ -11,7 +11,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.triangles import ABSENT, PrimitiveTable, pointer_id
 from mi_lcair.plugins.paths.launch import Launch, ParallelRays
 from mi_lcair.plugins.recorders.first_hit import FirstHit
-from mi_lcair.plugins.recorders.recorder import Emission, Recorder, Recorders
+from mi_lcair.plugins.recorders.recorder import Emission, Recorder, Recorders, Store
 
 
 def column_table(emitters, columns) -> PrimitiveTable:
@@ -21,20 +21,6 @@ def column_table(emitters, columns) -> PrimitiveTable:
     primitives of its shape, (primitives,) UInt32; ABSENT for a primitive without a column.
     """
     return PrimitiveTable([pointer_id(mi.EmitterPtr(e)) for e in emitters], columns, ABSENT)
-
-
-class Store:
-    """Arrays of a launch's contributions, with `slots` entries for each path.
-
-    It is no PyTree, because the loop must not carry arrays that are longer than the number of
-    paths. column: ABSENT where there is no contribution. value: radiance [W m^-2 sr^-1].
-    """
-
-    def __init__(self, table: PrimitiveTable, lane: mi.UInt32, slots: int):
-        self.table, self.lane, self.slots = table, lane, dr.opaque(mi.UInt32, slots)
-        size = dr.width(lane) * slots
-        self.column, self.value = dr.full(mi.UInt32, ABSENT, size), dr.zeros(mi.Float, size)
-        dr.make_opaque(self.column, self.value)
 
 
 @dataclass
@@ -50,14 +36,12 @@ class ByFacet(Recorder):
     store: Store
 
     def emission(self, emission: Emission) -> None:
-        store, value = self.store, emission.radiance
-        column = store.table.at(emission.emitter, emission.prim)
+        value = emission.radiance
+        column = self.store.table.at(emission.emitter, emission.prim)
         has_column = (column != ABSENT) & ~emission.beyond
         self.rest += dr.select(has_column, 0, value)
         adds = has_column & (value != 0)
-        place = store.lane * store.slots + self.count
-        dr.scatter(store.value, value, place, adds)
-        dr.scatter(store.column, column, place, adds)
+        self.store.note(self.count, adds, column=column, value=value)
         self.count += dr.select(adds, mi.UInt32(1), 0)
 
 
@@ -103,20 +87,19 @@ def contributions(
         )
     with dr.suspend_grad():
         paths = launch.paths_from(sensor.sampler())
-        sampler, *start, _, _ = paths.begin()
-        ray = tracer.first_ray(paths, ParallelRays.of(sensor) or sensor, sampler, *start)
-        store = Store(table, paths.lane, slots(tracer))
-        by_facet = ByFacet(mi.Float(0), mi.UInt32(0), store)
-        first_hit = [FirstHit.of(tracer.scene, tracer.emitters, None, True)] if model_only else []
-        recorders = Recorders([*first_hit, by_facet])
-        L, recorders = tracer.radiance(sampler, ray, recorders)
+        kinds = {"column": (mi.UInt32, ABSENT), "value": (mi.Float, 0)}
+        store = Store(table, paths.lane, slots(tracer), **kinds)
+        parts = [FirstHit.of(tracer.scene, tracer.emitters, None, True)] if model_only else []
+        parts.append(ByFacet(mi.Float(0), mi.UInt32(0), store))
+        L, recorders, _ = tracer.follow(
+            paths, ParallelRays.of(sensor) or sensor, lambda cell: Recorders(parts)
+        )
         rest = recorders.of(ByFacet).rest
         # One kernel traces the paths and fills the store
-        dr.eval(L, rest, store.column, store.value)
+        dr.eval(L, rest, store.arrays)
     valid = np.isfinite(L.numpy()) & np.isfinite(rest.numpy())
-    column = store.column.numpy().reshape(launch.paths, -1)
+    column, value = store.of_paths()
     path, slot = np.nonzero((column != ABSENT) & valid[:, None])
-    value = store.value.numpy().reshape(launch.paths, -1)
     return Contributions(
         path,
         column[path, slot].astype(np.int32),

@@ -15,8 +15,10 @@ from dataclasses import dataclass
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 
 from mi_lcair.plugins.emission.samples import BinnedRadiance, DrawnDirection
+from mi_lcair.plugins.emission.triangles import PrimitiveTable
 
 
 @dataclass(frozen=True)
@@ -176,3 +178,28 @@ def add_to(local: dr.Local, index: mi.UInt32, value: mi.Float) -> None:
 def entries(local: dr.Local | None) -> list[mi.Float]:
     """All entries of a path's own array; none if it is None."""
     return [] if local is None else [local.read(mi.UInt32(k)) for k in range(len(local))]
+
+
+class Store:
+    """Numbers that the paths of a launch note, with `slots` entries of each kind for each path.
+
+    It is no PyTree, because the loop must not carry arrays that are longer than the number of
+    paths. table: the numbers of primitives. empty: for each kind its array type and the number that
+    stands for no entry.
+    """
+
+    def __init__(self, table: PrimitiveTable, lane: mi.UInt32, slots: int, **empty):
+        self.table, self.lane, self.slots = table, lane, dr.opaque(mi.UInt32, slots)
+        size = dr.width(lane) * slots
+        self.arrays = {name: dr.full(kind, none, size) for name, (kind, none) in empty.items()}
+        dr.make_opaque(self.arrays)
+
+    def note(self, slot: mi.UInt32, active: mi.Bool, **numbers) -> None:
+        """Write numbers of each kind into a slot of each path."""
+        for name, number in numbers.items():
+            dr.scatter(self.arrays[name], number, self.lane * self.slots + slot, active)
+
+    def of_paths(self) -> list[np.ndarray]:
+        """The arrays of all kinds, (paths, slots)."""
+        paths = dr.width(self.lane)
+        return [array.numpy().reshape(paths, -1) for array in self.arrays.values()]
