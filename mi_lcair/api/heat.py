@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from os import PathLike
 
+from mi_lcair.api.scene import scene_of
 from mi_lcair.heating.temperatures.description import Description
 from mi_lcair.heating.temperatures.heat_result import Heat
 from mi_lcair.heating.temperatures.solve import temperatures
-from mi_lcair.rendering.scene import load
 from mi_lcair.startup.threads import exclusively
 
 
@@ -34,4 +34,4 @@ def heat(description: str | PathLike[str] | Mapping) -> Heat:
         If the description cannot be used, or if a facet has no path for the heat that it takes up.
     """
     read = Description.read(description)
-    return temperatures(load(read.target.scene, **read.target.parameters), read)
+    return temperatures(scene_of(read.target.scene, read.target.parameters), read)

@@ -24,7 +24,7 @@ TABLES = ("target", "weather", "groups", "sigma", "run", "signature")
 
 @dataclass(frozen=True, kw_only=True)
 class TargetTable:
-    """[target]: the scene, and its $-parameters in [target.parameters]."""
+    """[target]: the scene, and parameters as `mi_lcair.load` takes them in [target.parameters]."""
 
     scene: str
     parameters: dict = field(default_factory=dict)

@@ -230,7 +230,7 @@ class Network:
         is_whole: False for the last term only, what surfaces reflect less on others.
         """
         facets, C, weather = self.facets, self.conductors, self.weather
-        emitting = np.maximum(facets.emitting_area, 1e-9 * facets.radiating_area)
+        emitting = np.maximum(facets.emitting_area, np.finfo(float).tiny)
         delta = self.relative(group, sigma, facets.emissivity)
 
         def changed(fourth, sky, ground):

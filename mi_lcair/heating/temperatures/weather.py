@@ -38,7 +38,9 @@ LIMITS = {
     for entry in fields(WeatherTable)
     if (bounds := entry.metadata.get("bounds"))
 }
-DUSK = 0.05  # largest share of the beam's energy below the horizon, from rows that are means
+# Largest shares of the beam's energy below the horizon: from rows that are means of an hour without
+# a remark, and with one, as of a clock that is an hour off
+DUSK, NIGHT = 0.015, 0.05
 
 
 @dataclass(frozen=True)
@@ -222,10 +224,12 @@ def completed(table: WeatherTable, values: dict, times: np.ndarray, where: str) 
         values |= zip(DIRECTION, directions(table, values, times, where))
     arrays = {name: np.broadcast_to(values[name], times.shape).astype(float) for name in AT_TIMES}
     sun, is_day = arrays["sun_W_m2"], arrays["sun_elevation_deg"] > 0
-    if (below := sun[~is_day].sum()) > DUSK * sun.sum():
-        raise InputError(
-            f"{where}: {below / sun.sum():.0%} of sun_W_m2 is there with the sun below the horizon"
-        )
+    share = sun[~is_day].sum() / max(sun.sum(), 1e-300)
+    at_night = f"{share:.1%} of sun_W_m2 is there with the sun below the horizon"
+    if share > NIGHT:
+        raise InputError(f"{where}: {at_night}")
+    if share > DUSK:
+        remarks = (*remarks, f"{at_night} and is left out; is the clock right?")
     sun[~is_day] = 0
     return Weather(seconds=times, albedo=table.albedo, remarks=remarks, **arrays)
 

@@ -16,14 +16,15 @@ PANEL = {"conductivity": 200.0, "density": 2700.0, "heat_capacity": 900.0}
 SOIL = {"conductivity": 1.2, "density": 1800.0, "heat_capacity": 1100.0, "thickness_mm": 2000.0}
 
 
-def day_of(steps, wall, **groups):
+def day_of(steps, wall, area=None, **groups):
     """A plate below the sun of a day, and a second one that it warms."""
     angle = 2 * np.pi * np.arange(1, steps + 1) / steps
     sunshine = np.maximum(0, -np.cos(angle)) * 900
     conditions = weather(steps, sun_W_m2=sunshine, air_K=290 - 8 * np.cos(angle))
     tables = {"g0": wall, "g1": wall} | groups
     between = [[0, 0.2], [0.2, 0]]
-    return network(between, [0.7, 0.3], [0.1, 0.1], conditions, beam=[0.5, 0.0], groups=tables)
+    skies, grounds = [0.7, 0.3], [0.1, 0.1]
+    return network(between, skies, grounds, conditions, beam=[0.5, 0.0], groups=tables, area=area)
 
 
 @pytest.mark.parametrize(
@@ -68,6 +69,11 @@ def test_day_with_default_steps_against_a_fine_reference(thickness):
         rate, (0, days * 86400), result.kelvin[-1], "LSODA", times, rtol=1e-8, max_step=900
     )
     np.testing.assert_allclose(result.kelvin, exact.y.T, atol=0.2)
+
+
+@pytest.mark.parametrize("area", [0.2, 5.0])
+def test_soil_is_periodic_within_a_few_days(area):
+    assert course(day_of(48, SOIL, area=[area, area])).days <= 5
 
 
 def test_changes_by_inputs_are_those_of_differences():

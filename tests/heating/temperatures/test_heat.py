@@ -88,6 +88,22 @@ def test_steady_state_of_a_sunlit_room_of_one_temperature(folder):
     assert room.residual_W < 1e-9
 
 
+def test_parameters_of_the_target_are_those_of_load(folder):
+    """A model that has turned by half a circle is in the sun as if the sun had turned."""
+    sunny = {"air_K": 290.0, "sky_K": 260.0, "h_W_m2_K": 5.0, "sun_W_m2": 800.0}
+    sunny["sun_elevation_deg"] = 20.0
+    kelvin = []
+    for azimuth, yaw in ((40.0, 180.0), (220.0, 0.0)):
+        target = {"scene": str(folder / "box" / "scene.xml"), "parameters": {"model.yaw_deg": yaw}}
+        weather = sunny | {"sun_azimuth_deg": azimuth}
+        run = {"rays": 256}
+        heat = mi_lcair.heat({"target": target, "weather": weather, "run": run})
+        of_box = heat.facets.group != heat.facets.groups.index("terrain")
+        kelvin.append(heat.kelvin[0, of_box])
+    assert np.ptp(kelvin[0]) > 10
+    np.testing.assert_allclose(*kelvin, atol=1.0)
+
+
 @pytest.mark.parametrize(
     ("tables", "message"),
     [
