@@ -19,6 +19,9 @@ from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 
 RINGS_DEG = np.linspace(0, 90, 10)  # elevations between the rings of the sky [degrees]
 
+# With 95 % confidence, less than 3 of N paths meet what none of them has met.
+UNMET = 3
+
 
 @dataclass(frozen=True, eq=False)
 class Facets:
@@ -160,10 +163,12 @@ class Conductors:
 class Traced:
     """Conductors of each randomisation of the paths, from which every standard error follows.
 
-    replicates: independent estimates of the same conductors.
+    replicates: independent estimates of the same conductors. path_area: emitting area that one path
+    of each facet stands for, (n,) [m^2].
     """
 
     replicates: tuple[Conductors, ...]
+    path_area: np.ndarray | float = 0.0
 
     @cached_property
     def mean(self) -> Conductors:
@@ -180,6 +185,24 @@ class Traced:
         Jacobian at the mean.
         """
         return standard_error(np.array([function(replicate) for replicate in self.replicates]))
+
+    def least_error(self, fourth: np.ndarray, sky: np.ndarray | float, ground: float) -> np.ndarray:
+        """Standard error of `Conductors.absorbed` below which none is stated [m^2 K^4], (n,).
+
+        Of few paths each randomisation may have as many that end in the same place, and then there
+        is no scatter. Half of `UNMET` paths may have met the hottest in place of the coldest end.
+        Ends are what paths of either side have met, and sky and ground unless the scene is closed.
+        """
+        C, top = self.mean, fourth.max() + 1
+        met, is_open = C.between.copy(), C.to_sky.any() or C.to_ground.any()
+        around = np.append(sky, ground) if is_open else np.empty(0)
+        met.data = fourth[met.indices]
+        hottest = met.max(axis=1).toarray()
+        met.data = top - met.data
+        coldest = top - met.max(axis=1).toarray()
+        span = np.maximum(hottest, around.max(initial=0))
+        span -= np.minimum(coldest, around.min(initial=top))
+        return UNMET / 2 * self.path_area * np.maximum(span, 0)
 
 
 def standard_error(values: np.ndarray) -> np.ndarray:

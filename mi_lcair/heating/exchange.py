@@ -27,7 +27,7 @@ MOST_LOST = 1e-3  # share of a group's radiation that may end on backs and passi
 ASYMMETRY, SIGNIFICANT = 0.01, 4.0  # relative difference of two directions and its z for a remark
 
 
-def combined(means: Means, area: np.ndarray) -> Traced:
+def combined(means: Means, facets: Facets, rays: int) -> Traced:
     """Conductors from the areas [m^2] by which facets absorb what others emit.
 
     Paths of facet i estimate GR_ij with a variance that is proportional to its area A_i, (n,). The
@@ -36,12 +36,12 @@ def combined(means: Means, area: np.ndarray) -> Traced:
 
         GR_ij = (A_j G_ij + A_i G_ji) / (A_i + A_j)
     """
-    replicates = []
+    replicates, area = [], facets.radiating_area
     for G, ends in zip(means.between, means.ends):
         i, j = (G := sparse.coo_array(G)).coords
         half = sparse.csr_array((G.data * area[j] / (area[i] + area[j]), (i, j)), shape=G.shape)
         replicates.append(Conductors.of(half + half.T, ends[:, :RINGS], ends[:, RINGS]))
-    return Traced(tuple(replicates))
+    return Traced(tuple(replicates), facets.area * facets.emissivity / rays)
 
 
 def asymmetry_of(means: Means, facets: Facets, rays: int) -> Asymmetry:
@@ -97,7 +97,7 @@ def exchange(
     return Exchange(
         scene_name=scene.name,
         facets=facets,
-        traced=combined(means, facets.radiating_area),
+        traced=combined(means, facets, points * RANDOMISATIONS),
         temperature=paths.table.temperature[facets.number],
         sky_K=sky_K,
         ground_K=ground_K,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from scipy import sparse
 
-from mi_lcair.heating.conductors import Conductors, Facets, Traced, standard_error
+from mi_lcair.heating.conductors import UNMET, Conductors, Facets, Traced, standard_error
 from mi_lcair.heating.sunlight import SolarAreas
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 from mi_lcair.rendering.facets.polygons import WRITERS
@@ -16,9 +16,6 @@ from mi_lcair.results import Result
 
 if TYPE_CHECKING:
     import xarray
-
-# With 95 % confidence, less than 3 of N paths meet what none of them has met.
-UNMET = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,14 +97,9 @@ class Exchange(Result):
             return function(conductors.by_group(self.facets))
 
         M = self.facets.membership
-        most, path = M @ self.facets.emitting_area, (M * self.path_area).max(axis=1).toarray()
+        path = (M * self.traced.path_area).max(axis=1).toarray()
         values, errors = of_groups(self.conductors), self.traced.standard_error(of_groups)
-        return values, with_unmet(values, errors, most[:, None], path[:, None])
-
-    @property
-    def path_area(self) -> np.ndarray:
-        """Emitting area that one path of each facet stands for [m^2], (n,)."""
-        return self.facets.area * self.facets.emissivity / self.rays
+        return values, with_unmet(errors, path[:, None])
 
     @property
     def has_irradiance(self) -> bool:
@@ -124,7 +116,10 @@ class Exchange(Result):
         """Irradiance of the facets [W m^-2] at the scene's temperatures, and its error, (n,)."""
         around = self.temperature, self.sky_K or 0.0, self.ground_K or 0.0
         error = self.traced.standard_error(lambda C: C.irradiance(*around))
-        return self.conductors.irradiance(*around), error
+        fourth, *others = (np.asarray(kelvin, float) ** 4 for kelvin in around)
+        least = STEFAN_BOLTZMANN * self.traced.least_error(fourth, *others)
+        absorbs = np.maximum(self.conductors.total + self.conductors.to_self, 1e-300)
+        return self.conductors.irradiance(*around), np.maximum(error, least / absorbs)
 
     def summary(self) -> str:
         """One line with the numbers of facets, groups and paths."""
@@ -171,7 +166,7 @@ class Exchange(Result):
         for name, value in C.parts.items():
             columns[name] = value / emitted
             scatter = error(lambda c, name=name: c.parts[name])
-            columns[f"{name}_error"] = with_unmet(value, scatter, emitted, self.path_area) / emitted
+            columns[f"{name}_error"] = with_unmet(scatter, self.traced.path_area) / emitted
         columns["buried"] = self.astray["buried"]
         if self.has_irradiance:
             E, E_error = self.irradiance
@@ -218,13 +213,10 @@ class Exchange(Result):
         return self.dataset(rows | rings | pairs, {"facet": facet})
 
 
-def with_unmet(values, errors, most, path) -> np.ndarray:
-    """Standard errors of areas, also where all paths or no path met them.
+def with_unmet(errors: np.ndarray, path: np.ndarray) -> np.ndarray:
+    """Standard errors of areas, at least half of what `UNMET` paths stand for.
 
-    There the scatter is 0, and the standard error is half of what `UNMET` paths stand for.
-
-    values, errors: the areas and their standard errors by the randomisations [m^2]. most: what the
-    paths stand for [m^2]. path: what the largest one stands for [m^2].
+    Where all paths or no path met them, or equally many of each randomisation, there is no scatter.
+    errors: by the randomisations [m^2]. path: what the largest path stands for [m^2].
     """
-    same = (values == 0) | (np.abs(values - most) < 1e-6 * most)
-    return np.where(same, np.maximum(errors, UNMET / 2 * path), errors)
+    return np.maximum(errors, UNMET / 2 * path)

@@ -7,6 +7,7 @@ import pytest
 from mi_lcair.errors import InputError
 from mi_lcair.heating.conductors import RINGS_DEG
 from mi_lcair.heating.exchange import exchange
+from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 from tests.heating.radiosity import extrapolated_cube
 from tests.heating.scenes import (
     between,
@@ -119,6 +120,19 @@ def test_a_square_that_faces_up_sees_the_rings_of_the_sky():
     expected = 0.8 * 4 * rings_of(lambda h: np.sin(h) ** 2, RINGS_DEG)
     np.testing.assert_allclose(result.conductors.to_sky[0], expected, atol=2e-3)
     assert result.conductors.to_ground[0] == 0
+
+
+def test_errors_where_the_randomisations_agree():
+    """A square that faces down, tilted, sees hardly any sky; few paths, or none, meet it."""
+    tilted = scene_of(plate=square(grey(0.3), T.rotate([1, 0, 0], 160), emitter=emits()))
+    share, E = (1 + np.cos(np.radians(160))) / 2, []
+    for seed in range(40):
+        E.append(np.ravel(exchange(tilted, 64, seed, sky_K=350.0, ground_K=200.0).irradiance))
+    value, error = np.transpose(E)
+    exact = STEFAN_BOLTZMANN * (share * 350.0**4 + (1 - share) * 200.0**4)
+    assert np.mean(abs(value - exact) < 2.36 * error) >= 0.9
+    least = STEFAN_BOLTZMANN * 1.5 / 64 * (350.0**4 - 200.0**4)
+    assert error.min() == pytest.approx(least, rel=1e-5)
 
 
 def test_a_sheet_radiates_from_both_sides():

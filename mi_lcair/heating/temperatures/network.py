@@ -10,10 +10,11 @@ from functools import cached_property
 
 import numpy as np
 from scipy import sparse
+from scipy.linalg import hadamard
 from scipy.sparse.csgraph import connected_components
 
 from mi_lcair.errors import InputError, check_known
-from mi_lcair.heating.conductors import Conductors, Facets, Traced
+from mi_lcair.heating.conductors import Conductors, Facets, Traced, standard_error
 from mi_lcair.heating.sunlight import SolarAreas
 from mi_lcair.heating.temperatures.balance import Balance
 from mi_lcair.heating.temperatures.description import GroupTable, Sigma
@@ -256,6 +257,11 @@ class Network:
         around = weather.sky_K[k] ** 4, weather.ground_K[k] ** 4
         runs = np.array([run.gained(fourth, *around) for run in self.traced.replicates])
         runs = STEFAN_BOLTZMANN * runs + self.light[:, k]
+        least = STEFAN_BOLTZMANN * self.traced.least_error(fourth, *around)
+        if least.any():  # the errors of neighbouring facets differ
+            missing = np.sqrt(np.maximum(least**2 - standard_error(runs) ** 2, 0))
+            signs = hadamard(len(runs))[:, 1 + np.arange(len(missing)) % (len(runs) - 1)]
+            runs = runs + np.sqrt(len(runs) - 1) * missing * signs
         scatter = (runs - runs.mean(axis=0))[:, self.is_free]
         return np.concatenate([*(column.gained(kelvin, k)[None] for column in columns), scatter])
 

@@ -121,3 +121,18 @@ def test_scatter_of_the_conductors_reaches_the_temperatures():
     for pair, change in zip(pairs, changes):
         lit = replace(of(*pair), sun=base.sun)  # light of the ground is that of the mean
         np.testing.assert_allclose(change, course(lit).kelvin[0] - kelvin, atol=0.03)
+
+
+def test_randomisations_that_agree_leave_an_error():
+    """That of 1.5 paths, between the sky, the ground and the other plate; none with a held one."""
+    a, conditions = 2e-3, weather(sky_K=200, ground_K=330, h_W_m2_K=0)
+    base = network([[0, 0.1], [0.1, 0]], [0.6, 0.6], [0.3, 0.3], conditions)
+    agreed = replace(base, traced=Traced((base.traced.mean,) * 8, path_area=a))
+    solved = course(agreed)
+    noise = solved.scatter[:, 0].std(axis=0, ddof=1) / np.sqrt(8)
+    T = solved.kelvin[0]
+    # Each plate alone has C dT^4 = P; together J = [[1, -.1], [-.1, 1]]
+    power = 1.5 * a * (330.0**4 - 200.0**4)
+    inverse = np.linalg.inv([[1.0, -0.1], [-0.1, 1.0]])
+    expected = power * np.sqrt(np.sum(inverse**2, axis=1)) / (4 * T**3)
+    assert noise == pytest.approx(expected, rel=1e-3)
