@@ -5,7 +5,7 @@ import pytest
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
-from mi_lcair.physics.sun.daytime_sky import clear_sky
+from mi_lcair.physics.sun.daytime_sky import ANGLES_DEG, clear_sky
 
 AIRS = "midlat_summer", "us_standard"
 MWIR = band("MWIR")
@@ -85,3 +85,13 @@ def test_the_mean_of_scattered_light_is_that_of_single_directions():
             mean += weight / 18 * light.in_band_radiance(MWIR)
     night = clear_sky("midlat_summer").mean_spectrum().in_band_radiance(MWIR)
     assert sky.mean_spectrum().in_band_radiance(MWIR) - night == pytest.approx(mean, rel=1e-3)
+
+
+@pytest.mark.parametrize("sun, elevation", [(12.0, 5.0), (45.0, 35.0)])
+def test_light_scattered_by_an_angle(sun, elevation):
+    """As a spectrum and in the band alone, also by angles that no direction there has."""
+    sky = daytime_sky("us_standard", sun)
+    _, scattered = sky.ring(MWIR, elevation)
+    for k in (0, 20, 30, 45):
+        light = sky.scattered_by(elevation, ANGLES_DEG[k])
+        assert light.in_band_radiance(MWIR) == pytest.approx(scattered[k], rel=2e-3)
