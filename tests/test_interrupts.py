@@ -24,7 +24,6 @@ def python(code, folder):
         cwd=folder,
         capture_output=True,
         text=True,
-        timeout=60,
     )
 
 
@@ -99,7 +98,7 @@ main()
     )
     assert process.stdout.readline() == "writing\n"
     process.send_signal(number)
-    _, errors = process.communicate(timeout=30)
+    _, errors = process.communicate()
     assert (process.returncode, errors.strip()) == (130, "mi-lcair: interrupted")
     assert [file.name for file in tmp_path.iterdir()] == ["out.exr"]
     assert (tmp_path / "out.exr").read_text() == "old"
@@ -159,6 +158,6 @@ def test_a_program_that_does_not_answer(tmp_path, step):
     )
     assert process.stdout.readline() == "busy\n"
     process.send_signal(signal.SIGTERM)
-    _, errors = process.communicate(timeout=60)
+    _, errors = process.communicate()
     assert (process.returncode, errors) == (130, "mi-lcair: interrupted\n")
     assert {path.name for path in tmp_path.iterdir()} <= {"busy.py", "__pycache__"}

@@ -52,7 +52,6 @@ def python(code, *path, variable=None):
         env=environment,
         capture_output=True,
         text=True,
-        timeout=60,
     )
 
 

@@ -1,14 +1,59 @@
-"""Run the commands and the Python of a page, in this process."""
+"""Run the commands and the Python of a page, in this process.
+
+They run with few paths and without the drawing of pictures, because a page is tried for what it
+calls. What is computed and drawn has tests of its own.
+"""
 
 import importlib.util
 import io
+import pickle
 import shlex
 import warnings
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
+from unittest.mock import patch
+
+from matplotlib.figure import Figure
 
 from mi_lcair.cli import main as command_line
+from mi_lcair.fitting import estimation
+from mi_lcair.rendering.sampling import Sampling
 from tests.docs.fences import Fence
+
+FEW = {"spp": 16, "paths": 2**12}  # largest numbers of samples
+TOLERANCE = 0.05  # smallest allowed error
+FITS = {}  # arguments of a fit -> its result; several pages fit the same file
+
+
+@contextmanager
+def quick():
+    """Context manager in which renders take few paths, equal fits are made once, and pictures have
+    no content.
+    """
+    check, fit = Sampling.__post_init__, estimation.fit
+
+    def with_few_paths(self):
+        check(self)
+        for name, most in FEW.items():
+            object.__setattr__(self, name, getattr(self, name) and min(getattr(self, name), most))
+        object.__setattr__(self, "tolerance", self.tolerance and max(self.tolerance, TOLERANCE))
+
+    def fit_once(measurements, *, progress=None, **settings):
+        if isinstance(measurements, str):
+            measurements = estimation.read(measurements)
+        key = pickle.dumps((measurements, settings))
+        if key not in FITS:
+            FITS[key] = fit(measurements, progress=progress, **settings)
+        return FITS[key]
+
+    with ExitStack() as stack:
+        for replaced, name, value in (
+            (Sampling, "__post_init__", with_few_paths),
+            (estimation, "fit", fit_once),
+            (Figure, "savefig", lambda self, file, **options: file.write(b"picture")),
+        ):
+            stack.enter_context(patch.object(replaced, name, value))
+        yield
 
 
 def run(fence: Fence, namespace: dict) -> None:
@@ -33,7 +78,7 @@ def commands(fence: Fence) -> list[list[str]]:
 def run_python(fence: Fence, namespace: dict) -> None:
     """Run a fence with the names that earlier fences of the page have defined."""
     code = compile("\n" * (fence.line - 1) + fence.text, fence.page, "exec")
-    with warnings.catch_warnings(), redirect_stdout(io.StringIO()):
+    with quick(), warnings.catch_warnings(), redirect_stdout(io.StringIO()):
         warnings.simplefilter("default")  # remarks on a scene are warnings
         exec(code, namespace)
 
@@ -45,7 +90,7 @@ def run_command(words: list[str], place: str) -> None:
     assert words[0] == "mi-lcair", f"{place}: only mi-lcair can be run here: {shlex.join(words)}"
     output = io.StringIO()
     try:
-        with redirect_stdout(output), redirect_stderr(output):
+        with quick(), redirect_stdout(output), redirect_stderr(output):
             command_line(words[1:])
         status = 0
     except SystemExit as end:

@@ -123,7 +123,7 @@ class Worker:
     module: name of the module whose `KINDS` are used; seconds: time limit of one file.
     """
 
-    def __init__(self, module: str = "tests.fuzz.kinds", seconds: float = 30.0):
+    def __init__(self, module: str = "tests.fuzz.kinds", seconds: float = 300.0):
         self.module, self.seconds, self.process = module, seconds, None
 
     def judge(self, kind: Kind, path: Path) -> Verdict:
@@ -136,7 +136,7 @@ class Worker:
                 stderr=subprocess.DEVNULL,
                 cwd=Path(__file__).parents[2],
             )
-            self.answer(120.0)  # the first line says that the libraries are loaded
+            self.answer(self.seconds)  # the first line says that the libraries are loaded
         self.process.stdin.write(json.dumps([kind.name, str(path)]).encode() + b"\n")
         self.process.stdin.flush()
         answer = self.answer(self.seconds)

@@ -149,7 +149,6 @@ def test_a_table_of_air_has_its_own_weather():
 
 CASES = {
     "transmittance": {"transmittance": (0.9, 0.02), "air_temperature": (285, 3)},
-    "air": {"distance": (800, 40), "humidity": (0.6, 0.05), "air_temperature": (288, 2)},
     "metal": {"transmittance": (0.98, 0.005), "air_temperature": (285, 3)},
 }
 
@@ -174,6 +173,32 @@ def test_the_uncertainty_is_that_of_draws(case):
     ]
     np.testing.assert_allclose(result.sigma, np.std(drawn, axis=0, ddof=1), rtol=0.02)
     assert {row.quantity for row in result.contributions} == {"apparent", *given}
+
+
+def test_contributions_of_computed_air():
+    """Central differences of the temperature over a tenth of each uncertainty."""
+    seen, sigma = 330.0, 0.2
+    given = {
+        "emissivity": (0.92, 0.015),
+        "reflected": (293, 2),
+        "distance": (800, 40),
+        "humidity": (0.6, 0.05),
+        "air_temperature": (288, 2),
+    }
+
+    def kelvin(name, value):
+        values = {"apparent": seen} | {key: mean for key, (mean, _) in given.items()}
+        values[name] = value
+        return float(mi_lcair.temperature(values.pop("apparent"), "LWIR", **values).kelvin)
+
+    result = mi_lcair.temperature(seen, "LWIR", sigma=sigma, **given)
+    computed = {row.quantity: float(row.sigma) for row in result.contributions}
+    expected = {
+        name: abs(kelvin(name, mean + spread / 20) - kelvin(name, mean - spread / 20)) * 10
+        for name, (mean, spread) in {"apparent": (seen, sigma), **given}.items()
+    }
+    assert computed == pytest.approx(expected, rel=5e-3)
+    assert float(result.sigma) == pytest.approx(np.linalg.norm([*computed.values()]))
 
 
 def test_an_emissivity_of_1_with_an_uncertainty():

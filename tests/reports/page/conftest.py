@@ -17,8 +17,7 @@ FLAGS = (
     "--disable-component-update",
     "--disable-sync",
 )
-PATIENCE = 120_000  # milliseconds until a page must be drawn, on a machine under load
-HOVER = 15_000  # milliseconds until the tip must show what the pointer is at
+PATIENCE = 120_000  # milliseconds for a page or a tip, on a machine under load
 COMPLETE = "html[data-complete=yes]"
 
 
@@ -88,7 +87,7 @@ class Visit:
                 "(heading) => { const tip = document.getElementById('tip'); "
                 "return !tip.hidden && tip.textContent.startsWith(heading) }",
                 arg=heading,
-                timeout=HOVER,
+                timeout=PATIENCE,
             )
         except Exception as error:
             found = self.page.evaluate(text)
