@@ -174,9 +174,11 @@ def cameras(scene: Scene, target: Target, views: list[View]):
     """
     far = depth(scene)
     inner = {f"view{k}": target.camera(view, 1, far) for k, view in enumerate(views)}
+    # `optimize` would make one sensor of equal views, such as those of azimuths 0 and 360
     return mi.load_dict(
         {"type": "batch", **inner, "film": film(len(views), 1), "sampler": {"type": scene.sampler}},
         parallel=False,
+        optimize=False,
     )
 
 

@@ -53,6 +53,14 @@ def test_both_sides_are_alike(cylinder):
     assert np.abs(left - right).max() < 5 * columns["standard_error_W_sr"].max()
 
 
+def test_views_that_are_equal(cylinder):
+    """A full turn more is the same view. It has a row of its own."""
+    columns = trend(cylinder, azimuths_deg=[30, 390, 120], resolution=64).table
+    intensity, error = columns["intensity_W_sr"], columns["standard_error_W_sr"]
+    (alone,) = trend(cylinder, azimuths_deg=[30], resolution=64).table["intensity_W_sr"]
+    assert np.abs(intensity[:2] - alone).max() < 5 * error.max()
+
+
 class Stopped(Exception):
     pass
 
