@@ -11,6 +11,7 @@ from typing import Literal, Union, get_args, get_origin
 
 import numpy as np
 
+from mi_lcair.declared import check_fields
 from mi_lcair.errors import InputError, check_known, errors_of, shortened
 from mi_lcair.files import parse_toml, read_text
 
@@ -44,7 +45,8 @@ def read(source, of, kind: str):
 def filled(kind, values, where: str):
     """The dataclass `kind` with the values of a table.
 
-    `where` names the table in messages. Raises InputError for unknown, missing or unusable values.
+    `where` names the table in messages. Raises InputError for unknown, missing or unusable values,
+    and for numbers outside the `Bounds` of their fields.
     """
     if not isinstance(values, dict):
         raise InputError(f"{where} must be a table")
@@ -58,12 +60,12 @@ def filled(kind, values, where: str):
                 if entry.default is MISSING and entry.default_factory is MISSING
             ]
             raise InputError(f"{where}: {key} is missing; give {', '.join(needed)}")
-    return kind(
-        **{
-            key: converted(value, known[key].type, f"{where}: {key}")
-            for key, value in values.items()
-        }
-    )
+    with errors_of(where):
+        table = kind(
+            **{key: converted(value, known[key].type, key) for key, value in values.items()}
+        )
+        check_fields(table)
+    return table
 
 
 def text_of(tables: dict[str, dict]) -> str:

@@ -136,29 +136,21 @@ class FacetPaths:
         values = [function(surface) for surface in self.surfaces.different]
         return np.concatenate([values[k] for k in self.surface_of_facet])
 
-    def respond(self, si, numbers, active):
-        """Direction, weight and emissivity of the surfaces at hits, seen along `si.wi`."""
+    def respond(self, si, active, u=0.5, v=0.5):
+        """Emissivity of the surfaces at hits toward `si.wi`, and a direction with its weight.
+
+        u, v: random numbers for the direction, from which light arrives.
+        """
 
         def respond(surface, si, u, v, active):
             bs, weight = surface.bsdf.sample(mi.BSDFContext(), si, u, v, active)
-            return bs.wo, weight[0], surface.emissivity.eval(surface.bsdf, si, active)
+            return mi.Float(surface.emissivity.eval(surface.bsdf, si, active)), bs.wo, weight[0]
 
-        return self.of_surfaces(respond, si, *numbers, active)
-
-    def emissivity(self, si, active):
-        """Emissivity of the surfaces at points, toward `si.wi`."""
-
-        def emissivity(surface, si, active):
-            return mi.Float(surface.emissivity.eval(surface.bsdf, si, active))
-
-        return self.of_surfaces(emissivity, si, active)
-
-    def of_surfaces(self, function, si, *arguments):
-        """What a function of a surface returns for the surface at each hit."""
-        targets = [partial(function, surface) for surface in self.surfaces.different]
+        targets = [partial(respond, surface) for surface in self.surfaces.different]
+        arguments = si, mi.Float(u), mi.Point2f(v), active
         if len(targets) == 1:
-            return targets[0](si, *arguments)
-        return dr.switch(self.at(self.surface_of, si), targets, si, *arguments)
+            return targets[0](*arguments)
+        return dr.switch(self.at(self.surface_of, si), targets, *arguments)
 
     def sees_sky(self, si, to, active) -> mi.Bool:
         """Whether nothing but the sky is in the directions `to` from the active points."""
@@ -234,7 +226,7 @@ class FacetPaths:
         si, side = self.points(first + run // RANDOMISATIONS, sampler)
         si.wi = mi.warp.square_to_cosine_hemisphere(sampler.next_2d())
         si.wi.z = dr.mulsign(si.wi.z, side)
-        absorbed = self.emissivity(si, mi.Bool(True))
+        absorbed, _, _ = self.respond(si, mi.Bool(True))
         # What is absorbed of the sky's light is the same for light that arrives. Light that a side
         # has reflected begins with the weight 1.
         weight = mi.Float(1) if self.reflected else absorbed
@@ -265,7 +257,8 @@ class FacetPaths:
             # The sky is what escapes, or a shape of that type
             escapes = active & (~hits | (column == n))
             hits &= ~escapes
-            to, factor, emissivity = self.respond(si, (sampler.next_1d(), sampler.next_2d()), hits)
+            u, v = sampler.next_1d(), sampler.next_2d()
+            emissivity, to, factor = self.respond(si, hits, u, v)
             flags = self.at(self.flags_of, si, hits)
             in_front = mi.has_flag(flags, mi.BSDFFlags.FrontSide) & (si.wi.z > 0)
             behind = mi.has_flag(flags, mi.BSDFFlags.BackSide) & (si.wi.z < 0)

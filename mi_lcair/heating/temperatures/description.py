@@ -10,8 +10,8 @@ from typing import Literal
 import numpy as np
 
 from mi_lcair import toml_table
-from mi_lcair.declared import Bounds, check_fields, within
-from mi_lcair.errors import InputError, check_known
+from mi_lcair.declared import Bounds, within
+from mi_lcair.errors import InputError, check_known, errors_of
 from mi_lcair.fraction import fraction
 from mi_lcair.heating.temperatures.wall import Wall
 from mi_lcair.toml_table import filled
@@ -77,9 +77,6 @@ class WeatherTable:
     utc_offset_h: float | None = field(default=None, metadata=within(lower=-14, upper=14))
     north_deg: float = field(default=90.0, metadata=within())
 
-    def __post_init__(self):
-        check_fields(self, "[weather]: ")
-
 
 @dataclass(frozen=True, kw_only=True)
 class GroupTable:
@@ -114,9 +111,8 @@ class GroupTable:
 
     WALL = ("thickness_mm", "conductivity", "density", "heat_capacity")
 
-    def check(self, where: str) -> None:
-        """Raise InputError for numbers out of bounds or that do not go together."""
-        check_fields(self, where)
+    def check(self) -> None:
+        """Raise InputError for numbers that do not go together."""
         missing = [name for name in self.WALL if getattr(self, name) is None]
         has_wall, wall = len(missing) < len(self.WALL), ", ".join(missing)
         is_held = self.temperature is not None
@@ -131,7 +127,7 @@ class GroupTable:
             (self.back_K and not has_wall, f"back_K needs a wall: {wall}"),
         ):
             if is_wrong:
-                raise InputError(f"{where}{why}")
+                raise InputError(why)
 
     def wall(self, duration: float) -> Wall:
         """The wall for weather of a duration [s]; one of thickness 0 if there is none."""
@@ -169,9 +165,6 @@ class RunTable:
     seed: int = field(default=0, metadata=within(lower=0, upper=2**32 - 1))
     start_K: float | None = field(default=None, metadata=KELVIN)
 
-    def __post_init__(self):
-        check_fields(self, "[run]: ")
-
 
 @dataclass(frozen=True, kw_only=True)
 class SignatureTable:
@@ -187,9 +180,6 @@ class SignatureTable:
 
     sensor: int = field(default=0, metadata=within(lower=0))
     spp: int = field(default=64, metadata=within(lower=16, upper=2**20))
-
-    def __post_init__(self):
-        check_fields(self, "[signature]: ")
 
 
 @dataclass(frozen=True)
@@ -239,8 +229,8 @@ class Description:
 
 def described(tree: Mapping, folder: Path, name: str) -> Description:
     """The description of the tables of a file in a folder."""
+    check_known("table", TABLES, *tree)
     for table in tree:
-        check_known("table", TABLES, table)
         if not isinstance(tree[table], Mapping):
             raise InputError(f"[{table}] must be a table")
     if "sky" in tree.get("weather", {}):
@@ -255,7 +245,8 @@ def described(tree: Mapping, folder: Path, name: str) -> Description:
     for group, values in tree.get("groups", {}).items():
         where = f"[groups.{group}]"
         groups[group] = filled(GroupTable, values, where)
-        groups[group].check(f"{where}: ")
+        with errors_of(where):
+            groups[group].check()
     signature = tree.get("signature")
     return Description(
         target=target,

@@ -147,18 +147,16 @@ def check_hours(where: str, hours: np.ndarray, is_periodic: bool) -> None:
     """Raise InputError for rows with gaps, that go back, or that are no day."""
     if len(hours) < 2:
         raise InputError(f"{where}: has one row; give at least two")
-    steps = np.diff(hours)
-    usual = float(np.median(steps))
+    usual = float(np.median(np.diff(hours)))
+    # A day that is repeated goes on with its first row, or has that row at its end too
+    around = [hours[0] + 24] if is_periodic and hours[-1] != hours[0] + 24 else []
+    steps = np.diff([*hours, *around])
     if (bad := ~((steps > 0) & (steps < 1.5 * usual))).any():
         row = int(bad.argmax())
+        hint = "; give start_K of [run] for a series that is no day" if is_periodic else ""
         raise InputError(
-            f"{where}: from hour {hours[row]:g} to {hours[row + 1]:g} there is a gap, where rows "
-            f"are {usual:g} h apart"
-        )
-    if is_periodic and not -1e-6 <= 24 - (hours[-1] - hours[0]) < 1.5 * usual:
-        raise InputError(
-            f"{where}: the rows last {hours[-1] - hours[0]:g} h, but a day that is repeated has "
-            "24; give start_K of [run] for another series"
+            f"{where}: from hour {hours[row]:g} to {hours[row] + steps[row]:g} there is a gap, "
+            f"where rows are {usual:g} h apart{hint}"
         )
 
 

@@ -58,5 +58,5 @@ def network(
     sun = SolarAreas(beam, beam, 0 * beam, *diffuse, np.full(n, 0.6), onward)
     tables = {name: GroupTable(**table) for name, table in (groups or {}).items()}
     for table in tables.values():
-        table.check("")
+        table.check()
     return Network(facets, Traced((mean,)), sun, conditions, tables)

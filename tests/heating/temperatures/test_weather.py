@@ -101,7 +101,7 @@ def test_epw_file(tmp_path):
     ("make", "message"),
     [
         (lambda p: rows(p, hours=[*range(5), *range(7, 25)]), "from hour 4 to 7 there is a gap"),
-        (lambda p: rows(p, hours=range(12)), "the rows last 11 h"),
+        (lambda p: rows(p, hours=range(12)), "from hour 11 to 24 there is a gap.* give start_K"),
         (lambda p: rows(p, lambda hour: "290,,8,0,-20,0"), "line 2: '' in column 'sky_K'"),
         (lambda p: rows(p, lambda hour: "290,260,8,5,-20,0"), "sun below the horizon"),
         (lambda p: rows(p, hours=[3]), "one row"),
