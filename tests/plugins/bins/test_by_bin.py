@@ -17,6 +17,7 @@ ENTRIES = {
     "a": ("b = 0.16\ne = 0.3\nspectrum", ("epsilon", "rho_d")),
     "b": ("b = 0.12\ne = 0.05\nspectrum", ("epsilon", "rho_d")),
     "n": ('form = "normalized"\nb = 0.1\ne = 0.2\nspectrum', ("epsilon", "rho_d")),
+    "s": ("b = 0.05\ne = 0.3\nspectrum", ("epsilon", "rho_d")),
     "g": ("emissivity", ("emissivity",)),
     "m": ("alpha = 0.2\ngamma = 2\nrho_d = 0.3\nnk", ("n", "k")),
     "r": ("alpha = 0.4\ngamma = 1.5\nrho_d = 0\nnk", ("n", "k")),
@@ -25,6 +26,7 @@ SPECTRA = {  # different for each material, with structure within the band
     "a": (0.5 + 0.3 * np.sin(3 * X), 0.1 + 0.05 * np.cos(5 * X)),
     "b": (0.45 - 0.3 * np.sin(2 * X), 0.15 + 0.05 * np.sin(4 * X)),
     "n": (0.4 + 0.2 * np.cos(3 * X), 0.2 + 0.1 * np.sin(X)),
+    "s": (0.2 + 0.02 * np.sin(3 * X), 0.2 + 0.02 * np.cos(3 * X)),
     "g": (0.5 + 0.4 * np.cos(4 * X),),
     "m": (2 + X / 3, 3 + (X - 3) * 2),
     "r": (1.4 + 0.3 * np.sin(4 * X), 0.5 + 0.4 * np.cos(3 * X)),
@@ -158,6 +160,7 @@ def test_closed_room_of_simpler_lobes(tmp_path, lobe):
 def test_constant_spectrum_is_the_material_of_the_band(tmp_path, name):
     constant = {key: [np.full_like(X, v.mean()) for v in SPECTRA[key]] for key in (name, "g")}
     file = write(tmp_path, constant)
+    theta_deg = 86.0 if name == "s" else 0.0  # where the model would reflect more than arrives
     results = []
     for more in ({}, {"average_K": 300.0}):
         surfaces = {
@@ -169,7 +172,8 @@ def test_constant_spectrum_is_the_material_of_the_band(tmp_path, name):
             }
         }
         bsdf = surface(file, name, **more)
-        results.append(radiance(plate(file, bsdf, 450.0, bounces=3, **surfaces), 4096)[0])
+        loaded = plate(file, bsdf, 450.0, theta_deg=theta_deg, bounces=3, **surfaces)
+        results.append(radiance(loaded, 4096)[0])
     assert results[0] == pytest.approx(results[1], rel=1e-6)
 
 
