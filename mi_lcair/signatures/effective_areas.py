@@ -25,6 +25,8 @@ from mi_lcair.rendering.statistics import UNSEEN, Totals, student_factor
 from mi_lcair.results import Result
 
 PARTS = ("target", "scene")
+# Smallest in-band radiance of a source whose effective area is known in single precision
+FAINTEST = 1e-30  # W m^-2 sr^-1
 # Wavelengths in even steps over the band. The trapezoid rule over them integrates Planck's law in
 # MWIR at 250 K with an error of 1e-6.
 SPECTRUM_ROWS = 801
@@ -284,8 +286,9 @@ class EffectiveAreas(SourcesInBand):
 def temperatures_of(sources: list[Source], changed: Mapping) -> list:
     """Temperature of each source, K, with the changes by group applied.
 
-    It is None for a tabulated source. Raises InputError for an unknown group, and for a temperature
-    that is not above 0 and at most HOTTEST.
+    It is None for a tabulated source. Raises InputError for an unknown group, for a temperature
+    that is not above 0 and at most HOTTEST, and for a source that radiates too little for its
+    effective area to be known.
     """
     blackbodies = {
         (source.group, source.temperature) for source in sources if source.temperature is not None
@@ -301,7 +304,7 @@ def temperatures_of(sources: list[Source], changed: Mapping) -> list:
                 f"group {key}: temperature {changed[key]} K; it must be above 0 and at most "
                 f"{HOTTEST:g} K"
             )
-    return [
+    result = [
         None
         if source.temperature is None
         else changed.get(
@@ -309,6 +312,14 @@ def temperatures_of(sources: list[Source], changed: Mapping) -> list:
         )
         for source in sources
     ]
+    for source, T in zip(sources, result):
+        if T is not None and source.in_band < FAINTEST and np.any(source.temperature != T):
+            raise InputError(
+                f"group {source.group}: has {source.temperature:g} K in the scene, at which it "
+                "radiates nothing in the band, so that its effective area is not known; load the "
+                "scene with a higher temperature"
+            )
+    return result
 
 
 def resolved(band: Band, sources: list[Source]) -> np.ndarray:

@@ -141,6 +141,9 @@ def test_bad_input(areas, tmp_path):
         areas.intensity({"wing": 300.0})
     with pytest.raises(InputError, match="must be above 0"):
         areas.intensity({areas.sources[0].group: np.array([300.0, np.nan])})
+    cold = replace(areas, sources=[replace(source, in_band=1e-31) for source in areas.sources])
+    with pytest.raises(InputError, match="radiates nothing in the band"):
+        cold.at_temperatures({areas.sources[0].group: 300.0})
     with pytest.raises(InputError, match="band"):
         areas.intensity(band="3-5")
     (tmp_path / "text.nc").write_text("text")
