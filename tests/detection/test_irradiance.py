@@ -5,6 +5,8 @@ import pytest
 from scipy.special import stdtrit
 
 from mi_lcair.detection.irradiance import Backdrop, Irradiance, RenderError
+from mi_lcair.physics.air.clear_air import clear_air
+from mi_lcair.physics.atmosphere import atmosphere
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.plugins.emission.source import Source
@@ -129,6 +131,27 @@ def test_many_temperatures_as_one_spectrum():
     rest = ((1 - TAU) * L[AIR] - L[SKY]) / RANGE**2
     error = 0.02 * target + abs(rest) * np.sqrt(0.05)
     assert terms["total"] == pytest.approx((target + 15 * rest, error), rel=1e-3)
+
+
+@pytest.mark.parametrize("nodes", [[], [3.2, 4.0, 4.8]])
+def test_reflected_sunlight_with_one_row_for_many_temperatures(nodes):
+    """Absorbers of both paths add, for any effective area of the sun."""
+    air, mwir = atmosphere("us_standard"), band("MWIR")
+    light, nodes = clear_air("us_standard").sun(50.0, 45.0), np.array(nodes)
+    areas = EffectiveAreas(
+        band=mwir,
+        sources=[Source("sun", light.name, 1.0, spectrum=light)],
+        area=np.full((2, 1), AREA),
+        error=np.zeros((2, 1)),
+        projected_area=15.0,
+        covariance=np.zeros((2, 2, 2)),
+        nodes_um=nodes,
+        by_wavelength=np.zeros((2, len(nodes))),
+    )
+    path = air.path(2000.0)
+    target = Irradiance(areas, RenderError(0.0), mwir, air, BACKDROP).at(path)["target"]
+    expected = AREA * mwir.integral(path.wavelengths_um, light.through(path.amounts)) / 2000.0**2
+    assert target.value == pytest.approx(expected, rel=5e-3)
 
 
 def test_a_background_with_a_path_of_its_own():
