@@ -80,7 +80,7 @@ def seen_shares(scene, sensor, area: np.ndarray) -> np.ndarray:
         window, cell = first + index // side**2, index % side**2
         position = (mi.Point2f(cell % side, cell // side) + 0.5) / side
         ray = rays.at(window, mi.UInt32(0), position, mi.UInt32(windows), mi.UInt32(1))
-        hit = scene.mi.ray_intersect_preliminary(ray)
+        hit = scene.mi.ray_intersect_preliminary(ray, coherent=True)
         triangle = triangles.at(hit.shape, hit.prim_index, hit.is_valid())
         dr.scatter_add(hits, mi.UInt32(1), window * (count + 1) + triangle)
         dr.eval(hits)

@@ -8,7 +8,13 @@ import pytest
 
 from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.rendering.aiming import aim_over_model
-from mi_lcair.rendering.facets.starts import starts_on_facets
+from mi_lcair.rendering.facets.starts import (
+    HIDDEN,
+    meshes_of_model,
+    outlines,
+    seen_shares,
+    starts_on_facets,
+)
 from mi_lcair.rendering.measurands import IntensityInterval, Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.pilots import best_aim
@@ -71,6 +77,29 @@ def test_the_parts_add_up_to_the_whole(plate, sampling):
         error = np.hypot(whole.scatter_error(name), split.scatter_error(name))
         change = np.abs(split.mean(name) - whole.mean(name))
         assert change[0] <= 6 * error[0] + 1e-5 * whole.mean(name)[0], name
+
+
+def test_what_is_seen(plate):
+    """A cover hides half of the lower triangle of a plate, from above; a speck is below a cell."""
+    shapes = {
+        "a": plate("a", square(0.6, 0.0), BLACK, 300.0),
+        "cover": plate("cover", np.array(square(0.3, 0.5)) + [0.3, -0.3, 0], BLACK, 300.0),
+        "under": plate("under", square(0.2, -0.5), BLACK, 300.0),
+        "back": plate("back", square(0.1, 0.6, -0.8)[::-1], BLACK, 300.0),
+        "speck": plate("speck", square(1e-4, 0.6, -0.3), BLACK, 300.0),
+    }
+    scene = scene_of(shapes)
+    corners, area = outlines(meshes_of_model(scene), scene.sensor(0))
+    halves = {"a": 0.6, "cover": 0.3, "under": 0.2, "back": 0.0, "speck": 1e-4}
+    names = [mesh.id() for mesh in meshes_of_model(scene)]
+    expected = [halves[name] ** 2 / 2 for name in names for _ in range(2)]
+    np.testing.assert_allclose(area[0], expected, rtol=1e-3)
+    right, up = (corners[0, 2 * names.index("cover"), k] for k in (1, 2))
+    np.testing.assert_allclose(np.abs(up - right), [0, 0.3], atol=1e-6)
+    share = dict(zip(names, seen_shares(scene, scene.sensor(0), area)[0].reshape(-1, 2)))
+    np.testing.assert_allclose(share["a"], [0.5, 1], atol=0.01)
+    assert (share["cover"] > 0.99).all() and (share["under"] == HIDDEN).all()
+    assert (share["speck"] > 0.9).all()
 
 
 def test_views_have_starts_of_their_own(plate):
