@@ -265,7 +265,7 @@ def along(scene, case: Case) -> np.ndarray:
     ends = []
     for value in (case.value + APART, case.value - APART):
         with changed(scene, {case.motion: value}):
-            ends.append(Surface.of(scene, case.motion.partition(".")[0]).positions)
+            ends.append(Surface(scene, case.motion.partition(".")[0]).positions)
     return (ends[0] - ends[1]) / (2 * APART)
 
 

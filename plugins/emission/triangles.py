@@ -107,6 +107,13 @@ class PrimitiveTable:
         return dr.gather(mi.UInt32, self.first, key, known) + dr.minimum(prim_index, last)
 
 
+def numbers_of_triangles(meshes) -> PrimitiveTable:
+    """The numbers of the triangles of meshes, from 1 on, and 0 for everything else."""
+    ids = [pointer_id(mi.ShapePtr(mesh)) for mesh in meshes]
+    ends = np.cumsum([len(triangle_vertices(mesh)) for mesh in meshes])
+    return PrimitiveTable(ids, np.split(1 + np.arange(ends[-1]), ends[:-1]), 0)
+
+
 def random_integer(sample):
     """32 random bits (UInt32) from a uniform 2D sample, whose numbers hold 23 bits each."""
     high, low = (mi.UInt32(number * 2**16) for number in (sample.x, sample.y))

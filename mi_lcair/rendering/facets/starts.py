@@ -11,9 +11,8 @@ from mi_lcair.plugins.bsdfs.plume import is_passed
 from mi_lcair.plugins.emission.radiance_bound import radiance_bound
 from mi_lcair.plugins.emission.triangles import (
     Choice,
-    PrimitiveTable,
     is_faceted,
-    pointer_id,
+    numbers_of_triangles,
     triangle_corners,
     triangle_vertices,
 )
@@ -68,10 +67,7 @@ def seen_shares(scene, sensor, area: np.ndarray) -> np.ndarray:
     parts of each window's area, (windows, n), the shape of the shares.
     """
     windows, count = area.shape
-    meshes, rays = meshes_of_model(scene), ParallelRays.of(sensor)
-    ends = np.cumsum([len(triangle_vertices(mesh)) for mesh in meshes])[:-1]
-    ids = [pointer_id(mi.ShapePtr(mesh)) for mesh in meshes]
-    triangles = PrimitiveTable(ids, np.split(np.arange(count), ends), count)
+    rays, triangles = ParallelRays.of(sensor), numbers_of_triangles(meshes_of_model(scene))
     side = RAYS if windows == 1 else RAYS_OF_MANY
     hits = dr.zeros(mi.UInt32, windows * (count + 1))
     for first in range(0, windows, RAYS_AT_ONCE // side**2):
@@ -84,7 +80,7 @@ def seen_shares(scene, sensor, area: np.ndarray) -> np.ndarray:
         triangle = triangles.at(hit.shape, hit.prim_index, hit.is_valid())
         dr.scatter_add(hits, mi.UInt32(1), window * (count + 1) + triangle)
         dr.eval(hits)
-    hits = hits.numpy().reshape(windows, count + 1)[:, :-1]
+    hits = hits.numpy().reshape(windows, count + 1)[:, 1:]
     return np.clip((hits + 0.5) / (area * side**2 + 0.5), HIDDEN, 1.0)
 
 
@@ -95,12 +91,10 @@ def outlines(meshes, sensor) -> tuple[np.ndarray, np.ndarray]:
     visible area is the projected one in parts of the window's area, or 0 for a triangle that shows
     a side from which its surface neither emits nor reflects.
     """
-    of_meshes = [np.stack(triangle_corners(mesh), axis=1) for mesh in meshes]
-    counts = list(map(len, of_meshes))
-    corners = np.concatenate(of_meshes).astype(float)
-    faces = np.repeat(list(map(facing, meshes)), counts)
-    back, front = np.repeat(list(map(shown_sides, meshes)), counts, axis=0).T
-    places, toward = zip(*(projected(corners, view) for view in views_of(sensor)))
+    corners = np.concatenate([np.stack(triangle_corners(mesh), axis=1) for mesh in meshes])
+    faces, (back, front) = facings(meshes)
+    views = views_of(sensor)
+    places, toward = zip(*(projected(corners.astype(float), view) for view in views))
     toward = np.array(toward) * faces
     return np.array(places), np.abs(toward) * np.where(toward > 0, front, back)
 
@@ -117,17 +111,18 @@ def projected(corners: np.ndarray, sensor) -> tuple[np.ndarray, np.ndarray]:
     return places, -0.5 * np.sign(np.cross(right, up) @ direction) * (x * w - y * v)
 
 
-def facing(mesh: mi.Shape) -> float:
-    """1 if the normals of a mesh point to where its corners are anticlockwise, otherwise -1."""
-    return -1.0 if mesh.has_flipped_normals() else 1.0
+def facings(meshes) -> tuple[np.ndarray, np.ndarray]:
+    """Whether triangles' normals point to where their corners are anticlockwise: 1 or -1, (n,).
 
-
-def shown_sides(mesh: mi.Shape) -> tuple[bool, bool]:
-    """Whether the surface of a mesh emits or reflects from its back, and from its front."""
-    flags = mesh.bsdf().flags()
-    return tuple(
-        mi.has_flag(flags, side) for side in (mi.BSDFFlags.BackSide, mi.BSDFFlags.FrontSide)
-    )
+    Also, whether they emit or reflect from their backs, and from their fronts, (2, n): 1 or 0.
+    """
+    sides, of_meshes = (mi.BSDFFlags.BackSide, mi.BSDFFlags.FrontSide), []
+    for mesh in meshes:
+        shown = [float(mi.has_flag(mesh.bsdf().flags(), side)) for side in sides]
+        of_meshes.append([-1.0 if mesh.has_flipped_normals() else 1.0, *shown])
+    counts = [len(triangle_vertices(mesh)) for mesh in meshes]
+    facing, *shown = np.repeat(of_meshes, counts, axis=0).T
+    return facing, np.array(shown)
 
 
 def radiances(meshes) -> np.ndarray:

@@ -12,13 +12,12 @@ what turns, hides or is reflected, has to be found by displacements.
 
 from dataclasses import dataclass
 
-import mitsuba as mi
 import numpy as np
 from scipy.linalg import hadamard
 
 from mi_lcair.errors import InputError
 from mi_lcair.motions.pose import displaced
-from mi_lcair.plugins.emission.triangles import Choice, PrimitiveTable, pointer_id
+from mi_lcair.plugins.emission.triangles import Choice, numbers_of_triangles
 from mi_lcair.plugins.paths.facet_starts import FacetStarts
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.paths.met_triangles import met_triangles
@@ -86,18 +85,14 @@ class Estimation:
 
     size: displacement of each vertex in its parameter, (n,); 0 for one that does not move. q:
     probability that a path begins on a triangle, (T,). colours: see `Surface.colours`. patterns:
-    signs of the colours, (patterns, colours), whose columns are orthogonal. ends: numbers of
-    triangles at which the next mesh begins.
+    signs of the colours, (patterns, colours), whose columns are orthogonal.
     """
 
     def __init__(self, surface: Surface, along: np.ndarray, sampling: Sampling):
         self.surface, self.along, self.sampling = surface, along, sampling
         self.sensor = surface.scene.sensor(sampling.sensor)
         self.window = window_area(self.sensor, surface.scene.name)
-        ids = [pointer_id(mi.ShapePtr(mesh)) for mesh in surface.meshes]
-        self.ends = np.cumsum(surface.counts)[:-1]
-        numbers = np.split(1 + np.arange(len(surface.triangles)), self.ends)
-        self.triangles = PrimitiveTable(ids, numbers, 0)
+        self.triangles = numbers_of_triangles(surface.meshes)
         length = np.linalg.norm(along, axis=1)
         size = np.zeros(len(length))
         self.size = np.divide(STEP * surface.reach(), length, out=size, where=length > 0)

@@ -92,7 +92,7 @@ class ShapeDerivatives(Result):
 
 def differentiate_shape(scene, group: str, sampling: Sampling) -> ShapeDerivatives:
     """The derivatives of a loaded scene's intensity with respect to the shape of a group."""
-    surface = Surface.of(scene, group)
+    surface = Surface(scene, group)
     result = differentiate_vertices(surface, surface.outward, sampling)
     has_normal = surface.outward.any(axis=1)
     table = FacetTable(scene)

@@ -1,6 +1,5 @@
 """The surface of a model whose vertices move one by one, and what a sensor sees of it."""
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import mitsuba as mi
@@ -10,7 +9,7 @@ from mi_lcair.errors import InputError, check_known
 from mi_lcair.models3d.welding import weld
 from mi_lcair.motions.motion import groups_of_meshes
 from mi_lcair.plugins.emission.triangles import triangle_vertices, vertex_positions
-from mi_lcair.rendering.facets.starts import facing, meshes_of_model, projected, shown_sides
+from mi_lcair.rendering.facets.starts import facings, meshes_of_model, projected
 from mi_lcair.rendering.window import window_size
 
 EDGE_ON = 1e-6  # cosine of a triangle below which it is seen from neither side
@@ -18,74 +17,40 @@ NEARER = 0.1  # least part of its triangles' heights that counts, however near o
 BESIDE = 1e-3  # distance from a vertex, in these heights, at which other surfaces are looked for
 
 
-@dataclass(frozen=True, eq=False)
 class Surface:
-    """The triangles of a model, and those of its vertices that move.
+    """The triangles of a model, and those of its vertices that move: the vertices of a group.
 
     Vertices at the same position move together, also those of other groups, so that no crack opens.
+    Raises InputError for an unknown group, or if a part of the model is no mesh.
 
     scene: Scene. meshes: those of the model. vertices: of all meshes (V, 3) [m], Float64. ends:
     numbers of vertices at which the next mesh begins. triangles: their vertices (T, 3). moving:
-    number of each vertex among those that move, -1 for one that does not, (V,). counts: number of
-    triangles of each mesh. in_group: whether a triangle is one of the group (T,). facing: see
-    `facing`, (T,). sides: whether a triangle is seen from its back, and from its front, (T, 2).
-    corners: as `moving`, for the corners of the triangles, (T, 3).
+    number of each vertex among those that move, -1 for one that does not, (V,). positions: those of
+    the moving vertices, (n, 3) [m]. corners: as `moving`, for the corners of the triangles, (T, 3).
+    in_group: whether a triangle is one of the group (T,). facing, sides: see `facings`.
     """
 
-    scene: object
-    meshes: list[mi.Shape]
-    vertices: np.ndarray
-    ends: np.ndarray
-    triangles: np.ndarray
-    moving: np.ndarray
-    counts: list[int]
-    in_group: np.ndarray
-    facing: np.ndarray
-    sides: np.ndarray
-
-    @staticmethod
-    def of(scene, group: str) -> "Surface":
-        """The surface whose vertices of a group move.
-
-        Raises InputError for an unknown group, or if a part of the model is no mesh.
-        """
-        meshes, groups = meshes_of_model(scene), groups_of_meshes(scene)
+    def __init__(self, scene, group: str):
+        self.scene, self.meshes = scene, meshes_of_model(scene)
+        groups = groups_of_meshes(scene)
         check_known(f"group of meshes of {scene.name}", groups, group)
-        if meshes is None:
+        if self.meshes is None:
             raise InputError(f"{scene.name}: a part of the model is no mesh, and has no vertices")
-        vertices = [vertex_positions(mesh).astype(float) for mesh in meshes]
-        faces = [triangle_vertices(mesh).astype(np.int64) for mesh in meshes]
-        ends, counts = np.cumsum(list(map(len, vertices))), list(map(len, faces))
-        triangles = np.concatenate([f + end - len(v) for f, end, v in zip(faces, ends, vertices)])
-        vertices = np.concatenate(vertices)
-        in_group = np.repeat([mesh in groups[group] for mesh in meshes], counts)
-        welded, moving = weld(vertices), np.full(len(vertices), -1)
-        places = np.unique(welded[triangles[in_group]])
+        vertices = [vertex_positions(mesh).astype(float) for mesh in self.meshes]
+        faces = [triangle_vertices(mesh).astype(np.int64) for mesh in self.meshes]
+        ends = np.cumsum(list(map(len, vertices)))
+        self.ends = ends[:-1]
+        self.vertices = np.concatenate(vertices)
+        firsts = np.append(0, self.ends)
+        self.triangles = np.concatenate([f + first for f, first in zip(faces, firsts)])
+        of_group = [mesh in groups[group] for mesh in self.meshes]
+        self.in_group = np.repeat(of_group, list(map(len, faces)))
+        welded, moving = weld(self.vertices), np.full(ends[-1], -1)
+        places = np.unique(welded[self.triangles[self.in_group]])
         moving[places] = np.arange(len(places))
-        of_meshes = [np.array(list(map(of, meshes))) for of in (facing, shown_sides)]
-        facings, sides = (np.repeat(values, counts, axis=0) for values in of_meshes)
-        return Surface(
-            scene,
-            meshes,
-            vertices,
-            ends[:-1],
-            triangles,
-            moving[welded],
-            counts,
-            in_group,
-            facings,
-            sides,
-        )
-
-    @cached_property
-    def corners(self) -> np.ndarray:
-        return self.moving[self.triangles]
-
-    @cached_property
-    def positions(self) -> np.ndarray:
-        """Positions of the moving vertices, (n, 3) [m]."""
-        numbers, first = np.unique(self.moving, return_index=True)
-        return self.vertices[first[numbers >= 0]]
+        self.moving, self.positions = moving[welded], self.vertices[places]
+        self.corners = self.moving[self.triangles]
+        self.facing, self.sides = facings(self.meshes)
 
     @cached_property
     def normals(self) -> np.ndarray:
@@ -159,13 +124,13 @@ class Surface:
         return np.linalg.norm(self.normals, axis=1) / (2 * np.prod(window_size(sensor)))
 
     def in_view(self, sensor, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Outlines of the triangles in parts of the window, and visible areas, as `outline`.
+        """Outlines of the triangles in parts of the window, and visible areas, as `outlines`.
 
         The area of a triangle that is edge-on is 0.
         """
         outlines, toward = projected(vertices[self.triangles], sensor)
         toward *= np.where(np.abs(toward) > EDGE_ON * self.whole(sensor), self.facing, 0)
-        return outlines, np.abs(toward) * np.where(toward > 0, *self.sides.T[::-1])
+        return outlines, np.abs(toward) * np.where(toward > 0, *self.sides[::-1])
 
     def growth(self, sensor, along: np.ndarray) -> np.ndarray:
         """Derivatives of the visible areas with respect to the displacements of corners, (T, 3).
@@ -178,7 +143,7 @@ class Surface:
         along = np.append(along, np.zeros((1, 3)), axis=0)[self.corners]
         toward = projected(corners, sensor)[1] * self.facing
         side = np.where(np.abs(toward) > EDGE_ON * self.whole(sensor), np.sign(toward), 0)
-        back, front = self.sides.T.astype(float)
+        back, front = self.sides
         factor = (front * (1 + side) - back * (1 - side)) / 2
         for k in range(3):
             # The signed area is linear in the position of one corner

@@ -21,7 +21,7 @@ from tests.motions.test_differences import CUBE, VIEW, L, convex_hull, mesh, sce
 
 def derivatives(scene, group: str, along=None, paths: int = 2**14, seed: int = 0):
     """Surface, means and standard errors of the derivatives by its vertices."""
-    surface = Surface.of(scene, group)
+    surface = Surface(scene, group)
     along = surface.outward if along is None else along(surface.positions)
     result = differentiate_vertices(surface, along, Sampling(paths=paths, seed=seed))
     error = np.hypot(standard_errors(result.by_block), result.unscattered)
@@ -132,7 +132,7 @@ def test_vertices_at_one_position_move_together():
     """The halves of a cube, of two groups, share the vertices of the cut."""
     left, right = CUBE - [0.5, 0, 0], CUBE + [0.5, 0, 0]
     scene = scene_of(convex_hull("left", left), convex_hull("right", right))
-    surface = Surface.of(scene, "left")
+    surface = Surface(scene, "left")
     moved = surface.displaced(0 * surface.positions + [0, 0, 1.0]) - surface.vertices
     at_cut = surface.vertices[:, 0] == 0
     assert len(surface.positions) == 8 and at_cut.sum() == 8
@@ -141,7 +141,7 @@ def test_vertices_at_one_position_move_together():
 
 def test_colours_differ_in_each_triangle():
     scene = bodies(5, 0.0)
-    surface = Surface.of(scene, "body")
+    surface = Surface(scene, "body")
     colours = surface.colours()[surface.corners]
     assert (np.diff(np.sort(colours, axis=1), axis=1) > 0).all()
     assert colours.max() < 8
