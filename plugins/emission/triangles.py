@@ -199,7 +199,7 @@ class TriangleTable:
         # Dr.Jit reads four consecutive numbers at once, which is faster than one at a time.
         rows = np.stack([p0, p1 - p0, p2 - p0], axis=1)
         self.rows = mi.Float(np.concatenate([rows, normal[:, :, None]], axis=2).ravel())
-        dr.make_opaque(self.first, self.rows)
+        own_memory([self.first, self.rows])
 
     def point(self, triangle, sample, active=True):
         """Barycentric coordinates, point [m] and normal on a triangle, for a uniform 2D sample."""

@@ -276,7 +276,7 @@ class Thermal(ThermalEmitter):
             ps = shape.sample_position(0, sample, active)
             return self.interaction(ps.p, ps.n, ps.uv), ps.pdf
         if self.triangles is None:
-            table = TriangleTable([shape])
+            table = unrecorded(TriangleTable, [shape])
             choice = Choice(table.area)
             self.triangles = table, choice, table.density(choice.probability)
         table, choice, density = self.triangles

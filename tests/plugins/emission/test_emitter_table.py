@@ -7,7 +7,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from mi_lcair.plugins.emission.triangles import Choice, TriangleTable, random_integer
+from mi_lcair.plugins.emission.triangles import Choice, TriangleTable, random_integer, set_triangles
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.recorders.channels import Channels
 from tests.plugins.conftest import plate  # noqa: F401, fixture
@@ -174,6 +174,14 @@ def test_points_from_two_numbers(n):
         assert float(dr.mean(value)[0]) == pytest.approx(expected, abs=0.3 * noise)
     first = mi.Float(dr.select(triangle < len(faces) // 2, 1, 0))
     assert float(dr.mean(first)[0]) == pytest.approx(0.5, abs=0.5 * noise)
+
+
+def test_kernels_do_not_depend_on_the_place_in_memory():
+    """Dr.Jit compiles other kernels for rows that are not aligned, as NumPy's are by chance."""
+    for n in range(1, 9):
+        mesh = mi.Mesh("mesh", (n + 1) ** 2, 2 * n**2)
+        set_triangles(mesh, *grid_mesh(n, 0.0))
+        assert TriangleTable([mesh]).rows.numpy().ctypes.data % 64 == 0
 
 
 @pytest.mark.slow
