@@ -27,8 +27,7 @@ class Channels:
     (seen.LABEL), with range, hit (1 or 0) and target (the radiance of paths that first hit the
     model). "target": also source.N and wavelength.N where the tracer has sources by spectrum, and
     for each channel NAME the part of paths that first hit the model, target.NAME. "model": that
-    part alone, as NAME, without seen.LABEL and range; paths that first hit something else are not
-    followed.
+    part alone, as NAME, without seen.LABEL; paths that first hit something else are not followed.
     counted: largest number of reflections whose radiance is recorded separately, in one of SIZES;
     that of more reflections is added to the last channel. None: as many as the tracer follows. 0:
     numbers of reflections are not told apart, and there is no bounce.N and no closure.

@@ -19,7 +19,7 @@ class FirstHit(Recorder):
     distance [m], 0 if nothing is hit. seen: number of the group's label. of_model: 1 if the hit
     belongs to the model, 0 if to the background. facet: its number.
 
-    Its channels are seen.LABEL, range and hit (1 or 0); with `model_only` the last one.
+    Its channels are seen.LABEL, range and hit (1 or 0); with `model_only` the last two.
     """
 
     scene: mi.Scene
@@ -59,9 +59,8 @@ class FirstHit(Recorder):
         return active & (self.of_model > 0) if self.model_only else active
 
     def samples(self, L) -> dict:
-        channels = {"hit": dr.select(self.range > 0, mi.Float(1), 0)}
+        channels = {"hit": dr.select(self.range > 0, mi.Float(1), 0), "range": self.range}
         if self.model_only:
             return channels
         labels = enumerate(self.emitters.labels)
-        channels |= {f"seen.{label}": dr.select(self.seen == k, L, 0) for k, label in labels}
-        return channels | {"range": self.range}
+        return channels | {f"seen.{label}": dr.select(self.seen == k, L, 0) for k, label in labels}
