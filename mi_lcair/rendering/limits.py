@@ -59,11 +59,9 @@ def channel_count(tracer, split: str | None) -> int:
         return 0
     sources = tracer.emitters.sources
     count = min(tracer.max_bounces + 1, MAX_BOUNCE_CHANNELS) + 2 * len(tracer.emitters.labels) + 4
-    if split != "target":
-        return count
     count += len(sources.list) if sources.by_spectrum else 0
     count += WAVELENGTHS if sources.share is not None else 0
-    return 2 * count
+    return 2 * count if split == "target" else count
 
 
 def available_memory() -> int | None:

@@ -16,22 +16,21 @@ class BySource(Recorder):
     by_wavelength: radiance from blackbodies at the wavelengths of `Sources` [W m^-2 sr^-1 um^-1],
     where there are too many blackbodies to record each separately. labels: the groups. most: the
     largest number of reflections that counts; None: all count. Its channels are group.LABEL and,
-    `in_detail`, source.N and wavelength.N where they are recorded. They begin with the
-    prefix `up_to_prefix`.
+    in a tracer with sources by spectrum, source.N and wavelength.N. They begin with the prefix
+    `up_to_prefix`.
     """
 
     sources: Sources
     labels: list
-    in_detail: bool
     sums: dr.Local
     by_wavelength: list
     most: int | None = None
 
     @staticmethod
-    def of(sources: Sources, labels: list, in_detail: bool, most: int | None = None) -> "BySource":
+    def of(sources: Sources, labels: list, most: int | None = None) -> "BySource":
         count = 0 if sources.share is None else WAVELENGTHS
         wavelengths, sums = [mi.Float(0) for _ in range(count)], zeros(len(sources.recorded))
-        return BySource(sources, labels, in_detail, sums, wavelengths, most)
+        return BySource(sources, labels, sums, wavelengths, most)
 
     def emission(self, emission: Emission) -> None:
         value = dr.select(emission.beyond, 0, emission.radiance)
@@ -50,10 +49,9 @@ class BySource(Recorder):
         for source, value in zip(self.sources.recorded, by_source):
             groups[source.group] += value
         channels = {f"group.{label}": value for label, value in groups.items()}
-        if self.in_detail:
-            if self.sources.by_spectrum and not self.sources.by_bin:
-                channels |= {f"source.{k}": value for k, value in enumerate(by_source)}
-            channels |= {f"wavelength.{k}": value for k, value in enumerate(self.by_wavelength)}
+        if self.sources.by_spectrum and not self.sources.by_bin:
+            channels |= {f"source.{k}": value for k, value in enumerate(by_source)}
+        channels |= {f"wavelength.{k}": value for k, value in enumerate(self.by_wavelength)}
         return {f"{up_to_prefix(self.most)}{name}": value for name, value in channels.items()}
 
 

@@ -25,8 +25,8 @@ class Channels:
     split: by what the radiance is split. None: by nothing. "image": by number of reflections
     (bounce.N, closure), by emitting group (group.LABEL) and by the group that is hit first
     (seen.LABEL), with range, hit (1 or 0) and target (the radiance of paths that first hit the
-    model). "target": also source.N and wavelength.N where the tracer has sources by spectrum, and
-    for each channel NAME the part of paths that first hit the model, target.NAME. "model": that
+    model), and source.N and wavelength.N where the tracer has sources by spectrum. "target": also,
+    for each channel NAME, the part of paths that first hit the model, target.NAME. "model": that
     part alone, as NAME, without seen.LABEL; paths that first hit something else are not followed.
     counted: largest number of reflections whose radiance is recorded separately, in one of SIZES;
     that of more reflections is added to the last channel. None: as many as the tracer follows. 0:
@@ -60,9 +60,9 @@ class Channels:
                 ByBounce.up_to(tracer.max_bounces if self.counted is None else self.counted)
             )
         if self.split:
-            emitters, in_detail = tracer.emitters, self.split != "image"
+            emitters = tracer.emitters
             for most in (None, *self.up_to):
-                parts.append(BySource.of(emitters.sources, emitters.labels, in_detail, most))
+                parts.append(BySource.of(emitters.sources, emitters.labels, most))
         parts += [Segments(mi.Float(0))] if self.counts_segments else []
         if self.split or facets or is_tailed:
             parts.append(FirstHit.of(tracer.scene, tracer.emitters, facets, self.split == "model"))

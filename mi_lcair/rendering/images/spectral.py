@@ -64,7 +64,7 @@ def spectral_measurands(scene: Scene, split: str | None, bins: int) -> Measurand
     """
     if has_spectral_materials(scene.mi):
         return Measurands.of(split, bins=bins)
-    return Measurands.of("target", by_spectrum=True)
+    return Measurands.of("image", by_spectrum=True)
 
 
 def spectral_channels(
