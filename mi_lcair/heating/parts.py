@@ -7,7 +7,7 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.plugins.derivatives import own_memory
-from mi_lcair.plugins.emission.triangles import pointer_id
+from mi_lcair.plugins.emission.triangles import normal_of, pointer_id, sphere_of
 from mi_lcair.rendering.facets.table import FacetTable
 
 
@@ -70,19 +70,10 @@ class Parts:
             dr.zeros(mi.Ray3f), pi, mi.RayFlags.All, part.is_triangle
         )
         ps = shape.sample_position(0, sample, ~part.is_triangle)
-        # Mitsuba 3.9 leaves out the turn of a sphere from its normals
-        outward = dr.normalize(ps.p - mi.Point3f(part.sphere.xyz)) * part.sphere.w
-        n = dr.select(part.sphere.w == 0, ps.n, mi.Normal3f(outward))
+        n = normal_of(ps, part.sphere)
         whole = dr.zeros(mi.SurfaceInteraction3f, dr.width(facet))
         whole.p, whole.n, whole.uv, whole.sh_frame = ps.p, n, ps.uv, mi.Frame3f(n)
         si = dr.select(part.is_triangle, si, whole)
         si.sh_frame = mi.Frame3f(si.sh_frame.n)  # Mitsuba leaves out the tangents of a triangle
         si.shape, si.prim_index, si.t = shape, part.primitive, mi.Float(0)
         return si
-
-
-def sphere_of(shape) -> tuple[float, ...]:
-    """Centre of a sphere, and 1 or, with flipped normals, -1; zeros for another shape."""
-    if shape.class_name() != "Sphere":
-        return 0.0, 0.0, 0.0, 0.0
-    return *np.array(shape.bbox().center()), -1.0 if shape.has_flipped_normals() else 1.0

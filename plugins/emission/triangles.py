@@ -223,3 +223,20 @@ class TriangleTable:
         return mi.Float(
             np.divide(probability, self.area, out=np.zeros_like(self.area), where=self.area > 0)
         )
+
+
+def sphere_of(shape) -> tuple[float, ...]:
+    """Centre of a sphere, and 1 or, with flipped normals, -1; zeros for another shape."""
+    if shape.class_name() != "Sphere":
+        return 0.0, 0.0, 0.0, 0.0
+    sign = -1.0 if shape.has_flipped_normals() else 1.0
+    return *np.array(shape.bbox().center(), dtype=float).tolist(), sign
+
+
+def normal_of(ps, sphere: mi.Vector4f) -> mi.Normal3f:
+    """Normal at a position sample of a shape; sphere: see `sphere_of`.
+
+    Mitsuba 3.9 leaves out the turn of a sphere from its normals.
+    """
+    outward = dr.normalize(ps.p - mi.Point3f(sphere.xyz)) * sphere.w
+    return dr.select(sphere.w == 0, ps.n, mi.Normal3f(outward))

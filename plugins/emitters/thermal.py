@@ -15,7 +15,13 @@ from mi_lcair.physics.sky import spectrum
 from mi_lcair.plugins.derivatives import check_attached, held, members, same_variables, unrecorded
 from mi_lcair.plugins.emission.emissivity import Table, emissivity_of, reflects
 from mi_lcair.plugins.emission.radiance_bound import largest, texture_bound
-from mi_lcair.plugins.emission.triangles import Choice, TriangleTable, is_faceted
+from mi_lcair.plugins.emission.triangles import (
+    Choice,
+    TriangleTable,
+    is_faceted,
+    normal_of,
+    sphere_of,
+)
 from mi_lcair.plugins.emitters.thermal_emitter import EmitterParameter, ThermalEmitter
 from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST, RADIANCE_UNIT, Property
 from mi_lcair.plugins.tracing import is_traced
@@ -274,7 +280,8 @@ class Thermal(ThermalEmitter):
         shape = self.get_shape()
         if not is_faceted(shape):
             ps = shape.sample_position(0, sample, active)
-            return self.interaction(ps.p, ps.n, ps.uv), ps.pdf
+            n = normal_of(ps, mi.Vector4f(sphere_of(shape)))
+            return self.interaction(ps.p, n, ps.uv), ps.pdf
         if self.triangles is None:
             table = unrecorded(TriangleTable, [shape])
             choice = Choice(table.area)

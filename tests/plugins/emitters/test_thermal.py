@@ -321,3 +321,21 @@ def test_a_source_of_given_radiance(plate):
 def test_bad_input_is_named(emitter, message):
     with pytest.raises(RuntimeError, match=message):
         mi.load_dict({"type": "thermal", **emitter})
+
+
+@pytest.mark.parametrize("is_flipped", [False, True])
+def test_normals_of_a_turned_sphere(is_flipped):
+    """They are those of its surface, toward the middle if they are flipped."""
+    T = mi.ScalarTransform4f()
+    sphere = {
+        "type": "sphere",
+        "to_world": T.translate([1, 2, 3]) @ T.rotate([1, 0, 0], 120) @ T.scale(0.5),
+        "flip_normals": is_flipped,
+        "emitter": {"type": "thermal", "band": "LWIR", "temperature": 300.0},
+    }
+    (shape,) = mi.load_dict({"type": "scene", "sphere": sphere}, optimize=False).shapes()
+    sample = mi.Point2f([0.1, 0.5, 0.9], [0.3, 0.6, 0.2])
+    si, density = shape.emitter().sample_surface(sample, mi.Bool(True))
+    radial = (si.p.numpy() - np.array([[1], [2], [3]])) / 0.5
+    assert si.n.numpy() == pytest.approx(-radial if is_flipped else radial, abs=1e-6)
+    assert density.numpy() == pytest.approx(1 / np.pi, rel=1e-6)
