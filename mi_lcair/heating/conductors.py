@@ -16,6 +16,7 @@ import numpy as np
 from scipy import sparse
 
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
+from mi_lcair.plugins.paths.offsets import UNIT
 
 RINGS_DEG = np.linspace(0, 90, 10)  # elevations between the rings of the sky [degrees]
 
@@ -180,11 +181,13 @@ class Traced:
     def standard_error(self, function: Callable[[Conductors], np.ndarray]) -> np.ndarray:
         """Standard error of a linear function of the conductors at their mean.
 
+        It is the scatter of the replicates, with the rounding of Float32 that they share.
         For a quantity that depends on them otherwise, give its derivative. The temperatures of a
         balance F(T, C) = 0 change by -J^-1 F(T, C_k), where C_k are the replicates and J is the
         Jacobian at the mean.
         """
-        return standard_error(np.array([function(replicate) for replicate in self.replicates]))
+        scatter = standard_error(np.array([function(C) for C in self.replicates]))
+        return np.hypot(scatter, UNIT * function(self.mean))
 
     def least_error(self, fourth: np.ndarray, sky: np.ndarray | float, ground: float) -> np.ndarray:
         """Standard error of `Conductors.absorbed` below which none is stated [m^2 K^4], (n,).

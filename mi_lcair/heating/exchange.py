@@ -2,6 +2,7 @@
 
 from time import perf_counter
 
+import mitsuba as mi
 import numpy as np
 from scipy import sparse
 
@@ -9,7 +10,6 @@ from mi_lcair.errors import InputError
 from mi_lcair.heating.conductors import Conductors, Facets, Traced, standard_error
 from mi_lcair.heating.exchange_result import Asymmetry, Exchange
 from mi_lcair.heating.paths import (
-    ENDS,
     MOST_REFLECTIONS,
     RANDOMISATIONS,
     RINGS,
@@ -79,8 +79,10 @@ def exchange(
     points = points_of(rays)
     means = paths.means(points, seed).sums(paths.areas)
     emitted = np.maximum(facets.emitting_area, np.finfo(float).tiny)
-    astray = {name: means.end(name).mean(axis=0) / emitted for name in ENDS[1:]}
-    check_lost(facets, astray["lost"], means.lost, paths)
+    lost = means.end("lost")
+    astray = {name: means.end(name) / emitted for name in ("truncated", "buried")}
+    astray["lost"] = lost.sum(axis=1) / emitted
+    check_lost(facets, astray["lost"], paths.shapes[int(lost.sum(axis=0).argmax())], scene.name)
     asymmetry = asymmetry_of(means, facets, points * RANDOMISATIONS)
     remarks = [*surfaces.remarks, *remarks_on_asymmetry(asymmetry, facets)]
     truncated = facets.share_of_groups(astray["truncated"])
@@ -131,20 +133,22 @@ def facets_of(paths: FacetPaths) -> Facets:
     )
 
 
-def check_lost(facets: Facets, lost, of_shapes, paths: FacetPaths) -> None:
-    """Raise InputError if too much of a group's radiation ends where nothing takes part."""
+def check_lost(facets: Facets, lost: np.ndarray, shape: mi.Shape, name: str) -> None:
+    """Raise InputError if too much of a group's radiation ends where nothing takes part.
+
+    lost: shares of the facets, (n,). shape: where most is lost. name: of the scene.
+    """
     share = facets.share_of_groups(lost)
     worst = int(share.argmax())
     if share[worst] <= MOST_LOST:
         return
-    shape = paths.shapes[int(of_shapes.argmax())]
     why = (
         "its BSDF is one-sided and is met from behind; make it `twosided` or close the mesh"
         if is_thermal(shape.emitter())
         else 'it does not emit; give it <emitter type="thermal">'
     )
     raise InputError(
-        f"{paths.scene.name}: {share[worst]:.2%} of the radiation of group "
+        f"{name}: {share[worst]:.2%} of the radiation of group "
         f"{facets.groups[worst]} ends on surfaces that take no part in the exchange, most on shape "
         f"'{shape.id()}': {why}"
     )

@@ -36,7 +36,7 @@ FAINT = 1e-4
 # Bound of the reflections in a closed cavity that absorbs hardly anything
 MOST_REFLECTIONS = 10_000
 RANDOMISATIONS = 8
-CELLS, LANES = 2**24, 2**22  # most numbers that a launch adds up, and most of its paths
+LANES, SLOTS = 2**22, 2**23  # most paths of a launch, and most hits that it keeps
 # Memory for each number that is kept [bytes]: 106 to 143 on a bowl of 8,000 facets
 BYTES = 150
 RINGS = len(RINGS_DEG) - 1
@@ -56,22 +56,21 @@ class Means:
     """Means of what the paths of some rows met of n facets, for each randomisation.
 
     between: sparse, (rows, n), what the paths of each row met of the facets. ends:
-    (RANDOMISATIONS, rows, rings and ENDS). lost: (shapes,), sums over the rows of the shares that
-    were lost on each shape.
+    (RANDOMISATIONS, rows, rings and ENDS), of which the last, "lost", has a column for each shape.
     """
 
     between: list[sparse.csr_array]
     ends: np.ndarray
-    lost: np.ndarray
 
     def end(self, name: str) -> np.ndarray:
-        """The means that ended in one of ENDS, (RANDOMISATIONS, rows)."""
-        return self.ends[:, :, RINGS + ENDS.index(name)]
+        """The means that ended in one of ENDS, (rows,); of those lost by shape, (rows, shapes)."""
+        k = RINGS + ENDS.index(name)
+        return self.ends[:, :, k:].mean(axis=0) if name == "lost" else self.ends[:, :, k].mean(0)
 
     def sums(self, weights: sparse.csr_array) -> "Means":
         """Sums over the rows with weights, (other rows, rows)."""
         ends = np.array([weights @ ends for ends in self.ends])
-        return Means([weights @ between for between in self.between], ends, self.lost)
+        return Means([weights @ between for between in self.between], ends)
 
 
 class FacetPaths:
@@ -96,6 +95,7 @@ class FacetPaths:
         self.shapes = list(scene.mi.shapes())
         table = self.table
         self.number = emitting_facets(table, self.shapes, scene.name)
+        self.lanes, self.done, self.kept = LANES, 0, 0
         n, index = len(self.number), np.arange(len(self.number))
         self.parts = Parts.of(table, self.number, self.shapes)
         of_shape = np.array(surfaces.of_shape)
@@ -107,23 +107,24 @@ class FacetPaths:
         different = surfaces.different
         self.row_facet = mi.UInt32(self.rows.astype(np.uint32))
         self.row_side = mi.Float(self.of_rows(lambda surface: surface.sides))
-        column = np.full(table.count, self.end("lost"))
+        column = self.end("lost") + table.shape_index
         column[table.type == "sky"] = n
         column[self.number] = index
         self.column = mi.UInt32(column.astype(np.uint32))
         ids = [pointer_id(mi.ShapePtr(shape)) for shape in self.shapes]
         is_one_sided = np.array([len(surface.sides) == 1 for surface in different])[of_shape]
         flags = np.array([int(surface.bsdf.flags()) for surface in different])[of_shape]
-        backs = self.end("lost") - closed_shapes(table, self.shapes, is_one_sided)
-        by_pointer = np.zeros((4, max(ids) + 1), dtype=np.uint32)
-        by_pointer[:, ids] = np.arange(len(ids)), of_shape, flags, backs
-        self.index_of, self.surface_of, self.flags_of, self.back_of = map(mi.UInt32, by_pointer)
+        is_closed = closed_shapes(table, self.shapes, is_one_sided)
+        backs = np.where(is_closed, self.end("buried"), self.end("lost") + np.arange(len(ids)))
+        by_pointer = np.zeros((3, max(ids) + 1), dtype=np.uint32)
+        by_pointer[:, ids] = of_shape, flags, backs
+        self.surface_of, self.flags_of, self.back_of = map(mi.UInt32, by_pointer)
         self.vector = mi.UInt32(VECTOR)
-        dr.eval(self.index_of, self.surface_of, self.flags_of, self.back_of, self.column)
+        dr.eval(self.surface_of, self.flags_of, self.back_of, self.column)
         dr.eval(self.row_facet, self.row_side)
 
     def end(self, name: str) -> int:
-        """The column of one of ENDS."""
+        """The column of one of ENDS. What is lost has one for each shape, from there on."""
         return len(self.number) + RINGS + ENDS.index(name)
 
     def of_facets(self, function) -> np.ndarray:
@@ -189,36 +190,45 @@ class FacetPaths:
         InputError
             If the numbers that the first launches keep say that memory does not suffice for all.
         """
-        rows, n, R = len(self.rows), len(self.number), RANDOMISATIONS
-        columns = n + RINGS + len(ENDS)
-        lost, parts, kept = dr.zeros(mi.Float, len(self.shapes)), [], 0
-        step = max(1, min(rows, CELLS // (R * columns)))
-        for first in range(0, rows, step):
-            count = min(step, rows - first)
-            met = dr.zeros(mi.Float64, count * R * columns)
-            tally = met, lost
-            most = max(1, LANES // (count * R))
-            for point in range(0, points, most):
-                self._launch(first, count, point, min(most, points - point), seed, tally)
-            # Facets meet few of the others, so that the cells are compressed before they are copied
-            cell = dr.compress(met > 0)
-            values = dr.gather(mi.Float64, met, cell).numpy() / points
-            parts.append((cell.numpy() + np.int64(first) * R * columns, values))
-            kept += len(values)
-            check_free(
-                BYTES * kept * rows / (first + count),
-                f"exchange of {n} facets with {points * R} paths each",
-                "trace fewer rays, or give the model larger facets",
-            )
-        cells, values = (np.concatenate(column) for column in zip(*parts))
-        places = np.divmod(cells, columns)
-        table = sparse.csr_array((values, places), shape=(rows * R, columns))
-        runs = [table[run::R] for run in range(R)]
+        n, R = len(self.number), RANDOMISATIONS
+        self.done = self.kept = 0
+        met = self._met(0, len(self.rows), 0, points, seed, points) / points
+        runs = [met[run::R] for run in range(R)]
         ends = np.array([run[:, n:].toarray() for run in runs])
-        return Means([run[:, :n] for run in runs], ends, lost.numpy() / (points * R))
+        return Means([run[:, :n] for run in runs], ends)
 
-    def _launch(self, first, rows, point, points, seed, tally) -> None:
-        """Trace `points` paths from `point` on, of each randomisation of each row."""
+    def _met(self, first, rows, point, points, seed, whole) -> sparse.csr_array:
+        """What some of the `whole` points of some rows meet, (rows RANDOMISATIONS, columns)."""
+        lanes = rows * RANDOMISATIONS * points
+        if lanes > self.lanes and rows > 1:
+            half = rows // 2
+            upper = self._met(first, half, point, points, seed, whole)
+            lower = self._met(first + half, rows - half, point, points, seed, whole)
+            return sparse.vstack([upper, lower], format="csr")
+        if lanes > self.lanes and points > 1:
+            half = points // 2
+            early = self._met(first, rows, point, half, seed, whole)
+            return early + self._met(first, rows, point + half, points - half, seed, whole)
+        count, *hits = self._launch(first, rows, point, points, seed)
+        if count[0] > SLOTS:
+            self.lanes = lanes // 2
+            return self._met(first, rows, point, points, seed, whole)
+        place, column, value = (array.numpy()[: count[0]] for array in hits)
+        shape = rows * RANDOMISATIONS, self.end("lost") + len(self.shapes)
+        met = sparse.csr_array((value.astype(float), (place, column)), shape=shape)
+        self.done, self.kept = self.done + lanes, self.kept + met.nnz
+        check_free(
+            BYTES * self.kept * len(self.rows) * whole * RANDOMISATIONS / self.done,
+            f"exchange of {len(self.number)} facets with {whole * RANDOMISATIONS} paths each",
+            "trace fewer rays, or give the model larger facets",
+        )
+        return met
+
+    def _launch(self, first, rows, point, points, seed) -> tuple:
+        """Trace `points` paths from `point` on, of each randomisation of each row.
+
+        Returns the number of hits, and of each its row and randomisation, column, and value.
+        """
         lane = dr.arange(mi.UInt32, rows * RANDOMISATIONS * points)
         first, points, seed, point = (dr.opaque(mi.UInt32, k) for k in (first, points, seed, point))
         run, number = lane // points, lane % points
@@ -233,52 +243,50 @@ class FacetPaths:
         of_escape = absorbed if self.reflected else mi.Float(1)
         to = si.to_world(si.wi)
         ray = mi.Ray3f(self.offsets.leave(si, to), to)
-        columns = len(self.number) + RINGS + len(ENDS)
-        self._follow(ray, weight, of_escape, sampler, run * columns, tally)
-        dr.eval(tally)
+        slots = dr.empty(mi.UInt32, SLOTS), dr.empty(mi.UInt32, SLOTS), dr.empty(mi.Float, SLOTS)
+        hits = dr.zeros(mi.UInt32, 1), *slots
+        self._follow(ray, weight, of_escape, sampler, run, hits)
+        dr.eval(hits)
+        return hits
 
     @dr.syntax
-    def _follow(self, ray, weight, of_escape, sampler, row, tally):
-        """Follow paths and add what they meet to the cells from `row` on.
+    def _follow(self, ray, weight, of_escape, sampler, place, hits):
+        """Follow paths and keep what they meet.
 
-        of_escape: factor of what escapes. tally: what is added up, by row, randomisation and
-        column, and what is lost, by shape.
+        of_escape: factor of what escapes. place: of the paths' row and randomisation. hits: see
+        `_launch`.
         """
-        met, lost = tally
         n, scene = len(self.number), self.scene.mi
         weight, faint, active = mi.Float(weight), FAINT * weight, weight > 0
         reflections = mi.UInt32(0)
         while dr.hint(active, label="exchange"):
             pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active)
             si = pi.compute_surface_interaction(ray, mi.RayFlags.All, active)
-            hits = active & si.is_valid()
-            facet = self.table.number(si.shape, si.prim_index, hits)
-            column = dr.gather(mi.UInt32, self.column, facet, hits)
+            ends = reflections == MOST_REFLECTIONS
+            meets = active & ~ends & si.is_valid()
+            facet = self.table.number(si.shape, si.prim_index, meets)
+            column = dr.gather(mi.UInt32, self.column, facet, meets)
             # The sky is what escapes, or a shape of that type
-            escapes = active & (~hits | (column == n))
-            hits &= ~escapes
+            escapes = active & ~ends & (~meets | (column == n))
+            meets &= ~escapes
             u, v = sampler.next_1d(), sampler.next_2d()
-            emissivity, to, factor = self.respond(si, hits, u, v)
-            flags = self.at(self.flags_of, si, hits)
+            emissivity, to, factor = self.respond(si, meets, u, v)
+            flags = self.at(self.flags_of, si, meets)
             in_front = mi.has_flag(flags, mi.BSDFFlags.FrontSide) & (si.wi.z > 0)
             behind = mi.has_flag(flags, mi.BSDFFlags.BackSide) & (si.wi.z < 0)
-            is_back = hits & ~in_front & ~behind
-            column = dr.select(is_back, self.at(self.back_of, si, hits), column)
+            is_back = meets & ~in_front & ~behind
+            column = dr.select(is_back, self.at(self.back_of, si, meets), column)
             column = dr.select(escapes, n + self.ring(ray.d), column)
-            part = weight * dr.select(hits & ~is_back, emissivity, 1)
+            column = dr.select(ends, self.end("truncated"), column)
+            part = weight * dr.select(meets & ~is_back, emissivity, 1)
             part *= dr.select(escapes, of_escape, 1)
-            dr.scatter_add(met, mi.Float64(part), row + column, active)
-            is_lost = hits & (column == self.end("lost"))
-            dr.scatter_add(lost, part, self.at(self.index_of, si, hits), is_lost)
+            keep(hits, (place, column, part), active & (part > 0))
 
             weight *= factor
             # Russian roulette keeps the means
             weight *= dr.select(weight < faint, dr.select(sampler.next_1d() < 0.5, 2, 0), 1)
             reflections += 1
-            active = hits & ~is_back & (weight > 0)
-            ends = active & (reflections >= MOST_REFLECTIONS)
-            dr.scatter_add(met, mi.Float64(weight), row + self.end("truncated"), ends)
-            active &= ~ends
+            active = meets & ~is_back & (weight > 0)
             d = si.to_world(to)
             ray = mi.Ray3f(self.offsets.leave(si, d), d)
 
@@ -287,6 +295,14 @@ class FacetPaths:
         step = np.radians(RINGS_DEG[1])
         k = dr.minimum(mi.UInt32(dr.asin(dr.clip(d.z, 0, 1)) / step), RINGS - 1)
         return dr.select(d.z < 0, RINGS, k)
+
+
+def keep(hits, values, active) -> None:
+    """Append values to the slots of hits, as long as there are any."""
+    count, *slots = hits
+    slot = dr.scatter_inc(count, mi.UInt32(0), active)
+    for kept, value in zip(slots, values):
+        dr.scatter(kept, value, slot, active & (slot < SLOTS))
 
 
 def emitting_facets(table: FacetTable, shapes: list, name: str) -> np.ndarray:

@@ -88,7 +88,7 @@ def solar_areas(
         direct=of_facets(absorbed),
         reflected=np.array([left @ g for left, g in zip(lit - absorbed, means.between)]),
         sky=areas.ends[:, :, :RINGS].sum(axis=2),
-        ground=areas.end("ground"),
+        ground=areas.ends[:, :, RINGS],
         absorptance=sides @ (share * paths.of_rows(hemispherical_emissivity)),
         onward=(sides * share) @ (sum(means.between) / RANDOMISATIONS),
         remarks=tuple(surfaces.remarks),

@@ -73,6 +73,7 @@ def test_what_one_wall_reflects_another_absorbs():
     assert areas.direct.mean(axis=0)[0] == pytest.approx([1.6, 0], abs=1e-5)
     assert areas.reflected.mean(axis=0)[0] == pytest.approx([0, 2.4 * 0.200044], rel=3e-3, abs=1e-6)
     np.testing.assert_array_equal(areas.absorbing, areas.direct + areas.reflected)
+    assert areas.onward[[0], [1]] == pytest.approx(0.200044, rel=3e-3)
 
 
 def test_light_in_a_sheets_lee_does_not_come_through():
