@@ -243,6 +243,19 @@ def test_spherical_cavity(tmp_path, bounces, sampling):
     assert abs(L / blackbody(500, "MWIR") - mean) < 1e-3 * mean + 3 * error / L * sampling
 
 
+def test_the_closure_is_no_source(tmp_path):
+    """What stands for further reflections is in the radiance, but not in the effective areas."""
+    room = {"type": "sphere", "radius": 30.0, "flip_normals": True, "emitter": thermal(350.0)}
+    loaded = plate(write(tmp_path), "g", 400.0, room=room)
+    results = [mi_lcair.signature(loaded, spp=64, by_spectrum=True)]
+    loaded.mi.integrator().closure, loaded.mi.integrator().ambient_temperature = "ambient", 350.0
+    results.append(mi_lcair.signature(loaded, spp=64, by_spectrum=True))
+    areas = [result.effective_areas.area[0] for result in results]
+    assert areas[1][: len(areas[0])] == pytest.approx(areas[0], rel=1e-6)
+    assert not areas[1][len(areas[0]) :].any()
+    assert results[1].scene.intensity > 1.1 * results[0].scene.intensity
+
+
 @pytest.mark.slow
 def test_both_sides_and_a_group_of_facets(tmp_path):
     """A two-sided plate emits to both sides, each of its facets at its own temperature."""

@@ -11,7 +11,7 @@ from mi_lcair.physics.blackbody import spectral_radiance, spectral_temperature
 from mi_lcair.rendering.images.exr import read_exr
 from mi_lcair.rendering.images.spectral import even_wavelengths
 from mi_lcair.reports.pictures.pixel_spectrum import charts, figure
-from tests.plugins.bins.test_by_bin import SPECTRA, X, integrator, plate, thermal, write
+from tests.plugins.bins.test_by_bin import SPECTRA, X, integrator, plate, surface, thermal, write
 from tests.plugins.small_scenes import blackbody, camera, scene
 
 
@@ -45,6 +45,23 @@ def test_emission_and_reflection_by_wavelength(tmp_path, bins):
     error = np.abs(image.cube[:, 0, 0] - hat_means(expected, x, nodes)).max()
     assert error < close * expected.max()
     assert image.channels["Y"][0, 0] == pytest.approx(np.trapezoid(expected, x), rel=close)
+
+
+def test_every_pixel_has_its_own_bins(tmp_path):
+    """A plate of one temperature has one spectrum in all pixels, and none beside it."""
+    shapes = {
+        "plate": {
+            "type": "rectangle",
+            "bsdf": surface(write(tmp_path), "g"),
+            "emitter": thermal(400.0),
+        }
+    }
+    loaded = mi_lcair.load(scene(integrator(0), camera(4, 4.0), **shapes))
+    image = mi_lcair.render(loaded, spp=16, bins=6)
+    Y = image.channels["Y"]
+    assert (Y[1:3, 1:3] > 0).all() and (Y == 0).sum() == 12
+    spectrum = image.cube[:, 1, 1] / Y[1, 1]
+    assert image.cube == pytest.approx(spectrum[:, None, None] * Y, rel=1e-5)
 
 
 def test_scene_of_constant_materials(tmp_path):
