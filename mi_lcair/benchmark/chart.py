@@ -1,7 +1,7 @@
 """Charts of error against cost: their points, and how these are written as CSV and tables."""
 
 import math
-from dataclasses import astuple, dataclass, fields
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
@@ -157,9 +157,7 @@ def cheapest(points, case: str, tolerance: float) -> Point | None:
 
 def write_csv(path, points) -> None:
     """Write a CSV file with a row for each point; its columns are the fields of `Point`."""
-    rows = [astuple(point) for point in points]
-    names = [field.name for field in fields(Point)]
-    csv.write(path, {name: [row[k] for row in rows] for k, name in enumerate(names)})
+    csv.write(path, {of.name: [getattr(p, of.name) for p in points] for of in fields(Point)})
 
 
 # ---- Text

@@ -48,8 +48,6 @@ def figure(solution):
 
 def _draw_unknowns(part, solution) -> None:
     """Distances of the unknowns from their values over the iteration, and correlations."""
-    from matplotlib.ticker import MaxNLocator
-
     part.suptitle(plain(f"unknowns of {Path(solution.problem).name}"))
     distances, matrix = part.subplots(1, 2)
     labels = [plain(f"{k + 1} {answer.label}") for k, answer in enumerate(solution.answers)]
@@ -60,7 +58,7 @@ def _draw_unknowns(part, solution) -> None:
         distances.plot([number for number, _ in steps], away, f"o-C{k % 10}", markersize=3)
     distances.set_yscale("symlog", linthresh=1)
     distances.set(xlabel="values tried", ylabel="from the solution (standard errors)")
-    distances.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+    distances.locator_params(axis="x", nbins=6, integer=True)
     drawn = matrix.imshow(solution.correlation, vmin=-1, vmax=1, cmap="RdBu_r")
     matrix.set_yticks(range(len(labels)), labels, fontsize=7)
     for k, text in enumerate(matrix.get_yticklabels()):
@@ -72,8 +70,6 @@ def _draw_unknowns(part, solution) -> None:
 
 def _draw_iteration(part, trace) -> None:
     """What is left of the step, and chi-square, over the values that were tried."""
-    from matplotlib.ticker import MaxNLocator
-
     last = max(trace, key=attrgetter("renders"), default=None)
     of_trace = f": renders of each datum {last.renders}, paths {last.paths:.3g}" if last else ""
     part.suptitle(f"iteration{of_trace}")
@@ -92,7 +88,7 @@ def _draw_iteration(part, trace) -> None:
             panel.plot(numbers, values, style, markersize=4, label=word)
         panel.set_yscale("symlog", linthresh=LINEAR_TO[name])
         panel.set(xlabel="values tried", ylabel=label)
-        panel.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+        panel.locator_params(axis="x", nbins=6, integer=True)
     if trace:
         chi_square.legend()
 
@@ -111,8 +107,6 @@ def _title(fitted) -> str:
 
 def _draw_image(part, fitted) -> None:
     """Three panels: measured and predicted with the same scale, and the residual."""
-    from matplotlib.ticker import MaxNLocator
-
     measured, predicted, residual = part.subplots(1, 3)
     images = fitted.measured, fitted.predicted
     scale = limits_of([values[np.isfinite(values)] for values in images], log=False)
@@ -137,8 +131,7 @@ def _draw_image(part, fitted) -> None:
     of_residual.set_label("standard deviations")
     for panel in (measured, predicted, residual):
         panel.set(facecolor="0.6", xlabel="column (pixel)")
-        for axis in (panel.xaxis, panel.yaxis):
-            axis.set_major_locator(MaxNLocator(4, integer=True))
+        panel.locator_params(nbins=4, integer=True)
     measured.set_ylabel("row (pixel)")
 
 
