@@ -411,8 +411,7 @@ def test_foreign_packages_stay_foreign(layout, tmp_path):
     path = (tmp_path, ROOT)
     if layout == "installed":
         path = (tmp_path,)
-        ignore = shutil.ignore_patterns("__pycache__")
-        shutil.copytree(ROOT / "mi_lcair", tmp_path / "mi_lcair", ignore=ignore)
+        shutil.copytree(ROOT / "mi_lcair", tmp_path / "mi_lcair")
     done = python(
         "import sys, importlib.util, mi_lcair, mitsuba\n"
         "assert 'plugins' not in sys.modules\n"

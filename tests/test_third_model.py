@@ -109,8 +109,7 @@ def copy(tmp_path_factory):
     """A copy of the project with both models added as CONTRIBUTING.md says."""
     root = tmp_path_factory.mktemp("project")
     for folder in ("mi_lcair", "plugins", "fitting", "scenes", "tests"):
-        ignore = shutil.ignore_patterns("__pycache__")
-        shutil.copytree(ROOT / folder, root / folder, symlinks=True, ignore=ignore)
+        shutil.copytree(ROOT / folder, root / folder, symlinks=True)  # with what is compiled
     shutil.copy(ROOT / "pyproject.toml", root)
     registry = root / "mi_lcair" / "physics" / "reflection" / "__init__.py"
     for model in SURFACES:
