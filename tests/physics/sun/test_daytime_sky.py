@@ -40,7 +40,7 @@ def test_between_the_computed_elevations(sun):
         for azimuth in (2.0, 20.0, -60.0, 170.0):
             light = sky.at(elevation, azimuth)
             expected = light.in_band_radiance(MWIR)
-            assert in_band(sky, MWIR, elevation, azimuth) == pytest.approx(expected, rel=0.015)
+            assert in_band(sky, MWIR, elevation, azimuth) == pytest.approx(expected, rel=0.006)
             night = sky.air.sky(500.0, elevation).in_band_radiance(MWIR)
             assert expected > night
 
