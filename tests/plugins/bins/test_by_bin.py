@@ -153,6 +153,7 @@ def test_every_bin_of_a_closed_room(tmp_path, names, sampling):
 def test_closed_room_of_simpler_lobes(tmp_path, lobe):
     L, error = radiance(room(write(tmp_path), "amb", 400.0, False, lobe=lobe), 16384, 5)
     assert abs(L - blackbody(400, "MWIR")) < 3.5 * error + 1e-5 * L
+    assert error < 3e-4 * L
 
 
 @pytest.mark.slow
