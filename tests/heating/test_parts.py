@@ -1,9 +1,13 @@
-"""Points of facets that have several unequal triangles."""
+"""Points of facets that have several unequal triangles, and which shapes are closed."""
+
+from types import SimpleNamespace
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+import pytest
 
+from mi_lcair.heating.closed import closed_shapes
 from mi_lcair.heating.parts import Parts
 from mi_lcair.rendering.facets.table import FacetTable
 from tests.heating.scenes import emits, grey, scene_of
@@ -26,3 +30,24 @@ def test_points_are_even_over_the_triangles_of_a_facet():
     points = np.array(parts.point(facet, u, mi.Point2f(x, y)).p).T.reshape(2, count, 3)
     error = points.std(axis=1) / np.sqrt(count)
     assert np.all(abs(points.mean(axis=1) - table.centre[:2]) < 5 * error + 1e-6)
+
+
+TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+
+
+@pytest.mark.parametrize(
+    ("triangles", "one_sided", "closed"),
+    [
+        (TETRAHEDRON, [True, True], [True, True]),
+        (TETRAHEDRON[:3], [True, True], [False, False]),
+        ([*TETRAHEDRON[:3], TETRAHEDRON[3, ::-1]], [True, True], [False, False]),
+        (TETRAHEDRON, [True, False], [False, True]),
+    ],
+)
+def test_a_body_is_closed_if_its_triangles_meet_at_all_edges(triangles, one_sided, closed):
+    """Two triangles of a tetrahedron are those of one shape, and the others of another."""
+    corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])[np.array(triangles)]
+    numbers = np.arange(len(triangles))
+    table = SimpleNamespace(triangles=corners, triangle_facet=numbers, shape_index=numbers // 2)
+    shapes = [SimpleNamespace(class_name=lambda: "Mesh")] * 2
+    np.testing.assert_array_equal(closed_shapes(table, shapes, np.array(one_sided)), closed)
