@@ -197,12 +197,11 @@ class Traced:
         Ends are what paths of either side have met, and sky and ground unless the scene is closed.
         """
         C, top = self.mean, fourth.max() + 1
-        met, is_open = C.between.copy(), C.to_sky.any() or C.to_ground.any()
+        indptr, is_open = C.between.indptr, C.to_sky.any() or C.to_ground.any()
         around = np.append(sky, ground) if is_open else np.empty(0)
-        met.data = fourth[met.indices]
-        hottest = met.max(axis=1).toarray()
-        met.data = top - met.data
-        coldest = top - met.max(axis=1).toarray()
+        met, is_met = np.append(fourth[C.between.indices], top), np.diff(indptr) > 0
+        hottest = np.where(is_met, np.maximum.reduceat(met, indptr[:-1]), 0)
+        coldest = np.where(is_met, np.minimum.reduceat(met, indptr[:-1]), top)
         span = np.maximum(hottest, around.max(initial=0))
         span -= np.minimum(coldest, around.min(initial=top))
         return UNMET / 2 * self.path_area * np.maximum(span, 0)
