@@ -293,8 +293,9 @@ class EmitterTable:
             # tolerance, and no tolerance is right near the shape and at grazing incidence.
             ds = drawn.ds
             on_other = met & ~of_panels & (pi.shape.emitter() == drawn.other)
-            n = pi.compute_surface_interaction(ray, mi.RayFlags.Minimal, on_other).n
-            on_other &= dr.dot(n, ds.d) * dr.dot(ds.n, ds.d) > 0
+            # The geometric normal of a mirrored rectangle is opposite to the normal of its samples
+            of_hit = pi.compute_surface_interaction(ray, mi.RayFlags.ShadingFrame, on_other)
+            on_other &= dr.dot(of_hit.sh_frame.n, ds.d) * dr.dot(ds.n, ds.d) > 0
         return on_panel, on_other
 
     @dr.syntax

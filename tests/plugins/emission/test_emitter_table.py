@@ -101,6 +101,17 @@ def test_fine_meshes(tmp_path):
     assert mean == pytest.approx(floor_radiance(), abs=4 * error)
 
 
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_mirrored_rectangle(side):
+    """Mitsuba gives a rectangle that a negative scale mirrors another normal at hits."""
+    T = mi.ScalarTransform4f()
+    place = T.translate([0, 0, HEIGHT]) @ T.rotate([1, 0, 0], 180) @ T.scale([side / 2, 0.5, 1])
+    emitter = {"type": "thermal", "radiance": 1.0}
+    hot = {"type": "rectangle", "to_world": place, "bsdf": BLACK, "emitter": emitter}
+    mean, error = observed(floor_scene(DRAWING, hot=hot), 64, 4)
+    assert mean == pytest.approx(floor_radiance(), abs=4 * error, rel=1e-3)
+
+
 @pytest.mark.slow
 def test_one_hot_triangle_among_many(tmp_path):
     """One of 80,000 triangles is 60,000 times as bright as the others: closed form of both."""
