@@ -14,6 +14,8 @@ from mi_lcair.rendering.window import window_size
 
 EDGE_ON = 1e-6  # cosine of a triangle below which it is seen from neither side
 NEARER = 0.1  # least part of its triangles' heights that counts, however near other surfaces are
+LEAST_HEIGHTS = 3.0  # largest reach in the least height of a vertex's triangles
+THINNEST = 1e-3  # least reach in their mean height, however thin one of them is
 BESIDE = 1e-3  # distance from a vertex, in these heights, at which other surfaces are looked for
 
 
@@ -84,20 +86,24 @@ class Surface:
         """Distances over which the surroundings of the moving vertices change, (n,) [m].
 
         It is the mean height of the triangles, by area, or the distance to the next surface before
-        or behind the vertex if that is nearer.
+        or behind the vertex if that is nearer; at most some of their least heights, such as the
+        thickness of a plate at its rim, so that thin triangles do not turn far.
         """
         corners = self.vertices[self.triangles]
         longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
         twice_area = np.linalg.norm(self.normals, axis=1)
         height = self.at_vertices(twice_area**2 / np.maximum(longest, 1e-300))
         height /= np.maximum(self.at_vertices(twice_area), 1e-300)
+        thinnest = np.full(len(height) + 1, np.inf)
+        np.minimum.at(thinnest, self.corners, (twice_area / longest)[:, None])
+        largest = np.clip(LEAST_HEIGHTS * thinnest[:-1], THINNEST * height, height)
         nearest = np.full(len(height), np.inf)
         for normals in (self.outward, -self.outward):
             start = self.positions + BESIDE * height[:, None] * normals
             ray = mi.Ray3f(mi.Point3f(*start.T), mi.Vector3f(*normals.T))
             hit = self.scene.mi.ray_intersect_preliminary(ray)
             nearest = np.fmin(nearest, np.where(hit.is_valid().numpy(), hit.t.numpy(), np.inf))
-        return np.clip(nearest, NEARER * height, height)
+        return np.minimum(np.maximum(nearest, NEARER * height), largest)
 
     def colours(self) -> np.ndarray:
         """A number for each moving vertex that differs between the corners of a triangle, (n,)."""

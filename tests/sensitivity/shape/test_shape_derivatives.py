@@ -92,6 +92,24 @@ def test_size_and_shift(seed):
     assert abs(sum_) < 3.5 * error
 
 
+@pytest.mark.parametrize("thickness", [0.02, 0.1])
+def test_corners_of_a_slab_move_by_a_part_of_its_thickness(thickness):
+    """Its front and one side move outward, of which each hides nothing."""
+    turn = np.linalg.qr([[1.0, 0.5, 0.3], [-0.2, 1.0, -0.4], [0.1, 0.4, 1.0]])[0]
+    scene = scene_of(convex_hull("slab", (CUBE * [thickness, 1.0, 1.0]) @ turn))
+
+    def outward(positions):
+        front, side = (positions @ turn[:2].T > 0).T[..., None]
+        return np.where(front, turn[0], 0) + np.where(side, turn[1], 0)
+
+    surface, result, _, _ = derivatives(scene, "slab", outward)
+    sum_, error = total(result)
+    areas = np.abs(turn @ VIEW) * [1.0, thickness, thickness]
+    exact = L * (areas[2] / thickness + areas[1] / thickness + areas[0] + areas[2])
+    assert abs(sum_ - exact) < 2.5 * error
+    assert (surface.reach() <= 3.01 * thickness).all()
+
+
 def panel(name: str, middle, kelvin: float = 300.0, reflectance: float = 0.0):
     """A square of 0.5 m that faces +x, of two triangles."""
     corners = 0.25 * np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1.0]]) + middle
