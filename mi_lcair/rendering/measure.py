@@ -7,6 +7,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.paths.aim import Aim
+from mi_lcair.plugins.paths.launch import ParallelRays
 from mi_lcair.rendering.limits import check_memory
 from mi_lcair.rendering.measurands import Criterion, Measurands
 from mi_lcair.rendering.pilots import WORTH_ASKING, best_aim, cheapest, open_settings
@@ -92,7 +93,7 @@ def _until_met(
     settings = open_settings(scene, measurands, criterion)
     # The results by facet and a sensor of several views need a constant density
     may_aim = aim is None and measurands.facets is None and windows.may_be_aimed
-    total = windows.totals(tracer, aim)
+    total, rays = windows.totals(tracer, aim), ParallelRays.of(windows.sensor)
     if criterion is None:
         goal = limit = -(-windows.paths(sampling) // windows.randomisations)
     else:
@@ -110,7 +111,7 @@ def _until_met(
             for some, first, more in allocation.spans(active, done, done + points)
             for launch in windows.launches(some, first, more, sampling.seed, total.aim)
         ]
-        sums = traced(scene, tracer, windows, measurands, sampling.tolerance, launches)
+        sums = traced(scene, tracer, windows, measurands, sampling.tolerance, launches, rays)
         for number, (launch, of_launch) in enumerate(zip(launches, sums)):
             total.add(launch, of_launch)
             if sampling.progress and number:

@@ -10,6 +10,7 @@ import numpy as np
 from mi_lcair.plugins.emission.drawing.openings import Openings
 from mi_lcair.plugins.integrators.bounce_path import AUTO
 from mi_lcair.plugins.paths.aim import Aim
+from mi_lcair.plugins.paths.launch import ParallelRays
 from mi_lcair.rendering.aiming import aim_at_model, aim_over_model, pilot_paths
 from mi_lcair.rendering.facets.starts import starts_on_facets
 from mi_lcair.rendering.settings import changed
@@ -111,13 +112,13 @@ def pilot(scene, windows, sampling, measurands, criterion, aim: Aim | None = Non
     if not windows.are_pixels:
         windows = replace(windows, randomisations=RANDOMISATIONS)
     points = min(windows.first_points(), windows.points(sampling.limit))
-    active = np.arange(windows.count)
+    active, rays = np.arange(windows.count), ParallelRays.of(windows.sensor)
     binning = measurands.binning(sampling.tolerance)
     with scene.prepared(measurands.by_spectrum, binning=binning) as tracer:
         criterion.check(tracer, scene.name)
         total = windows.totals(tracer, aim)
         for launch in windows.launches(active, 0, points, sampling.seed, total.aim):
-            total.add(launch, measurands.trace(tracer, windows.sensor, launch, windows.rays))
+            total.add(launch, measurands.trace(tracer, windows.sensor, launch, rays))
     return needed_paths(total, criterion.excess(total)), total
 
 

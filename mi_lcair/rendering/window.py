@@ -5,14 +5,13 @@ The mean radiance of an orthographic sensor's window times the area of the windo
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 
 import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.paths.aim import Aim
-from mi_lcair.plugins.paths.launch import Launch, ParallelRays, views_of
+from mi_lcair.plugins.paths.launch import Launch, views_of
 from mi_lcair.rendering.limits import check_paths
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.statistics import Totals
@@ -85,11 +84,6 @@ class Windows:
     @property
     def count(self) -> int:
         return self.columns * self.rows
-
-    @cached_property
-    def rays(self) -> ParallelRays | None:
-        """The rays of the sensor, if they are parallel."""
-        return ParallelRays.of(self.sensor)
 
     @property
     def size(self) -> tuple[int, int]:

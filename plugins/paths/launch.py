@@ -128,11 +128,14 @@ class Paths:
         else:
             number = window * self.randomisations + randomisation % self.randomisations
             sampler = Lattice.at(number, point, self.seed, self.vector)
-        position, weight, facet = sampler.next_position(), mi.Float(1), None
+        weight, facet = mi.Float(1), None
         if isinstance(self.aim, FacetTable):
-            position, weight, facet = self.aim.place(position, window)
-        elif self.aim is not None:
-            position, weight = self.aim.place(position, window)
+            # Evenly spaced numbers give each facet as many paths as it shall have, but for one
+            position, weight, facet = self.aim.place(sampler.next_2d(), window)
+        else:
+            position = sampler.next_position()
+            if self.aim is not None:
+                position, weight = self.aim.place(position, window)
         return sampler, window % self.columns, window // self.columns, position, weight, facet
 
 

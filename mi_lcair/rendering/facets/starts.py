@@ -23,7 +23,6 @@ from mi_lcair.rendering.window import window
 
 # Rays along each side of a window, and of one of many windows, that find what is seen
 RAYS, RAYS_OF_MANY = 1024, 128
-RAYS_AT_ONCE = 2**22
 HIDDEN = 0.1  # least share of a triangle that counts as seen
 MOST_STARTS = 2**23  # triangles of all windows together, which take 36 bytes each
 
@@ -69,19 +68,17 @@ def seen_shares(scene, sensor, area: np.ndarray) -> np.ndarray:
     windows, count = area.shape
     rays, triangles = ParallelRays.of(sensor), numbers_of_triangles(meshes_of_model(scene))
     side = RAYS if windows == 1 else RAYS_OF_MANY
-    hits = dr.zeros(mi.UInt32, windows * (count + 1))
-    for first in range(0, windows, RAYS_AT_ONCE // side**2):
-        some = min(RAYS_AT_ONCE // side**2, windows - first)
-        index = dr.arange(mi.UInt32, some * side**2)
-        window, cell = first + index // side**2, index % side**2
-        position = (mi.Point2f(cell % side, cell // side) + 0.5) / side
-        ray = rays.at(window, mi.UInt32(0), position, mi.UInt32(windows), mi.UInt32(1))
+    index, hits = dr.arange(mi.UInt32, side**2), []
+    position = (mi.Point2f(index % side, index // side) + 0.5) / side
+    for number in range(windows):
+        place = dr.opaque(mi.UInt32, number)
+        ray = rays.at(place, mi.UInt32(0), position, mi.UInt32(windows), mi.UInt32(1))
         hit = scene.mi.ray_intersect_preliminary(ray, coherent=True)
+        counts = dr.zeros(mi.UInt32, 1 + count)
         triangle = triangles.at(hit.shape, hit.prim_index, hit.is_valid())
-        dr.scatter_add(hits, mi.UInt32(1), window * (count + 1) + triangle)
-        dr.eval(hits)
-    hits = hits.numpy().reshape(windows, count + 1)[:, 1:]
-    return np.clip((hits + 0.5) / (area * side**2 + 0.5), HIDDEN, 1.0)
+        dr.scatter_add(counts, mi.UInt32(1), triangle)
+        hits.append(counts.numpy()[1:])
+    return np.clip((np.array(hits) + 0.5) / (area * side**2 + 0.5), HIDDEN, 1.0)
 
 
 def outlines(meshes, sensor) -> tuple[np.ndarray, np.ndarray]:
@@ -108,7 +105,7 @@ def projected(corners: np.ndarray, sensor) -> tuple[np.ndarray, np.ndarray]:
     axes = np.stack([right / (right @ right), up / (up @ up)], axis=1)
     places = (corners - corner) @ axes
     (x, y), (v, w) = (places[:, k].T - places[:, 0].T for k in (1, 2))
-    return places, -0.5 * np.sign(np.cross(right, up) @ direction) * (x * w - y * v)
+    return places, (y * v - x * w) * np.sign(np.cross(right, up) @ direction) / 2
 
 
 def facings(meshes) -> tuple[np.ndarray, np.ndarray]:

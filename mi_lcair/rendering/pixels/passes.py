@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import lru_cache, partial
 
-from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.plugins.paths.launch import Launch, ParallelRays
 from mi_lcair.plugins.paths.sums import Sums
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.scene import Scene
@@ -21,10 +21,12 @@ def traced(
     measurands: Measurands,
     tolerance: float | None,
     launches: list[Launch],
+    rays: ParallelRays | None,
 ) -> Iterator[Sums]:
     """Yield the sums of each launch; those of an image from a scene's sensor come from workers.
 
-    tolerance: that of the sampling, which decides on bins of wavelength.
+    tolerance: that of the sampling, which decides on bins of wavelength. rays: those of the sensor,
+    if they are parallel.
     """
     if has_workers() and may_be_sent(scene, windows, measurands):
         number = scene.mi.sensors().index(windows.sensor)
@@ -32,7 +34,7 @@ def traced(
         yield from in_order([partial(trace_sent, sent, launch) for launch in launches])
     else:
         for launch in launches:
-            yield measurands.trace(tracer, windows.sensor, launch, windows.rays)
+            yield measurands.trace(tracer, windows.sensor, launch, rays)
 
 
 def may_be_sent(scene: Scene, windows: Windows, measurands: Measurands) -> bool:
