@@ -197,11 +197,6 @@ def nodes(scene) -> list:
     return reached
 
 
-def deriving_plugins(scene) -> list:
-    """The scene's plugins that derive something from parameters, each once."""
-    return deriving(nodes(scene))
-
-
 def deriving(objects) -> list:
     """Those objects that derive something from parameters."""
     return [node for node in objects if isinstance(node, Deriving)]

@@ -16,7 +16,7 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.physics.spectra.bins import Binning
 from mi_lcair.plugins import PLUGINS
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
-from mi_lcair.plugins.derivatives import deriving_plugins, nodes
+from mi_lcair.plugins.derivatives import deriving, nodes
 from mi_lcair.plugins.paths.launch import numbers
 from mi_lcair.plugins.scene_state import SceneState
 from mi_lcair.rendering.loading.files import survey
@@ -184,7 +184,7 @@ class Scene:
 
     def surfaces(self) -> list[mitsuba.BSDF]:
         """The scene's BSDFs of reflection models."""
-        return [plugin for plugin in deriving_plugins(self.mi) if is_reflection_bsdf(plugin)]
+        return [plugin for plugin in deriving(nodes(self.mi)) if is_reflection_bsdf(plugin)]
 
     def set_lobe(self, lobe: str, material: str | None = None) -> None:
         """Set the lobe (brdf, mirror or diffuse) of one material, or of all reflection models."""
@@ -319,7 +319,7 @@ def checked(loaded: mi.Scene, path: Path | None, parameters: dict[str, str]) -> 
         # The void around bundled scenes is meant
         is_bundled = path is not None and path.parent == scenes.FOLDER
         of_nothing = [] if is_bundled else reflections_of_nothing(loaded, emitters)
-        bins = tracer.paths.bins
+        bins = tracer.bins
         of_bins = [f"materials by wavelength: {bins} without air and tolerance"] if bins else []
     if emitters.band is None:
         raise InputError(

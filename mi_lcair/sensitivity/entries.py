@@ -15,7 +15,7 @@ from mi_lcair.physics.spectra.parameters import change_bounds
 from mi_lcair.plugins import PLUGINS
 from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
-from mi_lcair.plugins.bsdfs.spectral_bsdf import has_changes
+from mi_lcair.plugins.bsdfs.spectral_bsdf import has_spectrum
 from mi_lcair.plugins.derivatives import children, nodes
 from mi_lcair.plugins.emission.source import kelvin, rounded
 from mi_lcair.plugins.emission.triangles import is_faceted, triangle_corners
@@ -220,7 +220,7 @@ def entries(scene) -> dict[str, Entry]:
             material, kind = owner or node.class_name(), "plugin"
         else:
             continue
-        if has_changes(node):
+        if has_spectrum(node):
             add_changes(surfaces, node, material)
             continue
         for key in keys:

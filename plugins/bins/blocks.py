@@ -31,16 +31,6 @@ def gathered(table: mi.Float, index) -> mi.Vector4f:
     return dr.gather(mi.Vector4f, table, index)
 
 
-def between_nodes(row, x, steps: int) -> tuple[mi.UInt32, mi.Float]:
-    """The node at or before `x` among the even nodes over 0..1 of a row, and the way to the next.
-
-    Nodes are counted over all rows of a table (rows, steps + 1, bins).
-    """
-    x = x * steps
-    index = dr.minimum(mi.UInt32(x), steps - 1)
-    return row * (steps + 1) + index, x - mi.Float(index)
-
-
 def interpolated(table: mi.Float, place: tuple, blocks: int, block) -> mi.Vector4f:
     """A block of a table (rows, nodes, bins) at a place from `between_nodes`."""
     node, way = place

@@ -20,7 +20,8 @@ from mi_lcair.physics.spectrum import Spectrum
 from mi_lcair.plugins.bins.blocks import blocks_of, gathered, in_blocks
 from mi_lcair.plugins.bins.lobes import DIFFUSE, MIRROR, families_of
 from mi_lcair.plugins.bsdfs.plume import is_plume, spectral_plumes
-from mi_lcair.plugins.bsdfs.reflection_bsdf import LOBES, is_reflection_bsdf
+from mi_lcair.plugins.bsdfs.reflection_bsdf import LOBES
+from mi_lcair.plugins.bsdfs.spectral_bsdf import has_spectrum
 from mi_lcair.plugins.derivatives import children
 from mi_lcair.plugins.emission.groups import at_pointer, table_by_pointer
 from mi_lcair.plugins.emission.samples import BinnedRadiance
@@ -39,17 +40,12 @@ SPECTRUM_ROWS = 801  # even wavelengths of the spectra of sources by bin
 
 def is_spectral(bsdf) -> bool:
     """Whether a BSDF, or what it wraps, has a spectral material."""
-    return any(map(is_binned, (bsdf, *children(bsdf))))
+    return any(map(has_spectrum, (bsdf, *children(bsdf))))
 
 
 def has_spectral_materials(scene) -> bool:
     """Whether a surface of a scene has a spectral material."""
     return any(is_spectral(shape.bsdf()) for shape in scene.shapes())
-
-
-def is_binned(layer) -> bool:
-    """Whether the BSDF of one side depends on wavelength; None does not."""
-    return (is_reflection_bsdf(layer) or is_plume(layer)) and layer.spectrum is not None
 
 
 class ByBin:
@@ -68,7 +64,7 @@ class ByBin:
         bsdfs = {shape.bsdf() for shape in scene.shapes()}
         spectral = {id(b): b for b in sorted(bsdfs, key=lambda b: b.id()) if is_spectral(b)}
         self.layers = [(bsdf, sides_of(bsdf)) for bsdf in spectral.values()]
-        layers = [side for _, sides in self.layers for side in sides if is_binned(side)]
+        layers = [side for _, sides in self.layers for side in sides if has_spectrum(side)]
         for layer in layers:
             layer.spectrum.check_covers(band, f"material '{layer.material}'")
         materials = list(dict.fromkeys(layer.spectrum for layer in layers))
@@ -91,6 +87,9 @@ class ByBin:
         self.tabulate_surfaces(materials, of_families)
         self.tabulate_plumes(spectral_plumes(scene))
         self.tabulate_sources(emitters, per_emitter)
+
+    def __str__(self):
+        return f"{self.count} bins, which cause a relative error of {self.binning_error:.1e}"
 
     def sources_by_bin(self) -> list[Source]:
         """The sources by bin: those of the first source, then those of the second one, and so on.
@@ -147,7 +146,7 @@ class ByBin:
         table = np.zeros((2, 2, max(ids) + 2), dtype=np.uint32)  # (what, side, pointer)
         for number, (_, sides) in zip(ids, self.layers):
             for side, layer in enumerate(sides):
-                if is_binned(layer):
+                if has_spectrum(layer):
                     table[0, side, number] = 1 + materials.index(layer.spectrum)
                     table[1, side, number] = LOBES.index(layer.lobe)
         self.has_simple_lobes = bool(table[1].any())  # mirror or diffuse

@@ -20,15 +20,9 @@ from mi_lcair.physics.reflection.directions import cos_theta, sin2_theta
 from mi_lcair.physics.reflection.microfacet import half_vector, visibility
 from mi_lcair.physics.spectra.bins import Bins, of_falloff, reflectances
 from mi_lcair.physics.spectra.parameters import SpectralParameters
-from mi_lcair.plugins.bins.blocks import (
-    between_nodes,
-    blocks_of,
-    gathered,
-    in_blocks,
-    interpolated,
-)
+from mi_lcair.plugins.bins.blocks import blocks_of, gathered, in_blocks, interpolated
 from mi_lcair.plugins.bsdfs.reflection_bsdf import LOBES, STEPS, tabulated
-from mi_lcair.plugins.bsdfs.uniform_table import interpolate_row
+from mi_lcair.plugins.bsdfs.uniform_table import between_nodes, interpolate_row
 from mi_lcair.table import rows_at
 
 STEPS_OF_F = 512  # steps of the table of Fresnel reflectances, even in sqrt(cos)

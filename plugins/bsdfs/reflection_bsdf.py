@@ -271,8 +271,7 @@ class ReflectionBSDF(SpectralBSDF):
 
     def explore(self, least_share: float) -> None:
         """Sample floor and lobe at least so often; 0 as often as their reflectances say."""
-        if least_share != self.least_share:
-            self.least_share = least_share
+        self.least_share = least_share
 
     def lobe_probability(self, w):
         """Probability of sampling the lobe instead of the floor, at the angle of `w`."""

@@ -50,6 +50,6 @@ def changed_spectrum(spectrum: SpectralParameters, change: Change) -> SpectralPa
     return spectrum if change.is_none else replace(spectrum, change=change)
 
 
-def has_changes(plugin) -> bool:
-    """Whether a plugin is a BSDF with a spectrum that can be changed."""
-    return isinstance(plugin, SpectralBSDF) and bool(plugin.change)
+def has_spectrum(plugin) -> bool:
+    """Whether a plugin is a BSDF that depends on wavelength; None is not."""
+    return isinstance(plugin, SpectralBSDF) and plugin.spectrum is not None

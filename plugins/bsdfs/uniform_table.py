@@ -14,11 +14,18 @@ def interpolate_row(tables, row, steps: int, x):
 
     row: number of the table. steps: steps of each table.
     """
+    node, way = between_nodes(row, x, steps)
+    return dr.lerp(dr.gather(mi.Float, tables, node), dr.gather(mi.Float, tables, node + 1), way)
+
+
+def between_nodes(row, x, steps: int) -> tuple[mi.UInt32, mi.Float]:
+    """The node at or before `x` among the even nodes over 0..1 of a row, and the way to the next.
+
+    Nodes are counted over all rows, of which each has steps + 1.
+    """
     x = x * steps
     index = dr.minimum(mi.UInt32(x), steps - 1)
-    first = row * (steps + 1) + index
-    low, high = dr.gather(mi.Float, tables, first), dr.gather(mi.Float, tables, first + 1)
-    return dr.lerp(low, high, x - mi.Float(index))
+    return row * (steps + 1) + index, x - mi.Float(index)
 
 
 def gather(table, index):

@@ -86,12 +86,8 @@ class EmitterTable:
         self.offsets = Offsets(scene)
         dr.make_opaque(self.sun_id, self.divided_id, self.spectral_plumes)
 
-    def leave(self, si, d):
-        """Start of a ray from the hit `si` in the direction `d`, see `Offsets`."""
-        return self.offsets.leave(si, d)
-
     def spawn_ray(self, si, d):
-        return mi.Ray3f(self.leave(si, d), d)
+        return mi.Ray3f(self.offsets.leave(si, d), d)
 
     def brightest_in_view(self, sensor, with_model: bool = True) -> float:
         """Upper bound of the radiance of all emitters in the field of view [W m^-2 sr^-1]."""
@@ -210,7 +206,7 @@ class EmitterTable:
             if self.transmits:
                 toward = other.sample_direction(si, sample2, from_others)[0].d
             start = dr.zeros(mi.Interaction3f)
-            start.p, start.time = self.leave(si, toward), si.time
+            start.p, start.time = self.offsets.leave(si, toward), si.time
             ds_other, value = other.sample_direction(start, sample2, from_others)
             may_radiate = from_panels | (dr.max(value) != 0)
             # Irradiance on a perpendicular surface, from a point light or a parallel beam
@@ -331,7 +327,7 @@ class EmitterTable:
             transmittance *= dr.select(passed < MOST_PASSED, weight, dr.nan)
             passed += 1
             # Aimed at the drawn point again, because the start moves sideways by the offset
-            start = self.leave(si, ray.d)
+            start = self.offsets.leave(si, ray.d)
             ray = mi.Ray3f(start, dr.normalize(drawn.ds.p - start))
             pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active)
             active &= (transmittance > 0) & self.continues(table, ray, pi, drawn, active)
@@ -392,7 +388,7 @@ class EmitterTable:
         """The point from which directions are drawn at the hit `si`."""
         observer = si.to_world(si.wi)
         normal = mi.Normal3f(dr.mulsign(mi.Vector3f(si.n), dr.dot(si.n, observer)))
-        return Receiver(self.leave(si, observer), normal)
+        return Receiver(self.offsets.leave(si, observer), normal)
 
     def pdf(self, scene, receiver: Receiver, distance, si, emitter, active):
         """Density that `draw` compares for the direction of the ray that hit `si` [1/sr].

@@ -153,11 +153,6 @@ def is_thermal(emitter) -> bool:
     return isinstance(emitter, ThermalEmitter)
 
 
-def group_of(emitter) -> str:
-    """Label of an emitter; OTHER for Mitsuba's emitters and for None."""
-    return emitter.group if is_thermal(emitter) else OTHER
-
-
 def groups_of(emitter) -> list[str]:
     """Group of each part of an emitter; OTHER for Mitsuba's emitters and for None."""
     return emitter.groups if is_thermal(emitter) else [OTHER]

@@ -12,7 +12,7 @@ from mitsuba.python.ad.integrators.common import RBIntegrator
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.spectra.bins import Binning
-from mi_lcair.plugins.bins.by_bin import is_binned
+from mi_lcair.plugins.bsdfs.spectral_bsdf import has_spectrum
 from mi_lcair.plugins.columns.exploring import explored_by_gradients, explored_table, exploring
 from mi_lcair.plugins.derivatives import deriving, leaves, nodes
 from mi_lcair.plugins.emission.draw_table import PREFERRED
@@ -154,7 +154,7 @@ class BouncePath(RBIntegrator):
             if explored is None:
                 explored = explored_by_gradients(objects)
             binning = replace(binning, filters=self.filters)
-            if not any(map(is_binned, objects)):
+            if not any(map(has_spectrum, objects)):
                 binning = Binning()  # so that the tracer is the same one as before
             settings = by_spectrum, frozenset(explored), binning
             kept = {} if kept is None else kept

@@ -56,7 +56,8 @@ class PathTracer(RBIntegrator):
     ambient_radiance: radiance beyond the last reflection for closure = ambient [W m^-2 sr^-1]; None
     for another closure. systematic_error: relative error of a radiance that more samples do not
     reduce. It comes from Float32 rounding, from tabulated emissivities, from the bins of wavelength
-    and from `truncation`. bins: the bins of wavelength in words, see `Walk`.
+    and from `truncation`. bins: the bins of wavelength in words; empty in a scene
+    without spectral materials.
 
     This is a separate integrator because the render methods of RBIntegrator call `sample` with the
     scene alone. The data derived from the scene must therefore belong to the integrator.
@@ -69,7 +70,7 @@ class PathTracer(RBIntegrator):
         binning: decides on the bins of wavelength.
         """
         super().__init__(mi.Properties())
-        has_bins = has_spectral_materials(scene)
+        has_bins, binning_error = has_spectral_materials(scene), 0.0
         in_detail = by_spectrum and not has_bins
         samples = settings.emitter_sampling in (True, PREFERRED)
         preference = PREFERENCE if settings.emitter_sampling == PREFERRED else 1.0
@@ -87,6 +88,7 @@ class PathTracer(RBIntegrator):
             count = binning.recorded or settings.bins
             of_scene = replace(binning, reflections=max(most, 1))
             paths.by_bin = ByBin(scene, emitters.band, T, count, of_scene)
+            binning_error = paths.by_bin.binning_error
             if by_spectrum and not binning.recorded:
                 emitters.sources.split(paths.by_bin.sources_by_bin())
         parts = derivations(deriving(state.plugins))
@@ -102,9 +104,9 @@ class PathTracer(RBIntegrator):
             ambient_radiance=ambient,
             paths=paths,
             systematic_error=hypot(
-                rounding_error(most), of_tables, paths.binning_error, settings.truncation
+                rounding_error(most), of_tables, binning_error, settings.truncation
             ),
-            bins=paths.bins,
+            bins=str(paths.by_bin or ""),
             records_bins=has_bins and bool(binning.recorded),
             recorded=Recorded(state),
             is_complete=True,

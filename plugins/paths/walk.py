@@ -141,18 +141,6 @@ class Walk:
         self.openings: Openings | None = None
         self.control = None  # control variate of a replay, see `Control`
 
-    @property
-    def binning_error(self) -> float:
-        """Relative error of a radiance that the bins of wavelength cause."""
-        return 0.0 if self.by_bin is None else self.by_bin.binning_error
-
-    @property
-    def bins(self) -> str:
-        """The bins of wavelength in words; empty in a scene without spectral materials."""
-        if self.by_bin is None:
-            return ""
-        return f"{self.by_bin.count} bins, which cause a relative error of {self.binning_error:.1e}"
-
     @dr.syntax
     def walk(self, sampler, first, active, recorders: Recorders, part: str = WHOLE, replay=None):
         """Trace paths from the observer.

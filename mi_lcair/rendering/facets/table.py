@@ -18,7 +18,7 @@ from mi_lcair.plugins.emission.triangles import (
     triangle_vertices,
     vertex_positions,
 )
-from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of, group_of, is_thermal
+from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of, groups_of, is_thermal
 from mi_lcair.rendering.scene import Scene
 
 
@@ -113,7 +113,7 @@ class FacetTable:
             self.shape_index[facets] = index
             self.material[facets] = material_of(shape.bsdf())
             emitter = shape.emitter()
-            self.group[facets], self.type[facets] = group_of(emitter), facet_type_of(emitter)
+            self.group[facets], self.type[facets] = groups_of(emitter)[0], facet_type_of(emitter)
             if is_thermal(emitter):
                 known = emitter.temperatures()
                 temperatures = np.broadcast_to(np.nan if known is None else known, len(facets))

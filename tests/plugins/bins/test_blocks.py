@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from mi_lcair.plugins.bins import blocks
+from mi_lcair.plugins.bsdfs.uniform_table import between_nodes
 
 
 @pytest.mark.parametrize("count", [1, 4, 7])
@@ -13,7 +14,7 @@ def test_interpolation_in_rows(count):
     values = random.uniform(size=(rows, steps + 1, count))
     table, number = blocks.in_blocks(values), blocks.blocks_of(count)
     row, x = random.integers(0, rows, 50), np.append(random.uniform(size=48), [0, 1])
-    place = blocks.between_nodes(mi.UInt32(row), mi.Float(x), steps)
+    place = between_nodes(mi.UInt32(row), mi.Float(x), steps)
     found = [blocks.interpolated(table, place, number, mi.UInt32(k)) for k in range(number)]
     nodes = np.linspace(0, 1, steps + 1)
     expected = [

@@ -8,7 +8,7 @@ from mi_lcair.fraction import percent
 from mi_lcair.models3d.label import ICE_POINT, LOWEST
 from mi_lcair.plugins.bsdfs.plume import is_passed
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf, reflection_layers
-from mi_lcair.plugins.derivatives import deriving_plugins, members
+from mi_lcair.plugins.derivatives import deriving, members, nodes
 from mi_lcair.plugins.emitters.one_sun import one_sun
 from mi_lcair.plugins.emitters.thermal_emitter import thermal_shapes
 from mi_lcair.plugins.paths.launch import numbers
@@ -40,7 +40,7 @@ def shapes_without_bsdf(state) -> list[str]:
 def remarks_on_materials(scene: mi.Scene) -> list[str]:
     """Remarks on the materials of a scene, one line each."""
     lines = []
-    for plugin in deriving_plugins(scene):
+    for plugin in deriving(nodes(scene)):
         if is_reflection_bsdf(plugin):
             lines += [f"material {plugin.material}: {remark}" for remark in plugin.remarks()]
         lines += [
