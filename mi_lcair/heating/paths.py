@@ -36,7 +36,8 @@ FAINT = 1e-4
 # Bound of the reflections in a closed cavity that absorbs hardly anything
 MOST_REFLECTIONS = 10_000
 RANDOMISATIONS = 8
-LANES, SLOTS = 2**22, 2**23  # most paths of a launch, and most hits that it keeps
+# Paths of the first launch, most paths of a launch, and most hits that it keeps
+PILOT, LANES, SLOTS = 2**16, 2**22, 2**23
 # Memory for each number that is kept [bytes]: 106 to 143 on a bowl of 8,000 facets
 BYTES = 150
 RINGS = len(RINGS_DEG) - 1
@@ -95,7 +96,7 @@ class FacetPaths:
         self.shapes = list(scene.mi.shapes())
         table = self.table
         self.number = emitting_facets(table, self.shapes, scene.name)
-        self.lanes, self.done, self.kept = LANES, 0, 0
+        self.lanes, self.done, self.kept = PILOT, 0, 0
         n, index = len(self.number), np.arange(len(self.number))
         self.parts = Parts.of(table, self.number, self.shapes)
         of_shape = np.array(surfaces.of_shape)
@@ -209,11 +210,12 @@ class FacetPaths:
             half = points // 2
             early = self._met(first, rows, point, half, seed, whole)
             return early + self._met(first, rows, point + half, points - half, seed, whole)
-        count, *hits = self._launch(first, rows, point, points, seed)
-        if count[0] > SLOTS:
-            self.lanes = lanes // 2
+        kept, *hits = self._launch(first, rows, point, points, seed)
+        count = int(kept[0])
+        self.lanes = min(LANES, lanes * SLOTS // max(2 * count, 1))  # half of the slots next time
+        if count > SLOTS:
             return self._met(first, rows, point, points, seed, whole)
-        place, column, value = (array.numpy()[: count[0]] for array in hits)
+        place, column, value = (array.numpy()[:count] for array in hits)
         shape = rows * RANDOMISATIONS, self.end("lost") + len(self.shapes)
         met = sparse.csr_array((value.astype(float), (place, column)), shape=shape)
         self.done, self.kept = self.done + lanes, self.kept + met.nnz

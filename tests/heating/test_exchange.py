@@ -75,13 +75,15 @@ def test_conductors_are_the_same_however_many_paths_a_launch_has(monkeypatch):
     scene = scene_of(box=box(grey(0.3), emitter=emits()))
     whole = exchange(scene, rays=64).conductors
     monkeypatch.setattr("mi_lcair.heating.paths.LANES", 100)
-    monkeypatch.setattr("mi_lcair.heating.paths.SLOTS", 300)
+    monkeypatch.setattr("mi_lcair.heating.paths.PILOT", 100)
+    monkeypatch.setattr("mi_lcair.heating.paths.SLOTS", 1000)
     parts = exchange(scene, rays=64).conductors
     np.testing.assert_allclose(parts.between.toarray(), whole.between.toarray(), rtol=1e-12)
 
 
 def test_a_scene_that_does_not_fit_into_memory_is_refused_early(monkeypatch):
     scene = scene_of(box=box(grey(0.3), emitter=emits()))
+    monkeypatch.setattr("mi_lcair.heating.paths.PILOT", 512)
     monkeypatch.setattr("mi_lcair.heating.paths.LANES", 512)
     needed = 150 * 8 * 12 * 11  # numbers between 12 facets, of which 2 lie in each plane
     monkeypatch.setattr("mi_lcair.rendering.limits.available_memory", lambda: 1.1 * needed)
