@@ -10,6 +10,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.heating.conductors import Conductors, Facets, Traced, standard_error
 from mi_lcair.heating.exchange_result import Asymmetry, Exchange
 from mi_lcair.heating.paths import (
+    ENDS,
     MOST_REFLECTIONS,
     RANDOMISATIONS,
     RINGS,
@@ -79,10 +80,8 @@ def exchange(
     points = points_of(rays)
     means = paths.means(points, seed).sums(paths.areas)
     emitted = np.maximum(facets.emitting_area, np.finfo(float).tiny)
-    lost = means.end("lost")
-    astray = {name: means.end(name) / emitted for name in ("truncated", "buried")}
-    astray["lost"] = lost.sum(axis=1) / emitted
-    check_lost(facets, astray["lost"], paths.shapes[int(lost.sum(axis=0).argmax())], scene.name)
+    astray = {name: means.end(name) / emitted for name in ENDS[1:]}
+    check_lost(facets, astray["lost"], paths.shapes[int(means.lost.argmax())], scene.name)
     asymmetry = asymmetry_of(means, facets, points * RANDOMISATIONS)
     remarks = [*surfaces.remarks, *remarks_on_asymmetry(asymmetry, facets)]
     truncated = facets.share_of_groups(astray["truncated"])

@@ -57,21 +57,22 @@ class Means:
     """Means of what the paths of some rows met of n facets, for each randomisation.
 
     between: sparse, (rows, n), what the paths of each row met of the facets. ends:
-    (RANDOMISATIONS, rows, rings and ENDS), of which the last, "lost", has a column for each shape.
+    (RANDOMISATIONS, rows, rings and ENDS). lost: (shapes,), sums over the rows of what was lost on
+    each shape.
     """
 
     between: list[sparse.csr_array]
     ends: np.ndarray
+    lost: np.ndarray
 
     def end(self, name: str) -> np.ndarray:
-        """The means that ended in one of ENDS, (rows,); of those lost by shape, (rows, shapes)."""
-        k = RINGS + ENDS.index(name)
-        return self.ends[:, :, k:].mean(axis=0) if name == "lost" else self.ends[:, :, k].mean(0)
+        """The means that ended in one of ENDS, (rows,)."""
+        return self.ends[:, :, RINGS + ENDS.index(name)].mean(axis=0)
 
     def sums(self, weights: sparse.csr_array) -> "Means":
         """Sums over the rows with weights, (other rows, rows)."""
         ends = np.array([weights @ ends for ends in self.ends])
-        return Means([weights @ between for between in self.between], ends)
+        return Means([weights @ between for between in self.between], ends, self.lost)
 
 
 class FacetPaths:
@@ -195,8 +196,9 @@ class FacetPaths:
         self.done = self.kept = 0
         met = self._met(0, len(self.rows), 0, points, seed, points) / points
         runs = [met[run::R] for run in range(R)]
-        ends = np.array([run[:, n:].toarray() for run in runs])
-        return Means([run[:, :n] for run in runs], ends)
+        k = self.end("lost")
+        ends = [np.column_stack([run[:, n:k].toarray(), run[:, k:].sum(axis=1)]) for run in runs]
+        return Means([run[:, :n] for run in runs], np.array(ends), met[:, k:].sum(axis=0))
 
     def _met(self, first, rows, point, points, seed, whole) -> sparse.csr_array:
         """What some of the `whole` points of some rows meet, (rows RANDOMISATIONS, columns)."""
