@@ -90,9 +90,14 @@ class EmitterTable:
         return mi.Ray3f(self.offsets.leave(si, d), d)
 
     def brightest_in_view(self, sensor, with_model: bool = True) -> float:
-        """Upper bound of the radiance of all emitters in the field of view [W m^-2 sr^-1]."""
+        """Upper bound of the radiance of all emitters in the field of view [W m^-2 sr^-1].
+
+        White diffuse surfaces in the sun count as well.
+        """
         field = FieldOfView(sensor)
         brightest = 0.0
+        if self.sun is not None:
+            brightest = float(dr.detach(self.sun.scale)[0]) / np.pi
         for shape, bound in self.bounds:
             is_model = shape and facet_type_of(shape.emitter()) == "model"
             if bound is None or bound.max() <= brightest or (is_model and not with_model):

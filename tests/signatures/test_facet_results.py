@@ -77,6 +77,27 @@ def test_a_facet_that_no_path_meets_has_an_error(plate):
     assert np.all(1.96 * table["standard_error_W_sr"] <= 1.001 * blackbody)
 
 
+def test_a_cold_facet_in_the_sun_that_no_path_meets_has_an_error(plate):
+    """It emits nothing, and reflects E rho / pi: also the target's interval holds it."""
+    speck = plate("speck", [[0, 0, 0], [0.01, 0, 0], [0.01, 0.01, 0], [0, 0.01, 0]], GREY, 20.0)
+    scene = mi.load_dict(
+        {
+            "type": "scene",
+            "integrator": {"type": "bounce_path", "max_bounces": 1},
+            "sensor": camera(size=15, height=8.0),
+            "speck": speck,
+            "sun": {"type": "sun", "azimuth_deg": 0.0, "elevation_deg": 90.0, "band": "LWIR"},
+        }
+    )
+    checked_scene = checked(scene, Path("speck.xml"), {})
+    result = mi_lcair.signature(checked_scene, spp=1, facets=True)
+    irradiance = mi_lcair.parameters(checked_scene)["sun.irradiance"].value
+    reflected = 0.5e-4 * 0.5 * irradiance / np.pi  # by one of two facets
+    assert not result.facets.table["samples"].any()
+    assert np.all(1.96 * result.facets.table["standard_error_W_sr"] >= reflected)
+    assert result.target.half_width >= 2 * reflected
+
+
 def test_a_facet_that_few_paths_meet_may_have_missed_a_source(plate):
     """A triangle of 2 m^2 in a window of 64 m^2 is lit by a small lamp. A black one reflects none.
 
