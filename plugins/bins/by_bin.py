@@ -26,8 +26,8 @@ from mi_lcair.plugins.derivatives import children
 from mi_lcair.plugins.emission.groups import at_pointer, table_by_pointer
 from mi_lcair.plugins.emission.samples import BinnedRadiance
 from mi_lcair.plugins.emission.source import BinOfBlackbody, Source
-from mi_lcair.plugins.emission.sources import spectra
-from mi_lcair.plugins.emission.triangles import PrimitiveTable, pointer_id
+from mi_lcair.plugins.emission.sources import numbered, spectra
+from mi_lcair.plugins.emission.triangles import pointer_id
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 
 ON_BOTH_SIDES = "TwoSidedBRDF"
@@ -172,10 +172,7 @@ class ByBin:
 
     def tabulate_sources(self, emitters, per_emitter) -> None:
         """Set the source of each primitive, the shares of its bins and its in-band radiance."""
-        numbers = {source: k for k, source in enumerate(self.sources)}
-        ids = [pointer_id(mi.EmitterPtr(emitter)) for emitter in emitters]
-        of_emitters = [[numbers[source] for source in many] for many in per_emitter]
-        self.source_numbers = PrimitiveTable(ids, of_emitters, 0)
+        self.source_numbers = numbered(emitters, per_emitter, self.sources)
         self.shares = in_blocks(self.of_spectra(self.bins.shares), beyond="constant")
         self.in_band = mi.Float([source.in_band for source in self.sources])
         by_material = [is_thermal(e) and e.given_emissivity is None for e in emitters]

@@ -92,15 +92,9 @@ class Table(Deriving):
         """Those parameters of the BSDF that are not Dr.Jit variables, as text."""
         return [str(value) for value in self.parameters() if not variables(value)]
 
-    def is_current(self) -> bool:
-        """Whether the BSDF's parameters have not changed since the table was computed."""
-        made_of_variables, made_of_numbers = self.made_of
-        return (
-            same_variables(self.sources(), made_of_variables) and self.numbers() == made_of_numbers
-        )
-
     def refresh(self) -> None:
-        if not self.is_current():
+        kept, numbers = self.made_of
+        if not same_variables(self.sources(), kept) or self.numbers() != numbers:
             unrecorded(self.derive)
 
     def derive(self) -> None:

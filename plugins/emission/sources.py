@@ -49,12 +49,8 @@ class Sources:
                 # For shapes that only reflect, and for rays that escape
                 self.list.append(Source(OTHER))
         self.recorded = self.list  # those whose radiance the paths sum
-        numbers = {source: k for k, source in enumerate(self.list)}
-        rest = numbers.get(Source(OTHER), 0)
-
-        ids = [pointer_id(mi.EmitterPtr(emitter)) for emitter in emitters]
-        of_emitters = [[numbers[source] for source in sources] for sources in per_emitter]
-        self.numbers = PrimitiveTable(ids, of_emitters, rest)
+        rest = self.list.index(Source(OTHER)) if Source(OTHER) in self.list else 0
+        self.numbers = numbered(emitters, per_emitter, self.list, rest)
 
     def split(self, by_bin: list[Source]) -> None:
         """Let the sources be those by bin of wavelength, which `BySourceAndBin` records."""
@@ -97,6 +93,13 @@ class Sources:
         """Spectral radiance per in-band radiance at each wavelength, for an entry [1/um]."""
         row = dr.gather(mi.UInt32, self.share_row, entry) * WAVELENGTHS
         return [dr.gather(mi.Float, self.share, row + k) for k in range(WAVELENGTHS)]
+
+
+def numbered(emitters, per_emitter, sources: list[Source], otherwise: int = 0) -> PrimitiveTable:
+    """Numbers of the emitters' sources in a list, by hit. per_emitter: those of each emitter."""
+    ids = [pointer_id(mi.EmitterPtr(emitter)) for emitter in emitters]
+    numbers = {source: k for k, source in enumerate(sources)}
+    return PrimitiveTable(ids, [[numbers[s] for s in many] for many in per_emitter], otherwise)
 
 
 def by_wavelength(source: Source) -> Source:

@@ -319,14 +319,12 @@ class Walk:
                     latent_sun = path.latent * share * dr.detach(of_sun)
                     latent = latent + latent_sun
                 sun, whole = emitters.sun_pointer, [(si.prim_index, mi.Float(1))]
-                weight_of_sun = path.throughput * share
-                if self.by_bin is None:
-                    of_sun *= weight_of_sun
-                else:
+                if self.by_bin is not None:
                     numbers = self.by_bin.numbers(sun, whole)
                     by_bin = self.by_bin.radiance(path, of_sun, whole, numbers)
-                    by_bin = by_bin.times(weight_of_sun[0])
-                    of_sun = mi.Spectrum(by_bin.radiance)
+                    by_bin = by_bin.times(path.throughput[0] * share)
+                of_sun *= path.throughput * share
+                of_sun = of_sun if by_bin is None else mi.Spectrum(by_bin.radiance)
                 Le += of_sun
             emission = Emission(of_sun[0], path.bounce, beyond, sun, whole, mi.Float(0), None)
             recorders.emission(replace(emission, latent=first(latent_sun), by_bin=by_bin))
