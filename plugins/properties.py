@@ -61,7 +61,8 @@ class Property(Bounds):
         if not self.is_of_kind(value):
             kind = WORDS.get(type(value), f"a {type(value).__name__.lower()}")
             number = f" = {value!r}" if type(value) in WORDS else ""
-            allowed = f"{self.article()}{self.kind}{self.or_choice()}"
+            article = "an" if self.kind == "integer" else "a"
+            allowed = f"{article} {self.kind}{self.or_choice()}"
             raise InputError(f"{where}{number} is {kind}; it must be {allowed}")
         if self.kind == "string":
             return self.checked_string(value, plugin)
@@ -81,9 +82,6 @@ class Property(Bounds):
     def or_choice(self) -> str:
         """The string that is allowed in place of a boolean, for a message."""
         return f" or '{self.choices[0]}'" if self.kind == "boolean" and self.choices else ""
-
-    def article(self) -> str:
-        return "an " if self.kind == "integer" else "a "
 
     def checked_string(self, value: str, plugin: str) -> str:
         if self.choices and value not in self.choices:

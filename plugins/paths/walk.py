@@ -214,7 +214,6 @@ class Walk:
                 δL = propagated(mode, [Le, scattering.brought, reflected], δL)
 
             self.turn(path, hit, scattering, active)
-            recorders.turn()
             if dr.hint(part == OTHER_THAN_DIRECT, mode="scalar"):
                 counts |= path.bounce > 0
         return (mi.Spectrum(L) if primal else δL, (L, latent)), valid, recorders

@@ -8,7 +8,6 @@ methods in this order:
     emission  radiance reaches the sensor along the path, met by its ray or brought by a direction
               that was drawn toward an emitter
     reflect   the direction of the next ray is sampled
-    turn      the ray has been followed to its end
 """
 
 from dataclasses import dataclass
@@ -106,9 +105,6 @@ class Recorder:
     def reflect(self, reflection: Reflection) -> None:
         """Note a sampled direction."""
 
-    def turn(self) -> None:
-        """Note that the ray has been followed to its end."""
-
     def samples(self, L: mi.Float) -> dict:
         """What was recorded, by name: one value for each path. L: radiance [W m^-2 sr^-1]."""
         return {}
@@ -144,10 +140,6 @@ class Recorders:
     def reflect(self, reflection: Reflection) -> None:
         for part in self.parts:
             part.reflect(reflection)
-
-    def turn(self) -> None:
-        for part in self.parts:
-            part.turn()
 
     def samples(self, L) -> dict:
         return {name: value for part in self.parts for name, value in part.samples(L).items()}

