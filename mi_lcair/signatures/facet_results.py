@@ -101,19 +101,24 @@ class FacetSums:
         index = np.flatnonzero((facet < self.table.count) & np.isfinite(L))
         facet, count = facet[index].astype(np.int64), self.table.count
         shape = (launch.randomisations, count)
-        weight = np.broadcast_to(weight.numpy(), len(L))[index]
+
+        def of_paths(values) -> np.ndarray:
+            """Values of the paths that hit a facet, which may be a constant."""
+            return np.broadcast_to(values.numpy(), len(L))[index]
+
+        weight = of_paths(weight)
         sums = np.bincount(
             index // launch.points * count + facet, weight * L[index], np.prod(shape)
         )
         bounces = [
-            np.bincount(facet, weight * values.numpy()[index], count)
+            np.bincount(facet, weight * of_paths(values), count)
             for values in by_bounce.entries()[: self.bounces]
         ]
         if self.by_bounce is None:
             self.by_bounce, self.by_randomisation = np.zeros((len(bounces), count)), np.zeros(shape)
         self.hits += np.bincount(facet, minlength=count)
         self.weights += np.bincount(facet, weight, count)
-        self.closure += np.bincount(facet, weight * by_bounce.closure.numpy()[index], count)
+        self.closure += np.bincount(facet, weight * of_paths(by_bounce.closure), count)
         self.by_bounce += bounces
         self.by_randomisation += sums.reshape(shape)
         self.samples += len(L)

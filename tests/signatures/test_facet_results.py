@@ -361,3 +361,13 @@ def test_a_closed_box_seen_at_its_edges(box_folder):
     assert columns["samples"][1] > 30_000
     for name in ("samples", "intensity_W_sr", "standard_error_W_sr"):
         assert np.all(columns[name][away] == 0), name
+
+
+def test_a_convex_body_with_a_closure(plate):  # noqa: F811
+    """Without a second reflection the closure is 0, a constant for Dr.Jit."""
+    square = plate("square", [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], GREY, 300.0)
+    integrator = {"type": "bounce_path", "max_bounces": 2, "closure": "tail"}
+    shapes = {"sensor": camera(size=4, height=4.0), "square": square}
+    scene = mi.load_dict({"type": "scene", "integrator": integrator, **shapes}, optimize=False)
+    result = mi_lcair.signature(scene, spp=16, facets=True)
+    assert sum(result.facets.table["intensity_W_sr"]) == pytest.approx(result.intensity, rel=1e-6)
