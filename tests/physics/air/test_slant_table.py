@@ -55,6 +55,14 @@ def test_at_an_entry_and_between_elevations(table, looks_up):
                 )
 
 
+def test_one_elevation(tmp_path):
+    rows = [f"30,{R},{x},{0.9**R},1,2" for R in (1, 2) for x in (3, 4)]
+    (tmp_path / "air.csv").write_text("\n".join([HEADER, *rows]))
+    table = slant_table(tmp_path / "air.csv")
+    assert table.along(30.0, True).path(2000.0).transmittance == pytest.approx(0.81)
+    assert table.along(30.0, False).path(1000.0).radiance == pytest.approx(2)
+
+
 def test_the_ends_of_the_table(table):
     """Its first and last elevation belong to it, and what rounding leaves beside them."""
     for elevation, entry in ((10.0, 10), (10 - 5e-10, 10), (40.0, 40), (40 + 5e-10, 40)):
