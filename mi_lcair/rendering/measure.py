@@ -21,7 +21,7 @@ from mi_lcair.rendering.statistics import Totals, check_valid
 from mi_lcair.rendering.window import Windows
 
 # Ratio of the error to the allowed error, after the first paths, from which on the paths are aimed
-# at the model. The pilot for that takes 2^18 paths.
+# at the model. The pilots for that take up to 2^17 paths.
 WORTH_AIMING = 8
 # Points of each randomisation that a pass adds to a window, at least. Passes of few points would
 # send the sums of a window from workers more often.

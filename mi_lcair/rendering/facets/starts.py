@@ -24,7 +24,7 @@ from mi_lcair.rendering.window import window
 # Rays along each side of a window, and of one of many windows, that find what is seen
 RAYS, RAYS_OF_MANY = 1024, 128
 HIDDEN = 0.1  # least share of a triangle that counts as seen
-MOST_STARTS = 2**23  # triangles of all windows together, which take 36 bytes each
+MOST_STARTS = 2**22  # triangles of all windows together, which take about 100 bytes each
 
 
 def meshes_of_model(scene) -> list[mi.Shape] | None:

@@ -118,6 +118,13 @@ def test_views_have_starts_of_their_own(plate):
         assert (change <= 6 * error + 1e-5 * whole.mean(name)).all(), name
 
 
+def test_too_many_triangles_have_no_starts(plate, monkeypatch):
+    scene = scene_of({"a": plate("a", square(0.6, 0.0), BLACK, 300.0)})
+    for most, expected in ((2, False), (1, True)):
+        monkeypatch.setattr("mi_lcair.rendering.facets.starts.MOST_STARTS", most)
+        assert (starts_on_facets(scene, scene.sensor(0), blackbody(300.0)) is None) == expected
+
+
 def test_intervals_of_black_plates_hold(plate):
     """A speck of 3e-6 of the window makes two thirds of the intensity, and is never missed."""
     half = np.sqrt(3e-6)
