@@ -7,6 +7,8 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
+from mi_lcair.plugins.emission.drawing.spherical_polygon import Receiver
+from mi_lcair.plugins.emission.emitter_table import EmitterTable
 from mi_lcair.plugins.emission.triangles import Choice, TriangleTable, random_integer, set_triangles
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.recorders.channels import Channels
@@ -161,6 +163,22 @@ def test_what_is_drawn_has_its_probability():
         choice.probability[often] * 2**24
     )
     assert deviations.std() == pytest.approx(1, abs=0.03) and abs(deviations.mean()) < 0.05
+
+
+def test_meshes_and_other_emitters_share_the_draws():
+    """Half of the draws go to the panels of a cube, the others evenly to three spheres."""
+    lamp = {"type": "area", "radiance": {"type": "uniform", "value": 1.0}}
+    shapes = {"cube": {"type": "cube", "bsdf": BLACK, "emitter": lamp}}
+    for k in range(3):
+        place = {"center": [4.0, 4.0 * k, 0.0], "radius": 0.5}
+        shapes[f"sphere{k}"] = {"type": "sphere", **place, "bsdf": BLACK, "emitter": dict(lamp)}
+    loaded = scene(DRAWING, camera(4, 1.0), **shapes)
+    (table,) = EmitterTable(loaded, True).tables
+    receiver = Receiver(mi.Point3f(0, 0, 5), mi.Normal3f(0, 0, -1))
+    numbers = mi.UInt32((np.arange(6000) + 0.5) / 6000 * 2.0**32)
+    index = table.pick(numbers, receiver, mi.Bool(True))[0].numpy()
+    others = np.bincount(index[index >= table.panel_count] - table.panel_count, minlength=3)
+    assert others == pytest.approx([1000] * 3, abs=2)
 
 
 @pytest.mark.slow
