@@ -1,7 +1,7 @@
 """Clear sky by night and by day: its own emission, and sunlight scattered once."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -191,7 +191,13 @@ class ClearSky:
     @cached_property
     def on_ground(self) -> list[tuple[float, Spectrum]]:
         """Radiance of the sky that white ground reflects, as spectra with factors that add up."""
-        return [(1.0, replace(self, height_m=0.0).mean_spectrum())]
+        return [(1.0, _mean_spectrum(replace(self, height_m=0.0)))]
+
+
+@lru_cache(maxsize=16)
+def _mean_spectrum(sky: ClearSky) -> AirLight:
+    """Mean radiance of a sky, computed once for all scenes under it."""
+    return sky.mean_spectrum()
 
 
 def between_rings(places: np.ndarray, rings: np.ndarray, values: np.ndarray) -> np.ndarray:
