@@ -25,7 +25,9 @@ from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.window import window_area
 from mi_lcair.sensitivity.facets import facet_matrix
 
-SHADOW_RAYS = 32  # least number from each side of a facet toward each position of the sun
+# Rays toward the sun: least number from each side of a facet at each time, and number of all rays
+# up to which there are as many as paths
+SHADOW_RAYS, ALL_SHADOW_RAYS = 32, 2**24
 BYTES = 1100  # memory for a facet and a position of the sun, measured with 4,000 and 8,000 facets
 DOUBTFUL = 0.01  # share of an effect that may rest on an assumption without a remark
 
@@ -103,7 +105,7 @@ def sunlight(scene: Scene, n: int, conditions: Weather, run: RunTable) -> SolarA
         f"sunlight on {n} facets at {len(suns)} times",
         "lower steps of [run], or give the model larger facets",
     )
-    shadow_rays = max(SHADOW_RAYS, run.rays // len(suns))
+    shadow_rays = max(SHADOW_RAYS, min(run.rays, ALL_SHADOW_RAYS // (n * len(suns))))
     return solar_areas(scene, suns, run.rays, shadow_rays, run.seed)
 
 
