@@ -352,14 +352,9 @@ class ByBin:
             base = dr.select(emits[0], dr.gather(mi.Float, self.in_band, numbers[0]), emitted)
         emits = emits or (False, [])
         totals = self.sums(path.by_bin, path.factors, numbers, emits, reflection)
-        of_parts = [share * total for (_, share), total in zip(parts, totals)]
-        relative = sum(of_parts)
-        shares = [
-            (prim, dr.select(relative > 0, value / dr.select(relative > 0, relative, 1), share))
-            for (prim, share), value in zip(parts, of_parts)
-        ]
+        relative = sum(share * total for (_, share), total in zip(parts, totals))
         sources = [(number, share) for number, (_, share) in zip(numbers, parts)]
-        return BinnedRadiance(base * relative, shares, base, sources, path.factors)
+        return BinnedRadiance(base * relative, base, sources, path.factors)
 
     def drawn(self, path, hit, direct, value, radiance, parts) -> BinnedRadiance:
         """What the bins see along a direction that was drawn toward an emitter, times the BSDF.

@@ -61,13 +61,12 @@ class EmitterSample:
 class BinnedRadiance:
     """Radiance of an emitter as the bins of a path see it, before the throughput of the walk.
 
-    radiance: in-band radiance [W m^-2 sr^-1]. parts: numbers of the emitter's parts, and their
-    shares of it. base: radiance of which each bin has the share of the source, times its factor.
-    sources: number of the source of each part, and its share of `base`. factors: of the bins.
+    radiance: in-band radiance [W m^-2 sr^-1]. base: radiance of which each bin has the share of the
+    source, times its factor. sources: number of the source of each part of the emitter, and its
+    share of `base`. factors: of the bins.
     """
 
     radiance: mi.Float
-    parts: list[tuple[mi.UInt32, mi.Float]]
     base: mi.Float
     sources: list[tuple[mi.UInt32, mi.Float]]
     factors: dr.Local

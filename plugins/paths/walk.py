@@ -303,7 +303,7 @@ class Walk:
             numbers = self.by_bin.numbers(hit.emitter, parts, beyond)
             by_bin = self.by_bin.radiance(path, emitted, parts, numbers, emits)
             by_bin = by_bin.times(path.throughput[0] * share)
-            parts, Le = by_bin.parts, mi.Spectrum(by_bin.radiance)
+            Le = mi.Spectrum(by_bin.radiance)
         weight = dr.select(beyond, 0, path.throughput[0] * share)
         emission = Emission(Le[0], path.bounce, beyond, hit.emitter, parts, weight, si)
         recorders.emission(replace(emission, latent=first(latent), by_bin=by_bin))
@@ -402,7 +402,7 @@ class Walk:
             if self.by_bin is not None:
                 by_bin = self.by_bin.drawn(path, hit, direct, value, radiance, parts)
                 by_bin = by_bin.times(dr.select(direct.counts, path.throughput[0] * share, 0))
-                parts, brought = by_bin.parts, mi.Spectrum(by_bin.radiance)
+                brought = mi.Spectrum(by_bin.radiance)
             brought = dr.select(direct.counts, brought, 0)
         before = path.throughput * dr.detach(dr.select(direct.counts, radiance * share, 0))
         latent = None
