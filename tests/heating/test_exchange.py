@@ -50,6 +50,12 @@ def test_a_turned_sphere_exchanges_as_it_does_unturned(is_flipped):
     assert other == 0
 
 
+def test_a_disc_that_faces_up_sees_the_sky():
+    result = exchange(scene_of(disc={"type": "disk", "bsdf": grey(0.7), "emitter": emits()}), 64)
+    C = result.conductors
+    assert C.to_sky.sum() == pytest.approx(0.7 * np.pi, rel=1e-5) and C.to_ground.sum() == 0
+
+
 def test_a_mirror_around_a_sphere_acts_as_a_plate():
     result = exchange(spheres(grey(0.5), grey(0.3, lobe="mirror")), rays=131072)
     expected = 4 * np.pi / (1 / 0.5 + 1 / 0.3 - 1)
