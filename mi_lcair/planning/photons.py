@@ -257,7 +257,7 @@ def from_afar(scene, leaving, source, photons, sampler) -> tuple:
         in_sky = si.is_valid() & leaving.shows_sun(si, si.emitter(scene.mi))
         if not dr.any(in_sky):
             break
-        ray.o = dr.select(in_sky, leaving.leave(si, ray.d), ray.o)
+        ray.o = dr.select(in_sky, leaving.offsets.leave(si, ray.d), ray.o)
     return ray, flux
 
 
