@@ -72,20 +72,27 @@ def define(old: str | None, new: str) -> None:
     A variant that was set before gets its first classes again, which its loaded scenes and other
     modules hold. Variants without derivatives refuse the plugins.
     """
+    if old in _names:
+        _names[old] = names_of_modules()  # with those that were imported since
     if "_ad_" not in new:
         for plugin in PLUGINS.values():
             vars(mi)[f"register_{plugin.kind}"](plugin.name, partial(refuse, plugin.name, new))
         return
-    if new in _names:
-        for name, names in _names[new].items():
-            vars(sys.modules[name]).update(names)
-        return
+    names_before = _names.get(new, {})
+    for name, names in names_before.items():
+        vars(sys.modules[name]).update(names)
     if _names:
         for name in bound_to_variant():
-            importlib.reload(sys.modules[name])
+            if name not in names_before:
+                importlib.reload(sys.modules[name])
     for plugin in PLUGINS.values():
         importlib.import_module(plugin.module)
-    _names[new] = {name: dict(vars(sys.modules[name])) for name in bound_to_variant()}
+    _names[new] = names_of_modules()
+
+
+def names_of_modules() -> dict[str, dict]:
+    """Names of each module that is bound to the current variant."""
+    return {name: dict(vars(sys.modules[name])) for name in bound_to_variant()}
 
 
 def refuse(name: str, variant: str, properties) -> None:
