@@ -94,9 +94,10 @@ class OwnMesh:
             raise InputError(f"mesh {path}: there is no such file")
         try:
             mesh = mi.load_dict({"type": kind, "filename": str(path)}, parallel=False)
-        except RuntimeError as error:
-            raise mitsuba_error(error) from None
-        except UnicodeDecodeError:  # Mitsuba's message quotes the file
+        except (RuntimeError, UnicodeDecodeError) as error:
+            if isinstance(error, RuntimeError) and str(error):
+                raise mitsuba_error(error) from None
+            # Mitsuba's message quotes the file; what is no text is lost, or cannot be decoded
             raise InputError(f"mesh {path}: is no {kind.upper()} file") from None
         corners = vertex_positions(mesh).astype(float)
         return of_triangles(corners, triangle_vertices(mesh), path.name)
