@@ -55,42 +55,40 @@ def roof(plate):
     return checked(scene, Path("roof.xml"), {})
 
 
-def test_a_facet_that_no_path_meets_has_an_error(plate):
+@pytest.fixture
+def speck(plate):
+    """Function (temperature [K], reflections, lights): a plate of 1 cm in a window of 8 m."""
+
+    def scene(temperature, max_bounces, **lights):
+        corners = [[0, 0, 0], [0.01, 0, 0], [0.01, 0.01, 0], [0, 0.01, 0]]
+        tree = {
+            "type": "scene",
+            "integrator": {"type": "bounce_path", "max_bounces": max_bounces},
+            "sensor": camera(size=15, height=8.0),
+            "speck": plate("speck", corners, GREY, temperature),
+            **lights,
+        }
+        return checked(mi.load_dict(tree), Path("speck.xml"), {})
+
+    return scene
+
+
+def test_a_facet_that_no_path_meets_has_an_error(speck):
     """A plate of 1 cm, at 400 K, in a window of 8 m: what it sends is not beyond its error.
 
     The error is that of its projected area at the largest radiance of the scene, not of a path's.
     """
-    speck = plate("speck", [[0, 0, 0], [0.01, 0, 0], [0.01, 0.01, 0], [0, 0.01, 0]], GREY, 400.0)
-    scene = mi.load_dict(
-        {
-            "type": "scene",
-            "integrator": {"type": "bounce_path", "max_bounces": 0},
-            "sensor": camera(size=15, height=8.0),
-            "speck": speck,
-        }
-    )
-    checked_scene = checked(scene, Path("speck.xml"), {})
-    table = mi_lcair.signature(checked_scene, spp=1, facets=True).facets.table
+    table = mi_lcair.signature(speck(400.0, 0), spp=1, facets=True).facets.table
     assert not table["samples"].any()
     blackbody = 0.5e-4 * float(in_band_radiance(band("LWIR"), 400.0))  # one of two facets
     assert np.all(1.96 * table["standard_error_W_sr"] >= 0.499 * blackbody)
     assert np.all(1.96 * table["standard_error_W_sr"] <= 1.001 * blackbody)
 
 
-def test_a_cold_facet_in_the_sun_that_no_path_meets_has_an_error(plate):
+def test_a_cold_facet_in_the_sun_that_no_path_meets_has_an_error(speck):
     """It emits nothing, and reflects E rho / pi: also the target's interval holds it."""
-    speck = plate("speck", [[0, 0, 0], [0.01, 0, 0], [0.01, 0.01, 0], [0, 0.01, 0]], GREY, 20.0)
-    scene = mi.load_dict(
-        {
-            "type": "scene",
-            "integrator": {"type": "bounce_path", "max_bounces": 1},
-            "sensor": camera(size=15, height=8.0),
-            "speck": speck,
-            "sun": {"type": "sun", "azimuth_deg": 0.0, "elevation_deg": 90.0, "band": "LWIR"},
-        }
-    )
-    checked_scene = checked(scene, Path("speck.xml"), {})
-    result = mi_lcair.signature(checked_scene, spp=1, facets=True)
+    sun = {"type": "sun", "azimuth_deg": 0.0, "elevation_deg": 90.0, "band": "LWIR"}
+    result = mi_lcair.signature(speck(20.0, 1, sun=sun), spp=1, facets=True)
     irradiance = 1.091  # in LWIR outside the air [W m^-2]
     reflected = 0.5e-4 * 0.5 * irradiance / np.pi  # by one of two facets
     assert not result.facets.table["samples"].any()
