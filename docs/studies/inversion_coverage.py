@@ -33,7 +33,8 @@ MEASURED = Path("docs/validation/inversion/coverage.json")
 STARTS = (200.0, 300.0, 700.0, 1500.0)  # K
 LID = Path(__file__).parents[1] / "validation" / "inversion" / "lid.xml"
 EMISSIVITY = 0.92
-ERROR = 0.02  # relative error of the emissivity of each strip
+ERROR = 0.02  # relative error of the radiance or of the emissivity of each strip
+KNOWN = 0.1  # standard deviation of the prior of a reflectance
 WALL = 0.02  # reflectance of the wall whose temperature is unknown too
 LENGTH = 0.5  # metres over which facets are alike
 BAD = 10  # bad pixels of 1,024
@@ -71,7 +72,28 @@ def emissivity(folder: Path, draws: range):
 
 
 def model(folder: Path, draws: range):
-    """Yield solutions and the truth: emissivities that are wrong by ERROR, as model_sigma says."""
+    """Yield solutions and the truth: radiances that are wrong by ERROR, as model_sigma says.
+
+    Those of a strip are wrong together, and those of each pixel by themselves.
+    """
+    path = corner.write_scene(folder)
+    scene = mi_lcair.load(path)
+    channels = mi_lcair.render(scene, spp=2**13, seed=99).channels
+    strips = np.array([channels[f"seen.s{k}.Y"] for k in range(len(corner.KELVIN))], float)
+    for draw in draws:
+        random = np.random.default_rng((draw, 7))
+        image = np.tensordot(1 + ERROR * random.normal(size=len(strips)), strips, 1)
+        image *= 1 + ERROR * random.normal(size=image.shape)
+        tree = corner.problem(folder, path, image, 300.0, draw, spp=64)
+        tree["data"][0]["model_sigma"] = f"{ERROR:.0%}"
+        yield solved(tree), corner.KELVIN
+
+
+def materials(folder: Path, draws: range):
+    """Yield solutions and the truth: emissivities that are wrong by ERROR, with that model_sigma.
+
+    What a strip emits less it reflects more, so that its radiance is less wrong.
+    """
     path = corner.write_scene(folder)
     for draw in draws:
         error = np.random.default_rng((draw, 7)).normal(size=len(corner.KELVIN))
@@ -125,17 +147,25 @@ def wall(folder: Path, draws: range):
         yield solved(tree), (corner.KELVIN[5], WALL)
 
 
-def valley(folder: Path, draws: range):
+def valley(folder: Path, draws: range, sigma: float | None = None):
     """Yield solutions and the truth: temperature and reflectance of a plate that fills the image.
 
-    One band cannot separate them. The first guesses lie on both sides of the valley.
+    One band cannot separate them. The first guesses lie on both sides of the valley. sigma: error
+    of the prior of the reflectance, which then ends the valley.
     """
     plate.write_scene(folder)
     for draw in draws:
         random = np.random.default_rng((draw, 11))
         start = {"T": random.uniform(280, 360), "R": random.uniform(0.05, 0.9)}
         datum = plate.datum(folder, "plate", draw, start=start)
-        yield solved({"data": [datum], "unknowns": plate.UNKNOWNS}), (310.0, 0.3)
+        known = {"prior": [float(random.normal(0.3, sigma)), sigma]} if sigma else {}
+        unknowns = plate.UNKNOWNS | {"paint.reflectance": known}
+        yield solved({"data": [datum], "unknowns": unknowns}), (310.0, 0.3)
+
+
+def curved(folder: Path, draws: range):
+    """Yield solutions and the truth: the same with a reflectance that a prior knows to KNOWN."""
+    yield from valley(folder, draws, KNOWN)
 
 
 def lobe(folder: Path, draws: range):
@@ -238,12 +268,14 @@ CASES = {  # functions and numbers of draws
     emissivity: 50,
     wall: 100,
     valley: 100,
+    curved: 100,
     two_skies: 100,
     camera: 30,
     lobe: 30,
     pixels: 30,
     stripes: 50,
     model: 50,
+    materials: 50,
     wrong: 30,
     seen: 4,
     unseen: 4,

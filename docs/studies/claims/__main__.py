@@ -1,11 +1,17 @@
 """Draw adverse scenes, run the commands on them, and count the claims that hold.
 
-    python -m docs.studies.claims [--scenes N] [--seed S] [--first K] [--kind TEXT] [--page FILE]
-                                  [--csv FILE] [--read FILE ...] [--workers N | --dask ADDRESS]
+    python -m docs.studies.claims [--scenes N] [--seed S] [--first K] [--kind TEXT]
+                                  [--only NAME ...] [--repeats R] [--paths N]
+                                  [--csv FILE] [--page FILE]
+                                  [--read FILE ...] [--repeated FILE ...]
+                                  [--workers N | --dask ADDRESS]
 
 A scene takes about two seconds. `--scenes 1 --first K` repeats the scene K of the seed S and prints
-its claims. Several runs, of more seeds or of further scenes, may add to one `--csv`. `--read` takes
-all claims of such files in place of a run. `--page docs/validation/claims.md` writes the page.
+its claims. `--only to_tolerance --repeats 10` runs that command alone, ten times a scene with other
+random numbers, which share what a scene's load and its kernels cost. Several runs,
+of more seeds or of further scenes, may add to one `--csv`. `--read` takes all claims of such files
+in place of a run, and `--repeated` those of runs with repeats, which have a section of their own on
+the page. `--page docs/validation/claims.md` writes the page.
 """
 
 import argparse
@@ -21,6 +27,7 @@ from docs.studies.claims.claims import Claim, claims
 from docs.studies.claims.coverage import FALSE, defects, is_tolerance, rows
 from docs.studies.claims.page import write
 from docs.studies.claims.scenes import case
+from docs.studies.claims.witness import MOST_PATHS
 from mi_lcair.startup.tasks import in_order
 
 
@@ -30,18 +37,25 @@ def parsed(arguments=None) -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=1, help="seed of all random choices")
     parser.add_argument("--first", type=int, default=0, help="number of the first scene")
     parser.add_argument("--kind", default="", help="only scenes whose kind contains this text")
+    parser.add_argument("--only", nargs="+", default=[], help="functions of claims.py to run alone")
+    parser.add_argument("--repeats", type=int, default=1, help="runs of each command on a scene")
+    parser.add_argument("--paths", type=int, default=MOST_PATHS, help="most paths to a tolerance")
     parser.add_argument("--page", help="file of the page to write")
     parser.add_argument("--csv", help="file to which a row for each claim is added")
     parser.add_argument("--read", nargs="+", help="CSV files of earlier runs, in place of a run")
+    parser.add_argument("--repeated", nargs="+", default=[], help="such files of runs with repeats")
     parser.add_argument("--workers", type=int, help="draw the scenes in this number of processes")
     parser.add_argument("--dask", help="draw them on the workers of this Dask scheduler")
     return parser.parse_args(arguments)
 
 
-def run(seed: int, numbers, kind: str = "", path: str | None = None) -> list[Claim]:
-    """The claims of the cases with these numbers; those of each case are added to a CSV file."""
+def run(seed: int, numbers, kind: str = "", path: str | None = None, **tried) -> list[Claim]:
+    """The claims of the cases with these numbers; those of each case are added to a CSV file.
+
+    tried: `only`, `repeats` and `most_paths` of `claims`.
+    """
     found = []
-    tasks = [partial(claims_of, seed, number, kind) for number in numbers]
+    tasks = [partial(claims_of, seed, number, kind, **tried) for number in numbers]
     for of_case in tqdm(in_order(tasks), unit="scene", total=len(tasks)):
         found += of_case
         if path:
@@ -49,10 +63,10 @@ def run(seed: int, numbers, kind: str = "", path: str | None = None) -> list[Cla
     return found
 
 
-def claims_of(seed: int, number: int, kind: str) -> list[Claim]:
+def claims_of(seed: int, number: int, kind: str, **tried) -> list[Claim]:
     """The claims of a case, if its kind contains a text."""
     drawn = case(seed, number)
-    return claims(drawn, seed, number) if kind in drawn.kind else []
+    return claims(drawn, seed, number, **tried) if kind in drawn.kind else []
 
 
 def add_to(path: str, found: list[Claim]) -> None:
@@ -63,13 +77,16 @@ def add_to(path: str, found: list[Claim]) -> None:
         writer.writerows(map(astuple, found))
 
 
-def read_from(path: str) -> list[Claim]:
-    """The claims of a CSV file."""
-    with Path(path).open(newline="", encoding="utf-8") as file:
-        return [
-            Claim(**{entry.name: entry.type(row[entry.name]) for entry in fields(Claim)})
-            for row in csv.DictReader(file)
-        ]
+def read_from(paths: list[str]) -> list[Claim]:
+    """The claims of CSV files."""
+    found = []
+    for path in paths:
+        with Path(path).open(newline="", encoding="utf-8") as file:
+            found += [
+                Claim(**{entry.name: entry.type(row[entry.name]) for entry in fields(Claim)})
+                for row in csv.DictReader(file)
+            ]
+    return found
 
 
 def table(found: list[Claim], by_kind: bool) -> str:
@@ -88,10 +105,11 @@ def main(arguments=None) -> None:
     options = parsed(arguments)
     numbers = range(options.first, options.first + options.scenes)
     if options.read:
-        found = [claim for path in options.read for claim in read_from(path)]
+        found = read_from(options.read)
     else:
         with mi_lcair.workers(options.workers, options.dask):
-            found = run(options.seed, numbers, options.kind, options.csv)
+            tried = {"only": options.only, "repeats": options.repeats, "most_paths": options.paths}
+            found = run(options.seed, numbers, options.kind, options.csv, **tried)
     if options.scenes == 1:
         for claim in found:
             print(claim)
@@ -100,7 +118,7 @@ def main(arguments=None) -> None:
     for (name, kind), text in defects(found).items():
         print(f"DEFECT {name}; {kind}: {text}")
     if options.page:
-        write(options.page, found)
+        write(options.page, found, read_from(options.repeated))
 
 
 if __name__ == "__main__":

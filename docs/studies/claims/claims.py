@@ -1,5 +1,6 @@
 """What the commands claim about a case, and whether it holds."""
 
+import multiprocessing
 import re
 import tempfile
 from collections.abc import Iterator
@@ -11,7 +12,15 @@ from scipy.stats import chi2
 import mi_lcair
 from docs.studies.claims import further_claims
 from docs.studies.claims.case import Case
-from docs.studies.claims.scenario_claims import camera, cavity, contrast, directions, sweep
+from docs.studies.claims.scenario_claims import (
+    blurred,
+    camera,
+    cavity,
+    contrast,
+    directions,
+    flight,
+    sweep,
+)
 from docs.studies.claims.scene_file import PIXELS
 from docs.studies.claims.witness import MOST_PATHS, Claim, Witness, student
 from mi_lcair.errors import InputError
@@ -21,6 +30,7 @@ WINDOW_FREEDOM = 7  # degrees of freedom of an intensity's error: its randomisat
 # That of a pixel averages over 5 x 5 pixels of 4 randomisations each, and fewer at the film's edge
 PIXEL_FREEDOM = 3 * 5 * 5
 PART = 1e-3  # relative error of a small part of a large scene without a remark
+WITH_WORKERS = 0.1  # share of the scenes whose budget is drawn on workers too, which takes long
 DOUBTS = ("single precision", "left to rounding")  # in remarks that withdraw all claims
 
 
@@ -71,7 +81,7 @@ def to_tolerance(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
     """A tolerance that is reached, and the interval at which the paths ended."""
     tolerance = float(rng.choice([0.03, 0.01, 0.003]))
     result = mi_lcair.signature(
-        scene, tolerance=tolerance, max_spp=MOST_PATHS // PIXELS**2, seed=int(rng.integers(1000))
+        scene, tolerance=tolerance, max_spp=witness.most_spp, seed=int(rng.integers(1000))
     )
     truth = case.mean * case.area
     if result.main_part == "scene":
@@ -87,7 +97,7 @@ def reflections(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
     result = mi_lcair.signature(
         scene,
         tolerance=tolerance,
-        max_spp=MOST_PATHS // PIXELS**2,
+        max_spp=witness.most_spp,
         seed=int(rng.integers(1000)),
         max_bounces="auto",
     )
@@ -124,7 +134,8 @@ def image_to_tolerance(case: Case, scene, witness: Witness, rng) -> Iterator[Cla
         rms = np.sqrt(np.mean((result.channels["Y"] - exact) ** 2))
         # The squares of independent errors of this size add up to less in 95 of 100 images
         factor = np.sqrt(chi2.ppf(0.95, exact.size) / exact.size)
-        yield witness.claim("rms of an image", rms, 0.0, factor * tolerance * case.mean)
+        allowed = factor * tolerance * case.mean
+        yield witness.claim("rms of an image", rms, 0.0, allowed, case.mean)
 
 
 def effective_areas(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
@@ -153,7 +164,7 @@ def trend(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
         elevations,
         resolution=PIXELS,
         tolerance=tolerance,
-        max_spp=MOST_PATHS // PIXELS**2 // 4,
+        max_spp=witness.most_spp // 4,
         seed=int(rng.integers(1000)),
     )
     table = result.table
@@ -204,16 +215,31 @@ def derivative_images(case: Case, scene, witness: Witness, rng) -> Iterator[Clai
             yield witness.claim(claim, value, truth_of_pixel, factor * error)
 
 
-def budget(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
-    """The row of a budget that holds the noise of the rendering."""
+def uncertain(case: Case) -> dict:
+    """Uncertainties of the temperatures that matter."""
     by_group = case.by_group
     groups = [name for name in case.temperatures if by_group.get(name, 0) > SHARE * case.mean]
-    stated = {"sigma": {f"{name}.temperature": "0.1 %" for name in groups}}
+    return {"sigma": {f"{name}.temperature": "0.1 %" for name in groups}}
+
+
+def budget(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
+    """The row of a budget that holds the noise of the rendering."""
     spp = int(2 ** rng.integers(6, 11))
-    result = mi_lcair.budget(scene, stated, spp=spp, seed=int(rng.integers(1000)))
+    result = mi_lcair.budget(scene, uncertain(case), spp=spp, seed=int(rng.integers(1000)))
     noise = [row.contribution for row in result.rows if row.quantity == "noise of the rendering"]
     truth = case.mean * case.area
     yield witness.claim("budget's noise", result.value, truth, student(WINDOW_FREEDOM) * noise[0])
+
+
+def on_workers(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
+    """The draws of a budget on two workers: number of results that differ from one process's."""
+    how = {"spp": 64, "seed": int(rng.integers(1000)), "draws": 16}
+    results = []
+    for count in (None, 2):
+        with mi_lcair.workers(count):
+            drawn = mi_lcair.budget(scene, uncertain(case), **how)
+        results.append(drawn.monte_carlo.results)
+    yield witness.claim("workers, to the bit", np.count_nonzero(np.not_equal(*results)), 0, 0)
 
 
 def further(case: Case) -> list:
@@ -234,15 +260,42 @@ def further(case: Case) -> list:
     return commands
 
 
-def claims(case: Case, seed: int, number: int) -> list[Claim]:
-    """All claims that the commands make about a case."""
+def commands_for(case: Case, rng, rng_of_last, only) -> list:
+    """The commands that are run for a case: those named in `only`, if any, or three to five."""
+    options, others = further(case), further_claims.suited(case)
+    last = [flight, blurred] if case.view is not None and case.band != "total" else []
+    if only:
+        known = dict.fromkeys([signature, to_tolerance, *options, *others, *last, on_workers])
+        return [command for command in known if command.__name__ in only]
+    commands = [signature, to_tolerance, options[rng.integers(len(options))]]
+    if others:
+        commands.append(others[rng.integers(len(others))])
+    if rng_of_last.random() < WITH_WORKERS and not multiprocessing.current_process().daemon:
+        commands.append(on_workers)  # processes of a pool start no others
+    elif last:
+        commands.append(last[rng_of_last.integers(len(last))])
+    return commands
+
+
+def claims(
+    case: Case,
+    seed: int,
+    number: int,
+    only=(),
+    repeats: int = 1,
+    most_paths: int = MOST_PATHS,
+) -> list[Claim]:
+    """All claims that the commands make about a case.
+
+    only: names of the commands that are run. repeats: how often each of them is run, with other
+    random numbers. most_paths: largest number of paths through a window, to a tolerance.
+    """
     rng = np.random.default_rng([seed, number, 1])
-    commands = [signature, to_tolerance, (options := further(case))[rng.integers(len(options))]]
-    if options := further_claims.suited(case):
-        commands.append(options[rng.integers(len(options))])
-    if case.kind.startswith("part"):
+    commands = commands_for(case, rng, np.random.default_rng([seed, number, 2]), only)
+    if case.kind.startswith("part") and not only:
         commands = [part]
-    witness = Witness(case, seed, number, {"true": "on", "false": "off"}.get(case.sampling, "auto"))
+    setting = {"true": "on", "false": "off"}.get(case.sampling, "auto")
+    witness = Witness(case, seed, number, setting, most_paths)
     found = []
     with tempfile.TemporaryDirectory() as folder:
         path = case.file.write(Path(folder), case.band, case.bounces, case.sampling)
@@ -251,8 +304,8 @@ def claims(case: Case, seed: int, number: int) -> list[Claim]:
         except InputError:
             return found  # a refusal claims nothing
         if any(doubt in remark for remark in scene.remarks for doubt in DOUBTS):
-            commands = [part] if "too small" in case.kind else []
-        for command in commands:
+            commands = [command for command in commands if command is part]
+        for command in commands * repeats:
             try:
                 found += command(case, scene, witness, rng)
             except InputError:

@@ -8,8 +8,8 @@ from scipy.spatial import KDTree
 import mi_lcair
 from docs.studies.claims import planck
 from docs.studies.claims.case import Case
-from docs.studies.claims.scene_file import PIXELS, diffuse
-from docs.studies.claims.witness import MOST_PATHS, Claim, Witness, student
+from docs.studies.claims.scene_file import diffuse
+from docs.studies.claims.witness import Claim, Witness, student
 from mi_lcair.motions.pose import declare
 from mi_lcair.motions.table import motions_of
 
@@ -109,7 +109,7 @@ def by_wavelength(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
         truth += float(pixels.sum(axis=0).mean()) * case.area
     spp, seed, tolerance = int(2 ** rng.integers(6, 11)), int(rng.integers(1000)), None
     if rng.random() < 0.5:
-        tolerance, most = float(rng.choice([0.03, 0.01])), MOST_PATHS // PIXELS**2
+        tolerance, most = float(rng.choice([0.03, 0.01])), witness.most_spp
         result = mi_lcair.signature(path, tolerance=tolerance, max_spp=most, seed=seed)
     else:
         result = mi_lcair.signature(path, spp=spp, seed=seed)

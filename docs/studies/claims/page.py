@@ -1,6 +1,7 @@
 """The page docs/validation/claims.md."""
 
 from collections import Counter
+from math import isfinite
 
 from docs.studies.claims.claims import SHARE, Claim
 from docs.studies.claims.coverage import Row, defects, is_tolerance, rows
@@ -11,7 +12,8 @@ def line(row: Row) -> str:
     """A row of the page's tables; a tolerance has the shares of large errors."""
     worst = row.worst
     scene = f"{worst.kind}, scene {worst.number} of {worst.seed}"
-    where = f"{scene}, {worst.error:+.2g}, {worst.excess:.3g} times"
+    error = f"{worst.error:+.2g}, " if isfinite(worst.error) else ""  # of a truth of 0
+    where = f"{scene}, {error}{worst.excess:.3g} times"
     cells = [row.name, str(row.claims), str(row.scenes), f"{row.held:.1%}"]
     cells.append(f"{row.lower:.1%} to {row.upper:.1%}")
     if is_tolerance(row.name):
@@ -40,13 +42,29 @@ def runs(found: list[Claim]) -> str:
     return ", ".join(f"{count} scenes of seed {seed}" for seed, count in counts.items())
 
 
-def write(path: str, found: list[Claim]) -> None:
-    """Write the page from claims."""
+def of_repeats(repeated: list[Claim]) -> dict[str, str]:
+    """The page's fields on runs with repeats: their size, the tolerances and the intervals."""
+    scenes = {(claim.seed, claim.number) for claim in repeated}
+    by_name = {row.name: row for row in rows(repeated)}
+    stopped, intervals = by_name.get("interval, stopped"), "none"
+    if stopped is not None:
+        limits = f"{stopped.lower:.1%} to {stopped.upper:.1%}"
+        intervals = f"{stopped.held:.1%} of {stopped.claims} ({limits})"
+    reached = [line(row) for row in by_name.values() if is_tolerance(row.name)]
+    return {
+        "repeated_runs": f"{len(scenes)} scenes: {runs(repeated)}",
+        "repeated_intervals": intervals,
+        "repeated": "\n".join(reached),
+    }
+
+
+def write(path: str, found: list[Claim], repeated: list[Claim]) -> None:
+    """Write the page from claims. repeated: those of runs with repeats."""
     all_rows = rows(found)
     tolerances = [row for row in all_rows if is_tolerance(row.name)]
     intervals = [row for row in all_rows if not is_tolerance(row.name)]
     worst = max((row.worst for row in tolerances), key=lambda claim: claim.excess, default=None)
-    failed = defects(found, by_kind=False)
+    failed = defects([*found, *repeated], by_kind=False)
     listed = [f"- {name}: {text}." for (name, _), text in sorted(failed.items())]
     write_page(
         path,
@@ -58,6 +76,7 @@ def write(path: str, found: list[Claim]) -> None:
         intervals="\n".join(map(line, intervals)),
         tolerances="\n".join(map(line, tolerances)),
         kinds=by_kind(found),
+        **of_repeats(repeated),
         worst="" if worst is None else f"scene {worst.number} of seed {worst.seed}, {worst.kind}",
         worst_excess=0 if worst is None else worst.excess,
         defects="\n".join(listed) or "None.",

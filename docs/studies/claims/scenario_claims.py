@@ -1,4 +1,7 @@
-"""Claims of the commands that read a table beside the scene: scenarios, sweeps and cavities."""
+"""Claims of the commands that read a table beside the scene: scenarios, sweeps and cavities.
+
+A flight and a camera's image belong to the scenarios.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,13 +13,16 @@ import mi_lcair
 from docs.studies.claims import planck
 from docs.studies.claims.case import Case
 from docs.studies.claims.scene_file import PIXELS
-from docs.studies.claims.witness import MOST_PATHS, Claim, Witness, student
+from docs.studies.claims.witness import Claim, Witness, student
 from mi_lcair.camera.optics import OVERSAMPLING
 
 RANGE = 1e4  # of a contrast, in sizes of the scene
 PARALLEL = 1e-3  # relative error of the assumption that the rays of a frame are parallel
-FRAME, WIDTH = 32, 20.0  # pixels of a frame, and its width in sizes of the scene
-PITCH_UM = 20.0  # of the pixels
+FRAME, WIDE = 32, 72  # pixels of a frame before the optics, and of one that holds what they spread
+PIXEL, PITCH_UM = 0.625, 20.0  # width of a pixel in sizes of the scene, and on the detector
+FAR = 30  # pixels from the target to the border of the wide frame, and less than a camera follows
+FLOWN = 1e4  # metres of a flight's range at most, whose heights end at 100 km
+TURN_DEG, RATE_HZ = 30.0, 3.0  # turn of a flight's line of sight a second, moments a second
 NOT_DIFFUSE = 1e-6  # specular part that makes the renderer trace a cavity instead of rings
 
 
@@ -30,10 +36,7 @@ def directions(azimuths_deg, elevations_deg) -> np.ndarray:
 SCENARIO = """# An adverse case.
 [target]
 scene = "adverse.xml"
-[observer]
-range_m = {range_m!r}
-azimuth_deg = {azimuth!r}
-elevation_deg = {elevation!r}
+{where}
 [atmosphere]
 table = "vacuum"
 [background]
@@ -45,54 +48,94 @@ resolution = {pixels}
 tolerance = {tolerance!r}
 max_spp = {max_spp}
 """
+OBSERVER = """[observer]
+range_m = {range_m!r}
+azimuth_deg = {azimuth!r}
+elevation_deg = {elevation!r}
+"""
+FLIGHT = """[flight]
+path = "path.csv"
+ground_m = {ground!r}
+rate_hz = {rate!r}
+"""
+PATH = "time_s,x_m,y_m,z_m,yaw_deg,pitch_deg,roll_deg,temperature.{group}\n"
 
 
 @dataclass(frozen=True)
 class Written:
     """A scenario in a void.
 
-    path: its file. range_m: distance [m]. direction: unit vector toward the observer. behind:
-    temperature of the background [K]. tolerance: that of the render.
+    path: its file. behind: temperature of the background [K]. tolerance: that of the render.
     """
 
     path: Path
-    range_m: float
-    direction: np.ndarray
     behind: float
     tolerance: float
 
     @staticmethod
-    def beside(scene, case: Case, rng, tolerance: float, camera: str = "") -> "Written":
-        """A scenario with a random view of a case's scene. camera: text of a table [camera]."""
-        range_m, path = RANGE * case.file.place.scale, scene.path.with_name("adverse.toml")
-        azimuth, elevation = float(rng.uniform(0, 360)), float(rng.uniform(5, 85))
-        behind = float(rng.uniform(200, 300))
+    def beside(scene, witness: Witness, rng, tolerance: float, where: str) -> "Written":
+        """The scenario of a case's scene. where: its table [observer] or [flight], and [camera]."""
+        path, behind = scene.path.with_name("adverse.toml"), float(rng.uniform(200, 300))
         text = SCENARIO.format(
-            range_m=range_m,
-            azimuth=azimuth,
-            elevation=elevation,
+            where=where,
             background=behind,
-            band=case.band,
+            band=witness.case.band,
             pixels=PIXELS,
             tolerance=tolerance,
-            max_spp=MOST_PATHS // PIXELS**2,
+            max_spp=witness.most_spp,
         )
-        path.write_text(text + camera, encoding="utf-8")
-        (direction,) = directions([azimuth], [elevation])
-        return Written(path, range_m, direction, behind, tolerance)
+        path.write_text(text, encoding="utf-8")
+        return Written(path, behind, tolerance)
+
+    def irradiance(self, case: Case, direction, range_m: float, radiances: dict) -> float:
+        """Exact contrast irradiance of the target [W m^-2]."""
+        intensity, projected = case.view(direction, radiances, case.materials)
+        return (intensity - projected * case.background_radiance(self.behind)) / range_m**2
+
+
+def observer(case: Case, rng) -> tuple[str, float, np.ndarray]:
+    """Table [observer] of a random view, its range [m] and its direction."""
+    range_m = RANGE * case.file.place.scale
+    azimuth, elevation = float(rng.uniform(0, 360)), float(rng.uniform(5, 85))
+    text = OBSERVER.format(range_m=range_m, azimuth=azimuth, elevation=elevation)
+    (direction,) = directions([azimuth], [elevation])
+    return text, range_m, direction
 
 
 def contrast(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
     """The interval and the tolerance of a contrast in a void."""
-    written = Written.beside(scene, case, rng, float(rng.choice([0.1, 0.03])))
+    tolerance = float(rng.choice([0.1, 0.03]))
+    where, *view = observer(case, rng)
+    written = Written.beside(scene, witness, rng, tolerance, where)
     row = mi_lcair.contrast(written.path).rows[-1]
-    intensity, projected = case.view(written.direction, case.radiances(), case.materials)
-    behind = case.background_radiance(written.behind)
-    truth = (intensity - projected * behind) / written.range_m**2
+    truth = written.irradiance(case, *view[::-1], case.radiances())
     yield witness.claim("interval, contrast", row.total.value, truth, row.half_width)
     if row.reached:
-        allowed = written.tolerance * abs(truth)
+        allowed = tolerance * abs(truth)
         yield witness.claim("tolerance, contrast", row.total.value, truth, allowed)
+
+
+def flight(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
+    """Intervals of the moments of a flight in a void, while a group warms up."""
+    away, group = min(RANGE * case.file.place.scale, FLOWN), next(iter(case.temperatures))
+    azimuths = rng.uniform(0, 360) + np.cumsum(rng.uniform(-TURN_DEG, TURN_DEG, 3))
+    ranges = away * rng.uniform(0.5, 2, 3)
+    places = -ranges[:, None] * directions(azimuths, rng.uniform(30, 60, 3))
+    kelvin = case.temperatures[group] * rng.uniform(0.8, 1.2, 3)
+    rows = np.column_stack([np.arange(3), places, np.zeros((3, 3)), kelvin]).tolist()
+    lines = "".join(",".join(map(repr, row)) + "\n" for row in rows)
+    scene.path.with_name("path.csv").write_text(PATH.format(group=group) + lines, encoding="utf-8")
+    where = FLIGHT.format(ground=-4 * away, rate=RATE_HZ)
+    written = Written.beside(scene, witness, rng, float(rng.choice([0.1, 0.03])), where)
+    table = mi_lcair.flight(written.path, seed=int(rng.integers(1000))).table
+    to_observer = -np.column_stack([table["x_m"], table["y_m"], table["z_m"]])
+    at = np.interp(table["time_s"], np.arange(3), kelvin)
+    for k, (vector, T) in enumerate(zip(to_observer, at)):
+        range_m = float(np.linalg.norm(vector))
+        radiances = case.radiances(**{group: float(T)})
+        truth = written.irradiance(case, vector / range_m, range_m, radiances)
+        value, half_width = table["contrast_W_m2"][k], table["contrast_half_width_W_m2"][k]
+        yield witness.claim("interval, flight", value, truth, half_width)
 
 
 def sweep(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
@@ -103,7 +146,7 @@ def sweep(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
         "conditions": {"azimuth_deg": rng.uniform(0, 360, 3).tolist(), "elevation_deg": views},
         "sampling": {
             "tolerance": tolerance,
-            "max_spp": MOST_PATHS // PIXELS**2 // 4,
+            "max_spp": witness.most_spp // 4,
             "resolution": PIXELS,
             "seed": int(rng.integers(1000)),
         },
@@ -139,31 +182,64 @@ def cavity(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
     yield witness.claim("cavity, " + result.method, result.effective[0], truth, stated)
 
 
-def camera(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
-    """Electrons of a target in a camera's frame before the optics, all pixels together."""
+def recorded(case: Case, scene, witness: Witness, rng, side: int, **optics) -> tuple:
+    """An image by a camera with these entries, and the exact electrons of its target.
+
+    Returns the image, the electrons in the whole frame of side x side pixels, their magnitude, and
+    the 95 % error of the rendering.
+    """
     imager = {
-        "focal_length_mm": 1e-3 * PITCH_UM * FRAME * RANGE / WIDTH,
+        "focal_length_mm": 1e-3 * PITCH_UM * RANGE / PIXEL,
         "f_number": 2.0,
         "pitch_um": PITCH_UM,
-        "width": FRAME,
-        "height": FRAME,
+        "width": side,
+        "height": side,
         "integration_time_ms": 1.0,
         "well_Me": 1e6,
         "projection": str(rng.choice(["perspective", "orthographic"])),
-    }
-    table = "".join(f"{name} = {value!r}\n" for name, value in imager.items())
+    } | optics
+    table = "".join(f"{name} = {value!r}\n" for name, value in imager.items()).replace("'", '"')
     tolerance = float(rng.choice([0.1, 0.03]))
-    written = Written.beside(scene, case, rng, tolerance, "[camera]\n" + table.replace("'", '"'))
-    exposure = mi_lcair.image(written.path).exposure
+    where, range_m, direction = observer(case, rng)
+    written = Written.beside(scene, witness, rng, tolerance, where + "[camera]\n" + table)
+    image = mi_lcair.image(written.path)
     # Electrons for a photon m^-2 sr^-1 s^-1, by the pupil's solid angle, the pixel and the time
     pitch = PITCH_UM * 1e-6
     per_radiance = np.pi / (4 * imager["f_number"] ** 2) * pitch**2 * 1e-3
     pixel_sr = (pitch / (1e-3 * imager["focal_length_mm"])) ** 2
-    values = case.photons()
-    intensity, projected = case.view(written.direction, values, case.materials)
+    intensity, projected = case.view(direction, case.photons(), case.materials)
     hidden = projected * planck.by_quadrature(case.band, written.behind, photons=True)
-    to_electrons = per_radiance / written.range_m**2 / pixel_sr
-    error = student(np.inf) * np.sqrt(np.sum(exposure.error**2)) / OVERSAMPLING**2
-    value, truth = exposure.contrast.sum() / OVERSAMPLING**2, to_electrons * (intensity - hidden)
-    stated = error + PARALLEL * to_electrons * (intensity + hidden)
-    yield witness.claim("camera's electrons", value, truth, stated)
+    to_electrons = per_radiance / range_m**2 / pixel_sr
+    noise = student(np.inf) * np.sqrt(np.sum(image.exposure.error**2)) / OVERSAMPLING**2
+    exact, size = (to_electrons * (intensity + sign * hidden) for sign in (-1, 1))
+    return image, exact, size, noise
+
+
+def camera(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
+    """Electrons of a target in a camera's frame before the optics, all pixels together."""
+    image, truth, size, noise = recorded(case, scene, witness, rng, FRAME)
+    value = image.exposure.contrast.sum() / OVERSAMPLING**2
+    yield witness.claim("camera's electrons", value, truth, noise + PARALLEL * size)
+
+
+def blurred(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
+    """The same behind optics, which spread the electrons and keep their sum.
+
+    Diffraction alone spreads them beyond the frame. The share that it sends further than r is at
+    most 2 wavelength N / (pi^2 r) (Born and Wolf, Principles of Optics, 8.5.2).
+    """
+    N = float(rng.choice([1.0, 2.0, 4.0]))
+    pixel_urad = 1e6 * PIXEL / RANGE
+    optics = {
+        "f_number": N,
+        "jitter_urad": float(rng.uniform(0, 2)) * pixel_urad,
+        "defocus_um": float(rng.uniform(-3, 3)) * PITCH_UM * N,
+    }
+    image, truth, size, noise = recorded(case, scene, witness, rng, WIDE, **optics)
+    electrons, behind = (
+        image.channels[name].astype(float) for name in ("electrons.Y", "electrons.background.Y")
+    )
+    lost = 2 * planck.BANDS_UM[case.band][1] * N / (np.pi**2 * FAR * PITCH_UM)
+    rounding = np.finfo(np.float32).eps * (electrons + behind).sum()
+    stated = noise + (PARALLEL + lost) * size + rounding
+    yield witness.claim("camera's blur", (electrons - behind).sum(), truth, stated)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from docs.studies.claims.__main__ import main, run
+from docs.studies.claims.__main__ import add_to, main, run
 from docs.studies.claims.claims import Claim
 from docs.studies.claims.coverage import defects, interval, rows
 
@@ -70,3 +70,26 @@ def test_command_writes_the_page(tmp_path, capsys):
     again = tmp_path / "again.md"
     main([*arguments, "--page", str(again), "--read", str(tmp_path / "claims.csv")])
     assert again.read_text() == page
+
+
+def test_runs_with_repeats_have_a_section_of_their_own(tmp_path):
+    """Ten claims of each of 20 scenes, of which two fail by 1.2 times."""
+    claims = [
+        claim(scene > 1 or k > 0, scene, "tolerance") for scene in range(20) for k in range(10)
+    ]
+    for name, some in (("one.csv", claims[::10]), ("many.csv", claims)):
+        add_to(str(tmp_path / name), some)
+    page = tmp_path / "claims.md"
+    files = {"--read": "one.csv", "--repeated": "many.csv"}
+    options = [part for key, name in files.items() for part in (key, str(tmp_path / name))]
+    main([*options, "--page", str(page)])
+    once, many = page.read_text().split("## Ten runs a scene")
+    assert "| tolerance | 20 | 20 | 90.0% |" in once
+    assert "| tolerance | 200 | 20 | 99.0% | 96.4% to 99.9% | 1.00% | 0.00% | 0.00% |" in many
+    assert "Here are 20 scenes: 20 scenes of seed 1." in many
+
+
+def test_repeats_of_a_command_have_other_random_numbers():
+    found = run(SEED, [2], only=["to_tolerance"], repeats=2, most_paths=2**12)
+    first, second = (entry.error for entry in found if entry.name == "interval, stopped")
+    assert first != second
