@@ -1,6 +1,7 @@
 """Dataclasses from the tables of a TOML file, with one line about what cannot be used."""
 
 import json
+import os
 import re
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
@@ -66,6 +67,31 @@ def filled(kind, values, where: str):
         )
         check_fields(table)
     return table
+
+
+def dotted(table: Mapping, of_value=(), before: str = "") -> dict:
+    """The entries of a table with dotted names, as TOML nests a key such as a.b without quotes.
+
+    of_value: keys that mark a table as the value of an entry.
+    """
+    entries = {}
+    for key, value in table.items():
+        is_nested = isinstance(value, Mapping) and not set(value) & set(of_value)
+        name = f"{before}{key}"
+        entries |= dotted(value, of_value, f"{name}.") if is_nested else {name: value}
+    return entries
+
+
+def located(folder: Path, text: str) -> str:
+    """A file relative to the working folder; a name without a suffix that is no file stays."""
+    path = str(folder / text)
+    return path if Path(text).suffix or os.path.isfile(path) else text
+
+
+def located_values(folder: Path, values: Mapping) -> dict:
+    """Values of which those that are files in a folder become relative to the working folder."""
+    files = {key: str(folder / text) for key, text in values.items() if isinstance(text, str)}
+    return {**values, **{key: path for key, path in files.items() if os.path.isfile(path)}}
 
 
 def text_of(tables: dict[str, dict]) -> str:

@@ -19,6 +19,7 @@ import mi_lcair
 from docs.studies.page import write_page
 from mi_lcair import models3d, scenes
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
+from mi_lcair.rendering.facets.table import FacetTable
 
 EXAMPLES = scenes.FOLDER / "examples"
 SUN_W_M2, ELEVATION_DEG, EPSILON, ABSORPTANCE = 1361.0, 10.0, 0.95, 0.88
@@ -69,7 +70,7 @@ def crater(
     heat = mi_lcair.heat({"target": target, "weather": weather, "run": {"rays": rays}})
     # The ray toward the sun from a point of the bowl leaves it below its rim
     sun = np.array([np.cos(np.radians(ELEVATION_DEG)), 0, np.sin(np.radians(ELEVATION_DEG))])
-    centre = heat.facets.centre
+    centre = FacetTable(mi_lcair.load(target["scene"])).centre[heat.facets.number]
     path = -centre[:, 2] / sun[2]
     out = np.linalg.norm((centre + path[:, None] * sun)[:, :2], axis=1)
     shadow = out > 1.2

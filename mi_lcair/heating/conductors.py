@@ -29,17 +29,15 @@ class Facets:
     """The n facets of a scene that exchange heat.
 
     number: (n,), their numbers in the scene, see `rendering.facets.table.FacetTable`. area: (n,),
-    of one side [m^2]. sides: (n,), number of sides that radiate, 1 or 2. centre, normal: (n, 3)
-    [m], 1. groups: names of the groups. group: (n,), index of each facet's group in `groups`.
-    material: (n,), its name. emissivity: (n,), hemispherical, in the total band. is_diffuse: (n,),
-    whether it has one side that reflects evenly.
+    of one side [m^2]. sides: (n,), number of sides that radiate, 1 or 2. groups: names of the
+    groups. group: (n,), index of each facet's group in `groups`. material: (n,), its name.
+    emissivity: (n,), hemispherical, in the total band. is_diffuse: (n,), whether it has one side
+    that reflects evenly.
     """
 
     number: np.ndarray
     area: np.ndarray
     sides: np.ndarray
-    centre: np.ndarray
-    normal: np.ndarray
     groups: tuple[str, ...]
     group: np.ndarray
     material: np.ndarray
@@ -53,8 +51,8 @@ class Facets:
 
     @property
     def emitting_area(self) -> np.ndarray:
-        """Area times emissivity of all sides [m^2], (n,)."""
-        return self.radiating_area * self.emissivity
+        """Area times emissivity of all sides [m^2], (n,); not quite 0 if nothing is emitted."""
+        return np.maximum(self.radiating_area * self.emissivity, np.finfo(float).tiny)
 
     @cached_property
     def membership(self) -> sparse.csr_array:
@@ -66,7 +64,7 @@ class Facets:
     def share_of_groups(self, shares: np.ndarray) -> np.ndarray:
         """Shares of what each group emits, from those of the facets, (groups,)."""
         M, emitted = self.membership, self.emitting_area
-        return (M @ (shares * emitted)) / np.maximum(M @ emitted, np.finfo(float).tiny)
+        return (M @ (shares * emitted)) / (M @ emitted)
 
 
 @dataclass(frozen=True, eq=False)

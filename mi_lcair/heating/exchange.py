@@ -79,8 +79,7 @@ def exchange(
     facets = facets_of(paths)
     points = points_of(rays)
     means = paths.means(points, seed).sums(paths.areas)
-    emitted = np.maximum(facets.emitting_area, np.finfo(float).tiny)
-    astray = {name: means.end(name) / emitted for name in ENDS[1:]}
+    astray = {name: means.end(name) / facets.emitting_area for name in ENDS[1:]}
     check_lost(facets, astray["lost"], paths.shapes[int(means.lost.argmax())], scene.name)
     asymmetry = asymmetry_of(means, facets, points * RANDOMISATIONS)
     remarks = [*surfaces.remarks, *remarks_on_asymmetry(asymmetry, facets)]
@@ -122,8 +121,6 @@ def facets_of(paths: FacetPaths) -> Facets:
         number=number,
         area=table.area[number],
         sides=paths.of_facets(lambda surface: len(surface.sides)),
-        centre=table.centre[number],
-        normal=table.normal[number],
         groups=tuple(groups.tolist()),
         group=group,
         material=table.material[number].astype(str),

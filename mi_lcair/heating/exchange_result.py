@@ -98,8 +98,12 @@ class Exchange(Result):
 
         M = self.facets.membership
         path = (M * self.traced.path_area).max(axis=1).toarray()
-        values, errors = of_groups(self.conductors), self.traced.standard_error(of_groups)
-        return values, with_unmet(errors, path[:, None])
+        errors = self.traced.standard_error(of_groups)
+        return of_groups(self.conductors), with_unmet(errors, path)
+
+    def error(self, function: Callable[[Conductors], np.ndarray]) -> np.ndarray:
+        """Standard errors of areas of the facets, (n, ...) [m^2]; see `with_unmet`."""
+        return with_unmet(self.traced.standard_error(function), self.traced.path_area)
 
     @property
     def has_irradiance(self) -> bool:
@@ -150,8 +154,18 @@ class Exchange(Result):
 
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each facet. Shares are those of what the facet emits."""
-        facets, C, error = self.facets, self.conductors, self.traced.standard_error
-        emitted = np.maximum(facets.emitting_area, np.finfo(float).tiny)
+        facets, C = self.facets, self.conductors
+        quantities = [("conductor", "_m2", C.total, self.error(lambda c: c.total))]
+        for name, value in C.parts.items():
+            error = self.error(lambda c, name=name: c.parts[name])
+            emitted = facets.emitting_area
+            quantities.append((name, "", value / emitted, error / emitted))
+        if self.has_irradiance:
+            E, E_error = self.irradiance
+            kelvin = (E / STEFAN_BOLTZMANN) ** 0.25
+            kelvin_error = kelvin * E_error / (4 * np.maximum(E, 1e-300))
+            quantities.append(("irradiance", "_W_m2", E, E_error))
+            quantities.append(("environment", "_K", kelvin, kelvin_error))
         columns = {
             "facet": facets.number,
             "group": np.array(facets.groups)[facets.group],
@@ -160,63 +174,52 @@ class Exchange(Result):
             "area_m2": facets.area,
             "sides": facets.sides,
             "emissivity": facets.emissivity,
-            "conductor_m2": C.total,
-            "conductor_error_m2": error(lambda c: c.total),
+            "buried": self.astray["buried"],
         }
-        for name, value in C.parts.items():
-            columns[name] = value / emitted
-            scatter = error(lambda c, name=name: c.parts[name])
-            columns[f"{name}_error"] = with_unmet(scatter, self.traced.path_area) / emitted
-        columns["buried"] = self.astray["buried"]
-        if self.has_irradiance:
-            E, E_error = self.irradiance
-            kelvin = (E / STEFAN_BOLTZMANN) ** 0.25
-            columns |= {
-                "irradiance_W_m2": E,
-                "irradiance_error_W_m2": E_error,
-                "environment_K": kelvin,
-                "environment_error_K": kelvin * E_error / (4 * np.maximum(E, 1e-300)),
-            }
         if self.sun is not None:
             columns["absorptance"] = self.sun.absorptance
             for name in ("lit", "direct", "reflected"):
                 runs = getattr(self.sun, name)[:, 0]
-                columns[f"sun_{name}_m2"] = runs.mean(axis=0)
-                columns[f"sun_{name}_error_m2"] = standard_error(runs)
-        return columns
+                values = runs.mean(axis=0), standard_error(runs)
+                quantities.append((f"sun_{name}", "_m2", *values))
+        return columns | with_errors(*quantities)
 
     def pairs(self) -> dict[str, np.ndarray]:
-        """The conductors between facets, a row for each pair with the facets' numbers."""
-        upper = sparse.coo_array(sparse.triu(self.conductors.between))
+        """The conductors between facets, a row for each pair with the facets' numbers.
+
+        See `with_unmet` for their errors.
+        """
+        upper, facets = sparse.coo_array(sparse.triu(self.conductors.between)), self.facets
         i, j = upper.coords
-        squares = sum(c.between.power(2) for c in self.traced.replicates)
-        n = len(self.traced.replicates)
-        variance = sparse.csr_array(squares - self.conductors.between.power(2) * n) / (n * (n - 1))
-        number = self.facets.number
-        return {
-            "facet": number[i],
-            "other_facet": number[j],
-            "conductor_m2": upper.data,
-            "conductor_error_m2": np.sqrt(np.maximum(variance[i, j], 0)),
-        }
+        area, path = facets.radiating_area, self.traced.path_area
+        path = np.maximum(path[i] * area[j], path[j] * area[i]) / (area[i] + area[j])
+        error = with_unmet(self.traced.standard_error(lambda C: C.between[i, j]), path)
+        pairs = {"facet": facets.number[i], "other_facet": facets.number[j]}
+        return pairs | with_errors(("conductor", "_m2", upper.data, error))
 
     def to_xarray(self) -> "xarray.Dataset":
         """The facets over `facet`, their conductors to the rings of the sky, and the pairs."""
-        C, error = self.conductors, self.traced.standard_error
         rows = {name: (("facet",), value) for name, value in self.columns().items()}
         pairs = {f"pair_{name}": (("pair",), value) for name, value in self.pairs().items()}
-        rings = {
-            "to_sky_m2": (("facet", "ring"), C.to_sky),
-            "to_sky_error_m2": (("facet", "ring"), error(lambda c: c.to_sky)),
-        }
+        C, error = self.conductors, self.error(lambda C: C.to_sky)
+        to_sky = with_errors(("to_sky", "_m2", C.to_sky, error))
+        rings = {name: (("facet", "ring"), value) for name, value in to_sky.items()}
         facet = rows.pop("facet")
         return self.dataset(rows | rings | pairs, {"facet": facet})
+
+
+def with_errors(*quantities: tuple) -> dict[str, np.ndarray]:
+    """Columns of values and of their errors, from the name, unit, value and error of each."""
+    columns = {}
+    for name, unit, value, error in quantities:
+        columns |= {f"{name}{unit}": value, f"{name}_error{unit}": error}
+    return columns
 
 
 def with_unmet(errors: np.ndarray, path: np.ndarray) -> np.ndarray:
     """Standard errors of areas, at least half of what `UNMET` paths stand for.
 
     Where all paths or no path met them, or equally many of each randomisation, there is no scatter.
-    errors: by the randomisations [m^2]. path: what the largest path stands for [m^2].
+    errors: by the randomisations, (n, ...) [m^2]. path: what the largest path stands for, (n,).
     """
-    return np.maximum(errors, UNMET / 2 * path)
+    return np.maximum(errors.T, UNMET / 2 * path).T

@@ -97,7 +97,6 @@ class FacetPaths:
         self.shapes = list(scene.mi.shapes())
         table = self.table
         self.number = emitting_facets(table, self.shapes, scene.name)
-        self.lanes, self.done, self.kept = PILOT, 0, 0
         n, index = len(self.number), np.arange(len(self.number))
         self.parts = Parts.of(table, self.number, self.shapes)
         of_shape = np.array(surfaces.of_shape)
@@ -167,12 +166,19 @@ class FacetPaths:
         """The number of each hit's shape in a table by the pointer to it."""
         return dr.gather(mi.UInt32, table, dr.reinterpret_array(mi.UInt32, si.shape), active)
 
-    def points(self, row: mi.UInt32, sampler: Lattice) -> tuple[mi.SurfaceInteraction3f, mi.Float]:
-        """Even points on the facets of rows, and the sides of the rows."""
-        facet = dr.gather(mi.UInt32, self.row_facet, row)
+    def starts(self, place: mi.UInt32, point: mi.UInt32, seed) -> tuple:
+        """Even points on the facets of rows, with the rows' sides, for a number of each row.
+
+        place: number of the row, counted on through the RANDOMISATIONS. point: number of the path
+        among those of the place. Returns the points, the sides, and the sampler of what follows.
+        """
+        rows = dr.opaque(mi.UInt32, len(self.rows))
+        row, seed = place % rows, dr.opaque(mi.UInt32, seed)
+        sampler = Lattice.at(row * RANDOMISATIONS + place // rows, point, seed, self.vector)
         sample = sampler.next_2d()
+        facet = dr.gather(mi.UInt32, self.row_facet, row)
         si = self.parts.point(facet, sampler.next_1d(), sample)
-        return si, dr.gather(mi.Float, self.row_side, row)
+        return si, dr.gather(mi.Float, self.row_side, row), sampler
 
     def means(self, points: int, seed: int) -> Means:
         """What the paths of the rows meet.
@@ -192,52 +198,41 @@ class FacetPaths:
         InputError
             If the numbers that the first launches keep say that memory does not suffice for all.
         """
-        n, R = len(self.number), RANDOMISATIONS
-        self.done = self.kept = 0
-        met = self._met(0, len(self.rows), 0, points, seed, points) / points
-        runs = [met[run::R] for run in range(R)]
-        k = self.end("lost")
+        n, rows, k = len(self.number), len(self.rows), self.end("lost")
+        columns, paths = k + len(self.shapes), rows * points
+        runs = [sparse.csr_array((rows, columns))] * RANDOMISATIONS
+        begin, whole, lanes = 0, paths * RANDOMISATIONS, PILOT
+        while begin < whole:
+            end = min(begin + lanes, whole)
+            count, *hits = self._launch(begin, end - begin, points, seed)
+            count = int(count[0])
+            lanes = min(LANES, (end - begin) * SLOTS // max(2 * count, 1))  # half of the slots
+            if count > SLOTS:
+                continue
+            place, column, value = (array.numpy()[:count] for array in hits)
+            shape = rows * RANDOMISATIONS, columns
+            met = sparse.csr_array((value.astype(float), (place, column)), shape=shape) / points
+            for run in range(begin // paths, (end - 1) // paths + 1):
+                runs[run] = runs[run] + met[run * rows : (run + 1) * rows]
+            begin = end
+            check_free(
+                BYTES * sum(run.nnz for run in runs) * whole / end,
+                f"exchange of {n} facets with {points * RANDOMISATIONS} paths each",
+                "trace fewer rays, or give the model larger facets",
+            )
         ends = [np.column_stack([run[:, n:k].toarray(), run[:, k:].sum(axis=1)]) for run in runs]
-        return Means([run[:, :n] for run in runs], np.array(ends), met[:, k:].sum(axis=0))
+        lost = sum(run[:, k:].sum(axis=0) for run in runs)
+        return Means([run[:, :n] for run in runs], np.array(ends), lost)
 
-    def _met(self, first, rows, point, points, seed, whole) -> sparse.csr_array:
-        """What some of the `whole` points of some rows meet, (rows RANDOMISATIONS, columns)."""
-        lanes = rows * RANDOMISATIONS * points
-        if lanes > self.lanes and rows > 1:
-            half = rows // 2
-            upper = self._met(first, half, point, points, seed, whole)
-            lower = self._met(first + half, rows - half, point, points, seed, whole)
-            return sparse.vstack([upper, lower], format="csr")
-        if lanes > self.lanes and points > 1:
-            half = points // 2
-            early = self._met(first, rows, point, half, seed, whole)
-            return early + self._met(first, rows, point + half, points - half, seed, whole)
-        kept, *hits = self._launch(first, rows, point, points, seed)
-        count = int(kept[0])
-        self.lanes = min(LANES, lanes * SLOTS // max(2 * count, 1))  # half of the slots next time
-        if count > SLOTS:
-            return self._met(first, rows, point, points, seed, whole)
-        place, column, value = (array.numpy()[:count] for array in hits)
-        shape = rows * RANDOMISATIONS, self.end("lost") + len(self.shapes)
-        met = sparse.csr_array((value.astype(float), (place, column)), shape=shape)
-        self.done, self.kept = self.done + lanes, self.kept + met.nnz
-        check_free(
-            BYTES * self.kept * len(self.rows) * whole * RANDOMISATIONS / self.done,
-            f"exchange of {len(self.number)} facets with {whole * RANDOMISATIONS} paths each",
-            "trace fewer rays, or give the model larger facets",
-        )
-        return met
+    def _launch(self, begin: int, count: int, points: int, seed: int) -> tuple:
+        """Trace some of the paths, counted through the `points` of the places of `starts`.
 
-    def _launch(self, first, rows, point, points, seed) -> tuple:
-        """Trace `points` paths from `point` on, of each randomisation of each row.
-
-        Returns the number of hits, and of each its row and randomisation, column, and value.
+        Returns the number of hits, and of each its place, column, and value.
         """
-        lane = dr.arange(mi.UInt32, rows * RANDOMISATIONS * points)
-        first, points, seed, point = (dr.opaque(mi.UInt32, k) for k in (first, points, seed, point))
-        run, number = lane // points, lane % points
-        sampler = Lattice.at(first * RANDOMISATIONS + run, point + number, seed, self.vector)
-        si, side = self.points(first + run // RANDOMISATIONS, sampler)
+        first, offset = (dr.opaque(mi.UInt32, k) for k in divmod(begin, points))
+        lane, points = offset + dr.arange(mi.UInt32, count), dr.opaque(mi.UInt32, points)
+        place = first + lane // points
+        si, side, sampler = self.starts(place, lane % points, seed)
         si.wi = mi.warp.square_to_cosine_hemisphere(sampler.next_2d())
         si.wi.z = dr.mulsign(si.wi.z, side)
         absorbed, _, _ = self.respond(si, mi.Bool(True))
@@ -249,7 +244,7 @@ class FacetPaths:
         ray = mi.Ray3f(self.offsets.leave(si, to), to)
         slots = dr.empty(mi.UInt32, SLOTS), dr.empty(mi.UInt32, SLOTS), dr.empty(mi.Float, SLOTS)
         hits = dr.zeros(mi.UInt32, 1), *slots
-        self._follow(ray, weight, of_escape, sampler, run, hits)
+        self._follow(ray, weight, of_escape, sampler, place, hits)
         dr.eval(hits)
         return hits
 

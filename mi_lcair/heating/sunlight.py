@@ -15,7 +15,6 @@ from scipy import sparse
 
 from mi_lcair.heating.paths import LANES, RANDOMISATIONS, RINGS, FacetPaths, points_of
 from mi_lcair.heating.surfaces import SOLAR, Surfaces, hemispherical_emissivity
-from mi_lcair.plugins.samplers.lattice import Lattice
 from mi_lcair.rendering.scene import Scene
 
 
@@ -68,7 +67,9 @@ def solar_areas(
     means = paths.means(points_of(rays), seed)
     areas, area, n = means.sums(paths.areas), paths.areas.sum(axis=0), len(paths.number)
     points = points_of(shadow_rays)
-    where, side = starts(paths, points, seed)
+    lane = dr.arange(mi.UInt32, len(paths.rows) * RANDOMISATIONS * points)
+    where, side, _ = paths.starts(lane // points, lane % points, seed)
+    dr.eval(where, side)
     step = max(1, LANES // dr.width(side))
     blocks = [
         lit_shares(paths, toward_sun[k : k + step], where, side, points)
@@ -95,21 +96,10 @@ def solar_areas(
     )
 
 
-def starts(paths: FacetPaths, points: int, seed: int) -> tuple[mi.SurfaceInteraction3f, mi.Float]:
-    """Points of each randomisation of each row of paths, and the sides of the rows."""
-    lane = dr.arange(mi.UInt32, len(paths.rows) * RANDOMISATIONS * points)
-    points, seed = dr.opaque(mi.UInt32, points), dr.opaque(mi.UInt32, seed)
-    run = lane // points
-    sampler = Lattice.at(run, lane % points, seed, paths.vector)
-    si, side = paths.points(run // RANDOMISATIONS, sampler)
-    dr.eval(si, side)
-    return si, side
-
-
 def lit_shares(paths: FacetPaths, toward_sun: np.ndarray, where, side, points: int) -> np.ndarray:
     """Shares of the rows' areas across m beams, (2, RANDOMISATIONS, m, rows).
 
-    First what is lit, then what is absorbed of it. where, side: from `starts`.
+    First what is lit, then what is absorbed of it. where, side: from `FacetPaths.starts`.
     """
     m, count = len(toward_sun), dr.width(side)
     lane = dr.arange(mi.UInt32, m * count)
@@ -121,5 +111,5 @@ def lit_shares(paths: FacetPaths, toward_sun: np.ndarray, where, side, points: i
     values = [cos, cos * paths.respond(si, lit)[0]]
     dr.eval(values)  # in one kernel; a sum alone would trace the rays again
     sums = [dr.block_sum(value, points).numpy() / points for value in values]
-    shares = np.reshape(sums, (2, m, len(paths.rows), RANDOMISATIONS))
-    return np.moveaxis(shares.astype(float), 3, 1)
+    shares = np.reshape(sums, (2, m, RANDOMISATIONS, len(paths.rows)))
+    return np.moveaxis(shares.astype(float), 2, 1)

@@ -26,6 +26,7 @@ TOTAL, SOLAR = "total", "0.3-2.5"  # bands of the exchanged heat and of sunlight
 STAND_IN = "LWIR"  # band that stands in for the total band
 ROOM_K = 300.0  # temperature of the radiation over which a spectrum is averaged [K]
 SUN_K = 5772.0  # effective temperature of the sun [K]
+UNUSED = "its emissivity is not used; a surface emits and absorbs what its BSDF does not reflect"
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,10 +45,10 @@ class Surface:
     def is_diffuse(self) -> bool:
         """Whether it reflects evenly, on one side."""
         layer = self.bsdf
-        is_lambertian = is_reflection_bsdf(layer) and (
-            layer.lobe == "diffuse" or layer.model.name == "grey" and layer.lobe == "brdf"
-        )
-        return is_lambertian and len(self.sides) == 1
+        is_even = self.emissivity.kind == "diffuse"
+        if is_reflection_bsdf(layer):
+            is_even = layer.lobe == "diffuse" or (layer.model.name, layer.lobe) == ("grey", "brdf")
+        return is_even and len(self.sides) == 1
 
 
 @dataclass
@@ -80,10 +81,7 @@ class Surfaces:
                 )
             emitter = shape.emitter()
             if is_thermal(emitter) and emitter.given_emissivity is not None:
-                surfaces.remarks.append(
-                    f"shape '{shape.id()}': the emissivity of its emitter is not used; a surface "
-                    "emits and absorbs heat that its BSDF does not reflect"
-                )
+                surfaces.remarks.append(f"shape '{shape.id()}': {UNUSED}")
             key, make = surfaces._in_band(bsdf, scene)
             if key not in index:
                 index[key] = len(surfaces.different)
@@ -109,6 +107,8 @@ class Surfaces:
 
     def _entry(self, layer, of_scene: Band) -> tuple[str, dict, str]:
         """Model, parameters and form of a layer in the band; of_scene: the scene's band."""
+        if layer.emissivity != "kirchhoff":
+            self.remarks.append(f"bsdf '{layer.id()}': {UNUSED}")
         if layer.named is None:
             if not of_scene.is_total and layer.model.name != "grey":
                 self._stands_in(f"bsdf '{layer.id()}'", of_scene)

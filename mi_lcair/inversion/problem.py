@@ -3,7 +3,6 @@
 Its tables are the dataclasses of `measurement` and `tables`.
 """
 
-import os
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,7 +13,7 @@ from mi_lcair.files import parse_toml, read_text
 from mi_lcair.inversion.data.measurement import Candidate, Measurement
 from mi_lcair.inversion.tables import Goal, RenderSettings, UnknownEntry
 from mi_lcair.motions.table import MOTIONS, Declared, motions_of
-from mi_lcair.toml_table import filled
+from mi_lcair.toml_table import filled, located, located_values
 
 TABLES = ("data", "unknowns", "nuisance", "candidates", "goal", "render", MOTIONS)
 FILES = (
@@ -64,12 +63,13 @@ class InverseProblem:
 
         folder: folder to which paths are relative. Raises InputError if an entry cannot be used.
         """
+        folder = Path(folder)
         with errors_of(f"problem '{name}'"):
             check_known("table", TABLES, *tree)
-            data = rows(tree, "data", Measurement, Path(folder))
-            candidates = rows(tree, "candidates", Candidate, Path(folder))
+            data = rows(tree, "data", Measurement, folder)
+            candidates = rows(tree, "candidates", Candidate, folder)
             goal = tree.get("goal")
-            goal = None if goal is None else filled(Goal, located(goal, folder), "[goal]")
+            goal = None if goal is None else filled(Goal, located_table(goal, folder), "[goal]")
             problem = InverseProblem(
                 name=name,
                 title=title,
@@ -113,7 +113,7 @@ def rows(tree: dict, table: str, kind, folder: Path) -> tuple:
         if not isinstance(value, dict):
             raise InputError(f"{where}: must be a table")
         default = {"name": f"{'data' if table == 'data' else 'candidate'} {number}"}
-        result.append(of_table(kind, default | located(value, folder), where))
+        result.append(of_table(kind, default | located_table(value, folder), where))
     return tuple(result)
 
 
@@ -147,30 +147,14 @@ def entries(tree: dict, table: str) -> dict[str, UnknownEntry]:
     return result
 
 
-def located(table, folder) -> dict:
-    """A table whose paths are relative to the working directory instead of `folder`.
-
-    An entry without a suffix that is not a file stays as it is: it is a bundled name.
-    """
+def located_table(table, folder: Path) -> dict:
+    """A table whose files are relative to the working folder instead of `folder`."""
     if not isinstance(table, dict):
         return table
-
-    def located_at(value):
-        return str(Path(folder) / value)
-
-    def is_file(value):
-        return isinstance(value, str) and os.path.isfile(located_at(value))
-
-    result = dict(table)
-    for key in FILES:
-        value = table.get(key)
-        if isinstance(value, str) and (Path(value).suffix or is_file(value)):
-            result[key] = located_at(value)
+    files = {key: table[key] for key in FILES if isinstance(table.get(key), str)}
+    result = table | {key: located(folder, text) for key, text in files.items()}
     if isinstance(table.get("parameters"), dict):
-        result["parameters"] = {
-            key: located_at(value) if is_file(value) else value
-            for key, value in table["parameters"].items()
-        }
+        result["parameters"] = located_values(folder, table["parameters"])
     return result
 
 

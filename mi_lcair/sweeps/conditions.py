@@ -1,7 +1,7 @@
 """The table of conditions of a sweep: what changes, over which values, and how they combine."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isfinite, prod
 from os import PathLike
 from pathlib import Path
@@ -14,7 +14,7 @@ from mi_lcair.errors import InputError, check_known, shortened
 from mi_lcair.fraction import fraction
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.table import read_table
-from mi_lcair.toml_table import filled
+from mi_lcair.toml_table import dotted, filled, located
 
 MOST_CASES = 10_000_000  # largest number of cases of a sweep, whose table then takes 1 to 2 GB
 RUN = ("from", "to", "step")
@@ -156,34 +156,19 @@ def conditions_of(tree: Mapping, folder: Path, name: str) -> Conditions:
     """The conditions of the tables of a file in a folder."""
     check_known("table", TABLES, *tree)
     base = filled(Base, tree.get("base", {}), "[base]")
-    located = {
-        key: str(folder / text)
-        for key in ("scene", "scenario")
-        if (text := getattr(base, key)) is not None
-        and (Path(text).suffix or (folder / text).exists())
-    }
+    files = {key: text for key in ("scene", "scenario") if (text := getattr(base, key)) is not None}
     stated = tree.get("conditions")
     if not isinstance(stated, Mapping) or not stated:
         raise InputError("[conditions]: is missing; give at least one condition and its values")
     return Conditions(
-        base=Base(**vars(base) | located),
+        base=replace(base, **{key: located(folder, text) for key, text in files.items()}),
         values={
-            key: values_of(key, value, folder) for key, value in flattened(stated, folder).items()
+            key: values_of(key, value, folder)
+            for key, value in dotted(stated, (*RUN, *COLUMN)).items()
         },
         sampling=filled(SamplingTable, tree.get("sampling", {}), "[sampling]"),
         name=name,
     )
-
-
-def flattened(table: Mapping, folder: Path, before: str = "") -> dict:
-    """Entries of nested tables by dotted names; tables that state values stay as they are."""
-    entries = {}
-    for key, value in table.items():
-        if isinstance(value, Mapping) and not (value.keys() & {*RUN, *COLUMN}):
-            entries |= flattened(value, folder, f"{before}{key}.")
-        else:
-            entries[f"{before}{key}"] = value
-    return entries
 
 
 def values_of(name: str, stated, folder: Path) -> list[Value]:

@@ -36,6 +36,7 @@ import numpy as np
 from mi_lcair.errors import InputError, check_known, errors_of
 from mi_lcair.files import parse_toml, read_text
 from mi_lcair.motions.table import MOTIONS, Declared, motions_of
+from mi_lcair.toml_table import dotted
 from mi_lcair.uncertainty.distributions import KINDS, check_sigma
 
 TABLES = ("sigma", "scenario", "fits", "facets", "correlated", MOTIONS)
@@ -119,7 +120,7 @@ def parsed(tree: Mapping, name: str, folder: Path) -> Uncertainties:
         tables[table] = tree.get(table, {})
         if not isinstance(tables[table], Mapping):
             raise InputError(f"{table} must be a table, [{table}]")
-    sigma = flat(tables["sigma"])
+    sigma = dotted(tables["sigma"], KINDS)
     sigma |= {f"scenario.{key}": value for key, value in tables["scenario"].items()}
     for key, value in sigma.items():
         check_sigma(key, value)
@@ -139,16 +140,6 @@ def parsed(tree: Mapping, name: str, folder: Path) -> Uncertainties:
         raise InputError("holds no uncertainties; give [sigma], [scenario], [facets] or [fits]")
     motions = motions_of(tree.get(MOTIONS, {}), folder)
     return Uncertainties(name, sigma, correlated, fits, facets, motions)
-
-
-def flat(table: Mapping, prefix: str = "") -> dict:
-    """The entries of a table with dotted names, as TOML nests a key such as a.b without quotes."""
-    entries = {}
-    for key, value in table.items():
-        is_nested = isinstance(value, Mapping) and not set(value) & set(KINDS)
-        inside = flat(value, f"{prefix}{key}.") if is_nested else None
-        entries |= {f"{prefix}{key}": value} if inside is None else inside
-    return entries
 
 
 def read_correlated(group: Mapping, sigma: Mapping) -> Correlated:

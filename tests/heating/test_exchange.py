@@ -8,6 +8,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.heating.conductors import RINGS_DEG
 from mi_lcair.heating.exchange import exchange
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
+from mi_lcair.rendering.facets.table import FacetTable
 from tests.heating.radiosity import extrapolated_cube
 from tests.heating.scenes import (
     between,
@@ -100,8 +101,9 @@ def test_a_scene_that_does_not_fit_into_memory_is_refused_early(monkeypatch):
 
 
 def test_view_factors_of_a_black_cube():
-    result = exchange(scene_of(box=box(grey(1.0), emitter=emits())), rays=131072)
-    normal = np.round(result.facets.normal).astype(int)
+    scene = scene_of(box=box(grey(1.0), emitter=emits()))
+    result = exchange(scene, rays=131072)
+    normal = np.round(FacetTable(scene).normal).astype(int)
     GR = result.conductors.between.toarray() + np.diag(result.conductors.to_self)
     faces = np.unique(normal, axis=0)
     of_face = np.array([(normal == face).all(axis=1) for face in faces], dtype=float)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from mi_lcair.errors import InputError
+from mi_lcair.toml_table import dotted
 from mi_lcair.uncertainty.distributions import relative
 from mi_lcair.uncertainty.uncertainties import (
     FittedMaterial,
     Uncertainties,
-    flat,
     of_material,
 )
 from tests.uncertainty.statements import REPORT, inputs
@@ -139,7 +139,7 @@ def test_fractions():
 
 
 def test_nested_keys():
-    assert flat({"a": {"b": 1, "c": {"d": 2}}, "e.f": 3, "g": {}}) == {
+    assert dotted({"a": {"b": 1, "c": {"d": 2}}, "e.f": 3, "g": {}}) == {
         "a.b": 1,
         "a.c.d": 2,
         "e.f": 3,

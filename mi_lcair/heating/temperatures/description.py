@@ -14,12 +14,11 @@ from mi_lcair.declared import Bounds, within
 from mi_lcair.errors import InputError, check_known, errors_of
 from mi_lcair.fraction import fraction
 from mi_lcair.heating.temperatures.wall import Wall
-from mi_lcair.toml_table import filled
+from mi_lcair.toml_table import dotted, filled, located, located_values
 
 KELVIN = within(lower=10, upper=6000, unit="K")
 POSITIVE = within(is_positive=True)
 NOT_NEGATIVE = within(lower=0)
-TABLES = ("target", "weather", "groups", "sigma", "run", "signature")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,6 +181,14 @@ class SignatureTable:
     spp: int = field(default=64, metadata=within(lower=16, upper=2**20))
 
 
+KINDS = {
+    "target": TargetTable,
+    "weather": WeatherTable,
+    "run": RunTable,
+    "signature": SignatureTable,
+}
+
+
 @dataclass(frozen=True)
 class Sigma:
     """A standard uncertainty: in the unit of its quantity, or relative to it."""
@@ -194,7 +201,8 @@ class Sigma:
         """The uncertainty of an entry of [sigma], such as 0.05 or "30 %"."""
         where = f"[sigma]: {name}"
         if isinstance(given, str) and given.strip().endswith("%"):
-            return Sigma(fraction(given), True)
+            with errors_of(where):
+                return Sigma(fraction(given), True)
         if type(given) not in (int, float):
             raise InputError(f'{where} = {given!r}; must be a number, or a text such as "30 %"')
         Bounds(is_positive=True).check(float(given), where)
@@ -207,7 +215,7 @@ class Sigma:
 
 @dataclass(frozen=True)
 class Description:
-    """The tables of a heat.toml. folder: that of its paths. name: of the result."""
+    """The tables of a heat.toml. folder: that of its paths."""
 
     target: TargetTable
     weather: WeatherTable
@@ -216,7 +224,6 @@ class Description:
     run: RunTable = RunTable()
     signature: SignatureTable | None = None
     folder: Path = Path()
-    name: str = "heat"
 
     @staticmethod
     def read(source: str | PathLike[str] | Mapping) -> "Description":
@@ -227,9 +234,9 @@ class Description:
         return toml_table.read(source, described, "heat")
 
 
-def described(tree: Mapping, folder: Path, name: str) -> Description:
+def described(tree: Mapping, folder: Path, _name: str) -> Description:
     """The description of the tables of a file in a folder."""
-    check_known("table", TABLES, *tree)
+    check_known("table", [*KINDS, "groups", "sigma"], *tree)
     for table in tree:
         if not isinstance(tree[table], Mapping):
             raise InputError(f"[{table}] must be a table")
@@ -238,35 +245,20 @@ def described(tree: Mapping, folder: Path, name: str) -> Description:
             "[weather]: sky has radiances in two bands only; give sky_K, or an EPW file, for its "
             "total radiance"
         )
-    target = filled(TargetTable, tree.get("target", {}), "[target]")
-    if Path(target.scene).suffix or (folder / target.scene).exists():
-        target = TargetTable(scene=str(folder / target.scene), parameters=target.parameters)
-    groups = {}
+    tables = {key: filled(kind, tree.get(key, {}), f"[{key}]") for key, kind in KINDS.items()}
+    if "signature" not in tree:
+        tables["signature"] = None
+    target, groups = tables.pop("target"), {}
     for group, values in tree.get("groups", {}).items():
-        where = f"[groups.{group}]"
-        groups[group] = filled(GroupTable, values, where)
-        with errors_of(where):
+        with errors_of(where := f"[groups.{group}]"):
+            groups[group] = filled(GroupTable, values, where)
             groups[group].check()
-    signature = tree.get("signature")
+    scene, parameters = located(folder, target.scene), located_values(folder, target.parameters)
+    sigma = dotted(tree.get("sigma", {}))
     return Description(
-        target=target,
-        weather=filled(WeatherTable, tree.get("weather", {}), "[weather]"),
+        target=TargetTable(scene=scene, parameters=parameters),
         groups=groups,
-        sigma={key: Sigma.of(key, value) for key, value in flat(tree.get("sigma", {})).items()},
-        run=filled(RunTable, tree.get("run", {}), "[run]"),
-        signature=None if signature is None else filled(SignatureTable, signature, "[signature]"),
+        sigma={key: Sigma.of(key, value) for key, value in sigma.items()},
         folder=folder,
-        name=name,
+        **tables,
     )
-
-
-def flat(table: Mapping, before: str = "") -> dict:
-    """Entries of nested tables by dotted names."""
-    entries = {}
-    for key, value in table.items():
-        entries |= (
-            flat(value, f"{before}{key}.")
-            if isinstance(value, Mapping)
-            else {f"{before}{key}": value}
-        )
-    return entries

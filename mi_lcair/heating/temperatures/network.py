@@ -231,13 +231,12 @@ class Network:
         is_whole: False for the last term only, what surfaces reflect less on others.
         """
         facets, C, weather = self.facets, self.conductors, self.weather
-        emitting = np.maximum(facets.emitting_area, np.finfo(float).tiny)
         delta = self.relative(group, sigma, facets.emissivity)
 
         def changed(fourth, sky, ground):
             """The derivative of GR times T^4 of facets, sky and ground."""
             absorbed = C.absorbed(fourth, sky, ground)
-            onward = C.absorbed(delta * (fourth - absorbed / emitting), 0, 0)
+            onward = C.absorbed(delta * (fourth - absorbed / facets.emitting_area), 0, 0)
             return delta * absorbed + onward if is_whole else onward
 
         def gained(kelvin, k):

@@ -17,7 +17,7 @@ def figure(exchange: Exchange):
 
     C, facets = exchange.conductors.by_group(exchange.facets), exchange.facets
     names = [plain(name) for name in facets.groups]
-    emitted = np.maximum(facets.membership @ facets.emitting_area, np.finfo(float).tiny)
+    emitted = facets.membership @ facets.emitting_area
     figure = new_figure((11, 1.8 + 0.45 * len(names) + 1.2), layout="constrained")
     bars, matrix = figure.subplots(1, 2)
 

@@ -16,7 +16,7 @@ PARTS = ("sky", "ground", "itself", "other groups")  # of what a group emits
 def sections(result) -> list[Section]:
     """Shares of the groups, the conductors between them, their sky by elevation, and facets."""
     M, names = result.facets.membership, result.facets.groups
-    emitted = np.maximum(M @ result.facets.emitting_area, np.finfo(float).tiny)
+    emitted = M @ result.facets.emitting_area
     areas = result.by_group(lambda C: np.transpose([*C.parts.values()]))
     shares = zip(*(area / emitted[:, None] for area in areas))
     astray = {k: result.facets.share_of_groups(v) for k, v in result.astray.items()}

@@ -46,8 +46,7 @@ def network(
     )
     total = np.maximum(mean.total, 1e-3)
     facets = Facets(
-        number=np.arange(n), area=area, sides=np.ones(n, int), centre=np.zeros((n, 3)),
-        normal=np.tile([0.0, 0, 1], (n, 1)), groups=names, group=np.arange(n),
+        number=np.arange(n), area=area, sides=np.ones(n, int), groups=names, group=np.arange(n),
         material=np.array(["grey"] * n), emissivity=np.minimum(total / np.maximum(area, 1e-3), 1),
         is_diffuse=np.ones(n, bool),
     )  # fmt: skip
