@@ -14,6 +14,7 @@ from mi_lcair.inversion.unknowns import Unknown
 
 NORMAL_95 = stats.norm.ppf(0.975)
 HIDDEN = "not determined: the noise of the render hides its effect; raise spp of [render]"
+LEAST_FREEDOM = 1.0  # smallest number of degrees of freedom with which residuals are tested
 ALIKE = 0.95  # correlation from which two unknowns are said to trade
 # The entries of `chi_square` where there is nothing to test
 UNTESTED = {
@@ -194,7 +195,7 @@ def chi_square(blocks: list[DatumBlock], x: np.ndarray, determined: float) -> di
         added += float(np.sum(2 * measured * rendered + both))
         points += np.count_nonzero(w)
     dof = points - determined
-    if dof <= 0:
+    if dof < LEAST_FREEDOM:
         return UNTESTED | {"chi_square": total}
     share = dof / points
     equivalent = share * expected**2 / squared

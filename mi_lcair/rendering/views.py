@@ -1,5 +1,7 @@
 """Views of a scene's model by distant observers: orthographic cameras that see all of it."""
 
+import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import drjit as dr
@@ -8,6 +10,7 @@ import numpy as np
 import scipy
 
 from mi_lcair.errors import InputError
+from mi_lcair.fraction import percent
 from mi_lcair.plugins.emission.triangles import is_faceted, vertex_positions
 from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of
 from mi_lcair.rendering.loading.origin import extent
@@ -21,6 +24,7 @@ FEW_POINTS = 1000  # largest number of points that are used without reducing the
 UP, BESIDE = (0, 0, 1), (1, 0, 0)  # upward directions of images, below and above POLE_DEG
 DIGITS = 9  # decimals to which angles are rounded
 PROBES = 64  # rays along each side of the window in `hidden_share`
+CELLS = 16  # rays along each side of the window of each view in `terrain_before`
 MOST_PIXELS = 8192  # pixels along each side of a view
 POLE_DEG = 89.999  # elevation beyond which z cannot be the upward direction of an image
 
@@ -160,7 +164,7 @@ def film(width: int, height: int) -> dict:
     }
 
 
-def cameras(scene: Scene, target: Target, views: list[View]):
+def cameras(scene: Scene, target: Target, views: Sequence[View]):
     """One sensor for all views, so that one kernel renders them all.
 
     The views are next to each other in its film, with one pixel each.
@@ -170,7 +174,7 @@ def cameras(scene: Scene, target: Target, views: list[View]):
     scene : Scene
     target : Target
         The extent of the scene's model.
-    views : list of View
+    views : sequence of View
     """
     far = depth(scene)
     inner = {f"view{k}": target.camera(view, 1, far) for k, view in enumerate(views)}
@@ -215,6 +219,41 @@ def hidden_remark(scene: Scene, range_m: float) -> list[str]:
         f"{hidden:.0%} of the target has sky or terrain of the scene between it and the observer; "
         "this sky or terrain is ignored and does not hide the target"
     ]
+
+
+def terrain_before(scene: Scene, views: Sequence[View]) -> np.ndarray:
+    """Share of each view's window before which terrain lies, farther out than the camera, (V,).
+
+    Terrain on both sides of the model, such as the walls of a room, does not count.
+    """
+    target, cells = Target.of(scene), CELLS**2
+    index = dr.arange(mi.UInt32, len(views) * cells)
+    x, y = index // cells + (index % CELLS + 0.5) / CELLS, (index // CELLS % CELLS + 0.5) / CELLS
+    film_point = mi.Point2f(x / len(views), y)
+    ray, _ = cameras(scene, target, views).sample_ray(0, 0, film_point, mi.Point2f(0.5))
+    with scene.prepared() as tracer:
+
+        def is_terrain(origin, direction):
+            hit = scene.mi.ray_intersect(mi.Ray3f(origin, direction))
+            emitter = hit.emitter(scene.mi)
+            background = ~tracer.emitters.is_model(emitter)
+            return background & ~tracer.emitters.shows_sun(hit, emitter)
+
+        behind = is_terrain(ray(2 * MARGIN * target.radius), ray.d)
+        before = is_terrain(ray.o, -ray.d) & ~behind
+    return before.numpy().reshape(len(views), cells).mean(axis=1)
+
+
+def warn_of_terrain(scene: Scene, views: Sequence[View]) -> None:
+    """Warn if the cameras of some views leave out terrain before the model."""
+    share = terrain_before(scene, views)
+    if share.any():
+        warnings.warn(
+            f"in {np.count_nonzero(share)} of {len(views)} views terrain lies before up to "
+            f"{percent(share.max())} of the view, farther out than the camera; it is ignored and does "
+            "not hide the model",
+            stacklevel=2,
+        )
 
 
 def meets_model(scene: Scene, cells: int) -> tuple[mi.Ray3f, mi.Bool]:

@@ -16,7 +16,7 @@ from mi_lcair.rendering.reflections.number import chosen
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.settings import set_all
-from mi_lcair.rendering.views import View
+from mi_lcair.rendering.views import View, warn_of_terrain
 from mi_lcair.rendering.window import PASS_SAMPLES
 from mi_lcair.sensitivity.parameters import check_same, load_with_values
 from mi_lcair.signatures.trend import TrendRows
@@ -106,7 +106,10 @@ class Batch:
         """Batches of nearly equal size."""
         most = max(1, min(VIEWS_AT_ONCE, PASS_SAMPLES // resolution**2))
         bounds = np.linspace(0, len(views), -(-len(views) // most) + 1).round().astype(int)
-        fingerprint, variant = subject.load().fingerprint, mi.variant()
+        scene, variant = subject.load(), mi.variant()
+        fingerprint = scene.fingerprint
+        for low, high in zip(bounds, bounds[1:]):
+            warn_of_terrain(scene, views[low:high])
         return [
             Batch(
                 subject=subject,

@@ -14,7 +14,7 @@ from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import checked
-from mi_lcair.rendering.views import Target, View, seen_from
+from mi_lcair.rendering.views import Target, View, seen_from, terrain_before, warn_of_terrain
 from mi_lcair.rendering.window import FIRST_PATHS
 from mi_lcair.signatures.many_views import render_views
 from tests.plugins.conftest import plate  # noqa: F401, a fixture
@@ -78,6 +78,20 @@ def test_a_black_slab_is_seen_by_its_projected_area(plate, view, area):
         assert abs(value - expected) <= 4 * error + 1e-5 * expected
         # What is not seen at all has the error of what paths may have missed
         assert error <= (0.01 * value if value else 1e-3 * L_300)
+
+
+def test_terrain_before_a_view(plate):
+    """A slab over a floor of 2 m: from below all of it is hidden, from above and aside nothing."""
+    floor = plate("floor", [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], BLACK, 290.0)
+    floor["emitter"]["facet_type"] = "terrain"
+    scene = loaded(slab=plate("slab", SLAB, BLACK, 300.0), floor=floor)
+    views = [View(0, 90), View(20, 0), View(45, -90), View(30, -80)]
+    assert terrain_before(scene, views).tolist() == [0, 0, 1, 1]
+    with pytest.warns(UserWarning, match=r"in 2 of 4 views terrain lies before up to 100 %"):
+        warn_of_terrain(scene, views)
+    ceiling = floor | {"to_world": mi.ScalarTransform4f().translate([0, 0, 2])}
+    room = loaded(slab=plate("slab", SLAB, BLACK, 300.0), floor=floor, ceiling=ceiling)
+    assert not terrain_before(room, [View(45, -90)]).any()
 
 
 @pytest.mark.slow
