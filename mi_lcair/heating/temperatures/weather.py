@@ -2,7 +2,6 @@
 
 import csv
 from dataclasses import dataclass, fields
-from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +26,7 @@ EPW = {
     "wind_m_s": (21, 999),
 }
 MEANS = ("sky_K", "sun_W_m2", "diffuse_W_m2")
+STANDS_IN = {"wind_m_s": "h_W_m2_K", "infrared": "sky_K"}  # what [weather] may give in its place
 EPW_HEADER = 8  # lines above the rows
 ZERO_CELSIUS = 273.15
 DIRECTION = ("sun_elevation_deg", "sun_azimuth_deg")
@@ -114,9 +114,7 @@ def weather(table: WeatherTable, folder: Path, steps: int, is_periodic: bool) ->
         return completed(table, values, np.zeros(1), "[weather]")
     path = folder / table.file
     where, is_epw = f"weather {path}", path.suffix.lower() == ".epw"
-    text, rows, place = epw_rows(path, table.day) if is_epw else csv_rows(path)
-    if is_epw and table.h_W_m2_K is not None:
-        del rows["wind_m_s"]
+    text, rows, place = epw_rows(path, table) if is_epw else csv_rows(path)
     if twice := [name for name in (*rows, *place) if values.get(name)]:
         raise InputError(f"{where}: has {twice[0]}; leave it out of [weather]")
     hours = rows.pop("hour")
@@ -154,9 +152,10 @@ def check_hours(where: str, hours: np.ndarray, is_periodic: bool) -> None:
     if (bad := ~((steps > 0) & (steps < 1.5 * usual))).any():
         row = int(bad.argmax())
         hint = "; give start_K of [run] for a series that is no day" if is_periodic else ""
+        what = "there is a gap" if steps[row] > 0 else "time does not rise"
         raise InputError(
-            f"{where}: from hour {hours[row]:g} to {hours[row] + steps[row]:g} there is a gap, "
-            f"where rows are {usual:g} h apart{hint}"
+            f"{where}: from hour {hours[row]:g} to {hours[row] + steps[row]:g} {what}, "
+            f"where rows are {abs(usual):g} h apart{hint}"
         )
 
 
@@ -173,35 +172,46 @@ def csv_rows(path: Path) -> tuple[TextTable, dict, dict]:
     return table, numbers, {}
 
 
-def epw_rows(path: Path, day: date | None) -> tuple[TextTable, dict, dict]:
+def epw_rows(path: Path, given: WeatherTable) -> tuple[TextTable, dict, dict]:
     """Rows of a day of an EPW file, as `csv_rows`, and the place of its first line.
 
     The year of the day is ignored, because the months of a typical year come from several years.
+    What is given in place of a column is not read; see `STANDS_IN`.
     """
-    where = f"weather {path}"
-    lines = list(csv.reader(read_text(path, where).splitlines()))
-    if len(lines) <= EPW_HEADER or not lines[0] or lines[0][0] != "LOCATION":
+    where, day = f"weather {path}", given.day
+    columns = {
+        name: place
+        for name, place in EPW.items()
+        if name not in STANDS_IN or getattr(given, STANDS_IN[name]) is None
+    }
+    reader = csv.reader(read_text(path, where).splitlines(), skipinitialspace=True)
+    lines = [[cell.strip() for cell in row] for row in reader]
+    if len(lines) <= EPW_HEADER or lines[0][:1] != ["LOCATION"]:
         raise InputError(f"{where}: is no EPW file, whose first line begins with LOCATION")
     if day is None:
         raise InputError(f"{where}: name the day, such as day = 2026-06-21")
     of_day = [
-        (number, [cell.strip() for cell in (row[3], *(row[k] for k, _ in EPW.values()))])
+        (number, [row[3], *(row[k] for k, _ in columns.values())])
         for number, row in enumerate(lines[EPW_HEADER:], EPW_HEADER + 1)
         if len(row) > 21
-        and [cell.strip().lstrip("0") for cell in row[1:3]] == [str(day.month), str(day.day)]
+        and [cell.lstrip("0") for cell in row[1:3]] == [str(day.month), str(day.day)]
     ]
     if len(of_day) != 24:
         raise InputError(f"{where}: has {len(of_day)} rows of {day}; expected 24")
-    table = TextTable(where, ["hour", *EPW], of_day)
+    table = TextTable(where, ["hour", *columns], of_day)
     numbers = table.numbers(table.columns)
-    for name, (_, missing) in EPW.items():
+    for name, (_, missing) in columns.items():
         if (absent := numbers[name] >= missing).any():
             raise InputError(f"{where}, line {of_day[int(absent.argmax())][0]}: {name} is missing")
     numbers["air_K"] += ZERO_CELSIUS
-    table.check_range("infrared", numbers["infrared"], 0, 9999)
-    numbers["sky_K"] = (numbers.pop("infrared") / STEFAN_BOLTZMANN) ** 0.25
-    names = ["latitude_deg", "longitude_deg", "utc_offset_h"]
-    place = TextTable(where, names, [(1, lines[0][6:9])]).numbers(names)
+    if "infrared" in numbers:
+        table.check_range("infrared", numbers["infrared"], 0, 9999)
+        numbers["sky_K"] = (numbers.pop("infrared") / STEFAN_BOLTZMANN) ** 0.25
+    *names, _ = PLACE
+    head = TextTable(where, names, [(1, lines[0][6:9])])
+    place = head.numbers(names)
+    for name, values in place.items():
+        head.check_range(name, values, *LIMITS[name])
     return table, numbers, {name: float(value[0]) for name, value in place.items()}
 
 

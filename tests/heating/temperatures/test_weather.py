@@ -43,6 +43,13 @@ def epw(path, change=None):
     return WeatherTable(file="site.epw", day=date(2026, 6, 21))
 
 
+def placed(path, place):
+    """The same file with another place."""
+    table, file = epw(path), path / "site.epw"
+    file.write_text(file.read_text().replace("47.48,8.53,1.0", place))
+    return table
+
+
 def night(path):
     """Sunshine around midnight at a place."""
     (path / "night.csv").write_text(
@@ -72,10 +79,20 @@ def test_rows_are_interpolated(tmp_path):
     np.testing.assert_allclose(series.seconds, 900 * np.arange(1, 25))
 
 
-def test_h_stands_in_for_the_wind_of_an_epw_file(tmp_path):
-    epw(tmp_path)
-    table = WeatherTable(file="site.epw", day=date(2026, 6, 21), h_W_m2_K=7.0)
-    assert np.all(weather(table, tmp_path, 24, True).h_W_m2_K == 7)
+@pytest.mark.parametrize(
+    ("column", "given"), [(21, {"h_W_m2_K": 7.0}), (12, {"sky_K": 260.0})], ids=["h", "sky"]
+)
+def test_numbers_stand_in_for_what_an_epw_file_lacks(tmp_path, column, given):
+    table = replace(epw(tmp_path, {column: 9999}), **given)
+    ((name, value),) = given.items()
+    assert np.all(getattr(weather(table, tmp_path, 24, True), name) == value)
+
+
+def test_an_epw_file_with_blanks_is_the_same(tmp_path):
+    table = epw(tmp_path)
+    plain, file = weather(table, tmp_path, 24, True), tmp_path / "site.epw"
+    file.write_text(file.read_text().replace(",", " , "))
+    np.testing.assert_equal(vars(weather(table, tmp_path, 24, True)), vars(plain))
 
 
 def test_a_short_series_is_no_steady_state(tmp_path):
@@ -102,6 +119,10 @@ def test_epw_file(tmp_path):
     [
         (lambda p: rows(p, hours=[*range(5), *range(7, 25)]), "from hour 4 to 7 there is a gap"),
         (lambda p: rows(p, hours=range(12)), "from hour 11 to 24 there is a gap.* give start_K"),
+        (lambda p: rows(p, hours=[0, 0, 1, 2]), "from hour 0 to 0 time does not rise"),
+        (lambda p: placed(p, "99,8,1"), "line 1: latitude_deg 99; must lie in -90..90"),
+        (lambda p: placed(p, "47,190,1"), "line 1: longitude_deg 190; must lie in"),
+        (lambda p: placed(p, "47,8,15"), "line 1: utc_offset_h 15; must lie in -14..14"),
         (lambda p: rows(p, lambda hour: "290,,8,0,-20,0"), "line 2: '' in column 'sky_K'"),
         (lambda p: rows(p, lambda hour: "290,260,8,5,-20,0"), "sun below the horizon"),
         (lambda p: rows(p, hours=[3]), "one row"),
