@@ -4,19 +4,22 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from mi_lcair.detection.detection_range import detection_range
-from mi_lcair.detection.irradiance import Backdrop, Irradiance, RenderError
+from mi_lcair.detection.detection_range import detection_range, largest_ranges
+from mi_lcair.detection.irradiance import Backdrop, Irradiance, LineOfSources, RenderError
 from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import AtmosphereTable, atmosphere
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.physics.detector import Detector
 from mi_lcair.plugins.emission.source import Source
+from mi_lcair.rendering.views import View
 from mi_lcair.signatures.effective_areas import EffectiveAreas
+from mi_lcair.signatures.view_areas import ViewAreas
 
 LWIR, HOT, AIR, SKY, AREA, ERROR = band("LWIR"), 330.0, 270.0, 290.0, 10.0, 0.1  # K; m^2
 DEPTH = 1e-3  # optical depth per metre of the air
 L = {T: float(in_band_radiance(LWIR, T)) for T in (HOT, AIR, SKY)}
+BACKDROP = Backdrop("sky", lambda x: spectral_radiance(x, SKY), np.empty(0))
 
 
 def target(air):
@@ -32,8 +35,7 @@ def target(air):
         nodes_um=np.empty(0),
         by_wavelength=np.empty((2, 0)),
     )
-    sky = Backdrop("sky", lambda x: spectral_radiance(x, SKY), np.empty(0))
-    return Irradiance(areas, RenderError(0.0), LWIR, air, sky)
+    return Irradiance(areas, RenderError(0.0), LWIR, air, BACKDROP)
 
 
 def grey_air(last_m=10_000.0):
@@ -178,3 +180,54 @@ def test_from_a_range_on():
     assert np.ravel(result.intervals_m) == pytest.approx([10, 1000, 3000, 10_000], rel=1e-9)
     assert result.summary().startswith("detected at 10-1000 m, 3000-10000 m; at least")
     assert result.columns()["start_m"].tolist() == pytest.approx([10, 3000])
+
+
+def views(areas_m2):
+    """Blackbodies of some areas, known to 1 %, whose radiation has an error of 2 % beside that."""
+    count, amounts = len(areas_m2), np.repeat(np.reshape(areas_m2, (-1, 1)), 2, axis=1)
+    return ViewAreas(
+        band=LWIR,
+        sources=[Source("self", "330 K", L[HOT], HOT)],
+        nodes_um=np.empty(0),
+        views=(View(0.0, 0.0),) * count,
+        amounts=amounts,
+        deviations=np.array([0.006, -0.008])[:, None] * amounts[:, None, :],
+        relative=np.full(count, 0.02),
+        missed=np.zeros(count),
+        paths=np.ones(count, dtype=int),
+        reached=np.ones(count, dtype=bool),
+    )
+
+
+def test_largest_ranges_of_many_views():
+    """Seen to the table's end, as colder than the sky, as hotter only, and never.
+
+    The slope and the error at the end of a range are those of `contrast`.
+    """
+    areas, air, detector = views([1e5, 5.0, 0.1, 1e-9]), grey_air(), Detector(LWIR, 0.5, nei=1e-7)
+    line = LineOfSources(areas, LWIR, air, BACKDROP)
+    largest, errors = largest_ranges(line, areas, detector, air, 5.0)
+    assert largest[[0, 3]].tolist() == [10_000, 0] and np.isnan(errors[[0, 3]]).all()
+    level = 10 * 1e-7 / 0.5
+    for k, sign, ends in ((1, -1, (2000, 9999)), (2, 1, (5, 1300))):
+        signal = lambda r, k=k: contrast(r) * areas.amounts[k, 0] / AREA  # noqa: E731
+        end = brentq(lambda r: sign * signal(r) - level, *ends)
+        assert largest[k] == pytest.approx(end, rel=2e-4)
+        target = np.exp(-DEPTH * end) * L[HOT] * areas.amounts[k, 0] / end**2
+        slope = (signal(end + 0.01) - signal(end - 0.01)) / 0.02
+        error = np.hypot(0.01 * level, 0.02 * target) / abs(slope)
+        assert errors[k] == pytest.approx(error, rel=5e-3)
+    with pytest.raises(InputError, match="lies within the target's radius"):
+        largest_ranges(line, areas, detector, air, 10_000.0)
+
+
+def test_largest_ranges_in_vacuum():
+    """Area (B(T) - B(sky)) = level range^2; half of the relative error of the signal."""
+    areas, air = views([10.0, 1e-9]), atmosphere("vacuum")
+    line, detector = LineOfSources(areas, LWIR, air, BACKDROP), Detector(LWIR, 0.5, nei=1e-7)
+    largest, errors = largest_ranges(line, areas, detector, air, 5.0)
+    end = np.sqrt(10 * (L[HOT] - L[SKY]) / (10 * 1e-7 / 0.5))
+    of_target = 0.02 * L[HOT] / (L[HOT] - L[SKY])
+    assert largest == pytest.approx([end, 0], rel=1e-6)
+    assert errors[0] == pytest.approx(end * np.hypot(0.01, of_target) / 2, rel=1e-6)
+    assert np.isnan(errors[1])

@@ -14,6 +14,7 @@ from mi_lcair.signatures.effective_areas import EffectiveAreas
 from tests.detection.test_detection_range import (
     AIR,
     AREA,
+    BACKDROP,
     DEPTH,
     HOT,
     LWIR,
@@ -28,7 +29,6 @@ COLD = 280.0
 # Covariances [m^4] of the effective areas of two sources and of the projected area
 COVARIANCE = np.array([[0.04, -0.01, 0.02], [-0.01, 0.09, 0.03], [0.02, 0.03, 0.05]])
 L_COLD = float(in_band_radiance(LWIR, COLD))
-BACKDROP = Backdrop("sky", lambda x: spectral_radiance(x, SKY), np.empty(0))
 
 
 def two_sources(**more):
@@ -61,7 +61,9 @@ def test_terms_through_grey_air():
 def test_groups_are_parts_of_the_target():
     """Each has the error of its own effective area; together they are the target."""
     groups = two_sources().by_group(grey_air().path(RANGE))
-    assert list(groups) == ["hot", "cold"]
+    assert {name: list(part) for name, part in groups.items()} == {
+        name: ["intensity", "target"] for name in ("hot", "cold")
+    }
     for part, radiance, area, variance in zip(groups.values(), (L[HOT], L_COLD), (AREA, 4), (4, 9)):
         intensity, error = radiance * area, radiance * np.sqrt(variance / 100)
         assert part["intensity"] == pytest.approx((intensity, error), rel=1e-6)
@@ -91,6 +93,7 @@ def test_half_widths():
     path = grey_air().path(RANGE)
     error = two_sources().at(path)["total"].standard_error
     assert two_sources().half_width(path) == pytest.approx(1.959964 * error, rel=1e-6)
+    assert two_sources().least_half_width(path) == 0
     result = two_sources(degrees_of_freedom=4, missed=0.3, systematic=0.01)
     missed = 0.3 * TAU / RANGE**2
     assert result.half_width(path) == pytest.approx(stdtrit(4, 0.975) * error + missed, rel=1e-5)
@@ -160,7 +163,7 @@ def test_a_background_with_a_path_of_its_own():
     ground = Backdrop(
         "ground",
         lambda x: spectral_radiance(x, 300.0),
-        np.array([8.5]),
+        np.array([7.0, 8.5]),
         lambda range_m: air.path(range_m + 300),
     )
     arriving = ground.at_sensor(RANGE)
@@ -168,7 +171,7 @@ def test_a_background_with_a_path_of_its_own():
     expected = tau * spectral_radiance(10.0, 300.0) + (1 - tau) * spectral_radiance(10.0, AIR)
     assert arriving.at(np.array([10.0]))[0] == pytest.approx(expected, rel=1e-5)
     assert arriving.path_at is None and arriving.name == "ground" and 8.5 in arriving.rows_um
-    assert set(air.wavelengths_um) < set(arriving.rows_um)
+    assert set(air.wavelengths_um) < set(arriving.rows_um) and 7.0 not in arriving.rows_um
     assert BACKDROP.at_sensor(RANGE) is BACKDROP
 
 
@@ -187,3 +190,18 @@ def test_a_response_weighs_the_rule(tmp_path):
     assert result.in_band(result.behind.at(result.wavelengths_um)) == pytest.approx(
         expected, rel=1e-8
     )
+
+
+@pytest.mark.parametrize("factor", [1.0, 2.5])
+def test_a_background_that_reflects_light_through_air(factor):
+    """A third of the sun's light, whose absorbers and those of the path add."""
+    air, light = atmosphere("us_standard"), clear_air("us_standard").sun(50.0, 45.0)
+    ground = Backdrop(
+        "ground", lambda x: 0.3 * light.at(x), light.wavelengths_um, air.path, ((0.3, light),)
+    )
+    path = air.path(2000.0)
+    expected = 0.3 * factor * light.through(path.amounts) + path.radiance
+    arriving = ground.scaled(factor).at_sensor(2000.0).at(path.wavelengths_um)
+    np.testing.assert_allclose(arriving, expected, rtol=1e-5)
+    dimmed = path.transmittance * ground.scaled(factor).at(path.wavelengths_um) + path.radiance
+    assert (expected / dimmed).max() > 1.1  # where lines of the first path are saturated

@@ -70,4 +70,4 @@ def cited(library, names: list[str]) -> str:
         return ""
     text = file.read_text(encoding="utf-8").partition("\nDATA:")[0]
     parts = re.findall(r"^(?:REFERENCES|COMMENTS):(.*?)(?=^[A-Z_]+:|\Z)", text, re.M | re.S)
-    return "; ".join(re.sub(r"<[^>]+>|[|\s\"]+", " ", part).strip() for part in parts)
+    return "; ".join(re.sub(r"(<[^>]+>|[|\s\"])+", " ", part).strip() for part in parts)

