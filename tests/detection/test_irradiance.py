@@ -178,7 +178,7 @@ def test_a_background_with_a_path_of_its_own():
 def test_a_response_weighs_the_rule(tmp_path):
     """Between the rows of air, background and response, the rule is Gauss's of two points."""
     file = tmp_path / "response.csv"
-    file.write_text("wavelength_um,response\n9,0\n10,1\n11.5,0.4\n")
+    file.write_text("wavelength_um,response\n9,0\n10.001,1\n11.5,0.4\n")
     narrow = band(file)
     areas = two_sources().areas
     backdrop = Backdrop("sky", lambda x: x - 9, np.array([8.0, 9.7, 12.0]))
@@ -186,7 +186,7 @@ def test_a_response_weighs_the_rule(tmp_path):
     assert result.wavelengths_um.min() > 9 and result.wavelengths_um.max() < 11.5
     # int (x - 9) response dx by a fine trapezoidal rule
     x = np.linspace(9, 11.5, 250_001)
-    expected = np.trapezoid((x - 9) * np.interp(x, [9, 10, 11.5], [0, 1, 0.4]), x)
+    expected = np.trapezoid((x - 9) * np.interp(x, [9, 10.001, 11.5], [0, 1, 0.4]), x)
     assert result.in_band(result.behind.at(result.wavelengths_um)) == pytest.approx(
         expected, rel=1e-8
     )
