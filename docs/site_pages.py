@@ -1,8 +1,8 @@
 """What `mkdocs build` does beside its plugins: manuals of plugins, MathML, links of tutorials.
 
 Manuals and equations are made by docutils, without JavaScript and without a network. A line
-`::: plugin NAME` on a page becomes the manual of the plugin in plugins/KIND/NAME.py. The manual is
-the docstring of the class that the file registers with Mitsuba. The file is parsed and not
+`::: plugin NAME` on a page becomes the manual of the plugin in plugins/KINDs/NAME.py. The manual is
+the docstring of the class that has the plugin's name in CamelCase. The file is parsed and not
 imported, because plugins exist once for each Mitsuba variant. Tutorials name pages by
 their source files, as Markdown does, and mkdocs-jupyter leaves these links as they are.
 """
@@ -49,19 +49,13 @@ def manual(plugin: str) -> str:
     """Return heading and manual of the plugin in plugins/KIND/NAME.py, as Markdown and HTML."""
     (file,) = PLUGINS.glob(f"*s/{plugin}.py")
     tree = ast.parse(file.read_text(encoding="utf-8"))
-    kind, name, owner = registered(tree)
+    owner = plugin.title().replace("_", "")
     text = next(
         ast.get_docstring(node)
         for node in tree.body
         if isinstance(node, ast.ClassDef) and node.name == owner
     )
-    return f"## {kind} `{name}`\n\n<div>{converted(text)}</div>\n"
-
-
-def registered(tree: ast.Module) -> tuple[str, str, str]:
-    """Return kind, name and class of the plugin that a module registers on its last line."""
-    call = tree.body[-1].value
-    return call.func.attr.removeprefix("register_"), call.args[0].value, call.args[1].id
+    return f"## {file.parent.name.removesuffix('s')} `{plugin}`\n\n<div>{converted(text)}</div>\n"
 
 
 def mathml(equation: str, as_block: bool) -> str:

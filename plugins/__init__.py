@@ -1,4 +1,4 @@
-"""Mitsuba plugins, registered with Mitsuba when this package is imported.
+"""Mitsuba plugins, registered with Mitsuba when this package is imported, and made when used.
 
 Mitsuba's base classes belong to the variant that is set while a class statement runs. Modules that
 use Mitsuba are therefore loaded again for each further variant. Functions that other modules have
@@ -8,7 +8,6 @@ imported find the classes of the current variant, because a module's names are r
 import importlib
 import sys
 from dataclasses import dataclass
-from functools import partial
 from graphlib import TopologicalSorter
 from types import FunctionType
 
@@ -24,8 +23,8 @@ DEFAULT_VARIANT = "llvm_ad_mono"
 class Plugin:
     """A plugin: its kind (bsdf, emitter, integrator or sampler) and its name in scene files.
 
-    Plugin `sky_dome` of the kind emitter is the class `SkyDome` in emitters/sky_dome.py. The last
-    line of that file registers it with Mitsuba.
+    Plugin `sky_dome` of the kind emitter is the class `SkyDome` in emitters/sky_dome.py, which is
+    imported when it is first used.
     """
 
     kind: str
@@ -38,7 +37,17 @@ class Plugin:
     @property
     def type(self) -> type:
         """The plugin's class in the current variant."""
-        return vars(sys.modules[self.module])[self.name.title().replace("_", "")]
+        return vars(importlib.import_module(self.module))[self.name.title().replace("_", "")]
+
+    def made(self, properties):
+        """The plugin with the properties of a scene; raises InputError without Dr.Jit's arrays."""
+        if "_ad_" not in mi.variant():
+            raise InputError(
+                f"plugin '{self.name}' needs Dr.Jit's arrays, which variant {mi.variant()} lacks; "
+                "set llvm_ad_mono, or any that begins with llvm_ for the sampler in a scene of "
+                "Mitsuba's plugins"
+            )
+        return self.type(properties)
 
 
 PLUGINS = {
@@ -74,9 +83,9 @@ def define(old: str | None, new: str) -> None:
     """
     if old in _names:
         _names[old] = names_of_modules()  # with those that were imported since
+    for plugin in PLUGINS.values():
+        vars(mi)[f"register_{plugin.kind}"](plugin.name, plugin.made)
     if "_ad_" not in new:
-        for plugin in PLUGINS.values():
-            vars(mi)[f"register_{plugin.kind}"](plugin.name, partial(refuse, plugin.name, new))
         return
     names_before = _names.get(new, {})
     for name, names in names_before.items():
@@ -85,8 +94,6 @@ def define(old: str | None, new: str) -> None:
         for name in bound_to_variant():
             if name not in names_before:
                 importlib.reload(sys.modules[name])
-    for plugin in PLUGINS.values():
-        importlib.import_module(plugin.module)
     _names[new] = names_of_modules()
 
 
@@ -95,20 +102,13 @@ def names_of_modules() -> dict[str, dict]:
     return {name: dict(vars(sys.modules[name])) for name in bound_to_variant()}
 
 
-def refuse(name: str, variant: str, properties) -> None:
-    """Raise InputError: a plugin is named in a variant without Dr.Jit's arrays."""
-    raise InputError(
-        f"plugin '{name}' needs Dr.Jit's arrays, which variant {variant} lacks; set llvm_ad_mono, "
-        "or any that begins with llvm_ for the sampler in a scene of Mitsuba's plugins"
-    )
-
-
 def bound_to_variant() -> list[str]:
     """Modules of this package that use Mitsuba, each after those from which it imports."""
+    plugins = {plugin.module for plugin in PLUGINS.values()}
     modules = {
         name: vars(module)
         for name, module in sys.modules.items()
-        if name.startswith(f"{__name__}.") and vars(module).get("mi") is mi
+        if name.startswith(f"{__name__}.") and (vars(module).get("mi") is mi or name in plugins)
     }
     uses = {
         name: {v.__module__ for v in names.values() if isinstance(v, (type, FunctionType))}

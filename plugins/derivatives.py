@@ -14,8 +14,7 @@ from contextlib import contextmanager
 import drjit as dr
 import mitsuba as mi
 
-from mi_lcair.plugins.tracing import is_traced
-from mi_lcair.startup.threads import exclusive
+from mi_lcair.startup.threads import exclusive, is_traced
 
 
 class Deriving(ABC):

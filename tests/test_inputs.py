@@ -9,9 +9,9 @@ import pytest
 
 import mi_lcair
 from mi_lcair import InputError, scenes
+from mi_lcair.declared import fraction
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.fitting.scatterometer.reading import read, read_directional
-from mi_lcair.fraction import fraction
 from mi_lcair.physics.atmosphere import atmosphere
 from mi_lcair.rendering.scene import of_mitsuba
 

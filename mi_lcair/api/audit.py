@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from mi_lcair.api.scene import scene_of
+from mi_lcair.api.load import scene_of
 from mi_lcair.planning.audit import audit_flux
 from mi_lcair.planning.audit_result import Audit
 from mi_lcair.progress import Progress

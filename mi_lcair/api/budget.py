@@ -5,8 +5,8 @@ from os import PathLike
 from pathlib import Path
 
 from mi_lcair import scenes
+from mi_lcair.api.load import sampling_of, scene_of
 from mi_lcair.api.scenario import scenario_of
-from mi_lcair.api.scene import sampling_of, scene_of
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.progress import Progress

@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from os import PathLike
 
 from mi_lcair.api.scenario import scenario_of
+from mi_lcair.declared import fraction
 from mi_lcair.detection.contrast import measure_contrast
 from mi_lcair.detection.contrast_result import Contrast
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.errors import errors_of
-from mi_lcair.fraction import fraction
 from mi_lcair.progress import Progress
 from mi_lcair.startup.threads import exclusively
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from mi_lcair.api.scene import scene_of
+from mi_lcair.api.load import scene_of
 from mi_lcair.declared import Bounds
 from mi_lcair.heating import exchange as heating
 from mi_lcair.heating.exchange_result import Exchange

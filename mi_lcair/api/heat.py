@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from os import PathLike
 
-from mi_lcair.api.scene import scene_of
+from mi_lcair.api.load import scene_of
 from mi_lcair.heating.temperatures.description import Description
 from mi_lcair.heating.temperatures.heat_result import Heat
 from mi_lcair.heating.temperatures.solve import temperatures

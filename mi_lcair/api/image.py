@@ -6,10 +6,9 @@ from os import PathLike
 from mi_lcair.api.scenario import scenario_of
 from mi_lcair.camera.image import record_image
 from mi_lcair.camera.image_result import Image
-from mi_lcair.declared import Bounds
+from mi_lcair.declared import Bounds, fraction
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.errors import errors_of
-from mi_lcair.fraction import fraction
 from mi_lcair.progress import Progress
 from mi_lcair.startup.threads import exclusively
 

@@ -1,11 +1,16 @@
-"""`load`, a scene for all other functions."""
+"""`load`, a scene for all other functions, and the scene that a caller of them means."""
 
+from collections.abc import Mapping
 from os import PathLike
 
 import mitsuba as mi
 
+from mi_lcair.declared import fraction
+from mi_lcair.errors import InputError
 from mi_lcair.motions.table import MOTIONS
-from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.rendering.scene import Scene, SceneLike, parameters_of_loaded
+from mi_lcair.rendering.scene import load as load_plain
 from mi_lcair.sensitivity.parameters import load_with_values
 from mi_lcair.startup.threads import exclusively
 
@@ -45,4 +50,31 @@ def load(
         surface is not known, the integrator is not bounce_path, there is no thermal emitter.
     """
     given = parameters if motions is None else parameters | {MOTIONS: motions}
-    return load_with_values(scene, given)
+    return load_with_values(scene, given) if given else load_plain(scene)
+
+
+def scene_of(scene: SceneLike, parameters: Mapping[str, object] | None = None) -> Scene:
+    """The scene that a caller means.
+
+    Parameters
+    ----------
+    scene : Scene, str, Path or mi.Scene
+        A loaded scene, or what `load` takes.
+    parameters : mapping of str to object, optional
+        Values of $-parameters, for a name or a path.
+
+    Raises
+    ------
+    InputError
+        If the scene cannot be used, or if parameters are given for one that is loaded.
+    """
+    if not isinstance(scene, Scene):
+        return load(scene, **parameters or {})
+    if parameters:
+        raise InputError(f"{parameters_of_loaded(parameters)}; mi_lcair.load takes them")
+    return scene
+
+
+def sampling_of(tolerance: float | str | None, **settings) -> Sampling:
+    """The Sampling of a public function, whose tolerance may be a text such as "1%"."""
+    return Sampling(tolerance=fraction(tolerance), **settings)

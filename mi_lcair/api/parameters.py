@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from mi_lcair.api.scene import scene_of
+from mi_lcair.api.load import scene_of
 from mi_lcair.rendering.scene import SceneLike
 from mi_lcair.sensitivity.entries import Parameter
 from mi_lcair.sensitivity.parameters import parameters_of

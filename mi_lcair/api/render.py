@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from os import PathLike
 
-from mi_lcair.api.scene import sampling_of, scene_of
+from mi_lcair.api.load import sampling_of, scene_of
 from mi_lcair.physics.air.atmosphere import Atmosphere
 from mi_lcair.physics.atmosphere import atmosphere as read_atmosphere
 from mi_lcair.progress import Progress

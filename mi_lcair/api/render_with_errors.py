@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from mi_lcair.api.scene import sampling_of
+from mi_lcair.api.load import sampling_of
 from mi_lcair.declared import Bounds
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.images.with_errors import ImageWithErrors, image_with_errors

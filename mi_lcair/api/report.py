@@ -6,12 +6,12 @@ from importlib.metadata import version
 from os import PathLike
 
 import mi_lcair
-from mi_lcair.api.scene import scene_of
+from mi_lcair.api.load import scene_of
+from mi_lcair.declared import fraction
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import rendered_as, setting_of
 from mi_lcair.errors import InputError
 from mi_lcair.formats import kinds
-from mi_lcair.fraction import fraction
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.scene import Scene, SceneLike
@@ -21,8 +21,8 @@ from mi_lcair.reports.page.page import check_output, save
 from mi_lcair.reports.sections.facets import toward_sensor
 from mi_lcair.reports.sections.scenario import scenario_section
 from mi_lcair.results import Result
+from mi_lcair.results.cells import remarks
 from mi_lcair.results.sections import Facts, Remarks, Section
-from mi_lcair.results.text import remarks
 from mi_lcair.startup.threads import exclusively
 
 What = SceneLike | Result  # what a page shows: a file, a name, a scene or a result

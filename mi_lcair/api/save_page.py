@@ -27,7 +27,7 @@ def save_page(path: str | PathLike[str], result: Result, **options: Any) -> None
     """
     check_output(path)
     if "scene" in options:
-        from mi_lcair.api.scene import scene_of  # loads the renderer, which other results need not
+        from mi_lcair.api.load import scene_of  # loads the renderer, which other results need not
 
         options["scene"] = scene_of(options["scene"])
     save(path, result.page_title(), result.sections(**options))

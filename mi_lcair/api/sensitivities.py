@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from mi_lcair.api.scene import sampling_of, scene_of
+from mi_lcair.api.load import sampling_of, scene_of
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.scene import SceneLike
 from mi_lcair.sensitivity.sensitivities import Sensitivities

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from mi_lcair.api.scene import scene_of
+from mi_lcair.api.load import scene_of
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import SceneLike

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from os import PathLike
 
-from mi_lcair.api.scene import sampling_of, scene_of
+from mi_lcair.api.load import sampling_of, scene_of
 from mi_lcair.errors import InputError
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.reflections.number import chosen

@@ -1,7 +1,7 @@
 """The frames and measures that `image` returns."""
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -80,8 +80,8 @@ class Image(Result):
     seconds: float
     render_seconds: float
 
-    kind: ClassVar[str] = "image"
-    saved_by: ClassVar[dict[str, str]] = {
+    kind = "image"
+    saved_by = {
         ".exr": "mi_lcair.rendering.images.exr:write_render",
         ".tif": "mi_lcair.camera.image_result:write_counts",
     }

@@ -1,7 +1,6 @@
 """The effective emissivity of a cavity, as a result."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -59,7 +58,7 @@ class Cavity(Result):
     kelvin: np.ndarray
     remarks: tuple[str, ...] = ()
 
-    kind: ClassVar[str] = "cavity"
+    kind = "cavity"
 
     @property
     def sigma(self) -> np.ndarray:

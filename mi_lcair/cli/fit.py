@@ -36,74 +36,71 @@ def known_form(ctx, param, value):
 @click.argument("files", nargs=-1, required=True, type=options.FILE, metavar="DATA...")
 @options.output("the report, which is a material for scenes, FILE.json", (".json",))
 @options.plot("data, fitted curves and parameters")
-@click.option(
-    "--band",
-    "bands",
+@options.option(
+    "--band bands",
+    "Band of the measurement: 3-5 (um), MWIR, or the CSV of a response; one for each DATA "
+    "(default: band_um in the file).",
     multiple=True,
     metavar="BAND",
-    help="Band of the measurement: 3-5 (um), MWIR, or the CSV of a response; one for each DATA "
-    "(default: band_um in the file).",
 )
-@click.option(
-    "--emissivity",
-    "emissivities",
-    type=options.FILE,
+@options.option(
+    "--emissivity emissivities",
+    "Measured emissivity to fit as well; one file for each DATA.",
+    options.FILE,
     multiple=True,
-    help="Measured emissivity to fit as well; one file for each DATA.",
 )
-@click.option(
-    "--dhr",
-    "dhrs",
-    type=options.FILE,
+@options.option(
+    "--dhr dhrs",
+    "Measured directional-hemispherical reflectance to fit as well; one file for each DATA.",
+    options.FILE,
     multiple=True,
-    help="Measured directional-hemispherical reflectance to fit as well; one file for each DATA.",
 )
-@click.option(
+@options.option(
     "--quantity",
-    type=click.Choice(["brdf", "brdf_cos"]),
-    help="Quantity of the values: BRDF, or BRDF x cos theta_r (default: as the file states).",
+    "Quantity of the values: BRDF, or BRDF x cos theta_r (default: as the file states).",
+    click.Choice(["brdf", "brdf_cos"]),
 )
-@click.option(
+@options.option(
     "--theta-r-positive",
-    type=click.Choice(["specular", "source"]),
-    help="Side on which theta_r is positive (default: as the file states).",
+    "Side on which theta_r is positive (default: as the file states).",
+    click.Choice(["specular", "source"]),
 )
-@click.option(
+@options.option(
     "--model",
-    type=click.Choice(["auto", *NAMES]),
+    "Reflection model; auto takes the simplest one that describes the data.",
+    click.Choice(["auto", *NAMES]),
     default="auto",
-    help="Reflection model; auto takes the simplest one that describes the data.",
 )
-@click.option(
+@options.option(
     "--form",
+    "Form of the model, if it has several, such as thesis or normalized.",
     metavar="FORM",
     callback=known_form,
     default="auto",
-    help="Form of the model, if it has several, such as thesis or normalized.",
 )
-@click.option(
+@options.option(
     "--loss",
-    type=click.Choice(["log", "cube_root", "linear"]),
+    "Scale on which BRDFs are compared.",
+    click.Choice(["log", "cube_root", "linear"]),
     default="log",
-    help="Scale on which BRDFs are compared.",
 )
-@click.option("--robust", is_flag=True, help="Give outliers little weight.")
-@click.option("--starts", type=click.IntRange(min=1), default=64, help="Number of starting points.")
+@options.option("--robust", "Give outliers little weight.", is_flag=True)
+@options.option("--starts", "Number of starting points.", click.IntRange(min=1), default=64)
 @options.seed("Seed of the starting points.")
-@click.option(
+@options.option(
     "--max-angle-deg",
-    type=click.FloatRange(0, 90, min_open=True),
+    "Leave out points at larger angles.",
+    click.FloatRange(0, 90, min_open=True),
     default=80,
-    help="Leave out points at larger angles.",
 )
-@click.option(
-    "--min-brdf", type=click.FloatRange(0), default=1e-4, help="Leave out smaller values, in 1/sr."
+@options.option(
+    "--min-brdf", "Leave out smaller values, in 1/sr.", click.FloatRange(0), default=1e-4
 )
-@click.option(
+@options.option(
     "--source-half-angle-deg",
-    type=click.FloatRange(0, 90, max_open=True),
-    help="Half the angle of the source seen from the sample; 0 for a point source (default: as the "
+    "Half the angle of the source seen from the sample; 0 for a point source (default: as the "
     "file states).",
+    click.FloatRange(0, 90, max_open=True),
 )
 @options.json
 def command(files, output, plot, bands, **settings):

@@ -24,86 +24,82 @@ AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
 @options.output(
     "meshes, model.xml, scene.xml and the picture model.png to FOLDER", metavar="FOLDER"
 )
-@click.option("--check", is_flag=True, help="Only report; write nothing.")
-@click.option(
-    "--overwrite",
-    is_flag=True,
-    help="Replace files in FOLDER that were edited since the last import.",
+@options.option("--check", "Only report; write nothing.", is_flag=True)
+@options.option(
+    "--overwrite", "Replace files in FOLDER that were edited since the last import.", is_flag=True
 )
-@click.option(
+@options.option(
     "--forward",
-    type=AXIS,
-    help="Forward Axis in the export dialogue of Blender, which has -Z unless it is changed. "
+    "Forward Axis in the export dialogue of Blender, which has -Z unless it is changed. "
     "Without --forward and --up, x, y and z are those of Blender; glTF is turned by itself.",
+    AXIS,
 )
-@click.option(
-    "--up",
-    type=AXIS,
-    help="Up Axis in the export dialogue of Blender, which has Y unless it is changed.",
+@options.option(
+    "--up", "Up Axis in the export dialogue of Blender, which has Y unless it is changed.", AXIS
 )
-@click.option("--nose", type=AXIS, default="X", help="Axis along which the nose points in Blender.")
-@click.option(
+@options.option("--nose", "Axis along which the nose points in Blender.", AXIS, default="X")
+@options.option(
     "--names",
-    type=options.FILE,
-    metavar="CSV|TOML",
-    help="Table that says what the faces of an object, group or Blender material are: name and "
+    "Table that says what the faces of an object, group or Blender material are: name and "
     "type, material or emissivity, kelvin, group, elevation_deg.",
+    options.FILE,
+    metavar="CSV|TOML",
 )
-@click.option(
+@options.option(
     "--temperature",
-    type=float,
+    "Temperature of all model facets, instead of the labels' temperatures.",
+    float,
     metavar="K",
-    help="Temperature of all model facets, instead of the labels' temperatures.",
 )
-@click.option(
+@options.option(
     "--temperatures",
-    type=options.FILE,
-    metavar="CSV|VTU|JSON",
-    help="Table facet,kelvin with each facet once, instead of the labels' temperatures; a mesh of "
+    "Table facet,kelvin with each facet once, instead of the labels' temperatures; a mesh of "
     "a FEM program (.vtu, .med); or the solution of an inversion, for the facets that were unknown "
     "in it.",
+    options.FILE,
+    metavar="CSV|VTU|JSON",
 )
-@click.option(
+@options.option(
     "--material",
+    "Material of all model facets, instead of the labels' materials: a name, the emissivity "
+    "of a grey surface, or the JSON of a fit.",
     metavar="NAME|NUMBER|JSON",
     shell_complete=completion.materials,
-    help="Material of all model facets, instead of the labels' materials: a name, the emissivity "
-    "of a grey surface, or the JSON of a fit.",
 )
-@click.option(
+@options.option(
     "--materials",
-    type=options.FILE,
+    "Your own materials, or the JSON of a fit or of an inversion; copied to FOLDER.",
+    options.FILE,
     metavar="TOML|JSON",
-    help="Your own materials, or the JSON of a fit or of an inversion; copied to FOLDER.",
 )
-@click.option("--scale", type=float, default=1, help="Length of the file's unit, in metres.")
-@click.option(
+@options.option("--scale", "Length of the file's unit, in metres.", float, default=1)
+@options.option(
     "--sky",
-    metavar="clear|overcast|KELVIN|TABLE",
-    help="Sky around the model: clear, overcast, a temperature, a bundled table, or a CSV that is "
+    "Sky around the model: clear, overcast, a temperature, a bundled table, or a CSV that is "
     "copied to FOLDER. A model with sky facets that have elevation_deg=... in their label takes "
     "their spectra from the TABLE.",
+    metavar="clear|overcast|KELVIN|TABLE",
 )
-@click.option(
+@options.option(
     "--ground",
+    "Ground below the model: its temperature, and its emissivity (1) or material.",
     metavar="KELVIN[,EMISSIVITY|MATERIAL]",
-    help="Ground below the model: its temperature, and its emissivity (1) or material.",
 )
-@click.option(
+@options.option(
     "--sun",
-    metavar="ELEVATION[,AZIMUTH[,FILE]]",
-    help="Sun by day, in degrees; azimuth 0 is the nose, 90 the left side. FILE is a CSV of its "
+    "Sun by day, in degrees; azimuth 0 is the nose, 90 the left side. FILE is a CSV of its "
     "irradiance.",
+    metavar="ELEVATION[,AZIMUTH[,FILE]]",
 )
-@click.option(
+@options.option(
     "--atmosphere",
+    "Clear air of sky and sun: us_standard (the default) or midlat_summer.",
     metavar="NAME",
-    help="Clear air of sky and sun: us_standard (the default) or midlat_summer.",
 )
-@click.option(
+@options.option(
     "--band",
+    "Also print the intensity of the model in this band, toward the scene's sensor.",
     metavar="MWIR|LWIR|A-B",
-    help="Also print the intensity of the model in this band, toward the scene's sensor.",
 )
 @options.json
 @click.pass_context

@@ -13,10 +13,10 @@ import mi_lcair
 from mi_lcair import scenes
 from mi_lcair.cli import completion
 from mi_lcair.cli.output import JSON, QUIET, flag_option, is_set, note, print_notes
+from mi_lcair.declared import fraction
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 from mi_lcair.files import check_suffix, check_writable
-from mi_lcair.fraction import fraction
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
 POSITIVE = click.IntRange(min=1)
@@ -183,16 +183,22 @@ class Output(click.Path):
         return path
 
 
+def option(names: str, help: str, type=None, **settings):
+    """Decorator that gives a command an option, with the arguments of click.option.
+
+    names: its names with blanks between them, such as "-s --sensor".
+    """
+    return click.option(*names.split(), type=type, help=help, **settings)
+
+
 json = flag_option(JSON, "--json", help="Print the results as JSON.")
 
 
 def renderer(command):
     """Give a command --variant, -t, --plugin and --json, and prepare the renderer before it."""
 
-    @click.option(
-        "--variant", type=click.Choice(VARIANTS), help=f"Mitsuba variant (default: {VARIANTS[0]})."
-    )
-    @click.option("-t", "--threads", type=POSITIVE, help="CPU threads (default: all).")
+    @option("--variant", f"Mitsuba variant (default: {VARIANTS[0]}).", click.Choice(VARIANTS))
+    @option("-t --threads", "CPU threads (default: all).", POSITIVE)
     @file(
         "--plugin",
         "Run a Python file that registers your BSDFs or emitters with Mitsuba, FILE.py; may be "
@@ -211,8 +217,8 @@ def renderer(command):
 def workers(command):
     """Give a command --workers and --dask, and run it within `mi_lcair.workers`."""
 
-    @click.option("--workers", type=POSITIVE, help="Work in this number of processes.")
-    @click.option("--dask", metavar="ADDRESS", help="Work on the workers of this Dask scheduler.")
+    @option("--workers", "Work in this number of processes.", POSITIVE)
+    @option("--dask", "Work on the workers of this Dask scheduler.", metavar="ADDRESS")
     @wraps(command)
     def on_workers(workers, dask, **arguments):
         with mi_lcair.workers(workers, dask):
@@ -221,9 +227,7 @@ def workers(command):
     return on_workers
 
 
-overwrite = click.option(
-    "--overwrite", "--resume", "overwrite", is_flag=True, help="Replace an output that exists."
-)
+overwrite = option("--overwrite --resume overwrite", "Replace an output that exists.", is_flag=True)
 
 
 @contextmanager
@@ -244,20 +248,14 @@ def kept_areas(output: Path, areas: Path | None, overwrite: bool) -> Iterator[Pa
     AreasFolder(folder).clear()
 
 
-def sensor(command):
-    """Give a command the option -s for the number of the sensor."""
-    return click.option(
-        "-s",
-        "--sensor",
-        type=click.IntRange(min=0),
-        default=0,
-        help="Number of the scene's sensor, from 0.",
-    )(command)
+sensor = option(
+    "-s --sensor", "Number of the scene's sensor, from 0.", click.IntRange(min=0), default=0
+)
 
 
 def seed(help: str = "Seed of the random numbers."):
     """Decorator that gives a command the option --seed."""
-    return click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, help=help)
+    return option("--seed", help, click.IntRange(0, 2**32 - 1), default=0)
 
 
 def changes(help: str, name: str = "changes"):
@@ -299,9 +297,9 @@ def sampling(spp: str, tolerance: str, max_spp: str | None = None):
             return command(**values)
 
         if max_spp:
-            checked = click.option("--max-spp", type=POSITIVE, help=max_spp)(checked)
-        checked = click.option("--tolerance", type=Fraction(), help=tolerance)(checked)
-        return click.option("--spp", type=POSITIVE, help=spp)(checked)
+            checked = option("--max-spp", max_spp, POSITIVE)(checked)
+        checked = option("--tolerance", tolerance, Fraction())(checked)
+        return option("--spp", spp, POSITIVE)(checked)
 
     return decorator
 
@@ -352,19 +350,12 @@ areas = file(
 )
 
 
-def solution(command):
-    """Give a command the option --solution."""
-    return click.option(
-        "--solution",
-        help="Set temperatures, materials and radiances to those of a file that invert wrote, "
-        "FILE.json or FILE.json:STATE.",
-    )(command)
-
-
-def motions(command):
-    """Give a command the option --motions."""
-    what = "Declare motions of meshes, which -D then sets, FILE.toml."
-    return file("--motions", what)(command)
+solution = option(
+    "--solution",
+    "Set temperatures, materials and radiances to those of a file that invert wrote, FILE.json or "
+    "FILE.json:STATE.",
+)
+motions = file("--motions", "Declare motions of meshes, which -D then sets, FILE.toml.")
 
 
 def scenario(example: str, spp: str, tolerance: str):
@@ -393,11 +384,11 @@ def scenario(example: str, spp: str, tolerance: str):
     return decorator
 
 
-max_bounces = click.option(
+max_bounces = option(
     "--max-bounces",
-    metavar="N|auto",
-    help="Largest number of reflections. With auto, pilot paths choose it, so that at most a tenth "
+    "Largest number of reflections. With auto, pilot paths choose it, so that at most a tenth "
     "of --tolerance (1%) is left out.",
+    metavar="N|auto",
 )
 
 

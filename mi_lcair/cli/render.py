@@ -1,7 +1,5 @@
 """mi-lcair render: render a scene to a radiance image."""
 
-import click
-
 import mi_lcair
 from mi_lcair.cli import options
 from mi_lcair.cli.output import print_next, print_result, time_row
@@ -19,36 +17,34 @@ from mi_lcair.errors import InputError
     "mean radiance, such as 0.01 or 1%.",
 )
 @options.output("the image, FILE.exr", required=True)
-@click.option(
+@options.option(
     "--atmosphere",
-    help="Also write the radiance that arrives through an atmosphere: a bundled name, a CSV, a "
+    "Also write the radiance that arrives through an atmosphere: a bundled name, a CSV, a "
     "MODTRAN tape7, or vacuum.",
 )
-@click.option(
-    "--range",
-    "range_m",
-    type=float,
-    help="With --atmosphere: one range for the whole model, m (default: that of each pixel).",
+@options.option(
+    "--range range_m",
+    "With --atmosphere: one range for the whole model, m (default: that of each pixel).",
+    float,
 )
-@click.option(
+@options.option(
     "--bins",
-    type=int,
+    "Also write the spectral radiance at this number of even wavelengths over the band.",
+    int,
     default=0,
-    help="Also write the spectral radiance at this number of even wavelengths over the band.",
 )
-@click.option(
+@options.option(
     "--wavelengths",
+    "The same at the wavelengths A, A + STEP, ... up to B, um. Sets the scene's `band`.",
     metavar="A:B:STEP",
-    help="The same at the wavelengths A, A + STEP, ... up to B, um. Sets the scene's `band`.",
 )
-@click.option(
-    "--errors",
-    "errors_um",
-    type=float,
+@options.option(
+    "--errors errors_um",
+    "Also write the standard error of each pixel at this wavelength of --bins or "
+    "--wavelengths, um; may be repeated.",
+    float,
     multiple=True,
     metavar="UM",
-    help="Also write the standard error of each pixel at this wavelength of --bins or "
-    "--wavelengths, um; may be repeated.",
 )
 @options.workers
 def command(scene, output, atmosphere, range_m, bins, wavelengths, errors_um):

@@ -10,18 +10,16 @@ from mi_lcair.cli.output import Called, line_of, note
 @options.command("report", "mi-lcair report two_plates --spp 16 -o two_plates.html", cls=Called)
 @click.argument("what", nargs=-1, required=True, shell_complete=completion.scenes_and_scenarios)
 @options.output("the page, FILE.html", required=True)
-@click.option("--scene", metavar="SCENE", help="Scene whose model shows the facets of a FILE.csv.")
+@options.option("--scene", "Scene whose model shows the facets of a FILE.csv.", metavar="SCENE")
 @options.changes("Set a $-parameter of the scene, or an entry of the scenario", "parameters")
-@click.option(
-    "-s", "--sensor", type=click.IntRange(min=0), help="Number of the scene's sensor (default: 0)."
-)
+@options.option("-s --sensor", "Number of the scene's sensor (default: 0).", click.IntRange(min=0))
 @options.sampling(
     "Samples per pixel (default: the scene's or scenario's own).",
     "Trace paths until half of the 95 % interval of the signature's intensity, or of the "
     "scenario's contrast, is at most this fraction of it.",
     options.MAX_SPP,
 )
-@click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="Seed of the random numbers.")
+@options.option("--seed", "Seed of the random numbers.", click.IntRange(0, 2**32 - 1))
 @options.renderer
 @click.pass_obj
 def command(call, what, output, parameters, **settings):

@@ -58,27 +58,27 @@ class Azimuths(Angles):
     "mi-lcair trend cylinder_ir_range --azimuth 0:180:45 --resolution 16 --spp 16 -o trend.csv",
 )
 @options.loading
-@click.option(
+@options.option(
     "--azimuth",
-    type=Azimuths(),
-    required=True,
-    help="Azimuths of the observer, degrees: START:STOP:STEP, or a list. 0 sees the nose, 90 the "
+    "Azimuths of the observer, degrees: START:STOP:STEP, or a list. 0 sees the nose, 90 the "
     "left side.",
+    Azimuths(),
+    required=True,
 )
-@click.option(
+@options.option(
     "--elevation",
-    type=Angles(),
+    "Elevations of the observer above the horizontal, degrees; written like the azimuths.",
+    Angles(),
     default="0",
-    help="Elevations of the observer above the horizontal, degrees; written like the azimuths.",
 )
 @options.output("a row for each view, FILE.csv or FILE.nc (netCDF)", (".csv", ".nc"), required=True)
 @options.plot("polar curves")
-@click.option(
+@options.option(
     "--resolution",
-    type=options.POSITIVE,
-    default=64,
-    help="Pixels along each side of a view, to which --spp and --max-spp refer. The paths begin "
+    "Pixels along each side of a view, to which --spp and --max-spp refer. The paths begin "
     "anywhere in the view.",
+    options.POSITIVE,
+    default=64,
 )
 @options.sampling(
     spp="Paths of each view, divided by its number of pixels, instead of --tolerance.",

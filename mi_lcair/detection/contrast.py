@@ -20,7 +20,7 @@ from mi_lcair.detection.setting import Setting, rendered_as, setting_of
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.atmosphere import LineOfSight
 from mi_lcair.physics.detector import Detector
-from mi_lcair.plugins.emitters.one_sun import one_sun
+from mi_lcair.plugins.emitters.thermal_emitter import one_sun
 from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.plugins.recorders.by_bounce import MAX_BOUNCE_CHANNELS
 from mi_lcair.rendering.sampling import Sampling

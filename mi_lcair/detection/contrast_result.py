@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 
@@ -154,7 +153,7 @@ class Contrast(Result):
     remarks: list[str]
     seconds: float
 
-    kind: ClassVar[str] = "contrast"
+    kind = "contrast"
 
     @property
     def reached(self) -> bool | None:

@@ -1,7 +1,6 @@
 """Detection range: the ranges at which the signal of a target reaches snr * nei."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -37,7 +36,7 @@ class DetectionRange(Result):
     standard_error_m: float | None
     at_least: bool
 
-    kind: ClassVar[str] = "detection_range"
+    kind = "detection_range"
 
     @property
     def largest_m(self) -> float | None:

@@ -11,7 +11,7 @@ from mi_lcair.physics.air.light import AirLight
 from mi_lcair.physics.atmosphere import HEIGHT_M
 from mi_lcair.physics.sun.sunlight import OUTSIDE_AIR
 from mi_lcair.plugins.emission.source import BinOfBlackbody, Source
-from mi_lcair.plugins.emitters.one_sun import one_sun
+from mi_lcair.plugins.emitters.thermal_emitter import one_sun
 
 STAND_IN = "us_standard"  # clear air that stands for air of which only a table is known
 STAND_IN_DEG = 45.0  # elevation of light that stands for a table's

@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from mi_lcair import scenes
-from mi_lcair.declared import check_fields, within
+from mi_lcair.declared import check_fields, fraction, within
 from mi_lcair.detection.flight_path import FlightTable, Moments
 from mi_lcair.errors import InputError, check_known, errors_of
 from mi_lcair.files import parse_toml, read_text
-from mi_lcair.fraction import fraction
 from mi_lcair.motions.table import MOTIONS, Declared, motions_of
 from mi_lcair.physics.air.atmosphere import VACUUM
 from mi_lcair.physics.air.levels import Weather

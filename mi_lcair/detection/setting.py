@@ -17,7 +17,8 @@ from mi_lcair.physics.air.atmosphere import Atmosphere, LineOfSight
 from mi_lcair.physics.detector import Detector
 from mi_lcair.physics.spectra.bins import filter_of
 from mi_lcair.physics.sun.daytime_sky import SUN_ELEVATION_DEG
-from mi_lcair.plugins.emitters.one_sun import check_fits, one_sun
+from mi_lcair.plugins.emitters.distant_emitter import check_fits
+from mi_lcair.plugins.emitters.thermal_emitter import one_sun
 from mi_lcair.rendering.loading.files import survey
 from mi_lcair.rendering.loading.plugin_files import run_plugin_files
 from mi_lcair.rendering.reflections.number import chosen

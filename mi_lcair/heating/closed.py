@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mi_lcair.models3d.welding import unique_rows
+from mi_lcair.models3d.coincident import unique_rows
 from mi_lcair.rendering.facets.table import FacetTable
 
 ROUND = ("Sphere", "Ellipsoids")  # shapes without triangles that are closed

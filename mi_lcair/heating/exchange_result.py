@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import sparse
@@ -78,8 +78,8 @@ class Exchange(Result):
     seconds: float
     remarks: tuple[str, ...]
 
-    kind: ClassVar[str] = "exchange"
-    saved_by: ClassVar[dict[str, str]] = WRITERS
+    kind = "exchange"
+    saved_by = WRITERS
 
     @property
     def conductors(self) -> Conductors:

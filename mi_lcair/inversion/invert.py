@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 from scipy import sparse
 
+from mi_lcair.declared import percent
 from mi_lcair.fitting.judgement.quality import OVERSTATED, SIGNIFICANCE
-from mi_lcair.fraction import percent
 from mi_lcair.inversion.advice import (
     MOST_UNKNOWNS,
     Advice,

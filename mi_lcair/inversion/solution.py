@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 
@@ -130,7 +129,7 @@ class Solution(Result):
     seconds: float
     trace: list[Step] = field(default_factory=list)
 
-    kind: ClassVar[str] = KIND
+    kind = KIND
 
     def __getitem__(self, label: str) -> Answer:
         """The answer for the unknown with this label."""

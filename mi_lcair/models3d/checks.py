@@ -3,8 +3,8 @@
 import numpy as np
 import scipy
 
+from mi_lcair.models3d.coincident import TOLERANCE, unique_rows
 from mi_lcair.models3d.model import Model
-from mi_lcair.models3d.welding import TOLERANCE, unique_rows
 
 # Distance of a corner from the facet's mean plane, as a fraction of the facet's size, beyond which
 # the facet counts as not planar.

@@ -1,11 +1,13 @@
-"""Search for triangles that overlap in one plane; rounding decides which one a ray hits."""
+"""What coincides in a model: vertices, which are welded, and triangles in one plane.
+
+Of triangles that overlap in one plane, rounding decides which one a ray hits.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from mi_lcair.models3d.welding import unique_rows
-
+TOLERANCE = 1e-6  # distance at which vertices count as equal, as a fraction of the extent
 FLATNESS = 1e-6  # distance at which planes count as equal, as a fraction of the extent
 SAME_DIRECTION = 1e-5  # difference in each coordinate at which unit normals count as parallel
 NEAR = 1e-3  # largest distance between two triangles in one plane, as a fraction of their size
@@ -154,3 +156,41 @@ def _overlap(a, b, rounding):
 
 def _cross(a, b):
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
+def weld(vertices):
+    """Index (V,) of the vertex that replaces each vertex (V, 3).
+
+    It is the first vertex at the same position or within TOLERANCE of it.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
+    firsts, position = unique_rows(vertices)
+    extent = np.ptp(vertices, axis=0).max()
+    near = cKDTree(vertices[firsts], balanced_tree=False, compact_nodes=False).query_pairs(
+        TOLERANCE * extent, output_type="ndarray"
+    )
+    if len(near) == 0:
+        return firsts[position]
+    links = coo_array((np.ones(len(near), bool), near.T), shape=(len(firsts), len(firsts)))
+    _, cluster = connected_components(links, directed=False)
+    first_of_cluster = np.full(cluster.max() + 1, len(vertices))
+    np.minimum.at(first_of_cluster, cluster, firsts)
+    return first_of_cluster[cluster][position]
+
+
+def unique_rows(rows):
+    """Index of the first occurrence of each different row, and for each row its number (M,).
+
+    rows: (M, n). The function does the same as np.unique with axis=0 and is several times faster.
+    """
+    order = np.lexsort(rows.T)
+    in_order = rows[order]
+    starts = np.ones(len(rows), bool)
+    starts[1:] = (in_order[1:] != in_order[:-1]).any(axis=1)
+    inverse = np.empty(len(rows), int)
+    inverse[order] = np.cumsum(starts) - 1
+    # lexsort is stable, so the first one of equal rows comes first
+    return order[starts], inverse

@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,8 +15,9 @@ from mi_lcair.models3d.model import Model
 from mi_lcair.models3d.record import check_unedited, recorded, signed
 from mi_lcair.models3d.scene_xml import fragment, scene
 from mi_lcair.physics.materials import is_json
-from mi_lcair.physics.sky import check_brightness, sky_names, spectrum
-from mi_lcair.physics.surroundings.words import Words
+
+if TYPE_CHECKING:
+    from mi_lcair.physics.surroundings.words import Words
 
 
 def export(
@@ -25,7 +27,7 @@ def export(
     sky: str | Path | None = None,
     overwrite: bool = False,
     also: dict[str, Callable[[], bytes]] | None = None,
-    around: Words | None = None,
+    around: "Words | None" = None,
 ) -> list[Path]:
     """Write a model into a folder and return the paths of the files.
 
@@ -67,6 +69,8 @@ def export(
         materials = next(iter(sources))
     short = _short_names(dict.fromkeys(label.material for label in model.labels), sources)
     if sky:
+        from mi_lcair.physics.sky import check_brightness, sky_names, spectrum  # loads clear air
+
         spectrum(sky, 45.0)  # raises InputError for a table without spectra by elevation
         sky = str(sky)
         if sky not in sky_names():

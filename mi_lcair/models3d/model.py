@@ -3,19 +3,18 @@
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 
 from mi_lcair.errors import InputError, errors_of, option, shown
 from mi_lcair.files import read_text
 from mi_lcair.formats import check_model
+from mi_lcair.models3d.coincident import weld
 from mi_lcair.models3d.label import TYPES, Label, find_material, kelvin
 from mi_lcair.models3d.modellers import axes, exchange, fem
 from mi_lcair.models3d.modellers.naming import NameTable, labels_of
 from mi_lcair.models3d.modellers.obj import Obj, read_obj
 from mi_lcair.models3d.polygons import MOST_CLIPPED, triangulate
-from mi_lcair.models3d.welding import weld
 from mi_lcair.physics import materials as known_materials
 from mi_lcair.results import Result, named
 from mi_lcair.table import read_table
@@ -51,7 +50,7 @@ class Model(Result):
     names: np.ndarray | None = None
     remarks: tuple[str, ...] = ()
 
-    kind: ClassVar[str] = "model"
+    kind = "model"
 
     def summary(self) -> str:
         """One line with the number of facets, the size and the temperatures."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError, check_known
 from mi_lcair.files import check_file
-from mi_lcair.models3d.welding import weld
+from mi_lcair.models3d.coincident import weld
 from mi_lcair.motions.motion import Motion, groups_of_meshes
 from mi_lcair.motions.table import Declared
 from mi_lcair.plugins.emission.triangles import triangle_vertices, vertex_positions

@@ -22,7 +22,7 @@ from mi_lcair.motions.observer import (
 from mi_lcair.motions.table import Declared
 from mi_lcair.plugins.derivatives import held, own_memory, same_variables
 from mi_lcair.plugins.emission.triangles import is_faceted, points, set_vertices, vertex_buffer
-from mi_lcair.plugins.emitters.one_sun import one_sun
+from mi_lcair.plugins.emitters.thermal_emitter import one_sun
 from mi_lcair.rendering.views import model_shapes
 
 POSE, DECLARED = "pose", "declared"  # keys of `Scene.moved`

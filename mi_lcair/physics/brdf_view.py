@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from drjit.llvm.ad import Array3f64, Float64
@@ -61,7 +61,7 @@ class BRDFView(Result):
     dhr: float
     emissivity: float
 
-    kind: ClassVar[str] = "brdf"
+    kind = "brdf"
 
     def summary(self) -> str:
         """One line with the hemispherical reflectance and the emissivity."""

@@ -19,7 +19,7 @@ from mi_lcair.physics.bands import band as band_of
 
 # The models load Dr.Jit. Reading the names of materials does not need it.
 if TYPE_CHECKING:
-    from mi_lcair.physics.reflection import ReflectionModel
+    from mi_lcair.physics.reflection.interface import ReflectionModel
     from mi_lcair.physics.spectra.parameters import SpectralParameters
 
 BUILT_IN = Path(__file__).with_name("materials.toml")
@@ -340,7 +340,7 @@ def _entry(where, name, band, keys, file):
     with errors_of(where):
         if band != EVERY_BAND:
             band_of(band)
-        model = reflection.model(keys["model"]) if "model" in keys else reflection.DEFAULT
+        model = reflection.model(keys.get("model", reflection.NAMES[0]))
     allowed = (*model.names, "model", "form", "source", "emits")
     for key, value in keys.items():
         if key not in allowed:

@@ -1,7 +1,6 @@
 """The fluxes that `audit` returns."""
 
 from dataclasses import dataclass, field
-from typing import ClassVar
 
 import numpy as np
 
@@ -50,7 +49,7 @@ class Audit(Result):
     by_reflection: list[tuple[float, float]] = field(default_factory=list)
     facets: dict[str, np.ndarray] = field(default_factory=dict)
 
-    kind: ClassVar[str] = "audit"
+    kind = "audit"
 
     def summary(self) -> str:
         """One line with the emitted flux and the balance."""

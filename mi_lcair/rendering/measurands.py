@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.physics.spectra.bins import Binning
+from mi_lcair.physics.spectra.bins import OF_TOLERANCE, SMALL_ERROR, Binning
 from mi_lcair.plugins.columns.tables import ColumnTables
 from mi_lcair.plugins.paths.launch import Launch, ParallelRays
 from mi_lcair.plugins.paths.sums import Sums
@@ -48,8 +48,12 @@ class Measurands:
         return Measurands(Channels(split), by_spectrum=by_spectrum, bins=bins)
 
     def binning(self, tolerance: float | None) -> Binning:
-        """What decides on the bins of wavelength, with the tolerance of the measurement."""
-        return Binning.of(self.bins, tolerance, self.by_spectrum)
+        """What decides on the bins of wavelength, with the tolerance of the measurement.
+
+        A spectrum is as fine as without a tolerance, or finer.
+        """
+        allowed = SMALL_ERROR if tolerance is None else OF_TOLERANCE * tolerance
+        return Binning(self.bins, min(allowed, SMALL_ERROR) if self.by_spectrum else allowed)
 
     def with_columns(self, tables: ColumnTables | None) -> "Measurands":
         """These measurands, and the derivatives with respect to the parameters of the tables."""

@@ -13,12 +13,13 @@ from mi_lcair.rendering.measurands import Criterion, Measurands
 from mi_lcair.rendering.pilots import WORTH_ASKING, best_aim, cheapest, open_settings
 from mi_lcair.rendering.pixels.allocation import Allocation, allocate
 from mi_lcair.rendering.pixels.errors import PixelCriterion
-from mi_lcair.rendering.pixels.passes import traced
+from mi_lcair.rendering.pixels.passes import may_be_sent, on_workers
 from mi_lcair.rendering.sampling import TWO_CHOICES, Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.statistics import Totals, check_valid
 from mi_lcair.rendering.window import Windows
+from mi_lcair.startup.tasks import has_workers
 
 # Ratio of the error to the allowed error, after the first paths, from which on the paths are aimed
 # at the model. The pilots for that take up to 2^17 paths.
@@ -90,28 +91,34 @@ def _until_met(
     A pilot decides after the first paths on settings that the scene leaves open. If it finds that
     one of them pays, their values are returned, with which to begin again.
     """
-    settings = open_settings(scene, measurands, criterion)
     # The results by facet and a sensor of several views need a constant density
     may_aim = aim is None and measurands.facets is None and windows.may_be_aimed
     total, rays = windows.totals(tracer, aim), ParallelRays.of(windows.sensor)
     if criterion is None:
         goal = limit = -(-windows.paths(sampling) // windows.randomisations)
     else:
+        settings = open_settings(scene, measurands, criterion)
         limit = windows.points(sampling.limit)
         goal = min(windows.first_points(), limit)
     done, scale = 0, windows.randomisations * windows.parts
-    allocation = Allocation(np.ones(windows.count))
+    allocation: Allocation | None = None  # None: all windows have as many points
     may_share = isinstance(criterion, PixelCriterion) and tracer.closure != "tail"
     # The windows that need more paths, with the ratios and the points of the last estimate
     active, last, before = np.arange(windows.count), np.zeros(windows.count), 0
     while done < goal:
         points = min(goal - done, max(windows.points_of_pass(len(active)), LEAST_OF_PASS))
+        spans = [(active, done, points)]
+        if allocation is not None:
+            spans = allocation.spans(active, done, done + points)
         launches = [
             launch
-            for some, first, more in allocation.spans(active, done, done + points)
+            for some, first, more in spans
             for launch in windows.launches(some, first, more, sampling.seed, total.aim)
         ]
-        sums = traced(scene, tracer, windows, measurands, sampling.tolerance, launches, rays)
+        if windows.are_pixels and has_workers() and may_be_sent(scene, windows, measurands):
+            sums = on_workers(scene, windows, measurands, sampling.tolerance, launches)
+        else:
+            sums = (measurands.trace(tracer, windows.sensor, of, rays) for of in launches)
         for number, (launch, of_launch) in enumerate(zip(launches, sums)):
             total.add(launch, of_launch)
             if sampling.progress and number:

@@ -18,7 +18,7 @@ from mi_lcair.plugins import PLUGINS
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
 from mi_lcair.plugins.derivatives import deriving, nodes
 from mi_lcair.plugins.paths.launch import numbers
-from mi_lcair.plugins.scene_state import SceneState
+from mi_lcair.plugins.paths.recording import SceneState
 from mi_lcair.rendering.loading.files import survey
 from mi_lcair.rendering.loading.fingerprint import described_digest, fingerprint, source_digest
 from mi_lcair.rendering.loading.meshes import check_mesh_files, check_shapes

@@ -142,6 +142,11 @@ class Totals:
         return None if self.excess is None else bool(np.all(self.excess <= 1))
 
     @property
+    def reached_by_window(self) -> np.ndarray:
+        """Whether the criterion was met in each window, (windows,); True without one."""
+        return np.broadcast_to(0 if self.excess is None else self.excess, self.traced.shape) <= 1
+
+    @property
     def paths(self) -> np.ndarray:
         """Number of valid paths of each window, (windows,)."""
         return self.valid.sum(axis=1)

@@ -8,8 +8,8 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.plugins.bins.by_bin import has_spectral_materials
 from mi_lcair.plugins.bsdfs.plume import is_plume
+from mi_lcair.plugins.bsdfs.spectral_bsdf import has_spectral_materials
 from mi_lcair.plugins.columns.exploring import needs_exploring
 from mi_lcair.plugins.columns.kinds import MaterialColumn, SourceColumn
 from mi_lcair.plugins.columns.tables import (

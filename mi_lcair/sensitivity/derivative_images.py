@@ -2,7 +2,7 @@
 
 import json
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
@@ -47,8 +47,8 @@ class DerivativeImages(Result):
     band: str
     units: tuple[str, ...]
 
-    kind: ClassVar[str] = "derivative_images"
-    saved_by: ClassVar[dict[str, str]] = {".exr": "mi_lcair.rendering.images.exr:write_render"}
+    kind = "derivative_images"
+    saved_by = {".exr": "mi_lcair.rendering.images.exr:write_render"}
 
     @property
     def mean(self) -> np.ndarray:

@@ -1,7 +1,6 @@
 """Where a scene keeps the numbers that belong to the name of a parameter, see `parameters`."""
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import drjit as dr
 import mitsuba as mi
@@ -167,7 +166,7 @@ class OfMotion(Entry):
 
     motion: Motion
     value: float
-    model: ClassVar[None] = None
+    model = None
 
     def numbers(self) -> list[np.ndarray]:
         return [np.array([self.value])]

@@ -10,7 +10,7 @@ from scipy import sparse
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.plugins.bins.by_bin import has_spectral_materials
+from mi_lcair.plugins.bsdfs.spectral_bsdf import has_spectral_materials
 from mi_lcair.plugins.emission.triangles import is_faceted, triangle_vertices
 from mi_lcair.plugins.emitters.thermal_emitter import thermal_shapes
 from mi_lcair.plugins.paths.launch import Launch

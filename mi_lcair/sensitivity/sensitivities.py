@@ -1,7 +1,6 @@
 """Derivatives of one number, an intensity, with respect to parameters of a scene."""
 
 from dataclasses import dataclass, field
-from typing import ClassVar
 
 import numpy as np
 
@@ -56,7 +55,7 @@ class Sensitivities(Result):
     units: tuple[str, ...]
     differences: dict[str, Difference] = field(default_factory=dict)
 
-    kind: ClassVar[str] = "sensitivities"
+    kind = "sensitivities"
 
     @property
     def error(self) -> np.ndarray:

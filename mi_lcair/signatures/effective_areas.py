@@ -7,7 +7,6 @@ the in-band intensity that comes from the source, divided by the in-band radianc
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 import scipy
@@ -123,7 +122,7 @@ class EffectiveAreas(SourcesInBand):
     covariance: np.ndarray
     by_wavelength: np.ndarray
 
-    kind: ClassVar[str] = "effective_areas"
+    kind = "effective_areas"
 
     def summary(self) -> str:
         """One line with the number of sources and the projected area of the target."""

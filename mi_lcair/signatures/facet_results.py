@@ -1,7 +1,6 @@
 """Radiance and intensity of each facet of the model, from the same paths as the image."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -41,8 +40,8 @@ class FacetResults(Result):
     triangles: np.ndarray
     triangle_facet: np.ndarray
 
-    kind: ClassVar[str] = "facets"
-    saved_by: ClassVar[dict[str, str]] = WRITERS
+    kind = "facets"
+    saved_by = WRITERS
 
     def summary(self) -> str:
         """One line with the number of facets and the intensity of the brightest one."""

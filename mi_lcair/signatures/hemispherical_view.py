@@ -5,7 +5,6 @@ The view holds the solid angle and the view factor of every other facet, and a m
 
 from dataclasses import dataclass
 from math import ceil, log2
-from typing import ClassVar
 
 import drjit as dr
 import mitsuba as mi
@@ -59,7 +58,7 @@ class HemisphericalView(Result):
     rays: int
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
-    kind: ClassVar[str] = "hemispherical_view"
+    kind = "hemispherical_view"
 
     def summary(self) -> str:
         """One line with the number of neighbours and the largest view factor."""

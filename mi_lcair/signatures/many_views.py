@@ -1,4 +1,4 @@
-"""Intensities of a scene's model toward many observers, rendered together."""
+"""Paths to a scene's model from many observers, traced together."""
 
 from dataclasses import dataclass
 
@@ -19,46 +19,12 @@ FAINT = 1e-3
 
 
 @dataclass(frozen=True)
-class ManyViews:
-    """Intensities of a scene's model toward V views.
-
-    parts: intensity and its standard error by name, (2, V) [W/sr]. The names are target (the whole
-    model), bounce.N, closure and group.LABEL as in `Channels.samples`, and hit, which is the
-    projected area of the model [m^2]. brightest: intensity of a window filled by the brightest
-    source, (V,) [W/sr]. half_width: half of the 95 % interval of the target's intensity, (V,)
-    [W/sr]. It includes the contribution of one path that hits a source which no other path has hit.
-    paths: number of paths of each view, (V,). invalid: number of NaN or infinite samples, which are
-    left out.
-    """
-
-    parts: dict[str, np.ndarray]
-    brightest: np.ndarray
-    half_width: np.ndarray
-    paths: np.ndarray
-    invalid: int
-
-    def excess(self, tolerance: float) -> np.ndarray:
-        """Ratio of the half width of each view's 95 % interval to the allowed one, (V,).
-
-        The allowed half width is `tolerance` times the intensity of the view, or times FAINT of the
-        brightest view if that is more. For a view of intensity 0 it is `tolerance` times FAINT of
-        the intensity `brightest`.
-        """
-        intensity = self.parts["target"][0]
-        allowed = tolerance * np.where(
-            intensity > 0, np.maximum(intensity, FAINT * intensity.max()), FAINT * self.brightest
-        )
-        return np.divide(
-            self.half_width,
-            allowed,
-            out=np.where(self.half_width > 0, np.inf, 0),
-            where=allowed > 0,
-        )
-
-
-@dataclass(frozen=True)
 class IntensitiesOfViews(Criterion):
-    """The interval of each view's intensity is narrow enough, see `ManyViews.excess`.
+    """Half of the 95 % interval of each view's intensity is narrow enough.
+
+    The allowed half width is `tolerance` times the intensity of the view, or times FAINT of the
+    brightest view if that is more. For a view of intensity 0 it is `tolerance` times FAINT of the
+    intensity of a window that the brightest source fills.
 
     areas: areas of the views' windows, (V,) [m^2].
     """
@@ -70,11 +36,19 @@ class IntensitiesOfViews(Criterion):
         check_reachable(self.tolerance, tracer, name, of_interval=True)
 
     def excess(self, total):
-        return of_totals(total, self.areas).excess(self.tolerance)
+        intensity = total.mean("target") * self.areas
+        half_width = total.half_width("target") * self.areas
+        least = np.maximum(intensity, FAINT * intensity.max())
+        brightest = total.emitters.brightest * self.areas
+        allowed = self.tolerance * np.where(intensity > 0, least, FAINT * brightest)
+        unknown = np.where(half_width > 0, np.inf, 0)
+        return np.divide(half_width, allowed, out=unknown, where=allowed > 0)
 
 
-def render_views(scene: Scene, views: list[View], resolution: int, sampling: Sampling) -> ManyViews:
-    """Render the intensities of the model toward some views.
+def totals_of_views(
+    scene: Scene, views: list[View], resolution: int, sampling: Sampling, measurands: Measurands
+) -> tuple[Totals, np.ndarray]:
+    """Sums over paths to a scene's model toward V views, and areas of their windows, (V,) [m^2].
 
     With closure = tail, all views have the same ratio of the geometric continuation.
 
@@ -85,25 +59,14 @@ def render_views(scene: Scene, views: list[View], resolution: int, sampling: Sam
     resolution : int
         Samples per pixel count the paths of a view divided by resolution x resolution.
     sampling : Sampling
-        Its tolerance is the half width of the 95 % interval of each view's intensity, as a
-        fraction of it. See `ManyViews.excess` for faint views.
-
-    Returns
-    -------
-    ManyViews
+        Its tolerance is that of `IntensitiesOfViews`.
+    measurands : Measurands
 
     Raises
     ------
     InputError
         For settings out of bounds, and for a tolerance that cannot be reached.
     """
-    return of_totals(*totals_of_views(scene, views, resolution, sampling, Measurands.of("model")))
-
-
-def totals_of_views(
-    scene: Scene, views: list[View], resolution: int, sampling: Sampling, measurands: Measurands
-) -> tuple[Totals, np.ndarray]:
-    """Sums over paths to a scene's model, and areas of the views' windows, (V,) [m^2]."""
     windows, areas = windows_of(scene, views, resolution)
     criterion = None
     if sampling.tolerance is not None:
@@ -119,21 +82,3 @@ def windows_of(scene: Scene, views: list[View], resolution: int) -> tuple[Window
     areas = np.array([target.window_area(view) for view in views])
     windows = Windows(sensor, columns=len(views), pixels=resolution**2, may_follow_facets=True)
     return windows, areas
-
-
-def of_totals(total: Totals, areas: np.ndarray) -> ManyViews:
-    """Intensities of the views whose windows have these areas [m^2], from sums over paths."""
-    names = [
-        name
-        for name in total.sums
-        if name.startswith(("target", "bounce.", "group.", "closure", "hit"))
-    ]
-    return ManyViews(
-        parts={
-            name: np.array([total.mean(name), total.standard_error(name)]) * areas for name in names
-        },
-        brightest=total.emitters.brightest * areas,
-        half_width=total.half_width("target") * areas,
-        paths=total.traced.astype(int),
-        invalid=total.invalid,
-    )

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -127,8 +127,8 @@ class Signature(Result):
     bins: str = ""
     fewer: "tuple[Signature, ...]" = ()
 
-    kind: ClassVar[str] = "signature"
-    saved_by: ClassVar[dict[str, str]] = dict.fromkeys(VTK, f"{__name__}:write_vtk")
+    kind = "signature"
+    saved_by = dict.fromkeys(VTK, f"{__name__}:write_vtk")
 
     def suffixes(self) -> list[str]:
         """Suffixes of the files that `save` can write; those of ParaView need `facets=True`."""

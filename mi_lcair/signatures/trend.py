@@ -1,15 +1,16 @@
 """Rows of a trend: intensities of a scene's model toward many views, and their parts."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mi_lcair.extras import optional
+from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import View
-from mi_lcair.signatures.many_views import render_views
+from mi_lcair.signatures.many_views import totals_of_views
 
 if TYPE_CHECKING:
     import xarray
@@ -21,7 +22,7 @@ class TrendRows:
 
     table: dict[str, np.ndarray]
 
-    kind: ClassVar[str] = "trend_rows"
+    kind = "trend_rows"
 
     @staticmethod
     def joined(parts: list["TrendRows"]) -> "TrendRows":
@@ -44,26 +45,23 @@ class TrendRows:
 
 
 def measure_rows(scene: Scene, views: list[View], resolution: int, sampling: Sampling) -> TrendRows:
-    """Render some views together, see `render_views`, and return their rows."""
-    result = render_views(scene, views, resolution, sampling)
-    intensity, error = result.parts["target"]
-    reached = np.ones(len(views))
-    if sampling.tolerance is not None:
-        reached = result.excess(sampling.tolerance) <= 1
+    """Render some views together, see `totals_of_views`, and return their rows."""
+    measurands = Measurands.of("model")
+    total, areas = totals_of_views(scene, views, resolution, sampling, measurands)
     columns = {
         "azimuth_deg": [view.azimuth_deg for view in views],
         "elevation_deg": [view.elevation_deg for view in views],
-        "intensity_W_sr": intensity,
-        "standard_error_W_sr": error,
-        "half_width_W_sr": result.half_width,
-        "projected_area_m2": result.parts["hit"][0],
-        "paths": result.paths,
-        "reached": reached,
-        "invalid": np.full(len(views), result.invalid),
+        "intensity_W_sr": total.mean("target") * areas,
+        "standard_error_W_sr": total.standard_error("target") * areas,
+        "half_width_W_sr": total.half_width("target") * areas,
+        "projected_area_m2": total.mean("hit") * areas,
+        "paths": total.traced,
+        "reached": total.reached_by_window,
+        "invalid": np.full(len(views), total.invalid),
     }
     parts = {
-        f"{name}_W_sr": values
-        for name, (values, _) in result.parts.items()
+        f"{name}_W_sr": total.mean(name) * areas
+        for name in total.sums
         if name.startswith(("group.", "bounce.", "closure"))
     }
     return TrendRows({name: np.array(v, dtype=float) for name, v in (columns | parts).items()})

@@ -4,7 +4,7 @@ import json
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -47,8 +47,8 @@ class Trend(Result):
     tolerance: float | None = None
     made: dict[str, str] = field(default_factory=dict)
 
-    kind: ClassVar[str] = "trend"
-    saved_by: ClassVar[dict[str, str]] = {".csv": "mi_lcair.signatures.trend_result:write_csv"}
+    kind = "trend"
+    saved_by = {".csv": "mi_lcair.signatures.trend_result:write_csv"}
 
     @staticmethod
     def read(path: str | PathLike[str]) -> "Trend":

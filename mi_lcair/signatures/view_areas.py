@@ -7,7 +7,7 @@ temperatures, ranges, air, background and the noise of a sensor.
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from os import PathLike
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy
@@ -80,8 +80,8 @@ class ViewAreas(SourcesInBand):
     reached: np.ndarray
     is_drawn: bool = False
 
-    kind: ClassVar[str] = "view_areas"
-    OF_VIEWS: ClassVar = ("amounts", "deviations", "relative", "missed", "paths", "reached")
+    kind = "view_areas"
+    OF_VIEWS = ("amounts", "deviations", "relative", "missed", "paths", "reached")
 
     def summary(self) -> str:
         """One line with the number of views and sources, and the largest error."""
@@ -364,7 +364,7 @@ def measure_view_areas(
         Samples per pixel count the paths of a view divided by resolution x resolution.
     sampling : Sampling
         Its tolerance is half of the 95 % interval of each view's intensity, as a fraction of it.
-        See `ManyViews.excess` for faint views.
+        See `IntensitiesOfViews` for faint views.
 
     Raises
     ------
@@ -402,7 +402,6 @@ def view_areas(total: Totals, scene: Scene, views: list[View], areas: np.ndarray
     of_edges = total.edge_error("target") * student_factor(np.inf)
     edges = np.sqrt(np.maximum(of_edges**2 - covered**2, 0)) / student_factor(np.inf)
     relative = np.divide(edges, mean, out=np.zeros_like(mean), where=mean > 0)
-    excess = 0.0 if total.excess is None else total.excess
     return ViewAreas(
         scene_name=scene.name,
         band=scene.band,
@@ -414,6 +413,6 @@ def view_areas(total: Totals, scene: Scene, views: list[View], areas: np.ndarray
         relative=np.hypot(relative, total.systematic),
         missed=total.missed("target") * areas,
         paths=total.traced.astype(int),
-        reached=np.broadcast_to(excess, len(views)) <= 1,
+        reached=total.reached_by_window,
         is_drawn=bool(total.emitters.draws),
     )

@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from mi_lcair import toml_table
-from mi_lcair.declared import check_fields, within
+from mi_lcair.declared import check_fields, fraction, within
 from mi_lcair.errors import InputError, check_known, shortened
-from mi_lcair.fraction import fraction
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.table import read_table
 from mi_lcair.toml_table import dotted, filled, located

@@ -1,7 +1,6 @@
 """The table of a flight that `flight` returns, and when its target is detected."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -38,7 +37,7 @@ class Flight(Result):
     seconds: float
     rendered: int | None = None
 
-    kind: ClassVar[str] = "flight"
+    kind = "flight"
 
     @property
     def detections_s(self) -> tuple[float | None, float | None, float | None]:

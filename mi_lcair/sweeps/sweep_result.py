@@ -1,7 +1,7 @@
 """The table of signatures that `sweep` returns."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -40,7 +40,7 @@ class Sweep(Result):
     traced: int
     seconds: float
 
-    kind: ClassVar[str] = "sweep"
+    kind = "sweep"
 
     @property
     def missed(self) -> int:

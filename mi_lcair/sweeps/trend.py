@@ -31,7 +31,7 @@ def measure_trend(
     views : tuple of View
         Each once.
     resolution, sampling
-        As for `render_views`.
+        As for `totals_of_views`.
     folder, progress
         As for `measure_sweep`.
     """

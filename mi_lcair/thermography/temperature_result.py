@@ -1,7 +1,6 @@
 """The temperature of an object, as a result."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -59,8 +58,8 @@ class Temperature(Result):
     transmittance: float
     remarks: tuple[str, ...] = ()
 
-    kind: ClassVar[str] = "temperature"
-    saved_by: ClassVar[dict[str, str]] = {
+    kind = "temperature"
+    saved_by = {
         suffix: f"mi_lcair.thermography.files:write_{suffix[1:4]}"
         for suffix in (".tif", ".tiff", ".exr", ".csv")
     }

@@ -4,7 +4,6 @@ import pickle
 import time
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
@@ -97,7 +96,7 @@ class Budget(Result):
     paths: int
     seconds: float
 
-    kind: ClassVar[str] = "budget"
+    kind = "budget"
 
     @property
     def sigma_of_quantities(self) -> float:

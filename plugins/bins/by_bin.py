@@ -21,12 +21,11 @@ from mi_lcair.plugins.bins.blocks import blocks_of, gathered, in_blocks
 from mi_lcair.plugins.bins.lobes import DIFFUSE, MIRROR, families_of
 from mi_lcair.plugins.bsdfs.plume import is_plume, spectral_plumes
 from mi_lcair.plugins.bsdfs.reflection_bsdf import LOBES
-from mi_lcair.plugins.bsdfs.spectral_bsdf import has_spectrum
+from mi_lcair.plugins.bsdfs.spectral_bsdf import has_spectrum, is_spectral
 from mi_lcair.plugins.derivatives import children
-from mi_lcair.plugins.emission.groups import at_pointer, table_by_pointer
 from mi_lcair.plugins.emission.samples import BinnedRadiance
 from mi_lcair.plugins.emission.source import BinOfBlackbody, Source
-from mi_lcair.plugins.emission.sources import numbered, spectra
+from mi_lcair.plugins.emission.sources import at_pointer, numbered, spectra, table_by_pointer
 from mi_lcair.plugins.emission.triangles import pointer_id
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 
@@ -36,16 +35,6 @@ MOST_PROJECTED = 16  # sources for which the binning error is projected
 AT_ONCE = 512  # sources that are tabulated together, to bound the memory
 NEIGHBOURS = -1, 0, 1  # bins whose hats overlap that of a bin, counted from it
 SPECTRUM_ROWS = 801  # even wavelengths of the spectra of sources by bin
-
-
-def is_spectral(bsdf) -> bool:
-    """Whether a BSDF, or what it wraps, has a spectral material."""
-    return any(map(has_spectrum, (bsdf, *children(bsdf))))
-
-
-def has_spectral_materials(scene) -> bool:
-    """Whether a surface of a scene has a spectral material."""
-    return any(is_spectral(shape.bsdf()) for shape in scene.shapes())
 
 
 class ByBin:

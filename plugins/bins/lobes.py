@@ -17,7 +17,6 @@ from mi_lcair.physics.reflection import microfacet_distribution as distribution
 from mi_lcair.physics.reflection import microfacet_hemispherical as hemispherical
 from mi_lcair.physics.reflection import sandford_robertson_equations as sr
 from mi_lcair.physics.reflection.directions import cos_theta, sin2_theta
-from mi_lcair.physics.reflection.microfacet import half_vector, visibility
 from mi_lcair.physics.spectra.bins import Bins, of_falloff, reflectances
 from mi_lcair.physics.spectra.parameters import SpectralParameters
 from mi_lcair.plugins.bins.blocks import blocks_of, gathered, in_blocks, interpolated
@@ -150,10 +149,10 @@ class MicrofacetFamily(FamilyOfTables):
         """What f needs of the directions; multiplied by the cosine of i."""
         peak, spread, gamma, rho_d = gathered(self.numbers, row)
         c_i, c_r = cos_theta(i), cos_theta(r)
-        sin2, p2 = half_vector(i, r)
+        sin2, p2 = distribution.half_vector(i, r)
         D = distribution.density(sin2, peak, spread, gamma)
         above = dr.select((i.z > 0) & (r.z > 0), c_i, 0)
-        lobe = 0.25 * above * D * visibility(c_i, c_r, p2)
+        lobe = 0.25 * above * D * distribution.visibility(c_i, c_r, p2)
         p = dr.minimum(dr.sqrt(p2), 1)
         places = (between_nodes(row, dr.sqrt(cos), STEPS_OF_F) for cos in (p, c_i, c_r))
         return lobe, above * dr.inv_pi * rho_d, *places

@@ -1,7 +1,5 @@
 r"""BSDF `grey`: a grey diffuse surface, given by its emissivity."""
 
-import mitsuba as mi
-
 from mi_lcair.physics import reflection
 from mi_lcair.plugins.bsdfs.reflection_bsdf import ReflectionBSDF
 
@@ -33,6 +31,3 @@ class Grey(ReflectionBSDF):
     """
 
     model = reflection.model("grey")
-
-
-mi.register_bsdf("grey", Grey)

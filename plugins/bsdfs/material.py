@@ -1,7 +1,5 @@
 r"""BSDF `material`: a surface of a named material."""
 
-import mitsuba as mi
-
 from mi_lcair.plugins.bsdfs.reflection_bsdf import ReflectionBSDF
 
 
@@ -37,6 +35,3 @@ class Material(ReflectionBSDF):
     the incident power, HDR(theta_r) > 1, the BRDF is divided by HDR(theta_r) and the emissivity is
     0.
     """
-
-
-mi.register_bsdf("material", Material)

@@ -1,7 +1,5 @@
 r"""BSDF `microfacet`: microfacets with Fresnel reflection and a diffuse floor."""
 
-import mitsuba as mi
-
 from mi_lcair.physics import reflection
 from mi_lcair.plugins.bsdfs.reflection_bsdf import ReflectionBSDF
 
@@ -58,6 +56,3 @@ class Microfacet(ReflectionBSDF):
     """
 
     model = reflection.model("microfacet")
-
-
-mi.register_bsdf("microfacet", Microfacet)

@@ -167,6 +167,3 @@ def spectral_plumes(scene) -> list:
 def is_passed(flags):
     """Whether every ray passes straight through a BSDF with these flags: `plume` and `null`."""
     return (flags & ANY_LOBE) == int(mi.BSDFFlags.Null)
-
-
-mi.register_bsdf("plume", Plume)

@@ -10,10 +10,11 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.physics import materials, reflection
+from mi_lcair.physics import materials
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.directional_table import over_the_hemisphere, read_directional_table
 from mi_lcair.physics.reflection.directions import SMALLEST, cos_theta, sample_cosine, sin2_theta
+from mi_lcair.physics.reflection.interface import ReflectionModel
 from mi_lcair.plugins.bsdfs.spectral_bsdf import SpectralBSDF
 from mi_lcair.plugins.bsdfs.uniform_table import gather, interpolate, refine
 from mi_lcair.plugins.derivatives import (
@@ -27,7 +28,6 @@ from mi_lcair.plugins.derivatives import (
 )
 from mi_lcair.plugins.properties import HOTTEST, Property, beside_scene, read
 
-GREY = reflection.model("grey")
 LOBES = ("brdf", "mirror", "diffuse")
 OF_MATERIALS = (
     Property("material", "string"),
@@ -68,7 +68,7 @@ class ReflectionBSDF(SpectralBSDF):
     """
 
     # Plugins of a model set it. In BSDF `material` it is None until the material is read.
-    model: reflection.ReflectionModel | None = None
+    model: ReflectionModel | None = None
     OF_SURFACE: tuple[Property, ...] = OF_EVERY_SURFACE
     PROPERTIES: tuple[Property, ...] = ()
     derived = None
@@ -131,7 +131,7 @@ class ReflectionBSDF(SpectralBSDF):
         if entry.spectrum is not None:
             entry = self.averaged(entry, of_band, given["average_K"])
         # A grey surface is a limit of the other models, and any plugin takes its material
-        if self.model not in (None, entry.model) and entry.model is not GREY:
+        if self.model not in (None, entry.model) and entry.model.name != "grey":
             raise InputError(
                 f"{self.model.name}: material '{entry.name}' is one of the model "
                 f"{entry.model.name}; "
@@ -365,7 +365,7 @@ class ReflectionBSDF(SpectralBSDF):
         )
 
 
-def tables(model: reflection.ReflectionModel, values: tuple, form: str) -> tuple:
+def tables(model: ReflectionModel, values: tuple, form: str) -> tuple:
     """The `Surface` with these parameters, and the table of the lobe's HDR, in single precision.
 
     They are computed in Float64 and keep derivatives. values: the parameters, as Mitsuba's floats.
@@ -399,7 +399,7 @@ def tabulated(reflectance) -> mi.Float:
 
 
 @lru_cache(maxsize=128)
-def table_numbers(model: reflection.ReflectionModel, values: tuple, form: str) -> tuple:
+def table_numbers(model: ReflectionModel, values: tuple, form: str) -> tuple:
     """`tables` as NumPy arrays."""
     # As literals they would make kernels of their own
     opaque = tuple(dr.opaque(mi.Float, value) for value in values)
@@ -407,7 +407,7 @@ def table_numbers(model: reflection.ReflectionModel, values: tuple, form: str) -
     return S.map(lambda number: number.numpy()), lobe.numpy()
 
 
-def stored_tables(model: reflection.ReflectionModel, values: tuple, form: str) -> tuple:
+def stored_tables(model: ReflectionModel, values: tuple, form: str) -> tuple:
     """`tables` without derivatives. values: the parameters, as Python's floats."""
     S, lobe = table_numbers(model, values, form)
     arrays = S.cast(mi.Float), mi.Float(lobe)
@@ -416,9 +416,7 @@ def stored_tables(model: reflection.ReflectionModel, values: tuple, form: str) -
 
 
 @lru_cache(maxsize=128)
-def first_saturated_angle_deg(
-    model: reflection.ReflectionModel, values: tuple, form: str
-) -> float | None:
+def first_saturated_angle_deg(model: ReflectionModel, values: tuple, form: str) -> float | None:
     """Smallest angle [degrees] at which a model's HDR exceeds 1; None if there is none."""
     theta = np.linspace(0, 0.5 * np.pi, 1801)[:-1]
     cos, sin2 = mi.Float(np.cos(theta)), mi.Float(np.sin(theta) ** 2)
@@ -428,7 +426,7 @@ def first_saturated_angle_deg(
 
 
 @lru_cache(maxsize=128)
-def emissivity_error(model: reflection.ReflectionModel, values: tuple, form: str) -> float:
+def emissivity_error(model: ReflectionModel, values: tuple, form: str) -> float:
     """Relative error of the emissivity 1 - HDR at normal incidence."""
     cos, sin2 = dr.opaque(mi.Float, 1), dr.opaque(mi.Float, 0)
     floor, lobe = parts_of_HDR(model, stored_tables(model, values, form), cos, sin2)
@@ -437,7 +435,7 @@ def emissivity_error(model: reflection.ReflectionModel, values: tuple, form: str
     return HDR_ERROR / max(emissivity, LEAST_EMISSIVITY) if emissivity > HDR_ERROR else 0.0
 
 
-def parts_of_HDR(model: reflection.ReflectionModel, derived: tuple, cos, sin2) -> tuple:
+def parts_of_HDR(model: ReflectionModel, derived: tuple, cos, sin2) -> tuple:
     """Floor and lobe parts of a model's HDR(theta_r), not limited to 1; derived: from `tables`."""
     S, table = derived
     lobe = model.lobe_scale(S, cos, sin2) * interpolate(table, dr.sqrt(cos))

@@ -1,7 +1,5 @@
 r"""BSDF `sandford_robertson`: the Sandford-Robertson reflection model."""
 
-import mitsuba as mi
-
 from mi_lcair.physics import reflection
 from mi_lcair.plugins.bsdfs.reflection_bsdf import ReflectionBSDF
 
@@ -57,6 +55,3 @@ class SandfordRobertson(ReflectionBSDF):
     """
 
     model = reflection.model("sandford_robertson")
-
-
-mi.register_bsdf("sandford_robertson", SandfordRobertson)

@@ -9,6 +9,7 @@ import numpy as np
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.spectra.change import CHANGES, NODES, Change
 from mi_lcair.physics.spectra.parameters import SpectralParameters
+from mi_lcair.plugins.derivatives import children
 
 
 class SpectralBSDF(mi.BSDF):
@@ -53,3 +54,13 @@ def changed_spectrum(spectrum: SpectralParameters, change: Change) -> SpectralPa
 def has_spectrum(plugin) -> bool:
     """Whether a plugin is a BSDF that depends on wavelength; None is not."""
     return isinstance(plugin, SpectralBSDF) and plugin.spectrum is not None
+
+
+def is_spectral(bsdf) -> bool:
+    """Whether a BSDF, or what it wraps, has a spectral material."""
+    return any(map(has_spectrum, (bsdf, *children(bsdf))))
+
+
+def has_spectral_materials(scene) -> bool:
+    """Whether a surface of a scene has a spectral material."""
+    return any(is_spectral(shape.bsdf()) for shape in scene.shapes())

@@ -7,20 +7,16 @@ surface alone. The floor and the lobe of a reflection model are both sampled, al
 is 0.
 """
 
-from contextlib import contextmanager
-
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf, parts_of_HDR, tables
-from mi_lcair.plugins.columns.surface_slopes import DIFFUSE, places_of
-from mi_lcair.plugins.columns.tables import surface_numbers
+from mi_lcair.plugins.columns.surface_slopes import DIFFUSE
 from mi_lcair.plugins.derivatives import attached, children, variables
 
 SMALL = 0.02  # reflectance, or share of it, below which too few paths follow it for a derivative
-LEAST_SHARE = 0.125  # least probability of the floor and of the lobe of an explored surface
 DEGREES = (5, 30, 55, 75)  # angles of the observer at which reflectances are compared with SMALL
 
 
@@ -80,24 +76,3 @@ def differentiated(objects) -> dict:
         if names:
             names_by_bsdf[bsdf] = names
     return names_by_bsdf
-
-
-@contextmanager
-def exploring(objects, explored):
-    """Context manager in which paths explore some BSDFs of a scene, and no others."""
-    plugins = [node for node in objects if is_reflection_bsdf(node) or is_plume(node)]
-    before = [plugin.least_share for plugin in plugins]
-    try:
-        for plugin in plugins:
-            plugin.explore(LEAST_SHARE if plugin in explored else 0.0)
-        yield
-    finally:
-        for plugin, share in zip(plugins, before):
-            plugin.explore(share)
-
-
-def explored_table(objects, explored) -> mi.UInt32 | None:
-    """For the pointer to each BSDF, a positive number if it is explored; None if none is."""
-    if not explored:
-        return None
-    return surface_numbers(places_of([b for b in objects if isinstance(b, mi.BSDF)]), explored)

@@ -8,19 +8,16 @@ from mi_lcair.errors import InputError
 from mi_lcair.plugins.bsdfs.plume import is_passed, spectral_plumes
 from mi_lcair.plugins.emission.draw_table import DrawTable
 from mi_lcair.plugins.emission.drawing.spherical_polygon import Receiver
-from mi_lcair.plugins.emission.field_of_view import FieldOfView
-from mi_lcair.plugins.emission.groups import Groups, at_pointer
-from mi_lcair.plugins.emission.radiance_bound import can_be_hit, radiance_bound
+from mi_lcair.plugins.emission.radiance_bound import FieldOfView, can_be_hit, radiance_bound
 from mi_lcair.plugins.emission.samples import DrawnDirection, EmitterSample
-from mi_lcair.plugins.emission.sources import Sources
+from mi_lcair.plugins.emission.sources import Groups, Sources, at_pointer
 from mi_lcair.plugins.emission.triangles import (
     is_faceted,
     pointer_id,
     random_integer,
     triangle_corners,
 )
-from mi_lcair.plugins.emitters.one_sun import one_sun
-from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of, groups_of, is_thermal
+from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of, groups_of, is_thermal, one_sun
 from mi_lcair.plugins.paths.offsets import Offsets
 
 # Largest number of surfaces in a row that a ray passes. A path that needs more is not a number, so

@@ -12,6 +12,8 @@ from mi_lcair.plugins.properties import BRIGHTEST
 # Distance of a point of the emitter in Mitsuba's samples of directions [m]. Its square must be a
 # Float32 number.
 DISTANCE = 1e12
+# Largest difference of the elevations of a sun and of the sun of a daytime sky [degrees].
+ELEVATION_RANGE_DEG = 5.0
 
 
 class DistantEmitter(ThermalEmitter):
@@ -50,9 +52,6 @@ class DistantEmitter(ThermalEmitter):
     def density(self, d):
         """Density with which `drawn` draws a direction [1/sr]."""
         return dr.select(d.z > 0, mi.Float(0.5 * dr.inv_pi), 0)
-
-    def check_fits(self, sun) -> None:
-        """Raise InputError if its radiance is not that of a sky with this `sun`."""
 
     def in_air(self, height_m: float | None, weather: Weather) -> None:
         """Take the light at a height above the ground [m] and in a weather, if it has `clear_air`.
@@ -114,3 +113,18 @@ class DistantEmitter(ThermalEmitter):
 
     def bbox(self):
         return mi.ScalarBoundingBox3f()  # empty: it is not a part of the scene's extent
+
+
+def check_fits(sun, sky, name: str) -> None:
+    """Raise InputError if the sun is not where a daytime sky has it.
+
+    `sky` has a `sun_azimuth_deg` and a `sun_elevation_deg`; `name` says in the message what it is.
+    """
+    turn = (sun.azimuth_deg - sky.sun_azimuth_deg + 180) % 360 - 180
+    if abs(turn) >= 0.01 or abs(sun.elevation_deg - sky.sun_elevation_deg) > ELEVATION_RANGE_DEG:
+        raise InputError(
+            f"the sun at azimuth {sun.azimuth_deg:g} and elevation {sun.elevation_deg:g} degrees "
+            f"does not fit {name}, whose sun is at {sky.sun_azimuth_deg:g} and "
+            f"{sky.sun_elevation_deg:g} degrees; it must have the same azimuth, and an elevation "
+            f"within {ELEVATION_RANGE_DEG:g} degrees"
+        )

@@ -16,8 +16,7 @@ from mi_lcair.physics.surroundings.skies import Blackbody
 from mi_lcair.physics.surroundings.surroundings import ATMOSPHERE, Ground, surroundings
 from mi_lcair.plugins.derivatives import attached, held, same_variables
 from mi_lcair.plugins.emission.source import Source
-from mi_lcair.plugins.emitters.distant_emitter import DistantEmitter
-from mi_lcair.plugins.emitters.one_sun import check_fits
+from mi_lcair.plugins.emitters.distant_emitter import DistantEmitter, check_fits
 from mi_lcair.plugins.emitters.thermal_emitter import EmitterParameter
 from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST, Property, beside_scene
 
@@ -570,6 +569,3 @@ class Sky(DistantEmitter):
 
     def to_string(self):
         return f"Sky[sky = {self.values['sky']}, scale = {self.scale}]"
-
-
-mi.register_emitter("sky", Sky)

@@ -1,7 +1,5 @@
 r"""Emitter `sky_dome`: the clear daytime sky, an older name of the emitter `sky`."""
 
-import mitsuba as mi
-
 from mi_lcair.physics.air.levels import model_names
 from mi_lcair.physics.sun.daytime_sky import SUN_ELEVATION_DEG
 from mi_lcair.plugins.emitters.sky import Sky
@@ -42,6 +40,3 @@ class SkyDome(Sky):
         values = read(props, props.plugin_name(), self.PROPERTIES)
         absent = dict.fromkeys(of_sky.name for of_sky in Sky.PROPERTIES)
         return absent | values | {"sky": "clear", "atmosphere": values["air"], "ground_group": ""}
-
-
-mi.register_emitter("sky_dome", SkyDome)

@@ -75,6 +75,7 @@ class Sun(DistantEmitter):
     )
 
     SCALE, SCALE_UNIT = "irradiance", "W m^-2"
+    is_sun = True
 
     def __init__(self, props):
         super().__init__(props)
@@ -213,6 +214,3 @@ def position(values: dict) -> tuple[float, float, float | None]:
     if distance_au is None and values["air"] in air_names():
         distance_au = sun.distance_au
     return values["north_deg"] - sun.compass_deg, sun.elevation_deg, distance_au
-
-
-mi.register_emitter("sun", Sun)

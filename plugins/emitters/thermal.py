@@ -11,7 +11,6 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.physics.sky import spectrum
 from mi_lcair.plugins.derivatives import check_attached, held, members, same_variables, unrecorded
 from mi_lcair.plugins.emission.emissivity import Table, emissivity_of, reflects
 from mi_lcair.plugins.emission.radiance_bound import largest, texture_bound
@@ -24,7 +23,7 @@ from mi_lcair.plugins.emission.triangles import (
 )
 from mi_lcair.plugins.emitters.thermal_emitter import EmitterParameter, ThermalEmitter
 from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST, RADIANCE_UNIT, Property
-from mi_lcair.plugins.tracing import is_traced
+from mi_lcair.startup.threads import is_traced
 
 
 class Thermal(ThermalEmitter):
@@ -87,6 +86,8 @@ class Thermal(ThermalEmitter):
         if values["radiance"] is not None:
             self.radiance = mi.Float(values["radiance"])
         elif values["spectrum"] is not None:
+            from mi_lcair.physics.sky import spectrum  # loads clear air
+
             self.spectrum = spectrum(values["spectrum"], values["elevation_deg"])
             self.radiance = mi.Float(self.spectrum.in_band_radiance(self.band))
         elif isinstance(values["temperature"], mi.Texture):
@@ -383,6 +384,3 @@ class Thermal(ThermalEmitter):
             else f"radiance = {self.radiance}"
         )
         return f"Thermal[group = {self.group}, band = {self.band and self.band.name}, {what}]"
-
-
-mi.register_emitter("thermal", Thermal)

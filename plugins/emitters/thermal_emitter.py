@@ -6,6 +6,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import Band, band
 from mi_lcair.physics.spectrum import Spectrum
 from mi_lcair.plugins.derivatives import Deriving
@@ -66,6 +67,7 @@ class ThermalEmitter(mi.Emitter):
     derived = None
     derivations = ()
     is_divided = False  # whether it has several parts by direction, see `Sky`
+    is_sun = False
 
     def __init__(self, props):
         mi.Emitter.__init__(self, props)
@@ -104,6 +106,9 @@ class ThermalEmitter(mi.Emitter):
 
     def refresh(self) -> None:
         """Compute `derived` again if a parameter has changed."""
+
+    def check_fits(self, sun) -> None:
+        """Raise InputError if its radiance is not that of a sky with this `sun`."""
 
     @property
     def groups(self) -> list[str]:
@@ -166,3 +171,17 @@ def facet_type_of(emitter) -> str:
 def thermal_shapes(scene: mi.Scene) -> list[mi.Shape]:
     """The shapes of a scene that have a thermal emitter."""
     return [shape for shape in scene.shapes() if is_thermal(shape.emitter())]
+
+
+def one_sun(emitters):
+    """The emitter `sun` of a scene; None if it has none.
+
+    Raises InputError for a second one, and for one that does not fit the emitter `sky_dome`.
+    """
+    thermal = [emitter for emitter in emitters if is_thermal(emitter)]
+    suns = [emitter for emitter in thermal if emitter.is_sun]
+    if len(suns) > 1:
+        raise InputError(f"the scene has {len(suns)} suns; it can have one at most")
+    for sky in thermal if suns else []:
+        sky.check_fits(suns[0])
+    return suns[0] if suns else None

@@ -12,18 +12,20 @@ from mitsuba.python.ad.integrators.common import RBIntegrator
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.spectra.bins import Binning
-from mi_lcair.plugins.bsdfs.spectral_bsdf import has_spectrum
-from mi_lcair.plugins.columns.exploring import explored_by_gradients, explored_table, exploring
+from mi_lcair.plugins.bsdfs.spectral_bsdf import SpectralBSDF, has_spectrum
+from mi_lcair.plugins.columns.exploring import explored_by_gradients
+from mi_lcair.plugins.columns.surface_slopes import places_of
+from mi_lcair.plugins.columns.tables import surface_numbers
 from mi_lcair.plugins.derivatives import deriving, leaves, nodes
 from mi_lcair.plugins.emission.draw_table import PREFERRED
 from mi_lcair.plugins.emission.triangles import refresh_geometry
 from mi_lcair.plugins.paths.path_tracer import PathTracer
+from mi_lcair.plugins.paths.recording import SceneState
 from mi_lcair.plugins.properties import HOTTEST, Property, read
-from mi_lcair.plugins.scene_state import SceneState
-from mi_lcair.plugins.tracing import tracing
-from mi_lcair.startup.threads import exclusive
+from mi_lcair.startup.threads import exclusive, tracing
 
 AUTO = "auto"  # emitter_sampling: decided by a measurement
+LEAST_SHARE = 0.125  # least probability of the floor and of the lobe of an explored surface
 MOST_KEPT = 8  # tracers of a scene that are kept, each with other settings
 
 
@@ -174,8 +176,11 @@ class BouncePath(RBIntegrator):
             return kept[key][1]
         refresh_geometry(scene)
         by_spectrum, explored, binning = of_tracer
-        explored = explored_table(objects, explored)
-        tracer = PathTracer(self, scene, by_spectrum, state, explored, binning)
+        numbers = None  # of the surfaces that are explored
+        if explored:
+            bsdfs = [node for node in objects if isinstance(node, mi.BSDF)]
+            numbers = surface_numbers(places_of(bsdfs), explored)
+        tracer = PathTracer(self, scene, by_spectrum, state, numbers, binning)
         if not state.has_gradients:
             kept.pop(key, None)
             kept[key] = state, tracer
@@ -206,4 +211,15 @@ class BouncePath(RBIntegrator):
             raise InputError("bounce_path: closure = tail has no derivatives; use none or ambient")
 
 
-mi.register_integrator("bounce_path", BouncePath)
+@contextmanager
+def exploring(objects, explored):
+    """Context manager in which paths explore some BSDFs of a scene, and no others."""
+    plugins = [node for node in objects if isinstance(node, SpectralBSDF)]
+    before = [plugin.least_share for plugin in plugins]
+    try:
+        for plugin in plugins:
+            plugin.explore(LEAST_SHARE if plugin in explored else 0.0)
+        yield
+    finally:
+        for plugin, share in zip(plugins, before):
+            plugin.explore(share)

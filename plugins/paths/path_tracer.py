@@ -12,10 +12,11 @@ from mitsuba.python.ad.integrators.common import RBIntegrator
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.spectra.bins import Binning
-from mi_lcair.plugins.bins.by_bin import ByBin, has_spectral_materials
+from mi_lcair.plugins.bins.by_bin import ByBin
 from mi_lcair.plugins.bins.sums import BinSums, ByBinOfPath, SourceSums, SpectralSums
 from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.bsdfs.reflection_bsdf import ReflectionBSDF
+from mi_lcair.plugins.bsdfs.spectral_bsdf import has_spectral_materials
 from mi_lcair.plugins.columns.control import control_of
 from mi_lcair.plugins.derivatives import attached, derivations, deriving, flatten, own_memory
 from mi_lcair.plugins.emission.draw_table import PREFERENCE, PREFERRED, UnmetSources
@@ -26,7 +27,7 @@ from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.plugins.paths.facet_starts import FacetStarts
 from mi_lcair.plugins.paths.launch import WHOLE, Launch, ParallelRays, Paths
 from mi_lcair.plugins.paths.offsets import rounding_error
-from mi_lcair.plugins.paths.recording import Recorded
+from mi_lcair.plugins.paths.recording import Recorded, SceneState
 from mi_lcair.plugins.paths.sums import BlockSums, Sums, block_size
 from mi_lcair.plugins.paths.tail import Tail
 from mi_lcair.plugins.paths.walk import Replay, Walk
@@ -36,7 +37,6 @@ from mi_lcair.plugins.recorders.first_hit import FirstHit
 from mi_lcair.plugins.recorders.last_counts import LastCounts
 from mi_lcair.plugins.recorders.recorder import Recorders
 from mi_lcair.plugins.recorders.unmet_source import UnmetSource
-from mi_lcair.plugins.scene_state import SceneState
 
 # What a scene with spectral materials cannot do, and what works in its place
 WITHOUT_DERIVATIVES = (

@@ -147,6 +147,3 @@ class Lattice(mi.Sampler):
 
     def to_string(self):
         return f"Lattice[sample_count = {self.sample_count()}]"
-
-
-mi.register_sampler("lattice", Lattice)

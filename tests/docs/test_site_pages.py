@@ -8,20 +8,13 @@ from mkdocs.structure.files import File, Files
 
 import mi_lcair
 from docs.site_pages import manual, mathml, on_page_content, on_page_markdown
+from mi_lcair.plugins import PLUGINS
 from tests.docs.fences import ROOT
 
-REGISTRATION = re.compile(r"^mi\.register_(\w+)\(\"(\w+)\"", re.MULTILINE)
-PLUGINS = {
-    file.stem: found.groups()
-    for file in sorted((ROOT / "plugins").glob("*/*.py"))
-    if (found := REGISTRATION.search(file.read_text(encoding="utf-8")))
-}
 
-
-@pytest.mark.parametrize("file", PLUGINS)
-def test_manual_is_that_of_the_plugin(file):
-    kind, name = PLUGINS[file]
-    assert manual(file).startswith(f"## {kind} `{name}`\n")
+@pytest.mark.parametrize("name", PLUGINS)
+def test_manual_is_that_of_the_plugin(name):
+    assert manual(name).startswith(f"## {PLUGINS[name].kind} `{name}`\n")
 
 
 def test_all_plugins_have_a_manual():

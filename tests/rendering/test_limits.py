@@ -10,7 +10,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.rendering import limits
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.views import View
-from mi_lcair.signatures.many_views import render_views
+from tests.signatures.rendered_views import render_views
 
 GIB = 2**30
 

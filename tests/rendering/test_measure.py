@@ -18,9 +18,9 @@ from mi_lcair.rendering.pixels.errors import PixelError
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.views import View
 from mi_lcair.rendering.window import PASS_SAMPLES, Windows
-from mi_lcair.signatures.many_views import render_views
 from tests.plugins.small_scenes import camera
 from tests.rendering.made_totals import sums_of
+from tests.signatures.rendered_views import render_views
 
 ANY_SENSOR = SimpleNamespace(class_name=lambda: "PerspectiveCamera")
 

@@ -18,10 +18,9 @@ from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 from mi_lcair.physics.brdf_view import brdf_view
 from mi_lcair.rendering.images.exr import read_exr
-from mi_lcair.results.cells import unit_of
+from mi_lcair.results.cells import blocks, unit_of
 from mi_lcair.results.html import part_html
 from mi_lcair.results.sections import Facts, Lines, Table
-from mi_lcair.results.text import blocks
 from mi_lcair.signatures.hemispherical_view import hemispherical_view
 from tests.cli.test_image import CAMERA
 from tests.detection.disc_scenario import write_disc

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mi_lcair.results import html, text
+from mi_lcair.results import cells, html
 from mi_lcair.results.sections import (
     Drawing,
     Facts,
@@ -37,7 +37,7 @@ SECTIONS = [
 
 def test_the_console_prints_facts_tables_and_lists():
     """Further facts follow the first ones. Paragraphs, drawings and details are for pages."""
-    assert list(text.blocks(SECTIONS, [("time", "1 s")])) == [
+    assert list(cells.blocks(SECTIONS, [("time", "1 s")])) == [
         [["a", "1.5"], ["b", "2 +- 0.1"], ["time", "1 s"]],
         [["n", "I W/sr"], ["1", "no value"]],
         [["why:"], ["  so"], ["  <b>"]],
@@ -45,7 +45,7 @@ def test_the_console_prints_facts_tables_and_lists():
 
 
 def test_all_remarks_are_collected():
-    assert text.remarks(SECTIONS) == ["take care", "and here"]
+    assert cells.remarks(SECTIONS) == ["take care", "and here"]
 
 
 @pytest.mark.parametrize(

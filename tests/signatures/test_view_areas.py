@@ -13,9 +13,9 @@ from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.plugins.emission.source import Source
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.views import View
-from mi_lcair.signatures.many_views import render_views
 from mi_lcair.signatures.view_areas import ViewAreas, measure_view_areas, view_areas
 from tests.detection.disc_scenario import triangles, write_disc
+from tests.signatures.rendered_views import render_views
 
 VIEWS = [View(20.0, 5.0), View(100.0, 5.0), View(260.0, -10.0)]
 
@@ -52,7 +52,7 @@ def test_edges_widen_the_intervals():
         edge_error=lambda name: np.array([0.3]),
         missed=lambda name: np.array([0.0]),
         systematic=0.0,
-        excess=None,
+        reached_by_window=np.array([True]),
         traced=np.array([64.0]),
     )
     scene = SimpleNamespace(name="made up", band=band("LWIR"))

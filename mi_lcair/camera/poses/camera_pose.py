@@ -3,7 +3,6 @@
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
 
 import mitsuba as mi
 import numpy as np
@@ -64,10 +63,8 @@ class CameraPose(Result):
     tables: dict[str, dict]
     remarks: tuple[str, ...] = ()
 
-    kind: ClassVar[str] = "pose"
-    saved_by: ClassVar[dict[str, str]] = {
-        ".toml": "mi_lcair.camera.poses.camera_pose:write_scenario"
-    }
+    kind = "pose"
+    saved_by = {".toml": "mi_lcair.camera.poses.camera_pose:write_scenario"}
 
     @property
     def rms_px(self) -> float:

@@ -9,9 +9,7 @@ from mi_lcair.cli.output import print_result, print_written
 
 @options.command("audit", "mi-lcair audit open_box --photons 4096")
 @options.loading
-@click.option(
-    "--photons", type=click.IntRange(min=8), default=2**18, help="Photons from each emitter."
-)
+@options.option("--photons", "Photons from each emitter.", click.IntRange(min=8), default=2**18)
 @options.file("--facets", "Write irradiance and exitance of each facet, FILE.csv.", (".csv",))
 def command(scene, photons, facets):
     """Follow the flux that SCENE emits.

@@ -14,17 +14,16 @@ from mi_lcair.errors import InputError
     "budget", "mi-lcair budget box.toml -u sigma.toml -D render.max_bounces=1 --spp 16"
 )
 @click.argument("what", shell_complete=completion.scenes_and_scenarios)
-@click.option(
-    "-u",
-    "--uncertainties",
-    type=options.FILE,
+@options.option(
+    "-u --uncertainties",
+    "The uncertainties, FILE.toml: standard deviations, covariances, reports of fits.",
+    options.FILE,
     required=True,
-    help="The uncertainties, FILE.toml: standard deviations, covariances, reports of fits.",
 )
-@click.option(
+@options.option(
     "--of",
+    "Of a scenario: contrast (default), apparent_temperature, detection_range, snr or netd.",
     metavar="RESULT",
-    help="Of a scenario: contrast (default), apparent_temperature, detection_range, snr or netd.",
 )
 @options.changes("Set a $-parameter of the scene, or an entry of the scenario")
 @options.output("the budget, FILE.json, for show, report and convert", (".json",))
@@ -35,11 +34,10 @@ from mi_lcair.errors import InputError
     "pixel, FILE.exr.",
     (".exr",),
 )
-@click.option(
-    "--monte-carlo",
-    "draws",
-    type=options.POSITIVE,
-    help="Also compute the distribution of the result from this number of random draws.",
+@options.option(
+    "--monte-carlo draws",
+    "Also compute the distribution of the result from this number of random draws.",
+    options.POSITIVE,
 )
 @options.sampling(
     spp="Number of paths, divided by the number of pixels (default: that of the scene or the "

@@ -30,10 +30,10 @@ def chart(name: str, files: str, unit: str, *more: Callable):
     """
     what = f"{files} to FOLDER, which is made if it is absent"
     written = options.output(what, metavar="FOLDER", default=".")
-    quick = click.option(
+    quick = options.option(
         "--quick",
+        "Measure fewer efforts and repetitions, in seconds instead of minutes.",
         is_flag=True,
-        help="Measure fewer efforts and repetitions, in seconds instead of minutes.",
     )
 
     def decorator(function):

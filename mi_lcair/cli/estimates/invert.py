@@ -16,7 +16,7 @@ from mi_lcair.cli.output import print_next, time_row, write_and_print
 @click.argument("problem", type=options.FILE)
 @options.output("the solution, FILE.json, for --solution of commands with a SCENE", (".json",))
 @options.plot("measured, predicted and their difference in standard deviations")
-@click.option("--no-advice", is_flag=True, help="Do not compute what to measure next.")
+@options.option("--no-advice", "Do not compute what to measure next.", is_flag=True)
 @options.workers
 @options.renderer
 def command(problem, output, plot, no_advice):

@@ -1,7 +1,5 @@
 """mi-lcair shape-derivatives: which part of a surface to move."""
 
-import click
-
 import mi_lcair
 from mi_lcair.cli import options
 from mi_lcair.cli.output import write_and_print
@@ -15,11 +13,11 @@ from mi_lcair.formats import VTK
 )
 @options.loading
 @options.sensor
-@click.option("--group", required=True, help="Group of the model whose surface moves.")
-@click.option(
+@options.option("--group", "Group of the model whose surface moves.", required=True)
+@options.option(
     "--spp",
-    type=options.POSITIVE,
-    help="Number of paths, divided by the number of pixels of the film (default: the scene's own).",
+    "Number of paths, divided by the number of pixels of the film (default: the scene's own).",
+    options.POSITIVE,
 )
 @options.output(
     "the derivatives by facet, FILE.csv or .json, for ParaView, FILE.vtp or .vtu, as a picture, "

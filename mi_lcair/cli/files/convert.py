@@ -19,10 +19,10 @@ from mi_lcair.formats import VTK
 )
 @click.argument("source", metavar="IN")
 @click.argument("output", metavar="OUT", type=options.FILE)
-@click.option(
-    "-c", "--channel", default="Y", help="Channel of FILE.exr for a TIFF, such as temperature.Y."
+@options.option(
+    "-c --channel", "Channel of FILE.exr for a TIFF, such as temperature.Y.", default="Y"
 )
-@click.option("--scene", help="Scene of a table of facets.")
+@options.option("--scene", "Scene of a table of facets.")
 @options.changes("Set a $-parameter of the scene", "parameters")
 @click.pass_context
 def command(ctx, source, output, channel, scene, parameters):

@@ -45,53 +45,51 @@ NOT_DRAWN = {
 )
 @click.argument("what", nargs=-1, required=True, metavar="WHAT", shell_complete=completion.pictured)
 @options.output("the picture, FILE.png, .svg or .pdf (default: named after WHAT)", PICTURES)
-@click.option(
-    "-c",
-    "--channel",
-    "channels",
-    multiple=True,
-    help="Channel of FILE.exr (default: Y or temperature.Y) or column of FILE.csv, or a pattern "
+@options.option(
+    "-c --channel channels",
+    "Channel of FILE.exr (default: Y or temperature.Y) or column of FILE.csv, or a pattern "
     "such as 'bounce*'; may be repeated.",
+    multiple=True,
 )
-@click.option("--log", is_flag=True, help="Logarithmic colours.")
-@click.option("--vmin", type=float, help="Value at the lower end of the colour scale.")
-@click.option("--vmax", type=float, help="Value at the upper end of the colour scale.")
-@click.option("--cmap", metavar="NAME", help="Colour map of Matplotlib, such as gray or viridis.")
-@click.option(
+@options.option("--log", "Logarithmic colours.", is_flag=True)
+@options.option("--vmin", "Value at the lower end of the colour scale.", float)
+@options.option("--vmax", "Value at the upper end of the colour scale.", float)
+@options.option("--cmap", "Colour map of Matplotlib, such as gray or viridis.", metavar="NAME")
+@options.option(
     "--common-scale/--own-scales",
+    "One scale for all panels of a quantity (default), or one for each panel.",
     default=True,
     show_default=False,
-    help="One scale for all panels of a quantity (default), or one for each panel.",
 )
-@click.option("--outlines", is_flag=True, help="Draw lines between the facets.")
-@click.option("--scene", help="With --outlines: the scene of FILE.exr, if it is not a bundled one.")
-@click.option(
+@options.option("--outlines", "Draw lines between the facets.", is_flag=True)
+@options.option("--scene", "With --outlines: the scene of FILE.exr, if it is not a bundled one.")
+@options.option(
     "--facet",
-    type=click.IntRange(min=0),
+    "Number of the facet whose view is shown, from 0.",
+    click.IntRange(min=0),
     metavar="N",
-    help="Number of the facet whose view is shown, from 0.",
 )
-@click.option(
+@options.option(
     "--facets",
-    type=options.FILE,
+    "Table with a column `facet` and others to colour the facets by.",
+    options.FILE,
     metavar="FILE.csv",
-    help="Table with a column `facet` and others to colour the facets by.",
 )
-@click.option(
+@options.option(
     "--pixel",
-    type=(int, int),
+    "Pixel of a spectral image whose spectrum is drawn, from 0 at the upper left.",
+    (int, int),
     metavar="ROW COLUMN",
-    help="Pixel of a spectral image whose spectrum is drawn, from 0 at the upper left.",
 )
 @options.changes("Set a $-parameter of the scene, or change an entry of the scenario", "parameters")
 @options.sensor
-@click.option("--band", help="Band (default: that of a fit of one band, or MWIR).")
-@click.option("--materials", type=options.FILE, metavar="TOML", help="Your own materials.")
-@click.option(
+@options.option("--band", "Band (default: that of a fit of one band, or MWIR).")
+@options.option("--materials", "Your own materials.", options.FILE, metavar="TOML")
+@options.option(
     "--theta-deg",
-    type=click.FloatRange(0, 90, max_open=True),
+    "Angle of incidence in degrees.",
+    click.FloatRange(0, 90, max_open=True),
     default=30,
-    help="Angle of incidence in degrees.",
 )
 @options.json
 @click.pass_context

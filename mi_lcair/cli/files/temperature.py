@@ -36,25 +36,21 @@ def quantities(command):
     cls=Called,
 )
 @click.argument("image", metavar="IMAGE|K")
-@click.option("--band", metavar="BAND", help="Band of the camera; an EXR states its own.")
-@click.option(
-    "--emissivity", required=True, metavar="0..1", help="Emissivity of the object in the band."
+@options.option("--band", "Band of the camera; an EXR states its own.", metavar="BAND")
+@options.option(
+    "--emissivity", "Emissivity of the object in the band.", required=True, metavar="0..1"
 )
 @quantities
-@click.option("--atmosphere", metavar="NAME|FILE", help="Air for --distance: us_standard, ...")
-@click.option(
+@options.option("--atmosphere", "Air for --distance: us_standard, ...", metavar="NAME|FILE")
+@options.option(
     "--sigma",
-    type=click.FloatRange(min=0),
+    "Standard uncertainty of the image, common to all pixels.",
+    click.FloatRange(min=0),
     default=0.0,
     metavar="K",
-    help="Standard uncertainty of the image, common to all pixels.",
 )
-@click.option(
-    "--scale", type=float, metavar="K", help="Kelvin of one count of the image, such as 0.01."
-)
-@click.option(
-    "--offset", type=float, metavar="K", help="273.15 for an image in degrees Celsius, else 0."
-)
+@options.option("--scale", "Kelvin of one count of the image, such as 0.01.", float, metavar="K")
+@options.option("--offset", "273.15 for an image in degrees Celsius, else 0.", float, metavar="K")
 @options.output(
     "the temperatures to FILE (.tif, .csv, .exr with their uncertainty), or a picture", SUFFIXES
 )

@@ -11,13 +11,13 @@ SUFFIXES = (".csv", ".json", ".html", ".png", ".svg", ".pdf", ".nc")
 
 @options.command("cavity", "mi-lcair cavity cavity.toml -o cavity.png")
 @click.argument("cavity", metavar="CAVITY.toml")
-@click.option(
+@options.option(
     "--tolerance",
-    type=click.FloatRange(min=0, min_open=True),
+    "Half of the 95 % interval for walls that the renderer traces (default: 2e-4).",
+    click.FloatRange(min=0, min_open=True),
     metavar="FRACTION",
-    help="Half of the 95 % interval for walls that the renderer traces (default: 2e-4).",
 )
-@click.option("--seed", type=click.IntRange(min=0), default=0, help="Seed of the random numbers.")
+@options.option("--seed", "Seed of the random numbers.", click.IntRange(min=0), default=0)
 @options.output(
     "the table to FILE (.csv, .json, .html, .nc), or a picture (.png, .svg, .pdf)", SUFFIXES
 )

@@ -20,17 +20,15 @@ from mi_lcair.errors import InputError
     tolerance="Trace paths until half of the 95 % interval of each contrast is at most this "
     "fraction of it.",
 )
-@click.option(
-    "--tolerance-W-m2",
-    "tolerance_W_m2",
-    type=click.FloatRange(min=0, min_open=True),
-    help="The same in W m^-2, for a contrast that may be zero. With both tolerances, one suffices.",
+@options.option(
+    "--tolerance-W-m2 tolerance_W_m2",
+    "The same in W m^-2, for a contrast that may be zero. With both tolerances, one suffices.",
+    click.FloatRange(min=0, min_open=True),
 )
-@click.option(
-    "--range",
-    "ranges",
+@options.option(
+    "--range ranges",
+    "Find the ranges at which the target is detected; needs sensor.nei.",
     is_flag=True,
-    help="Find the ranges at which the target is detected; needs sensor.nei.",
 )
 @options.plot("the spectra")
 def command(scenario, ranges, plot):

@@ -1,7 +1,5 @@
 """mi-lcair exchange: radiative conductors between the facets of a scene."""
 
-import click
-
 import mi_lcair
 from mi_lcair.cli import options
 from mi_lcair.cli.output import time_row, write_and_print
@@ -17,20 +15,17 @@ SUFFIXES = (".csv", ".json", ".html", ".nc", *PICTURES, *VTK)
     "mi-lcair exchange box/scene.xml --sun 40 120 -o exchange.nc",
 )
 @options.loading
-@click.option(
-    "--rays",
-    type=options.POSITIVE,
-    help="Number of paths of each side of a facet (default: 1024).",
+@options.option(
+    "--rays", "Number of paths of each side of a facet (default: 1024).", options.POSITIVE
 )
-@click.option("--sky-K", "sky_K", type=float, help="Temperature of the sky, for irradiances [K].")
-@click.option("--ground-K", "ground_K", type=float, help="Temperature of the ground [K].")
-@click.option(
-    "--sun",
-    "sun_deg",
+@options.option("--sky-K sky_K", "Temperature of the sky, for irradiances [K].", float)
+@options.option("--ground-K ground_K", "Temperature of the ground [K].", float)
+@options.option(
+    "--sun sun_deg",
+    "Position of the sun in degrees, for the sunlight that facets absorb.",
+    float,
     nargs=2,
-    type=float,
     metavar="ELEVATION AZIMUTH",
-    help="Position of the sun in degrees, for the sunlight that facets absorb.",
 )
 @options.output(
     "the facets (.csv, .json, .html, .vtp, .vtu), the facets and the sparse matrix of their "

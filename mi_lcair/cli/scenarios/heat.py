@@ -16,11 +16,10 @@ SUFFIXES = (*OF_HOUR, ".series", ".nc", ".json", ".html", ".png", ".svg", ".pdf"
 @options.command("heat", "mi-lcair heat heat.toml -o temperatures.csv --hour 14")
 @click.argument("heat", metavar="HEAT.toml")
 @options.output(f"the temperatures to FILE ({', '.join(SUFFIXES)})", SUFFIXES)
-@click.option(
+@options.option(
     "--hour",
-    type=click.FloatRange(min=0),
-    help="Time of the temperatures in a .csv, .vtp or .vtu file (default: that of the warmest "
-    "facet).",
+    "Time of the temperatures in a .csv, .vtp or .vtu file (default: that of the warmest facet).",
+    click.FloatRange(min=0),
 )
 @options.renderer
 def command(heat, output, hour):

@@ -1,7 +1,5 @@
 """mi-lcair image: what the camera of a scenario records."""
 
-import click
-
 import mi_lcair
 from mi_lcair.cli import options
 from mi_lcair.cli.output import print_next, time_row, write_and_print
@@ -18,11 +16,11 @@ from mi_lcair.files import check_writable
 @options.output(
     "the image, FILE.exr, and the counts to FILE.tif beside it", (".exr",), required=True
 )
-@click.option(
+@options.option(
     "--frames",
-    type=options.POSITIVE,
+    "Number of frames with independent noise, pages of FILE.tif. There is one render.",
+    options.POSITIVE,
     default=1,
-    help="Number of frames with independent noise, pages of FILE.tif. There is one render.",
 )
 @options.seed("Seed of the camera's noise and fixed pattern.")
 @options.plot("frame and measures")

@@ -17,11 +17,11 @@ SUFFIXES = (".toml", ".csv", ".json", ".html", ".nc")
 @click.argument("scenario")
 @click.argument("points", type=options.FILE, metavar="POINTS.csv")
 @options.changes("Change an entry of the scenario, such as camera.focal_length_mm=50")
-@click.option(
+@options.option(
     "--sigma",
-    type=click.FloatRange(min=0, min_open=True),
+    "Standard deviation of a column or row, pixels (default: that of the residuals).",
+    click.FloatRange(min=0, min_open=True),
     metavar="PX",
-    help="Standard deviation of a column or row, pixels (default: that of the residuals).",
 )
 @options.output(
     "the scenario with this camera to FILE.toml; or a table, .csv, .json, .html", SUFFIXES

@@ -10,9 +10,8 @@ from typing import Literal
 import numpy as np
 
 from mi_lcair import toml_table
-from mi_lcair.declared import Bounds, within
+from mi_lcair.declared import Bounds, fraction, within
 from mi_lcair.errors import InputError, check_known, errors_of
-from mi_lcair.fraction import fraction
 from mi_lcair.heating.temperatures.wall import Wall
 from mi_lcair.toml_table import dotted, filled, located, located_values
 

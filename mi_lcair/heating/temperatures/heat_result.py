@@ -1,7 +1,7 @@
 """Temperatures of a scene's facets from their heat balance, as a result."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -86,8 +86,8 @@ class Heat(Result):
     scene_kelvin: np.ndarray
     remarks: tuple[str, ...] = ()
 
-    kind: ClassVar[str] = "heat"
-    saved_by: ClassVar[dict[str, str]] = {
+    kind = "heat"
+    saved_by = {
         ".csv": "mi_lcair.heating.temperatures.files:write_csv",
         ".vtu": "mi_lcair.heating.temperatures.files:write_vtk",
         ".vtp": "mi_lcair.heating.temperatures.files:write_vtk",

@@ -19,7 +19,7 @@ from mi_lcair.inversion.tables import Goal, RenderSettings
 from mi_lcair.inversion.unknowns import Where
 from mi_lcair.motions.table import Declared
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.plugins.bins.by_bin import has_spectral_materials
+from mi_lcair.plugins.bsdfs.spectral_bsdf import has_spectral_materials
 from mi_lcair.plugins.paths.offsets import UNIT
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.images.render import render_image

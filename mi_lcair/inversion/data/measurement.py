@@ -3,9 +3,8 @@
 import re
 from dataclasses import dataclass, field
 
-from mi_lcair.declared import check_fields, within
+from mi_lcair.declared import check_fields, fraction, within
 from mi_lcair.errors import InputError, unknown
-from mi_lcair.fraction import fraction
 from mi_lcair.inversion.tables import check_prior
 
 QUANTITIES = ("radiance", "apparent_temperature")

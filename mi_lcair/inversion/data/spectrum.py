@@ -9,7 +9,7 @@ from mi_lcair.inversion.data.contrast import spread
 from mi_lcair.physics.spectra.bins import Bins
 from mi_lcair.physics.spectra.change import Change
 from mi_lcair.physics.spectral_table import WAVELENGTH
-from mi_lcair.plugins.bins.by_bin import has_spectral_materials
+from mi_lcair.plugins.bsdfs.spectral_bsdf import has_spectral_materials
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling

@@ -6,9 +6,10 @@ plugins/bsdfs/NAME.py.
 """
 
 import importlib
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
-from mi_lcair.errors import check_known, unknown
+from mi_lcair.errors import check_known
 
 if TYPE_CHECKING:
     from mi_lcair.physics.reflection.interface import ReflectionModel
@@ -21,23 +22,25 @@ NAMES = (
 )
 
 
-def __getattr__(name: str) -> Any:
-    """MODELS, DEFAULT and ReflectionModel, imported at the first use.
-
-    The names alone are known without Dr.Jit, which the models load.
-    """
-    if name == "ReflectionModel":
-        from mi_lcair.physics.reflection.interface import ReflectionModel
-
-        return ReflectionModel
-    if name not in ("MODELS", "DEFAULT"):
-        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
-    models = {key: model(key) for key in NAMES}
-    globals().update(MODELS=models, DEFAULT=models[NAMES[0]])
-    return globals()[name]
-
-
 def model(name: str) -> "ReflectionModel":
     """The reflection model of that name; InputError for a name that is not registered."""
     check_known("reflection model", NAMES, name)
     return importlib.import_module(f"{__name__}.{name}").MODEL
+
+
+class Models(Mapping):
+    """The reflection models by name, each imported when it is first used."""
+
+    def __getitem__(self, name: str) -> "ReflectionModel":
+        if name not in NAMES:
+            raise KeyError(name)
+        return model(name)
+
+    def __iter__(self):
+        return iter(NAMES)
+
+    def __len__(self):
+        return len(NAMES)
+
+
+MODELS = Models()

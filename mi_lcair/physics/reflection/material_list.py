@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 from drjit.llvm.ad import Float64
@@ -34,7 +33,7 @@ class MaterialList(Result):
     emissivity: np.ndarray
     left_out: tuple[str, ...] = ()
 
-    kind: ClassVar[str] = "materials"
+    kind = "materials"
 
     def summary(self) -> str:
         """One line with the number of materials."""

@@ -99,24 +99,6 @@ class MicrofacetSurface(interface.Surface):
     inverse_exponent: Any
 
 
-def visibility(c_i, c_r, p2):
-    """G / (c_i c_r) for the cosines c_i and c_r of the two directions and p2 = p^2."""
-    unhidden = 1 / dr.maximum(c_i * c_r, SMALLEST)
-    hidden = (c_i + c_r) / dr.maximum(p2 * dr.maximum(c_i, c_r), SMALLEST)
-    return dr.minimum(unhidden, hidden)
-
-
-def half_vector(i, r):
-    """Squared sine of the half-vector's angle to the normal, and p^2.
-
-    p is the cosine of the half-vector's angle to i, which equals that to r.
-    """
-    x, y, z = i.x + r.x, i.y + r.y, i.z + r.z
-    xy = dr.square(x) + dr.square(y)
-    xyz = dr.maximum(xy + dr.square(z), SMALLEST)
-    return xy / xyz, 0.25 * xyz
-
-
 class Microfacet(MicrofacetCube):
     """The microfacet model; the module's docstring gives its equations."""
 
@@ -149,10 +131,10 @@ class Microfacet(MicrofacetCube):
     def f(self, S, i, r):
         above = (i.z > 0) & (r.z > 0)
         c_i, c_r = cos_theta(i), cos_theta(r)
-        sin2, p2 = half_vector(i, r)
+        sin2, p2 = distribution.half_vector(i, r)
         D = distribution.density(sin2, S.peak, S.spread, S.gamma)
         F = fresnel.reflectance(dr.sqrt(p2), S.contrast, S.nk)
-        lobe = 0.25 * F * D * visibility(c_i, c_r, p2)
+        lobe = 0.25 * F * D * distribution.visibility(c_i, c_r, p2)
         refracted = [fresnel.transmittance(c, S.contrast, S.nk) for c in (c_i, c_r)]
         floor = dr.inv_pi * S.rho_d * (refracted[0] * refracted[1])
         return dr.select(above, lobe + floor, 0)
@@ -203,7 +185,7 @@ class Microfacet(MicrofacetCube):
 
     def lobe_pdf(self, S, i, r):
         """G_1(r) D / (4 c_r), with G_1 = min(1, 2 m_z c_r / p) [1/sr]."""
-        sin2, p2 = half_vector(i, r)
+        sin2, p2 = distribution.half_vector(i, r)
         D = distribution.density(sin2, S.peak, S.spread, S.gamma)
         m_z_over_p = dr.maximum(i.z + r.z, 0) / dr.maximum(2 * p2, SMALLEST)
         return 0.25 * D * dr.minimum(1 / dr.maximum(cos_theta(r), SMALLEST), 2 * m_z_over_p)

@@ -14,6 +14,8 @@ from math import log
 
 import drjit as dr
 
+from mi_lcair.physics.reflection.directions import SMALLEST
+
 # The sampling equations are singular at alpha = 1 and gamma = 1. Sampling therefore uses at least
 # this w and at least this |gamma - 1|. The relative error of the samples' density is then below
 # 2e-5.
@@ -112,3 +114,21 @@ def sample_sin2(u, spread, q, inverse_exponent):
     half = -0.5 * inverse_exponent * ln
     ratio = 2 * dr.sinh(half) * dr.exp(half)
     return dr.clip(ratio / dr.maximum(spread, SMALLEST_SPREAD), 0, 1)
+
+
+def visibility(c_i, c_r, p2):
+    """G / (c_i c_r) for the cosines c_i and c_r of the two directions and p2 = p^2."""
+    unhidden = 1 / dr.maximum(c_i * c_r, SMALLEST)
+    hidden = (c_i + c_r) / dr.maximum(p2 * dr.maximum(c_i, c_r), SMALLEST)
+    return dr.minimum(unhidden, hidden)
+
+
+def half_vector(i, r):
+    """Squared sine of the half-vector's angle to the normal, and p^2.
+
+    p is the cosine of the half-vector's angle to i, which equals that to r.
+    """
+    x, y, z = i.x + r.x, i.y + r.y, i.z + r.z
+    xy = dr.square(x) + dr.square(y)
+    xyz = dr.maximum(xy + dr.square(z), SMALLEST)
+    return xy / xyz, 0.25 * xyz

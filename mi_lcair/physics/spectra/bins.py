@@ -39,12 +39,6 @@ class Binning:
     filters: tuple[tuple[float, ...], ...] = ()
     reflections: int = 1
 
-    @staticmethod
-    def of(recorded: int, tolerance: float | None, by_spectrum: bool) -> "Binning":
-        """The binning for a tolerance; a spectrum is as fine as without one, or finer."""
-        allowed = SMALL_ERROR if tolerance is None else OF_TOLERANCE * tolerance
-        return Binning(recorded, min(allowed, SMALL_ERROR) if by_spectrum else allowed)
-
 
 def filter_of(band: Band, detector: Band, wavelengths_um, transmittance) -> tuple[float, ...]:
     """A detector's response times the transmittance of air, at the grid of a band.

@@ -22,6 +22,7 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.reflection import microfacet_fresnel as fresnel
 from mi_lcair.physics.reflection import sandford_robertson_equations as sr
+from mi_lcair.physics.reflection.interface import ReflectionModel
 from mi_lcair.physics.spectra.change import Change
 from mi_lcair.physics.spectra.files import by_angle, columns_of, spectrum_of
 from mi_lcair.physics.spectra.refractive_index import refractive_index
@@ -71,7 +72,7 @@ class SpectralParameters:
         known by angle, see `DirectionalFamily`. Its row "emissivity" is that of the hemisphere.
     """
 
-    model: reflection.ReflectionModel
+    model: ReflectionModel
     form: str
     common: dict[str, float]
     wavelengths_um: np.ndarray

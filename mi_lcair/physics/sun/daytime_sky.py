@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import ClassVar
 
 import numpy as np
 import scipy
@@ -47,8 +46,8 @@ class ClearSky:
     sun_elevation_deg: float | None = None
     weather: Weather = Weather()
 
-    temperature: ClassVar = None  # it has not one temperature
-    by_elevation: ClassVar = True
+    temperature = None  # it has not one temperature
+    by_elevation = True
 
     @property
     def by_azimuth(self) -> bool:

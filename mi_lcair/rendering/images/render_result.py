@@ -1,7 +1,7 @@
 """The image that `render` returns."""
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -71,8 +71,8 @@ class Render(Result):
     tolerance: float | None
     wavelengths_um: np.ndarray = field(default_factory=lambda: np.empty(0))
 
-    kind: ClassVar[str] = "render"
-    saved_by: ClassVar[dict[str, str]] = {
+    kind = "render"
+    saved_by = {
         ".exr": "mi_lcair.rendering.images.exr:write_render",
         ".tif": "mi_lcair.rendering.images.render_result:write_tiff",
         ".hdr": "mi_lcair.rendering.images.render_result:write_envi",

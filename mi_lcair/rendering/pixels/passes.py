@@ -1,53 +1,46 @@
-"""Launches of a measurement, one after the other here, or those of an image on workers."""
+"""Launches of an image on workers."""
 
 import pickle
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import lru_cache, partial
 
-from mi_lcair.plugins.paths.launch import Launch, ParallelRays
+from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.paths.sums import Sums
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.window import Windows
-from mi_lcair.startup.tasks import has_workers, in_order
+from mi_lcair.startup.tasks import in_order
 from mi_lcair.startup.threads import exclusively
 
 
-def traced(
+def on_workers(
     scene: Scene,
-    tracer,
     windows: Windows,
     measurands: Measurands,
     tolerance: float | None,
     launches: list[Launch],
-    rays: ParallelRays | None,
 ) -> Iterator[Sums]:
-    """Yield the sums of each launch; those of an image from a scene's sensor come from workers.
+    """Yield the sums of each launch of an image from a sensor of the scene.
 
-    tolerance: that of the sampling, which decides on bins of wavelength. rays: those of the sensor,
-    if they are parallel.
+    tolerance: that of the sampling, which decides on bins of wavelength.
     """
-    if has_workers() and may_be_sent(scene, windows, measurands):
-        number = scene.mi.sensors().index(windows.sensor)
-        sent = pickle.dumps((scene, number, measurands, tolerance, windows.by_randomisation))
-        yield from in_order([partial(trace_sent, sent, launch) for launch in launches])
-    else:
-        for launch in launches:
-            yield measurands.trace(tracer, windows.sensor, launch, rays)
+    number = scene.mi.sensors().index(windows.sensor)
+    sent = pickle.dumps((scene, number, measurands, tolerance, windows.by_randomisation))
+    yield from in_order([partial(trace_sent, sent, launch) for launch in launches])
 
 
 def may_be_sent(scene: Scene, windows: Windows, measurands: Measurands) -> bool:
-    """Whether a worker can trace launches: those of an image from a sensor of the scene."""
+    """Whether workers can trace the launches of an image: from a sensor of the scene."""
     is_plain = not (measurands.facets or measurands.explored or measurands.reduced)
-    is_image = windows.are_pixels and windows.sensor in scene.mi.sensors()
+    is_known = windows.sensor in scene.mi.sensors()
     has_own_air = bool(scene.mi.integrator().filters)
-    return is_plain and is_image and measurands.channels.tables is None and not has_own_air
+    return is_plain and is_known and measurands.channels.tables is None and not has_own_air
 
 
 @lru_cache(maxsize=1)
 def received(sent: bytes) -> tuple:
-    """What `traced` sends, which a worker unpacks once."""
+    """What `on_workers` sends, which a worker unpacks once."""
     return pickle.loads(sent)
 
 

@@ -1,10 +1,10 @@
 """The number of reflections that a tolerance needs."""
 
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 
+from mi_lcair.declared import percent
 from mi_lcair.errors import InputError, unknown
-from mi_lcair.fraction import percent
 from mi_lcair.plugins.recorders.by_bounce import SIZES
 from mi_lcair.rendering.reflections.bounces import fewest_bounces
 from mi_lcair.rendering.reflections.probe import Probe
@@ -27,6 +27,8 @@ def reflecting(
     scene: Scene, max_bounces: int | str | None, each_pixel: bool, sampling: Sampling
 ) -> AbstractContextManager:
     """Context manager in which paths of a scene have so many reflections, see `chosen`."""
+    if max_bounces is None:
+        return nullcontext()
     return changed(scene, **chosen(scene, max_bounces, each_pixel, sampling))
 
 

@@ -1,6 +1,6 @@
 """Sections of an uncertainty budget."""
 
-from mi_lcair.fraction import percent
+from mi_lcair.declared import percent
 from mi_lcair.results.sections import Facts, Remarks, Section, Table
 
 

@@ -4,7 +4,7 @@ from itertools import combinations
 
 import numpy as np
 
-from mi_lcair.fraction import percent
+from mi_lcair.declared import percent
 from mi_lcair.heating.conductors import RINGS_DEG, standard_error
 from mi_lcair.reports.sections.facets import facets_section
 from mi_lcair.results.result import summary_of

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mi_lcair.fraction import percent
+from mi_lcair.declared import percent
 from mi_lcair.results.result import summary_of
 from mi_lcair.results.sections import Facts, LongTable, Remarks, Section, Table
 

@@ -1,6 +1,6 @@
 """Sections of a camera's image."""
 
-from mi_lcair.fraction import percent
+from mi_lcair.declared import percent
 from mi_lcair.reports.sections.render import image_sections
 from mi_lcair.results.cells import error_row
 from mi_lcair.results.sections import Facts, Lines, Remarks, Section, Table

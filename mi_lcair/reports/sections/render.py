@@ -4,8 +4,8 @@ from functools import partial
 
 import numpy as np
 
+from mi_lcair.declared import percent
 from mi_lcair.formats.channels import wavelengths_of
-from mi_lcair.fraction import percent
 from mi_lcair.rendering.images.exr import window_of
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.reports.page.image_panel import image_panel

@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 
-from mi_lcair.fraction import percent
+from mi_lcair.declared import percent
 from mi_lcair.reports.page.trend_panel import trend_panel
 from mi_lcair.results.cells import error_row
 from mi_lcair.results.sections import Drawing, Facts, LongTable, Remarks, Section, Table

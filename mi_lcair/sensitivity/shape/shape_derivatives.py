@@ -1,7 +1,6 @@
 """Derivatives of an intensity with respect to the shape of a group, by vertex and by facet."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -56,8 +55,8 @@ class ShapeDerivatives(Result):
     paths: int
     axes: np.ndarray
 
-    kind: ClassVar[str] = "shape_derivatives"
-    saved_by: ClassVar[dict[str, str]] = WRITERS
+    kind = "shape_derivatives"
+    saved_by = WRITERS
 
     def summary(self) -> str:
         """One line with the change of the intensity if the whole surface moves outward."""

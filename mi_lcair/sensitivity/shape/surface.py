@@ -6,7 +6,7 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError, check_known
-from mi_lcair.models3d.welding import weld
+from mi_lcair.models3d.coincident import weld
 from mi_lcair.motions.motion import groups_of_meshes
 from mi_lcair.plugins.emission.triangles import triangle_vertices, vertex_positions
 from mi_lcair.rendering.facets.starts import facings, meshes_of_model, projected

@@ -9,7 +9,6 @@ changes for one standard uncertainty of an input, so that a is its error in stan
 from collections.abc import Mapping
 from dataclasses import dataclass
 from os import PathLike
-from typing import ClassVar
 
 import numpy as np
 
@@ -48,7 +47,7 @@ class OfMode(Entry):
 
     value: float
     changes: dict
-    model: ClassVar[None] = None
+    model = None
 
     def numbers(self) -> list[np.ndarray]:
         return [np.array([self.value])]

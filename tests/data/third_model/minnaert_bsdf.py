@@ -1,7 +1,5 @@
 r"""BSDF `minnaert`: the Minnaert reflection model."""
 
-import mitsuba as mi
-
 from mi_lcair.physics import reflection
 from mi_lcair.plugins.bsdfs.reflection_bsdf import ReflectionBSDF
 
@@ -16,6 +14,3 @@ class Minnaert(ReflectionBSDF):
     """
 
     model = reflection.model("minnaert")
-
-
-mi.register_bsdf("minnaert", Minnaert)

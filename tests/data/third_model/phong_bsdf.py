@@ -1,7 +1,5 @@
 r"""BSDF `phong`: the Phong reflection model in its reciprocal form."""
 
-import mitsuba as mi
-
 from mi_lcair.physics import reflection
 from mi_lcair.plugins.bsdfs.reflection_bsdf import ReflectionBSDF
 
@@ -17,6 +15,3 @@ class Phong(ReflectionBSDF):
     """
 
     model = reflection.model("phong")
-
-
-mi.register_bsdf("phong", Phong)

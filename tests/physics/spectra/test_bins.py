@@ -18,6 +18,7 @@ from mi_lcair.physics.spectra.bins import (
     reflectances,
 )
 from mi_lcair.physics.spectra.parameters import SpectralParameters
+from mi_lcair.rendering.measurands import Measurands
 
 MWIR = band("MWIR")
 X = np.linspace(2.9, 5.1, 23)
@@ -157,14 +158,15 @@ def test_a_tolerance_decides_on_the_bins():
 
     wavy, counts = grey(0.5 + 0.4 * np.sin(4 * X)), []
     for tolerance in (None, 0.1, 0.02, 0.005):
-        binning = Binning.of(0, tolerance, by_spectrum=False)
+        binning = Measurands.of(None).binning(tolerance)
         bins, error = bins_for(MWIR, [wavy], sources, binning=binning)
         counts.append(bins.count)
         assert error <= binning.allowed or bins.count == 64
     assert counts == [64, 16, 32, 64]
+    by_spectrum = Measurands.of(None, by_spectrum=True)
     # A spectrum of the result is as fine as without a tolerance
-    assert Binning.of(0, 0.1, by_spectrum=True).allowed == 2e-4
-    assert Binning.of(0, 1e-4, by_spectrum=True).allowed == pytest.approx(1e-5)
+    assert by_spectrum.binning(0.1).allowed == 2e-4
+    assert by_spectrum.binning(1e-4).allowed == pytest.approx(1e-5)
 
 
 def test_bins_for_what_passes_the_air():

@@ -4,8 +4,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from mi_lcair.plugins.emission.field_of_view import FieldOfView
-from mi_lcair.plugins.emission.radiance_bound import radiance_bound, texture_bound
+from mi_lcair.plugins.emission.radiance_bound import FieldOfView, radiance_bound, texture_bound
 from tests.plugins.conftest import FILM, plate  # noqa: F401, fixture
 from tests.plugins.small_scenes import GREY, SQUARE, blackbody, camera
 

@@ -4,13 +4,12 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.fraction import percent
+from mi_lcair.declared import percent
 from mi_lcair.models3d.label import ICE_POINT, LOWEST
 from mi_lcair.plugins.bsdfs.plume import is_passed
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf, reflection_layers
 from mi_lcair.plugins.derivatives import deriving, members, nodes
-from mi_lcair.plugins.emitters.one_sun import one_sun
-from mi_lcair.plugins.emitters.thermal_emitter import thermal_shapes
+from mi_lcair.plugins.emitters.thermal_emitter import one_sun, thermal_shapes
 from mi_lcair.plugins.paths.launch import numbers
 from mi_lcair.plugins.paths.offsets import OF_POSITION, UNIT
 from mi_lcair.rendering.loading.nodes import properties, references

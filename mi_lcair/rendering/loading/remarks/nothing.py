@@ -4,7 +4,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.fraction import percent
+from mi_lcair.declared import percent
 from mi_lcair.plugins.bsdfs.plume import is_passed
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
 

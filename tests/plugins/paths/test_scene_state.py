@@ -6,7 +6,7 @@ import pytest
 
 from mi_lcair.api.signature import signature
 from mi_lcair.plugins.derivatives import nodes
-from mi_lcair.plugins.scene_state import SceneState
+from mi_lcair.plugins.paths.recording import SceneState
 from mi_lcair.rendering.scene import load
 from tests.plugins.small_scenes import SCENES
 
