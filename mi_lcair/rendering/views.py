@@ -9,8 +9,8 @@ import mitsuba as mi
 import numpy as np
 import scipy
 
+from mi_lcair.declared import percent
 from mi_lcair.errors import InputError
-from mi_lcair.fraction import percent
 from mi_lcair.plugins.emission.triangles import is_faceted, vertex_positions
 from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of
 from mi_lcair.rendering.loading.origin import extent
@@ -250,8 +250,8 @@ def warn_of_terrain(scene: Scene, views: Sequence[View]) -> None:
     if share.any():
         warnings.warn(
             f"in {np.count_nonzero(share)} of {len(views)} views terrain lies before up to "
-            f"{percent(share.max())} of the view, farther out than the camera; it is ignored and does "
-            "not hide the model",
+            f"{percent(share.max())} of the view, farther out than the camera; it is ignored and "
+            "does not hide the model",
             stacklevel=2,
         )
 
