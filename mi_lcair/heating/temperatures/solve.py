@@ -4,8 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from mi_lcair.errors import InputError
 from mi_lcair.heating.conductors import standard_error
 from mi_lcair.heating.exchange import exchange
+from mi_lcair.heating.paths import emitting_facets
 from mi_lcair.heating.sunlight import SolarAreas, solar_areas
 from mi_lcair.heating.temperatures.day import course
 from mi_lcair.heating.temperatures.description import (
@@ -38,8 +40,10 @@ def temperatures(scene: Scene, description: Description) -> Heat:
     conditions = weather(
         description.weather, description.folder, run.steps, is_periodic=run.start_K is None
     )
+    table = FacetTable(scene)
     if description.signature is not None:
         window_area(scene.sensor(description.signature.sensor), scene.name)  # refuses other sensors
+        check_replaceable(scene, table)
     radiation = exchange(scene, run.rays, run.seed)
     sun = sunlight(scene, len(radiation.facets.number), conditions, run)
     network = Network(radiation.facets, radiation.traced, sun, conditions, description.groups)
@@ -59,7 +63,6 @@ def temperatures(scene: Scene, description: Description) -> Heat:
         if abs(change).max() > DOUBTFUL * abs(changes[column.name]).max()
     ]
     of_sun = () if sun is None else sun.remarks
-    table = FacetTable(scene)
     result = Heat(
         name=scene.name,
         facets=radiation.facets,
@@ -107,6 +110,16 @@ def sunlight(scene: Scene, n: int, conditions: Weather, run: RunTable) -> SolarA
     )
     shadow_rays = max(SHADOW_RAYS, min(run.rays, ALL_SHADOW_RAYS // (n * len(suns))))
     return solar_areas(scene, suns, run.rays, shadow_rays, run.seed)
+
+
+def check_replaceable(scene: Scene, table: FacetTable) -> None:
+    """Raise InputError for an emitter whose temperatures a signature could not replace."""
+    number = emitting_facets(table, shapes := list(scene.mi.shapes()), scene.name)
+    for facet in number[np.isnan(table.temperature[number])]:
+        raise InputError(
+            f"{scene.name}: shape '{shapes[table.shape_index[facet]].id()}' has no temperature for "
+            "each facet, in whose place [signature] could put the balance's; give it a number"
+        )
 
 
 def intensity(scene: Scene, heat: Heat, table: SignatureTable, seed: int) -> Intensity:

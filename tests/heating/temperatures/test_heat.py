@@ -11,7 +11,9 @@ from mi_lcair import models3d, scenes
 from mi_lcair.cli import main
 from mi_lcair.errors import InputError
 from mi_lcair.heating.temperatures.description import Description
+from mi_lcair.heating.temperatures.solve import temperatures
 from mi_lcair.sensitivity.temperatures.facets import set_facets
+from tests.heating.scenes import grey, scene_of, square
 
 EXAMPLES = scenes.FOLDER / "examples"
 
@@ -132,6 +134,19 @@ def test_what_cannot_be_is_refused_before_the_paths(folder, monkeypatch):
     monkeypatch.setattr("mi_lcair.heating.paths.BYTES", 0)
     with pytest.raises(InputError, match="sunlight on 7 facets at . times needs 0.0 GiB"):
         mi_lcair.heat(tree)
+
+
+def test_a_signature_needs_temperatures_that_can_be_replaced():
+    film = {"type": "hdrfilm", "width": 4, "height": 4, "pixel_format": "luminance"}
+    scene = scene_of(
+        sensor={"type": "orthographic", "film": film},
+        lamp=square(grey(0.5), emitter={"type": "thermal", "band": "LWIR", "radiance": 20.0}),
+    )
+    tables = {"target": {"scene": "lamp"}, "weather": {"air_K": 290.0, "sky_K": 250.0}}
+    tables["weather"]["h_W_m2_K"] = 5.0
+    assert temperatures(scene, Description.read(tables)).kelvin < 290
+    with pytest.raises(InputError, match="shape 'lamp' has no temperature for each facet"):
+        temperatures(scene, Description.read(tables | {"signature": {}}))
 
 
 def test_command_refuses_in_one_line(folder, capsys):
