@@ -20,9 +20,9 @@ from mi_lcair.fitting import estimation
 from mi_lcair.rendering.sampling import Sampling
 from tests.docs.fences import Fence
 
-FEW = {"spp": 16, "paths": 2**12}  # largest numbers of samples
-TOLERANCE = 0.05  # smallest allowed error
-STARTS = 2  # of each fit
+FEW = {"spp": 2, "paths": 2**10}  # largest numbers of samples
+TOLERANCE = 0.2  # smallest allowed error
+STARTS = 1  # of each fit
 FITS = {}  # arguments of a fit -> its result; several pages fit the same file
 
 

@@ -45,11 +45,11 @@ def mean_and_error(images):
 
 def central_difference(make, key, step, index=0):
     """Mean and standard error; the same random numbers on both sides."""
-    sides = []
+    sides, scene = [], make()
+    parameters = mi.traverse(scene)
+    middle = np.array(parameters[key], dtype=np.float64)
     for sign in (1, -1):
-        scene = make()
-        parameters = mi.traverse(scene)
-        values = np.array(parameters[key], dtype=np.float64)
+        values = middle.copy()
         values[index] += sign * step
         parameters[key] = mi.Float(values)
         parameters.update()
@@ -126,19 +126,24 @@ def assert_derivatives(make, key, step, order="enable, update", index=0, in_reve
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "lobe, emitter_sampling",
-    [("brdf", False), ("brdf", True), ("mirror", False), ("diffuse", True)],
+    "lobe, emitter_sampling, keys",
+    [
+        ("brdf", True, list(STEPS)),
+        ("brdf", False, ["floor.bsdf.b", "floor.bsdf.e", "floor.emitter.temperature"]),
+        ("mirror", False, ["floor.bsdf.epsilon", "left.emitter.temperature"]),
+        ("diffuse", True, ["floor.bsdf.epsilon", "floor.bsdf.rho_d"]),
+    ],
 )
-def test_forward_and_reverse(corner, lobe, emitter_sampling):
+def test_forward_and_reverse(corner, lobe, emitter_sampling, keys):
     def make():
         return corner(
             {"type": "bounce_path", "max_bounces": 3, "emitter_sampling": emitter_sampling},
             {"lobe": lobe},
         )
 
-    in_reverse = reverse(make, list(STEPS), "enable, update")
-    for key, step in STEPS.items():
-        assert_derivatives(make, key, step, in_reverse=in_reverse)
+    in_reverse = reverse(make, keys, "enable, update")
+    for key in keys:
+        assert_derivatives(make, key, STEPS[key], in_reverse=in_reverse)
 
 
 @pytest.mark.slow
