@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from mi_lcair import scenes
-from mi_lcair.detection.scenario import Scenario, locate
+from mi_lcair.detection.flight_path import Moments
+from mi_lcair.detection.scenario import (
+    Background,
+    RenderTable,
+    Scenario,
+    TargetModel,
+    locate,
+    placed,
+)
 from mi_lcair.errors import InputError
 from tests.detection.disc_scenario import TOML
 
@@ -144,6 +152,10 @@ def test_a_tolerance_instead_of_a_number_of_samples(written):
         ({"observer.elevation_deg": 91}, "elevation_deg = 91; must lie in -90..90"),
         ({"observer.position_m": "[1, 2]"}, "give its three numbers alone"),
         ({"observer.position_m": "[0, 0, 0]"}, "range_m = 0; must be positive"),
+        ({"observer.height_m": 100_001}, "height_m = 100001; must lie in 0..100000"),
+        ({"background.sun_elevation_deg": 0.9}, "sun_elevation_deg = 0.9; must lie in 1..90"),
+        ({"background.sun_elevation_deg": 91}, "sun_elevation_deg = 91; must lie in 1..90"),
+        ({"background.ground_emissivity": 1.2}, "ground_emissivity = 1.2; must be positive"),
         ({"sensor.nei": -1}, "nei = -1"),
         ({"sensor.nei": 1e-310}, "nei = 1e-310; must be 0, or of a size within 1e-30..1e.12"),
         ({"observer.range_m": 1e300}, "range_m = 1e.300; must be 0, or of a size within"),
@@ -262,3 +274,56 @@ def test_the_file_of_a_sun_is_beside_the_scenario(sun, located):
     tree = {"surroundings": {"sun": sun, "sky": "sky.csv"}}
     locate(tree, Path("/scenes"))
     assert tree["surroundings"] == {"sun": located or sun, "sky": "/scenes/sky.csv"}
+
+
+def test_backgrounds_by_day(tmp_path):
+    """A sky by day is one with scattered sunlight, or a table with azimuths from the sun."""
+    header = "elevation_deg,azimuth_deg,wavelength_um,radiance_W_m2_sr_um"
+    rows = [f"5,{azimuth},{x},1" for azimuth in (0, 90) for x in (3, 4)]
+    (tmp_path / "sky.csv").write_text("\n".join([header, *rows]))
+    ground = {"ground_temperature": 290.0, "ground_emissivity": 0.9, "sun_elevation_deg": 1.0}
+    assert Background(daytime_sky="us_standard", **ground).by_day
+    assert Background(sky=str(tmp_path / "sky.csv"), **ground).by_day
+    assert not Background(sky="us_standard_clear", **ground).by_day
+    assert not Background(ground_temperature=290.0).by_day
+    for missing in ({"sky": "us_standard_clear"}, {"ground_temperature": 290.0}):
+        with pytest.raises(InputError, match="ground_emissivity = 0.9 without"):
+            Background(**missing, ground_emissivity=0.9)
+
+
+def test_ground_of_surroundings_without_a_sky_is_black(written):
+    text = TOML.replace("[background]\ntemperature = 294\n", '[surroundings]\nground = "280,0.8"\n')
+    background = Scenario.read(written(text)).background
+    assert (background.ground_temperature, background.ground_emissivity) == (280.0, 1.0)
+    text = text.replace('ground = "280,0.8"', 'ground = "280,0.8"\nsky = "250"')
+    assert Scenario.read(written(text)).background.ground_emissivity == 0.8
+
+
+def test_a_scene_is_no_scenario():
+    for source in ("my.xml", "cavity"):
+        with pytest.raises(InputError, match="is a scene and no scenario"):
+            Scenario.read(source)
+
+
+def test_samples_of_an_image():
+    assert RenderTable(spp=8).of_image().spp == 8
+    assert RenderTable(tolerance_W_m2=1e-9).of_image().spp == 64
+    to_noise = RenderTable(to_noise=True, max_spp=128).of_image()
+    assert (to_noise.spp, to_noise.tolerance, to_noise.max_spp) == (None, None, 128)
+
+
+def test_one_moment_of_a_flight():
+    """Heights above the ground; angles that are 0 at all moments are no parameters."""
+    moments = Moments(
+        time_s=np.array([0.0, 1.0]),
+        position_m=np.array([[0.0, 1.0, 500.0], [3.0, 4.0, 620.0]]),
+        attitude_deg=np.array([[10.0, 0.0, 0.0], [0.0, 5.0, 0.0]]),
+        observer_m=np.array([[10.0, 1.0, 500.0], [3.0, -16.0, 620.0]]),
+        ground_m=120.0,
+        temperatures={},
+    )
+    parts = placed(TargetModel("cavity"), moments, 1)
+    assert parts["target"].height_m == 500
+    assert (parts["observer"].range_m, parts["observer"].azimuth_deg) == (20, -90)
+    pose = parts["pose"]
+    assert (pose.yaw_deg, pose.pitch_deg, pose.roll_deg) == (0.0, 5.0, None)
