@@ -1,12 +1,12 @@
 """Where in a window to begin paths, so that the mean radiance of the model has little noise."""
 
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 
 from mi_lcair.plugins.emission.emitter_table import hulls
 from mi_lcair.plugins.paths.aim import ANYWHERE, CELLS, ON_MODEL, Aim, shared_out
-from mi_lcair.plugins.paths.facet_starts import FacetStarts
 from mi_lcair.plugins.paths.launch import OTHER_THAN_DIRECT, WHOLE, Launch, views_of
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.views import model_shapes
@@ -23,7 +23,7 @@ EDGE = 1e-3  # cells by which a rectangle is enlarged, for rounding of positions
 
 
 def aim_at_model(
-    scene, tracer, sensor, seed: int, measurands: Measurands, direct: FacetStarts | None = None
+    scene, tracer, sensor, seed: int, measurands: Measurands, over: Aim | None = None
 ) -> Aim:
     """An aim at the model's facets in each view, and more at those that radiate more.
 
@@ -43,33 +43,42 @@ def aim_at_model(
     seed : int
     measurands : Measurands
         The same as later, so that one kernel serves both.
-    direct : FacetStarts or None
-        Where paths begin that bring what the model shows without a reflection; `direct` of the aim.
+    over : Aim or None
+        That of `aim_over_model`, if it is known. Its `direct` is that of the aim.
     """
+    over = over or aim_over_model(scene, sensor)
     views, cells = views_of(sensor), cells_of(sensor)
     columns, recorded = cells * len(views), measurands.with_columns(None)
     hit = "hit" if measurands.channels.split == "model" else "target.hit"
-    rows_at_once, parts = max(1, MOST_PATHS // (columns * POINTS)), []
-    for row in range(0, cells, rows_at_once):
-        some = {"first": row * columns, "windows": min(rows_at_once, cells - row) * columns}
-        some["part"] = WHOLE if direct is None else OTHER_THAN_DIRECT
-        launch = Launch(columns, cells, seed, 1, POINTS, **some, aim=Aim.anywhere(cells))
-        sums = recorded.trace(tracer, sensor, launch)
-        of_rows = sums.channels[hit], sums.highest["target"], sums.channels["target"]
-        parts.append([np.ravel(values) for values in of_rows])
+    part = WHOLE if over.direct is None else OTHER_THAN_DIRECT
+    # A row of the film is one of all windows
+    seen = np.flatnonzero(over.may_be_model.swapaxes(0, 1)).astype(np.uint32)
+    noted = np.zeros((3, cells * columns))
+    for first in range(0, len(seen), MOST_PATHS // POINTS):
+        some = seen[first : first + MOST_PATHS // POINTS]
+        of_cells = {"windows": len(some), "chosen": some, "aim": Aim.anywhere(cells), "part": part}
+        sums = recorded.trace(tracer, sensor, Launch(columns, cells, seed, 1, POINTS, **of_cells))
+        values = sums.channels[hit], sums.highest["target"], sums.channels["target"]
+        noted[:, some] = [np.ravel(of_some) for of_some in values]
     importance = np.zeros((len(views), cells, cells))
-    for values in map(np.concatenate, zip(*parts)):
-        of_cells = values.reshape(cells, len(views), cells).swapaxes(0, 1)
-        importance += shared_out(blurred(of_cells))
-    importance[~of_cells.any(axis=(1, 2))] = 0  # of the radiance
-    on_model = ON_MODEL if len(views) == 1 and direct is None else ON_MODEL_OF_MANY
-    return replace(Aim.at(importance, may_be_model(scene, sensor), on_model), direct=direct)
+    for values in noted.reshape(3, cells, len(views), cells).swapaxes(1, 2):
+        importance += shared_out(blurred(values))
+    importance[~values.any(axis=(1, 2))] = 0  # of the radiance
+    on_model = ON_MODEL if len(views) == 1 and over.direct is None else ON_MODEL_OF_MANY
+    on_model += ANYWHERE - over.anywhere
+    aim = Aim.at(importance, over.may_be_model, on_model, over.anywhere)
+    return replace(aim, direct=over.direct)
 
 
-def aim_over_model(scene, sensor) -> Aim:
-    """An even aim at all cells of each view's window in which the model may be."""
-    cells = may_be_model(scene, sensor)
-    return Aim.at(np.zeros(cells.shape), cells, 1 - ANYWHERE)
+def aim_over_model(scene, sensor, model_alone: bool = False) -> Aim:
+    """An even aim at all cells of each view's window in which the model may be.
+
+    model_alone: whether paths that do not begin there bring nothing, so that none are needed.
+    """
+    model, cells = [hulls(shape) for shape in model_shapes(scene)], cells_of(sensor)
+    may_be = np.array([cells_of_model(model, view, cells) for view in views_of(sensor)])
+    anywhere = 0.0 if model_alone and may_be.any(axis=(1, 2)).all() else ANYWHERE
+    return Aim.at(np.zeros(may_be.shape), may_be, 1 - anywhere, anywhere)
 
 
 def cells_of(sensor) -> int:
@@ -80,12 +89,6 @@ def cells_of(sensor) -> int:
 def pilot_paths(sensor) -> int:
     """Number of paths of the pilot of `aim_at_model` in each window."""
     return POINTS * cells_of(sensor) ** 2
-
-
-def may_be_model(scene, sensor) -> np.ndarray:
-    """Whether a scene's model may be in a cell, (views, cells, cells)."""
-    model = [hulls(shape) for shape in model_shapes(scene)]
-    return np.array([cells_of_model(model, view, cells_of(sensor)) for view in views_of(sensor)])
 
 
 def cells_of_model(model: list[np.ndarray], sensor, cells: int) -> np.ndarray:
@@ -99,18 +102,22 @@ def cells_of_model(model: list[np.ndarray], sensor, cells: int) -> np.ndarray:
     axes = np.stack([right / (right @ right), up / (up @ up)], axis=1) * cells
     # Number of rectangles over each cell: each adds 1 at its first corner and, for the cumulative
     # sums below to end there, subtracts 1 beyond its last row and column
-    size = cells + 1
-    change = np.zeros(size**2)
+    size, begins, ends = cells + 1, [], []
     for points in model:
-        position = points @ axes - corner @ axes  # (triangles, points, 2)
-        low, high = np.floor(position.min(axis=1) - EDGE), np.floor(position.max(axis=1) + EDGE)
+        # Products of long arrays and extremes of few are much faster than along short axes
+        position = (points.reshape(-1, 3) @ axes - corner @ axes).reshape(*points.shape[:2], 2)
+        first, *others = np.moveaxis(position, 1, 0)
+        low = np.floor(reduce(np.minimum, others, first) - EDGE)
+        high = np.floor(reduce(np.maximum, others, first) + EDGE)
         seen = np.all((high >= 0) & (low < cells), axis=1)
-        (x0, y0), (x1, y1) = (
-            np.clip(bound[seen].T, 0, cells - 1).astype(int) for bound in (low, high)
-        )
-        for y, x, sign in ((y0, x0, 1), (y0, x1 + 1, -1), (y1 + 1, x0, -1), (y1 + 1, x1 + 1, 1)):
-            change += sign * np.bincount(y * size + x, minlength=size**2)
-    return change.reshape(size, size).cumsum(axis=0).cumsum(axis=1)[:cells, :cells] > 0.5
+        bounds = np.clip([low[seen], high[seen]], 0, cells - 1).astype(int)
+        (x0, y0), (x1, y1) = bounds.transpose(0, 2, 1)
+        begins += [y0 * size + x0, (y1 + 1) * size + x1 + 1]
+        ends += [y0 * size + x1 + 1, (y1 + 1) * size + x0]
+    change = np.subtract(
+        *(np.bincount(np.concatenate(places), minlength=size**2) for places in (begins, ends))
+    )
+    return change.reshape(size, size).cumsum(axis=0).cumsum(axis=1)[:cells, :cells] > 0
 
 
 def blurred(cells: np.ndarray) -> np.ndarray:

@@ -25,6 +25,7 @@ DRAWN_RAYS = {"emitter_sampling": 2, "opening_sampling": 4}
 WORTH_ASKING = 3
 # Cost of a ray to a facet beside a path, in parts of the path's. Measured for an airliner.
 FACET_RAY = 0.5
+PATHS_OF_A_START = 1, 8  # numbers of paths for each that begins on a facet, of which one is chosen
 # Randomisations of the pilots of one window. With 32, two equal variances differ by less than 1.8.
 RANDOMISATIONS = 32
 
@@ -93,18 +94,19 @@ def best_aim(scene, tracer, windows, sampling, measurands, criterion) -> Aim:
     def needed(aim: Aim) -> float:
         return pilot(scene, windows, sampling, measurands, criterion, aim)[0]
 
-    best, starts = aim_over_model(scene, windows.sensor), None
+    model_alone = measurands.channels.split == "model"
+    best, starts = aim_over_model(scene, windows.sensor, model_alone), None
     paths = needed(best)
     if windows.may_follow_facets and tracer.closure == "none":
         starts = starts_on_facets(scene, windows.sensor, tracer.emitters.brightest)
-    if starts is not None:
-        split = replace(best, direct=starts)
-        paths_of_split = needed(split)
-        if paths_of_split * (1 + FACET_RAY) < paths:
+    for every in PATHS_OF_A_START if starts is not None else ():
+        split = replace(best, direct=replace(starts, every=every))
+        paths_of_split = needed(split) * (1 + FACET_RAY / every)
+        if paths_of_split < paths:
             best, paths = split, paths_of_split
     if paths < pilot_paths(windows.sensor):
         return best
-    return aim_at_model(scene, tracer, windows.sensor, sampling.seed, measurands, best.direct)
+    return aim_at_model(scene, tracer, windows.sensor, sampling.seed, measurands, best)
 
 
 def pilot(scene, windows, sampling, measurands, criterion, aim: Aim | None = None) -> tuple:

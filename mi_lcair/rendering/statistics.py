@@ -256,7 +256,8 @@ class Totals:
         bounds.append(np.minimum(reflected, brightest * largest_weight))
         bounds.append(self.mean(name if name in self.sums else None))
         if starts is not None:
-            bounds.append(np.minimum(starts.largest_direct, brightest * starts.largest_weight))
+            of_starts = np.minimum(starts.largest_direct, brightest * starts.largest_weight)
+            bounds.append(starts.every * of_starts)
         return reduce(np.maximum, bounds)
 
     def half_width(self, name: str | None = None) -> np.ndarray:

@@ -24,6 +24,7 @@ RANDOMISATIONS, PIXEL_RANDOMISATIONS = 8, 4
 FIRST_PATHS = 2**12  # paths of all windows before the first estimate of the error
 LEAST_POINTS = 16  # smallest first number of points in each randomisation of a window
 PILOT_SPP = 16  # samples per pixel of an image before the first estimate of the error
+PARTS_OF_DOUBLING = 4  # steps in which the points of many windows are doubled
 MOST_DOUBLINGS = 3  # the error is itself an estimate, so the next goal is at most 8 times as far
 MOST_TIMES = 4  # the same for an image, whose number of samples is not doubled
 
@@ -126,7 +127,8 @@ class Windows:
 
     def points_of_pass(self, active: int) -> int:
         """Points of each randomisation that one pass adds to this number of windows."""
-        return max(1, PASS_SAMPLES // (active * self.randomisations))
+        points = max(1, PASS_SAMPLES // (active * self.randomisations))
+        return 2 ** (points.bit_length() - 1)  # so that many are summed together
 
     def first_points(self) -> int:
         """Points of each randomisation before the first estimate of the error."""
@@ -149,8 +151,12 @@ class Windows:
             samples = done * self.randomisations
             needed = int(min(MOST_TIMES * samples, samples * 1.05 * excess**2 + 1))
             return -(-needed // self.randomisations)
-        # A lattice is most uniform after a power of two points, so that the number is doubled. It
-        # is doubled more than once only where even an error that falls as 1 / points needs that.
+        # The next goal is not beyond what an error needs that falls as 1 / points
+        if self.count > 1 and excess < 2:
+            # Some of many windows are done after a part of a doubling
+            part = max(1, 2 ** (done.bit_length() - 1) // PARTS_OF_DOUBLING)
+            return done + part * int(np.ceil((excess - 1) * done / part))
+        # A lattice is most uniform after a power of two points, so that the number is doubled
         doublings = np.clip(np.floor(np.log2(min(excess, 2.0**MOST_DOUBLINGS))), 1, MOST_DOUBLINGS)
         return done * 2 ** int(doublings)
 

@@ -49,22 +49,30 @@ class Aim:
 
     tables: for `Paths`. largest_weight: largest weight of a path of each window, (windows,), or
     (1,) if all have the same density. largest_on_model: the same for paths that begin where the
-    model may be. direct: where paths begin that bring what the model shows without a reflection;
-    None: all paths bring it.
+    model may be. may_be_model: whether the model can be in a cell, (windows, cells, cells).
+    anywhere: share of the paths that begin anywhere in the window. direct: where paths begin that
+    bring what the model shows without a reflection; None: all paths bring it.
     """
 
     tables: CellTable
     largest_weight: np.ndarray
     largest_on_model: np.ndarray
+    may_be_model: np.ndarray
+    anywhere: float
     direct: FacetStarts | None = None
 
     @staticmethod
-    def at(importance: np.ndarray, may_be_model: np.ndarray, on_model: float = ON_MODEL) -> "Aim":
+    def at(
+        importance: np.ndarray,
+        may_be_model: np.ndarray,
+        on_model: float = ON_MODEL,
+        anywhere: float = ANYWHERE,
+    ) -> "Aim":
         """Aim at the important cells of one window, or of several.
 
         importance: numbers that are not negative, (..., cells, cells). may_be_model: whether the
-        model can be in a cell, in the same shape. on_model: share of the paths that begin anywhere
-        where the model may be.
+        model can be in a cell, in the same shape. on_model, anywhere: share of the paths that begin
+        anywhere where the model may be, and anywhere in the window.
         """
         cells = importance.shape[-1]
         may_be_model = may_be_model.reshape(-1, cells, cells)
@@ -73,12 +81,13 @@ class Aim:
             may_be_model.astype(float),
             importance.reshape(may_be_model.shape) * may_be_model,
         ]
-        shares = [ANYWHERE, on_model, 1 - ANYWHERE - on_model]
+        shares = [anywhere, on_model, 1 - anywhere - on_model]
         density = sum(share * shared_out(part) for share, part in zip(shares, parts))
         density = shared_out(density)
         of_rows = density.sum(axis=-1)
-        columns = np.cumsum(density, axis=-1) / of_rows[..., None]
-        weight = cells**-2.0 / density
+        # Where no path begins, there is no weight
+        columns = divided(np.cumsum(density, axis=-1), of_rows[..., None])
+        weight = divided(np.full_like(density, cells**-2.0), density)
         tables = CellTable(
             mi.Float(np.cumsum(of_rows, axis=-1).ravel()),
             mi.Float(columns.ravel()),
@@ -87,7 +96,8 @@ class Aim:
         )
         own_memory([tables.rows, tables.columns])
         on_model = np.where(may_be_model, weight, 0.0)
-        return Aim(tables, weight.max(axis=(1, 2)), on_model.max(axis=(1, 2)))
+        largest = weight.max(axis=(1, 2)), on_model.max(axis=(1, 2))
+        return Aim(tables, *largest, may_be_model, anywhere)
 
     @staticmethod
     @cache
@@ -98,8 +108,12 @@ class Aim:
 
 def shared_out(part: np.ndarray) -> np.ndarray:
     """Numbers for the cells of windows, divided by their sum in each window; 0 if that is 0."""
-    total = part.sum(axis=(1, 2), keepdims=True)
-    return np.divide(part, total, out=np.zeros_like(part), where=total > 0)
+    return divided(part, part.sum(axis=(1, 2), keepdims=True))
+
+
+def divided(numbers: np.ndarray, by: np.ndarray) -> np.ndarray:
+    """Quotients of numbers; 0 where the divisor is 0."""
+    return np.divide(numbers, by, out=np.zeros_like(numbers), where=by > 0)
 
 
 def pick(cumulative: mi.Float, first: mi.UInt32, number: mi.Float, cells: int) -> tuple:

@@ -76,14 +76,15 @@ class FacetStarts:
 
     tables: for `Paths`. largest_weight, largest_on_model: largest weight of a path of each window,
     (windows,), or (1,) if all have the same density. largest_direct: the largest of weight times
-    radiance that is seen without a reflection, the same shape [W m^-2 sr^-1]. direct: see `Aim`.
+    radiance that is seen without a reflection, the same shape [W m^-2 sr^-1]. every: beside other
+    paths, the number of these for each that begins on a facet. direct: see `Aim`.
     """
 
     tables: FacetTable
     largest_weight: np.ndarray
     largest_on_model: np.ndarray
     largest_direct: np.ndarray
-
+    every: int = 1
     direct: "FacetStarts | None" = None
 
     @staticmethod

@@ -1,5 +1,6 @@
 """A launch: which paths are traced together, where they begin and what random numbers they use."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import drjit as dr
@@ -50,7 +51,7 @@ class Launch:
     first: int = 0
     windows: int = 1
     stride: int = 1
-    chosen: tuple[int, ...] | None = None
+    chosen: Sequence[int] | None = None
     aim: Aim | FacetStarts | None = None
     part: str = WHOLE
 
@@ -88,10 +89,16 @@ class Launch:
     def split(self) -> "tuple[Launch, Launch]":
         """Paths that bring all but what the model shows without a reflection, and paths for that.
 
-        The latter begin on facets, see `Aim.direct`. Their random numbers are others.
+        The latter begin on facets, see `Aim.direct`. Their random numbers are others, and they may
+        be fewer, but at least one in each randomisation.
         """
-        rest = replace(self, aim=replace(self.aim, direct=None), part=OTHER_THAN_DIRECT)
-        return rest, replace(self, aim=self.aim.direct, part=DIRECT, seed=self.seed ^ FACETS)
+        starts, rest = self.aim.direct, replace(self.aim, direct=None)
+        first, end = (n // starts.every for n in (self.first_point, self.first_point + self.points))
+        those = {"first_point": first, "points": max(end - first, 1), "seed": self.seed ^ FACETS}
+        return (
+            replace(self, aim=rest, part=OTHER_THAN_DIRECT),
+            replace(self, aim=starts, part=DIRECT, **those),
+        )
 
 
 @dataclass

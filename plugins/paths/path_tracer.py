@@ -204,8 +204,11 @@ class PathTracer(RBIntegrator):
         if self.paths.by_bin is not None and channels is not None and channels.tables is not None:
             raise InputError(WITHOUT_DERIVATIVES)
         if launch.aim is not None and launch.aim.direct is not None:
-            parts = [self.trace(sensor, part, channels, facets, rays) for part in launch.split()]
-            return parts[0].plus(parts[1])
+            of_rest, of_direct = launch.split()
+            rest, direct = (
+                self.trace(sensor, part, channels, facets, rays) for part in (of_rest, of_direct)
+            )
+            return rest.plus(direct, of_rest.points / of_direct.points)
         with dr.suspend_grad():
             paths = launch.paths_from(sensor.sampler())
             rays = ParallelRays.of(sensor) if rays is None else rays

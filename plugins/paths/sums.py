@@ -68,23 +68,27 @@ class Sums:
             tail=tail,
         )
 
-    def plus(self, direct: "Sums") -> "Sums":
-        """These sums, and those of as many other paths that bring another part of the radiance.
+    def plus(self, direct: "Sums", times: float) -> "Sums":
+        """These sums, and those of other paths that bring another part of the radiance.
 
-        What is no radiance is that of these paths.
+        What is no radiance is that of these paths. times: their number for each of the others.
         """
+
+        def both(ours: dict, theirs: dict) -> dict:
+            return {name: values + times * theirs[name] for name, values in ours.items()}
+
         channels = {
-            name: values + direct.channels[name]
+            name: values
             for name, values in self.channels.items()
             if name.removeprefix("target.") not in NO_RADIANCE
         }
         return replace(
             self,
-            valid=np.minimum(self.valid, direct.valid),
-            radiance=self.radiance + direct.radiance,
-            channels=self.channels | channels,
-            lowest={name: values + direct.lowest[name] for name, values in self.lowest.items()},
-            highest={name: values + direct.highest[name] for name, values in self.highest.items()},
+            valid=np.minimum(self.valid, times * direct.valid),
+            radiance=self.radiance + times * direct.radiance,
+            channels=self.channels | both(channels, direct.channels),
+            lowest=both(self.lowest, direct.lowest),
+            highest=both(self.highest, direct.highest),
         )
 
     def without(self, names) -> "Sums":

@@ -197,15 +197,16 @@ def test_views_are_aimed_one_by_one():
     importance, model = np.zeros((2, 64, 64)), np.zeros((2, 64, 64), bool)
     model[0, 10:20, 30:40] = model[1, 40:60, 5:50] = True
     importance[0, 12, 33] = importance[1, 41, 6] = 1
-    aim = Aim.at(importance, model)
     sample = mi.Point2f(np.random.default_rng(1).random((2, 200_000)))
-    for window in (0, 1):
+    for window, anywhere in ((0, 0.1), (1, 0.1), (0, 0.0), (1, 0.0)):
+        aim = Aim.at(importance, model, 0.3, anywhere)
         position, weight = aim.tables.place(sample, mi.UInt32(window))
         x, y, weight = (np.array(values) for values in (position.x, position.y, weight))
-        assert np.mean(weight) == pytest.approx(1, abs=0.02)
         inside = model[window, (y * 64).astype(int), (x * 64).astype(int)]
+        assert np.mean(weight) == pytest.approx(1 if anywhere else model[window].mean(), rel=0.02)
         assert np.sum(weight * inside) / len(x) == pytest.approx(model[window].mean(), rel=0.02)
-        assert np.mean(inside) == pytest.approx(0.9 + 0.1 * model[window].mean(), abs=0.01)
+        share = 1 - anywhere * (1 - model[window].mean())
+        assert np.mean(inside) == pytest.approx(share, abs=0.01 if anywhere else 0)
         assert weight[inside].max() == pytest.approx(aim.largest_on_model[window], rel=5e-3)
         assert weight.max() == pytest.approx(aim.largest_weight[window], rel=5e-3)
 
@@ -232,3 +233,17 @@ def test_aimed_views_are_those_of_a_signature():
         half_width = np.hypot(many.half_width[k], anywhere.half_width[k])
         assert abs(many.parts["target"][0][k] - anywhere.parts["target"][0][k]) < half_width
         assert many.parts["hit"][0][k] == pytest.approx(anywhere.parts["hit"][0][k], rel=0.05)
+
+
+def test_points_of_the_next_estimate():
+    """Many windows go on by quarters of a doubling, one by doublings."""
+    one, many = Windows(None), Windows(None, columns=216)
+    assert [one.next_points(64, excess) for excess in (1.1, 1.9, 2.5, 100.0)] == [
+        128,
+        128,
+        128,
+        512,
+    ]
+    assert [many.next_points(64, excess) for excess in (1.1, 1.3, 1.9, 2.5)] == [80, 96, 128, 128]
+    assert [many.next_points(96, excess) for excess in (1.01, 1.3)] == [112, 128]
+    assert [many.points_of_pass(active) for active in (216, 16)] == [512, 8192]

@@ -68,17 +68,18 @@ def seen_shares(scene, sensor, area: np.ndarray) -> np.ndarray:
     windows, count = area.shape
     rays, triangles = ParallelRays.of(sensor), numbers_of_triangles(meshes_of_model(scene))
     side = RAYS if windows == 1 else RAYS_OF_MANY
-    index, hits = dr.arange(mi.UInt32, side**2), []
-    position = (mi.Point2f(index % side, index // side) + 0.5) / side
-    for number in range(windows):
-        place = dr.opaque(mi.UInt32, number)
-        ray = rays.at(place, mi.UInt32(0), position, mi.UInt32(windows), mi.UInt32(1))
-        hit = scene.mi.ray_intersect_preliminary(ray, coherent=True)
-        counts = dr.zeros(mi.UInt32, 1 + count)
-        triangle = triangles.at(hit.shape, hit.prim_index, hit.is_valid())
-        dr.scatter_add(counts, mi.UInt32(1), triangle)
-        hits.append(counts.numpy()[1:])
-    return np.clip((np.array(hits) + 0.5) / (area * side**2 + 0.5), HIDDEN, 1.0)
+    index = dr.arange(mi.UInt32, windows * side**2)
+    window_of_ray, cell = index // side**2, index % side**2
+    position = (mi.Point2f(cell % side, cell // side) + 0.5) / side
+    # Opaque numbers, so that one kernel serves all sensors and models
+    of_sensor, size = dr.opaque(mi.UInt32, windows), dr.opaque(mi.UInt32, 1 + count)
+    ray = rays.at(window_of_ray, mi.UInt32(0), position, of_sensor, mi.UInt32(1))
+    hit = scene.mi.ray_intersect_preliminary(ray, coherent=True)
+    triangle = triangles.at(hit.shape, hit.prim_index, hit.is_valid())
+    counts = dr.zeros(mi.UInt32, windows * (1 + count))
+    dr.scatter_add(counts, mi.UInt32(1), window_of_ray * size + triangle)
+    hits = counts.numpy().reshape(windows, 1 + count)[:, 1:]
+    return np.clip((hits + 0.5) / (area * side**2 + 0.5), HIDDEN, 1.0)
 
 
 def outlines(meshes, sensor) -> tuple[np.ndarray, np.ndarray]:
@@ -103,7 +104,8 @@ def projected(corners: np.ndarray, sensor) -> tuple[np.ndarray, np.ndarray]:
     """
     corner, right, up, direction = window(sensor)
     axes = np.stack([right / (right @ right), up / (up @ up)], axis=1)
-    places = (corners - corner) @ axes
+    # A product of one long array is much faster than one of many short ones
+    places = (np.reshape(corners - corner, (-1, 3)) @ axes).reshape(*corners.shape[:2], 2)
     (x, y), (v, w) = (places[:, k].T - places[:, 0].T for k in (1, 2))
     return places, (y * v - x * w) * np.sign(np.cross(right, up) @ direction) / 2
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from mi_lcair.plugins.paths.aim import Aim
+from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.rendering.aiming import aim_over_model
 from mi_lcair.rendering.facets.starts import (
     HIDDEN,
@@ -45,9 +46,9 @@ def scene_of(shapes, sampling=False, max_bounces=2):
     return load(mi.load_dict(parts, optimize=False))
 
 
-def with_starts(scene):
+def with_starts(scene, every=1):
     starts = starts_on_facets(scene, scene.sensor(0), blackbody(3000.0))
-    return replace(Aim.anywhere(), direct=starts)
+    return replace(Aim.anywhere(), direct=replace(starts, every=every))
 
 
 def totals(scene, aim, paths=2**14, seed=0):
@@ -67,12 +68,12 @@ def room_of_plates(plate, sampling):
     return scene_of(shapes, sampling)
 
 
-@pytest.mark.parametrize("sampling", [False, True])
-def test_the_parts_add_up_to_the_whole(plate, sampling):
-    """In every channel."""
+@pytest.mark.parametrize("sampling, every", [(False, 8), (True, 1)])
+def test_the_parts_add_up_to_the_whole(plate, sampling, every):
+    """In every channel, also where fewer paths begin on facets."""
     scene = room_of_plates(plate, sampling)
-    whole, split = totals(scene, None, 2**16), totals(scene, with_starts(scene), 2**16)
-    assert split.sums.keys() == whole.sums.keys()
+    whole, split = totals(scene, None, 2**16), totals(scene, with_starts(scene, every), 2**16)
+    assert split.sums.keys() == whole.sums.keys() and (split.paths == whole.paths).all()
     for name in (None, *whole.sums):
         error = np.hypot(whole.scatter_error(name), split.scatter_error(name))
         change = np.abs(split.mean(name) - whole.mean(name))
@@ -107,8 +108,8 @@ def test_views_have_starts_of_their_own(plate):
     scene = room_of_plates(plate, False)
     views = [View(azimuth, elevation) for azimuth, elevation in ((0, 90), (20, 60), (200, 35))]
     windows, _ = windows_of(scene, views, 8)
-    starts = starts_on_facets(scene, windows.sensor, blackbody(600.0))
-    aims = None, replace(aim_over_model(scene, windows.sensor), direct=starts)
+    starts = replace(starts_on_facets(scene, windows.sensor, blackbody(600.0)), every=5)
+    aims = None, replace(aim_over_model(scene, windows.sensor, True), direct=starts)
     sampling, measurands = Sampling(paths=2**15), Measurands.of("model")
     whole, split = (measure(scene, windows, sampling, measurands, aim=aim) for aim in aims)
     assert split.sums.keys() == whole.sums.keys()
@@ -125,7 +126,8 @@ def test_too_many_triangles_have_no_starts(plate, monkeypatch):
         assert (starts_on_facets(scene, scene.sensor(0), blackbody(300.0)) is None) == expected
 
 
-def test_intervals_of_black_plates_hold(plate):
+@pytest.mark.parametrize("every", [1, 8])
+def test_intervals_of_black_plates_hold(plate, every):
     """A speck of 3e-6 of the window makes two thirds of the intensity, and is never missed."""
     half = np.sqrt(3e-6)
     shapes = {
@@ -137,12 +139,32 @@ def test_intervals_of_black_plates_hold(plate):
     exact = 0.36 * cold + half**2 * (hot - cold)
     errors, widths = [], []
     for seed in range(20):
-        total = totals(scene, with_starts(scene), 2**10, seed)
+        total = totals(scene, with_starts(scene, every), 2**10 * every, seed)
         errors.append(total.mean("target")[0] / exact - 1)
         widths.append(total.half_width("target")[0] / exact)
     held = np.mean(np.abs(errors) <= widths)
     assert held >= 0.9 and np.abs(errors).max() < 0.03
     assert min(widths) > 0
+
+
+def test_rays_to_facets_may_be_few(plate):
+    """Rounds of 48, 16 and 2 points with a ray for every 8th, and at least one: 6, 2 and 1."""
+    starts = with_starts(scene_of({"a": plate("a", square(0.6, 0.0), BLACK, 300.0)}), 8)
+    first, points = zip(
+        *(
+            (direct.first_point, direct.points)
+            for begin, more in ((0, 48), (48, 16), (64, 2))
+            for direct in [Launch(1, 1, 3, 8, more, begin, aim=starts).split()[1]]
+        )
+    )
+    assert first == (0, 6, 8) and points == (6, 2, 1)
+
+
+def test_what_few_rays_to_facets_may_miss(plate):
+    """A facet that 2.5 of a quarter of the rays meet adds four times as much as one of all."""
+    scene = scene_of({"a": plate("a", square(0.6, 0.0), BLACK, 300.0)}, max_bounces=0)
+    missed = [totals(scene, with_starts(scene, every), 2**10).missed("target") for every in (1, 4)]
+    assert missed[0] > 0 and missed[1] == pytest.approx(4 * missed[0], rel=1e-3)
 
 
 def test_paths_that_bring_both_parts_are_kept_where_they_have_no_noise(plate):
