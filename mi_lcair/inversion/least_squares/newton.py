@@ -70,21 +70,23 @@ def near(
     x, first = start, equations(blocks, start, is_sparse)
     damped = damping * (np.maximum(first.information.diagonal(), 0) + prior.information)
 
-    def weighed(x) -> tuple[Equations, float]:
+    def weighed(x, there: Equations | None = None) -> tuple[Equations, float]:
         """The equations at x, weighed by the same noise at all of them, and what a step lowers."""
-        normal = equations(blocks, x, is_sparse).weighed_as(first)
+        normal = (there or equations(blocks, x, is_sparse)).weighed_as(first)
         added = prior.cost(x) + damped @ (x - start) ** 2
         return normal, normal.pressure(normal) + added
 
     def misfit(x) -> float:
         return cost_of(blocks, x) + prior.cost(x)
 
-    normal, cost = weighed(x)
+    normal, cost = weighed(x, first)
     for _ in range(INNER):
         step, bend = second_order(blocks, x, start, normal, prior, damped)
         steps = [s * step + s**2 * bend for s in 0.5 ** np.arange(HALVINGS)]
-        tried = [np.clip(followed(blocks, x, s), prior.lower, prior.upper) for s in steps]
-        for new in tried:
+        tried = []
+        for share in steps:
+            new = np.clip(followed(blocks, x, share), prior.lower, prior.upper)
+            tried.append(new)
             ahead, ahead_cost = weighed(new)
             if ahead_cost <= cost * (1 + ROUNDING) + ROUNDING or is_sparse:
                 break
