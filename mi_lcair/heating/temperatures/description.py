@@ -131,15 +131,10 @@ class GroupTable:
         """The wall for weather of a duration [s]; one of thickness 0 if there is none."""
         if self.thickness_mm is None:
             return Wall()
-        return Wall(
-            thickness=self.thickness_mm / 1000,
-            conductivity=self.conductivity,
-            density=self.density,
-            heat_capacity=self.heat_capacity,
-            back=(0.0 if self.back_K is None else np.inf) if self.back_h is None else self.back_h,
-            back_temperature=self.back_K or 0.0,
-            duration=duration,
-        )
+        mm, *of_material = (getattr(self, name) for name in self.WALL)
+        usual = 0.0 if self.back_K is None else np.inf
+        back = usual if self.back_h is None else self.back_h
+        return Wall(mm / 1000, *of_material, back, self.back_K or 0.0, duration)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,7 +13,6 @@ from mi_lcair.heating.temperatures.day import course
 from mi_lcair.heating.temperatures.description import (
     Description,
     RunTable,
-    Sigma,
     SignatureTable,
 )
 from mi_lcair.heating.temperatures.heat_result import Heat, Intensity
@@ -48,7 +47,13 @@ def temperatures(scene: Scene, description: Description) -> Heat:
     sun = sunlight(scene, len(radiation.facets.number), conditions, run)
     network = Network(radiation.facets, radiation.traced, sun, conditions, description.groups)
     columns = [network.column(name, sigma) for name, sigma in sigmas.items()]
-    doubtful = reflected_columns(network, sigmas)
+    parts = {name: name.rpartition(".") for name in sigmas}
+    groups = {name: group for name, (group, _, bare) in parts.items() if bare == "emissivity"}
+    even = network.facets.is_diffuse.all()
+    doubtful = [
+        Column(name, radiative=network.of_emissivity(group, sigmas[name], is_whole=False))
+        for name, group in ({} if even else groups).items()
+    ]
     solved = course(network, [*columns, *doubtful], run.start_K)
     changes = dict(zip(sigmas, solved.changes))
     of_sigma = [
@@ -62,6 +67,14 @@ def temperatures(scene: Scene, description: Description) -> Heat:
         for column, change in zip(doubtful, solved.changes[len(columns) :])
         if abs(change).max() > DOUBTFUL * abs(changes[column.name]).max()
     ]
+    if description.signature is not None:
+        emitted, values = network.facets.emitting_area, network.facets.emissivity
+        for name, group in groups.items():
+            share = emitted @ network.relative(group, sigmas[name], values) / emitted.sum()
+            of_sigma.append(
+                f"[sigma] {name}: changes the intensity by temperatures only; the surfaces also "
+                f"emit {share:.1%} more at the same temperatures, which a budget takes in"
+            )
     of_sun = () if sun is None else sun.remarks
     result = Heat(
         name=scene.name,
@@ -82,18 +95,6 @@ def temperatures(scene: Scene, description: Description) -> Heat:
     if description.signature is None:
         return result
     return replace(result, intensity=intensity(scene, result, description.signature, run.seed))
-
-
-def reflected_columns(network: Network, sigmas: dict[str, Sigma]) -> list[Column]:
-    """What emissivities change by reflections, if surfaces are not diffuse."""
-    if network.facets.is_diffuse.all():
-        return []
-    names = {name: name.rpartition(".") for name in sigmas}
-    return [
-        Column(name, radiative=network.of_emissivity(group, sigmas[name], is_whole=False))
-        for name, (group, _, bare) in names.items()
-        if bare == "emissivity"
-    ]
 
 
 def sunlight(scene: Scene, n: int, conditions: Weather, run: RunTable) -> SolarAreas | None:

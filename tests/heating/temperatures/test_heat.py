@@ -43,6 +43,10 @@ def test_day(day):
         set(day.changes) == set(day.sigmas) == set(Description.read(EXAMPLES / "heat.toml").sigma)
     )
     assert (day.changes["sky_K"] > 0).all()
+    (remark,) = [text for text in day.remarks if "the surfaces also emit" in text]
+    facets = day.facets
+    share = (0.02 * facets.area).sum() / facets.emitting_area.sum()
+    assert remark.startswith("[sigma] emissivity") and f"emit {share:.1%} more" in remark
     assert day.residual_W < 1e-3
     assert "kelvin" not in day.summary()
 
