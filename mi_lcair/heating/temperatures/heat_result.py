@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     import xarray
 
 HOUR = 3600.0
-HOURS = Bounds(lower=0)
 
 
 @dataclass(frozen=True)
@@ -109,10 +108,16 @@ class Heat(Result):
         return self.seconds / HOUR
 
     def row(self, hour: float | None = None) -> int:
-        """Index of the time that is nearest to an hour; without one, that of the warmest facet."""
+        """Index of the time that is nearest to an hour; without one, that of the warmest facet.
+
+        Raises InputError for an hour before or after all times.
+        """
         if hour is None:
             return int(np.argmax(self.kelvin.max(axis=1)))
-        HOURS.check(hour, "hour")
+        if not self.is_steady:
+            first, second, last = self.hours[[0, 1, -1]]
+            bounds = Bounds(lower=round(2 * first - second, 9), upper=last)
+            bounds.check(hour, "hour", rounding=1e-9)
         return int(np.argmin(abs(self.hours - hour)))
 
     def of_groups(self, values: np.ndarray) -> np.ndarray:

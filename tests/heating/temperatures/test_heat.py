@@ -59,6 +59,13 @@ def test_intensity_is_that_of_a_render_with_its_temperatures(day, folder):
     assert abs(rendered.target.intensity - day.intensity.values[6]) < 4 * error
 
 
+def test_an_hour_outside_the_day_is_refused(day, tmp_path):
+    assert day.row(0) == 0 and day.row(1.1) == 0 and day.row(24) == 11
+    for hour in (-0.1, 30):
+        with pytest.raises(InputError, match=f"hour = {hour}; must lie in 0..24"):
+            day.save(tmp_path / "t.csv", hour=hour)
+
+
 def test_files(day, tmp_path, folder):
     import meshio
     import xarray
