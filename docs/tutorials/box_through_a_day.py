@@ -32,7 +32,7 @@ print((folder / "heat.toml").read_text())
 heat = mi_lcair.heat(folder / "heat.toml")
 heat.plot()
 lid = heat.of_groups(heat.kelvin)[:, heat.facets.groups.index("lid")]
-error = heat.of_groups(heat.error_K)[:, heat.facets.groups.index("lid")]
+error = heat.group_error_K[:, heat.facets.groups.index("lid")]
 noon = heat.row(12)
 print(f"lid at noon: {lid[noon]:.1f} +- {error[noon]:.1f} K")
 print({name: round(float(change[noon, 5]), 2) for name, change in heat.changes.items()})

@@ -70,6 +70,15 @@ def test_an_enclosure_keeps_what_it_emits():
     assert result.conductors.to_sky.sum() + result.conductors.to_ground.sum() == 0
 
 
+def test_paths_that_end_at_random_keep_the_means(monkeypatch):
+    scene = scene_of(box=box(grey(0.3), emitter=emits()))
+    monkeypatch.setattr("mi_lcair.heating.paths.FAINT", 1.0)  # at each reflection
+    result = exchange(scene, rays=4096)
+    (error,) = result.traced.standard_error(lambda C: np.array([(C.to_self + C.total).sum()]))
+    total = (result.conductors.to_self + result.conductors.total).sum()
+    assert abs(total - 0.3 * 24) < 4 * error < 0.01 * total
+
+
 def test_what_is_left_after_the_last_reflection_is_told():
     """Each of 10,000 reflections absorbs 1e-5, which Float32 rounds by up to 3e-8."""
     result = exchange(scene_of(box=box(grey(1e-5), emitter=emits())), rays=64)

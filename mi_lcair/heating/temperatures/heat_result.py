@@ -1,5 +1,6 @@
 """Temperatures of a scene's facets from their heat balance, as a result."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -33,7 +34,7 @@ class Intensity:
     @property
     def sigma(self) -> np.ndarray:
         """Combined standard uncertainty, (m,) [W/sr]."""
-        return np.sqrt(sum((change**2 for change in self.changes.values()), start=self.error**2))
+        return combined(self.error, self.changes.values())
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -96,7 +97,15 @@ class Heat(Result):
     @property
     def error_K(self) -> np.ndarray:
         """Combined standard uncertainty of each temperature, (m, n) [K]."""
-        return np.sqrt(sum((change**2 for change in self.changes.values()), start=self.noise**2))
+        return combined(self.noise, self.changes.values())
+
+    @property
+    def group_error_K(self) -> np.ndarray:
+        """Combined standard uncertainty of the mean temperature of each group, (m, groups) [K].
+
+        The errors of the paths count as if they were common to a group's facets.
+        """
+        return combined(self.of_groups(self.noise), map(self.of_groups, self.changes.values()))
 
     @property
     def is_steady(self) -> bool:
@@ -142,7 +151,7 @@ class Heat(Result):
 
     def entries(self) -> dict:
         """Entries for JSON: by group and time, and the largest effect of each input."""
-        of_groups = (self.of_groups(values).T for values in (self.kelvin, self.error_K))
+        of_groups = self.of_groups(self.kelvin).T, self.group_error_K.T
         entries = {
             "scene": self.name,
             "facets": len(self.facets.number),
@@ -202,3 +211,8 @@ class Heat(Result):
         if self.changes:
             coordinates["input"] = ("input", [*self.changes])
         return self.dataset(variables, coordinates)
+
+
+def combined(error: np.ndarray, changes: Iterable[np.ndarray]) -> np.ndarray:
+    """Root of the sum of the squares of an error and of changes by independent inputs."""
+    return np.sqrt(sum((change**2 for change in changes), start=error**2))

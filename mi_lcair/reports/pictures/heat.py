@@ -11,7 +11,7 @@ def figure(heat):
     """Figure of the mean temperature of each group, and of the intensity if it is known."""
     figure = new_figure((9 if heat.intensity else 6, 3.8), layout="constrained")
     left, *rest = np.atleast_1d(figure.subplots(1, 2 if heat.intensity else 1))
-    mean, error = heat.of_groups(heat.kelvin), heat.of_groups(heat.error_K)
+    mean, error = heat.of_groups(heat.kelvin), heat.group_error_K
     if heat.is_steady:
         places = np.arange(len(heat.facets.groups))
         left.errorbar(mean[0], places, xerr=2 * error[0], fmt="o", capsize=3)

@@ -26,7 +26,7 @@ def sections(heat) -> list[Section]:
 
 def groups(heat) -> Table:
     """Mean temperature of each group, its error, and when it is reached."""
-    mean, error = heat.of_groups(heat.kelvin), heat.of_groups(heat.error_K)
+    mean, error = heat.of_groups(heat.kelvin), heat.group_error_K
     area = heat.facets.membership @ heat.facets.area
     rows = []
     for g, group in enumerate(heat.facets.groups):

@@ -48,6 +48,12 @@ def test_day(day):
     share = (0.02 * facets.area).sum() / facets.emitting_area.sum()
     assert remark.startswith("[sigma] emissivity") and f"emit {share:.1%} more" in remark
     assert day.residual_W < 1e-3
+    # The mean of a group changes by the mean of its facets' changes
+    k = day.facets.groups.index("self")
+    of_walls = day.facets.group == k
+    area = day.facets.area[of_walls] / day.facets.area[of_walls].sum()
+    parts = [values[:, of_walls] @ area for values in (day.noise, *day.changes.values())]
+    np.testing.assert_allclose(day.group_error_K[:, k], np.sqrt(np.square(parts).sum(axis=0)))
     assert "kelvin" not in day.summary()
 
 
