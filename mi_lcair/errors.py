@@ -91,9 +91,9 @@ def unknown(kind: str, name: str, names) -> InputError:
 
 
 def check_known(kind: str, known, *names) -> None:
-    """Raise the error of `unknown` for the first name that is not one of the known ones."""
+    """Raise the error of `unknown` for the first name that is not one of the known ones or None."""
     for name in names:
-        if name not in known:
+        if name is not None and name not in known:
             raise unknown(kind, name, known)
 
 

@@ -116,6 +116,30 @@ def worded(value) -> str:
     return json.dumps(value)
 
 
+def typed(values: Mapping[str, object], types: Mapping[str, type], needed=()) -> dict:
+    """The values of a table, each of the type of its key.
+
+    Raises InputError for an unknown key, for a value of another type, and if one of the `needed`
+    keys is missing.
+    """
+    check_known("key", types, *values)
+    table = {key: converted(value, types[key], key) for key, value in values.items()}
+    if missing := [key for key in needed if key not in table]:
+        raise InputError(f"lacks {', '.join(missing)}")
+    return table
+
+
+def texts(where: str, table: Mapping[str, object]) -> dict[str, str]:
+    """The texts, numbers and booleans of a table as texts, such as $-parameters of a scene.
+
+    Raises InputError for other values. where: begins the message.
+    """
+    for key, value in table.items():
+        if type(value) not in (str, int, float, bool):
+            raise InputError(f"{where}: {key} = {value}; must be a text or a number")
+    return {k: str(v).lower() if isinstance(v, bool) else str(v) for k, v in table.items()}
+
+
 def required(kind):
     """The type X of a field of type X, X | None or X | Literal[...]."""
     return get_args(kind)[0] if get_origin(kind) in (UnionType, Union) else kind

@@ -13,7 +13,7 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.declared import Bounds
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, check_known, errors_of
 
 # Largest temperature [K]. Squares of the in-band radiance of a hotter blackbody would come near the
 # largest Float32 number.
@@ -84,11 +84,9 @@ class Property(Bounds):
         return f" or '{self.choices[0]}'" if self.kind == "boolean" and self.choices else ""
 
     def checked_string(self, value: str, plugin: str) -> str:
-        if self.choices and value not in self.choices:
-            raise InputError(
-                f"{plugin}: {self.name} '{value}' is unknown; it must be one of "
-                f"{', '.join(self.choices)}"
-            )
+        if self.choices:
+            with errors_of(plugin):
+                check_known(self.name, self.choices, value)
         if self.is_label and not LABEL.fullmatch(value):
             raise InputError(
                 f"{plugin}: {self.name} '{value[:64]}' must consist of letters, digits, '_' and "

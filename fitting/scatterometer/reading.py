@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.errors import InputError, option, shown, unknown
+from mi_lcair.errors import InputError, check_known, option, shown, unknown
 from mi_lcair.files import read_bytes, read_text
 from mi_lcair.fitting.scatterometer.astm import is_astm, parse_astm
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
@@ -79,12 +79,8 @@ def read(
         If the file cannot be read or leaves a question open.
     """
     path = Path(path)
-    for name, value, known in (
-        ("quantity", quantity, QUANTITIES),
-        ("theta_r_positive", theta_r_positive, SIDES),
-    ):
-        if value is not None and value not in known:
-            raise unknown(name, value, known)
+    check_known("quantity", QUANTITIES, quantity)
+    check_known("theta_r_positive", SIDES, theta_r_positive)
     text = read_text(path)
     if not text.strip():
         raise InputError(f"{path}: the file is empty")

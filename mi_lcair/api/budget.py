@@ -8,7 +8,7 @@ from mi_lcair import scenes
 from mi_lcair.api.load import sampling_of, scene_of
 from mi_lcair.api.scenario import scenario_of
 from mi_lcair.detection.scenario import Scenario
-from mi_lcair.errors import InputError, unknown
+from mi_lcair.errors import InputError, check_known
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.scene import SceneLike
 from mi_lcair.startup.threads import exclusively
@@ -71,8 +71,7 @@ def budget(
     sampling = sampling_of(
         spp=spp, tolerance=tolerance, seed=seed, sensor=sensor, progress=progress
     )
-    if of is not None and of not in NUMBERS:
-        raise unknown("result of a budget", of, NUMBERS)
+    check_known("result of a budget", NUMBERS, of)
     if is_scenario(what):
         if sensor:
             raise InputError("sensor is one of a scene; a scenario has its observer")

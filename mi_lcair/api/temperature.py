@@ -7,7 +7,7 @@ from typing import TypedDict, Unpack
 import numpy as np
 
 from mi_lcair.declared import Bounds
-from mi_lcair.errors import InputError, option, unknown
+from mi_lcair.errors import InputError, check_known, option
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.rendering.images.exr import read_exr
@@ -105,9 +105,7 @@ def temperature(
     if air and "distance" not in measurement:
         raise InputError("atmosphere needs the distance of the object in m")
     given = {"emissivity": emissivity, **measurement}
-    for key in given:
-        if key not in QUANTITIES:
-            raise unknown("quantity", key, [*QUANTITIES, "atmosphere"])
+    check_known("quantity", [*QUANTITIES, "atmosphere"], *given)
     quantities = {
         key: uncertain(given[key], key, bounds)
         for key, bounds in QUANTITIES.items()

@@ -18,7 +18,7 @@ from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import rendered_as, setting_of
 from mi_lcair.errors import InputError
 from mi_lcair.physics.imager import Imager
-from mi_lcair.rendering.limits import GIB, available_memory
+from mi_lcair.rendering.limits import check_free
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.rendering.views import hidden_remark
 
@@ -139,10 +139,5 @@ def developed(
 def check_frames(imager: Imager, frames: int) -> None:
     """Raise InputError for frames that need more memory than is free."""
     needed = imager.width * imager.height * (BYTES_PER_PIXEL + 4 * frames)
-    available = available_memory()
-    if available is not None and needed > available:
-        raise InputError(
-            f"{frames} frames of {imager.width} x {imager.height} pixels need "
-            f"{needed / GIB:.1f} GiB of memory, and {available / GIB:.1f} GiB are free; ask for "
-            "fewer frames"
-        )
+    what = f"an image of {frames} frames of {imager.width} x {imager.height} pixels"
+    check_free(needed, what, "ask for fewer frames")

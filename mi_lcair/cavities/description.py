@@ -16,6 +16,7 @@ from mi_lcair.declared import Bounds, check_fields, within
 from mi_lcair.errors import InputError, check_known
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.materials import Material, bands_of, material
+from mi_lcair.physics.spectra.files import spectrum_of
 from mi_lcair.table import read_table
 from mi_lcair.toml_table import filled
 
@@ -241,14 +242,10 @@ class Description:
         if self.wall.spectrum is None:
             return [self.wall.emissivity + self.offset] * len(self.wavelengths_um)
         path = self.folder / self.wall.spectrum
-        needed = ("wavelength_um", "emissivity")
-        table = read_table(path, needed, "emissivity").numbers(needed)
-        x, y = table["wavelength_um"], table["emissivity"]
-        for value in y:
-            Bounds(upper=1, is_positive=True).check(float(value), f"{path}: emissivity")
+        x, y = spectrum_of(path, "emissivity")
         lowest, highest = self.wavelengths_um.min(), self.wavelengths_um.max()
-        if (np.diff(x) <= 0).any() or lowest < x[0] or highest > x[-1]:
-            raise InputError(f"{path}: wavelength_um must rise, and cover {lowest:g}..{highest:g}")
+        if lowest < x[0] or highest > x[-1]:
+            raise InputError(f"{path}: wavelength_um must cover {lowest:g}..{highest:g}")
         values = np.interp(self.wavelengths_um, x, y) + self.offset
         return np.clip(values, 1e-6, 1).tolist()
 

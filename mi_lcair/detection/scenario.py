@@ -30,7 +30,7 @@ from mi_lcair.physics.surroundings.skies import sky_name
 from mi_lcair.physics.surroundings.words import Words, number
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.sampling import Sampling
-from mi_lcair.toml_table import filled, required
+from mi_lcair.toml_table import filled, required, texts
 
 if TYPE_CHECKING:
     from mi_lcair.rendering.views import View
@@ -109,11 +109,7 @@ class TargetModel:
         for name, table in {"band": "[sensor]", **dict.fromkeys(POSE, "[pose]")}.items():
             if name in self.parameters:
                 raise InputError(f"[target.parameters]: {name} is given in {table}")
-        for name, value in self.parameters.items():
-            if type(value) not in (str, int, float, bool):
-                raise InputError(
-                    f"[target.parameters]: {name} = {value}; must be a text or a number"
-                )
+        texts("[target.parameters]", self.parameters)
 
 
 @dataclass(frozen=True)
@@ -230,8 +226,7 @@ class Air:
 
     def __post_init__(self):
         check_fields(self, "[atmosphere]: ")
-        if self.wave not in WAVES:
-            raise InputError(f"[atmosphere]: wave = {self.wave}; must be {' or '.join(WAVES)}")
+        check_known("wave", WAVES, self.wave)
         if self.cn2 and self.table == VACUUM:
             raise InputError("[atmosphere]: cn2 is turbulence of air; leave it out in vacuum")
         given = [name for name in WEATHER if getattr(self, name) is not None]
@@ -566,10 +561,7 @@ class Scenario:
     def scene_parameters(self) -> dict[str, str]:
         """The scene's $-parameters as text, without the band."""
         pose = {name: value for name, value in asdict(self.pose).items() if value is not None}
-        return {
-            name: str(value).lower() if isinstance(value, bool) else str(value)
-            for name, value in (self.target.parameters | pose).items()
-        }
+        return texts("[target.parameters]", self.target.parameters | pose)
 
 
 def tables_of(source: str | PathLike[str], changes: Mapping[str, object]) -> tuple:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mi_lcair.declared import check_fields, within
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, check_known
 
 MOST_PIXELS = 8192  # pixels along each side of a frame
 MOST_IN_FRAME = 2**24  # pixels of a frame
@@ -128,9 +128,8 @@ class Imager:
                     f"[camera]: the {name} of the frame is {angle:.3g} degrees; must lie in "
                     f"{NARROWEST_DEG:g}..{WIDEST_DEG:g}; change focal_length_mm, pitch_um or {name}"
                 )
-        for name, known in (("projection", PROJECTIONS), ("lens", LENSES)):
-            if (value := getattr(self, name)) not in known:
-                raise InputError(f"[camera]: {name} = {value}; must be {' or '.join(known)}")
+        check_known("projection", PROJECTIONS, self.projection)
+        check_known("lens", LENSES, self.lens)
         if self.cos4 and self.projection == "orthographic":
             raise InputError(
                 "[camera]: cos4 needs projection = perspective; all rays of an orthographic "

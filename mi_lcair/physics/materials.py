@@ -16,6 +16,7 @@ from mi_lcair.errors import InputError, errors_of, shown, unknown
 from mi_lcair.files import parse_json, parse_toml, read_text, revision
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
+from mi_lcair.toml_table import typed
 
 # The models load Dr.Jit. Reading the names of materials does not need it.
 if TYPE_CHECKING:
@@ -177,10 +178,8 @@ def emits_nothing(name: str, file: str | Path | None = None) -> bool:
         return float(name) == 0
     for path in filter(None, (file, BUILT_IN)):
         bands = _materials(path).get(name)
-        if isinstance(bands, dict):
-            return all(
-                isinstance(entry, dict) and entry.get("emits") is False for entry in bands.values()
-            )
+        if bands is not None:
+            return _are_tables(bands) and all(of.get("emits") is False for of in bands.values())
     return False
 
 
@@ -216,11 +215,7 @@ def _toml_entries(name, file):
         if bands is None:
             continue
         where = f"{path}: material '{name}'"
-        if (
-            not isinstance(bands, dict)
-            or not bands
-            or not all(isinstance(entry, dict) for entry in bands.values())
-        ):
+        if not _are_tables(bands):
             raise InputError(f"{where}: needs a table for each band, such as [{name}.MWIR]")
         if is_json(path):
             return [_fitted(str(path), report) for report in bands.values()]
@@ -231,6 +226,11 @@ def _toml_entries(name, file):
             for band, entry in bands.items()
         ]
     raise unknown("material", name, names(file))
+
+
+def _are_tables(value) -> bool:
+    """Whether a value is a table of tables, of one at least."""
+    return isinstance(value, dict) and bool(value) and all(type(v) is dict for v in value.values())
 
 
 def is_json(path) -> bool:
@@ -288,11 +288,7 @@ def _reports(name):
     name = str(name)
     file = _read(name)
     reports = file.get("materials", {"": file})
-    if (
-        not isinstance(reports, dict)
-        or not reports
-        or not all(isinstance(report, dict) for report in reports.values())
-    ):
+    if not _are_tables(reports):
         raise InputError(f"{name}: key 'materials' must be a table with a fit for each band")
     if _is_solution(file):
         if len(reports) > 1:
@@ -336,29 +332,14 @@ def _entry(where, name, band, keys, file):
     """A Material with checked keys and types, and parameters that a surface can have."""
     from mi_lcair.physics import reflection
 
-    where = f"{where}, band '{band}'"
-    with errors_of(where):
+    with errors_of(f"{where}, band '{band}'"):
         if band != EVERY_BAND:
             band_of(band)
         model = reflection.model(keys.get("model", reflection.NAMES[0]))
-    allowed = (*model.names, "model", "form", "source", "emits")
-    for key, value in keys.items():
-        if key not in allowed:
-            raise InputError(f"{where}: {unknown('key', key, allowed)}")
-        if key == "emits":
-            if not isinstance(value, bool):
-                raise InputError(f"{where}: emits = {value!r}; must be true or false")
-            continue
-        if key in model.names and (type(value) not in (int, float) or not np.isfinite(value)):
-            raise InputError(f"{where}: {key} = {value!r}; must be a number")
-        if key not in model.names and not isinstance(value, str):
-            raise InputError(f"{where}: {key} = {value!r}; must be a string")
-    missing = [key for key in model.names if key not in keys]
-    if missing:
-        raise InputError(f"{where}: lacks {', '.join(missing)}")
-    parameters = {key: float(keys[key]) for key in model.names}
-    form = keys.get("form", model.forms[0])
-    with errors_of(where):
+        types = dict.fromkeys(model.names, float) | dict.fromkeys(("model", "form", "source"), str)
+        keys = typed(keys, types | {"emits": bool}, model.names)
+        parameters = {key: keys[key] for key in model.names}
+        form = keys.get("form", model.forms[0])
         model.check_form(form)
         model.check_feasible(*parameters.values(), form=form)
     return Material(name, band, model, parameters, form, source=keys.get("source", file))

@@ -16,7 +16,11 @@ from mi_lcair.table import LARGEST, read_table
 
 WAVELENGTH = "wavelength_um"
 SHORTEST_UM, LONGEST_UM = 0.1, 1000.0
-HIGHEST_DEG = {"elevation_deg": 90.0, "azimuth_deg": 180.0}  # largest angles that may be keys
+HIGHEST_DEG = {
+    "elevation_deg": 90.0,
+    "azimuth_deg": 180.0,
+    "theta_deg": 90.0,
+}  # largest angles that may be keys
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from mi_lcair.errors import InputError, unknown
+from mi_lcair.errors import InputError, check_known
 from mi_lcair.files import parse_json, read_text
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.scene import Scene
@@ -54,8 +54,7 @@ def applied(file: str, content: dict, scene: Scene, state: str | None) -> list[s
     """Set the parameters of a scene to the content of a solution; returns their names."""
     data = content["data"]
     states = {entry["state"] for entry in data}
-    if state is not None and state not in states:
-        raise unknown(f"state of {file}", state, states)
+    check_known(f"state of {file}", states, state)
     known = parameters_of(scene)
     values, facets, owner = {}, {}, {}
     for entry in data:

@@ -9,7 +9,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, check_known, errors_of
 from mi_lcair.physics import materials
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.directional_table import over_the_hemisphere, read_directional_table
@@ -167,10 +167,8 @@ class ReflectionBSDF(SpectralBSDF):
 
     def set_lobe(self, lobe: str) -> None:
         """Choose the angular distribution of the reflected radiance: brdf, mirror or diffuse."""
-        if lobe not in LOBES:
-            raise InputError(
-                f"{self.model.name}: lobe '{lobe}' is unknown; it must be one of {', '.join(LOBES)}"
-            )
+        with errors_of(self.model.name):
+            check_known("lobe", LOBES, lobe)
         self.lobe = lobe
         asymmetry = 0 if self.model.reciprocal else mi.BSDFFlags.NonSymmetric
         kind = {

@@ -236,8 +236,8 @@ def test_background_without_a_photon(scenario):
 
 
 def test_memory_of_many_frames(scenario, monkeypatch):
-    monkeypatch.setattr("mi_lcair.camera.image.available_memory", lambda: 2**20)
-    with pytest.raises(InputError, match="9000 frames of 64 x 48 pixels need 0.1 GiB"):
+    monkeypatch.setattr("mi_lcair.rendering.limits.available_memory", lambda: 2**20)
+    with pytest.raises(InputError, match="9000 frames of 64 x 48 pixels needs 0.1 GiB"):
         image(scenario(), frames=9000)
 
 
@@ -363,7 +363,7 @@ def test_turbulence_follows_the_range(tmp_path):
             {"atmosphere__cn2": -1e-14},
             r"\[atmosphere\]: cn2 = -1e-14 m\^\(-2/3\); must lie in 0..1e-09",
         ),
-        ({"atmosphere__wave": "round"}, "wave = round; must be plane or spherical"),
+        ({"atmosphere__wave": "round"}, "unknown wave 'round'; known: plane, spherical"),
         (
             {"atmosphere__table": "us_standard", "atmosphere__cn2": 1e-9},
             r"\[atmosphere\]: cn2 = 1e-09 spreads the light of a point over",

@@ -186,7 +186,7 @@ def test_refuses_a_table_of_another_model(refused, folder):
 
 
 def test_refuses_outputs_that_are_no_page(refused, image, folder):
-    assert "does not end in .html" in refused("report", image, "-o", "page.pdf")
+    assert "does not end in .html or .htm" in refused("report", image, "-o", "page.pdf")
     assert "does not exist" in refused("report", image, "-o", "none/page.html")
     assert [path.name for path in folder.iterdir()] == ["a.exr"]
 

@@ -108,7 +108,7 @@ def test_defaults_are_those_of_an_ideal_camera_of_14_bits():
         ({"right_deg": 45.1}, "right_deg = 45.1; must lie in -45..45"),
         ({"up_deg": -45.1}, "up_deg = -45.1; must lie in -45..45"),
         ({"f_number": 0.49}, "f_number = 0.49; must be 0.5 or more"),
-        ({"lens": "fish"}, "lens = fish; must be aplanatic or thin"),
+        ({"lens": "fish"}, "unknown lens 'fish'; known: "),
         ({"vignetting": 1.0}, "vignetting = 1; must lie in 0..0.99"),
         ({"cos4": True, "projection": "orthographic"}, "cos4 needs projection = perspective"),
         ({"optics_temperature": -3.0}, "optics_temperature = -3 K; must be positive"),

@@ -256,11 +256,11 @@ def test_a_fit_of_several_bands_serves_each(user_file):
         ),
         (
             f"[paint.MWIR]\n{NUMBERS}".replace("0.2", "'0.2'"),
-            "material 'paint', band 'MWIR': b = '0.2'; must be a number",
+            "material 'paint', band 'MWIR': b = '0.2'; must be a finite number",
         ),
-        (f"[paint.MWIR]\n{NUMBERS}".replace("0.2", "true"), "b = True; must be a number"),
-        (f"[paint.MWIR]\n{NUMBERS}".replace("0.2", "nan"), "b = nan; must be a number"),
-        (f"[paint.MWIR]\n{NUMBERS}source = 3\n", "source = 3; must be a string"),
+        (f"[paint.MWIR]\n{NUMBERS}".replace("0.2", "true"), "b = True; must be a finite number"),
+        (f"[paint.MWIR]\n{NUMBERS}".replace("0.2", "nan"), "b = nan; must be a finite number"),
+        (f"[paint.MWIR]\n{NUMBERS}source = 3\n", "source = 3; must be a text"),
         (
             f"[paint.MIWR]\n{NUMBERS}",
             "material 'paint', band 'MIWR': unknown band 'MIWR'; known: MWIR",
@@ -302,7 +302,7 @@ def test_an_unusable_entry_is_one_line_that_names_file_material_and_key(user_fil
         ('{"parameters": {}, "form": "thesis", "band": "MWIR"}', "lacks epsilon, rho_d, b, e"),
         (
             '{"parameters": {"epsilon": NaN}, "form": "thesis", "band": "MWIR"}',
-            "epsilon = nan; must be a number",
+            "epsilon = nan; must be a finite number",
         ),
     ],
 )

@@ -68,9 +68,9 @@ def test_bounds(plugin, entry):
     [
         ("thermal", {"group": "a" * 65}, "at most 64"),
         ("thermal", {"group": "hot parts"}, "must consist of letters"),
-        ("thermal", {"facet_type": "see"}, "unknown.*model, sky, terrain"),
+        ("thermal", {"facet_type": "see"}, "unknown facet_type 'see'; known: sky, model, terrain"),
         ("thermal", {"elevation_deg": 4.5}, "`elevation_deg` chooses from a `spectrum`"),
-        ("bounce_path", {"closure": "tale"}, "closure 'tale' is unknown"),
+        ("bounce_path", {"closure": "tale"}, "unknown closure 'tale'"),
     ],
 )
 def test_strings(plugin, properties, message):

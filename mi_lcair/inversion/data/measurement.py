@@ -4,8 +4,9 @@ import re
 from dataclasses import dataclass, field
 
 from mi_lcair.declared import check_fields, fraction, within
-from mi_lcair.errors import InputError, unknown
+from mi_lcair.errors import InputError, check_known
 from mi_lcair.inversion.tables import check_prior
+from mi_lcair.toml_table import texts
 
 QUANTITIES = ("radiance", "apparent_temperature")
 CAMERA_QUANTITIES = ("counts", "apparent_temperature")
@@ -48,9 +49,7 @@ class Observation:
 
     def __post_init__(self):
         check_fields(self)
-        for key, value in self.parameters.items():
-            if type(value) not in (str, int, float, bool):
-                raise InputError(f"parameters: {key} = {value}; must be a text or a number")
+        self.scene_parameters()
         for key in ("name", "state"):
             if (text := getattr(self, key)) and not NAME_KEY.fullmatch(text):
                 raise InputError(
@@ -59,10 +58,7 @@ class Observation:
 
     def scene_parameters(self) -> dict[str, str]:
         """The scene's $-parameters as text."""
-        return {
-            name: str(value).lower() if isinstance(value, bool) else str(value)
-            for name, value in self.parameters.items()
-        }
+        return texts("parameters", self.parameters)
 
     def noises(self) -> list[str]:
         """Names of the entries that state the noise."""
@@ -152,8 +148,7 @@ class Measurement(Observation):
         self._check_camera()
         self._check_noise()
         quantities = CAMERA_QUANTITIES if self.is_of_camera else QUANTITIES
-        if self.quantity is not None and self.quantity not in quantities:
-            raise unknown("quantity", self.quantity, quantities)
+        check_known("quantity", quantities, self.quantity)
         if self.scale == 0:
             raise InputError("scale = 0; must not be zero")
         if self.model_error and not self.image:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.errors import InputError, errors_of, option, shown, unknown
+from mi_lcair.errors import InputError, check_known, errors_of, option, shown
 from mi_lcair.files import parse_toml, read_text
 from mi_lcair.models3d.label import Label, parse, unlabelled
 from mi_lcair.models3d.modellers.obj import Obj
@@ -45,9 +45,8 @@ class NameTable:
     def _csv(self):
         table = read_table(self.path, ("name",), "table of names")
         mark = "." if table.separator == "," else ","
-        for column in table.columns:
-            if column not in ("name", *COLUMNS):
-                raise InputError(f"{self.path}: {unknown('column', column, ('name', *COLUMNS))}")
+        with errors_of(self.path):
+            check_known("column", ("name", *COLUMNS), *table.columns)
         for line, cells in table.rows:
             values = {key: cell for key, cell in zip(table.columns, cells) if cell}
             for key, cell in values.items():
@@ -62,9 +61,9 @@ class NameTable:
             place = f"{self.path}: name '{name}'"
             if not isinstance(values, dict):
                 raise InputError(f"{place}: needs a table [{name}] with {', '.join(COLUMNS)}")
+            with errors_of(place):
+                check_known("key", COLUMNS, *values)
             for key, value in values.items():
-                if key not in COLUMNS:
-                    raise InputError(f"{place}: {unknown('key', key, COLUMNS)}")
                 if isinstance(value, bool) or not isinstance(value, (str, int, float)):
                     raise InputError(f"{place}: {key} = {value!r}; must be a string or a number")
             yield place, name, {key: str(value) for key, value in values.items()}

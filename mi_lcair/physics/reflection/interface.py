@@ -20,7 +20,7 @@ import numpy as np
 from drjit.llvm.ad import Float64
 
 from mi_lcair.declared import Bounds
-from mi_lcair.errors import InputError
+from mi_lcair.errors import check_known, errors_of
 from mi_lcair.physics.reflection.directions import cos_theta, sample_cosine
 
 # Rounding error between coordinates of the cube and parameters, relative to a parameter's range.
@@ -178,10 +178,8 @@ class ReflectionModel(ABC):
 
     def check_form(self, form: str) -> None:
         """Raise InputError for a form that the model does not have."""
-        if form not in self.forms:
-            raise InputError(
-                f"{self.name}: form '{form}' is unknown; it must be one of {', '.join(self.forms)}"
-            )
+        with errors_of(self.name):
+            check_known("form", self.forms, form)
 
     # ------------------------------------------------------------------ Reflectance
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError, shown
 from mi_lcair.files import read_text
-from mi_lcair.physics.spectral_table import LONGEST_UM, SHORTEST_UM, WAVELENGTH
+from mi_lcair.physics.spectral_table import LONGEST_UM, SHORTEST_UM, WAVELENGTH, spectral_table
 from mi_lcair.table import FARTHEST, TextTable, header_of, lines_of, read_table
 
 DELETED = -1e30  # values below mark a channel that USGS has deleted (-1.23e34)
@@ -67,7 +67,7 @@ def by_angle(path: str | Path) -> tuple[np.ndarray, ...] | None:
     """Emissivity over wavelength and angle from a CSV file; None if it has no angles.
 
     Its columns are wavelength_um, theta_deg and emissivity, with a row for each angle at each
-    wavelength.
+    wavelength, and rising wavelengths.
 
     Returns
     -------
@@ -77,23 +77,8 @@ def by_angle(path: str | Path) -> tuple[np.ndarray, ...] | None:
     file = f"spectrum {path}"
     if THETA not in header_of(file, read_text(path, file), (THETA,)):
         return None
-    table = read_table(path, (WAVELENGTH, THETA, "emissivity"), "spectrum")
-    numbers = table.numbers((WAVELENGTH, THETA, "emissivity"))
-    table.check_range(THETA, numbers[THETA], 0, 90)
-    table.check_range("emissivity", numbers["emissivity"], 0, 1)
-    (wavelengths, row), (theta, column) = (
-        np.unique(numbers[name], return_inverse=True) for name in (WAVELENGTH, THETA)
-    )
-    values = np.full((len(wavelengths), len(theta)), np.nan)
-    values[row, column] = numbers["emissivity"]
-    if np.isnan(values).any() or values.size != len(row):
-        raise InputError(
-            f"{file}: has {len(row)} rows for {len(wavelengths)} wavelengths and {len(theta)} "
-            "angles; must have one row for each angle at each wavelength"
-        )
-    if len(wavelengths) < 2:
-        raise InputError(f"{file}: needs two wavelengths or more")
-    return checked_wavelengths(file, wavelengths), np.radians(theta), values
+    table = spectral_table(Path(path), "spectrum", (("emissivity", 1.0),), (THETA,))
+    return table.wavelengths_um, np.radians(table.keys[THETA]), table.columns[0].T
 
 
 def of_ecostress(path, quantity, lines) -> tuple[np.ndarray, np.ndarray]:

@@ -16,7 +16,7 @@ from drjit.llvm.ad import Float64
 from scipy.optimize import least_squares
 
 from mi_lcair.declared import Bounds
-from mi_lcair.errors import InputError, errors_of, unknown
+from mi_lcair.errors import InputError, errors_of
 from mi_lcair.physics import reflection
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import spectral_radiance
@@ -27,6 +27,7 @@ from mi_lcair.physics.spectra.change import Change
 from mi_lcair.physics.spectra.files import by_angle, columns_of, spectrum_of
 from mi_lcair.physics.spectra.refractive_index import refractive_index
 from mi_lcair.table import rows_at
+from mi_lcair.toml_table import typed
 
 SAMPLES = 4001  # even wavelengths of a band at which a spectral material is evaluated
 ROOM_K, HOT_K = 300.0, 800.0  # the average is compared with that for the farther temperature
@@ -282,20 +283,13 @@ def spectral_parameters(
         )
     (kind,) = kinds
     name, numbers = KINDS[kind]
-    allowed = (kind, *numbers, *TEXTS, *(("dhr_theta_deg",) if kind == "dhr" else ()))
-    for key, value in entry.items():
-        if key not in allowed:
-            raise InputError(f"{where}: {unknown('key', key, allowed)}")
-        if key in (kind, *TEXTS) and not isinstance(value, str):
-            raise InputError(f"{where}: {key} = {value!r}; must be a string")
-        if key not in (kind, *TEXTS) and type(value) not in (int, float):
-            raise InputError(f"{where}: {key} = {value!r}; must be a number")
+    types = dict.fromkeys((kind, *TEXTS), str) | dict.fromkeys(numbers, float)
+    with errors_of(where):
+        entry = typed(entry, types | ({"dhr_theta_deg": float} if kind == "dhr" else {}), numbers)
     if entry.get("model", name) != name:
         raise InputError(f"{where}: model = '{entry['model']}'; a spectrum by `{kind}` is {name}")
-    if missing := [key for key in numbers if key not in entry]:
-        raise InputError(f"{where}: lacks {', '.join(missing)}")
     files = {key: beside(folder, entry[key]) for key in (kind, "wavelengths") if key in entry}
-    common = {key: float(entry[key]) for key in numbers}
+    common = {key: entry[key] for key in numbers}
     with errors_of(where):
         parameters = OF_KIND[kind](entry, files, common, lambda path: fit(beside(folder, path)))
         check_rows(parameters)

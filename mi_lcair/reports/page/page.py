@@ -3,9 +3,9 @@
 from html import escape
 from pathlib import Path
 
-from mi_lcair.errors import InputError, printable
+from mi_lcair.errors import printable
 from mi_lcair.extras import optional
-from mi_lcair.files import check_writable, replacing
+from mi_lcair.files import check_suffix, check_writable, replacing
 from mi_lcair.reports.page.arrays import Arrays, packed
 from mi_lcair.reports.page.panel import LONGEST, Panel, table_panel
 from mi_lcair.results import html
@@ -23,8 +23,7 @@ POLICY = (
 
 def check_output(path) -> None:
     """Raise InputError for a path that is no .html file that can be written, or without plotly."""
-    if Path(path).suffix.lower() not in (".html", ".htm"):
-        raise InputError(f"output '{path}' does not end in .html; report writes HTML pages")
+    check_suffix(path, (".html", ".htm"))
     check_writable(path)
     optional("plotly", "a report page")
 

@@ -130,7 +130,7 @@ def test_apparent_temperature_is_the_inverse():
         ("focal_length_mm", 1e9, "the width of the frame is 5.5e-08 degrees"),
         ("bits", 17, "bits = 17; must lie in 1..16"),
         ("jitter_urad", -1.0, "jitter_urad = -1; must be 0 or more"),
-        ("projection", "fisheye", "projection = fisheye; must be perspective or orthographic"),
+        ("projection", "fisheye", "unknown projection 'fisheye'; known: "),
     ],
 )
 def test_bad_values(name, value, text):

@@ -208,7 +208,7 @@ BAD = {
     "give one of nk, spectrum, dhr, emissivity; found none": ("b = 0.1", ""),
     "lacks b": ('e = 0.1\nspectrum = "grey.csv"', ""),
     "unknown key 'bb'": (GREY + "\nbb = 1", ""),
-    "alpha = 'x'; must be a number": (NK.replace("0.1", '"x"'), ""),
+    "alpha = 'x'; must be a finite number": (NK.replace("0.1", '"x"'), ""),
     "a spectrum by `nk` is microfacet": (NK.replace('"microfacet"', '"grey"'), ""),
     "at 3 um: sandford_robertson: epsilon + rho_d": (
         SR.replace("sr.csv", "grey.csv"),

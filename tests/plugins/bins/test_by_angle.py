@@ -93,10 +93,10 @@ def test_the_row_is_that_of_the_hemisphere(tmp_path):
 @pytest.mark.parametrize(
     "text,says",
     [
-        ("3,0,0.5\n4,0,0.5\n4,30,0.4\n", "one row for each angle at each wavelength"),
-        ("3,0,0.5\n3,0,0.5\n4,0,0.5\n", "one row for each angle at each wavelength"),
+        ("3,0,0.5\n4,0,0.5\n4,30,0.4\n", "must have the same wavelengths"),
+        ("3,0,0.5\n3,0,0.5\n4,0,0.5\n", "must be rising"),
         ("3,0,0.5\n4,0,1.5\n", "emissivity"),
-        ("3,0,0.5\n3,30,0.5\n", "two wavelengths"),
+        ("3,0,0.5\n3,30,0.5\n", "two rows or more"),
         ("3,0,0.5\n4,95,0.5\n", "theta_deg"),
     ],
 )
