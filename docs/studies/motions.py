@@ -21,7 +21,6 @@ from mi_lcair.motions.differences import ATTACHED, ON_FILM, Difference
 from mi_lcair.motions.pose import declare, moved, set_motions
 from mi_lcair.motions.starts import starts_in
 from mi_lcair.motions.table import motions_of
-from mi_lcair.rendering.facets.starts import seen_shares
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling
@@ -318,6 +317,7 @@ def row_of_scene(name: str, parameters: dict, motion: str) -> str:
     differences = differences_of(numbers, motion)
     result, variances = differences.at(), {}
     for kind in differences.kinds():
+        differences.aims[result.step, -result.step] = None  # on the film, evenly
         ends = differences.totals([result.step, -result.step], kind, MANY)
         high, low = map(differences.rows, ends)
         variance = np.sum((high[1:] - low[1:]) ** 2)
@@ -384,7 +384,7 @@ def budget() -> dict[str, float]:
     poses = [dict(zip(SIGMA, draw.tolist())) for draw in draws]
     camera, rows = scene.sensor(0), []
     windows, sampling = Windows.whole(camera), Sampling(paths=DRAW_PATHS)
-    aims = starts_in(scene, camera, poses, seen_shares(scene, camera))
+    aims = starts_in(scene, camera, poses)
     for pose, aim in zip(poses, tqdm(aims, "draws")):
         with moved(scene, pose):
             total = measure(scene, windows, sampling, Measurands.of("target"), aim=aim)

@@ -15,12 +15,12 @@ import numpy as np
 
 from mi_lcair.motions.motion import Motion
 from mi_lcair.motions.pose import known_motions, moved, value_of
-from mi_lcair.motions.starts import moves_in_view, starts_in
+from mi_lcair.motions.starts import aim_at_change, starts_in
 from mi_lcair.plugins.emission.draw_table import PREFERRED
 from mi_lcair.plugins.integrators.bounce_path import AUTO
 from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.plugins.paths.offsets import rounding_error
-from mi_lcair.rendering.facets.starts import meshes_of_model, outlines, radiances, seen_shares
+from mi_lcair.rendering.facets.starts import meshes_of_model, radiances
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling
@@ -43,6 +43,7 @@ WORTH = 0.7  # ratio of the errors of two steps from which on the better one is 
 # What is uncovered over less than the step shows in the emission over a part of the step
 NEAR, NEAR_PATHS = 1 / 4, 2**16  # that part, and the paths of its renders without reflections
 UNLIKE = 0.3  # change of the difference by then, as a fraction of it, from which on it is told
+AGREEING = 2.5  # standard errors of the change to twice the step up to which it may be noise
 SIGNIFICANT = 5.0  # standard errors, with 7 degrees of freedom: noise exceeds it once in 600
 
 
@@ -149,16 +150,12 @@ class Differences:
         self.camera = self.scene.sensor(self.sampling.sensor)
         self.motion: Motion = known_motions(self.scene)[self.name]
         self.value = value_of(self.scene, self.motion)
+        self.aims = {}
         self.can_attach = (
             self.channel == "target"
             and self.camera.class_name() == "OrthographicCamera"
             and meshes_of_model(self.scene) is not None
         )
-
-    @cached_property
-    def seen(self) -> np.ndarray:
-        area = outlines(meshes_of_model(self.scene), self.camera)[1]
-        return seen_shares(self.scene, self.camera, area)[0]
 
     @cached_property
     def scale(self) -> float:
@@ -182,12 +179,20 @@ class Differences:
         methods = [ATTACHED, ON_FILM] if self.can_attach else [ON_FILM]
         return [Kind(method, choice) for method in methods for choice in choices]
 
+    def aim_on_film(self, *ends: float) -> Aim | None:
+        """Where paths on the film begin, for poses between two ends."""
+        if ends not in self.aims:
+            aim = aim_at_change(self.scene, self.camera, self.poses(ends), self.sampling.seed)
+            self.aims[ends] = aim or self.aim
+        return self.aims[ends]
+
     def totals(self, offsets, kind: Kind, paths: int) -> list[Totals]:
         """Renders with the motion at distances from its present value."""
         poses = self.poses(offsets)
-        aims = [self.aim] * len(poses)
         if kind.method == ATTACHED:
-            aims = starts_in(self.scene, self.camera, poses, self.seen)
+            aims = starts_in(self.scene, self.camera, poses)
+        else:
+            aims = [self.aim_on_film(max(offsets), min(offsets))] * len(poses)
         sampling, renders = replace(self.sampling, paths=paths, spp=None, progress=None), []
         for pose, aim in zip(poses, aims):
             settings = changed(self.scene, emitter_sampling=kind.emitter_sampling)
@@ -267,8 +272,9 @@ class Differences:
             error = hypot(noise, truncation)
             if pilot.verdict == "kink" or error < FINE * abs(pilot.slope(3, 1)[0]):
                 break
-            change = abs(float(pilot.change[0])) / 3
-            factor, least = (2, 4 * change) if noise > truncation else (0.5, 0.0)
+            change = abs(float(pilot.change[0]))
+            grows = noise > truncation or change < AGREEING * pilot.error(pilot.change)
+            factor, least = (2, 4 * change / 3) if grows else (0.5, 0.0)
             other = self.pilot(factor * h, kind)
             of_other = hypot(fewer * other.noise, max(other.truncation, least))
             if of_other > WORTH * error or (factor > 1 and other.verdict != "smooth"):
@@ -307,15 +313,13 @@ class Differences:
         All randomisations may agree on how many of their points lie on a facet, or on one side of
         an edge that moves over the film. Their scatter is then 0, see `Totals.edge_error`.
         """
+        points = float(ends[0].paths[0]) / ends[0].randomisations
         if kind.method == ON_FILM:
-            if self.can_attach and not moves_in_view(self.scene, self.camera, self.poses([h, -h])):
-                return 0.0
-            errors = [float(total.edge_error(self.channel)[0]) for total in ends]
-            return hypot(*errors) / (2 * h)
+            means = [float(total.mean(self.channel)[0]) for total in ends]
+            return edge_share(ends[0].randomisations) * hypot(*means) / points / (2 * h)
         radiance = radiances(meshes_of_model(self.scene))
         high, low = (total.aim.tables.weight.numpy().astype(float) for total in ends)
         slopes = (high - low) * radiance / (2 * h)
-        points = float(ends[0].paths[0]) / ends[0].randomisations
         return edge_share(ends[0].randomisations) * float(np.ptp(slopes)) / points
 
 

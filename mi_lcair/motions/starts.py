@@ -1,36 +1,40 @@
-"""Where paths begin on the facets of a model that moves."""
+"""Where paths begin for two poses of a model that moves: on its facets, and where it changes."""
 
 import numpy as np
 
 from mi_lcair.motions.pose import moved
 from mi_lcair.plugins.emission.triangles import Choice
+from mi_lcair.plugins.paths.aim import CELLS, Aim, shared_out
 from mi_lcair.plugins.paths.facet_starts import FacetStarts
-from mi_lcair.rendering.facets.starts import meshes_of_model, outlines, radiances
+from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.rendering.aiming import aim_over_model, blurred
+from mi_lcair.rendering.facets.starts import meshes_of_model, outlines, radiances, seen_shares
+from mi_lcair.rendering.measurands import Measurands
+from mi_lcair.rendering.settings import changed
 
 # Shares of the paths that begin on facets by their projected area, because a cold facet may reflect
 # much, by projected area times radiance, and by the change of the latter between the poses
 SHARES = 0.3, 0.3, 0.4
-# Parts of the window, and of its area, below which nothing moves or is seen. Also the part of an
-# area by which rounding may change it.
-TINY = 1e-6
+TINY = 1e-6  # part of an area by which rounding may change it
+# Cells along each side of a window in which two poses are compared, and the share of the paths that
+# begin anywhere on the model all the same
+CELLS_OF_CHANGE, ON_MODEL_BESIDE = 1024, 0.15
 
 
-def starts_in(scene, sensor, poses: list[dict], seen: np.ndarray) -> list[FacetStarts]:
+def starts_in(scene, sensor, poses: list[dict]) -> list[FacetStarts]:
     """Starts on the facets of a scene's model in several poses, with the same probabilities.
 
-    Parameters
-    ----------
-    scene : Scene
-        Scene whose model consists of meshes.
-    sensor : mitsuba.Sensor
-        An orthographic sensor.
-    poses : list of dict
-        Values of motions by name.
-    seen : ndarray, shape (n,)
-        Share of each triangle that is seen, see `seen_shares`.
+    scene: Scene whose model consists of meshes. sensor: an orthographic one. poses: values of
+    motions by name.
     """
     meshes = meshes_of_model(scene)
-    radiance, corners, areas = radiances(meshes), *in_poses(scene, sensor, poses)
+    seen = seen_shares(scene, sensor, outlines(meshes, sensor)[1])[0]
+    of_poses = []
+    for pose in poses:
+        with moved(scene, pose):
+            of_poses.append([of_view[0] for of_view in outlines(meshes, sensor)])
+    corners, areas = zip(*of_poses)
+    radiance = radiances(meshes)
     area, change = np.max(areas, axis=0), np.ptp(areas, axis=0)
     change[change < TINY * area] = 0  # rounding of vertices that are shifted
     parts = np.array([area, area * radiance, change * radiance]) * seen
@@ -38,19 +42,24 @@ def starts_in(scene, sensor, poses: list[dict], seen: np.ndarray) -> list[FacetS
     return [FacetStarts.at(meshes, *pose, choice) for pose in zip(corners, areas)]
 
 
-def moves_in_view(scene, sensor, poses: list[dict]) -> bool:
-    """Whether a triangle that a sensor can see differs between two poses; others as above."""
-    shown = [
-        corners * (area > TINY)[:, None, None]
-        for corners, area in zip(*in_poses(scene, sensor, poses))
-    ]
-    return bool(np.abs(shown[0] - shown[1]).max() > TINY)
+def aim_at_change(scene, sensor, poses: list[dict], seed: int) -> Aim | None:
+    """An aim at the cells of a window that emit another radiance in two poses; None without such.
 
-
-def in_poses(scene, sensor, poses: list[dict]) -> tuple[tuple, tuple]:
-    """The `outlines` of a model's meshes in several poses: corners, and visible areas."""
-    of_poses = []
+    Nearly all noise of a difference on the film is that of paths that meet something else in the
+    other pose. They are often few, such as those beside the edge of an opening that grows.
+    """
+    side, measurands = CELLS_OF_CHANGE, Measurands.of(None)
+    launch = Launch(side, side, seed, 1, 1, windows=side**2)
+    radiance, on_model = [], []
     for pose in poses:
-        with moved(scene, pose):
-            of_poses.append([of_view[0] for of_view in outlines(meshes_of_model(scene), sensor)])
-    return tuple(zip(*of_poses))
+        with moved(scene, pose), changed(scene, max_bounces=0), scene.prepared() as tracer:
+            radiance.append(measurands.trace(tracer, sensor, launch).radiance)
+            on_model.append(aim_over_model(scene, sensor).may_be_model[0])
+    change = np.abs(np.subtract(*radiance)).reshape(1, side, side)
+    if not change.any():
+        return None
+    seen = np.add(*radiance).reshape(1, side, side)
+    importance = shared_out(blurred(change)) + shared_out(seen)
+    parts = np.ones((side // CELLS,) * 2, bool)
+    cells = np.kron(np.any(on_model, axis=0), parts) | (importance > 0)
+    return Aim.at(importance, cells, ON_MODEL_BESIDE)

@@ -1,5 +1,6 @@
 """Where a scene keeps the numbers that belong to the name of a parameter, see `parameters`."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import drjit as dr
@@ -7,7 +8,6 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError, errors_of
-from mi_lcair.motions.motion import Motion
 from mi_lcair.motions.pose import known_motions, value_of
 from mi_lcair.physics.spectra.change import CHANGES
 from mi_lcair.physics.spectra.parameters import change_bounds
@@ -22,7 +22,6 @@ from mi_lcair.plugins.emitters.thermal_emitter import is_thermal, thermal_shapes
 
 SCALED = ("radiance", "emissivity")  # kinds whose several numbers change by a common factor
 DIFFERENCED = ("motion", "plugin")  # kinds whose derivatives are differences of renders
-LARGEST_AMPLITUDE = 100.0  # of a mode
 NEAREST = 1e-3  # fraction of the way to its lower bound that a temperature keeps away from it
 AT = "at_"  # beginning of the name of a spectrum's change at a wavelength, such as "at_8500nm"
 BISECTIONS = 50  # steps in the search for the bound of a feasible material parameter
@@ -161,10 +160,9 @@ class Entry:
 
 
 @dataclass(frozen=True, kw_only=True)
-class OfMotion(Entry):
-    """The entry of a motion, whose numbers are the vertices of meshes; see `set_motions`."""
+class OfNumber(Entry):
+    """An entry with one number of its own, such as a motion's: what it moves follows from it."""
 
-    motion: Motion
     value: float
     model = None
 
@@ -175,8 +173,7 @@ class OfMotion(Entry):
         return float(numbers[0][0])
 
     def described(self) -> Parameter:
-        bounds = self.motion.lower, self.motion.upper
-        return Parameter(self.name, self.kind, self.value, self.unit, *bounds)
+        return Parameter(self.name, self.kind, self.value, self.unit, self.lower, self.upper)
 
 
 # ---------------------------------------------------------------- Where the numbers are
@@ -229,7 +226,7 @@ def entries(scene) -> dict[str, Entry]:
             entry.places.append(Place(node, key, None, np.ones(1)))
     known |= {name: surfaces[name] for name in surfaces if name not in known}
     motions = {
-        name: OfMotion(name, "motion", [], m.unit, motion=m, value=value_of(scene, m))
+        name: OfNumber(name, "motion", [], m.unit, m.upper, m.lower, value=value_of(scene, m))
         for name, m in known_motions(scene).items()
     }
     return known | {name: motions[name] for name in motions if name not in known}
@@ -318,6 +315,18 @@ def primitive_areas(shape) -> np.ndarray:
         return np.ravel(shape.surface_area()).astype(float)
     p0, p1, p2 = (corner.astype(float) for corner in triangle_corners(shape))
     return 0.5 * np.linalg.norm(np.cross(p1 - p0, p2 - p0), axis=1)
+
+
+def set_arrays(arrays: Mapping[tuple[mi.Object, str], mi.Float]) -> None:
+    """Set arrays of Mitsuba objects, all those of one object at once."""
+    by_node = {}
+    for (node, key), array in arrays.items():
+        by_node.setdefault(node, {})[key] = array
+    for node, new in by_node.items():
+        parameters = mi.traverse(node)
+        for key, array in new.items():
+            parameters[key] = array
+        parameters.update()
 
 
 # ---------------------------------------------------------------- Checks

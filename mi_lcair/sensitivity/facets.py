@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-import drjit as dr
-import mitsuba as mi
 import numpy as np
 from scipy import sparse
 
@@ -11,7 +9,6 @@ from mi_lcair.errors import InputError, unknown
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.bsdfs.spectral_bsdf import has_spectral_materials
-from mi_lcair.plugins.emission.triangles import is_faceted, triangle_vertices
 from mi_lcair.plugins.emitters.thermal_emitter import thermal_shapes
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.recorders.contributions import (
@@ -228,12 +225,8 @@ def chosen_facets(scene: Scene, groups) -> tuple:
     ]
     if not wanted:
         raise InputError(f"{scene.name}: no facets with temperatures were chosen")
-    numbers = []
-    for shape in wanted:
-        count = len(triangle_vertices(shape)) if is_faceted(shape) else 1
-        number = facets.number(mi.ShapePtr(shape), dr.arange(mi.UInt32, count))
-        numbers.append(number.numpy().astype(np.int64))
+    numbers = [facets.of_primitives[shape] for shape in wanted]
     used, columns = np.unique(np.concatenate(numbers), return_inverse=True)
-    ends = np.cumsum([len(number) for number in numbers])[:-1]
+    ends = np.cumsum([len(of_shape) for of_shape in numbers])[:-1]
     emitters = [shape.emitter() for shape in wanted]
     return emitters, used, np.split(columns, ends), facets.temperature[used]

@@ -47,6 +47,7 @@ from mi_lcair.sensitivity.entries import (
     check_emission,
     check_materials,
     entries,
+    set_arrays,
 )
 from mi_lcair.sensitivity.temperatures.modes import MODES, declare_modes, modes_of
 from mi_lcair.startup.threads import exclusively
@@ -192,7 +193,7 @@ def set_values(scene: Scene, values: Mapping[str, float]) -> None:
             array[number] = numbers
     by_owner = {owner: mi.Float(array) for owner, array in arrays.items()}
     own_memory(by_owner.values())
-    replace(by_owner)
+    set_arrays(by_owner)
     if motions := {entry.name: value for entry, value in wanted if entry.kind == "motion"}:
         set_motions(scene, motions)
 
@@ -220,21 +221,9 @@ def changed(scene: Scene, values: Mapping[str, float]) -> Iterator[None]:
     try:
         yield
     finally:
-        replace(before)
+        set_arrays(before)
         if pose:
             set_motions(scene, pose)
-
-
-def replace(arrays: Mapping[tuple[mi.Object, str], mi.Float]) -> None:
-    """Replace arrays of Mitsuba objects, all those of one object at once."""
-    by_node = {}
-    for (node, key), array in arrays.items():
-        by_node.setdefault(node, {})[key] = array
-    for node, new in by_node.items():
-        parameters = mi.traverse(node)
-        for key, array in new.items():
-            parameters[key] = array
-        parameters.update()
 
 
 def chosen(scene, names) -> list[Entry]:

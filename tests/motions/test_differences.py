@@ -106,6 +106,19 @@ def test_kink_of_a_cube():
     assert found.one_sided == pytest.approx((-slope, slope), rel=0.01)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_cover_that_slides(seed):
+    """All that changes is what the cover hides: paths on the film begin beside its edge."""
+    hot = convex_hull("hot", box([-0.1, -0.5, -0.5], [0, 0.5, 0.5]))
+    cover = convex_hull("cover", box([0.1, -0.9, -0.7], [0.11, 0.13, 0.7]))
+    cold = {"cover.temperature": 3.0}
+    scene = scene_of(hot, cover, view=np.array([1.0, 0, 0]))
+    with changed(scene, cold):
+        result = derivative(scene, "cover.y_m", 2**12, seed)
+    assert result.method == "difference on the film"
+    assert abs(result.derivative + L) < 4 * result.error < 0.1 * L
+
+
 def box(low, high):
     """Corners of a box, (8, 3)."""
     return np.array([[x, y, z] for x, y, z in product(*zip(low, high))])

@@ -57,6 +57,8 @@ class FacetTable:
         Corners of all triangles [m], anticlockwise about the normal.
     triangle_facet : (T,)
         Number of each triangle's facet.
+    of_primitives : dict of mi.Shape to ndarray
+        Number of the facet of each primitive of a shape.
     """
 
     def __init__(self, scene: Scene):
@@ -70,6 +72,7 @@ class FacetTable:
             first[block] = self.count
             self.count += 1 + max(int(local[index].max()) for index in block)
         of_primitive = [numbers + offset for numbers, offset in zip(local, first)]
+        self.of_primitives = dict(zip(shapes, of_primitive))
 
         self.triangles = np.concatenate(corners)
         self.triangle_facet = np.concatenate(

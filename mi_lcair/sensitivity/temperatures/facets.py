@@ -2,16 +2,15 @@
 
 from contextlib import contextmanager
 
-import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.derivatives import members, own_memory
-from mi_lcair.plugins.emission.triangles import is_faceted, triangle_vertices
 from mi_lcair.plugins.emitters.thermal_emitter import thermal_shapes
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.scene import Scene
+from mi_lcair.sensitivity.entries import set_arrays
 
 
 def facet_temperatures(scene: Scene, groups) -> dict[str, dict[int, float]]:
@@ -32,32 +31,26 @@ def facet_temperatures(scene: Scene, groups) -> dict[str, dict[int, float]]:
 
 
 def set_facets(scene: Scene, kelvin: dict[int, float]) -> dict:
-    """Set temperatures of facets; returns what `restore` needs.
+    """Set temperatures of facets; returns those before, as `set_arrays` takes them.
 
     Raises InputError for a facet whose emitter has one temperature for the whole shape.
     """
-    before = {}
+    before, after = {}, {}
     for shape, numbers in facets_of_shapes(scene):
         emitter = shape.emitter()
-        wanted = [kelvin.get(int(number)) for number in numbers]
-        if not any(value is not None for value in wanted):
+        wanted = np.array([kelvin.get(int(number), np.nan) for number in numbers])
+        if np.isnan(wanted).all():
             continue
         if not emitter.attribute or emitter.attribute not in members(shape):
             raise InputError(
                 f"group {emitter.group}: its emitter has one temperature for all facets; give it "
                 "a temperature per facet (face_temperature)"
             )
-        parameters = mi.traverse(shape)
-        old = mi.Float(parameters[emitter.attribute])
-        before[shape] = old
-        new = old.numpy().copy()
-        for k, value in enumerate(wanted):
-            if value is not None:
-                new[k] = value
-        attribute = mi.Float(new)
-        own_memory([attribute])
-        parameters[emitter.attribute] = attribute
-        parameters.update()
+        place = shape, emitter.attribute
+        before[place] = mi.Float(mi.traverse(shape)[emitter.attribute])
+        after[place] = mi.Float(np.where(np.isnan(wanted), before[place].numpy(), wanted))
+    own_memory(after.values())
+    set_arrays(after)
     return before
 
 
@@ -68,16 +61,10 @@ def with_facets(scene: Scene, kelvin: dict[int, float]):
     try:
         yield
     finally:
-        for shape, old in before.items():
-            parameters = mi.traverse(shape)
-            parameters[shape.emitter().attribute] = old
-            parameters.update()
+        set_arrays(before)
 
 
 def facets_of_shapes(scene: Scene):
     """(shape, number of the facet of each of its primitives) of all emitting shapes."""
-    table = FacetTable(scene)
-    for shape in thermal_shapes(scene.mi):
-        count = len(triangle_vertices(shape)) if is_faceted(shape) else 1
-        numbers = table.number(mi.ShapePtr(shape), dr.arange(mi.UInt32, count))
-        yield shape, numbers.numpy().astype(int)
+    numbers = FacetTable(scene).of_primitives
+    return [(shape, numbers[shape]) for shape in thermal_shapes(scene.mi)]

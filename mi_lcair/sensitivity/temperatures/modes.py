@@ -14,7 +14,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.rendering.scene import Scene
-from mi_lcair.sensitivity.entries import LARGEST_AMPLITUDE, Entry, Parameter, Place
+from mi_lcair.sensitivity.entries import OfNumber, Place
 from mi_lcair.sensitivity.temperatures.facets import facets_of_shapes, set_facets
 from mi_lcair.table import read_table
 
@@ -42,26 +42,16 @@ class Patterns:
 
 
 @dataclass(frozen=True, kw_only=True)
-class OfMode(Entry):
+class OfMode(OfNumber):
     """The amplitude of a mode. changes: of the primitives of each shape for a value of 1 [K]."""
 
-    value: float
     changes: dict
-    model = None
-
-    def numbers(self) -> list[np.ndarray]:
-        return [np.array([self.value])]
-
-    def mean(self, numbers: list[np.ndarray]) -> float:
-        return float(numbers[0][0])
+    upper: float = 100.0
+    lower: float = -100.0
 
     def moved(self, value: float) -> list[np.ndarray]:
         step = value - self.value
         return [place.read() + step * self.changes[place.node] for place in self.places]
-
-    def described(self) -> Parameter:
-        bounds = -LARGEST_AMPLITUDE, LARGEST_AMPLITUDE
-        return Parameter(self.name, self.kind, self.value, self.unit, *bounds)
 
 
 def place_of(shape) -> Place:
