@@ -146,8 +146,7 @@ class Exchange(Result):
             "conductors_error_m2": errors,
             "asymmetry": self.asymmetry.relative,
             "asymmetry_z": self.asymmetry.z,
-            "truncated": self.facets.share_of_groups(self.astray["truncated"]),
-            "lost": self.facets.share_of_groups(self.astray["lost"]),
+            **{k: self.facets.share_of_groups(self.astray[k]) for k in ("truncated", "lost")},
             "columns": self.columns(),
             "time_s": self.seconds,
         }

@@ -96,25 +96,23 @@ class Surfaces:
         layers = children(bsdf) if bsdf.class_name() == "TwoSidedBRDF" else [bsdf]
         if not all(is_reflection_bsdf(layer) for layer in layers):
             return bsdf, lambda: bsdf
-        entries = [self._entry(layer, scene.band) for layer in layers]
-        described = [
-            {"type": model, **parameters, "form": form, "lobe": layer.lobe}
-            for layer, (model, parameters, form) in zip(layers, entries)
-        ]
+        described = [self._described(layer, scene.band) for layer in layers]
         if layers[0] is not bsdf:
             described = [{"type": "twosided", **dict(zip(("front", "back"), described))}]
         return repr(described), lambda: mi.load_dict(described[0], parallel=False)
 
-    def _entry(self, layer, of_scene: Band) -> tuple[str, dict, str]:
-        """Model, parameters and form of a layer in the band; of_scene: the scene's band."""
+    def _described(self, layer, of_scene: Band) -> dict:
+        """The plugin of a layer in the band; of_scene: the scene's band."""
         if layer.emissivity != "kirchhoff":
             self.remarks.append(f"bsdf '{layer.id()}': {UNUSED}")
         if layer.named is None:
             if not of_scene.is_total and layer.model.name != "grey":
                 self._stands_in(f"bsdf '{layer.id()}'", of_scene)
-            return layer.model.name, dict(zip(layer.model.names, layer.values)), layer.form
-        entry = self._material(*layer.named)
-        return entry.model.name, entry.parameters, entry.form
+            source, parameters = layer, dict(zip(layer.model.names, layer.values))
+        else:
+            source = self._material(*layer.named)
+            parameters = source.parameters
+        return {"type": source.model.name, **parameters, "form": source.form, "lobe": layer.lobe}
 
     def _material(self, name: str, file) -> materials.Material:
         """The entry of a material for the band, or one that stands in."""

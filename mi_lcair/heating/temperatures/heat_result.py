@@ -202,14 +202,13 @@ class Heat(Result):
             "area_m2": ("facet", self.facets.area),
             "group": ("facet", np.array(self.facets.groups)[self.facets.group]),
         }
+        coordinates = {"time_s": ("time", self.seconds), "facet": ("facet", self.facets.number)}
         if self.changes:
             variables["change_K"] = (("input", *over), np.array([*self.changes.values()]))
+            coordinates["input"] = ("input", [*self.changes])
         if self.intensity:
             variables["intensity_W_sr"] = ("time", self.intensity.values)
             variables["intensity_sigma_W_sr"] = ("time", self.intensity.sigma)
-        coordinates = {"time_s": ("time", self.seconds), "facet": ("facet", self.facets.number)}
-        if self.changes:
-            coordinates["input"] = ("input", [*self.changes])
         return self.dataset(variables, coordinates)
 
 
