@@ -73,7 +73,7 @@ def write_disc(folder: Path, temperatures=None) -> Path:
     (folder / "disc.xml").write_text(
         XML.replace("TEMPERATURE", ONE if temperatures is None else MANY)
     )
-    (folder / "disc.toml").write_text(TOML)
+    (folder / "disc.toml").write_text(f"{TOML}[render]\nresolution = 64\n")
     return folder / "disc.toml"
 
 
