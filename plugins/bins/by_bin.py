@@ -26,7 +26,7 @@ from mi_lcair.plugins.derivatives import children
 from mi_lcair.plugins.emission.samples import BinnedRadiance
 from mi_lcair.plugins.emission.source import BinOfBlackbody, Source
 from mi_lcair.plugins.emission.sources import at_pointer, numbered, spectra, table_by_pointer
-from mi_lcair.plugins.emission.triangles import pointer_id
+from mi_lcair.plugins.emission.triangles import pointer_id, table_size
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 
 ON_BOTH_SIDES = "TwoSidedBRDF"
@@ -132,7 +132,7 @@ class ByBin:
         the materials of each family.
         """
         ids = [pointer_id(mi.BSDFPtr(bsdf)) for bsdf, _ in self.layers]
-        table = np.zeros((2, 2, max(ids) + 2), dtype=np.uint32)  # (what, side, pointer)
+        table = np.zeros((2, 2, table_size(ids)), dtype=np.uint32)  # (what, side, pointer)
         for number, (_, sides) in zip(ids, self.layers):
             for side, layer in enumerate(sides):
                 if has_spectrum(layer):

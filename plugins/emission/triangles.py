@@ -17,6 +17,13 @@ def pointer_id(pointer) -> int:
     return int(dr.reinterpret_array(mi.UInt32, pointer)[0])
 
 
+def table_size(ids) -> int:
+    """Entries of a table by pointer: a power of two, so that scenes that are alive elsewhere, which
+    raise the numbers of pointers, hardly ever change the kernels that hold the size.
+    """
+    return max(64, 1 << max(ids, default=0).bit_length())
+
+
 def is_faceted(shape) -> bool:
     """Whether a shape consists of triangles.
 
@@ -88,7 +95,7 @@ class PrimitiveTable:
 
     def __init__(self, ids: list[int], numbers: list, otherwise: int):
         counts = list(map(len, numbers))
-        first, last = np.zeros((2, max(ids, default=0) + 1), dtype=np.uint32)
+        first, last = np.zeros((2, table_size(ids)), dtype=np.uint32)
         first[ids] = 1 + np.cumsum([0, *counts[:-1]])
         last[ids] = [count - 1 for count in counts]
         self.first, self.last = mi.UInt32(first), mi.UInt32(last)
@@ -192,7 +199,7 @@ class TriangleTable:
         normal = np.cross(p1 - p0, p2 - p0) * np.concatenate(flips)[:, None]
         self.area = 0.5 * np.linalg.norm(normal, axis=1)
         self.first = mi.UInt32(
-            np.array([first.get(k, ABSENT) for k in range(max(first) + 1)], dtype=np.uint32)
+            np.array([first.get(k, ABSENT) for k in range(table_size(first))], dtype=np.uint32)
         )
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
         # One row each for the corner and two edges, and the normal in the rows' fourth numbers.

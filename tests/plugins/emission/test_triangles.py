@@ -3,6 +3,7 @@
 import ast
 from pathlib import Path
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
@@ -35,3 +36,12 @@ def test_one_module_knows_the_names():
         if isinstance(node, ast.Constant) and node.value in NAMES
     }
     assert users == {"triangles.py"}
+
+
+def test_tables_by_pointer_have_few_sizes():
+    """Other scenes that are alive raise the pointers' numbers; kernels hold the tables' size."""
+    low, high = (triangles.PrimitiveTable([k, k + 1], [[7], [8, 9]], 5) for k in (1, 62))
+    assert dr.width(low.first) == dr.width(high.first) == 64
+    assert dr.width(triangles.PrimitiveTable([64], [[7]], 5).first) == 128
+    keys, primitives = mi.UInt32([62, 63, 63, 61, 64, 2**31]), mi.UInt32([3, 0, 1, 0, 0, 0])
+    assert high.at(keys, primitives).numpy().tolist() == [7, 8, 9, 5, 5, 5]
