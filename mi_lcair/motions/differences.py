@@ -112,10 +112,8 @@ def default_step(motion: Motion, value: float) -> float:
 
 def poses_around(scene, name: str, step: float) -> list[dict[str, float]]:
     """The poses of a motion between which differences over a step are taken."""
-    motion = known_motions(scene)[name]
-    value = value_of(scene, motion)
-    ends = value + 2 * step, value - 2 * step
-    return [{name: min(max(end, motion.lower), motion.upper)} for end in ends]
+    value = value_of(scene, known_motions(scene)[name])
+    return [{name: value + 2 * step}, {name: value - 2 * step}]
 
 
 @dataclass(eq=False)
@@ -202,9 +200,11 @@ class Differences:
         return renders
 
     def at(self, step: float | None = None) -> Difference:
-        """The derivative from renders at +- step, in units of the motion; None chooses it."""
+        """The derivative from renders at +- step, in units of the motion; None chooses it.
+
+        The renders may lie beyond the bounds of the motion, such as beyond the zenith.
+        """
         h = default_step(self.motion, self.value) if step is None else step
-        h = min(h, self.motion.upper - self.value, self.value - self.motion.lower)
         pilots = {kind: self.pilot(h, kind) for kind in self.kinds()}
         kind = min(pilots, key=lambda kind: self.expected(pilots[kind]))
         pilot = pilots[kind]
@@ -285,8 +285,6 @@ class Differences:
     def pilot(self, h: float, kind: Kind) -> "Pilot":
         """Renders with few paths at five values, for one kind of differences."""
         offsets = np.array([-2, -1, 0, 1, 2]) * h
-        low, high = self.motion.lower - self.value, self.motion.upper - self.value
-        offsets = np.clip(offsets, low, high)
         totals = self.totals(offsets, kind, PILOT_PATHS)
         floor = self.floor([totals[3], totals[1]], kind, h)
         missed = self.missed([totals[3], totals[1]], kind, h)

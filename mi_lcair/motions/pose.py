@@ -93,6 +93,16 @@ class Pose:
         set_vertices(scene.mi, buffers)
         self.present |= dict(zip(buffers, held([vertex_buffer(mesh) for mesh in buffers])))
 
+    def place(self, scene, names) -> None:
+        """Put all that some motions move where the present values have it."""
+        moving = {mesh for name in names for mesh in self.motions[name].shapes}
+        owners = {name.partition(".")[0] for name in names if not self.motions[name].shapes}
+        if OBSERVER in owners:
+            self.place_sensors()
+        if SUN in owners:
+            self.place_sun()
+        self.put(scene, {mesh: self.buffer(mesh) for mesh in self.loaded if mesh in moving})
+
     def place_sun(self) -> None:
         """Give the sun the place of the present values; at rest, all that it had before."""
         if self.sun_before is None:
@@ -148,17 +158,18 @@ def set_motions(scene, values: Mapping[str, float]) -> None:
     """Change the values of motions of a scene, and move its vertices.
 
     The vertices follow in Float64 from those of the loaded scene. Meshes whose motions are all at
-    rest get the loaded vertices back, bit for bit.
+    rest get the loaded vertices back, bit for bit. Raises InputError if the sun cannot stand there;
+    the scene is then as before.
     """
     pose = Pose.of(scene)
-    changed = [mesh for mesh in pose.loaded if any(mesh in pose.motions[n].shapes for n in values)]
-    pose.values |= values
-    pose.values = {n: value for n, value in pose.values.items() if value != pose.motions[n].rest}
-    if any(name.startswith(f"{OBSERVER}.") for name in values):
-        pose.place_sensors()
-    if any(name.startswith(f"{SUN}.") for name in values):
-        pose.place_sun()
-    pose.put(scene, {mesh: pose.buffer(mesh) for mesh in changed})
+    before = pose.values
+    pose.values = {n: v for n, v in (before | values).items() if v != pose.motions[n].rest}
+    try:
+        pose.place(scene, values)
+    except InputError:
+        pose.values = before
+        pose.place(scene, values)
+        raise
 
 
 @contextmanager

@@ -132,7 +132,6 @@ def ends(scene, name: str, sensor) -> tuple[float, float]:
     if of.kind == "motion":
         # About a quarter of a pixel: a shorter step has more noise, a longer one blurs edges
         step = pixel_step(scene, sensor, known_motions(scene)[name])
-        step = min(step, of.upper - of.value, of.value - of.lower)
     return min(of.value + step, of.upper), max(of.value - step, of.lower)
 
 

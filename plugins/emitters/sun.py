@@ -106,7 +106,8 @@ class Sun(DistantEmitter):
 
     def light(self, weather: Weather) -> Sunlight:
         """Its light in a weather."""
-        place = self.elevation_deg, self.distance_au, self.height_m
+        elevation_deg = 90 - abs(90 - self.elevation_deg)  # also beyond the zenith
+        place = elevation_deg, self.distance_au, self.height_m
         return sunlight(self.values["air"], *place, weather)
 
     def shine(self) -> None:

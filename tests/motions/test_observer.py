@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 
 import mi_lcair
+from mi_lcair import InputError
 from mi_lcair.motions.observer import placed, settings_of
+from mi_lcair.motions.pose import moved
 from mi_lcair.sensitivity.parameters import changed
 from tests.motions.test_differences import CUBE, convex_hull, derivative, scene_of
 
@@ -45,8 +47,8 @@ def test_direction_is_that_of_the_scene_parameters():
     place = {"azimuth_deg": 150, "elevation_deg": 20}
     loaded = mi_lcair.load("cylinder_ir_range", resolution=8, **place)
     motions = {f"observer.{name}": value for name, value in place.items()}
-    moved = mi_lcair.load("cylinder_ir_range", resolution=8, **motions)
-    matrices = [np.array(mi.traverse(s.sensors[0])["to_world"].matrix) for s in (loaded, moved)]
+    turned = mi_lcair.load("cylinder_ir_range", resolution=8, **motions)
+    matrices = [np.array(mi.traverse(s.sensors[0])["to_world"].matrix) for s in (loaded, turned)]
     assert matrices[0] == pytest.approx(matrices[1], abs=1e-6)
 
 
@@ -124,11 +126,21 @@ def test_sun_stands_where_the_scene_parameters_put_it():
     usual = values["sun.irradiance"].value
     assert (values["sun.azimuth_deg"].value, values["sun.elevation_deg"].value) == (60, 45)
     with changed(scene, {"sun.azimuth_deg": 20, "sun.elevation_deg": 30}):
-        moved = mi_lcair.parameters(scene)["sun.irradiance"].value
-        assert moved == pytest.approx(expected, rel=1e-6) and moved < 0.97 * usual
+        there = mi_lcair.parameters(scene)["sun.irradiance"].value
+        assert there == pytest.approx(expected, rel=1e-6) and there < 0.97 * usual
         intensities = [mi_lcair.signature(s, spp=16).target.intensity for s in (scene, loaded)]
         assert intensities[0] == pytest.approx(intensities[1], rel=1e-5)
     assert scene.fingerprint == state
+    with pytest.raises(InputError, match="solar elevation -5.0 degrees"):
+        mi_lcair.load("a340_landing", **day, **{"sun.elevation_deg": -5})
+    with pytest.raises(InputError), changed(scene, {"sun.elevation_deg": -5}):
+        pass
+    assert scene.fingerprint == state
+    irradiance = []
+    for elevation in (89, 91):  # on both sides of the zenith
+        with moved(scene, {"sun.elevation_deg": elevation}):
+            irradiance.append(mi_lcair.parameters(scene)["sun.irradiance"].value)
+    assert irradiance[0] == pytest.approx(irradiance[1], rel=1e-6)
 
 
 def test_place_of_a_moved_scene():
