@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from mi_lcair.errors import InputError
-from mi_lcair.toml_table import converted, filled, required
+from mi_lcair.toml_table import converted, filled, located, located_values, required
 
 
 @dataclass
@@ -55,3 +55,12 @@ def test_mistakes(values, message):
     with pytest.raises(InputError) as error:
         filled(Table, values, "[table]")
     assert message in str(error.value) and len(str(error.value)) < 200
+
+
+def test_files_are_relative_to_the_folder_and_names_stay(tmp_path):
+    (tmp_path / "lid").write_text("")
+    assert located(tmp_path, "a.xml") == str(tmp_path / "a.xml")
+    assert located(tmp_path, "lid") == str(tmp_path / "lid")
+    assert located(tmp_path, "furnace") == "furnace"
+    values = {"modes": "lid", "band": "LWIR", "lid.temperature": 0.5}
+    assert located_values(tmp_path, values) == values | {"modes": str(tmp_path / "lid")}

@@ -5,6 +5,8 @@ import pytest
 from scipy import sparse
 
 from mi_lcair.heating.conductors import RINGS_DEG, Conductors, Facets, Traced
+from mi_lcair.heating.exchange import asymmetry_of
+from mi_lcair.heating.paths import Means
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 
 RINGS = len(RINGS_DEG) - 1
@@ -98,3 +100,15 @@ def test_what_groups_exchange_within_is_their_own(rng):
 
 def test_both_sides_of_a_sheet_radiate():
     np.testing.assert_array_equal(facets(np.array([0, 1, 1])).radiating_area, [2, 2, 2])
+
+
+def test_the_asymmetry_is_the_difference_of_two_directions_by_their_mean(rng):
+    runs = [np.array([[0, 1 + x], [1.2, 0]]) for x in 0.01 * rng.standard_normal(8)]
+    between, pair = [sparse.csr_array(run) for run in runs], facets(np.array([0, 1]))
+    asymmetry = asymmetry_of(Means(between, np.zeros((8, 2, 1)), np.zeros(1)), pair, rays=1000)
+    there = np.array([run[0, 1] for run in runs])
+    expected = (there.mean() - 1.2) / (there.mean() / 2 + 0.6)
+    np.testing.assert_allclose(asymmetry.relative, [[0, expected], [-expected, 0]], atol=1e-15)
+    # One path of a facet of 1 m2 among 1000 adds to the error
+    error = np.hypot(there.std(ddof=1) / np.sqrt(8), np.sqrt(2) / 1000)
+    np.testing.assert_allclose(asymmetry.z[0, 1], (there.mean() - 1.2) / error)
