@@ -24,7 +24,7 @@ from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.limits import check_free
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.window import window_area
-from mi_lcair.sensitivity.facets import facet_matrix
+from mi_lcair.sensitivity.facets import FacetMatrix, facet_matrix
 
 # Rays toward the sun: least number from each side of a facet at each time, and number of all rays
 # up to which there are as many as paths
@@ -39,10 +39,8 @@ def temperatures(scene: Scene, description: Description) -> Heat:
     conditions = weather(
         description.weather, description.folder, run.steps, is_periodic=run.start_K is None
     )
-    table = FacetTable(scene)
-    if description.signature is not None:
-        window_area(scene.sensor(description.signature.sensor), scene.name)  # refuses other sensors
-        check_replaceable(scene, table)
+    table, signature = FacetTable(scene), description.signature
+    traced = None if signature is None else effective_areas(scene, table, signature, run.seed)
     radiation = exchange(scene, run.rays, run.seed)
     sun = sunlight(scene, len(radiation.facets.number), conditions, run)
     network = Network(radiation.facets, radiation.traced, sun, conditions, description.groups)
@@ -67,7 +65,7 @@ def temperatures(scene: Scene, description: Description) -> Heat:
         for column, change in zip(doubtful, solved.changes[len(columns) :])
         if abs(change).max() > DOUBTFUL * abs(changes[column.name]).max()
     ]
-    if description.signature is not None:
+    if traced is not None:
         emitted, values = network.facets.emitting_area, network.facets.emissivity
         for name, group in groups.items():
             share = emitted @ network.relative(group, sigmas[name], values) / emitted.sum()
@@ -92,9 +90,7 @@ def temperatures(scene: Scene, description: Description) -> Heat:
         scene_kelvin=table.temperature,
         remarks=tuple(dict.fromkeys((*radiation.remarks, *of_sun, *conditions.remarks, *of_sigma))),
     )
-    if description.signature is None:
-        return result
-    return replace(result, intensity=intensity(scene, result, description.signature, run.seed))
+    return result if traced is None else replace(result, intensity=intensity(result, *traced))
 
 
 def sunlight(scene: Scene, n: int, conditions: Weather, run: RunTable) -> SolarAreas | None:
@@ -113,21 +109,28 @@ def sunlight(scene: Scene, n: int, conditions: Weather, run: RunTable) -> SolarA
     return solar_areas(scene, suns, run.rays, shadow_rays, run.seed)
 
 
-def check_replaceable(scene: Scene, table: FacetTable) -> None:
-    """Raise InputError for an emitter whose temperatures a signature could not replace."""
+def effective_areas(
+    scene: Scene, table: FacetTable, signature: SignatureTable, seed: int
+) -> tuple[FacetMatrix, float]:
+    """Radiance of the model by facet from one render, and the area of a pixel [m^2].
+
+    Raises InputError for a sensor without a window, for what `facet_matrix` refuses, and for an
+    emitter whose temperatures cannot be replaced.
+    """
+    area = window_area(scene.sensor(signature.sensor), scene.name)
     number = emitting_facets(table, shapes := list(scene.mi.shapes()), scene.name)
     for facet in number[np.isnan(table.temperature[number])]:
         raise InputError(
             f"{scene.name}: shape '{shapes[table.shape_index[facet]].id()}' has no temperature for "
             "each facet, in whose place [signature] could put the balance's; give it a number"
         )
+    options = {"sensor": signature.sensor, "spp": signature.spp, "seed": seed}
+    traced = facet_matrix(scene, **options, model_only=True)
+    return traced, area / np.prod(traced.size)
 
 
-def intensity(scene: Scene, heat: Heat, table: SignatureTable, seed: int) -> Intensity:
-    """The intensity of the model at all times, from one render by facet."""
-    area = window_area(scene.sensor(table.sensor), scene.name)
-    traced = facet_matrix(scene, sensor=table.sensor, spp=table.spp, seed=seed, model_only=True)
-    pixel = area / np.prod(traced.size)
+def intensity(heat: Heat, traced: FacetMatrix, pixel: float) -> Intensity:
+    """The intensity of the model at all times; see `effective_areas`."""
     weights = pixel * np.array([np.asarray(m.sum(axis=0)).ravel() for m in traced.matrices])
     rest = pixel * traced.rest.sum(axis=1)
 
