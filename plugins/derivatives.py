@@ -7,6 +7,7 @@ differentiates with respect to these copies alone. The chain rule from them to t
 applied once, outside the loop.
 """
 
+import gc
 from abc import ABC, abstractmethod
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -49,11 +50,20 @@ def unrecorded(function, *arguments):
 
     Nothing can be evaluated in a recording. A recording belongs to one thread, so the function then
     runs in another one. Example: Mitsuba's integrators meet a plugin first while they record.
+
+    That thread must not collect garbage: a scene in it would wait for its turn, see
+    `mi_lcair.startup.threads`, which the thread has that waits for the result.
     """
     if not dr.flag(dr.JitFlag.SymbolicScope):
         return function(*arguments)
-    with ThreadPoolExecutor(1) as threads:
-        return threads.submit(function, *arguments).result()
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        with ThreadPoolExecutor(1) as threads:
+            return threads.submit(function, *arguments).result()
+    finally:
+        if collects:
+            gc.enable()
 
 
 def variables(value) -> list:

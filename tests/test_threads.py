@@ -1,5 +1,6 @@
 """One thread at a time uses Dr.Jit: public functions hold the lock for as long as they use it."""
 
+import gc
 import inspect
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -8,6 +9,7 @@ from threading import Event
 import pytest
 
 import mi_lcair
+from mi_lcair.plugins.derivatives import unrecorded
 from mi_lcair.startup.threads import exclusive, exclusively
 
 # Modules that use Dr.Jit, beside all plugins
@@ -51,6 +53,27 @@ def test_the_lock_is_held(name):
     finally:
         sys.setprofile(None)
     assert not without
+
+
+def test_garbage_waits_for_no_thread_that_waits(monkeypatch):
+    """A scene in the garbage takes its turn, which the thread has that waits for `unrecorded`."""
+    had_a_turn = []
+
+    class Garbage:
+        def __init__(self):
+            self.cycle = self
+
+        def __del__(self):
+            had_a_turn.append(exclusive.acquire(timeout=1))
+            if had_a_turn[-1]:
+                exclusive.release()
+
+    monkeypatch.setattr("drjit.flag", lambda flag: True)
+    with exclusive:
+        Garbage()
+        assert len(unrecorded(lambda: [[k] for k in range(100_000)])) == 100_000
+    gc.collect()
+    assert had_a_turn == [True] and gc.isenabled()
 
 
 def test_every_public_function_takes_its_turn():

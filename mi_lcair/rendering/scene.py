@@ -38,6 +38,7 @@ from mi_lcair.rendering.loading.remarks.loaded import (
     remarks_on_materials,
     shapes_without_bsdf,
     suns_below_the_horizon,
+    turned_inside_out,
 )
 from mi_lcair.rendering.loading.remarks.nothing import reflections_of_nothing
 from mi_lcair.startup.threads import exclusive, exclusively
@@ -276,6 +277,7 @@ def parsed_and_checked(path: Path, texts: dict[str, str], around: Sequence[dict]
     check_shapes(loaded)
     scene = checked(loaded, path, texts)
     notes = [*scene.notes, *defaults, *remarks_on_samplers(state)]
+    notes += turned_inside_out(state, loaded)
     if origin.any():
         notes.append(
             f"the scene lies {np.linalg.norm(origin):g} m from its origin; for the renderer's "

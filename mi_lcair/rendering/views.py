@@ -15,6 +15,7 @@ from mi_lcair.plugins.emission.triangles import is_faceted, vertex_positions
 from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of
 from mi_lcair.rendering.loading.origin import extent
 from mi_lcair.rendering.scene import Scene
+from mi_lcair.startup.threads import exclusively
 
 # Ratio of the window to the model's size, and of the camera's distance to the model's radius.
 MARGIN = 1.01
@@ -244,6 +245,7 @@ def terrain_before(scene: Scene, views: Sequence[View]) -> np.ndarray:
     return before.numpy().reshape(len(views), cells).mean(axis=1)
 
 
+@exclusively
 def warn_of_terrain(scene: Scene, views: Sequence[View]) -> None:
     """Warn if the cameras of some views leave out terrain before the model."""
     share = terrain_before(scene, views)

@@ -4,7 +4,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.plugins.derivatives import members, own_memory
+from mi_lcair.plugins.derivatives import members, own_memory, unrecorded
 
 ABSENT = 0xFFFFFFFF  # entry of a mesh that is not in the table
 # Names of a mesh's buffers in Mitsuba 3.9. In 3.10 they begin without "vertex_", and are tensors.
@@ -232,10 +232,22 @@ class TriangleTable:
         )
 
 
+def is_mirrored(shape) -> bool:
+    """Whether the `to_world` of a shape mirrors it, as a negative scale does."""
+    matrix = np.array(members(shape)["to_world"].matrix, dtype=float)[:3, :3]
+    return np.linalg.det(np.squeeze(matrix)) < 0
+
+
 def sphere_of(shape) -> tuple[float, ...]:
-    """Centre of a sphere, and 1 or, with flipped normals, -1; zeros for another shape."""
+    """Centre of a sphere, and 1 or, with flipped normals, -1.
+
+    For another shape the sign of Mitsuba's normals at its position samples, and zeros. Those of a
+    mirrored cylinder point to the other side.
+    """
+    if shape.class_name() == "Cylinder" and unrecorded(is_mirrored, shape):
+        return -1.0, 0.0, 0.0, 0.0
     if shape.class_name() != "Sphere":
-        return 0.0, 0.0, 0.0, 0.0
+        return 1.0, 0.0, 0.0, 0.0
     sign = -1.0 if shape.has_flipped_normals() else 1.0
     return *np.array(shape.bbox().center(), dtype=float).tolist(), sign
 
@@ -246,4 +258,4 @@ def normal_of(ps, sphere: mi.Vector4f) -> mi.Normal3f:
     Mitsuba 3.9 leaves out the turn of a sphere from its normals.
     """
     outward = dr.normalize(ps.p - mi.Point3f(sphere.xyz)) * sphere.w
-    return dr.select(sphere.w == 0, ps.n, mi.Normal3f(outward))
+    return dr.select(sphere.w == 0, ps.n * sphere.x, mi.Normal3f(outward))

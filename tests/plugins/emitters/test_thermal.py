@@ -323,6 +323,23 @@ def test_bad_input_is_named(emitter, message):
         mi.load_dict({"type": "thermal", **emitter})
 
 
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("is_flipped", [False, True])
+def test_normals_of_a_mirrored_cylinder(is_flipped, side):
+    """They are those of its hits. Mitsuba's position samples have the opposite ones."""
+    cylinder = {
+        "type": "cylinder",
+        "to_world": mi.ScalarTransform4f().scale([side, 1, 1]),
+        "flip_normals": is_flipped,
+        "emitter": {"type": "thermal", "band": "LWIR", "temperature": 300.0},
+    }
+    scene = mi.load_dict({"type": "scene", "cylinder": cylinder}, optimize=False)
+    sample = mi.Point2f([0.1, 0.5, 0.9], [0.3, 0.6, 0.2])
+    si, _ = scene.shapes()[0].emitter().sample_surface(sample, mi.Bool(True))
+    hit = scene.ray_intersect(mi.Ray3f(mi.Point3f(0, 0, si.p.z), mi.Vector3f(si.p.x, si.p.y, 0)))
+    assert si.n.numpy() == pytest.approx(hit.n.numpy(), abs=1e-5)
+
+
 @pytest.mark.parametrize("is_flipped", [False, True])
 def test_normals_of_a_turned_sphere(is_flipped):
     """They are those of its surface, toward the middle if they are flipped."""

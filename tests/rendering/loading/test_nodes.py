@@ -182,6 +182,27 @@ def test_shapes_without_bsdf_are_remarked(tmp_path):
     ]
 
 
+@pytest.mark.parametrize("kind", ["sphere", "ply", "obj", "obj with normals"])
+def test_mirrored_shapes_that_turn_inside_out_are_remarked(tmp_path, kind):
+    """The remark stands exactly where the sensor, above, sees no emission."""
+    corners = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\n"
+    write_ply(tmp_path / "plate.ply", SQUARE, HALVES)
+    (tmp_path / "plate.obj").write_text(f"{corners}f 1 2 3\n")
+    (tmp_path / "up.obj").write_text(f"{corners}vn 0 0 1\nf 1//1 2//1 3//1\n")
+    names = {"ply": "plate.ply", "obj": "plate.obj", "obj with normals": "up.obj"}
+    file = f'<string name="filename" value="{names[kind]}"/>' if kind in names else ""
+    for scale, flipped in ((1, False), (-1, False), (-1, True)):
+        place = f'<transform name="to_world"><scale x="{scale}"/><translate z="3"/></transform>'
+        flip = '<boolean name="flip_normals" value="true"/>' if flipped else ""
+        eye = '<transform name="to_world"><lookat origin="0,0,9" target="0,0,0"/></transform>'
+        sensor = SENSOR.replace("<film", f"{eye}<film", 1)
+        inside = file + place + flip + PAINT + THERMAL
+        scene = mi_lcair.load(write(tmp_path, PATH, sensor, shape(inside, kind.split()[0])))
+        is_remarked = any("turns it inside out" in remark for remark in scene.remarks)
+        is_dark = mi_lcair.signature(scene, spp=8).scene.intensity == 0
+        assert is_remarked == (is_dark and not flipped)
+
+
 # ---------------------------------------------------------------- Meshes
 
 

@@ -9,6 +9,13 @@ from mi_lcair.models3d.label import ICE_POINT, LOWEST
 from mi_lcair.plugins.bsdfs.plume import is_passed
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf, reflection_layers
 from mi_lcair.plugins.derivatives import deriving, members, nodes
+from mi_lcair.plugins.emission.triangles import (
+    NORMALS,
+    is_faceted,
+    points,
+    triangle_corners,
+    triangle_vertices,
+)
 from mi_lcair.plugins.emitters.thermal_emitter import one_sun, thermal_shapes
 from mi_lcair.plugins.paths.launch import numbers
 from mi_lcair.plugins.paths.offsets import OF_POSITION, UNIT
@@ -33,6 +40,34 @@ def shapes_without_bsdf(state) -> list[str]:
                 f"{mi.parser.file_location(state, node)}: the {node.props.plugin_name()} has no "
                 f"BSDF; Mitsuba's default stands for it and reflects {reflects}"
             )
+    return lines
+
+
+def turned_inside_out(state, scene: mi.Scene) -> list[str]:
+    """Remarks on one-sided spheres and meshes that their `to_world` mirrors.
+
+    A mesh whose file has vertex normals keeps its front side. state: the parsed scene.
+    """
+    shapes, lines = {shape.id(): shape for shape in scene.shapes()}, []
+    for node in state.nodes:
+        values, shape = properties(node), shapes.get(node.props.id())
+        if shape is None or "to_world" not in values or values.get("flip_normals", False):
+            continue
+        mirrors = np.linalg.det(np.array(values["to_world"].matrix)[:3, :3]) < 0
+        if not mirrors or node.props.plugin_name() not in ("sphere", "ply", "obj", "serialized"):
+            continue
+        if mi.has_flag(shape.bsdf().flags(), mi.BSDFFlags.BackSide):
+            continue
+        if is_faceted(shape) and len(normals := points(members(shape)[NORMALS])):
+            p0, p1, p2 = triangle_corners(shape)
+            normals = normals[triangle_vertices(shape)[:, 0]]
+            if np.sum(np.cross(p1 - p0, p2 - p0) * normals) < 0:
+                continue
+        lines.append(
+            f"{mi.parser.file_location(state, node)}: to_world mirrors the "
+            f"{node.props.plugin_name()}, which turns it inside out: it emits and reflects on its "
+            'other side; add <boolean name="flip_normals" value="true"/>'
+        )
     return lines
 
 
