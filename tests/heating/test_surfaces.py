@@ -95,6 +95,19 @@ def test_numbers_of_a_model_stand_in_for_their_band():
     assert "MWIR 3-5 um stand in for total" in made.remarks[0]
 
 
+@pytest.mark.parametrize(
+    ("bsdf", "emitter", "named"),
+    [
+        ({"emissivity": "model", "id": "paint"}, {}, "bsdf 'paint'"),
+        ({}, {"emissivity": 0.5}, "shape 'plate'"),
+    ],
+)
+def test_a_stated_emissivity_that_is_not_used_has_a_remark(bsdf, emitter, named):
+    paint = {"type": "material", "material": "gloss_black", "band": "LWIR", **bsdf}
+    made = Surfaces.of(scene_of(plate=square(paint, emitter=emits() | emitter)), TOTAL)
+    assert any(line.startswith(f"{named}: its emissivity is not used") for line in made.remarks)
+
+
 def test_a_grey_surface_of_numbers_is_grey_everywhere():
     plate = square({"type": "grey", "emissivity": 0.5}, emitter=emits() | {"band": "MWIR"})
     assert Surfaces.of(scene_of(plate=plate), TOTAL).remarks == []
@@ -124,6 +137,8 @@ def test_equal_surfaces_are_one():
     [
         ({"type": "grey", "emissivity": 0.5}, True),
         ({"type": "grey", "emissivity": 0.5, "lobe": "mirror"}, False),
+        ({"type": "diffuse", "reflectance": 0.5}, True),
+        ({"type": "roughconductor", "eta": 2.0, "k": 3.0}, False),
         ({"type": "twosided", "bsdf": {"type": "grey", "emissivity": 0.5}}, False),
         ({"type": "material", "material": "gloss_black", "lobe": "diffuse"}, True),
         ({"type": "material", "material": "gloss_black"}, False),

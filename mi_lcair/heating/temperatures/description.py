@@ -16,8 +16,9 @@ from mi_lcair.heating.temperatures.wall import Wall
 from mi_lcair.toml_table import dotted, filled, located, located_values
 
 KELVIN = within(lower=10, upper=6000, unit="K")
-POSITIVE = within(is_positive=True)
-NOT_NEGATIVE = within(lower=0)
+# More than any surface takes up or gives off; numbers beyond are of another unit
+FASTEST = 1e-10  # least time in which heat may diffuse through a wall, with errors of 3 mK [s]
+FLUX, CONVECTION = within(lower=0, upper=1e8), within(lower=0, upper=1e6)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,12 +62,12 @@ class WeatherTable:
     file: str | None = None
     day: date | None = None
     air_K: float | None = field(default=None, metadata=KELVIN)
-    h_W_m2_K: float | None = field(default=None, metadata=NOT_NEGATIVE)
-    wind_m_s: float | None = field(default=None, metadata=NOT_NEGATIVE)
+    h_W_m2_K: float | None = field(default=None, metadata=CONVECTION)
+    wind_m_s: float | None = field(default=None, metadata=within(lower=0, upper=1000))
     sky_K: float | None = field(default=None, metadata=within(lower=0, upper=6000, unit="K"))
     ground_K: float | None = field(default=None, metadata=within(lower=0, upper=6000, unit="K"))
-    sun_W_m2: float = field(default=0.0, metadata=NOT_NEGATIVE)
-    diffuse_W_m2: float = field(default=0.0, metadata=NOT_NEGATIVE)
+    sun_W_m2: float = field(default=0.0, metadata=FLUX)
+    diffuse_W_m2: float = field(default=0.0, metadata=FLUX)
     sun_elevation_deg: float | None = field(default=None, metadata=within(lower=-90, upper=90))
     sun_azimuth_deg: float | None = field(default=None, metadata=within())
     albedo: float = field(default=0.2, metadata=within(lower=0, upper=1))
@@ -97,15 +98,15 @@ class GroupTable:
     """
 
     temperature: float | None = field(default=None, metadata=KELVIN)
-    internal_W_m2: float = field(default=0.0, metadata=within())
-    h_W_m2_K: float | None = field(default=None, metadata=NOT_NEGATIVE)
-    thickness_mm: float | None = field(default=None, metadata=POSITIVE)
-    conductivity: float | None = field(default=None, metadata=POSITIVE)
-    density: float | None = field(default=None, metadata=POSITIVE)
-    heat_capacity: float | None = field(default=None, metadata=POSITIVE)
+    internal_W_m2: float = field(default=0.0, metadata=within(lower=-1e8, upper=1e8))
+    h_W_m2_K: float | None = field(default=None, metadata=CONVECTION)
+    thickness_mm: float | None = field(default=None, metadata=within(lower=1e-5, upper=1e7))
+    conductivity: float | None = field(default=None, metadata=within(lower=1e-4, upper=1e4))
+    density: float | None = field(default=None, metadata=within(lower=0.01, upper=1e5))
+    heat_capacity: float | None = field(default=None, metadata=within(lower=1, upper=1e5))
     back: Literal["insulated"] | None = None
     back_K: float | None = field(default=None, metadata=KELVIN)
-    back_h: float | None = field(default=None, metadata=POSITIVE)
+    back_h: float | None = field(default=None, metadata=within(lower=1e-6, upper=1e6))
 
     WALL = ("thickness_mm", "conductivity", "density", "heat_capacity")
 
@@ -123,6 +124,10 @@ class GroupTable:
             (self.back and self.back_K, 'give back = "insulated" or back_K, not both'),
             (self.back_h and not self.back_K, "back_h needs back_K, the temperature of the air"),
             (self.back_K and not has_wall, f"back_K needs a wall: {wall}"),
+            (
+                has_wall and not missing and self.wall(0.0).diffusion < FASTEST,
+                "heat crosses the wall faster than its storage can be computed; leave it out",
+            ),
         ):
             if is_wrong:
                 raise InputError(why)

@@ -56,6 +56,11 @@ class Wall:
     back_temperature: complex = 0.0
     duration: float = DAY
 
+    @property
+    def diffusion(self) -> float:
+        """Time in which heat diffuses through the wall [s]."""
+        return self.thickness**2 * self.density * self.heat_capacity / self.conductivity
+
     def penetration(self, seconds: float) -> complex:
         """Penetration depth of waves of a period [m]; infinite for a wall that stores no heat."""
         stored = self.density * self.heat_capacity

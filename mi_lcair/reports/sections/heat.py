@@ -52,7 +52,7 @@ def inputs(heat) -> Table:
     k = heat.row()
     area = heat.facets.area / heat.facets.area.sum()
     squares = {name: area @ changes[k] ** 2 for name, changes in heat.changes.items()}
-    total = sum(squares.values()) + area @ heat.noise[k] ** 2
+    total = (sum(squares.values()) + area @ heat.noise[k] ** 2) or 1.0  # 0 if all is held
     rows = []
     for name, sigma in heat.sigmas.items():
         stated = percent(sigma.value) if sigma.is_relative else f"{sigma.value:g}"
@@ -60,7 +60,7 @@ def inputs(heat) -> Table:
         rows.append(
             (name, stated, f"{mean:+.3g}", f"{largest:.3g}", percent(squares[name] / total))
         )
-    of_paths = percent(area @ heat.noise[k] ** 2 / total if total else 0)
+    of_paths = percent(area @ heat.noise[k] ** 2 / total)
     rows.append(("exchange", "paths", "", f"{heat.noise[k].max():.3g}", of_paths))
     return Table(["input", "sigma", "mean dT K", "largest K", "share"], rows)
 

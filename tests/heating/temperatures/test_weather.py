@@ -12,6 +12,7 @@ from mi_lcair.heating.temperatures.weather import convection, weather
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 from mi_lcair.physics.sun.position import sun_position
 
+FOIL = {"thickness_mm": 1e-5, "conductivity": 200.0, "density": 2700.0, "heat_capacity": 900.0}
 CONSTANT = {"air_K": 290.0, "h_W_m2_K": 8.0, "sky_K": 260.0}
 
 
@@ -164,7 +165,10 @@ def test_refused(tmp_path, make, message):
         ({"groups": {"self": {"temperature": 300.0, "internal_W_m2": 5.0}}}, "at a temperature"),
         ({"groups": {"self": {"back_h": 5.0}}}, "back_h needs back_K"),
         ({"groups": {"self": {"back_K": 300.0}}}, "back_K needs a wall"),
+        ({"groups": {"self": FOIL}}, "groups.self.: heat crosses the wall faster than"),
+        ({"groups": {"self": FOIL | {"density": 0.0}}}, "density = 0; must lie in 0.01..100000"),
         ({"sigma": {"h": "nine"}}, "h = 'nine'"),
+        ({"sigma": {"h": "120 %"}}, "sigma.: h: '120 %' is not a fraction"),
         ({"sigma": {"h": -1.0}}, "h = -1"),
         ({"sun": {}}, "table 'sun'"),
         ({"sigma": 3}, r"\[sigma\] must be a table"),
