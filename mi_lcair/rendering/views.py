@@ -110,6 +110,11 @@ class Target:
         _, right, up = self.window(view)
         return float(4 * np.linalg.norm(right) * np.linalg.norm(up))
 
+    def eye(self, view: View, middle: np.ndarray) -> np.ndarray:
+        """The place of a view's camera over the middle of its window, (3,) [m]."""
+        out = (self.centre - middle) @ view.direction + MARGIN * self.radius
+        return middle + out * view.direction
+
     def camera(self, view: View, resolution: int, far: float) -> dict:
         """Mitsuba's dictionary of a camera for a view.
 
@@ -117,11 +122,7 @@ class Target:
         so they are not square. far: distance up to which the camera sees [m].
         """
         middle, right, up = self.window(view)
-        eye = (
-            middle
-            + (self.centre - middle) @ view.direction * view.direction
-            + MARGIN * self.radius * view.direction
-        )
+        eye = self.eye(view, middle)
         T = mi.ScalarTransform4f
         place = T().look_at(origin=eye, target=eye - view.direction, up=up) @ T().scale(
             [np.linalg.norm(right), np.linalg.norm(up), 1]
@@ -227,11 +228,14 @@ def terrain_before(scene: Scene, views: Sequence[View]) -> np.ndarray:
 
     Terrain on both sides of the model, such as the walls of a room, does not count.
     """
-    target, cells = Target.of(scene), CELLS**2
-    index = dr.arange(mi.UInt32, len(views) * cells)
-    x, y = index // cells + (index % CELLS + 0.5) / CELLS, (index // CELLS % CELLS + 0.5) / CELLS
-    film_point = mi.Point2f(x / len(views), y)
-    ray, _ = cameras(scene, target, views).sample_ray(0, 0, film_point, mi.Point2f(0.5))
+    target, starts = Target.of(scene), []
+    across = (np.arange(CELLS) + 0.5) * 2 / CELLS - 1
+    places = np.stack(np.meshgrid(across, across), axis=-1).reshape(-1, 2)
+    for view in views:
+        middle, *sides = target.window(view)
+        starts.append(target.eye(view, middle) + places @ sides)
+    outward = np.repeat([view.direction for view in views], len(places), axis=0)
+    start, outward = mi.Point3f(np.concatenate(starts).T), mi.Vector3f(outward.T)
     with scene.prepared() as tracer:
 
         def is_terrain(origin, direction):
@@ -240,9 +244,9 @@ def terrain_before(scene: Scene, views: Sequence[View]) -> np.ndarray:
             background = ~tracer.emitters.is_model(emitter)
             return background & ~tracer.emitters.shows_sun(hit, emitter)
 
-        behind = is_terrain(ray(2 * MARGIN * target.radius), ray.d)
-        before = is_terrain(ray.o, -ray.d) & ~behind
-    return before.numpy().reshape(len(views), cells).mean(axis=1)
+        behind = is_terrain(start - 2 * MARGIN * target.radius * outward, -outward)
+        before = is_terrain(start, outward) & ~behind
+    return before.numpy().reshape(len(views), len(places)).mean(axis=1)
 
 
 @exclusively

@@ -6,6 +6,7 @@ temperatures, ranges, air, background and the noise of a sensor.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from os import PathLike
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -211,9 +212,14 @@ class ViewAreas(SourcesInBand):
             return sum((per_amount @ part.T) ** 2 for part in self.deviations.swapaxes(0, 1))
         # A quadratic form of few coefficients is one product of matrices
         first, second = np.triu_indices(per_amount.shape[-1])
-        pairs = per_amount[..., first] * per_amount[..., second]
+        return (per_amount[..., first] * per_amount[..., second]) @ self.covariances
+
+    @cached_property
+    def covariances(self) -> np.ndarray:
+        """Coefficients of the variance: those of pairs of the amounts in each view, (pairs, V)."""
+        first, second = np.triu_indices(self.deviations.shape[-1])
         of_pairs = np.einsum("vra,vra->va", *(self.deviations[..., k] for k in (first, second)))
-        return pairs @ (of_pairs * np.where(first == second, 1, 2)).T
+        return (of_pairs * np.where(first == second, 1, 2)).T
 
     def of_views(self, numbers: ArrayLike) -> "ViewAreas":
         """Effective areas of the views with these numbers, in their order."""

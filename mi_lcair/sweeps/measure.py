@@ -116,13 +116,15 @@ def table_of(
 ) -> dict[str, np.ndarray]:
     """Quantities of all cases, by name with the unit."""
     table: dict[str, np.ndarray] = {}
-    lit, areas, numbers, ranges = None, None, {}, {}
+    lit, areas, numbers, of_views, ranges = None, None, {}, {}, {}
     for line in lines:
         if (line.subject, line.light) != lit:
             lit = line.subject, line.light
             areas = replace(of_lit[lit], sources=sources_of(*lit))
-            numbers, ranges = {view: k for k, view in enumerate(areas.views)}, {}
-        of_line = areas.of_views([numbers[view] for view in line.views])
+            numbers, of_views, ranges = {view: k for k, view in enumerate(areas.views)}, {}, {}
+        if line.views not in of_views:  # what is derived from the areas serves many lines
+            of_views[line.views] = areas.of_views([numbers[view] for view in line.views])
+        of_line = of_views[line.views]
         rows = rows_of(line, of_line)
         if conditions.base.detection_range:
             key = line.sight.direction, line.views

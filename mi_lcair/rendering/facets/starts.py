@@ -22,7 +22,7 @@ from mi_lcair.rendering.views import model_shapes
 from mi_lcair.rendering.window import window
 
 # Rays along each side of a window, and of one of many windows, that find what is seen
-RAYS, RAYS_OF_MANY = 1024, 128
+RAYS, RAYS_OF_MANY = 1024, 64
 HIDDEN = 0.1  # least share of a triangle that counts as seen
 MOST_STARTS = 2**22  # triangles of all windows together, which take about 100 bytes each
 
