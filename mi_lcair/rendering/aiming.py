@@ -10,7 +10,7 @@ from mi_lcair.plugins.paths.aim import ANYWHERE, CELLS, ON_MODEL, Aim, shared_ou
 from mi_lcair.plugins.paths.launch import OTHER_THAN_DIRECT, WHOLE, Launch, views_of
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.views import model_shapes
-from mi_lcair.rendering.window import window
+from mi_lcair.rendering.window import window_axes
 
 POINTS = 2  # paths of the pilot in each cell
 CELLS_OF_MANY = 128  # cells along each side of one of many windows, which get fewer paths each
@@ -98,8 +98,8 @@ def cells_of_model(model: list[np.ndarray], sensor, cells: int) -> np.ndarray:
     that is long and lies across the rows is therefore counted in more cells than it covers. model:
     `hulls` of its shapes.
     """
-    corner, right, up, _ = window(sensor)
-    axes = np.stack([right / (right @ right), up / (up @ up)], axis=1) * cells
+    corner, axes = window_axes(sensor)
+    axes = axes * cells
     # Number of rectangles over each cell: each adds 1 at its first corner and, for the cumulative
     # sums below to end there, subtracts 1 beyond its last row and column
     size, begins, ends = cells + 1, [], []

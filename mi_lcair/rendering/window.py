@@ -203,6 +203,16 @@ def window(sensor) -> tuple[np.ndarray, ...]:
     return corner[0], corner[1] - corner[0], corner[2] - corner[0], direction
 
 
+def window_axes(sensor) -> tuple[np.ndarray, np.ndarray]:
+    """Corner (3,) [m] of a window, and axes (3, 2) [1/m] that give positions in parts of it.
+
+    The position of a point p is (p - corner) @ axes, the same all along a ray. Rounded sides are
+    not quite perpendicular to the rays of a distant sensor.
+    """
+    corner, right, up, direction = window(sensor)
+    return corner, np.linalg.inv(np.stack([right, up, direction], axis=1))[:2].T
+
+
 def window_area(sensor, name: str, remedy: str = "") -> float:
     """Area of an orthographic sensor's window [m^2]; raises InputError for any other sensor.
 

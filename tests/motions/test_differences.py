@@ -48,9 +48,9 @@ def convex_hull(name: str, points):
     return mesh(name, points, triangles)
 
 
-def scene_of(*shapes, window: float = 2.0, view=VIEW, max_bounces: int = 0):
+def scene_of(*shapes, window: float = 2.0, view=VIEW, max_bounces: int = 0, away: float = 10):
     to_world = mi.ScalarTransform4f().look_at(
-        origin=list(10 * np.array(view)), target=[0, 0, 0], up=[0, 0, 1]
+        origin=list(away * np.array(view)), target=[0, 0, 0], up=[0, 0, 1]
     ) @ mi.ScalarTransform4f().scale([window, window, 1])
     film = {"type": "hdrfilm", "width": 8, "height": 8, "rfilter": {"type": "box"}}
     film |= {"pixel_format": "luminance", "component_format": "float32"}
@@ -157,6 +157,17 @@ def test_at_the_end_of_a_range():
     exact = [(intensity(90.01) - intensity(89.99)) / 0.02, 2e-3 * intensity(90), 0]
     for name, slope in zip(values, exact):
         assert abs(result[name].derivative - slope) < 4 * result[name].error
+
+
+def test_a_distant_sensor():
+    """Rounded sides of its window are not quite perpendicular to its rays."""
+    points = CUBE @ np.linalg.qr([[1.0, 0.5, 0.3], [-0.2, 1.0, -0.4], [0.1, 0.4, 1.0]])[0]
+    results = []
+    for away in (10, 1000):
+        scene = scene_of(convex_hull("cube", points), away=away)
+        assert any("its rays begin" in remark for remark in scene.remarks) == (away == 1000)
+        results.append(derivative(scene, "cube.size", 2**12).derivative)
+    assert results[1] == pytest.approx(results[0], rel=2e-3)
 
 
 def test_a_shift_is_no_change():

@@ -19,7 +19,7 @@ from mi_lcair.plugins.emission.triangles import (
 from mi_lcair.plugins.paths.facet_starts import FacetStarts
 from mi_lcair.plugins.paths.launch import ParallelRays, views_of
 from mi_lcair.rendering.views import model_shapes
-from mi_lcair.rendering.window import window
+from mi_lcair.rendering.window import window, window_axes
 
 # Rays along each side of a window, and of one of many windows, that find what is seen
 RAYS, RAYS_OF_MANY = 1024, 64
@@ -102,12 +102,12 @@ def projected(corners: np.ndarray, sensor) -> tuple[np.ndarray, np.ndarray]:
 
     An area (n,) is negative if the triangle's corners are clockwise as the sensor sees them.
     """
-    corner, right, up, direction = window(sensor)
-    axes = np.stack([right / (right @ right), up / (up @ up)], axis=1)
+    corner, axes = window_axes(sensor)
+    direction = window(sensor)[-1]
     # A product of one long array is much faster than one of many short ones
     places = (np.reshape(corners - corner, (-1, 3)) @ axes).reshape(*corners.shape[:2], 2)
     (x, y), (v, w) = (places[:, k].T - places[:, 0].T for k in (1, 2))
-    return places, (y * v - x * w) * np.sign(np.cross(right, up) @ direction) / 2
+    return places, (y * v - x * w) * np.sign(np.cross(*axes.T) @ direction) / 2
 
 
 def facings(meshes) -> tuple[np.ndarray, np.ndarray]:

@@ -23,6 +23,7 @@ from mi_lcair.rendering.loading.nodes import properties, references
 from mi_lcair.rendering.loading.origin import extent, far_origin
 from mi_lcair.rendering.loading.parsing import INDEPENDENT
 
+COARSE = 3e-5  # uncertainty of places, as a part of the scene's size, that is remarked
 CELSIUS = 4.3  # temperatures below are those of helium and of space [K]
 WITHOUT_BSDF = ("instance", "shapegroup", "merge")  # shapes whose parts have the BSDFs
 
@@ -160,7 +161,8 @@ def surfaces_that_emit_nothing(scene: mi.Scene) -> list[str]:
 def clipped(loaded, sensors) -> list[str]:
     """Remarks on sensors that may not see the whole scene because of near_clip and far_clip.
 
-    Mitsuba's defaults are 0.01 m and 10 km.
+    Mitsuba's defaults are 0.01 m and 10 km. Also on those from which parallel rays come so far that
+    single precision does not resolve the scene well.
     """
     (low, high), lines = extent(loaded), []
     for number, sensor in enumerate(sensors):
@@ -179,5 +181,12 @@ def clipped(loaded, sensors) -> list[str]:
             lines.append(
                 f"sensor {number}: does not see what is farther than its "
                 f"far_clip = {clips['far_clip']:g} m"
+            )
+        size = (high - low).max()
+        if sensor.class_name() == "OrthographicCamera" and UNIT * nearest > COARSE * size:
+            lines.append(
+                f"sensor {number}: its rays begin {nearest:.3g} m before a scene of {size:.3g} m, "
+                f"and single precision leaves places uncertain by {percent(UNIT * nearest / size)} "
+                "of it; put the sensor nearer, where its parallel rays see the same"
             )
     return lines
