@@ -102,8 +102,15 @@ def load(tmp_path_factory):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("sampling", ["false", "true"])
-@pytest.mark.parametrize("floor", FLOORS)
+@pytest.mark.parametrize(
+    "floor, sampling",
+    [
+        *(("brdf", sampling) for sampling in ("false", "true")),
+        *(("microfacet", sampling) for sampling in ("false", "true")),
+        ("mirror", "false"),
+        ("diffuse", "true"),
+    ],
+)
 def test_all_columns_agree_with_differences(load, floor, sampling):
     """Each derivative by itself, and all of them together by chi-square (one in 10^4 fails)."""
     scene = load(floor, emitter_sampling=sampling)
@@ -248,7 +255,7 @@ def test_a_control_variate_removes_the_noise_of_a_narrow_lobe():
 def test_intervals_cover_the_truth(load):
     """Of 40 runs with 8 randomisations each, Student's 95 % intervals cover 90-98 % or so."""
     scene, names = load("brdf"), (*NAMES["brdf"], "ball.temperature")
-    truth = sensitivities(scene, names, paths=2**20, seed=1000)
+    truth = sensitivities(scene, names, paths=2**18, seed=1000)
     held = []
     for seed in range(40):
         found = sensitivities(scene, names, paths=2**12, seed=seed)

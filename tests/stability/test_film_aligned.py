@@ -49,15 +49,15 @@ def seen(scene, seed):
 def test_an_edge_along_the_film_is_in_the_interval(plate):
     """A share of (k + 0.13) / 512 of the window: all 8 randomisations agree in a third of cases.
 
-    The scatter alone holds the share in 75 of 100 renders. 95 % of 80 are 76, and 69 are allowed
+    The scatter alone holds the share in 75 of 100 renders. 95 % of 60 are 57, and 51 are allowed
     with a significance of 1e-3.
     """
     rng, inside = np.random.default_rng(1), 0
-    for seed in range(80):
+    for seed in range(60):
         share = (int(rng.integers(50, 450)) + 0.13) / POINTS
         found = seen(in_window(a=black(plate, -0.5, share - 0.5)), seed)
         inside += abs(found.intensity - share * HOT) <= found.half_width
-    assert inside >= 69
+    assert inside >= 51
 
 
 @pytest.mark.parametrize("axis", [0, 1])

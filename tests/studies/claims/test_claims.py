@@ -7,7 +7,7 @@ from docs.studies.claims.__main__ import add_to, main, run
 from docs.studies.claims.claims import Claim
 from docs.studies.claims.coverage import defects, interval, rows
 
-SEED, SCENES = 1, 6
+SEED, SCENES = 1, 4
 
 
 @pytest.mark.slow

@@ -139,20 +139,14 @@ def test_weather_of_a_contrast(tmp_path):
         "surroundings__ground": "290,0.8",
         "surroundings__sun": "30,10",
     }
-    sigma = {"air_humidity": 0.02, "visibility": 1.0}
-    found = mi_lcair.budget(disc(tmp_path, **given), {"scenario": sigma})
-    for name, entry, value in (
-        ("air_humidity", "humidity", 0.4584),
-        ("visibility", "visibility", 23.0),
-    ):
-        high, low = (
-            mi_lcair.contrast(disc(tmp_path, **given, **{f"atmosphere__{entry}": end}))
-            for end in (value + sigma[name], value - sigma[name])
-        )
-        difference = (high.rows[0].total.value - low.rows[0].total.value) / 2
-        assert row(found, f"scenario.{name}").contribution == pytest.approx(
-            difference, rel=0.03, abs=4e-4 * abs(found.value)
-        ), name
+    found = mi_lcair.budget(disc(tmp_path, **given), {"scenario": {"air_humidity": 0.02}})
+    high, low = (
+        mi_lcair.contrast(disc(tmp_path, **given, atmosphere__humidity=0.4584 + end))
+        for end in (0.02, -0.02)
+    )
+    difference = (high.rows[0].total.value - low.rows[0].total.value) / 2
+    assert abs(difference) > 4e-3 * abs(found.value)
+    assert row(found, "scenario.air_humidity").contribution == pytest.approx(difference, rel=0.03)
     with pytest.raises(InputError, match="unknown quantity.*scenario.co2"):
         mi_lcair.budget(disc(tmp_path), {"scenario": {"co2": 10.0}})
 
@@ -168,7 +162,7 @@ def test_surroundings_are_behind_the_target_too(tmp_path, sky, elevation):
     def scenario(sky=sky, kelvin=290.0, emissivity=0.8):
         words = {"surroundings__sky": sky, "surroundings__ground": f"{kelvin},{emissivity}"}
         place = {"observer__elevation_deg": elevation, "target__height_m": 400}
-        return disc(tmp_path, **words, **place, render__resolution=32, render__spp=256)
+        return disc(tmp_path, **words, **place, render__resolution=32, render__spp=64)
 
     sigma = {"ground.temperature": 1.0, "ground.emissivity": 0.02}
     if sky != "clear":
