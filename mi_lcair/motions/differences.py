@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mi_lcair.motions.motion import Motion
+from mi_lcair.motions.motion import MODEL, Motion
+from mi_lcair.motions.observer import OBSERVER
 from mi_lcair.motions.pose import known_motions, moved, value_of
 from mi_lcair.motions.starts import aim_at_change, starts_in
 from mi_lcair.plugins.emission.draw_table import PREFERRED
@@ -21,6 +22,7 @@ from mi_lcair.plugins.integrators.bounce_path import AUTO
 from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.plugins.paths.offsets import rounding_error
 from mi_lcair.rendering.facets.starts import meshes_of_model, radiances
+from mi_lcair.rendering.loading.origin import extent
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling
@@ -104,10 +106,16 @@ def scale_of(motion: Motion, value: float) -> float:
     return float(np.linalg.norm(np.max([np.ravel(box.max) for box in boxes], axis=0) - low))
 
 
-def default_step(motion: Motion, value: float) -> float:
-    if motion.unit == "deg":
-        return TURN_STEP_DEG
-    return scale_of(motion, value) * (SHIFT_STEP if motion.unit == "m" else SIZE_STEP)
+def default_step(scene, motion: Motion) -> float:
+    """Step of a motion; a turn about a point far from the scene is shorter, since it shifts it."""
+    if motion.unit != "deg":
+        part = SHIFT_STEP if motion.unit == "m" else SIZE_STEP
+        return part * scale_of(motion, value_of(scene, motion))
+    low, high = extent(scene.mi)
+    distance = np.linalg.norm((low + high) / 2 + scene.origin)
+    is_about_origin = motion.name.partition(".")[0] in (MODEL, OBSERVER)
+    size = float(np.linalg.norm(high - low)) if is_about_origin else np.inf
+    return TURN_STEP_DEG * float(min(size / max(distance, 1e-300), 1.0))
 
 
 def poses_around(scene, name: str, step: float) -> list[dict[str, float]]:
@@ -204,7 +212,7 @@ class Differences:
 
         The renders may lie beyond the bounds of the motion, such as beyond the zenith.
         """
-        h = default_step(self.motion, self.value) if step is None else step
+        h = default_step(self.scene, self.motion) if step is None else step
         pilots = {kind: self.pilot(h, kind) for kind in self.kinds()}
         kind = min(pilots, key=lambda kind: self.expected(pilots[kind]))
         pilot = pilots[kind]
@@ -224,7 +232,7 @@ class Differences:
             verdict = "step-dependent"
         parts = [
             np.sqrt(max(floor**2 - scatter**2, 0)),
-            rounding_error(self.scene.mi.integrator().max_bounces) * abs(high[0]) / h,
+            rounding_error(self.scene.mi.integrator().max_bounces) * pilot.rows[:, 0].max() / h,
             self.missed(ends[:2], kind, h),
             pilot.truncation if step is None else 0.0,
         ]

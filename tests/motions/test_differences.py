@@ -48,9 +48,9 @@ def convex_hull(name: str, points):
     return mesh(name, points, triangles)
 
 
-def scene_of(*shapes, window: float = 2.0, view=VIEW, max_bounces: int = 0, away: float = 10):
+def scene_of(*shapes, window: float = 2.0, view=VIEW, max_bounces: int = 0, away: float = 10, at=0):
     to_world = mi.ScalarTransform4f().look_at(
-        origin=list(away * np.array(view)), target=[0, 0, 0], up=[0, 0, 1]
+        origin=list(away * np.array(view) + at), target=list(np.zeros(3) + at), up=[0, 0, 1]
     ) @ mi.ScalarTransform4f().scale([window, window, 1])
     film = {"type": "hdrfilm", "width": 8, "height": 8, "rfilter": {"type": "box"}}
     film |= {"pixel_format": "luminance", "component_format": "float32"}
@@ -168,6 +168,19 @@ def test_a_distant_sensor():
         assert any("its rays begin" in remark for remark in scene.remarks) == (away == 1000)
         results.append(derivative(scene, "cube.size", 2**12).derivative)
     assert results[1] == pytest.approx(results[0], rel=2e-3)
+
+
+def test_a_turn_about_a_distant_point():
+    """It also shifts the cube, which must not leave the window within the step."""
+    place = np.array([0, 50.0, 0])
+    results = {}
+    for name, at in (("cube.yaw_deg", 0 * place), ("model.yaw_deg", place)):
+        scene = scene_of(convex_hull("cube", CUBE + at), at=at)
+        with changed(scene, {"cube.yaw_deg": 30.0}):
+            results[name] = derivative(scene, name)
+    exact, turned_far = results.values()
+    error = np.hypot(exact.error, turned_far.error)
+    assert abs(turned_far.derivative - exact.derivative) < 4 * error < 0.2 * exact.derivative
 
 
 def test_a_shift_is_no_change():

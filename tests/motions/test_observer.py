@@ -56,6 +56,11 @@ def test_range_and_roll():
     scene = seen_by("perspective")
     known = mi_lcair.parameters(scene)
     assert known["observer.range_m"].value == pytest.approx(np.sqrt(110), rel=1e-6)
+    assert known["observer.range_m"].lower == pytest.approx(1e-3 * np.sqrt(110))
+    assert [known["observer.elevation_deg"].lower, known["observer.elevation_deg"].upper] == [
+        -90,
+        90,
+    ]
     mean = image(scene).mean()
     with changed(scene, {"observer.range_m": 3 * np.sqrt(110)}):
         assert image(scene).mean() == pytest.approx(mean / 9, rel=0.05)
@@ -150,11 +155,12 @@ def test_place_of_a_moved_scene():
     film = {"type": "hdrfilm", "width": 4, "height": 4}
     to_world = place @ mi.ScalarTransform4f().scale([2, 2, 3])  # also along the axis
     sensor = mi.load_dict({"type": "orthographic", "to_world": to_world, "film": film})
-    names = ("azimuth_deg", "elevation_deg", "roll_deg", "x_px", "y_px")
+    names = ("azimuth_deg", "elevation_deg", "roll_deg", "x_px", "y_px", "range_m")
     for name, by, position, axis in (
         ("azimuth_deg", 90, [-100, 110, 0], [0, -1, 0]),
         ("elevation_deg", 90, [-100, 0, 110], [0, 0, -1]),
         ("roll_deg", 90, [10, 0, 0], [-1, 0, 0]),
+        ("range_m", 2, [12, 0, 0], [-1, 0, 0]),
     ):
         change = dict.fromkeys(names, 0.0) | {name: by}
         settings = placed(sensor, settings_of(sensor), change, rest, origin)

@@ -13,6 +13,7 @@ from mi_lcair.motions.motion import scaled, shifted, turned
 from mi_lcair.motions.pose import set_motions
 from mi_lcair.plugins.emission.triangles import vertex_positions
 from mi_lcair.sensitivity.parameters import changed
+from tests.motions.test_differences import CUBE, convex_hull, scene_of
 
 ATTITUDE = {"yaw_deg": 30.0, "pitch_deg": 20.0, "roll_deg": 11.0}
 SCENE = "cylinder_ir_range"
@@ -65,6 +66,18 @@ def test_shifts_are_along_the_axes_of_the_model():
     with changed(pitched, shift):
         moves = vertex_positions(model(pitched)) - before
     assert moves == pytest.approx(np.tile([0.4, 0.3, 0.2], (len(moves), 1)), abs=1e-6)
+
+
+def test_groups_move_about_their_middle():
+    points = CUBE * [1, 2, 3] + [4, 5, 6]
+    scene = scene_of(convex_hull("box", points))
+    shape = scene.mi.shapes()[0]
+    with changed(scene, {"box.size": 2}):
+        sides = np.sort(vertex_positions(shape), axis=0)[[0, -1]]
+    assert sides == pytest.approx(np.array([[3, 3, 3], [5, 7, 9]]))
+    with changed(scene, {"box.yaw_deg": 90}):
+        sides = np.sort(vertex_positions(shape), axis=0)[[0, -1]]
+    assert sides == pytest.approx(np.array([[3, 4.5, 4.5], [5, 5.5, 7.5]]))
 
 
 @settings(max_examples=20, deadline=None)

@@ -86,9 +86,7 @@ class MeasuredContrast:
         if spp is not None:
             sampling = replace(sampling, spp=spp, tolerance=None, tolerance_W_m2=None, max_spp=None)
         setting, motions = self.setting, known_motions(self.setting.view)
-        steps = {
-            n: default_step(m, value_of(setting.view, m)) for n, m in motions.items() if n in names
-        }
+        steps = {n: default_step(setting.view, m) for n, m in motions.items() if n in names}
         if steps or any(value_of(setting.view, m) != m.rest for m in motions.values()):
             poses = [p for n, step in steps.items() for p in poses_around(setting.view, n, step)]
             setting = holding(setting, self.scenario, poses)
