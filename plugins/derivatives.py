@@ -268,6 +268,8 @@ def gathered(array):
     """The entries of an array, read one by one."""
     if dr.depth_v(array) > 1:
         return type(array)(*map(gathered, array))
+    if dr.width(array) == 1:  # Dr.Jit would not gather it, but read it as it is aligned
+        return dr.opaque(type(array), array[0])
     # An index that is not known to be the lane, for which Dr.Jit would return the array itself
     index = dr.arange(mi.UInt32, dr.width(array)) + dr.opaque(mi.UInt32, 0)
     return dr.gather(type(array), array, index) * dr.opaque(type(array), 1)

@@ -13,6 +13,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
+from mi_lcair.plugins.derivatives import own_memory
 from tests.physics.reflection.surfaces import direction
 from tests.plugins.reflection_models import seen_at
 
@@ -334,3 +335,13 @@ def test_memory_ends_where_a_page_ends():
     """An array that ends before a page that cannot be read is copied."""
     command = [sys.executable, "-c", BEFORE_A_GAP, "1001"]
     assert subprocess.check_output(command, timeout=100, text=True) == "0.0 1001\n"
+
+
+def test_one_entry_is_copied_without_a_kernel():
+    """A kernel would read it by the alignment of NumPy's memory, and be another one in each run."""
+    arrays = [mi.Float(np.array([2.5], dtype=np.float32)), mi.UInt32(np.array([7], np.uint32))]
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        dr.kernel_history_clear()
+        own_memory(arrays)
+        assert not dr.kernel_history([dr.KernelType.JIT])
+    assert [array[0] for array in arrays] == [2.5, 7]
