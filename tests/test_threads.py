@@ -3,8 +3,9 @@
 import gc
 import inspect
 import sys
+import weakref
 from concurrent.futures import ThreadPoolExecutor
-from threading import Event
+from threading import Event, Thread
 
 import pytest
 
@@ -85,6 +86,23 @@ def test_every_public_function_takes_its_turn():
         if inspect.isfunction(function) and not hasattr(function, "__wrapped__")
     }
     assert free == {"sweep", "temperature", "trend", "workers"}
+
+
+def test_a_scene_that_another_thread_discards_is_deleted_in_the_next_turn():
+    """The thread that has the turn may wait for the other one, which must not wait for it."""
+
+    class Part:
+        pass
+
+    scenes = [mi_lcair.load("two_plates", resolution=4)]
+    scenes[0].moved["part"] = Part()
+    part, other = weakref.ref(scenes[0].moved["part"]), Thread(target=scenes.clear)
+    with exclusive:
+        other.start()
+        other.join(5)
+        assert not other.is_alive() and part() is not None
+    exclusively(lambda: None)()
+    assert part() is None
 
 
 def test_functions_take_turns():

@@ -41,7 +41,7 @@ from mi_lcair.rendering.loading.remarks.loaded import (
     turned_inside_out,
 )
 from mi_lcair.rendering.loading.remarks.nothing import reflections_of_nothing
-from mi_lcair.startup.threads import exclusive, exclusively
+from mi_lcair.startup.threads import discarded, exclusive, exclusively
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
 # Largest number of moves of a scene to the origin. One move may not be enough, because the position
@@ -100,12 +100,15 @@ class Scene:
     # The state of the scene for which triangles were last compared, and the remarks on them.
     _compared: list = field(default_factory=list, init=False, repr=False, compare=False)
 
-    def __del__(self, turn=exclusive) -> None:
+    def __del__(self, turn=exclusive, later=discarded) -> None:
         # Mitsuba's objects leave Dr.Jit's registry. If another thread is recording, it holds the
         # registry and waits for Python's lock, which this thread would hold meanwhile. When Python
-        # ends, the module's names are gone, and `turn` is not.
-        with turn:
-            vars(self).clear()
+        # ends, the module's names are gone, and those of the arguments are not.
+        later.append(vars(self).copy())
+        vars(self).clear()
+        if turn.acquire(blocking=False):
+            later.clear()
+            turn.release()
 
     def __repr__(self) -> str:
         from mi_lcair.rendering.loading.description import line

@@ -3,11 +3,12 @@
 A thread that records or replays launches holds locks of Dr.Jit while it runs Python code. Another
 thread that uses Dr.Jit meanwhile, if only to read an array, holds Python's own lock and waits for
 Dr.Jit's: neither goes on. Two threads that record end the process. All that uses Dr.Jit therefore
-takes turns, from the loading of a scene to the result of a public function.
+takes turns, from the loading of a scene to the result of a public function. A scene that any other
+thread discards is deleted in the next turn: the thread that has the turn may wait for the other, as
+for the one that serves workers.
 
-Mitsuba makes objects in threads of its own, if it may. One that collects garbage with a scene in it
-would wait for its turn, while the thread that has the turn waits for the object. All objects are
-therefore made in the thread that loads (`parallel = False`).
+Mitsuba makes objects in threads of its own, if it may, and these would delete what garbage holds of
+Dr.Jit. All objects are therefore made in the thread that loads (`parallel = False`).
 
 Dr.Jit records calls of every plugin that is alive, also of other scenes. The plugins of the scene
 that is being traced are therefore known to the process.
@@ -23,6 +24,7 @@ Arguments = ParamSpec("Arguments")
 Returned = TypeVar("Returned")
 
 exclusive = RLock()  # held by the thread that uses Dr.Jit
+discarded: list[dict] = []  # the attributes of scenes that wait for a turn to be deleted
 _traced: set | None = None  # the plugins of the scene that is being traced
 
 
@@ -32,6 +34,7 @@ def exclusively(function: Callable[Arguments, Returned]) -> Callable[Arguments, 
     @wraps(function)
     def in_turn(*arguments: Arguments.args, **options: Arguments.kwargs) -> Returned:
         with exclusive:
+            discarded.clear()
             return function(*arguments, **options)
 
     return in_turn
