@@ -53,19 +53,31 @@ def filled(kind, values, where: str):
         raise InputError(f"{where} must be a table")
     known = {entry.name: entry for entry in fields(kind)}
     check_known(f"key of {where}", known, *values)
-    for key, entry in known.items():
-        if key not in values and entry.default is MISSING and entry.default_factory is MISSING:
-            needed = [
-                name
-                for name, entry in known.items()
-                if entry.default is MISSING and entry.default_factory is MISSING
-            ]
+    needed = [key for key in known if known[key].default is known[key].default_factory is MISSING]
+    for key in needed:
+        if key not in values:
             raise InputError(f"{where}: {key} is missing; give {', '.join(needed)}")
     with errors_of(where):
         table = kind(
             **{key: converted(value, known[key].type, key) for key, value in values.items()}
         )
         check_fields(table)
+    return table
+
+
+def tables_of(tree: Mapping, name: str) -> list:
+    """The tables [[name]] of a tree; raises InputError for anything else of that name."""
+    tables = tree.get(name, [])
+    if not isinstance(tables, list) or not all(isinstance(table, Mapping) for table in tables):
+        raise InputError(f"{name} must be tables, [[{name}]]")
+    return tables
+
+
+def table_of(tree: Mapping, name: str) -> Mapping:
+    """The table [name] of a tree; raises InputError for anything else of that name."""
+    table = tree.get(name, {})
+    if not isinstance(table, Mapping):
+        raise InputError(f"[{name}] must be a table")
     return table
 
 

@@ -430,8 +430,7 @@ def _band(table: TextTable) -> tuple[float, float] | None:
 def limits(band: str) -> tuple[float, float]:
     """Lower and upper limit [um] of a band by its name; raises InputError for one without."""
     limited = band_of(band)
-    if limited.is_total:
-        raise InputError(f"band {band} has no limits; name those of the detector, such as 3-5")
+    limited.check_limits("measured BSDF")
     return limited.lower_um, limited.upper_um
 
 

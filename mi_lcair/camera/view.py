@@ -96,11 +96,7 @@ class CameraView:
         InputError
             If the camera is inside the target's sphere, or no part of the target is in the frame.
         """
-        if range_m <= target.radius:
-            raise InputError(
-                f"the camera is inside the target: range {range_m:g} m, but the target reaches "
-                f"{target.radius:.4g} m from its middle"
-            )
+        target.check_outside(range_m)
         axes = axes_of(target, view, range_m, imager, pointing)
         eye, axis, right, up = axes.values()
         present = present or target

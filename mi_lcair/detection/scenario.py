@@ -338,11 +338,7 @@ class Sensor:
 
     def __post_init__(self):
         rendered = band_of(self.band)
-        if rendered.is_total:
-            raise InputError(
-                "[sensor]: band total has no wavelengths, as air and background need them; choose "
-                "a band with limits"
-            )
+        rendered.check_limits("[sensor]")
         if rendered.response is not None:
             raise InputError(
                 f"[sensor]: band = '{self.band}' is a response; give it as response, and as band "

@@ -90,7 +90,7 @@ def setting_of(scenario: Scenario, scene: Scene | None = None) -> Setting:
     light = AirOfLight.of(scenario, sight.target_m)
     light.shine_on(scene)
     target = Target.of(scene)
-    check_outside(target, observer.range_m, scene.name)
+    target.check_outside(observer.range_m)
     view = seen_by_observer(scenario, scene, target)
     if not view.band.is_total:
         air = path.wavelengths_um, path.transmittance
@@ -130,15 +130,6 @@ def sun_over(scenario: Scenario, scene: Scene) -> tuple[float, float] | None:
     if is_up:
         return sun.azimuth_deg, sun.elevation_deg
     return background_sun(scenario)
-
-
-def check_outside(target: Target, range_m: float, name: str) -> None:
-    """Raise InputError if an observer at a range [m] is inside the target of the scene `name`."""
-    if range_m <= target.radius:
-        raise InputError(
-            f"the observer is inside the target: range {range_m:g} m, but {name} "
-            f"reaches {target.radius:.4g} m from its middle"
-        )
 
 
 def line_of(

@@ -13,17 +13,10 @@ from mi_lcair.files import parse_toml, read_text
 from mi_lcair.inversion.data.measurement import Candidate, Measurement
 from mi_lcair.inversion.tables import Goal, RenderSettings, UnknownEntry
 from mi_lcair.motions.table import MOTIONS, Declared, motions_of
-from mi_lcair.toml_table import filled, located, located_values
+from mi_lcair.toml_table import filled, located, located_values, table_of, tables_of
 
 TABLES = ("data", "unknowns", "nuisance", "candidates", "goal", "render", MOTIONS)
-FILES = (
-    "scene",
-    "image",
-    "mask",
-    "sigma_image",
-    "trend",
-    "spectrum",
-)  # entries that may name a file
+FILES = ("scene", "image", "mask", "sigma_image", "trend", "spectrum")  # may name files
 LABELLED = re.compile(r"\s*(?P<name>[^\[\]]*[^\[\]\s])\s*(\[(?P<of>[^\[\]]+)\])?\s*")
 
 
@@ -78,7 +71,7 @@ class InverseProblem:
                 nuisance=entries(tree, "nuisance"),
                 candidates=candidates,
                 goal=goal,
-                render=of_table(RenderSettings, tree.get("render", {}), "[render]"),
+                render=filled(RenderSettings, tree.get("render", {}), "[render]"),
                 motions=motions_of(tree.get(MOTIONS, {}), folder),
             )
             problem.check()
@@ -104,35 +97,18 @@ class InverseProblem:
 
 def rows(tree: dict, table: str, kind, folder: Path) -> tuple:
     """The entries of an array of tables as dataclasses, each with a name."""
-    values = tree.get(table, [])
-    if not isinstance(values, list):
-        raise InputError(f"[{table}] must be written [[{table}]], once for each measurement")
     result = []
-    for number, value in enumerate(values, 1):
-        where = f"[[{table}]] {number}"
-        if not isinstance(value, dict):
-            raise InputError(f"{where}: must be a table")
+    for number, value in enumerate(tables_of(tree, table), 1):
         default = {"name": f"{'data' if table == 'data' else 'candidate'} {number}"}
-        result.append(of_table(kind, default | located_table(value, folder), where))
+        values = default | located_table(value, folder)
+        result.append(filled(kind, values, f"[[{table}]] {number}"))
     return tuple(result)
-
-
-def of_table(kind, values, where: str):
-    """The dataclass of a table, with `where` in front of all messages."""
-    try:
-        return filled(kind, values, where)
-    except InputError as error:
-        text = str(error)
-        raise InputError(text if where in text else f"{where}: {text}") from None
 
 
 def entries(tree: dict, table: str) -> dict[str, UnknownEntry]:
     """The entries of [unknowns] or [nuisance] by name."""
-    values = tree.get(table, {})
-    if not isinstance(values, dict):
-        raise InputError(f"[{table}] must be a table")
     result = {}
-    for name, value in values.items():
+    for name, value in table_of(tree, table).items():
         where = f"[{table}] '{name}'"
         if not isinstance(value, dict):
             raise InputError(f"{where} = {value!r}; must be a table, such as {{start = 300}}")
@@ -143,7 +119,7 @@ def entries(tree: dict, table: str) -> dict[str, UnknownEntry]:
             )
         if not LABELLED.fullmatch(name):
             raise InputError(f'{where}: must be a name, such as "lid.temperature" or "... [hot]"')
-        result[name] = of_table(UnknownEntry, value, where)
+        result[name] = filled(UnknownEntry, value, where)
     return result
 
 

@@ -104,10 +104,20 @@ class Band:
         """In-band value (...) of tabulated spectra, values (..., n); see `row_weights`."""
         return values @ self.row_weights(wavelengths_um)
 
+    def check_limits(self, what: str) -> None:
+        """Raise InputError for the band `total`, which has no wavelengths.
+
+        The message begins with `what`, which needs them.
+        """
+        if self.is_total:
+            raise InputError(
+                f"{what}: band total has no wavelengths; choose a band with limits, such as MWIR"
+            )
+
     def check_covered(self, wavelengths_um: ArrayLike, what: str) -> None:
         """Raise InputError if a table with these rising wavelengths [um] does not cover the band.
 
-        The message begins with `what`, the name of the table.
+        No table covers the band `total`. The message begins with `what`, the name of the table.
         """
         x = wavelengths_um
         first = np.searchsorted(x, self.lower_um, side="right") - 1

@@ -267,7 +267,7 @@ def parsed_and_checked(path: Path, texts: dict[str, str], around: Sequence[dict]
     meshes = check_mesh_files(state)
     digest, defaults = source_digest(state), shapes_without_bsdf(state)
     origin = np.zeros(3)
-    loaded = instantiated(state, path)
+    loaded = instantiated(state)
     for _ in range(MOVES):
         step = far_origin(loaded)
         if step is None:
@@ -275,7 +275,7 @@ def parsed_and_checked(path: Path, texts: dict[str, str], around: Sequence[dict]
         origin += step
         state = parsed(path, texts, around)
         move(state, origin)
-        loaded = instantiated(state, path)
+        loaded = instantiated(state)
     check_meshes_near(meshes, state, loaded)
     check_shapes(loaded)
     scene = checked(loaded, path, texts)

@@ -89,6 +89,14 @@ class Target:
         centre = (points.min(axis=0) + points.max(axis=0)) / 2
         return Target(points, centre, float(np.linalg.norm(points - centre, axis=1).max()))
 
+    def check_outside(self, range_m: float) -> None:
+        """Raise InputError if an observer at a range [m] from the middle is inside the target."""
+        if range_m <= self.radius:
+            raise InputError(
+                f"the observer is inside the target: range {range_m:g} m, but the target reaches "
+                f"{self.radius:.4g} m from its middle"
+            )
+
     def window(self, view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The rectangle around the model as seen in a view.
 

@@ -74,6 +74,16 @@ class SourcesInBand(Result):
         """Temperature of each source, K, with the changes applied; None for a tabulated source."""
         return temperatures_of(self.sources, changed)
 
+    def in_band_of_sources(self, band: Band, temperatures: Mapping) -> list:
+        """In-band radiance of each source, W m^-2 sr^-1, with these temperatures, K, by group.
+
+        It is not multiplied by the emissivity.
+        """
+        return [
+            source.spectrum.in_band_radiance(band) if T is None else in_band_radiance(band, T)
+            for source, T in zip(self.sources, self.temperatures(temperatures))
+        ]
+
     def within(self, band: Band) -> Band:
         """The band itself. Raises InputError if it is not within the rendered band."""
         if (
@@ -225,14 +235,7 @@ class EffectiveAreas(SourcesInBand):
         check_known("part", PARTS, part)
         wanted = self.band if band is None else self.within(band_of(band))
         p = PARTS.index(part)
-        radiance = np.array(
-            [
-                in_band_radiance(wanted, T)
-                if T is not None
-                else source.spectrum.in_band_radiance(wanted)
-                for source, T in zip(self.sources, self.temperatures(temperatures or {}))
-            ]
-        )
+        radiance = np.array(self.in_band_of_sources(wanted, temperatures or {}))
         error = float(np.sqrt(max(radiance @ self.covariance[p, :-1, :-1] @ radiance, 0)))
         return float(self.area[p] @ radiance), error
 

@@ -4,7 +4,6 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
-from mi_lcair.errors import InputError
 from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.facets.table import FacetTable
@@ -46,11 +45,8 @@ def measure_signature(
     up_to : tuple of int
         Smaller numbers of reflections for `fewer` of the signature. They need `by_spectrum`.
     """
-    if by_spectrum and scene.band.is_total:
-        raise InputError(
-            f"{scene.name}: band total has no wavelengths, so that its intensity has no spectrum; "
-            "choose a band with limits"
-        )
+    if by_spectrum:
+        scene.band.check_limits(f"{scene.name}: spectrum")
     start = time.perf_counter()
     camera = scene.sensor(sampling.sensor)
     area = window_area(camera, scene.name)

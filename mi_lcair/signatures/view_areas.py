@@ -158,10 +158,7 @@ class ViewAreas(SourcesInBand):
 
     def in_band(self, band: Band, temperatures: Mapping) -> np.ndarray:
         """In-band intensity for each of the amounts, W m^-2 sr^-1, (..., amounts)."""
-        of_sources = [
-            source.spectrum.in_band_radiance(band) if T is None else in_band_radiance(band, T)
-            for source, T in zip(self.sources, self.temperatures(temperatures))
-        ]
+        of_sources = self.in_band_of_sources(band, temperatures)
         rest = self.polynomials(band.wavelengths_um) @ band.weights_um
         return np.stack(np.broadcast_arrays(*of_sources, *rest, 0.0), axis=-1)
 
@@ -377,11 +374,7 @@ def measure_view_areas(
     InputError
         For settings out of bounds, for a tolerance that cannot be reached, and for band "total".
     """
-    if scene.band.is_total:
-        raise InputError(
-            f"{scene.name}: band total has no wavelengths, so that sources have no effective "
-            "areas; choose a band with limits"
-        )
+    scene.band.check_limits(f"{scene.name}: effective areas")
     # Numbers of reflections are not told apart, for which the fewest channels are enough
     measurands = Measurands(Channels("model", counted=0), by_spectrum=True)
     total, areas = totals_of_views(scene, views, resolution, sampling, measurands)

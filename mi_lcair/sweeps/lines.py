@@ -7,7 +7,7 @@ import numpy as np
 
 from mi_lcair.detection.irradiance import Backdrop
 from mi_lcair.detection.scenario import Scenario
-from mi_lcair.detection.setting import check_outside, line_of, sun_over
+from mi_lcair.detection.setting import line_of, sun_over
 from mi_lcair.detection.weather import AirOfLight
 from mi_lcair.errors import InputError, errors_of
 from mi_lcair.physics.air.atmosphere import Atmosphere, LineOfSight
@@ -193,7 +193,7 @@ def of_scenario(conditions: Conditions, values: dict, cases, azimuths) -> Iterat
 def sightline(scenario: Scenario, scene: Scene, sun, values: dict) -> tuple:
     """Air of the light, temperatures and line of sight of a scenario with some conditions."""
     detector, target = scenario.sensor.detector(), Target.of(scene)
-    check_outside(target, scenario.observer.range_m, scene.name)
+    target.check_outside(scenario.observer.range_m)
     sight, path, behind = line_of(scenario, detector, sun)
     has_light = any(isinstance(emitter, DistantEmitter) for emitter in scene.mi.emitters())
     light = AirOfLight.of(scenario, sight.target_m) if has_light else None

@@ -116,8 +116,7 @@ def temperature_of(
     InputError
         For conditions that are incomplete, and if no object can have any of the temperatures.
     """
-    if band.is_total:
-        raise InputError("band total has no limits; thermography needs the band of the camera")
+    band.check_limits("camera")
     conditions, remarks = conditions.checked()
     stated = {"apparent": Uncertain(0.0, sigma), **conditions.quantities}
     values = {quantity: number.value for quantity, number in stated.items()}

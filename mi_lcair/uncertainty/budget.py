@@ -9,7 +9,7 @@ import numpy as np
 
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import rendered_as, setting_of
-from mi_lcair.errors import InputError, errors_of
+from mi_lcair.errors import errors_of
 from mi_lcair.motions.pose import declare
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
@@ -247,19 +247,11 @@ def result_of(what: Scene | Scenario, sampling: Sampling, names=(), of: str = "c
         with errors_of(f"scenario '{what.name}'"):
             setting = setting_of(what)
             with rendered_as(setting.view, what.render):
-                check_differentiable(setting.view)
+                setting.view.mi.integrator().check_differentiable()
                 yield NUMBERS[of](what, setting, names=names)
     else:
-        check_differentiable(what)
+        what.mi.integrator().check_differentiable()
         yield IntensityNumber(what, replace(sampling, progress=None))
-
-
-def check_differentiable(scene: Scene) -> None:
-    """Raise InputError for a scene without derivatives."""
-    if scene.mi.integrator().closure == "tail":
-        raise InputError(
-            f"{scene.name}: closure = tail has no derivatives; use none or ambient for a budget"
-        )
 
 
 def remarks(number: Number, checks: list[Check], distribution: MonteCarlo | None) -> list[str]:

@@ -36,7 +36,7 @@ import numpy as np
 from mi_lcair.errors import InputError, check_known, errors_of
 from mi_lcair.files import parse_toml, read_text
 from mi_lcair.motions.table import MOTIONS, Declared, motions_of
-from mi_lcair.toml_table import dotted
+from mi_lcair.toml_table import dotted, table_of, tables_of
 from mi_lcair.uncertainty.distributions import KINDS, check_sigma
 
 TABLES = ("sigma", "scenario", "fits", "facets", "correlated", MOTIONS)
@@ -115,19 +115,12 @@ class Uncertainties:
 
 def parsed(tree: Mapping, name: str, folder: Path) -> Uncertainties:
     check_known("table", TABLES, *tree)
-    tables = {}
-    for table in ("sigma", "scenario", "fits", "facets"):
-        tables[table] = tree.get(table, {})
-        if not isinstance(tables[table], Mapping):
-            raise InputError(f"{table} must be a table, [{table}]")
+    tables = {table: table_of(tree, table) for table in ("sigma", "scenario", "fits", "facets")}
     sigma = dotted(tables["sigma"], KINDS)
     sigma |= {f"scenario.{key}": value for key, value in tables["scenario"].items()}
     for key, value in sigma.items():
         check_sigma(key, value)
-    groups = tree.get("correlated", [])
-    if not isinstance(groups, list) or not all(isinstance(group, Mapping) for group in groups):
-        raise InputError("correlated must be tables, [[correlated]]")
-    correlated = [read_correlated(group, sigma) for group in groups]
+    correlated = [read_correlated(group, sigma) for group in tables_of(tree, "correlated")]
     fits = {key: read_fit(folder, value, key) for key, value in tables["fits"].items()}
     facets = {}
     for group, value in tables["facets"].items():

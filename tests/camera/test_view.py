@@ -47,7 +47,7 @@ def test_position_and_axes():
     assert view.pixel_m == pytest.approx(0.5)
     close = front(range_m=1.005 * radius)  # the camera is just outside
     assert close.near_m == pytest.approx(1e-4 * radius)
-    with pytest.raises(InputError, match="the camera is inside the target: range 3.2 m"):
+    with pytest.raises(InputError, match="the observer is inside the target: range 3.2 m"):
         front(range_m=3.2)
 
 

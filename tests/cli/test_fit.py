@@ -189,7 +189,7 @@ def test_the_band_may_come_from_an_option(run, refused, asked, folder):
     assert "--band is given 1 times for 2" in refused(
         "fit", "plain.csv", "mwir.csv", "--band", "3-5"
     )
-    assert "band total has no limits" in refused("fit", "plain.csv", "--band", "total")
+    assert "band total has no wavelengths" in refused("fit", "plain.csv", "--band", "total")
     assert "unknown band" in refused("fit", "plain.csv", "--band", "WIR")
 
 

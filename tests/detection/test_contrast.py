@@ -547,7 +547,7 @@ def test_refused_before_anything_is_loaded(folder, monkeypatch, changes, message
     [
         (
             {"observer__range_m": 1.9},
-            "observer is inside the target: range 1.9 m, but disc reaches 2 m",
+            "observer is inside the target: range 1.9 m, but the target reaches 2 m",
         ),
         ({"render__lobe": "mirrror"}, "unknown lobe 'mirrror'"),
         ({"pose__yaw_deg": 5}, "unknown parameter of disc.xml 'yaw_deg'"),

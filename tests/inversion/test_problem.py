@@ -79,7 +79,7 @@ def test_tables(entry):
     refused(
         {"data": [entry], "unknowns": UNKNOWNS, "nuisance": nuisance}, "is in .unknowns. and in"
     )
-    refused({"data": entry, "unknowns": UNKNOWNS}, r"must be written \[\[data\]\]")
+    refused({"data": entry, "unknowns": UNKNOWNS}, r"data must be tables, \[\[data\]\]")
     refused({"data": [entry, entry], "unknowns": UNKNOWNS}, "have the name 'image'")
     twice = {"plate.temperature": {}, "plate.temperature [LWIR]": {}}
     refused({"data": [entry], "unknowns": twice}, "without data; other entries name it")

@@ -81,7 +81,7 @@ PAIR = ["self.temperature", "sky.radiance"]
         ),
         ({"correlated": 3}, "correlated must be tables, [[correlated]]"),
         ({"correlated": [3]}, "correlated must be tables, [[correlated]]"),
-        ({"sigma": [3]}, "sigma must be a table, [sigma]"),
+        ({"sigma": [3]}, "[sigma] must be a table"),
         ({"fits": {"paint": "no.json"}}, "fit 'no.json': cannot be read"),
         ({"fits": {"paint": 3}}, "must be the name of a fit's JSON file"),
     ],

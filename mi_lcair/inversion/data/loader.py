@@ -73,7 +73,7 @@ class Loader:
         seen = sight or camera
         scene = seen.setting.view if seen else self.scene(entry)
         width, height = scene.sensor(entry.sensor).film().crop_size()
-        check_closure(scene)
+        scene.mi.integrator().check_differentiable()
         counts, views, aspects, sigma, common, spectrum = None, (), (), None, None, None
         if isinstance(entry, Candidate):
             counts = np.ones((height, width), dtype=bool)
@@ -143,7 +143,7 @@ def goal_datum(
     """The datum of a goal: wanted intensities, all with the same small standard deviation."""
     entry = Observation(goal.scene, "goal", dict(goal.parameters))
     scene = load_with_values(entry.scene, entry.scene_parameters(), motions=motions)
-    check_closure(scene)
+    scene.mi.integrator().check_differentiable()
     views = views_of(scene, goal.aspects)
     is_contrast = goal.background_K is not None
     of_view = Sampling(spp=sampling.spp or SPP_OF_VIEWS, seed=sampling.seed)
@@ -225,12 +225,6 @@ def from_trend(entry, scene: Scene):
 def views_of(scene: Scene, aspects) -> tuple[Scene, ...]:
     """The scene as seen from each (azimuth, elevation), degrees."""
     return tuple(seen_from(scene, View(*aspect), RESOLUTION) for aspect in aspects)
-
-
-def check_closure(scene: Scene) -> None:
-    """Raise InputError for a scene whose radiance has no derivatives."""
-    if scene.mi.integrator().closure == "tail":
-        raise InputError(f"{scene.name}: closure = tail has no derivatives; use none or ambient")
 
 
 def check_units(data: list[Datum], blocks: list[DatumBlock]) -> None:

@@ -153,15 +153,13 @@ class Measurement(Observation):
             raise InputError("scale = 0; must not be zero")
         if self.model_error and not self.image:
             raise InputError("model_sigma belongs to an image, and this is a number; raise sigma")
-        for key in ("row_noise", "column_noise", "frame_noise"):
+        for key in ("row_noise", "column_noise", "frame_noise", "gain", "offset"):
             if getattr(self, key) and not self.image:
                 raise InputError(f"{key} belongs to an image, and this is a number; raise sigma")
         for key in ("gain", "offset"):
             prior = getattr(self, f"{key}_prior")
             if prior is not None and not getattr(self, key):
                 raise InputError(f"{key}_prior is given without {key} = true")
-            if getattr(self, key) and not self.image:
-                raise InputError(f"{key} belongs to an image, and this is a number")
             check_prior(prior, f"{key}_prior")
 
     @property

@@ -133,14 +133,8 @@ class Atmosphere:
 
         The band `total` has no wavelengths and is always refused, except by vacuum.
         """
-        if self.is_vacuum:
-            return
-        if band.is_total:
-            raise InputError(
-                f"atmosphere '{self.name}': band total has no wavelengths that it could act on; "
-                f"choose a band with limits, or atmosphere {VACUUM}"
-            )
-        band.check_covered(self.wavelengths_um, f"atmosphere '{self.name}'")
+        if not self.is_vacuum:
+            band.check_covered(self.wavelengths_um, f"atmosphere '{self.name}'")
 
     def transmittance_mean(self, band: Band, range_m: float, extrapolate: bool = False) -> float:
         """Mean transmittance in the band, weighted by the detector's response only.

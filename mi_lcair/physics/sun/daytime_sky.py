@@ -113,8 +113,6 @@ class ClearSky:
         Raises InputError if the air is not known in the band.
         """
         what = f"clear sky '{self.name}'"
-        if band.is_total:
-            raise InputError(f"{what}: does not cover band total; choose MWIR or LWIR")
         band.check_covered(bands().wavelengths_um, what)
         rings = self.horizon_deg + np.array(RINGS_DEG) * (1 - self.horizon_deg / 90)
         rings[[0, -1]] = rings[0] + ABOVE_HORIZON_DEG, 90.0

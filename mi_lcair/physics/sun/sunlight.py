@@ -52,11 +52,6 @@ class Sunlight:
 
         Raises InputError if the table does not cover the band, or for the band `total`.
         """
-        if band.is_total:
-            raise InputError(
-                f"sunlight '{self.name}': does not cover band total, and materials are those of a "
-                "band; choose a band with limits, such as MWIR"
-            )
         band.check_covered(self.wavelengths_um, f"sunlight '{self.name}'")
         return float(band.integral(self.wavelengths_um, self.irradiance))
 

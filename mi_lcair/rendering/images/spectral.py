@@ -48,8 +48,7 @@ def check_bins(scene: Scene, bins: int, errors_um: Sequence[float], atmosphere) 
         return
     if not 2 <= bins <= MOST_BINS:
         raise InputError(f"bins = {bins}; must be 2 to {MOST_BINS}")
-    if scene.band.is_total:
-        raise InputError("bins: band total has no wavelengths; choose a band with limits")
+    scene.band.check_limits("bins")
     if atmosphere is not None:
         raise InputError("bins: a spectral image has no air; leave out the atmosphere")
     for wavelength in errors_um:

@@ -112,13 +112,10 @@ def add_child(state, parent, name: str, kind, entries: dict) -> None:
     state.nodes.append(added)
 
 
-def instantiated(state, path: Path) -> mi.Scene:
+def instantiated(state) -> mi.Scene:
     """Mitsuba's objects of a parsed scene."""
     with exr_files():
-        loaded = mi.parser.instantiate(configuration(), state)
-    if not isinstance(loaded, mi.Scene):
-        raise InputError(f"{path}: holds no <scene>")
-    return loaded
+        return mi.parser.instantiate(configuration(), state)
 
 
 def with_known_plugins(error: Exception) -> Exception:

@@ -79,6 +79,5 @@ def sky(name: str, band: str):
 def with_limits(band: str) -> Band:
     """The band; raises InputError for the total one, which has no wavelengths."""
     limits = band_of(band)
-    if limits.is_total:
-        raise InputError("band total has no wavelengths; give another, such as 2-14")
+    limits.check_limits("curve")
     return limits
