@@ -18,7 +18,7 @@ from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.window import Windows
 from mi_lcair.sensitivity.columns import columns_of, explored_by, recordings
-from mi_lcair.sensitivity.images import mean_images
+from mi_lcair.sensitivity.images import images_of
 from tests.inversion import ball
 
 RESOLUTION = 64
@@ -55,7 +55,7 @@ def noise_of_pixels(where: str, scene, name: str) -> str:
             scene, windows, sampling.settled(camera), measurands.with_columns(recording.tables)
         )
     channels = ["column.0", "control.0", "mirror.0"]
-    images = [mean_images(total, channels[:k], windows).astype(float) for k in (1, 2, 3)]
+    images = [images_of(total, windows, channels[:k]) for k in (1, 2, 3)]
     score, control, mirror = (image.var(axis=0, ddof=1).sum() for image in images)
     gains = f"{score / control:.2g} | {score / mirror:.2g}"
     return f"| {where} | {name} | {gains} | {recording.method[name]} |"

@@ -27,22 +27,21 @@ def of_pixels(scene, sensor, motion: Motion) -> float:
     name = motion.name.rpartition(".")[2]
     if motion.unit == "pixel":
         return PIXELS
-    half_diagonal = np.hypot(*sensor.film().size()) / 2
     if motion.shapes:
-        value = value_of(scene, motion)
-        trial = TRIAL if value + TRIAL <= motion.upper else -TRIAL
         before = corners(motion.shapes)
-        with moved(scene, {motion.name: value + trial}):
+        with moved(scene, {motion.name: value_of(scene, motion) + TRIAL}):
             distance = np.linalg.norm(corners(motion.shapes) - before, axis=1).max() / TRIAL
         return PIXELS * pixel_pitch(sensor, before.mean(axis=0)) / max(float(distance), 1e-12)
+    half_diagonal = np.hypot(*sensor.film().size()) / 2
     if name == "range_m":
         return PIXELS / half_diagonal * motion.rest
-    turn = PIXELS / half_diagonal
-    if name != "roll_deg":  # a turn about the origin
-        low, high = extent(scene.mi)
-        turn *= half_diagonal * pixel_pitch(sensor, (low + high) / 2)
-        turn /= max(float(np.linalg.norm(high - low)) / 2, 1e-12)
-    return float(np.degrees(turn))
+    if name == "roll_deg":
+        return float(np.degrees(PIXELS / half_diagonal))
+    low, high = extent(scene.mi)
+    middle = (low + high) / 2
+    # The farthest point from the origin of the file, about which the observer turns
+    radius = np.linalg.norm(high - low) / 2 + np.linalg.norm(middle + scene.origin)
+    return float(np.degrees(PIXELS * pixel_pitch(sensor, middle) / max(radius, 1e-12)))
 
 
 def corners(shapes) -> np.ndarray:

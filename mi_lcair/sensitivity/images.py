@@ -44,7 +44,7 @@ def differentiate_image(
         batches = recordings(scene, tracer, camera, along_paths, measurands, seed=sampling.seed)
         if not batches:
             first = measure(scene, windows, sampling, Measurands.of(None))
-            radiance = plain_images(first, windows).astype(np.float32)
+            radiance = images_of(first, windows).astype(np.float32)
         for number, batch in enumerate(batches):
             total = measure(
                 scene,
@@ -54,12 +54,14 @@ def differentiate_image(
             )
             if first is None:
                 first = total
-                radiance = mean_images(total, ["weighted"], windows)
+                radiance = images_of(total, windows, ["weighted"]).astype(np.float32)
             method |= batch.method
             for name, channels in batch.channels.items():
-                images[name] = mean_images(total, channels, windows)
+                images[name] = images_of(total, windows, channels).astype(np.float32)
     for name in differenced:
-        images[name] = difference_images(scene, name, windows, sampling)
+        *ends, step = renders_beside(scene, name, windows, sampling, Measurands.of(None))
+        high, low = (images_of(end, windows) for end in ends)
+        images[name] = ((high - low) / step).astype(np.float32)
         method[name] = ON_FILM if kinds[name] == "motion" else METHOD
     # A motion moves what paths have met
     still = [name for name in names if kinds[name] != "motion"]
@@ -80,27 +82,18 @@ def differentiate_image(
     )
 
 
-def difference_images(scene: Scene, name: str, windows: Windows, sampling: Sampling) -> np.ndarray:
-    """Derivatives of independent images by a difference, (randomisations, height, width)."""
-    high, low, step = renders_beside(scene, name, windows, sampling, Measurands.of(None))
-    images = [plain_images(total, windows) for total in (high, low)]
-    return ((images[0] - images[1]) / step).astype(np.float32)
-
-
 def randomised_images(scene: Scene, sampling: Sampling, randomisations: int) -> np.ndarray:
     """Independent images of the radiance, (randomisations, height, width) [W m^-2 sr^-1]."""
     camera = scene.sensor(sampling.sensor)
     windows = Windows.of_image(camera, randomisations, by_randomisation=True)
-    return plain_images(measure(scene, windows, sampling, Measurands.of(None)), windows)
+    return images_of(measure(scene, windows, sampling, Measurands.of(None)), windows)
 
 
-def plain_images(total: Totals, windows: Windows) -> np.ndarray:
-    """Mean radiance of the paths of each pixel, for each randomisation."""
-    means = total.radiance / np.maximum(total.valid, 1)
+def images_of(total: Totals, windows: Windows, channels=None) -> np.ndarray:
+    """Mean over the paths of each pixel, (randomisations, height, width), of some channels' sum.
+
+    channels: their names; None for the radiance.
+    """
+    sums = total.radiance if channels is None else sum(total.sums[name] for name in channels)
+    means = sums / np.maximum(total.valid, 1)
     return means.T.reshape(-1, windows.rows, windows.columns)
-
-
-def mean_images(total: Totals, channels, windows: Windows) -> np.ndarray:
-    """Means of the sum of some channels over the paths of each pixel, for each randomisation."""
-    means = sum(total.sums[name] for name in channels) / np.maximum(total.valid, 1)
-    return means.T.reshape(-1, windows.rows, windows.columns).astype(np.float32)

@@ -7,7 +7,10 @@ import pytest
 import mi_lcair
 from mi_lcair import InputError
 from mi_lcair.motions.observer import placed, settings_of
-from mi_lcair.motions.pose import moved
+from mi_lcair.motions.pixel_step import of_pixels
+from mi_lcair.motions.pose import known_motions, moved, value_of
+from mi_lcair.plugins.emission.triangles import vertex_positions
+from mi_lcair.rendering.window import window_axes
 from mi_lcair.sensitivity.parameters import changed
 from tests.motions.test_differences import CUBE, convex_hull, derivative, scene_of
 
@@ -168,3 +171,30 @@ def test_place_of_a_moved_scene():
         assert matrix[:3, 3] == pytest.approx(position, abs=1e-4)
         assert matrix[:3, 2] == pytest.approx(3 * np.array(axis), abs=1e-5)
         assert np.linalg.det(matrix[:3, :3]) == pytest.approx(12, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("name", "least"),
+    [
+        ("cube.yaw_deg", 0.19),
+        ("cube.size", 0.2),
+        ("cube.y_m", 0.2),
+        ("observer.azimuth_deg", 0.15),
+        ("observer.elevation_deg", 0.15),
+        ("observer.roll_deg", 0.04),  # that of the film's corners is a quarter of a pixel
+        ("observer.x_px", 0.249),
+    ],
+)
+def test_step_of_an_image(name, least):
+    """It moves what the pixels show by a quarter of a pixel, at most."""
+    scene = seen_by("orthographic")
+    sensor, (shape,) = scene.sensors[0], scene.mi.shapes()
+
+    def places():
+        corner, axes = window_axes(sensor)
+        return (vertex_positions(shape) - corner) @ axes * sensor.film().size()
+
+    before, step = places(), of_pixels(scene, sensor, known_motions(scene)[name])
+    with moved(scene, {name: value_of(scene, known_motions(scene)[name]) + step}):
+        shift = np.linalg.norm(places() - before, axis=1).max()
+    assert least < shift < 0.2501
