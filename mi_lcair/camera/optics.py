@@ -200,12 +200,13 @@ class Optics:
         The samples are means over their own squares, whose footprint is divided out.
         """
         step = self.imager.pitch_um / OVERSAMPLING
-        y, x = fft.fftfreq(shape[0], 1e-3 * step), fft.rfftfreq(shape[1], 1e-3 * step)
-        distance = np.hypot(y[:, None], x)
+        y, x = (fft.rfftfreq(count, 1e-3 * step) for count in shape)
         rows, columns = (
             footprint(along, self.pixel_width_um) / footprint(along, step) for along in (y, x)
         )
-        return np.interp(distance, *self.profile) * rows[:, None] * columns
+        factors = np.interp(np.hypot(y[:, None], x), *self.profile) * rows[:, None] * columns
+        place = np.arange(shape[0])  # the factors of y and -y are equal
+        return factors[np.minimum(place, shape[0] - place)]
 
     @cached_property
     def profile(self) -> tuple[np.ndarray, np.ndarray]:
