@@ -22,6 +22,7 @@ from mi_lcair.plugins.emitters.thermal_emitter import is_thermal, thermal_shapes
 
 SCALED = ("radiance", "emissivity")  # kinds whose several numbers change by a common factor
 DIFFERENCED = ("motion", "plugin")  # kinds whose derivatives are differences of renders
+NEAREST = 1e-3  # fraction of the way to its lower bound that a temperature keeps away from it
 AT = "at_"  # beginning of the name of a spectrum's change at a wavelength, such as "at_8500nm"
 BISECTIONS = 50  # steps in the search for the bound of a feasible material parameter
 
