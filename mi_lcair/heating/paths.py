@@ -23,6 +23,7 @@ from mi_lcair.heating.closed import closed_shapes
 from mi_lcair.heating.conductors import RINGS_DEG
 from mi_lcair.heating.parts import Parts
 from mi_lcair.heating.surfaces import Surfaces
+from mi_lcair.plugins.emission.emissivity import reflects
 from mi_lcair.plugins.emission.triangles import pointer_id
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 from mi_lcair.plugins.paths.offsets import Offsets
@@ -114,15 +115,13 @@ class FacetPaths:
         self.column = mi.UInt32(column.astype(np.uint32))
         ids = [pointer_id(mi.ShapePtr(shape)) for shape in self.shapes]
         is_one_sided = np.array([len(surface.sides) == 1 for surface in different])[of_shape]
-        flags = np.array([int(surface.bsdf.flags()) for surface in different])[of_shape]
         is_closed = closed_shapes(table, self.shapes, is_one_sided)
         backs = np.where(is_closed, self.end("buried"), self.end("lost") + np.arange(len(ids)))
-        by_pointer = np.zeros((3, max(ids) + 1), dtype=np.uint32)
-        by_pointer[:, ids] = of_shape, flags, backs
-        self.surface_of, self.flags_of, self.back_of = map(mi.UInt32, by_pointer)
+        by_pointer = np.zeros((2, max(ids) + 1), dtype=np.uint32)
+        by_pointer[:, ids] = of_shape, backs
+        self.surface_of, self.back_of = map(mi.UInt32, by_pointer)
         self.vector = mi.UInt32(VECTOR)
-        dr.eval(self.surface_of, self.flags_of, self.back_of, self.column)
-        dr.eval(self.row_facet, self.row_side)
+        dr.eval(self.surface_of, self.back_of, self.column, self.row_facet, self.row_side)
 
     def end(self, name: str) -> int:
         """The column of one of ENDS. What is lost has one for each shape, from there on."""
@@ -141,12 +140,14 @@ class FacetPaths:
     def respond(self, si, active, u=0.5, v=0.5):
         """Emissivity of the surfaces at hits toward `si.wi`, and a direction with its weight.
 
-        u, v: random numbers for the direction, from which light arrives.
+        Before them comes whether the surface has this side. u, v: random numbers for the direction,
+        from which light arrives.
         """
 
         def respond(surface, si, u, v, active):
             bs, weight = surface.bsdf.sample(mi.BSDFContext(), si, u, v, active)
-            return mi.Float(surface.emissivity.eval(surface.bsdf, si, active)), bs.wo, weight[0]
+            emissivity = mi.Float(surface.emissivity.eval(surface.bsdf, si, active))
+            return reflects(surface.flags, si.wi.z), emissivity, bs.wo, weight[0]
 
         targets = [partial(respond, surface) for surface in self.surfaces.different]
         arguments = si, mi.Float(u), mi.Point2f(v), active
@@ -235,7 +236,7 @@ class FacetPaths:
         si, side, sampler = self.starts(place, lane % points, seed)
         si.wi = mi.warp.square_to_cosine_hemisphere(sampler.next_2d())
         si.wi.z = dr.mulsign(si.wi.z, side)
-        absorbed, _, _ = self.respond(si, mi.Bool(True))
+        _, absorbed, _, _ = self.respond(si, mi.Bool(True))
         # What is absorbed of the sky's light is the same for light that arrives. Light that a side
         # has reflected begins with the weight 1.
         weight = mi.Float(1) if self.reflected else absorbed
@@ -269,11 +270,8 @@ class FacetPaths:
             escapes = active & ~ends & (~meets | (column == n))
             meets &= ~escapes
             u, v = sampler.next_1d(), sampler.next_2d()
-            emissivity, to, factor = self.respond(si, meets, u, v)
-            flags = self.at(self.flags_of, si, meets)
-            in_front = mi.has_flag(flags, mi.BSDFFlags.FrontSide) & (si.wi.z > 0)
-            behind = mi.has_flag(flags, mi.BSDFFlags.BackSide) & (si.wi.z < 0)
-            is_back = meets & ~in_front & ~behind
+            has_side, emissivity, to, factor = self.respond(si, meets, u, v)
+            is_back = meets & ~has_side
             column = dr.select(is_back, self.at(self.back_of, si, meets), column)
             column = dr.select(escapes, n + self.ring(ray.d), column)
             column = dr.select(ends, self.end("truncated"), column)

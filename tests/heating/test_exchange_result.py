@@ -45,11 +45,13 @@ def test_pairs_have_their_errors(result):
     area = result.facets.radiating_area
     share = 1 - np.transpose([area[i], area[j]]) / (area[i] + area[j])[:, None]
     path = (share * np.transpose([result.traced.path_area[k] for k in (i, j)])).max(axis=1)
-    np.testing.assert_allclose(pairs["conductor_error_m2"], np.maximum(scatter, 1.5 * path))
+    value, agree = pairs["conductor_m2"], scatter < 0.01 * pairs["conductor_m2"]
+    expected = np.maximum(scatter, np.where(agree, np.minimum(1.5 * path, value), 0))
+    np.testing.assert_allclose(pairs["conductor_error_m2"], expected)
 
 
 def test_pairs_that_few_paths_meet_are_within_their_errors():
-    """Equally many paths of each randomisation meet the other square, or the scatter is small."""
+    """Of some seeds, equally many paths of each randomisation meet the other square."""
     T, held = mi.ScalarTransform4f(), []
     half = T.translate([0, 0, 2]).rotate([1, 0, 0], 180)
     scene = scene_of(
