@@ -140,13 +140,9 @@ def check_writable(path: str | Path) -> None:
     The check leaves no file behind. It is fast, so a command can do it before it renders.
     """
     target = _target(path)
-    try:
+    with _writing(path, target.parent):
         if target.exists() and not target.is_file():
             raise InputError(f"output '{path}' is not a file; name a file to write")
-        if not target.parent.is_dir():
-            raise InputError(
-                f"output folder '{target.parent}' does not exist; create it or name another"
-            )
         # Only an attempt is reliable, because permission bits do not account for root and for
         # read-only file systems.
         probe = _partial(target)
@@ -154,6 +150,18 @@ def check_writable(path: str | Path) -> None:
             if not probe.exists():  # otherwise it waits for the end of a block of `together`
                 probe.touch()
                 probe.unlink()
+
+
+@contextmanager
+def _writing(path: str | Path, folder: Path):
+    """Context manager that writes into a folder; raises InputError where `path` cannot be written.
+
+    The folder must exist.
+    """
+    try:
+        if not folder.is_dir():
+            raise InputError(f"output folder '{folder}' does not exist; create it or name another")
+        yield
     except OSError as error:
         raise InputError(
             f"cannot write '{path}': {error.strerror}; name a folder that can be written"
@@ -233,35 +241,28 @@ def filling(folder: str | Path):
     folder = _target(folder)
     if folder.exists() and not folder.is_dir():
         raise InputError(f"output '{folder}' is not a folder; name a folder to write to")
-    if not folder.resolve().parent.is_dir():
-        raise InputError(
-            f"output folder '{folder.parent}' does not exist; create it or name another"
-        )
     is_new = not folder.exists()
     written = folder if is_new else folder / "files"
     partial = _partial(written)
     temporary.add(partial)
     try:
-        _remove_abandoned(written)
-        partial.mkdir()
-        yield partial
-        if is_new:
-            partial.rename(folder)
-            return
-        files = sorted(partial.iterdir())
-        for file in files:
-            if (folder / file.name).is_dir():
-                raise InputError(
-                    f"cannot write '{folder / file.name}': it is a folder; "
-                    "remove it or name another output"
-                )
-        with held_back():
+        with _writing(folder, folder.parent):
+            _remove_abandoned(written)
+            partial.mkdir()
+            yield partial
+            if is_new:
+                partial.rename(folder)
+                return
+            files = sorted(partial.iterdir())
             for file in files:
-                os.replace(file, folder / file.name)
-    except OSError as error:
-        raise InputError(
-            f"cannot write '{folder}': {error.strerror}; name a folder that can be written"
-        ) from error
+                if (folder / file.name).is_dir():
+                    raise InputError(
+                        f"cannot write '{folder / file.name}': it is a folder; "
+                        "remove it or name another output"
+                    )
+            with held_back():
+                for file in files:
+                    os.replace(file, folder / file.name)
     finally:
         _discard(partial)
 

@@ -287,7 +287,7 @@ def _read_temperatures(path, count):
     temperature = np.zeros(count)
     for number, cells in table.rows:
         cell = cells[facet_column]
-        try:
+        with errors_of(f"{path}, line {number}"):
             facet = int(cell) if cell.isascii() and cell.isdecimal() and len(cell) < 10 else -1
             if not 0 <= facet < count:
                 raise InputError(
@@ -297,8 +297,6 @@ def _read_temperatures(path, count):
                 raise InputError(f"facet {facet} is given twice")
             mark = "." if table.separator == "," else ","
             temperature[facet] = kelvin(cells[kelvin_column].replace(mark, "."))
-        except InputError as error:
-            raise InputError(f"{path}, line {number}: {error}") from None
     missing = np.flatnonzero(temperature == 0)
     if len(missing):
         raise InputError(

@@ -81,11 +81,9 @@ def command(what, uncertainties, output, plot, image, draws, of, **settings):
 
 
 def _scenario(what, sampling, image, **settings):
-    """The scenario, and no further arguments of `mi_lcair.budget` for it."""
+    """The scenario, and the keyword arguments of `mi_lcair.budget` for it."""
     if image:
         raise InputError("--image needs a scene; a contrast is a single number")
-    if settings["sensor"]:
-        raise InputError("--sensor is one of a scene; a scenario has its observer")
     changes = dict(settings["changes"]) | options.given(sampling, "render.")
     changes |= options.given(
         {
@@ -94,7 +92,7 @@ def _scenario(what, sampling, image, **settings):
             "target.parameters.motions": settings["motions"] and str(settings["motions"]),
         }
     )
-    return options.read_scenario(what, changes), {}
+    return options.read_scenario(what, changes), {"sensor": settings["sensor"]}
 
 
 def _scene(what, sampling, image, **settings):
