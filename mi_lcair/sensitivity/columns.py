@@ -57,15 +57,15 @@ def by_difference(scene, names) -> list[str]:
     return [entry.name for entry in chosen(scene, names) if entry.kind in DIFFERENCED]
 
 
+def of_plumes(scene, names) -> set[str]:
+    """Parameters of plumes. What a plume hides of a background changes with them, too."""
+    entries = chosen(scene, names)
+    return {e.name for e in entries if any(is_plume(place.node) for place in e.places)}
+
+
 def without_column(scene, names) -> set[str]:
-    """Parameters for which paths do not give the derivative: see `by_difference` and `Plume`."""
-    others = set(by_difference(scene, names))
-    with scene.prepared() as tracer:
-        if not tracer.emitters.draws:
-            return others
-    columns = columns_of(scene, [name for name in names if name not in others])
-    materials = {n: c.surfaces for n, c in columns.items() if isinstance(c, MaterialColumn)}
-    return others | {name for name, surfaces in materials.items() if any(map(is_plume, surfaces))}
+    """Parameters for which paths do not give the whole derivative of a number."""
+    return {*by_difference(scene, names), *of_plumes(scene, names)}
 
 
 def column_of(entry: Entry) -> MaterialColumn | SourceColumn:

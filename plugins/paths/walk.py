@@ -186,6 +186,10 @@ class Walk:
         while dr.hint(active, label="bounce_path"):
             hit, lost = self.hit(path, most, active)
             recorders.meet(hit.bsdf, hit.si.wi)
+            if dr.hint(self.emitters.passes, mode="scalar"):
+                escapes = hit.active & ~hit.si.is_valid() & (path.bounce == 0)
+                escapes &= dr.reinterpret_array(mi.UInt32, hit.emitter) == 0
+                recorders.escape(escapes, path.throughput[0])
             Le, of_latent = self.emitted(primal, path, hit, most, recorders, counts)
             # A replay subtracts what the primal pass added, so that after the subtractions L is the
             # radiance from later vertices

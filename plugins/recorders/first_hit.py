@@ -17,9 +17,11 @@ class FirstHit(Recorder):
     facets: numbering of facets with the method `number(shape, prim_index, active)`; None: facets
     are not numbered. model_only: whether only paths that first hit the model are followed. range:
     distance [m], 0 if nothing is hit. seen: number of the group's label. of_model: 1 if the hit
-    belongs to the model, 0 if to the background. facet: its number.
+    belongs to the model, 0 if to the background. facet: its number. transmittance: of all that the
+    ray passes, 0 if anything is behind it, also a sky.
 
-    Its channels are seen.LABEL, range and hit (1 or 0); with `model_only` the last two.
+    Its channels are seen.LABEL, hit and range; with `model_only` the last two. `hit` is the share
+    of what is behind the scene that the path hides, and `range` is weighted with it.
     """
 
     scene: mi.Scene
@@ -30,10 +32,11 @@ class FirstHit(Recorder):
     seen: mi.UInt32
     of_model: mi.Float
     facet: mi.UInt32
+    transmittance: mi.Float
 
     @staticmethod
     def of(scene, emitters: EmitterTable, facets=None, model_only: bool = False) -> "FirstHit":
-        nothing = mi.Float(0), mi.UInt32(0), mi.Float(0), mi.UInt32(0)
+        nothing = mi.Float(0), mi.UInt32(0), mi.Float(0), mi.UInt32(0), mi.Float(0)
         return FirstHit(scene, emitters, facets, model_only, *nothing)
 
     def begin(self, first, ray, active) -> mi.Bool:
@@ -58,8 +61,12 @@ class FirstHit(Recorder):
             self.facet = self.facets.number(si.shape, si.prim_index, hit & faces)
         return active & (self.of_model > 0) if self.model_only else active
 
+    def escape(self, active, throughput):
+        self.transmittance = dr.select(active, throughput, self.transmittance)
+
     def samples(self, L) -> dict:
-        channels = {"hit": dr.select(self.range > 0, mi.Float(1), 0), "range": self.range}
+        hit = dr.select(self.range > 0, 1 - self.transmittance, 0)
+        channels = {"hit": hit, "range": hit * self.range}
         if self.model_only:
             return channels
         labels = enumerate(self.emitters.labels)

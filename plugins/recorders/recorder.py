@@ -5,6 +5,7 @@ methods in this order:
 
     begin     the first ray has hit something, or has escaped
     meet      the path is at a surface
+    escape    the first ray passes surfaces, such as plumes, and meets nothing behind them
     emission  radiance reaches the sensor along the path, met by its ray or brought by a direction
               that was drawn toward an emitter
     reflect   the direction of the next ray is sampled
@@ -99,6 +100,9 @@ class Recorder:
     def meet(self, bsdf: mi.BSDFPtr, wi: mi.Vector3f) -> None:
         """Note the surface, seen from the direction `wi` in its frame."""
 
+    def escape(self, active, throughput: mi.Float) -> None:
+        """Note the first ray's throughput where it meets nothing, not even a sky."""
+
     def emission(self, emission: Emission) -> None:
         """Note radiance that reaches the sensor."""
 
@@ -132,6 +136,10 @@ class Recorders:
     def meet(self, bsdf, wi) -> None:
         for part in self.parts:
             part.meet(bsdf, wi)
+
+    def escape(self, active, throughput) -> None:
+        for part in self.parts:
+            part.escape(active, throughput)
 
     def emission(self, emission: Emission) -> None:
         for part in self.parts:

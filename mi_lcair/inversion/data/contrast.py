@@ -12,6 +12,7 @@ from mi_lcair.detection.weather import in_weather, weather_quantities
 from mi_lcair.errors import InputError
 from mi_lcair.motions.differences import default_step, poses_around
 from mi_lcair.motions.pose import known_motions, value_of
+from mi_lcair.sensitivity.columns import of_plumes
 from mi_lcair.sensitivity.entries import Parameter
 from mi_lcair.sensitivity.sensitivities import Sensitivities
 from mi_lcair.sensitivity.window import (
@@ -24,6 +25,7 @@ from mi_lcair.uncertainty.numbers.contrast_number import BEHIND, ContrastNumber
 from mi_lcair.uncertainty.numbers.number import SOURCE_STEP
 
 BEHIND_STEP = 1e-4  # relative step of the derivative of a background
+PLUME_STEP = 0.02  # step of the derivative with respect to a plume's transmittance
 WEATHER_SIGMA = 0.01  # standard deviation of the weather whose derivative is wanted, of its range
 
 
@@ -106,6 +108,8 @@ class MeasuredContrast:
         hot = [name for name in names if number.known[name].kind == "temperature"]
         stated = [name for name in names if number.is_own(name)]
         rest = [name for name in names if name not in (*hot, *stated, *steps)]
+        plumes = of_plumes(number.scene, rest)
+        rest = [name for name in rest if name not in plumes]
         parts = [number_of(number, rest, number.weights())]
         if hot:
             parts.append(number_of(number, hot, slope_weights(number)))
@@ -139,6 +143,9 @@ class MeasuredContrast:
                 for end in (step, -step)
             )
             columns[name] = columns[name] + (high - low) / (2 * step)
+        for name in plumes:
+            slope = number.differences([name], [PLUME_STEP])[0, 0]
+            columns[name] = np.full(len(contrast), slope)
         for name in stated:
             sigma = number.known[name].upper - number.known[name].lower
             slope = number.closed_derivative(name, WEATHER_SIGMA * sigma)[0]
