@@ -3,6 +3,8 @@
 from dataclasses import replace
 from functools import reduce
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 
 from mi_lcair.plugins.emission.emitter_table import hulls
@@ -76,7 +78,7 @@ def aim_over_model(scene, sensor, model_alone: bool = False) -> Aim:
     model_alone: whether paths that do not begin there bring nothing, so that none are needed.
     """
     model, cells = [hulls(shape) for shape in model_shapes(scene)], cells_of(sensor)
-    may_be = np.array([cells_of_model(model, view, cells) for view in views_of(sensor)])
+    may_be = cells_of_model(model, views_of(sensor), cells)
     anywhere = 0.0 if model_alone and may_be.any(axis=(1, 2)).all() else ANYWHERE
     return Aim.at(np.zeros(may_be.shape), may_be, 1 - anywhere, anywhere)
 
@@ -91,33 +93,40 @@ def pilot_paths(sensor) -> int:
     return POINTS * cells_of(sensor) ** 2
 
 
-def cells_of_model(model: list[np.ndarray], sensor, cells: int) -> np.ndarray:
-    """Whether the model can be in a cell of an orthographic sensor's window, (cells, cells).
+def cells_of_model(model: list[np.ndarray], views: list, cells: int) -> np.ndarray:
+    """Whether the model can be in a cell of orthographic sensors' windows, (views, cells, cells).
 
     It is so in all cells that the bounding rectangle of a projected triangle touches. A triangle
     that is long and lies across the rows is therefore counted in more cells than it covers. model:
     `hulls` of its shapes.
     """
-    corner, axes = window_axes(sensor)
-    axes = axes * cells
+    centre = model[0][0, 0]  # near which single precision is enough
+    corner, axes = (np.array(part) for part in zip(*map(window_axes, views)))
+    axes *= cells
+    begin = mi.Point2f(np.einsum("va,vak->kv", corner - centre, axes))
+    axes = [mi.Vector3f(axes[:, :, k].T) for k in range(2)]
     # Number of rectangles over each cell: each adds 1 at its first corner and, for the cumulative
     # sums below to end there, subtracts 1 beyond its last row and column
-    size, begins, ends = cells + 1, [], []
+    size, change = cells + 1, dr.zeros(mi.Int32, len(views) * (cells + 1) ** 2)
     for points in model:
-        # Products of long arrays and extremes of few are much faster than along short axes
-        position = (points.reshape(-1, 3) @ axes - corner @ axes).reshape(*points.shape[:2], 2)
-        first, *others = np.moveaxis(position, 1, 0)
-        low = np.floor(reduce(np.minimum, others, first) - EDGE)
-        high = np.floor(reduce(np.maximum, others, first) + EDGE)
-        seen = np.all((high >= 0) & (low < cells), axis=1)
-        bounds = np.clip([low[seen], high[seen]], 0, cells - 1).astype(int)
-        (x0, y0), (x1, y1) = bounds.transpose(0, 2, 1)
-        begins += [y0 * size + x0, (y1 + 1) * size + x1 + 1]
-        ends += [y0 * size + x1 + 1, (y1 + 1) * size + x0]
-    change = np.subtract(
-        *(np.bincount(np.concatenate(places), minlength=size**2) for places in (begins, ends))
-    )
-    return change.reshape(size, size).cumsum(axis=0).cumsum(axis=1)[:cells, :cells] > 0
+        count = dr.opaque(mi.UInt32, len(points))
+        lane = dr.arange(mi.UInt32, len(views) * len(points))
+        view, triangle, places = lane // count, lane % count, []
+        right, up = (dr.gather(mi.Vector3f, axis, view) for axis in axes)
+        for corners in np.moveaxis(points - centre, 1, 0):
+            p = dr.gather(mi.Vector3f, mi.Vector3f(corners.T), triangle)
+            places.append(mi.Point2f(dr.dot(right, p), dr.dot(up, p)))
+        first = dr.gather(mi.Point2f, begin, view)
+        low = dr.floor(reduce(dr.minimum, places) - first - EDGE)
+        high = dr.floor(reduce(dr.maximum, places) - first + EDGE)
+        seen = dr.all((high >= 0) & (low < cells))
+        start, end = (mi.Point2u(dr.clip(bound, 0, cells - 1)) for bound in (low, high))
+        end += 1
+        for x, y, sign in ((start, start, 1), (end, start, -1), (start, end, -1), (end, end, 1)):
+            cell = (view * size + y.y) * size + x.x
+            dr.scatter_add(change, mi.Int32(sign), cell, seen)
+    rectangles = change.numpy().reshape(len(views), size, size)
+    return rectangles.cumsum(axis=1).cumsum(axis=2)[:, :cells, :cells] > 0
 
 
 def blurred(cells: np.ndarray) -> np.ndarray:

@@ -102,10 +102,11 @@ class Target:
 
         Its centre, and half of its sides to the right and upward, (3,) each [m].
         """
-        up = UP if abs(view.elevation_deg) < POLE_DEG else BESIDE
-        right = np.cross(up, view.direction)
+        toward = x, y, z = view.direction
+        # The vector product of UP or BESIDE with the direction
+        right = np.array([-y, x, 0.0] if abs(view.elevation_deg) < POLE_DEG else [0.0, -z, y])
         right /= np.linalg.norm(right)
-        up = np.cross(view.direction, right)
+        up = np.cross(toward, right)
         middle, sides = self.centre, []
         for axis in (right, up):
             along = (self.points - self.centre) @ axis
