@@ -101,10 +101,15 @@ class Profile:
         bound = (self.prior.upper if side > 0 else self.prior.lower)[self.k]
         if self.x[self.k] == bound:
             return float(bound)
-        blocks = self.blocks
+        blocks, own = self.blocks, None
         for _ in range(RENDERS):
             place, predicted, beyond = self.crossing(blocks, side, bound)
-            errors = predicted
+            if own is not None and place is self.x:
+                # By this render even the estimate is outside: noise of the render hides the rise
+                place, predicted, beyond = own
+                errors = predicted
+                break
+            own, errors = own or (place, predicted, beyond), predicted
             if render is None:
                 break
             try:

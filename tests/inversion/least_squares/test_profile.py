@@ -117,6 +117,35 @@ def test_a_profile_has_the_errors_of_the_estimate():
         assert profile.is_straight(1) and profile.is_straight(-1)
 
 
+def test_noise_of_other_renders_does_not_end_a_profile():
+    """It raises the cost by 30, and an interval ends where the cost is 3.84 higher."""
+    truth = np.array([0.05, 0.5])
+    unknowns = [unknown("a", upper=2.0), unknown("b", start=0.5, upper=3.0)]
+    widths = []
+    for draw in range(20):
+        random = np.random.default_rng(draw)
+        measured = product(truth, None).radiance[0] + SIGMA * random.normal(size=COUNT)
+        state = solved(measured, unknowns)
+        expected = reference_ends(measured, unknowns, state.x, 0)
+
+        def noisy(x, random=random, measured=measured):
+            clean = product(x, measured)
+            return [replace(clean, radiance=clean.radiance + SIGMA * random.normal(size=COUNT))]
+
+        errors = np.sqrt(state.covariance[0, 0])
+        profile = Profile(
+            state.blocks,
+            state.x,
+            Prior.of(unknowns),
+            0,
+            state.covariance[0] / errors,
+            equations(state.blocks, state.x),
+        )
+        width = profile.end(1, noisy) - state.x[0]
+        widths.append(width / (expected[1] - state.x[0]))
+    assert widths == pytest.approx(np.ones(20), abs=0.1)
+
+
 def test_values_that_no_surface_can_have_end_a_profile():
     measured = product((0.05, 0.5), None).radiance[0]
     unknowns = [unknown("a"), unknown("b")]
