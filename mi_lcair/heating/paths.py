@@ -106,7 +106,6 @@ class FacetPaths:
         places = (self.rows, np.arange(len(self.rows)))
         area = table.area[self.number][self.rows]
         self.areas = sparse.csr_array((area, places), shape=(n, len(self.rows)))
-        different = surfaces.different
         self.row_facet = mi.UInt32(self.rows.astype(np.uint32))
         self.row_side = mi.Float(self.of_rows(lambda surface: surface.sides))
         column = self.end("lost") + table.shape_index
@@ -114,8 +113,8 @@ class FacetPaths:
         column[self.number] = index
         self.column = mi.UInt32(column.astype(np.uint32))
         ids = [pointer_id(mi.ShapePtr(shape)) for shape in self.shapes]
-        is_one_sided = np.array([len(surface.sides) == 1 for surface in different])[of_shape]
-        is_closed = closed_shapes(table, self.shapes, is_one_sided)
+        count = np.array([len(surface.sides) for surface in surfaces.different])[of_shape]
+        is_closed = closed_shapes(table, self.shapes, count == 1)
         backs = np.where(is_closed, self.end("buried"), self.end("lost") + np.arange(len(ids)))
         by_pointer = np.zeros((2, max(ids) + 1), dtype=np.uint32)
         by_pointer[:, ids] = of_shape, backs
@@ -147,7 +146,7 @@ class FacetPaths:
         def respond(surface, si, u, v, active):
             bs, weight = surface.bsdf.sample(mi.BSDFContext(), si, u, v, active)
             emissivity = mi.Float(surface.emissivity.eval(surface.bsdf, si, active))
-            return reflects(surface.flags, si.wi.z), emissivity, bs.wo, weight[0]
+            return reflects(surface.emissivity.flags, si.wi.z), emissivity, bs.wo, weight[0]
 
         targets = [partial(respond, surface) for surface in self.surfaces.different]
         arguments = si, mi.Float(u), mi.Point2f(v), active

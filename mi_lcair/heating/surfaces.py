@@ -37,13 +37,9 @@ class Surface:
     emissivity: Emissivity | Table
 
     @property
-    def flags(self) -> int:
-        return int(self.bsdf.flags())
-
-    @property
     def sides(self) -> tuple[int, ...]:
         """The sides that emit: 1 in front, -1 behind."""
-        return tuple(side for side, flag in SIDES if self.flags & flag)
+        return tuple(side for side, flag in SIDES if self.emissivity.flags & flag)
 
     @property
     def is_diffuse(self) -> bool:

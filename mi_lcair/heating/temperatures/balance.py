@@ -38,11 +38,6 @@ class Balance:
         """Diagonal of L [m^2], (n,)."""
         return self.laplacian.diagonal()
 
-    def residual(self, kelvin, power, conductance) -> np.ndarray:
-        """Power that is left over at temperatures [W], (n,)."""
-        emitted = STEFAN_BOLTZMANN * (self.laplacian @ kelvin**4)
-        return power - conductance * kelvin - emitted
-
     def solve(self, power, conductance, start, closed: float = CLOSED) -> tuple[np.ndarray, float]:
         """Temperatures [K], (n,), from some start, and the largest residual [W].
 
@@ -52,7 +47,8 @@ class Balance:
         """
         kelvin = np.array(start, float)
         for _ in range(MOST_STEPS):
-            residual = self.residual(kelvin, power, conductance)
+            emitted = STEFAN_BOLTZMANN * (self.laplacian @ kelvin**4)
+            residual = power - conductance * kelvin - emitted
             # With the power at 1 K, so that a surface without any source cools to 0 K
             scale = STEFAN_BOLTZMANN * self.diagonal * (1 + kelvin**4) + conductance * kelvin
             scale += abs(power)
