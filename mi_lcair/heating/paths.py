@@ -167,10 +167,10 @@ class FacetPaths:
         return dr.gather(mi.UInt32, table, dr.reinterpret_array(mi.UInt32, si.shape), active)
 
     def starts(self, place: mi.UInt32, point: mi.UInt32, seed) -> tuple:
-        """Even points on the facets of rows, with the rows' sides, for a number of each row.
+        """Even points on the facets of rows, the sides of the rows, and the paths' samplers.
 
-        place: number of the row, counted on through the RANDOMISATIONS. point: number of the path
-        among those of the place. Returns the points, the sides, and the sampler of what follows.
+        place: number of the path's row plus the number of rows times that of its randomisation.
+        point: number of the path among those of the place.
         """
         rows = dr.opaque(mi.UInt32, len(self.rows))
         row, seed = place % rows, dr.opaque(mi.UInt32, seed)
