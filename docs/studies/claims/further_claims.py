@@ -12,6 +12,7 @@ from docs.studies.claims.scene_file import diffuse
 from docs.studies.claims.witness import Claim, Witness, student
 from mi_lcair.motions.pose import declare
 from mi_lcair.motions.table import motions_of
+from mi_lcair.rendering.facets.table import FacetTable
 
 WINDOW_FREEDOM = 7  # degrees of freedom of an error: the randomisations less one
 STRETCH = "body.stretch"
@@ -74,7 +75,8 @@ def balance(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
     run = {"rays": int(2 ** rng.integers(6, 11)), "seed": int(rng.integers(1000))}
     result = mi_lcair.heat({"target": {"scene": str(scene.path)}, "weather": weather, "run": run})
     vectors = case.body.areas
-    _, number = KDTree(case.body.corners.mean(axis=1)).query(result.facets.centre)
+    centre = FacetTable(scene).centre[result.facets.number]
+    _, number = KDTree(case.body.corners.mean(axis=1)).query(centre)
     upward = (vectors[:, 2] / np.linalg.norm(vectors, axis=1))[number]
     truths = (((1 + upward) * sky**4 + (1 - upward) * ground**4) / 2) ** 0.25
     errors = student(WINDOW_FREEDOM) * result.noise[0]
