@@ -40,7 +40,7 @@ from mi_lcair.rendering.loading.remarks.loaded import (
     suns_below_the_horizon,
     turned_inside_out,
 )
-from mi_lcair.rendering.loading.remarks.nothing import reflections_of_nothing
+from mi_lcair.rendering.loading.remarks.nothing import reflections_of_nothing, seen_from_behind
 from mi_lcair.startup.threads import discarded, exclusive, exclusively
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
@@ -324,6 +324,7 @@ def checked(loaded: mi.Scene, path: Path | None, parameters: dict[str, str]) -> 
         # The void around bundled scenes is meant
         is_bundled = path is not None and path.parent == scenes.FOLDER
         of_nothing = [] if is_bundled else reflections_of_nothing(loaded, emitters)
+        behind = [] if is_bundled else seen_from_behind(loaded, emitters)
         bins = tracer.bins
         of_bins = [f"materials by wavelength: {bins} without air and tolerance"] if bins else []
     if emitters.band is None:
@@ -341,6 +342,7 @@ def checked(loaded: mi.Scene, path: Path | None, parameters: dict[str, str]) -> 
             *remarks_on_materials(loaded),
             *suns_below_the_horizon(loaded),
             *of_nothing,
+            *behind,
             *of_bins,
         ],
         sensors=list(loaded.sensors()),

@@ -57,7 +57,9 @@ class Flight(Result):
     @property
     def interpolation_error(self) -> float:
         """Largest error of interpolation, as a fraction of the irradiance of the target."""
-        return float(np.max(self.table["interpolation_error_W_m2"] / self.table["target_W_m2"]))
+        error, target = (self.table[f"{name}_W_m2"] for name in ("interpolation_error", "target"))
+        dark = np.where(error > 0, np.inf, 0.0)
+        return float(np.max(np.divide(error, target, out=dark, where=target > 0)))
 
     def detection(self) -> str:
         """The first detection in words."""

@@ -1,5 +1,7 @@
 """Tests of flights: a plate that passes, the thesis's positions, histories and bad input."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -60,6 +62,8 @@ def test_coarse_interpolation_states_its_error(tmp_path, monkeypatch):
     assert made.views == 3 and made.interpolation_error > 0.01
     assert np.all(off <= made.table["contrast_half_width_W_m2"] + 2e-8)
     assert made.table["interpolation_error_W_m2"].max() < 8 * off.max()
+    dark = {"target_W_m2": np.zeros(3), "interpolation_error_W_m2": np.zeros(3)}
+    assert replace(made, table=dark).interpolation_error == 0
 
 
 def test_history_of_temperature_follows_planck(tmp_path):

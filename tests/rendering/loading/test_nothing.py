@@ -26,6 +26,18 @@ def share(sensor=None, **shapes):
     return next((float(match[1]) for match in found if match), 0.0)
 
 
+@pytest.mark.parametrize("turned, expected", [(0, False), (180, True)])
+def test_a_plate_from_behind(turned, expected):
+    """A plate that is two-sided has no back."""
+    place = mi.ScalarTransform4f().rotate([1, 0, 0], turned)
+    for bsdf, has_back in ((GREY, True), ({"type": "twosided", "grey": GREY}, False)):
+        plate = {**PLATE, "bsdf": bsdf, "to_world": place}
+        notes = mi_lcair.load(scene(PATH, camera(4, 1.0), plate=plate)).notes
+        remarks = [note for note in notes if "are backs of one-sided surfaces" in note]
+        assert len(remarks) == (expected and has_back)
+        assert not remarks or remarks[0].startswith("100 %")
+
+
 def sky(**others):
     return {"type": "sky", "band": "LWIR", **others}
 
