@@ -23,7 +23,8 @@ class Surface:
     """The triangles of a model, and those of its vertices that move: the vertices of a group.
 
     Vertices at the same position move together, also those of other groups, so that no crack opens.
-    Raises InputError for an unknown group, or if a part of the model is no mesh.
+    Raises InputError for an unknown group, or if a part of the model is no mesh or has a
+    triangle without area.
 
     scene: Scene. meshes: those of the model. vertices: of all meshes (V, 3) [m], Float64. ends:
     numbers of vertices at which the next mesh begins. triangles: their vertices (T, 3). moving:
@@ -53,6 +54,13 @@ class Surface:
         self.moving, self.positions = moving[welded], self.vertices[places]
         self.corners = self.moving[self.triangles]
         self.facing, self.sides = facings(self.meshes)
+        for number in np.flatnonzero(~self.normals.any(axis=1)):
+            mesh = np.searchsorted(np.cumsum(list(map(len, faces))), number, side="right")
+            first = sum(map(len, faces[:mesh]))
+            raise InputError(
+                f"{scene.name}: triangle {number - first} of shape '{self.meshes[mesh].id()}' has "
+                "no area; remove it"
+            )
 
     @cached_property
     def normals(self) -> np.ndarray:

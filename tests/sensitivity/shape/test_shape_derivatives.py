@@ -188,6 +188,9 @@ def test_inputs_that_cannot_be_used():
     scene = scene_of(convex_hull("cube", CUBE))
     with pytest.raises(InputError, match="unknown group of meshes of .* 'cub'; known: cube"):
         mi_lcair.shape_derivatives(scene, "cub")
+    flat = mesh("sheet", np.eye(3), [[0, 1, 2], [0, 0, 1]])
+    with pytest.raises(InputError, match="triangle 1 of shape '.*' has no area; remove it"):
+        mi_lcair.shape_derivatives(scene_of(flat), "sheet")
     scene.mi.integrator().closure = "tail"
     with pytest.raises(InputError, match="closure = tail has no derivatives by vertex"):
         mi_lcair.shape_derivatives(scene, "cube", paths=64)
