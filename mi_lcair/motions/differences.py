@@ -232,7 +232,7 @@ class Differences:
             verdict = "step-dependent"
         parts = [
             np.sqrt(max(floor**2 - scatter**2, 0)),
-            rounding_error(self.scene.mi.integrator().max_bounces) * pilot.rows[:, 0].max() / h,
+            self.rounding(pilot.rows, h),
             self.missed(ends[:2], kind, h),
             pilot.truncation if step is None else 0.0,
         ]
@@ -296,7 +296,13 @@ class Differences:
         totals = self.totals(offsets, kind, PILOT_PATHS)
         floor = self.floor([totals[3], totals[1]], kind, h)
         missed = self.missed([totals[3], totals[1]], kind, h)
-        return Pilot(offsets, np.array([self.rows(total) for total in totals]), floor, missed)
+        rows = np.array([self.rows(total) for total in totals])
+        return Pilot(offsets, rows, max(floor, self.rounding(rows, h)), missed)
+
+    def rounding(self, rows: np.ndarray, h: float) -> float:
+        """Standard error of a difference from rounding in the two renders."""
+        reflections = self.scene.mi.integrator().max_bounces
+        return rounding_error(reflections) * float(np.abs(rows[:, 0]).max()) / h
 
     def expected(self, pilot: "Pilot") -> float:
         """Standard error of the difference with all paths, as a pilot has it."""

@@ -187,6 +187,7 @@ def test_a_shift_is_no_change():
     for name in ("cube.y_m", "cube.z_m"):
         found = derivative(scene_of(convex_hull("cube", CUBE)), name)
         assert abs(found.derivative) <= 3 * found.error and found.error > 0
+        assert found.verdict == "smooth"
 
 
 @pytest.mark.parametrize("seed", range(4))
