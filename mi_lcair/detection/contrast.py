@@ -134,13 +134,15 @@ def rendered(
 
         It is the largest one of all numbers of reflections that a pass records.
         """
-        if result.paths >= ENOUGH_TO_MEET:
-            check_met(result, target)
-        terms = irradiance(result)
-        check_reachable(sampling, terms, path)
-        allowed = sampling.allowed(terms.at(path)["total"].value)
-        ratio = terms.half_width(path) / allowed if allowed > 0 else np.inf
-        return max([ratio, *map(excess, result.fewer)])
+        ratios = []
+        for each in (result, *result.fewer):
+            if each.paths >= ENOUGH_TO_MEET:
+                check_met(each, target)
+            terms = irradiance(each)
+            check_reachable(sampling, terms, path)
+            allowed = sampling.allowed(terms.at(path)["total"].value)
+            ratios.append(terms.half_width(path) / allowed if allowed > 0 else np.inf)
+        return max(ratios)
 
     def measured(k: int, sampled: Sampling, aim: Aim | None, up_to=()) -> Signature:
         settings = {"max_bounces": bounces[k], "truncation": truncation}

@@ -51,7 +51,9 @@ def measure_signature(
     camera = scene.sensor(sampling.sensor)
     area = window_area(camera, scene.name)
 
-    def result(total: Totals, fewer: tuple[int, ...] = up_to) -> Signature:
+    # A function that calls itself would keep the scene until the garbage collector runs, and Dr.Jit
+    # compiles kernels for all scenes that are alive.
+    def with_fewer(total: Totals, fewer: tuple[Signature, ...]) -> Signature:
         return Signature(
             scene_name=scene.name,
             band=scene.band.name,
@@ -71,8 +73,11 @@ def measure_signature(
             aim=total.aim,
             bins=total.bins,
             remarks=scene.notes,
-            fewer=tuple(result(total.up_to(most), ()) for most in fewer),
+            fewer=fewer,
         )
+
+    def result(total: Totals) -> Signature:
+        return with_fewer(total, tuple(with_fewer(total.up_to(most), ()) for most in up_to))
 
     criterion = None
     if excess is not None:

@@ -1,5 +1,7 @@
 """Tests of signatures: the sensor's window, the parts, and sensors without an intensity."""
 
+import gc
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -149,3 +151,18 @@ def test_perspective_is_refused(scene):
 def test_missing_sensor(scene):
     with pytest.raises(InputError, match="sensor 1 does not exist; the scene has 1"):
         mi_lcair.signature(mi_lcair.load(scene), sensor=1)
+
+
+def test_a_scene_is_deleted_with_its_last_name(tmp_path):
+    """Also without the garbage collector: kernels are compiled for all scenes that are alive."""
+    (tmp_path / "plate.xml").write_text(SCENE)
+    gc.collect()
+    gc.disable()
+    try:
+        scene = mi_lcair.load(tmp_path / "plate.xml")
+        gone = weakref.ref(scene.mi.integrator())
+        mi_lcair.signature(scene, tolerance=0.1)
+        del scene
+        assert gone() is None
+    finally:
+        gc.enable()
