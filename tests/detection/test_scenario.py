@@ -182,6 +182,8 @@ def test_a_tolerance_instead_of_a_number_of_samples(written):
         ({"render.max_bounces": "[1, -1]"}, "max_bounces = -1; must lie in 0..10000"),
         ({"render.max_bounces": "[1, 2.5]"}, "max_bounces = 2.5; must be a whole number"),
         ({"render.resolution": 0}, "resolution = 0"),
+        ({"render.spp": 2**31 + 1}, "spp = 2147483649; must lie in 2..2147483648"),
+        ({"atmosphere.humidity": 0.5}, "humidity is weather of a clear air, but table = 'vacuum'"),
         ({"render.seed": 2**32}, "seed = 4294967296"),
         ({"target.parameters.band": "LWIR"}, r"band is given in \[sensor\]"),
         ({"target.parameters.pitch_deg": 4}, r"pitch_deg is given in \[pose\]"),
@@ -268,7 +270,13 @@ def test_bundled():
 
 
 @pytest.mark.parametrize(
-    "sun,located", [("45,60,sun.csv", "45,60,/scenes/sun.csv"), ("45.5,60", None), ("45", None)]
+    "sun,located",
+    [
+        ("45,60,sun.csv", "45,60,/scenes/sun.csv"),
+        ("45,60,low, red.csv", "45,60,/scenes/low, red.csv"),
+        ("45.5,60", None),
+        ("45", None),
+    ],
 )
 def test_the_file_of_a_sun_is_beside_the_scenario(sun, located):
     tree = {"surroundings": {"sun": sun, "sky": "sky.csv"}}
@@ -317,7 +325,7 @@ def test_one_moment_of_a_flight():
     moments = Moments(
         time_s=np.array([0.0, 1.0]),
         position_m=np.array([[0.0, 1.0, 500.0], [3.0, 4.0, 620.0]]),
-        attitude_deg=np.array([[10.0, 0.0, 0.0], [0.0, 5.0, 0.0]]),
+        attitude_deg=np.array([[10.0, 0.0, 0.0], [0.0, 0.0, 5.0]]),
         observer_m=np.array([[10.0, 1.0, 500.0], [3.0, -16.0, 620.0]]),
         ground_m=120.0,
         temperatures={},
@@ -326,4 +334,14 @@ def test_one_moment_of_a_flight():
     assert parts["target"].height_m == 500
     assert (parts["observer"].range_m, parts["observer"].azimuth_deg) == (20, -90)
     pose = parts["pose"]
-    assert (pose.yaw_deg, pose.pitch_deg, pose.roll_deg) == (0.0, 5.0, None)
+    assert (pose.yaw_deg, pose.pitch_deg, pose.roll_deg) == (0.0, None, 5.0)
+
+
+def test_plugins_and_parameters_of_motions(written, tmp_path):
+    """Files of plugins lie beside the scenario; the name of a parameter may have a dot."""
+    text = TOML + '[plugins]\nfiles = ["own.py"]\n'
+    changes = {"target.parameters.model.yaw_deg": 20, "render.resolution": 1}
+    scenario = Scenario.read(written(text), **changes)
+    assert list(scenario.plugins.files) == [str(tmp_path / "own.py")]
+    assert scenario.target.parameters == {"model.yaw_deg": 20}
+    assert scenario.render.resolution == 1
