@@ -117,16 +117,7 @@ class LineOfSources:
     def __init__(
         self, areas: EffectiveAreas | ViewAreas, band: Band, air: Atmosphere, backdrop: Backdrop
     ):
-        rows = np.concatenate(
-            [
-                areas.wavelengths_um(),
-                air.wavelengths_um,
-                backdrop.rows_um,
-                [] if band.response is None else band.response[0],
-            ]
-        )
-        inside = rows[(rows > band.lower_um) & (rows < band.upper_um)]
-        rows = np.unique(np.concatenate([[band.lower_um, band.upper_um], inside]))
+        rows = band.rows(areas.wavelengths_um(), air.wavelengths_um, backdrop.rows_um)
         # Gauss quadrature with two points between neighbouring wavelengths. It is exact for the
         # product of air, source and response where they are linear. Its error for Planck's law
         # falls with the fourth power of the step.

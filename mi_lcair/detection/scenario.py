@@ -345,7 +345,7 @@ class Sensor:
                 "a name or limits that hold it"
             )
         detector = self.detector().band
-        if not rendered.lower_um <= detector.lower_um < detector.upper_um <= rendered.upper_um:
+        if not rendered.holds(detector):
             raise InputError(
                 f"[sensor]: response {detector.label} is not within band {rendered.label}; choose "
                 "a band that holds it"

@@ -160,10 +160,10 @@ def target_scene(scenario: Scenario, detector: Detector) -> Scene:
     scene = load_with_values(source, parameters, around, scenario.motions)
     if scenario.target.solution is not None:
         apply_solution(scene, scenario.target.solution)
-    wanted, has = detector.band, scene.band
-    if has.is_total or wanted.lower_um < has.lower_um or wanted.upper_um > has.upper_um:
+    if not scene.band.holds(detector.band):
         raise InputError(
-            f"the sensor's band {wanted.label} is not within that of {scene.name}, {has.label}"
+            f"the sensor's band {detector.band.label} is not within that of {scene.name}, "
+            f"{scene.band.label}"
         )
     if scenario.render.lobe is not None and not scene.surfaces():
         raise InputError(

@@ -68,6 +68,17 @@ class Band:
             1.0 if self.response is None else np.interp(wavelengths_um, *self.response)
         )
 
+    def rows(self, *tables: np.ndarray) -> np.ndarray:
+        """Rising wavelengths [um] between which the response and spectra are straight lines.
+
+        They are the limits of the band, and the rows of its response and of the spectra within it.
+        tables: wavelengths of the rows of each spectrum [um].
+        """
+        of_response = [] if self.response is None else self.response[0]
+        rows = np.concatenate([*tables, of_response])
+        inside = rows[(self.lower_um < rows) & (rows < self.upper_um)]
+        return np.unique(np.concatenate([[self.lower_um, self.upper_um], inside]))
+
     def row_weights(self, wavelengths_um: ArrayLike) -> np.ndarray:
         """Weight [um] of each row of a tabulated spectrum in its in-band value, (n,).
 
@@ -77,10 +88,7 @@ class Band:
         wavelengths_um: rising wavelengths of the rows [um], (n,). They must cover the band, which
         must not be `total`.
         """
-        of_response = [] if self.response is None else self.response[0]
-        breaks = [self.lower_um, self.upper_um, *of_response]
-        inside = (self.lower_um < wavelengths_um) & (wavelengths_um < self.upper_um)
-        nodes = np.unique(np.concatenate([breaks, wavelengths_um[inside]]))
+        nodes = self.rows(wavelengths_um)
         step, count = np.diff(nodes) / 6, len(wavelengths_um)
         weights = np.zeros(count)
         # Between two nodes spectrum and response are straight lines. Their product is a parabola,
@@ -103,6 +111,11 @@ class Band:
     def integral(self, wavelengths_um: ArrayLike, values: np.ndarray) -> np.ndarray:
         """In-band value (...) of tabulated spectra, values (..., n); see `row_weights`."""
         return values @ self.row_weights(wavelengths_um)
+
+    def holds(self, other: "Band") -> bool:
+        """Whether this band has limits, and another one lies within them."""
+        is_held = self.lower_um <= other.lower_um and other.upper_um <= self.upper_um
+        return is_held and not self.is_total
 
     def check_limits(self, what: str) -> None:
         """Raise InputError for the band `total`, which has no wavelengths.

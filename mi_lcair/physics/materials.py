@@ -192,10 +192,9 @@ def _fitness(entry, wanted):
     measured = None if entry.band == EVERY_BAND else band_of(entry.band)
     if measured is None or wanted is None:
         return measured is None, False, 0.0, -np.inf
-    covers = measured.lower_um <= wanted.lower_um and wanted.upper_um <= measured.upper_um
+    # An average over the whole spectrum gives no information about a part of it
+    covers = measured.holds(wanted) or (measured.is_total and wanted.is_total)
     overlap = min(measured.upper_um, wanted.upper_um) - max(measured.lower_um, wanted.lower_um)
-    # An average over the whole spectrum gives no information about a part of it.
-    covers = covers and measured.is_total == wanted.is_total
     width = measured.upper_um - measured.lower_um
     return covers, covers and entry.spectrum is not None, overlap, -width
 

@@ -86,11 +86,7 @@ class SourcesInBand(Result):
 
     def within(self, band: Band) -> Band:
         """The band itself. Raises InputError if it is not within the rendered band."""
-        if (
-            band.is_total
-            or band.lower_um < self.band.lower_um
-            or band.upper_um > self.band.upper_um
-        ):
+        if not self.band.holds(band):
             raise InputError(
                 f"band {band.label}: the effective areas were rendered with the material "
                 f"parameters of band {self.band.label} and hold within it only; render band "
@@ -330,10 +326,8 @@ def resolved(band: Band, sources: list[Source]) -> np.ndarray:
     They are even steps, and the rows of the tabulated spectra and of the response.
     """
     tables = [source.spectrum.wavelengths_um for source in sources if source.spectrum is not None]
-    rows = np.concatenate([*tables, [] if band.response is None else band.response[0]])
-    inside = rows[(rows > band.lower_um) & (rows < band.upper_um)]
     steps = np.linspace(band.lower_um, band.upper_um, SPECTRUM_ROWS)
-    return np.unique(np.concatenate([steps, inside]))
+    return np.union1d(steps, band.rows(*tables))
 
 
 def effective_areas(total: Totals, scene: Scene, window_area: float) -> EffectiveAreas:
