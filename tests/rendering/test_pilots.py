@@ -1,13 +1,17 @@
 """How paths are drawn, where the scene leaves it open."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import mi_lcair
 from mi_lcair.plugins.emission.draw_table import UnmetSources
+from mi_lcair.plugins.paths.aim import Aim
+from mi_lcair.plugins.paths.facet_starts import FacetStarts
 from mi_lcair.plugins.recorders.channels import Channels
+from mi_lcair.rendering import pilots
 from mi_lcair.rendering.measurands import IntensityInterval, Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.pilots import cheapest, cost, needed_paths, open_settings
@@ -142,3 +146,28 @@ def test_a_source_that_no_path_has_met_counts(tmp_path):
     settings = ["emitter_sampling", "opening_sampling"]
     best = cheapest(scene, settings, windows, *arguments)
     assert best == {"emitter_sampling": True, "opening_sampling": False}
+
+
+@pytest.mark.parametrize(
+    "needed, every",
+    [
+        ({None: 900, 1: 599, 8: 850}, 1),  # a path and a ray cost 1.5, or 1.0625
+        ({None: 900, 1: 599, 8: 845}, 8),
+        ({None: 900, 1: 601, 8: 848}, None),
+    ],
+)
+def test_rays_to_facets_that_cost_least(monkeypatch, needed, every):
+    """Numbers of paths that pilots find to be needed without rays to facets, and with them."""
+    starts = FacetStarts(None, *(np.ones(1) for _ in range(3)))
+
+    def pilot(scene, windows, sampling, measurands, criterion, aim):
+        return needed[aim.direct and aim.direct.every], None
+
+    monkeypatch.setattr(pilots, "pilot", pilot)
+    monkeypatch.setattr(pilots, "aim_over_model", lambda *arguments: Aim.anywhere())
+    monkeypatch.setattr(pilots, "starts_on_facets", lambda *arguments: starts)
+    monkeypatch.setattr(pilots, "pilot_paths", lambda sensor: 1000)
+    tracer = SimpleNamespace(closure="none", emitters=SimpleNamespace(brightest=1.0))
+    windows = SimpleNamespace(sensor=None, may_follow_facets=True)
+    aim = pilots.best_aim(None, tracer, windows, None, Measurands.of("target"), None)
+    assert (aim.direct and aim.direct.every) == every
