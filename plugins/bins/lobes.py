@@ -59,8 +59,8 @@ class SandfordRobertsonFamily:
     def surface(self, row) -> tuple:
         """The surfaces with slack = floor = 1 and absorbed = 0, and whether they have a lobe."""
         b, e, G, has_lobe = gathered(self.numbers, row)
-        zero, one = mi.Float(0), mi.Float(1)
-        S = sr.SandfordRobertsonSurface(zero, zero, b, e, one, zero, one, G, self.form)
+        zero, unit = mi.Float(0), mi.Float(1)
+        S = sr.SandfordRobertsonSurface(zero, zero, b, e, unit, zero, unit, G, self.form)
         return S, has_lobe
 
     def toward(self, row, r) -> tuple:

@@ -101,15 +101,15 @@ class Profile:
         bound = (self.prior.upper if side > 0 else self.prior.lower)[self.k]
         if self.x[self.k] == bound:
             return float(bound)
-        blocks, own = self.blocks, None
+        blocks, first = self.blocks, None
         for _ in range(RENDERS):
             place, predicted, beyond = self.crossing(blocks, side, bound)
-            if own is not None and place is self.x:
+            if first is not None and place is self.x:
                 # By this render even the estimate is outside: noise of the render hides the rise
-                place, predicted, beyond = own
+                place, predicted, beyond = first
                 errors = predicted
                 break
-            own, errors = own or (place, predicted, beyond), predicted
+            first, errors = first or (place, predicted, beyond), predicted
             if render is None:
                 break
             try:
