@@ -31,6 +31,7 @@ PACKAGE = __name__.partition(".")[0] + "."
 # Mitsuba's objects of which `dr.freeze` finds all arrays. Others may end the process while it
 # records: a bitmap texture does.
 RECORDABLE = {"Scene", "PLYMesh", "SmoothDiffuse", "UniformSpectrum", "MeshAttribute"}
+OF_VERTICES = 'name = "vertex_'  # in the text of an attribute; a temperature of it ends the process
 
 
 class SceneState:
@@ -55,7 +56,7 @@ class SceneState:
                 arrays += flatten(tuple(node.derivations)) if isinstance(node, Deriving) else []
             elif not type(node).__module__.startswith("mitsuba"):
                 self.is_known = self.is_recordable = False
-            elif node.class_name().partition("[")[0] not in RECORDABLE:
+            elif not is_recordable(node):
                 self.is_recordable = False
             for value in values:
                 (arrays if dr.is_array_v(value) else self.values).append(value)
@@ -72,6 +73,12 @@ class SceneState:
             and all(map(same, self.values, other.values))
             and same_variables(self.variables, other.variables)
         )
+
+
+def is_recordable(node) -> bool:
+    """Whether `dr.freeze` can record an object of Mitsuba."""
+    kind = node.class_name().partition("[")[0]
+    return kind in RECORDABLE and not (kind == "MeshAttribute" and OF_VERTICES in str(node))
 
 
 def same(a, b) -> bool:

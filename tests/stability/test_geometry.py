@@ -16,6 +16,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
+from mi_lcair.rendering.loading.remarks.loaded import clipped
 
 SCENE = """<scene version="3.0.0">
     <integrator type="bounce_path">
@@ -231,5 +232,11 @@ def test_clipping_planes(tmp_path):
     large = load(tmp_path, two_plates(1e5), 0.12e5, 0.1e5, 1e5, clips="")
     assert mi_lcair.render(large, spp=4).mean == 0
     assert large.remarks == ["sensor 0: does not see what is farther than its far_clip = 10000 m"]
-    between = load(tmp_path, two_plates(), clips="").remarks
-    assert not [remark for remark in between if "clip" in remark]
+    between = load(tmp_path, two_plates(), clips="")
+    assert not [remark for remark in between.remarks if "clip" in remark]
+    # The scale of the sensor is also that of the distance to its near plane
+    T = mi.ScalarTransform4f()
+    place = T.look_at([0, 0, 1], [0, 0, 0], [0, 1, 0]) @ T.scale(0.5)
+    far = {"type": "orthographic", "to_world": place, "near_clip": 3.0}
+    (remark,) = clipped(between.mi, [mi.load_dict({**far, "far_clip": 1e9})])
+    assert remark.endswith("nearer than its near_clip = 1.5 m, scaled by its to_world")

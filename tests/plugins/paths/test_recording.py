@@ -10,16 +10,19 @@ import pytest
 
 from mi_lcair.api.signature import signature
 from mi_lcair.api.trend import trend
+from mi_lcair.physics.bands import band
+from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.derivatives import nodes
 from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.plugins.paths.launch import Launch
-from mi_lcair.plugins.paths.recording import OFF
+from mi_lcair.plugins.paths.recording import OFF, is_recordable
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.scene import load
 from mi_lcair.rendering.views import Target, View, cameras
 from mi_lcair.signatures.facet_results import FacetSums
-from tests.plugins.small_scenes import SCENES
+from tests.plugins.small_scenes import SCENES, camera
+from tests.plugins.small_scenes import scene as small_scene
 
 POINTS = 64
 
@@ -213,6 +216,28 @@ def test_recordings_keep_no_scene():
     del scene
     gc.collect()
     assert gone() is None
+
+
+def test_temperatures_by_vertex_are_traced(tmp_path):
+    """A recording of them would end the process."""
+    mesh = mi.Mesh("plate", 3, 1)
+    buffers = mi.traverse(mesh)
+    buffers["vertex_positions"], buffers["faces"] = [-9.0, -9, 0, 9, -9, 0, 0, 9, 0], [0, 1, 2]
+    buffers.update()
+    mesh.add_attribute("vertex_temperature", 1, [300.0] * 3)
+    mesh.write_ply(str(tmp_path / "plate.ply"))
+    texture = {"type": "mesh_attribute", "name": "vertex_temperature"}
+    plate = {
+        "type": "ply",
+        "filename": str(tmp_path / "plate.ply"),
+        "bsdf": {"type": "grey", "emissivity": 1.0},
+        "emitter": {"type": "thermal", "band": "LWIR", "temperature": texture},
+    }
+    scene = load(small_scene({"type": "bounce_path"}, camera(4, 1.0), plate=plate))
+    expected = in_band_radiance(band("LWIR"), 300.0)
+    result = signature(scene, spp=4)
+    assert result.scene.intensity == pytest.approx(expected * result.window_area, rel=1e-5)
+    assert is_recordable(mi.load_dict({**texture, "name": "face_temperature"}))
 
 
 def test_recording_is_switched_off(monkeypatch):

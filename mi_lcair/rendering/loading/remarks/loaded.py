@@ -161,29 +161,37 @@ def surfaces_that_emit_nothing(scene: mi.Scene) -> list[str]:
 def clipped(loaded, sensors) -> list[str]:
     """Remarks on sensors that may not see the whole scene because of near_clip and far_clip.
 
-    Mitsuba's defaults are 0.01 m and 10 km. Also on those from which parallel rays come so far that
-    single precision does not resolve the scene well.
+    Mitsuba's defaults are 0.01 m and 10 km. The scale of an orthographic sensor's `to_world` also
+    applies to its near_clip, and the distance from there to its far_clip stays as it is.
+    Also on those from which parallel rays come so far that single precision does not resolve the
+    scene well.
     """
     (low, high), lines = extent(loaded), []
     for number, sensor in enumerate(sensors):
         clips, place = members(sensor), members(sensor).get("to_world")
         if place is None or "near_clip" not in clips:
             continue
-        eye = np.array(place.matrix)[:3, 3].ravel()[:3]
+        matrix = np.squeeze(np.array(place.matrix, dtype=float))
+        eye, near, far = matrix[:3, 3], clips["near_clip"], clips["far_clip"]
+        is_parallel, scaled = sensor.class_name() == "OrthographicCamera", ""
+        if is_parallel:
+            start = near * float(f"{np.linalg.norm(matrix[:3, 2]):.6g}")
+            scaled = ", scaled by its to_world" if start != near else ""
+            near, far = start, start + far - near
         nearest = np.linalg.norm(np.maximum(np.maximum(low - eye, eye - high), 0))
         farthest = np.linalg.norm(np.maximum(high - eye, eye - low))
-        if nearest < clips["near_clip"] and clips["near_clip"] > 0.01 * np.linalg.norm(high - low):
+        if nearest < near and near > 0.01 * np.linalg.norm(high - low):
             lines.append(
-                f"sensor {number}: does not see what is nearer than its "
-                f"near_clip = {clips['near_clip']:g} m"
+                f"sensor {number}: does not see what is nearer than its near_clip = {near:g} m"
+                + scaled
             )
-        if farthest > clips["far_clip"]:
+        if farthest > far:
             lines.append(
-                f"sensor {number}: does not see what is farther than its "
-                f"far_clip = {clips['far_clip']:g} m"
+                f"sensor {number}: does not see what is farther than its far_clip = {far:g} m"
+                + scaled
             )
         size = (high - low).max()
-        if sensor.class_name() == "OrthographicCamera" and UNIT * nearest > COARSE * size:
+        if is_parallel and UNIT * nearest > COARSE * size:
             lines.append(
                 f"sensor {number}: its rays begin {nearest:.3g} m before a scene of {size:.3g} m, "
                 f"and single precision leaves places uncertain by {percent(UNIT * nearest / size)} "
