@@ -318,6 +318,9 @@ def test_samples_of_an_image():
     assert RenderTable(tolerance_W_m2=1e-9).of_image().spp == 64
     to_noise = RenderTable(to_noise=True, max_spp=128).of_image()
     assert (to_noise.spp, to_noise.tolerance, to_noise.max_spp) == (None, None, 128)
+    assert RenderTable(spp=8).of_render().spp == 8
+    with pytest.raises(InputError, match="to_noise chooses the samples of a camera's image only"):
+        RenderTable(to_noise=True).of_render()
 
 
 def test_one_moment_of_a_flight():
