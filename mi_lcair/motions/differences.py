@@ -33,6 +33,7 @@ from mi_lcair.rendering.window import Windows
 
 ATTACHED, ON_FILM = "attached difference", "difference on the film"
 PILOT_PATHS = 2**12  # paths of each render that chooses the kind of differences and their step
+PIXELS = 25.0  # shift of an image that changes it by about as much as it is; a step is half a pixel
 # Default step: a turn [deg], a shift as a fraction of what moves, and a change of the size
 TURN_STEP_DEG, SHIFT_STEP, SIZE_STEP = 0.5, 0.005, 0.02
 # A kink is a jump of the one-sided derivatives of which half the step leaves at least this share
@@ -101,6 +102,8 @@ def scale_of(motion: Motion, value: float) -> float:
         return 180 / np.pi
     if motion.unit == "1":
         return abs(value) or 1.0
+    if motion.unit == "pixel":
+        return PIXELS
     boxes = [shape.bbox() for shape in motion.shapes]
     low = np.min([np.ravel(box.min) for box in boxes], axis=0)
     return float(np.linalg.norm(np.max([np.ravel(box.max) for box in boxes], axis=0) - low))

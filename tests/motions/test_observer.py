@@ -45,6 +45,11 @@ def test_shift_of_an_image(kind):
     assert np.array_equal(image(scene), before)
 
 
+def test_a_shift_within_the_window_changes_no_intensity():
+    result = mi_lcair.sensitivities(seen_by("orthographic"), ["observer.x_px"], paths=2**12)
+    assert abs(result.derivative[0]) <= 4 * result.error[1] < 0.05 * result.value
+
+
 def test_direction_is_that_of_the_scene_parameters():
     """The observer of `observer.*` is that of the scene's own parameters."""
     place = {"azimuth_deg": 150, "elevation_deg": 20}
