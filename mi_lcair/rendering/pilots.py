@@ -15,6 +15,7 @@ from mi_lcair.rendering.aiming import aim_at_model, aim_over_model, pilot_paths
 from mi_lcair.rendering.facets.starts import starts_on_facets
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.statistics import Totals, student_factor
+from mi_lcair.rendering.views import model_shapes
 
 # Cost of a reflection at which directions are drawn, in rays. For emitters it was measured between
 # 0.6 and 2.7 in the bundled scenes. For openings it is 1.3 to 2.5, and paths that do not leave have
@@ -88,8 +89,11 @@ def best_aim(scene, tracer, windows, sampling, measurands, criterion) -> Aim:
 
     That part has hardly any noise then. Where emission and reflections add up to a constant, as in
     a closed isothermal scene, paths that bring both have none. Important parts of the windows are
-    looked for if more paths are needed than that takes. The arguments are those of `measure`.
+    looked for if more paths are needed than that takes. Without a model, paths begin anywhere. The
+    arguments are those of `measure`.
     """
+    if not model_shapes(scene):
+        return Aim.anywhere()
 
     def needed(aim: Aim) -> float:
         return pilot(scene, windows, sampling, measurands, criterion, aim)[0]

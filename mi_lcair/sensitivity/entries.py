@@ -19,6 +19,7 @@ from mi_lcair.plugins.derivatives import children, nodes
 from mi_lcair.plugins.emission.source import kelvin, rounded
 from mi_lcair.plugins.emission.triangles import is_faceted, triangle_corners
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal, thermal_shapes
+from mi_lcair.rendering.facets.table import area_of
 
 SCALED = ("radiance", "emissivity")  # kinds whose several numbers change by a common factor
 DIFFERENCED = ("motion", "plugin")  # kinds whose derivatives are differences of renders
@@ -310,9 +311,12 @@ def numbers_of_other(node) -> list[str]:
 
 
 def primitive_areas(shape) -> np.ndarray:
-    """Areas of a shape's triangles [m^2], or the area of a shape without triangles."""
+    """Areas of a shape's triangles [m^2], or the area of a shape without triangles.
+
+    A shape whose area Mitsuba cannot compute, such as a curve, counts as 1 m^2 in means of shapes.
+    """
     if not is_faceted(shape):
-        return np.ravel(shape.surface_area()).astype(float)
+        return np.nan_to_num(area_of(shape), nan=1.0)
     p0, p1, p2 = (corner.astype(float) for corner in triangle_corners(shape))
     return 0.5 * np.linalg.norm(np.cross(p1 - p0, p2 - p0), axis=1)
 

@@ -164,6 +164,7 @@ def test_rays_to_facets_that_cost_least(monkeypatch, needed, every):
         return needed[aim.direct and aim.direct.every], None
 
     monkeypatch.setattr(pilots, "pilot", pilot)
+    monkeypatch.setattr(pilots, "model_shapes", lambda scene: ["model"])
     monkeypatch.setattr(pilots, "aim_over_model", lambda *arguments: Aim.anywhere())
     monkeypatch.setattr(pilots, "starts_on_facets", lambda *arguments: starts)
     monkeypatch.setattr(pilots, "pilot_paths", lambda sensor: 1000)

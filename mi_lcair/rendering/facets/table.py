@@ -63,6 +63,8 @@ class FacetTable:
 
     def __init__(self, scene: Scene):
         shapes = list(scene.mi.shapes())
+        if not shapes:
+            raise InputError(f"{scene.name}: has no shapes, and therefore no facets")
         corners, local = zip(*(triangles(shape) for shape in shapes))
         blocks, first, self.count = defaultdict(list), np.zeros(len(shapes), dtype=np.int64), 0
         for index, shape in enumerate(shapes):
@@ -207,6 +209,6 @@ def area_of(shape):
     NaN for shapes whose area Mitsuba cannot compute, such as curves.
     """
     try:
-        return np.ravel(shape.surface_area())
+        return np.ravel(shape.surface_area()).astype(float)
     except RuntimeError:
-        return np.nan
+        return np.full(1, np.nan)

@@ -193,3 +193,27 @@ def test_a_facet_in_two_parts_is_refused(table, tmp_path):
     write_mesh(tmp_path / "b.ply", SQUARE, [[0, 1, 2], [0, 2, 3]], facet=[7, 1])
     with pytest.raises(InputError, match="'plane.a' and 'plane.b' both have facet 7"):
         table(ply("a.ply", "plane.a"), ply("b.ply", "plane.b"))
+
+
+PATHS = {"type": "bounce_path"}
+
+
+def test_a_scene_of_a_sky_alone():
+    """It has no facets, and an intensity, toward whose error no paths can be aimed."""
+    film = {"type": "hdrfilm", "pixel_format": "luminance"}
+    sensor, sky = {"type": "orthographic", "film": film}, {"type": "sky", "band": "LWIR"}
+    scene = mi.load_dict({"type": "scene", "path": PATHS, "sensor": sensor, "sky": sky})
+    with pytest.raises(InputError, match="has no shapes, and therefore no facets"):
+        mi_lcair.exchange(scene)
+    result = mi_lcair.signature(scene, tolerance=1e-5, max_spp=1)
+    assert result.intensity > 0
+    assert not result.reached
+
+
+def test_a_curve_whose_area_is_unknown_has_parameters(tmp_path):
+    (tmp_path / "curve.txt").write_text("0 0 0 0.1\n0 0 1 0.1\n")
+    emitter = {"type": "thermal", "band": "LWIR", "temperature": 320.0}
+    curve = {"type": "linearcurve", "filename": str(tmp_path / "curve.txt"), "emitter": emitter}
+    sensor = {"type": "orthographic"}
+    scene = mi.load_dict({"type": "scene", "path": PATHS, "sensor": sensor, "curve": curve})
+    assert mi_lcair.parameters(scene)["self.temperature"].value == 320

@@ -191,7 +191,7 @@ def clipped(loaded, sensors) -> list[str]:
                 + scaled
             )
         size = (high - low).max()
-        if is_parallel and UNIT * nearest > COARSE * size:
+        if is_parallel and UNIT * nearest > COARSE * size > 0:
             lines.append(
                 f"sensor {number}: its rays begin {nearest:.3g} m before a scene of {size:.3g} m, "
                 f"and single precision leaves places uncertain by {percent(UNIT * nearest / size)} "
