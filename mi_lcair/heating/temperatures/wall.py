@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.polynomial import legendre
 from scipy.optimize import brentq
+from scipy.special import roots_jacobi
 
 CELLS = 10  # intervals between the nodes of a wall
 DAY = 86400.0  # [s]
@@ -25,7 +26,8 @@ DEEPEST = 6.0
 def gauss_lobatto(degree: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Nodes in -1..1, weights, and the matrix of the derivative at the nodes."""
     last = np.eye(degree + 1)[degree]
-    x = np.concatenate([[-1.0], np.sort(legendre.legroots(legendre.legder(last))), [1.0]])
+    # The zeros of the derivative of a Legendre polynomial are those of a Jacobi polynomial
+    x = np.concatenate([[-1.0], roots_jacobi(degree - 1, 1, 1)[0], [1.0]])
     value = legendre.legval(x, last)
     apart = x[:, None] - x + np.eye(degree + 1)
     derivative = value[:, None] / (value * apart)
