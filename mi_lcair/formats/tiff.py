@@ -71,7 +71,12 @@ def stack(path: str | Path) -> Iterator[Callable]:
     from PIL import Image
     from PIL.TiffImagePlugin import AppendingTiffWriter
 
-    with replacing(path) as partial, AppendingTiffWriter(str(partial), new=True) as file:
+    class Pages(AppendingTiffWriter):
+        def close(self) -> None:
+            if not self.f.closed:  # Python from 3.13 on closes it again when it is deleted
+                super().close()
+
+    with replacing(path) as partial, Pages(str(partial), new=True) as file:
 
         def add(page: np.ndarray) -> None:
             Image.fromarray(np.ascontiguousarray(page, np.uint16)).save(file, format="TIFF")
