@@ -108,8 +108,9 @@ class Batch:
         bounds = np.linspace(0, len(views), -(-len(views) // most) + 1).round().astype(int)
         scene, variant = subject.load(), mi.variant()
         fingerprint = scene.fingerprint
-        for low, high in zip(bounds, bounds[1:]):
-            warn_of_terrain(scene, views[low:high])
+        if subject.scenario is None:  # whose observer is at its range, and not beyond the terrain
+            for low, high in zip(bounds, bounds[1:]):
+                warn_of_terrain(scene, views[low:high])
         return [
             Batch(
                 subject=subject,

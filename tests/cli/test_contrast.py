@@ -151,7 +151,7 @@ def test_each_contrast_says_what_it_reached(run, options, start, end):
 def test_the_options_override_the_scenario(run, folder):
     """Each option replaces its entry of [render], and spp the tolerances or they it."""
     text = (folder / "disc.toml").read_text()
-    (folder / "disc.toml").write_text(text + "[render]\ntolerance = 0.5\n")
+    (folder / "disc.toml").write_text(text + "tolerance = 0.5\n")  # in [render], the last table
     asked = lambda *options: json.loads(
         run("contrast", "disc.toml", "-D", "render.resolution=8", "--json", *options).stdout
     )["scenario"]["render"]
@@ -162,7 +162,7 @@ def test_the_options_override_the_scenario(run, folder):
     assert entries(asked("--tolerance", "20%", "--max-spp", 9)) == (None, 0.2, None, 9)
     assert entries(asked("--tolerance-W-m2", 1)) == (None, 0.5, 1, None)
     assert entries(asked("--spp", 4)) == (4, None, None, None)
-    (folder / "disc.toml").write_text(text + "[render]\nspp = 4\n")
+    (folder / "disc.toml").write_text(text + "spp = 4\n")
     assert entries(asked("--tolerance", "50%")) == (None, 0.5, None, None)
 
 

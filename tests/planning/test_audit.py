@@ -24,7 +24,10 @@ def audited(photons=2**15, **shapes):
         {"type": "scene", "integrator": {"type": "bounce_path"}, "sensor": camera(), **shapes},
         optimize=False,
     )
-    return mi_lcair.audit(checked(scene, Path("scene.xml"), {}), photons)
+    result = mi_lcair.audit(checked(scene, Path("scene.xml"), {}), photons)
+    # The sensor sees the backs of lids, which is told and is not what is audited
+    result.remarks[:] = [remark for remark in result.remarks if "are backs" not in remark]
+    return result
 
 
 def agree(figure, expected, sigmas=4):

@@ -26,6 +26,7 @@ def trend(scene, **changes):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:in 8 of 16 views terrain")  # the floor, from below
 def test_rows_are_signatures(cylinder):
     """Each row agrees with a signature of its view, by group and by bounce."""
     columns = trend(cylinder, elevations_deg=(-10, 20), tolerance=0.01, spp=None).table
