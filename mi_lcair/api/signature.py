@@ -76,5 +76,5 @@ def signature(
         spp=spp, tolerance=tolerance, max_spp=max_spp, seed=seed, sensor=sensor, progress=progress
     )
     scene = scene_of(scene, parameters)
-    with reflecting(scene, max_bounces, False, sampling):
+    with reflecting(scene, max_bounces, each_pixel=False, sampling=sampling):
         return measure_signature(scene, sampling, by_spectrum, facets, excess)

@@ -7,7 +7,7 @@ from os import PathLike
 from mi_lcair.api.load import sampling_of, scene_of
 from mi_lcair.errors import InputError
 from mi_lcair.progress import Progress
-from mi_lcair.rendering.reflections.number import chosen
+from mi_lcair.rendering.reflections.number import bounce_settings
 from mi_lcair.rendering.scene import SceneLike
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.views import View
@@ -87,7 +87,7 @@ def trend(
         for elevation in angles("elevations_deg", elevations_deg)
         for azimuth in azimuths
     )
-    settings = chosen(scene, max_bounces, False, sampling, views)
+    settings = bounce_settings(scene, max_bounces, each_pixel=False, sampling=sampling, views=views)
     folder = None if areas is None else AreasFolder(areas)
     with changed(scene, **settings):
         return measure_trend(scene, views, resolution, sampling, folder, progress)

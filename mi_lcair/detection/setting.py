@@ -21,7 +21,7 @@ from mi_lcair.plugins.emitters.distant_emitter import check_fits
 from mi_lcair.plugins.emitters.thermal_emitter import one_sun
 from mi_lcair.rendering.loading.files import survey
 from mi_lcair.rendering.loading.plugin_files import run_plugin_files
-from mi_lcair.rendering.reflections.number import chosen
+from mi_lcair.rendering.reflections.number import bounce_settings
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.settings import changed
@@ -181,5 +181,5 @@ def rendered_as(
     """
     sampling = Sampling(tolerance=render.tolerance, seed=render.seed)
     with changed(view, lobe=render.lobe):
-        settings = chosen(view, render.most_bounces, each_pixel, sampling)
+        settings = bounce_settings(view, render.most_bounces, each_pixel, sampling)
     return changed(view, lobe=render.lobe, **settings)

@@ -97,7 +97,7 @@ def first_guesses(everything: list[Unknown], data: list[Datum], problem: Inverse
         yield guess
 
 
-def chosen(verdict: str) -> str:
+def goal_verdict(verdict: str) -> str:
     """The verdict on an unknown of a goal."""
     what, _, span = verdict.partition(":")
     if what == NOT_DETERMINED:

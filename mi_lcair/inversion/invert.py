@@ -30,7 +30,7 @@ from mi_lcair.inversion.answers import (
 )
 from mi_lcair.inversion.data.datum import Datum
 from mi_lcair.inversion.fitted import fitted, materials
-from mi_lcair.inversion.goal import achieved, best_of_starts, chosen
+from mi_lcair.inversion.goal import achieved, best_of_starts, goal_verdict
 from mi_lcair.inversion.least_squares.newton import is_informed
 from mi_lcair.inversion.least_squares.solve import State, with_noise
 from mi_lcair.inversion.loaded import loaded, unknowns_of
@@ -66,7 +66,7 @@ def solve_problem(problem: InverseProblem, advise: bool, progress: Progress | No
         answered, chi, pairs, advised = answers(everything, state), UNTESTED, [], []
         reached = achieved(data[0], state, everything, problem.render)
         notes = [reached, *remarks(state, answered, chi)]
-        answered = [replace(answer, verdict=chosen(answer.verdict)) for answer in answered]
+        answered = [replace(answer, verdict=goal_verdict(answer.verdict)) for answer in answered]
     else:
         state = best_of_starts(everything, data, problem, progress)
         chi = chi_square(state.blocks, state.x, determined(state))

@@ -187,7 +187,7 @@ class Windows:
                 first_point=done,
                 first=first,
                 windows=len(some),
-                chosen=None if len(active) == self.count else tuple(some.tolist()),
+                listed=None if len(active) == self.count else tuple(some.tolist()),
                 aim=aim,
             )
 

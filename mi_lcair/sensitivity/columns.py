@@ -23,7 +23,7 @@ from mi_lcair.plugins.columns.tables import (
 from mi_lcair.plugins.emission.sources import spectra
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.sensitivity.entries import DIFFERENCED, SCALED, Entry
-from mi_lcair.sensitivity.parameters import chosen
+from mi_lcair.sensitivity.parameters import entries_named
 
 MOST_COLUMNS = SIZES[-1]  # columns of one render
 
@@ -33,7 +33,7 @@ def columns_of(scene, names) -> dict[str, MaterialColumn | SourceColumn]:
 
     Raises InputError if a name is unknown, or if a column would have no derivative.
     """
-    entries = sorted(chosen(scene, names), key=lambda entry: entry.kind != "material")
+    entries = sorted(entries_named(scene, names), key=lambda entry: entry.kind != "material")
     return {entry.name: column_of(entry) for entry in entries}
 
 
@@ -54,12 +54,12 @@ def by_difference(scene, names) -> list[str]:
     """
     if has_spectral_materials(scene.mi):
         return list(names)
-    return [entry.name for entry in chosen(scene, names) if entry.kind in DIFFERENCED]
+    return [entry.name for entry in entries_named(scene, names) if entry.kind in DIFFERENCED]
 
 
 def of_plumes(scene, names) -> set[str]:
     """Parameters of plumes. What a plume hides of a background changes with them, too."""
-    entries = chosen(scene, names)
+    entries = entries_named(scene, names)
     return {e.name for e in entries if any(is_plume(place.node) for place in e.places)}
 
 

@@ -17,7 +17,7 @@ from mi_lcair.rendering.window import Windows
 from mi_lcair.sensitivity.columns import by_difference, columns_of, explored_by, recordings
 from mi_lcair.sensitivity.common_numbers import METHOD, renders_beside
 from mi_lcair.sensitivity.derivative_images import DerivativeImages
-from mi_lcair.sensitivity.parameters import chosen, units
+from mi_lcair.sensitivity.parameters import entries_named, units
 from mi_lcair.sensitivity.window import missed_errors
 
 
@@ -33,7 +33,7 @@ def differentiate_image(
     sampling = sampling.settled(camera)
     windows = Windows.of_image(camera, randomisations, by_randomisation=True)
     windows.check(sampling)
-    kinds = {entry.name: entry.kind for entry in chosen(scene, names)}
+    kinds = {entry.name: entry.kind for entry in entries_named(scene, names)}
     differenced = by_difference(scene, names)
     along_paths = [name for name in names if name not in differenced]
     explored = explored_by(columns_of(scene, along_paths).values())

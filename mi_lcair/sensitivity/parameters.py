@@ -76,7 +76,7 @@ def load_with_values(
     if MODES in parameters:
         declare_modes(loaded, str(parameters[MODES]))
     if values:
-        chosen(loaded, list(values))  # names before numbers
+        entries_named(loaded, list(values))  # names before numbers
         set_values(loaded, {name: number(name, value) for name, value in values.items()})
     loaded.parameters.update({n: str(v) for n, v in parameters.items() if n not in in_file})
     return loaded
@@ -159,12 +159,12 @@ def known_entries(scene) -> dict[str, Entry]:
 
 def parameter(scene: Scene, name: str) -> Parameter:
     """The parameter of that name; raises InputError with the nearest names if there is none."""
-    return chosen(scene, [name])[0].described()
+    return entries_named(scene, [name])[0].described()
 
 
 def units(scene, names) -> tuple[str, ...]:
     """Units of parameters; "1" for dimensionless ones. Raises InputError for an unknown name."""
-    return tuple(entry.described().unit for entry in chosen(scene, names))
+    return tuple(entry.described().unit for entry in entries_named(scene, names))
 
 
 def set_values(scene: Scene, values: Mapping[str, float]) -> None:
@@ -200,7 +200,7 @@ def set_values(scene: Scene, values: Mapping[str, float]) -> None:
 
 def checked(scene: Scene, values: Mapping[str, float]) -> list[tuple[Entry, float]]:
     """The parameters that `set_values` would change; raises InputError as `set_values`."""
-    wanted = list(zip(chosen(scene, values), map(float, values.values())))
+    wanted = list(zip(entries_named(scene, values), map(float, values.values())))
     check_apart([entry for entry, _ in wanted])
     check_emission(wanted)
     check_materials(wanted)
@@ -213,7 +213,7 @@ def changed(scene: Scene, values: Mapping[str, float]) -> Iterator[None]:
 
     At its end the parameters are exactly as before, bit for bit.
     """
-    changing = chosen(scene, values)
+    changing = entries_named(scene, values)
     owners = {place.owner for entry in changing for place in entry.places}
     before = {(node, key): mi.Float(mi.traverse(node)[key]) for node, key in owners}
     pose = {entry.name: entry.value for entry in changing if entry.kind == "motion"}
@@ -226,7 +226,8 @@ def changed(scene: Scene, values: Mapping[str, float]) -> Iterator[None]:
             set_motions(scene, pose)
 
 
-def chosen(scene, names) -> list[Entry]:
+def entries_named(scene, names) -> list[Entry]:
+    """The entries of parameters with these names, in their order."""
     if isinstance(names, str):
         raise InputError(f"names = '{names}' is one text; give a sequence of names: ['{names}']")
     known = known_entries(scene)

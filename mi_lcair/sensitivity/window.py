@@ -21,7 +21,7 @@ from mi_lcair.sensitivity.columns import (
     weight_of,
 )
 from mi_lcair.sensitivity.common_numbers import METHOD, PARTS, CommonNumbers, renders_beside
-from mi_lcair.sensitivity.parameters import chosen, units
+from mi_lcair.sensitivity.parameters import entries_named, units
 from mi_lcair.sensitivity.sensitivities import Sensitivities
 
 SPLITS = {"target": "target", "scene": "image"}  # channels that hold each part of the radiance
@@ -53,7 +53,7 @@ def differentiate_intensity(
     numbers = CommonNumbers(scene, sampling, by_spectrum, part)
     if sampling.tolerance is not None:
         numbers.render()
-    motions = [entry.name for entry in chosen(scene, names) if entry.kind == "motion"]
+    motions = [entry.name for entry in entries_named(scene, names) if entry.kind == "motion"]
     differenced = by_difference(scene, names)
     along_paths = [name for name in names if name not in differenced]
     explored = explored_by(columns_of(scene, along_paths).values())
@@ -163,7 +163,7 @@ def missed_errors(scene, total: Totals, names, part: str = "scene") -> list[np.n
     as if the radiance were proportional to the parameter.
     """
     errors = []
-    for entry in chosen(scene, names):
+    for entry in entries_named(scene, names):
         numbers, channel = entry.numbers(), PARTS[part]
         relative = 1 / (abs(entry.mean(numbers)) or 1.0)
         if entry.kind not in ("material", "spectrum", "plugin", "mode"):

@@ -12,7 +12,7 @@ import mi_lcair
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import target_scene
 from mi_lcair.detection.weather import AirOfLight
-from mi_lcair.rendering.reflections.number import chosen
+from mi_lcair.rendering.reflections.number import bounce_settings
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.settings import set_all
@@ -60,7 +60,7 @@ def loaded(subject: Subject, variant: str) -> Scene:
     sampling = Sampling(tolerance=render.tolerance, seed=render.seed)
     views = [observer.view]
     integrator = scene.mi.integrator()
-    set_all(integrator, chosen(scene, render.most_bounces, False, sampling, views))
+    set_all(integrator, bounce_settings(scene, render.most_bounces, False, sampling, views))
     integrator.check()
     return scene
 

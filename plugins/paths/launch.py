@@ -34,7 +34,7 @@ class Launch:
 
     columns, rows: number of windows along the sides of the film. first, windows, stride: numbers of
     the windows, counted row by row: `windows` windows from `first` on, every `stride`-th one.
-    chosen: their numbers instead, in rising order. randomisations: number of randomisations of each
+    listed: their numbers instead, in rising order. randomisations: number of randomisations of each
     window. first_point, points: the points of each randomisation. seed: seed of all random numbers.
     aim: density of the positions in each window; None for a constant one. part: what the paths
     bring; WHOLE, DIRECT or OTHER_THAN_DIRECT.
@@ -51,7 +51,7 @@ class Launch:
     first: int = 0
     windows: int = 1
     stride: int = 1
-    chosen: Sequence[int] | None = None
+    listed: Sequence[int] | None = None
     aim: Aim | FacetStarts | None = None
     part: str = WHOLE
 
@@ -62,8 +62,8 @@ class Launch:
     @property
     def window_numbers(self) -> np.ndarray:
         """Numbers of the windows, (windows,)."""
-        if self.chosen is not None:
-            return np.array(self.chosen)
+        if self.listed is not None:
+            return np.array(self.listed)
         return self.first + self.stride * np.arange(self.windows)
 
     def paths_from(self, sampler) -> "Paths":

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mi_lcair.errors import InputError
-from mi_lcair.inversion.goal import achieved, best_of_starts, chosen, first_guesses
+from mi_lcair.inversion.goal import achieved, best_of_starts, first_guesses, goal_verdict
 from mi_lcair.inversion.tables import Goal, RenderSettings
 from tests.inversion.blocks import block, kelvin, unknown
 
@@ -55,7 +55,7 @@ def test_first_guesses():
     ],
 )
 def test_words(verdict, words):
-    assert chosen(verdict) == words
+    assert goal_verdict(verdict) == words
 
 
 def test_how_near_a_goal_is():

@@ -17,7 +17,7 @@ from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import Windows
 from mi_lcair.sensitivity.common_numbers import renders_beside
-from mi_lcair.sensitivity.parameters import chosen
+from mi_lcair.sensitivity.parameters import entries_named
 from mi_lcair.table import read_table
 
 RADIANCE, SIGMA = "radiance_W_m2_sr_um", "sigma_W_m2_sr_um"
@@ -80,7 +80,7 @@ class MeasuredSpectrum:
 
         radiance, slopes = values(measure(scene, windows, sampling, measurands)), {}
         columns = []
-        for entry in chosen(scene, names):
+        for entry in entries_named(scene, names):
             number = entry.places[0].number if entry.kind == "spectrum" else None
             name = entry.name
             if number is not None:

@@ -26,14 +26,14 @@ MOST = (16, SIZES[-1] - 1)  # largest numbers of reflections of the pilots, trie
 def reflecting(
     scene: Scene, max_bounces: int | str | None, each_pixel: bool, sampling: Sampling
 ) -> AbstractContextManager:
-    """Context manager in which paths of a scene have so many reflections, see `chosen`."""
+    """Context manager in which paths of a scene have so many reflections, see `bounce_settings`."""
     if max_bounces is None:
         return nullcontext()
-    return changed(scene, **chosen(scene, max_bounces, each_pixel, sampling))
+    return changed(scene, **bounce_settings(scene, max_bounces, each_pixel, sampling))
 
 
 @exclusively
-def chosen(
+def bounce_settings(
     scene: Scene,
     max_bounces: int | str | None,
     each_pixel: bool,
@@ -75,7 +75,7 @@ def chosen(
         raise unknown("max_bounces", str(max_bounces), ["auto", "a whole number"])
     some = views[:: -(-len(views) // MOST_VIEWS)] if views else ()
     tried = [seen_from(scene, view, 1) for view in some] or [scene]
-    limits = [enough(seen, each_pixel, sampling) for seen in tried]
+    limits = [needed_bounces(seen, each_pixel, sampling) for seen in tried]
     limits = [limit for limit in limits if limit is not None]
     if not limits:
         raise InputError(
@@ -86,7 +86,7 @@ def chosen(
     return {"max_bounces": max(numbers), "truncation": max(errors)}
 
 
-def enough(scene: Scene, each_pixel: bool, sampling: Sampling) -> tuple[int, float] | None:
+def needed_bounces(scene: Scene, each_pixel: bool, sampling: Sampling) -> tuple[int, float] | None:
     """The smallest number of reflections, and the relative standard error of what is beyond.
 
     None if no path meets radiance.

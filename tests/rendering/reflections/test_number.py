@@ -7,7 +7,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
-from mi_lcair.rendering.reflections.number import chosen, enough, reflecting
+from mi_lcair.rendering.reflections.number import bounce_settings, needed_bounces, reflecting
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.views import View
 
@@ -54,7 +54,7 @@ def test_a_furnace_of_emissivity_one_half(plain_furnace, tolerance, number):
     """Of the radiance, 0.5^(n + 1) lies beyond n reflections."""
     scene = plain_furnace(0.5)
     for each_pixel in (False, True):
-        most, error = enough(scene, each_pixel, Sampling(tolerance=tolerance))
+        most, error = needed_bounces(scene, each_pixel, Sampling(tolerance=tolerance))
         assert most == number
         assert error == pytest.approx(0.5 ** (number + 1) / 1.96, rel=0.02)
 
@@ -77,7 +77,7 @@ def test_auto_keeps_its_tolerance(plain_furnace):
 def test_slow_reflections_are_refused(plain_furnace):
     scene = plain_furnace(0.01)
     with pytest.raises(InputError, match="auto finds no number: 52 % of .* beyond 64 reflections"):
-        enough(scene, False, Sampling(tolerance=0.01))
+        needed_bounces(scene, False, Sampling(tolerance=0.01))
 
 
 def test_a_number_that_is_given(plain_furnace):
@@ -109,7 +109,7 @@ def test_the_view_that_needs_most_decides():
     views = [View(45, -45), View(90, 60), View(0, -60)]
 
     def number(*views):
-        return chosen(plates, "auto", False, Sampling(), views)["max_bounces"]
+        return bounce_settings(plates, "auto", False, Sampling(), views)["max_bounces"]
 
     assert [number(view) for view in views[:2]] == [0, 1]
     assert number(*views) == 1
