@@ -36,7 +36,7 @@ FLOORS = {
     "mi_lcair.thermography": 4,
     "mi_lcair.cavities": 4,
     "mi_lcair.heating": 4,
-    "mi_lcair.planning": 4,
+    "mi_lcair.energy": 4,
     "mi_lcair.uncertainty": 4,
     "mi_lcair.inversion": 4,
     "mi_lcair.reports": 5,

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 
 from mi_lcair.api.load import scene_of
-from mi_lcair.planning.audit import audit_flux
-from mi_lcair.planning.audit_result import Audit
+from mi_lcair.energy.audit import audit_flux
+from mi_lcair.energy.audit_result import Audit
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.scene import SceneLike
 from mi_lcair.startup.threads import exclusively

@@ -30,7 +30,7 @@ BY_RESULT = {
 CLASSES = {
     SOLUTION: "mi_lcair.inversion.solution:Solution",
     BUDGET: "mi_lcair.uncertainty.budget:Budget",
-    AUDIT: "mi_lcair.planning.audit_result:Audit",
+    AUDIT: "mi_lcair.energy.audit_result:Audit",
 }
 
 __all__ = [

@@ -1,1 +1,1 @@
-"""From a scene XML to a radiance image: `scene.load`, `render.render`, `image.write_exr`."""
+"""From a scene file to means with errors: scenes are loaded, and paths are traced by `measure`."""

@@ -1,1 +1,1 @@
-"""Tables from which the derivatives of paths in parameters are recorded."""
+"""Tables from which derivatives with respect to parameters are recorded along paths."""

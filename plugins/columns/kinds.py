@@ -1,4 +1,4 @@
-"""Parameters in which the radiance is differentiated, by what they change.
+"""Parameters with respect to which the radiance is differentiated, by what they change.
 
 These classes hold no type of Mitsuba, so that they are not loaded again with a variant.
 """
@@ -16,7 +16,7 @@ class MaterialColumn:
 
 @dataclass(frozen=True)
 class SourceColumn:
-    """A parameter in which only the radiance of sources changes, such as a temperature.
+    """A parameter that changes only the radiance of sources, such as a temperature.
 
     relative: for each emitter the derivative of its radiance, divided by the radiance. It is one
     number, or one for each facet.

@@ -151,8 +151,8 @@ class Vertex:
     def gradient(self, function) -> tuple:
         """A function of the surface and of floor and lobe of its raw HDR, and its derivatives.
 
-        The function is differentiated in the numbers of the `Surface` and in the entry of the
-        table. The chain rule leads from these to the parameters.
+        The function is differentiated with respect to the numbers of the `Surface` and the entry of
+        the table. The chain rule leads from these to the parameters.
         """
         cos, sin2 = cos_theta(self.r), sin2_theta(self.r)
 

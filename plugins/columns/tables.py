@@ -31,12 +31,12 @@ class ColumnTables:
     following tables, and 1 if each facet has its own. radiance: radiance of the source before
     emissivity [W m^-2 sr^-1]; 0 where it does not depend on a material. weight: factor of the
     source's radiance in the recorded sum; None if all are 1. sources: columns of the emitters'
-    parameters, and the relative derivative of the radiance in the parameter. surface: for each BSDF
-    its number, counted from 1; 0 for those without a column. incoming: mean incoming radiance of
-    the cells of the film at the first reflection, and then of the surfaces at later ones
-    [W m^-2 sr^-1]; None to measure it. has_mirrors: whether a surface with columns has a narrow
-    lobe. mirrored: where that is so, the mean of what is emitted along the mirror direction, at the
-    same places as `incoming`.
+    parameters, and the relative derivative of the radiance. surface: for each BSDF its number,
+    counted from 1; 0 for those without a column. incoming: mean incoming radiance of the cells of
+    the film at the first reflection, and then of the surfaces at later ones [W m^-2 sr^-1]; None to
+    measure it. has_mirrors: whether a surface with columns has a narrow lobe. mirrored: where
+    that is so, the mean of what is emitted along the mirror direction, at the same places as
+    `incoming`.
     """
 
     size: int

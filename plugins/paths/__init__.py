@@ -1,1 +1,1 @@
-"""Quantities that `bounce_path` records along its paths, and its errors that are not noise."""
+"""Paths of `bounce_path`: launches, the walk, its sums, and errors that are not noise."""

@@ -276,7 +276,7 @@ class Walk:
         return Hit(si, bsdf, si.emitter(self.scene, active), active, reflects, passes), lost
 
     def emitted(self, primal: bool, path: PathState, hit: Hit, most, recorders, counts):
-        """Radiance that the rays have met, with derivatives in the temperature and emissivity.
+        """Radiance that the rays have met, differentiable in temperature and emissivity.
 
         Also that along latent paths, without derivatives; None where nothing is explored. counts:
         the paths of which it counts; None for all.

@@ -34,8 +34,8 @@ class Channels:
     counts_segments: whether the number of rays of each path is recorded, as `segments`.
     up_to: numbers of reflections up to which source.N, wavelength.N and group.LABEL are recorded as
     well, as upto.COUNT.NAME.
-    tables: parameters in which the radiance is differentiated, see `Columns`; with `split` =
-    "target" and "model" those of the model's part.
+    tables: parameters with respect to which the radiance is differentiated, see `Columns`. With
+    `split` = "target" and "model" it is the radiance of the model's part.
     """
 
     split: str | None = "image"

@@ -1,4 +1,4 @@
-"""Recorder of derivatives of the radiance of paths in parameters.
+"""Recorder of derivatives of the radiance of paths with respect to parameters.
 
 A path's radiance is a sum over the emitters that it meets: L = sum_k beta_k Le_k. It depends on a
 parameter of an emitter through Le_k alone, and on a parameter of a material through the throughput

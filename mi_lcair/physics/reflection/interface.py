@@ -1,4 +1,4 @@
-"""The interface of reflection models, through which the renderer, the plan and the fits use them.
+"""The interface of reflection models, through which the renderer and the fits use them.
 
 A model is one object, an instance of a subclass of `ReflectionModel`. Its functions take a
 `Surface`: the parameters of one surface, or of many at once, and the numbers that the model derives
@@ -118,7 +118,7 @@ class Surface:
 
 
 class ReflectionModel(ABC):
-    """A reflection model: all that scene loading, rendering, planning and fitting may use of it.
+    """A reflection model: all that loading, rendering and fitting may use of it.
 
     In all methods, S is the `Surface`, i and r are the directions to source and observer (unit
     3-vectors in the surface's frame), cos and sin2 are cosine and squared sine of a direction's

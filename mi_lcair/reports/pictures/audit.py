@@ -3,7 +3,7 @@
 import numpy as np
 
 from mi_lcair.drawing import new_figure, plain, styled
-from mi_lcair.planning.audit_result import Audit
+from mi_lcair.energy.audit_result import Audit
 
 ENDS = ("absorbed", "escaped", "behind", "unfinished")  # where the emitted flux of a scene goes
 OF_MATERIAL = ("absorbed", "reflected", "behind")  # where the flux that arrives goes

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 import mi_lcair
+from mi_lcair.energy.photons import BATCHES, Tally, World, follow, scaling_cosines
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.planning.photons import BATCHES, Tally, World, follow, scaling_cosines
 from mi_lcair.rendering.facets.table import FacetTable
 from tests.uncertainty.plate_scene import AREA, EMISSIVITY, plate_scene
 

@@ -14,9 +14,9 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mi_lcair.energy.audit_result import Audit
+from mi_lcair.energy.photons import BATCHES, MAX_REFLECTIONS, Flux, Tally, World, follow
 from mi_lcair.errors import InputError
-from mi_lcair.planning.audit_result import Audit
-from mi_lcair.planning.photons import BATCHES, MAX_REFLECTIONS, Flux, Tally, World, follow
 from mi_lcair.plugins.bsdfs.reflection_bsdf import reflection_layers
 from mi_lcair.plugins.emission.triangles import pointer_id
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal

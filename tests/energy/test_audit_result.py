@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mi_lcair.planning.audit_result import Audit
+from mi_lcair.energy.audit_result import Audit
 
 FLUX = {"incident": (50.0, 2.0), "absorbed": (30.0, 1.0)}
 AUDIT = Audit(
