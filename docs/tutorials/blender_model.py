@@ -144,7 +144,7 @@ trend
 # From behind, the nozzle alone is brighter than everything else. From the front it is hidden, and
 # what remains is the skin. The model is symmetric, so left and right must agree within their
 # errors. So must the trend and the signature where their aspects are the same. One interval of
-# twenty misses, so that one and a half half widths happen.
+# twenty misses, so that a difference may exceed its half width.
 
 # %%
 table = trend.to_dataframe().set_index(["elevation_deg", "azimuth_deg"])

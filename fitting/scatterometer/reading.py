@@ -34,6 +34,7 @@ VALUES = {
     "brdf_cos": ("brdf_cos", "brdf_x_cos", "brdfcos", "ccbrdf", "ccbsdf"),
     "sigma": ("sigma", "brdf_std", "std"),
 }
+SPECTRAL = ("wavelength", "lambda", "wavenumber", "wl")  # beginnings of names of spectral columns
 QUANTITIES = ("brdf", "brdf_cos")
 SIDES = ("specular", "source")
 NAMED = 2  # smallest number of known quantities in the line that names the columns
@@ -98,6 +99,7 @@ def read(
         raise InputError(f"{path}: no row has a BRDF")
     table.rows = [row for row, empty in zip(table.rows, is_empty) if not empty]
     data = {role: numbers[column][~is_empty] for role, (column, _) in columns.items()}
+    check_one_band(table)
     for role in [role for role in ANGLES if role in columns]:
         data[role] = _radians(table, role, *columns[role], data[role])
     sigma = data.get("sigma")
@@ -140,8 +142,20 @@ def read(
             "theta_r_positive": side,
             "rows": len(table.rows),
             "points": len(points[0]),
+            "repeated": int(scans),
         },
     )
+
+
+def check_one_band(table: TextTable) -> None:
+    """Raise InputError if the rows have several wavelengths, which would count as repeats."""
+    for place, column in enumerate(table.columns):
+        values = sorted({cells[place] for _, cells in table.rows})
+        if column.strip().lower().startswith(SPECTRAL) and len(values) > 1:
+            raise InputError(
+                f"{table.file}: column {shown(column)} has {len(values)} values "
+                f"({', '.join(values[:4])}); give each wavelength a file of its own, with its band"
+            )
 
 
 def check_first_line(file: str, text: str) -> None:
@@ -265,7 +279,8 @@ def _columns(table: TextTable, quantity: str | None) -> dict[str, tuple[str, str
         missing += [] if value in known else [f"{value}_per_sr"]
         raise InputError(
             f"{table.file}: no column {' and no '.join(missing)}; found: "
-            f"{', '.join(map(shown, table.columns[:12])) or 'nothing'}"
+            f"{', '.join(map(shown, table.columns[:12])) or 'nothing'}; "
+            "rename the column that holds it"
         )
     return {
         role: column for role, column in known.items() if role not in QUANTITIES or role == value

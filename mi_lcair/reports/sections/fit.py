@@ -6,7 +6,6 @@ from types import SimpleNamespace
 import numpy as np
 
 from mi_lcair.errors import option
-from mi_lcair.fitting.judgement.quality import tested
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData
 from mi_lcair.physics import reflection
 from mi_lcair.reports.fit_curves import model_of
@@ -62,19 +61,18 @@ def described(report: dict, fit) -> list[tuple[str, str]]:
     explained = "" if noise is None else f"; sigma explains {noise:.4f}"
     dropped = "; ".join(f"{count} {reason}" for reason, count in report["dropped"].items())
     emissivity = report["emissivity"]["rms_error"]
+    repeated = report["reading"].get("repeated", 0)  # older reports do not have it
+    averaged = f"; {repeated} rows repeat angles of others, and are averaged" if repeated else ""
     unknown_band = UNKNOWN_BAND.format(option("band", "3-5"))
     rows = [
         ("surface", f"{report['name'] or 'not named'} ({report['source'][0]['file']})"),
         ("band", f"{report['band']} um" if report["band"] else unknown_band),
         ("model", model_of(fit)),
-        ("points used", str(report["used"])),
+        ("points used", f"{report['used']}{averaged}"),
         ("left out", dropped or "none"),
         ("rms", f"{report['rms_dex']:.4f} decades{explained}"),
         ("fit", quality["verdict"]),
     ]
-    if quality["reduced_chi_square"] is not None:
-        numbers = (quality[key] for key in ("reduced_chi_square", "degrees_of_freedom", "p_value"))
-        rows.append(("chi-square", tested(*numbers)))
     converged = "converged" if report["converged"] else "NOT converged"
     return [
         *rows,

@@ -267,6 +267,7 @@ def test_repeated_scans_are_pooled_and_their_scatter_becomes_sigma(file):
     ]
     measured = read(file("theta_i_deg,theta_r_deg,brdf\n" + "\n".join(lines)))
     assert len(measured.brdf) == 81 and measured.reading["rows"] == 486
+    assert measured.reading["repeated"] == 405
     np.testing.assert_allclose(np.degrees(measured.theta_r), range(-40, 41), atol=1e-9)
     true = np.array([truth[r] for _, r in angles])
     ratio = measured.sigma / (true * 0.05 / math.sqrt(6))
@@ -383,6 +384,10 @@ BAD = {
     "missing value": (
         "theta_i_deg,theta_r_deg,reflectance\n1,2,3\n",
         "no column brdf_per_sr; found: 'theta_i_deg', 'theta_r_deg', 'reflectance'",
+    ),
+    "two wavelengths": (
+        "Wavelength [nm],theta_i_deg,theta_r_deg,brdf\n4000,20,30,1\n10600,20,30,2\n",
+        "column 'Wavelength [nm]' has 2 values (10600, 4000); give each wavelength a file",
     ),
     "missing columns": (
         "a,b\n1,2\n",
