@@ -13,7 +13,7 @@ from mi_lcair.camera.ranges.range_table import RangedTarget, at_ranges, table_ra
 from mi_lcair.camera.ranges.silhouette import Silhouette
 from mi_lcair.camera.scenery import Scenery
 from mi_lcair.camera.view import CameraView
-from mi_lcair.detection.multiplied_light import multiplied_light
+from mi_lcair.detection.remarks import averaged_plumes, multiplied_light
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import rendered_as, setting_of
 from mi_lcair.errors import InputError
@@ -91,6 +91,7 @@ def record_image(scenario: Scenario, frames: int, seed: int, progress) -> Image:
             *scene.remarks,
             *scenery.missing(),
             *multiplied_light(setting, exposed.sources.list),
+            *averaged_plumes(setting),
             *invalid_remark(exposed.invalid, exposed.paths),
             *hidden_remark(scene, observer.range_m),
             *remarks(imager, view, channels, measures, exposed.reached),

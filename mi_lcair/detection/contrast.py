@@ -12,16 +12,14 @@ from functools import partial
 
 import numpy as np
 
-from mi_lcair.declared import percent
 from mi_lcair.detection.contrast_result import Contrast, ContrastRow
 from mi_lcair.detection.irradiance import Estimate, Irradiance, RenderError
-from mi_lcair.detection.multiplied_light import multiplied_light
+from mi_lcair.detection.remarks import averaged_plumes, multiplied_light
 from mi_lcair.detection.scenario import RenderTable, Scenario
 from mi_lcair.detection.setting import Setting, rendered_as, setting_of
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.atmosphere import LineOfSight
 from mi_lcair.physics.detector import Detector
-from mi_lcair.plugins.bsdfs.plume import spectral_plumes
 from mi_lcair.plugins.emitters.thermal_emitter import one_sun
 from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.plugins.recorders.by_bounce import MAX_BOUNCE_CHANNELS
@@ -84,7 +82,7 @@ def measure_contrast(scenario: Scenario, progress) -> Contrast:
             *multiplied_light(setting, irradiance.areas.sources),
             *remarks(rows, detector, target, observer.range_m),
             *hidden_remark(view, observer.range_m),
-            *averaged_plumes(view, irradiance, path),
+            *averaged_plumes(setting),
         ],
         seconds=time.perf_counter() - start,
     )
@@ -260,23 +258,6 @@ def row(
         detected=None if detector.nei is None else bool(detector.detects(total.value)),
         irradiance=irradiance,
     )
-
-
-def averaged_plumes(view: Scene, irradiance: Irradiance, path: LineOfSight) -> list[str]:
-    """Remark on plumes by wavelength before a background that is no sky of the scene, in a list."""
-    plumes, behind = spectral_plumes(view.mi), irradiance.background(path)
-    if not plumes or view.mi.environment() is not None or not behind.any():
-        return []
-    errors = []
-    for plume in plumes:
-        passed = 1 - plume.spectrum.at(irradiance.wavelengths_um)["emissivity"]
-        share = irradiance.in_band(behind * passed**2) / irradiance.in_band(behind)
-        errors.append(abs(share - float(plume.transmittance[0]) ** 2))
-    return [
-        "where no sky of the scene is behind a plume by wavelength, the background shines through "
-        f"with its mean transmittance, {percent(max(errors))} of this background off at two "
-        "crossings; [surroundings] in place of [background] is by wavelength"
-    ]
 
 
 def no_target(irradiance: Irradiance, detector: Detector, path: LineOfSight) -> float | None:

@@ -6,6 +6,7 @@ import pytest
 import mi_lcair
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
+from tests.camera.plate_scenario import CAMERA
 
 RADIUS, RANGE, TRANSMITTANCE, BEHIND_K = 0.5, 1000.0, 0.8, 280.0
 SCENE = """<scene version="3.0.0"> <integrator type="bounce_path"/>
@@ -31,6 +32,7 @@ band = "LWIR"
 spp = 64
 resolution = 16
 """
+CAMERA_TABLE = "[camera]\n" + "".join(f"{key} = {value}\n" for key, value in CAMERA.items())
 
 
 def write(folder, kelvin):
@@ -69,3 +71,24 @@ def test_its_transmittance_changes_what_it_hides(tmp_path):
     assert absorbed * (irradiance(320.0) - irradiance(BEHIND_K)) == pytest.approx(
         data["contrast"], rel=0.01
     )
+
+
+def test_a_plume_by_wavelength_tells_how_far_its_background_is_off(tmp_path):
+    """It lets all pass below 10 um and a fifth above, at each of two crossings."""
+    path = write(tmp_path, BEHIND_K)
+    (tmp_path / "gas.csv").write_text("wavelength_um,transmittance\n7,1\n10,1\n10.001,.2\n15,.2\n")
+    scene = tmp_path / "plume.xml"
+    stated = '<float name="transmittance" value="0.8"/>'
+    by_wavelength = '<string name="spectrum" value="gas.csv"/> <string name="band" value="LWIR"/>'
+    scene.write_text(scene.read_text().replace(stated, by_wavelength))
+    result = mi_lcair.contrast(path)
+    short = float(
+        in_band_radiance(band("8-10"), BEHIND_K) / in_band_radiance(band("LWIR"), BEHIND_K)
+    )
+    hidden = (1 - short) * (1 - 0.2**2)
+    error = abs(result.rows[-1].background.value / irradiance(BEHIND_K) - hidden)
+    (remark,) = [text for text in result.remarks if "a plume by wavelength" in text]
+    stated = float(remark.split("transmittance, ")[1].split(" %")[0]) / 100
+    assert stated == pytest.approx(error, rel=0.1)
+    path.write_text(path.read_text() + CAMERA_TABLE)
+    assert remark in mi_lcair.image(path).remarks

@@ -1,15 +1,15 @@
-"""Remark on light that has crossed air before the target, where transmittances are multiplied.
+"""Remarks on what a contrast and an image approximate, with the size of the error."""
 
-The amounts of absorbers of both paths add only if both are known, which tables do not state. The
-size of the error is that of clear air.
-"""
+import numpy as np
 
+from mi_lcair.declared import percent
 from mi_lcair.detection.setting import Setting
 from mi_lcair.physics.air.clear_air import clear_air
 from mi_lcair.physics.air.clear_paths import ClearPaths
 from mi_lcair.physics.air.light import AirLight
 from mi_lcair.physics.atmosphere import HEIGHT_M
 from mi_lcair.physics.sun.sunlight import OUTSIDE_AIR
+from mi_lcair.plugins.bsdfs.plume import spectral_plumes
 from mi_lcair.plugins.emission.source import BinOfBlackbody, Source
 from mi_lcair.plugins.emitters.thermal_emitter import one_sun
 
@@ -19,6 +19,9 @@ STAND_IN_DEG = 45.0  # elevation of light that stands for a table's
 
 def multiplied_light(setting: Setting, sources: list[Source]) -> list[str]:
     """Remark on the light that the product of transmittances changes most, in a list.
+
+    It has crossed air before the target. The amounts of absorbers of both paths add only if both
+    are known, which tables do not state. The size of the error is that of clear air.
 
     Parameters
     ----------
@@ -63,3 +66,25 @@ def product_error(setting: Setting, light, of_sun: bool) -> float:
     band.check_covered(path.wavelengths_um, f"air '{STAND_IN}'")
     product = band.integral(path.wavelengths_um, light.radiance * path.transmittance)
     return float(product / band.integral(path.wavelengths_um, light.through(path.amounts)) - 1)
+
+
+def averaged_plumes(setting: Setting) -> list[str]:
+    """Remark on plumes by wavelength before a background that is no sky of the scene, in a list."""
+    scene, path, band = setting.view.mi, setting.path, setting.detector.band
+    plumes = spectral_plumes(scene)
+    fine = np.linspace(band.lower_um, band.upper_um, 257)
+    wavelengths_um = band.rows(fine, path.wavelengths_um, setting.backdrop.rows_um)
+    behind = setting.backdrop.at_sensor(path.range_m).at(wavelengths_um)
+    of_background = band.integral(wavelengths_um, behind)
+    if not plumes or scene.environment() is not None or not of_background:
+        return []
+    errors = []
+    for plume in plumes:
+        passed = 1 - plume.spectrum.at(wavelengths_um)["emissivity"]
+        share = band.integral(wavelengths_um, behind * passed**2) / of_background
+        errors.append(abs(float(share - plume.transmittance[0] ** 2)))
+    return [
+        "where no sky of the scene is behind a plume by wavelength, the background shines through "
+        f"with its mean transmittance, {percent(max(errors))} of this background off at two "
+        "crossings; [surroundings] in place of [background] is by wavelength"
+    ]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mi_lcair.api.contrast import contrast
-from mi_lcair.detection.multiplied_light import multiplied_light
+from mi_lcair.detection.remarks import multiplied_light
 from mi_lcair.detection.setting import setting_of
 from mi_lcair.physics.air.bands import TABLES
 from mi_lcair.physics.air.clear_air import clear_air
