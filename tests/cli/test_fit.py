@@ -166,7 +166,7 @@ def test_table_of_several_files(run, asked):
         "surface      lwir (lwir.csv)",
     )
     assert (first[1].split(), second[1].split()) == (["band", "3-5", "um"], ["band", "8-12", "um"])
-    assert first[12].startswith("epsilon ") and second[-6].startswith("e  ") and not lines[21]
+    assert first[11].startswith("epsilon ") and second[-6].startswith("e  ") and not lines[20]
 
 
 def test_an_unknown_band_is_mentioned(run, asked, folder):
