@@ -91,7 +91,7 @@ def record_image(scenario: Scenario, frames: int, seed: int, progress) -> Image:
             *scene.remarks,
             *scenery.missing(),
             *multiplied_light(setting, exposed.sources.list),
-            *averaged_plumes(setting),
+            *averaged_plumes(scene, [setting]),
             *invalid_remark(exposed.invalid, exposed.paths),
             *hidden_remark(scene, observer.range_m),
             *remarks(imager, view, channels, measures, exposed.reached),

@@ -82,7 +82,7 @@ def measure_contrast(scenario: Scenario, progress) -> Contrast:
             *multiplied_light(setting, irradiance.areas.sources),
             *remarks(rows, detector, target, observer.range_m),
             *hidden_remark(view, observer.range_m),
-            *averaged_plumes(setting),
+            *averaged_plumes(view, [setting]),
         ],
         seconds=time.perf_counter() - start,
     )

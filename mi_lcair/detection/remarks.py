@@ -1,5 +1,7 @@
 """Remarks on what a contrast and an image approximate, with the size of the error."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from mi_lcair.declared import percent
@@ -12,6 +14,7 @@ from mi_lcair.physics.sun.sunlight import OUTSIDE_AIR
 from mi_lcair.plugins.bsdfs.plume import spectral_plumes
 from mi_lcair.plugins.emission.source import BinOfBlackbody, Source
 from mi_lcair.plugins.emitters.thermal_emitter import one_sun
+from mi_lcair.rendering.scene import Scene
 
 STAND_IN = "us_standard"  # clear air that stands for air of which only a table is known
 STAND_IN_DEG = 45.0  # elevation of light that stands for a table's
@@ -68,23 +71,31 @@ def product_error(setting: Setting, light, of_sun: bool) -> float:
     return float(product / band.integral(path.wavelengths_um, light.through(path.amounts)) - 1)
 
 
-def averaged_plumes(setting: Setting) -> list[str]:
-    """Remark on plumes by wavelength before a background that is no sky of the scene, in a list."""
-    scene, path, band = setting.view.mi, setting.path, setting.detector.band
-    plumes = spectral_plumes(scene)
-    fine = np.linspace(band.lower_um, band.upper_um, 257)
-    wavelengths_um = band.rows(fine, path.wavelengths_um, setting.backdrop.rows_um)
-    behind = setting.backdrop.at_sensor(path.range_m).at(wavelengths_um)
-    of_background = band.integral(wavelengths_um, behind)
-    if not plumes or scene.environment() is not None or not of_background:
+def averaged_plumes(scene: Scene, lines: Iterable) -> list[str]:
+    """Remark on plumes by wavelength before a background that is no sky of the scene, in a list.
+
+    lines: lines of sight to the scene, each with its `detector`, `path` and `backdrop`.
+    """
+    plumes = [] if scene.mi.environment() is not None else spectral_plumes(scene.mi)
+    error = max((error_behind(plume, line) for line in lines for plume in plumes), default=0.0)
+    if not error:
         return []
-    errors = []
-    for plume in plumes:
-        passed = 1 - plume.spectrum.at(wavelengths_um)["emissivity"]
-        share = band.integral(wavelengths_um, behind * passed**2) / of_background
-        errors.append(abs(float(share - plume.transmittance[0] ** 2)))
     return [
         "where no sky of the scene is behind a plume by wavelength, the background shines through "
-        f"with its mean transmittance, {percent(max(errors))} of this background off at two "
+        f"with its mean transmittance, {percent(error)} of this background off at two "
         "crossings; [surroundings] in place of [background] is by wavelength"
     ]
+
+
+def error_behind(plume, line) -> float:
+    """Error of the background behind a plume by wavelength, as a share of this background."""
+    band, path, backdrop = line.detector.band, line.path, line.backdrop
+    fine = np.linspace(band.lower_um, band.upper_um, 257)
+    wavelengths_um = band.rows(fine, path.wavelengths_um, backdrop.rows_um)
+    behind = backdrop.at_sensor(path.range_m).at(wavelengths_um)
+    if not behind.any():
+        return 0.0
+    passed = 1 - plume.spectrum.at(wavelengths_um)["emissivity"]
+    through = band.integral(wavelengths_um, behind * passed**2)
+    share = through / band.integral(wavelengths_um, behind)
+    return abs(float(share - plume.transmittance[0] ** 2))

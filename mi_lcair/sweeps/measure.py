@@ -1,18 +1,19 @@
 """A sweep: traces the views that are not known yet, and calculates all cases from them."""
 
 import time
+import warnings
 from dataclasses import replace
 from functools import lru_cache
 from typing import TypeVar
 
 import numpy as np
 
+from mi_lcair.detection.remarks import averaged_plumes
 from mi_lcair.detection.weather import AirOfLight
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.source import Source
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.sampling import Sampling
-from mi_lcair.rendering.views import View
 from mi_lcair.signatures.effective_areas import temperatures_of
 from mi_lcair.signatures.view_areas import ViewAreas
 from mi_lcair.startup.tasks import computed
@@ -91,13 +92,17 @@ def results_of(
 
 def planned(lines: list[Line], resolution: int, sampling: Sampling) -> dict[Lit, list[Batch]]:
     """The batches of views that the lines need, by subject and height of the light."""
-    views: dict[Lit, dict[View, None]] = {}
+    lines_of_lit: dict[Lit, list[Line]] = {}
     for line in lines:
-        views.setdefault((line.subject, line.light), {}).update(dict.fromkeys(line.views))
-    return {
-        lit: Batch.of_views(*lit, list(of_lit), resolution, sampling)
-        for lit, of_lit in views.items()
-    }
+        lines_of_lit.setdefault((line.subject, line.light), []).append(line)
+    batches = {}
+    for lit, some in lines_of_lit.items():
+        sights = (line.sight for line in some if line.sight is not None)
+        for remark in averaged_plumes(lit[0].load(), sights):
+            warnings.warn(remark, stacklevel=2)
+        views = list(dict.fromkeys(view for line in some for view in line.views))
+        batches[lit] = Batch.of_views(*lit, views, resolution, sampling)
+    return batches
 
 
 @lru_cache(maxsize=2)

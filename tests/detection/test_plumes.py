@@ -1,5 +1,7 @@
 """Contrasts of plumes that let a background through, against their closed form."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -90,5 +92,8 @@ def test_a_plume_by_wavelength_tells_how_far_its_background_is_off(tmp_path):
     (remark,) = [text for text in result.remarks if "a plume by wavelength" in text]
     stated = float(remark.split("transmittance, ")[1].split(" %")[0]) / 100
     assert stated == pytest.approx(error, rel=0.1)
+    sweep = {"base": {"scenario": str(path)}, "conditions": {"range_m": [RANGE, 2 * RANGE]}}
+    with pytest.warns(UserWarning, match=re.escape(remark)):
+        mi_lcair.sweep(sweep)
     path.write_text(path.read_text() + CAMERA_TABLE)
     assert remark in mi_lcair.image(path).remarks
