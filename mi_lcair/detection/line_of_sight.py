@@ -18,7 +18,6 @@ from mi_lcair.physics.air.clear_air import SunDirection, clear_air
 from mi_lcair.physics.air.clear_paths import ClearPaths
 from mi_lcair.physics.air.geometry import height_along, length_between, lower_end
 from mi_lcair.physics.air.levels import Weather
-from mi_lcair.physics.air.slant_table import is_slant, slant_table
 from mi_lcair.physics.atmosphere import HEIGHT_M, atmosphere, clear_air_name
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.detector import Detector
@@ -67,14 +66,9 @@ class Sight:
         sun: azimuth and elevation of a sun in the scene's axes [degrees]; None by night.
         """
         observer, of_air = scenario.observer, scenario.atmosphere
-        name, slanting = clear_air_name(of_air.table), is_slant(of_air.table)
-        if (name or slanting) and of_air.ranges_m is not None:
-            raise InputError(
-                f"atmosphere '{of_air.table}': ranges_m are for the blocks of a MODTRAN tape7 "
-                "only; leave them out"
-            )
+        name = clear_air_name(of_air.table)
         upward = 0.0 - observer.elevation_deg
-        lower = lower_height(scenario, HEIGHT_M if name or slanting else None)
+        lower = lower_height(scenario, HEIGHT_M if name else None)
         lowest = lower or 0.0
         upper = height_along(lowest, abs(upward), observer.range_m)
         if lower is not None and upper > HIGHEST_M:
@@ -83,18 +77,12 @@ class Sight:
                 f"ground; must be at most {HIGHEST_M:g} m"
             )
         direction = None if sun is None else from_sun(observer.azimuth_deg, *sun)
+        air = atmosphere(of_air.table, of_air.ranges_m, upward)
         if name:
             clear = clear_air(name, of_air.weather)
             ends = of_air.table, clear, lowest, abs(upward), upward >= 0
             air = ClearPaths(*ends, observer.range_m, direction)
-        elif slanting:
-            air = slant_table(of_air.table).along(abs(upward), upward >= 0, lowest)
-        else:
-            air = atmosphere(of_air.table, of_air.ranges_m, upward)
-        # Paths of a table of slant paths begin above the ground, and end there
-        beyond = 0.0
-        if not slanting and lowest:
-            beyond = length_between(lowest, 0.0, -abs(upward)) or np.inf
+        beyond = (length_between(lowest, 0.0, -abs(upward)) or np.inf) if lowest else 0.0
         heights = (None, None) if lower is None else (lower, upper)
         return Sight(
             upward,

@@ -117,12 +117,8 @@ def atmosphere_names() -> list[str]:
 
 
 def clear_air_name(source: object) -> str | None:
-    """Name of the model atmosphere that `source` names; None for another atmosphere.
-
-    "slant_NAME" is an older name of the same air.
-    """
-    name = str(source).removeprefix("slant_")
-    return name if name in model_names() else None
+    """Name of the model atmosphere that `source` names; None for another atmosphere."""
+    return str(source) if str(source) in model_names() else None
 
 
 def atmosphere(

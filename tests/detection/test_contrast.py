@@ -694,7 +694,7 @@ def test_titles_of_a_plot_fit_into_it(folder):
     result = contrast(
         disc(
             folder,
-            atmosphere__table="slant_midlat_summer",
+            atmosphere__table="midlat_summer",
             observer__elevation_deg=-11.3,
             render__resolution=8,
         )

@@ -210,22 +210,6 @@ def test_horizontal_tables_are_used_at_any_elevation(folder):
         )
 
 
-def test_a_table_of_slant_paths_up_and_down(folder):
-    """The path radiance is that of the sensor's end, and the ground is at the target."""
-    file = folder / "slant.csv"
-    header = "elevation_deg,range_km,wavelength_um,transmittance"
-    rows = [f"{header},path_radiance_up_W_m2_sr_um,path_radiance_down_W_m2_sr_um"]
-    rows += [f"{e},{r},{x},{0.5**r},1,2" for e in (5, 40) for r in (1, 2) for x in (8, 8.1, 8.2)]
-    file.write_text("\n".join(rows))
-    given = {"atmosphere__table": str(file), "sensor__band": "8-8.2", "observer__range_m": 2000}
-    x = np.array([8.05, 8.15])
-    for elevation, radiance, behind in ((-5, 1.0, SKY), (5, 2.0, GROUND)):
-        setting = setting_of(disc(folder, observer__elevation_deg=elevation, **given, **behind))
-        np.testing.assert_allclose(setting.path.at(x), [[0.25] * 2, [radiance] * 2], rtol=1e-6)
-    arriving = 0.25 * planck(x, 300) + 2.0
-    np.testing.assert_allclose(setting.backdrop.at_sensor(2000.0).at(x), arriving, rtol=1e-6)
-
-
 def test_ground_behind_vacuum(folder):
     """In vacuum the ground arrives as it is."""
     x = np.linspace(8.1, 11.9, 50)
@@ -575,7 +559,7 @@ def test_a_cloudy_sky_knows_no_height(folder):
             {"observer__elevation_deg": 30, "atmosphere__ranges_m": [5.0]} | GROUND,
             "ranges_m are for",
         ),
-        ({"atmosphere__table": "slant_midlat"}, "unknown atmosphere 'slant_midlat'"),
+        ({"atmosphere__table": "midlat"}, "unknown atmosphere 'midlat'"),
         ({"background__ground_temperature": -1}, "ground_temperature = -1 K; must be positive"),
         ({"background__ground_emissivity": 0.5}, "ground_emissivity = 0.5 without sky"),
         ({"background__ground_emissivity": 1.5} | GROUND, "emissivity = 1.5; must be positive"),

@@ -1,8 +1,8 @@
 """Heights and lengths along a straight line of sight over a round Earth.
 
 The Earth has an effective radius, so that a straight line over it is as high as a refracted ray
-over the Earth: 1.19 times the true radius gives the target heights in the headers of the bundled
-slant tables within 0.8 m.
+over the Earth: 1.19 times the true radius gives the target heights of LOWTRAN7's slant paths within
+0.8 m.
 """
 
 import numpy as np
