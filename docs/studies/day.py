@@ -230,7 +230,7 @@ def main(page: Path) -> None:
         azimuth_spp=AZIMUTH_SPP,
         azimuth_rows=azimuth_rows(sun_over_azimuth(), by_night),
         **CAMERA,
-        **{band: f"{light.in_band_irradiance(band_of(band)):.3g}" for band in ("MWIR", "LWIR")},
+        **{band: f"{light.in_band_radiance(band_of(band)):.3g}" for band in ("MWIR", "LWIR")},
     )
 
 

@@ -17,8 +17,8 @@ from mi_lcair.physics.air.atmosphere import PAST_GROUND, Atmosphere, LineOfSight
 from mi_lcair.physics.air.clear_air import SunDirection, clear_air
 from mi_lcair.physics.air.clear_paths import ClearPaths
 from mi_lcair.physics.air.geometry import height_along, length_between, lower_end
-from mi_lcair.physics.air.levels import Weather
-from mi_lcair.physics.atmosphere import HEIGHT_M, atmosphere, clear_air_name
+from mi_lcair.physics.air.levels import HEIGHT_M, Weather
+from mi_lcair.physics.atmosphere import atmosphere, clear_air_name
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.detector import Detector
 from mi_lcair.physics.sky import clear_name

@@ -8,8 +8,8 @@ from mi_lcair.declared import percent
 from mi_lcair.detection.setting import Setting
 from mi_lcair.physics.air.clear_air import clear_air
 from mi_lcair.physics.air.clear_paths import ClearPaths
+from mi_lcair.physics.air.levels import HEIGHT_M
 from mi_lcair.physics.air.light import AirLight
-from mi_lcair.physics.atmosphere import HEIGHT_M
 from mi_lcair.physics.sun.sunlight import OUTSIDE_AIR
 from mi_lcair.plugins.bsdfs.plume import spectral_plumes
 from mi_lcair.plugins.emission.source import BinOfBlackbody, Source

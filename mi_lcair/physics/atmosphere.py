@@ -17,7 +17,7 @@ from mi_lcair.physics.air import tape7
 from mi_lcair.physics.air.atmosphere import VACUUM, Atmosphere
 from mi_lcair.physics.air.clear_air import clear_air
 from mi_lcair.physics.air.clear_paths import ClearPaths
-from mi_lcair.physics.air.levels import model_names
+from mi_lcair.physics.air.levels import HEIGHT_M, model_names
 from mi_lcair.physics.spectral_table import spectral_table
 from mi_lcair.table import LARGEST
 
@@ -32,7 +32,6 @@ CLEAR = 1e-12
 # Tolerance for the rounding of a printed table: rise of the transmittance with range, or radiance
 # at transmittance 1 as a share of the largest radiance.
 ROUNDING = 1e-3
-HEIGHT_M = 50.0  # height above the ground of paths that state none
 SAME_ELEVATION_DEG = 0.25  # largest difference of elevations that count as one
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.physics.air import tape7
 from mi_lcair.physics.air.clear_air import clear_air
-from mi_lcair.physics.air.levels import Weather, model_names
+from mi_lcair.physics.air.levels import HEIGHT_M, Weather, model_names
 from mi_lcair.physics.blackbody import C1, C2, spectral_radiance
 from mi_lcair.physics.spectral_table import SpectralTable, spectral_table
 from mi_lcair.physics.spectrum import BUNDLED, Spectrum
@@ -18,7 +18,6 @@ from mi_lcair.table import LARGEST, rows_at
 
 RADIANCE, ELEVATION, AZIMUTH = "radiance_W_m2_sr_um", "elevation_deg", "azimuth_deg"
 CLEAR = "_clear"  # end of the names of clear skies
-HEIGHT_M = 50.0  # height above the ground of a scene that states none
 ABOVE_AIR = 1.002  # radiance of a blackbody at the air's temperature that no sky reaches, relative
 MEAN_ROWS = 5  # elevations of a mean over the sky
 LEAST = 1e-12  # emissivity of a sky that stands for 0 in logarithms

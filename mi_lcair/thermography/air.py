@@ -7,8 +7,8 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.clear_air import clear_air
 from mi_lcair.physics.air.clear_paths import ClearPaths
-from mi_lcair.physics.air.levels import Weather
-from mi_lcair.physics.atmosphere import HEIGHT_M, atmosphere, clear_air_name
+from mi_lcair.physics.air.levels import HEIGHT_M, Weather
+from mi_lcair.physics.atmosphere import atmosphere, clear_air_name
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
 

@@ -5,9 +5,10 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.physics.air.levels import Weather, model_names
+from mi_lcair.physics.air.levels import HEIGHT_M, Weather, model_names
+from mi_lcair.physics.spectrum import Spectrum
 from mi_lcair.physics.sun.position import sun_position
-from mi_lcair.physics.sun.sunlight import HEIGHT_M, NO_AIR, Sunlight, air_names, sunlight
+from mi_lcair.physics.sun.sunlight import NO_AIR, air_names, sunlight
 from mi_lcair.plugins.emission.source import Source
 from mi_lcair.plugins.emitters.distant_emitter import DistantEmitter
 from mi_lcair.plugins.properties import Property
@@ -104,8 +105,8 @@ class Sun(DistantEmitter):
             for vector in ((cos * x, cos * y, sin), (-y, x, 0), (-sin * x, -sin * y, cos))
         )
 
-    def light(self, weather: Weather) -> Sunlight:
-        """Its light in a weather."""
+    def light(self, weather: Weather) -> Spectrum:
+        """Its irradiance in a weather, as the radiance of a disc of 1 sr."""
         elevation_deg = 90 - abs(90 - self.elevation_deg)  # also beyond the zenith
         place = elevation_deg, self.distance_au, self.height_m
         return sunlight(self.values["air"], *place, weather)
@@ -113,10 +114,10 @@ class Sun(DistantEmitter):
     def shine(self) -> None:
         """Set irradiance and spectrum to those of its air; a factor of the irradiance stays."""
         light, before = self.light(self.weather), self.through_air
-        self.through_air = float(light.in_band_irradiance(self.band))
+        self.through_air = float(light.in_band_radiance(self.band))
         # A new array, since motions keep the old one
         self.scale = self.scale * (self.through_air / before)
-        self.spectrum = light.over(self.projected_angle)
+        self.spectrum = light.scaled(1 / self.projected_angle)
 
     def move_to(self, azimuth_deg: float, elevation_deg: float) -> None:
         """Let it shine from another direction; a factor of its irradiance stays."""
@@ -136,7 +137,7 @@ class Sun(DistantEmitter):
 
     def spectra_in(self, weather):
         factor = float(self.scale[0]) / self.through_air
-        light = self.light(weather).over(self.projected_angle).scaled(factor)
+        light = self.light(weather).scaled(factor / self.projected_angle)
         in_band = light.in_band_radiance(self.band)
         return [Source(self.group, self.spectrum.name, in_band, spectrum=light)]
 

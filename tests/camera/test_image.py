@@ -262,14 +262,14 @@ def test_sunlight_keeps_its_spectrum(tmp_path):
     found = image(disc(tmp_path, background__temperature=100, **entries))
     light = sunlight()
     x = np.linspace(3.0, 5.0, 2001)
-    irradiance = np.interp(x, light.wavelengths_um, light.irradiance)
+    irradiance = np.interp(x, light.wavelengths_um, light.radiance)
     photons = np.trapezoid(irradiance * x, x) * 1e-6 / (PLANCK * LIGHT_SPEED) / np.pi
     pixel = photons * np.pi / 64 * (15e-6) ** 2 * 0.5e-3 * 0.75
     row = next(row for row in found.ranges if row.range_m == 1000)
     assert row.electrons == pytest.approx(pixel * row.pixels, rel=3e-3)
     thermal = electrons(
         found.band,
-        float(brightness_temperature(band("MWIR"), light.in_band_irradiance(band("MWIR")) / np.pi)),
+        float(brightness_temperature(band("MWIR"), light.in_band_radiance(band("MWIR")) / np.pi)),
     )
     assert thermal / pixel == pytest.approx(1.19, abs=0.01)
 

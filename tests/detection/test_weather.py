@@ -46,8 +46,8 @@ def test_light_at_the_target_has_the_weather(tmp_path):
     sun, sky = lamps(scene)
     expected = sunlight("us_standard", 30.0, height_m=1500.0, weather=Weather(**HUMID))
     plain = sunlight("us_standard", 30.0, height_m=1500.0)
-    assert sun.scale[0] == pytest.approx(expected.in_band_irradiance(MWIR), rel=1e-6)
-    assert sun.scale[0] < 0.85 * plain.in_band_irradiance(MWIR)
+    assert sun.scale[0] == pytest.approx(expected.in_band_radiance(MWIR), rel=1e-6)
+    assert sun.scale[0] < 0.85 * plain.in_band_radiance(MWIR)
     above = clear_sky("us_standard", 30.0, 1500.0, Weather(**HUMID))
     up = mi.Vector3f(float(np.cos(np.radians(40))), 0.0, float(np.sin(np.radians(40))))
     with scene.prepared():
@@ -61,7 +61,7 @@ def test_light_of_another_atmosphere_keeps_its_weather(tmp_path):
     sun, sky = lamps(setting(tmp_path, HUMID, **other).view)
     assert sun.weather == sky.weather == Weather()
     assert sun.scale[0] == pytest.approx(
-        sunlight("midlat_summer", 30.0, height_m=1500.0).in_band_irradiance(MWIR), rel=1e-6
+        sunlight("midlat_summer", 30.0, height_m=1500.0).in_band_radiance(MWIR), rel=1e-6
     )
 
 

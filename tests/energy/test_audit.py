@@ -352,7 +352,7 @@ def test_sunlight_is_absorbed_or_escapes(plate, with_sky):
             "emitter": {"type": "thermal", "band": "LWIR", "temperature": 1.0, "facet_type": "sky"},
         }
     result = audited(2**14, **shapes)
-    E = sunlight().in_band_irradiance(band("LWIR"))
+    E = sunlight().in_band_radiance(band("LWIR"))
     on_plate = E * np.sin(np.radians(40)) * 100
     disc = np.pi * 50 * (1 + 2 * np.tan(np.radians(0.265))) ** 2
     assert result.total["emitted"][0] == pytest.approx(E * disc, rel=1e-4)

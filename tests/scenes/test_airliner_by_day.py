@@ -40,7 +40,7 @@ def test_the_sun_is_added(night, day):
 
 def test_irradiance_of_the_bundled_air(day):
     scene, _ = day
-    expected = sunlight("midlat_summer", 45).in_band_irradiance(band("MWIR"))
+    expected = sunlight("midlat_summer", 45).in_band_radiance(band("MWIR"))
     assert mi_lcair.parameters(scene)["sun.irradiance"].value == pytest.approx(expected, rel=1e-6)
 
 

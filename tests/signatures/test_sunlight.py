@@ -14,7 +14,7 @@ from mi_lcair.rendering.scene import load
 from mi_lcair.sensitivity.parameters import set_values
 from tests.plugins.paths.test_recording import check
 
-E = sunlight().in_band_irradiance(band("MWIR"))
+E = sunlight().in_band_radiance(band("MWIR"))
 SUN = """<emitter type="sun" id="sun">
     <float name="elevation_deg" value="{elevation}"/> <float name="azimuth_deg" value="{azimuth}"/>
     <string name="band" value="MWIR"/> <string name="air" value="{air}"/>

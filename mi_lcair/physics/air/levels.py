@@ -13,6 +13,7 @@ from mi_lcair.table import read_table, rows_at
 
 EARTH_KM = 6371.23  # radius of the Earth in LOWTRAN7
 TOP_M = 100_000.0  # height of the air's end
+HEIGHT_M = 50.0  # height above the ground of a scene or path that states none
 HEIGHT, PRESSURE, TEMPERATURE = "height_km", "pressure_hPa", "temperature_K"
 HUMIDITY, VAPOUR, REFRACTIVITY = "relative_humidity", "water_vapour_g_m3", "refractivity"
 STATE = HEIGHT, PRESSURE, TEMPERATURE, HUMIDITY, VAPOUR, REFRACTIVITY

@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.bands import bands
 from mi_lcair.physics.air.clear_air import ClearAir, SunDirection, clear_air
-from mi_lcair.physics.air.levels import Weather
+from mi_lcair.physics.air.levels import HEIGHT_M, Weather
 from mi_lcair.physics.air.light import AirLight
 from mi_lcair.physics.bands import Band
-from mi_lcair.physics.sky import HEIGHT_M, air_mass, mean_nodes
+from mi_lcair.physics.sky import air_mass, mean_nodes
 from mi_lcair.physics.spectrum import Spectrum
 
 SUN_ELEVATION_DEG = 45.0  # of a sky that states none

@@ -1,19 +1,17 @@
 """Sunlight: spectral irradiance of the sun outside the air, through clear air, or measured.
 
-The irradiance is that of the direct sun on a plane perpendicular to it.
+The irradiance is that of the direct sun on a plane perpendicular to it. It is also the radiance of
+an even disc whose projected solid angle is 1 sr.
 """
 
 import os
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.physics.air.clear_air import clear_air
-from mi_lcair.physics.air.levels import Weather, model_names
-from mi_lcair.physics.air.light import AirLight
-from mi_lcair.physics.bands import Band
+from mi_lcair.physics.air.levels import HEIGHT_M, Weather, model_names
 from mi_lcair.physics.spectral_table import spectral_table
 from mi_lcair.physics.spectrum import BUNDLED, Spectrum
 from mi_lcair.table import LARGEST
@@ -25,35 +23,6 @@ IRRADIANCE = "irradiance_W_m2_um"
 # between rows in these steps, a curve that is straight in logarithms has an error below 1e-5.
 STEP = 0.002
 LONGEST_UM = 30.0  # the last row outside the air; beyond it the steps would become gaps
-HEIGHT_M = 50.0  # height above the ground of a scene that states none
-
-
-@dataclass(frozen=True, eq=False)
-class Sunlight:
-    """Spectral irradiance of the direct sun on a perpendicular plane, linear between the rows.
-
-    wavelengths_um: rising wavelengths [um], (n,). irradiance: [W m^-2 um^-1], (n,). through_air:
-    the irradiance as light that has crossed air; None outside the air and for a file.
-    """
-
-    name: str
-    wavelengths_um: np.ndarray
-    irradiance: np.ndarray
-    through_air: AirLight | None = None
-
-    def over(self, solid_angle: float) -> Spectrum:
-        """Spectral radiance of an even disc of a projected solid angle [sr] with the irradiance."""
-        if self.through_air is not None:
-            return self.through_air.scaled(1 / solid_angle)
-        return Spectrum(self.name, self.wavelengths_um, self.irradiance / solid_angle)
-
-    def in_band_irradiance(self, band: Band) -> float:
-        """In-band irradiance [W m^-2], weighted by the band's response.
-
-        Raises InputError if the table does not cover the band, or for the band `total`.
-        """
-        band.check_covered(self.wavelengths_um, f"sunlight '{self.name}'")
-        return float(band.integral(self.wavelengths_um, self.irradiance))
 
 
 def air_names() -> list[str]:
@@ -67,8 +36,8 @@ def sunlight(
     distance_au: float | None = None,
     height_m: float = HEIGHT_M,
     weather: Weather = Weather(),
-) -> Sunlight:
-    """The sunlight through an air.
+) -> Spectrum:
+    """The sunlight through an air, as the radiance of a disc of 1 sr.
 
     Parameters
     ----------
@@ -87,7 +56,8 @@ def sunlight(
 
     Returns
     -------
-    Sunlight
+    Spectrum
+        An `AirLight` through a clear air.
 
     Raises
     ------
@@ -99,8 +69,7 @@ def sunlight(
     if str(air) == NO_AIR:
         x, irradiance = outside_air()
     elif str(air) in air_names():
-        light = clear_air(str(air), weather).sun(height_m, elevation_deg, distance_au or 1.0)
-        return Sunlight(light.name, light.wavelengths_um, light.radiance, light)
+        return clear_air(str(air), weather).sun(height_m, elevation_deg, distance_au or 1.0)
     elif not path.suffix and not os.path.exists(path):
         raise unknown("air", str(air), [*air_names(), "a CSV file"])
     else:
@@ -110,8 +79,8 @@ def sunlight(
                 f"sunlight {path}: distance_au = {distance_au:g}, but a file holds the irradiance "
                 "at the scene; leave the distance out"
             )
-        return Sunlight(str(air), table.wavelengths_um, table.columns[0])
-    return Sunlight(OUTSIDE_AIR, x, irradiance / (distance_au or 1) ** 2)
+        return Spectrum(str(air), table.wavelengths_um, table.columns[0])
+    return Spectrum(OUTSIDE_AIR, x, irradiance / (distance_au or 1) ** 2)
 
 
 def outside_air() -> tuple[np.ndarray, np.ndarray]:

@@ -10,12 +10,11 @@ from numpy.typing import ArrayLike
 
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.physics.air.bands import bands
-from mi_lcair.physics.air.levels import Weather
+from mi_lcair.physics.air.levels import HEIGHT_M, Weather
 from mi_lcair.physics.air.light import AirLight
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.physics.sky import (
-    HEIGHT_M,
     SkyTable,
     air_mass,
     check_brightness,

@@ -149,7 +149,7 @@ class Surroundings:
             factor = np.sin(np.radians(self.sun_elevation_deg)) / np.pi
             sun = air.sun(0.0, self.sun_elevation_deg)
             if self.sun_file is not None:
-                sun = sunlight(self.sun_file).over(1.0)
+                sun = sunlight(self.sun_file)
             lights.append((factor, sun))
         return [light.scaled(reflectance * factor) for factor, light in lights]
 

@@ -13,7 +13,7 @@ from mi_lcair.physics.sun.sunlight import sunlight
 from mi_lcair.plugins.emitters import sun as sun_plugin
 from tests.plugins.small_scenes import GREY, SQUARE, camera, runs, scene
 
-E = sunlight().in_band_irradiance(band("MWIR"))
+E = sunlight().in_band_radiance(band("MWIR"))
 RADIUS = np.radians(0.53 / 2)
 BOTH = [{}, {"emitter_sampling": True}]
 IDS = ["sun drawn", "emitter sampling"]
