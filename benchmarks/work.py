@@ -56,7 +56,7 @@ def measurements(step_deg=2.0):
     from drjit.llvm.ad import Array3f64, Float64
 
     from mi_lcair.fitting.scatterometer.measurements import Measurements
-    from mi_lcair.physics.reflection import MODELS
+    from mi_lcair.physics.reflection.models import MODELS
 
     model = MODELS["sandford_robertson"]
     angles = np.meshgrid([20.0, 40.0, 60.0], np.arange(-80, 80 + step_deg / 2, step_deg))

@@ -9,7 +9,7 @@ import mi_lcair
 from mi_lcair.errors import InputError, option
 from mi_lcair.fitting.judgement.quality import Quality
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
-from mi_lcair.physics.reflection import MODELS
+from mi_lcair.physics.reflection.models import MODELS
 from mi_lcair.results import Result
 
 KIND = "fit"  # value of the key `kind` in a fit's JSON file

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.physics.reflection import MODELS, model
+from mi_lcair.physics.reflection import model
 from mi_lcair.physics.reflection.interface import ReflectionModel, Restriction
+from mi_lcair.physics.reflection.models import MODELS
 
 # The models that a fit compares where it is not told its model
 COMPARED = {name: entry for name, entry in MODELS.items() if entry.is_compared}

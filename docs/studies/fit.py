@@ -20,7 +20,7 @@ from mi_lcair.fitting.model import Hemispherical
 from mi_lcair.fitting.scatterometer.reading import read_directional
 from mi_lcair.fitting.search import COARSE
 from mi_lcair.fitting.selection import COMPARED, Variant
-from mi_lcair.physics.reflection import MODELS
+from mi_lcair.physics.reflection.models import MODELS
 from mi_lcair.reports.fit_curves import directional, model_of
 from tests.fitting.synthetic import ROUGH, THESIS_SETS, relative_errors, scan_of
 

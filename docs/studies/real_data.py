@@ -24,7 +24,7 @@ from mi_lcair.fitting.report import Fit
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
 from mi_lcair.fitting.scatterometer.reading import read, read_directional
 from mi_lcair.fitting.selection import COMPARED
-from mi_lcair.physics.reflection import MODELS
+from mi_lcair.physics.reflection.models import MODELS
 from mi_lcair.reports.fit_curves import directional, predicted
 from mi_lcair.reports.pictures.fit import save_plot
 

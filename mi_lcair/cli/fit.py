@@ -22,7 +22,7 @@ from mi_lcair.physics.reflection import NAMES
 def known_form(ctx, param, value):
     """The form, if any model has it; the models are loaded for a form that is given alone."""
     if value != "auto":
-        from mi_lcair.physics.reflection import MODELS
+        from mi_lcair.physics.reflection.models import MODELS
 
         forms = dict.fromkeys(form for model in MODELS.values() for form in model.forms)
         if value not in forms:

@@ -9,7 +9,7 @@ from mi_lcair.errors import InputError, check_known, unknown
 from mi_lcair.inversion.problem import parts
 from mi_lcair.inversion.tables import UnknownEntry
 from mi_lcair.motions.observer import ANGLES, OBSERVER
-from mi_lcair.physics import reflection
+from mi_lcair.physics.reflection.models import MODELS
 from mi_lcair.sensitivity.entries import AT
 from mi_lcair.sensitivity.parameters import Parameter
 
@@ -123,7 +123,7 @@ class Unknown:
             return half_width <= OF_WEATHER[self.unit]
         absolute, relative = PRECISION[self.kind]
         if self.kind == "material":
-            known = {of.name: of for m in reflection.MODELS.values() for of in m.parameters}
+            known = {of.name: of for m in MODELS.values() for of in m.parameters}
             if of := known.get(self.name.rpartition(".")[2]):
                 absolute, relative = of.absolute_precision, of.precision
         return half_width <= max(absolute, relative * abs(value))

@@ -11,7 +11,7 @@ import pytest
 
 from mi_lcair.errors import InputError
 from mi_lcair.fitting import estimation
-from mi_lcair.physics.reflection import MODELS
+from mi_lcair.physics.reflection.models import MODELS
 from tests.fitting.numpy_model import brdf
 from tests.fitting.results import fit_of
 

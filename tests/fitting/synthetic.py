@@ -7,7 +7,7 @@ from drjit.llvm.ad import Array3f64, Float64
 
 from mi_lcair import fitting
 from mi_lcair.fitting.scatterometer.measurements import Measurements
-from mi_lcair.physics.reflection import MODELS
+from mi_lcair.physics.reflection.models import MODELS
 from tests.fitting.numpy_model import brdf
 
 MODEL = MODELS["sandford_robertson"]  # the model that `numpy_model` computes

@@ -10,7 +10,7 @@ from mi_lcair.fitting import fit
 from mi_lcair.fitting.model import Scatterometer
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData
 from mi_lcair.fitting.selection import COMPARED, variants
-from mi_lcair.physics.reflection import MODELS
+from mi_lcair.physics.reflection.models import MODELS
 from mi_lcair.reports.fit_curves import directional
 from tests.fitting.results import fit_of, measurements
 from tests.fitting.synthetic import ROUGH, relative_errors, scan_of

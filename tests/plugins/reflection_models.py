@@ -7,7 +7,7 @@ import mitsuba as mi
 import numpy as np
 from drjit.llvm.ad import Float64
 
-from mi_lcair.physics import reflection
+from mi_lcair.physics.reflection import models
 from tests.physics.reflection.surfaces import direction
 
 LOBES = ("brdf", "mirror", "diffuse")
@@ -71,7 +71,7 @@ class Model:
 
     @property
     def is_ours(self):
-        return self.plugin["type"] in reflection.MODELS
+        return self.plugin["type"] in models.MODELS
 
     @property
     def is_delta(self):
@@ -121,14 +121,10 @@ def rung(model, name, lobe):
 MODELS = [
     Model("diffuse", 1.0, {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.7}}),
     Model("roughconductor", 0.1, {"type": "roughconductor", "distribution": "ggx", "alpha": 0.1}),
-    *(
-        rung(model, name, "brdf")
-        for model in reflection.MODELS.values()
-        for name in surfaces_of(model)
-    ),
+    *(rung(model, name, "brdf") for model in models.MODELS.values() for name in surfaces_of(model)),
     *(
         rung(model, name, lobe)
-        for model in reflection.MODELS.values()
+        for model in models.MODELS.values()
         for lobe in ("mirror", "diffuse")
         for name in RUNGS.get(model.name, tuple(surfaces_of(model))[1:2])
     ),

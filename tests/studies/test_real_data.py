@@ -12,7 +12,7 @@ from scipy.integrate import quad
 from docs.studies import real_data, real_data_tables
 from mi_lcair.fitting import read
 from mi_lcair.fitting.selection import COMPARED
-from mi_lcair.physics.reflection import MODELS
+from mi_lcair.physics.reflection.models import MODELS
 from tests.fitting.results import PARAMETERS, emissivity, fit_of, measurements
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "mwir_brdf"

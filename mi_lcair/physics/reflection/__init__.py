@@ -6,7 +6,6 @@ plugins/bsdfs/NAME.py.
 """
 
 import importlib
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from mi_lcair.errors import check_known
@@ -26,21 +25,3 @@ def model(name: str) -> "ReflectionModel":
     """The reflection model of that name; InputError for a name that is not registered."""
     check_known("reflection model", NAMES, name)
     return importlib.import_module(f"{__name__}.{name}").MODEL
-
-
-class Models(Mapping):
-    """The reflection models by name, each imported when it is first used."""
-
-    def __getitem__(self, name: str) -> "ReflectionModel":
-        if name not in NAMES:
-            raise KeyError(name)
-        return model(name)
-
-    def __iter__(self):
-        return iter(NAMES)
-
-    def __len__(self):
-        return len(NAMES)
-
-
-MODELS = Models()

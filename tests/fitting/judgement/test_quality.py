@@ -10,7 +10,7 @@ from scipy import stats
 from mi_lcair.fitting.judgement.quality import NEGLIGIBLE_DEX, judged, size
 from mi_lcair.fitting.scatterometer.measurements import Measurements
 from mi_lcair.fitting.scatterometer.reading import pool
-from mi_lcair.physics.reflection import MODELS
+from mi_lcair.physics.reflection.models import MODELS
 from tests.fitting.synthetic import ROUGH, fit, scan, scan_of
 
 PARAMETERS = 4
