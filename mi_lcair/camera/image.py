@@ -20,7 +20,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.imager import Imager
 from mi_lcair.rendering.limits import check_free
 from mi_lcair.rendering.statistics import invalid_remark
-from mi_lcair.rendering.views import hidden_remark
+from mi_lcair.rendering.views import terrain_remark
 
 BYTES_PER_PIXEL = 400  # memory for a pixel of the frame beside its counts [bytes]
 
@@ -93,7 +93,7 @@ def record_image(scenario: Scenario, frames: int, seed: int, progress) -> Image:
             *multiplied_light(setting, exposed.sources.list),
             *averaged_plumes(scene, [setting]),
             *invalid_remark(exposed.invalid, exposed.paths),
-            *hidden_remark(scene, observer.range_m),
+            *terrain_remark(scene, [observer.view], observer.range_m),
             *remarks(imager, view, channels, measures, exposed.reached),
         ],
         seconds=time.perf_counter() - start,

@@ -27,7 +27,7 @@ from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.statistics import invalid_remark
-from mi_lcair.rendering.views import Target, hidden_remark
+from mi_lcair.rendering.views import Target, terrain_remark
 from mi_lcair.signatures.signature import measure_signature
 from mi_lcair.signatures.signature_result import Signature
 
@@ -81,7 +81,7 @@ def measure_contrast(scenario: Scenario, progress) -> Contrast:
             *unlit_sky(view, scenario, detector),
             *multiplied_light(setting, irradiance.areas.sources),
             *remarks(rows, detector, target, observer.range_m),
-            *hidden_remark(view, observer.range_m),
+            *terrain_remark(view, [observer.view], observer.range_m),
             *averaged_plumes(view, [setting]),
         ],
         seconds=time.perf_counter() - start,

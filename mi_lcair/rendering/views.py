@@ -1,6 +1,5 @@
 """Views of a scene's model by distant observers: orthographic cameras that see all of it."""
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -24,7 +23,6 @@ THINNEST = 1e-3
 FEW_POINTS = 1000  # largest number of points that are used without reducing them to their hull
 UP, BESIDE = (0, 0, 1), (1, 0, 0)  # upward directions of images, below and above POLE_DEG
 DIGITS = 9  # decimals to which angles are rounded
-PROBES = 64  # rays along each side of the window in `hidden_share`
 CELLS = 16  # rays along each side of the window of each view in `terrain_before`
 MOST_PIXELS = 8192  # pixels along each side of a view
 POLE_DEG = 89.999  # elevation beyond which z cannot be the upward direction of an image
@@ -208,34 +206,13 @@ def seen_from(scene: Scene, view: View, resolution: int, target: Target | None =
     return replace(scene, sensors=[mi.load_dict(camera, parallel=False)])
 
 
-def hidden_share(scene: Scene, range_m: float) -> float:
-    """Fraction of the visible model that something hides from an observer at `range_m` [m].
-
-    The camera of a scene from `seen_from` is just outside the sphere around the model. It does not
-    see what lies between itself and the observer.
-    """
-    ray, on_model = meets_model(scene, PROBES)
-    outward = mi.Ray3f(ray.o, -ray.d, maxt=range_m, time=0, wavelengths=[])
-    return int(dr.count(on_model & scene.mi.ray_test(outward))[0]) / max(
-        1, int(dr.count(on_model)[0])
-    )
-
-
-def hidden_remark(scene: Scene, range_m: float) -> list[str]:
-    """Remark on what hides a part of the model from an observer at `range_m` [m], in a list."""
-    hidden = hidden_share(scene, range_m)
-    if hidden == 0:
-        return []
-    return [
-        f"{hidden:.0%} of the target has sky or terrain of the scene between it and the observer; "
-        "this sky or terrain is ignored and does not hide the target"
-    ]
-
-
-def terrain_before(scene: Scene, views: Sequence[View]) -> np.ndarray:
+def terrain_before(
+    scene: Scene, views: Sequence[View], range_m: float = float("inf")
+) -> np.ndarray:
     """Share of each view's window before which terrain lies, farther out than the camera, (V,).
 
-    Terrain on both sides of the model, such as the walls of a room, does not count.
+    Terrain on both sides of the model, such as the walls of a room, does not count. range_m: of the
+    observers [m], beyond whom nothing counts.
     """
     target, starts = Target.of(scene), []
     across = (np.arange(CELLS) + 0.5) * 2 / CELLS - 1
@@ -248,7 +225,8 @@ def terrain_before(scene: Scene, views: Sequence[View]) -> np.ndarray:
     with scene.prepared() as tracer:
 
         def is_terrain(origin, direction):
-            hit = scene.mi.ray_intersect(mi.Ray3f(origin, direction))
+            ray = mi.Ray3f(origin, direction, maxt=range_m, time=0, wavelengths=[])
+            hit = scene.mi.ray_intersect(ray)
             emitter = hit.emitter(scene.mi)
             background = ~tracer.emitters.is_model(emitter)
             return background & ~tracer.emitters.shows_sun(hit, emitter)
@@ -259,16 +237,16 @@ def terrain_before(scene: Scene, views: Sequence[View]) -> np.ndarray:
 
 
 @exclusively
-def warn_of_terrain(scene: Scene, views: Sequence[View]) -> None:
-    """Warn if the cameras of some views leave out terrain before the model."""
-    share = terrain_before(scene, views)
-    if share.any():
-        warnings.warn(
-            f"in {np.count_nonzero(share)} of {len(views)} views terrain lies before up to "
-            f"{percent(share.max())} of the view, farther out than the camera; it is ignored and "
-            "does not hide the model",
-            stacklevel=2,
-        )
+def terrain_remark(scene: Scene, views: Sequence[View], range_m: float = float("inf")) -> list[str]:
+    """Remark on terrain before the model that views leave out, in a list; see `terrain_before`."""
+    share = terrain_before(scene, views, range_m)
+    if not share.any():
+        return []
+    of_views = f"in {np.count_nonzero(share)} of {len(views)} views " if len(views) > 1 else ""
+    return [
+        f"{of_views}terrain lies before up to {percent(share.max())} of the view, farther out than "
+        "the camera; it is ignored and does not hide the model"
+    ]
 
 
 def meets_model(scene: Scene, cells: int) -> tuple[mi.Ray3f, mi.Bool]:

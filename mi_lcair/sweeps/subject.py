@@ -1,5 +1,6 @@
 """What is traced in a sweep: a scene as one combination of conditions makes it."""
 
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -16,7 +17,7 @@ from mi_lcair.rendering.reflections.number import bounce_settings
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.settings import set_all
-from mi_lcair.rendering.views import View, warn_of_terrain
+from mi_lcair.rendering.views import View, terrain_remark
 from mi_lcair.rendering.window import PASS_SAMPLES
 from mi_lcair.sensitivity.parameters import check_same, load_with_values
 from mi_lcair.signatures.trend import TrendRows
@@ -110,7 +111,8 @@ class Batch:
         fingerprint = scene.fingerprint
         if subject.scenario is None:  # whose observer is at its range, and not beyond the terrain
             for low, high in zip(bounds, bounds[1:]):
-                warn_of_terrain(scene, views[low:high])
+                for remark in terrain_remark(scene, views[low:high]):
+                    warnings.warn(remark, stacklevel=2)
         return [
             Batch(
                 subject=subject,

@@ -14,7 +14,7 @@ from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import checked
-from mi_lcair.rendering.views import Target, View, seen_from, terrain_before, warn_of_terrain
+from mi_lcair.rendering.views import Target, View, seen_from, terrain_before, terrain_remark
 from mi_lcair.rendering.window import FIRST_PATHS
 from tests.plugins.conftest import plate  # noqa: F401, a fixture
 from tests.plugins.small_scenes import camera
@@ -87,8 +87,8 @@ def test_terrain_before_a_view(plate):
     scene = loaded(slab=plate("slab", SLAB, BLACK, 300.0), floor=floor)
     views = [View(0, 90), View(20, 0), View(45, -90), View(30, -80)]
     assert terrain_before(scene, views).tolist() == [0, 0, 1, 1]
-    with pytest.warns(UserWarning, match=r"in 2 of 4 views terrain lies before up to 100 %"):
-        warn_of_terrain(scene, views)
+    (remark,) = terrain_remark(scene, views)
+    assert remark.startswith("in 2 of 4 views terrain lies before up to 100 % of the view")
     ceiling = floor | {"to_world": mi.ScalarTransform4f().translate([0, 0, 2])}
     room = loaded(slab=plate("slab", SLAB, BLACK, 300.0), floor=floor, ceiling=ceiling)
     assert not terrain_before(room, [View(45, -90)]).any()
