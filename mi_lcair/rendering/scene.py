@@ -115,11 +115,6 @@ class Scene:
 
         return line(self)
 
-    def _repr_html_(self) -> str:
-        from mi_lcair.rendering.loading.description import table
-
-        return table(self)
-
     @property
     def remarks(self) -> list[str]:
         """Remarks on possible errors of the image, one line each.

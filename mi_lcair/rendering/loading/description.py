@@ -1,38 +1,21 @@
-"""What a loaded scene tells about itself: one line, or a table for notebooks."""
-
-from html import escape
+"""What a loaded scene tells about itself in one line."""
 
 from mi_lcair.errors import printable, shortened
 
-MOST = 8  # names in a list of the table
+MOST = 8  # names in a list
 LONGEST = 190  # characters of the line
 
 
 def line(scene) -> str:
-    """The scene in one line: name, band, groups, sensors and parameters."""
-    parts = [f"band {scene.band.label}", *(f"{name} {text}" for name, text in rows(scene)[1:5])]
+    """The scene in one line: name, band, groups, materials, sensors and parameters."""
+    lists = {
+        "groups": scene.groups,
+        "materials": dict.fromkeys(surface.material for surface in scene.surfaces()),
+        "sensors": map(sensor_text, scene.sensors),
+        "parameters": [f"{name}={value}" for name, value in scene.parameters.items()],
+    }
+    parts = [f"band {scene.band.label}", *(f"{name} {names(of)}" for name, of in lists.items())]
     return printable(f"<Scene {scene.name}: {'; '.join(parts)}"[: LONGEST - 1] + ">")
-
-
-def table(scene) -> str:
-    """The scene as an HTML table, with its notes."""
-    cells = "".join(
-        f"<tr><th style='text-align:left'>{escape(name)}</th>"
-        f"<td style='text-align:left'>{escape(text)}</td></tr>"
-        for name, text in [*rows(scene), *(("note", note) for note in scene.notes[:MOST])]
-    )
-    return f"<table><caption>Scene {escape(scene.name)}</caption>{cells}</table>"
-
-
-def rows(scene) -> list[tuple[str, str]]:
-    """(name, text) of the scene's band, groups, materials, sensors and parameters."""
-    return [
-        ("band", scene.band.label),
-        ("groups", names(scene.groups)),
-        ("materials", names(dict.fromkeys(s.material for s in scene.surfaces()))),
-        ("sensors", names(sensor_text(sensor) for sensor in scene.sensors)),
-        ("parameters", names(f"{name}={value}" for name, value in scene.parameters.items())),
-    ]
 
 
 def sensor_text(sensor) -> str:

@@ -1,6 +1,5 @@
-"""What a loaded scene tells about itself in one line and in a notebook."""
+"""What a loaded scene tells about itself in one line."""
 
-import re
 from dataclasses import replace
 
 import pytest
@@ -19,15 +18,12 @@ def test_one_line():
 
 
 def test_no_flood():
-    """Of many parameters and long texts only the beginning is shown, and no text is markup."""
-    many = {f"parameter_{k}": "<b>" * 100 for k in range(15)}
-    scene = replace(mi_lcair.load("cavity"), parameters=many)
-    line, page = repr(scene), scene._repr_html_()
+    """Of many parameters and of long texts only the beginning is shown."""
+    many = {f"p{k}": k for k in range(15)}
+    line = repr(replace(mi_lcair.load("cavity"), parameters=many))
+    assert "p7=7 and 7 more" in line and len(line) <= LONGEST
+    line = repr(replace(mi_lcair.load("cavity"), parameters={name: 100 * name for name in many}))
     assert len(line) <= LONGEST and "\n" not in line and line.endswith(">")
-    assert len(page) < 2500 and "and 7 more" in page
-    assert "&lt;b&gt;" in page and "<b>" not in page
-    names = re.findall(r"<th[^>]*>(\w+)</th>", page)
-    assert names == ["band", "groups", "materials", "sensors", "parameters"]
 
 
 @pytest.mark.parametrize(
