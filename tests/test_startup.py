@@ -349,13 +349,13 @@ def test_a_cache_with_room_is_left_alone(tmp_path, monkeypatch, caplog):
 def test_plugins_follow_the_variant():
     done = python(
         "import mi_lcair, mitsuba as mi\n"
-        "from mi_lcair.plugins.paths import facet_starts, met_triangles\n"
+        "from mi_lcair.plugins.paths import facet_starts, launch\n"
         "assert mi.variant() == 'llvm_ad_mono'\n"
         "for variant in ('llvm_ad_mono', 'llvm_ad_rgb', 'scalar_rgb', 'llvm_ad_mono'):\n"
         "    mi.set_variant(variant)\n"
         "    if variant != 'scalar_rgb': "
         f"print(isinstance(mi.load_dict({SANDFORD_ROBERTSON}), mi.BSDF))\n"
-        "print(met_triangles.OnFacet is facet_starts.OnFacet)"
+        "print(launch.FacetTable is facet_starts.FacetTable)"
     )
     assert done.stdout.split() == ["True"] * 4, done.stderr
 

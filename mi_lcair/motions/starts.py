@@ -8,7 +8,7 @@ from mi_lcair.plugins.paths.aim import CELLS, Aim, shared_out
 from mi_lcair.plugins.paths.facet_starts import FacetStarts
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.rendering.aiming import aim_over_model, blurred
-from mi_lcair.rendering.facets.starts import meshes_of_model, outlines, radiances, seen_shares
+from mi_lcair.rendering.facets.starts import in_view, meshes_of_model, radiances, seen_shares
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.settings import changed
 
@@ -28,12 +28,13 @@ def starts_in(scene, sensor, poses: list[dict]) -> list[FacetStarts]:
     motions by name.
     """
     meshes = meshes_of_model(scene)
-    seen = seen_shares(scene, sensor, outlines(meshes, sensor)[1])[0]
+    seen = seen_shares(scene, sensor, in_view(meshes, sensor)[1])[0]
     of_poses = []
     for pose in poses:
         with moved(scene, pose):
-            of_poses.append([of_view[0] for of_view in outlines(meshes, sensor)])
+            of_poses.append(in_view(meshes, sensor))
     corners, areas = zip(*of_poses)
+    areas = np.concatenate(areas)
     radiance = radiances(meshes)
     area, change = np.max(areas, axis=0), np.ptp(areas, axis=0)
     change[change < TINY * area] = 0  # rounding of vertices that are shifted

@@ -210,12 +210,7 @@ class TriangleTable:
 
     def point(self, triangle, sample, active=True):
         """Barycentric coordinates, point [m] and normal on a triangle, for a uniform 2D sample."""
-        uv = mi.warp.square_to_uniform_triangle(sample)
-        corner, edge_1, edge_2 = (
-            dr.gather(mi.Vector4f, self.rows, 3 * triangle + row, active) for row in range(3)
-        )
-        point = mi.Point3f((corner + uv.x * edge_1 + uv.y * edge_2).xyz)
-        return uv, point, mi.Normal3f(corner.w, edge_1.w, edge_2.w)
+        return point_on(self.rows, triangle, sample, active)
 
     def find(self, shape, prim_index, active=True):
         """The number of a shape's triangle, and whether the triangle is in the table."""
@@ -230,6 +225,16 @@ class TriangleTable:
         return mi.Float(
             np.divide(probability, self.area, out=np.zeros_like(self.area), where=self.area > 0)
         )
+
+
+def point_on(rows: mi.Float, triangle, sample, active=True):
+    """As `TriangleTable.point`; rows: those of such a table."""
+    uv = mi.warp.square_to_uniform_triangle(sample)
+    corner, edge_1, edge_2 = (
+        dr.gather(mi.Vector4f, rows, 3 * triangle + row, active) for row in range(3)
+    )
+    point = mi.Point3f((corner + uv.x * edge_1 + uv.y * edge_2).xyz)
+    return uv, point, mi.Normal3f(corner.w, edge_1.w, edge_2.w)
 
 
 def is_mirrored(shape) -> bool:

@@ -11,63 +11,72 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.plugins.derivatives import own_memory
-from mi_lcair.plugins.emission.triangles import Choice, pointer_id, triangle_vertices
-from mi_lcair.plugins.recorders.recorder import Recorder
+from mi_lcair.plugins.emission.triangles import Choice, point_on, pointer_id, triangle_vertices
 
 
 @dataclass
 class FacetTable:
     """The triangles on which paths may begin, as Dr.Jit arrays.
 
-    ends: those of `Choice`, with a row for each window. outline: corner of each triangle and its
-    two sides in each window, in parts of the window. weight: weight of each triangle's paths in
-    each window. shape, primitive: the triangle. windows: number of windows that have tables of
-    their own; if it is 1, all share one. count: number of triangles.
+    ends: those of `Choice`, with a row for each window. rows: corner of each triangle and its two
+    sides, as those of `TriangleTable` [m]. extent: diagonal of the box around all [m]. weight:
+    weight of each triangle's paths in each window. shape, primitive: the triangle. windows: number
+    of windows that have tables of their own; if it is 1, all share one. count: number of triangles.
     """
 
     ends: mi.UInt32
-    outline: mi.Float
+    rows: mi.Float
+    extent: mi.Float
     weight: mi.Float
     shape: mi.UInt32
     primitive: mi.UInt32
     windows: mi.UInt32
     count: int
 
-    def place(
-        self, sample: mi.Point2f, window: mi.UInt32
-    ) -> tuple[mi.Point2f, mi.Float, "OnFacet"]:
-        """A position in a window, the weight of its path, and what its first hit must be."""
+    def place(self, sample: mi.Point2f, window: mi.UInt32) -> tuple[mi.Float, "FacetPoint"]:
+        """The weight of a path in a window, and the point that it has to hit first."""
         first = (window % self.windows) * self.count
         choice = Choice.of_ends(self.ends, self.count)
         index, sample = choice.pick_and_rest(sample, first=first)
-        uv = mi.warp.square_to_uniform_triangle(sample)
-        corner, right, up = (
-            dr.gather(mi.Point2f, self.outline, 3 * (first + index) + row) for row in range(3)
-        )
-        position = corner + uv.x * right + uv.y * up
-        inside = dr.all((position >= 0) & (position < 1))
-        weight = dr.select(inside, dr.gather(mi.Float, self.weight, first + index), 0)
+        _, p, _ = point_on(self.rows, index, sample)
         shape, primitive = (
             dr.gather(mi.UInt32, numbers, index) for numbers in (self.shape, self.primitive)
         )
-        return position, weight, OnFacet(shape, primitive, mi.Bool(False))
+        weight = dr.gather(mi.Float, self.weight, first + index)
+        return weight, FacetPoint(p, shape, primitive, self.extent)
 
 
 @dataclass
-class OnFacet(Recorder):
-    """Follows the paths whose first hit is the triangle on which they began.
+class FacetPoint:
+    """The point of a triangle on which a path begins.
 
-    shape: number of the pointer to its shape. counts: whether a path is one of them.
+    p: the point [m]. shape: number of the pointer to its shape. primitive: the triangle. extent:
+    see `FacetTable`.
     """
 
+    p: mi.Point3f
     shape: mi.UInt32
     primitive: mi.UInt32
-    counts: mi.Bool
+    extent: mi.Float
 
-    def begin(self, first, ray, active) -> mi.Bool:
-        same = dr.reinterpret_array(mi.UInt32, first.shape) == self.shape
-        self.counts = active & first.is_valid() & same & (first.prim_index == self.primitive)
-        return mi.Bool(self.counts)
+    def first_hit(self, scene, ray) -> tuple[mi.PreliminaryIntersection3f, mi.Bool]:
+        """What a sensor's ray toward the point hits first, and whether that is the triangle.
+
+        The start of the ray is known to a rounding of its coordinates, which may be more than the
+        facet of a distant sensor is wide. The ray is therefore traced from the near side of the
+        model, and another one from there back to the sensor.
+        """
+        distance = dr.dot(self.p - ray.o, ray.d)
+        near = dr.minimum(distance, self.extent)
+        start, before = self.p - near * ray.d, distance - near
+        hit = scene.ray_intersect_preliminary(
+            mi.Ray3f(start, ray.d, ray.maxt - before, 0, []), coherent=False
+        )
+        hidden = scene.ray_test(mi.Ray3f(start, -ray.d, before, 0, []), before > 0)
+        same = dr.reinterpret_array(mi.UInt32, hit.shape) == self.shape
+        same &= hit.is_valid() & (hit.prim_index == self.primitive)
+        hit.t += before
+        return hit, same & ~hidden
 
 
 @dataclass(frozen=True)
@@ -88,14 +97,14 @@ class FacetStarts:
     direct: "FacetStarts | None" = None
 
     @staticmethod
-    def at(meshes, outlines, area, choice: Choice, direct=0.0) -> "FacetStarts":
+    def at(meshes, corners, area, choice: Choice, direct=0.0) -> "FacetStarts":
         """Starts on the n triangles of meshes.
 
         Parameters
         ----------
         meshes : list of mi.Shape
-        outlines : ndarray, shape (..., n, 3, 2)
-            Corners of the triangles in parts of the window, or of each window.
+        corners : ndarray, shape (n, 3, 3)
+            Corners of the triangles [m].
         area : ndarray, shape (..., n)
             Their visible areas in parts of the window's area.
         choice : Choice
@@ -105,20 +114,23 @@ class FacetStarts:
         """
         counts = [len(triangle_vertices(mesh)) for mesh in meshes]
         ids = [pointer_id(mi.ShapePtr(mesh)) for mesh in meshes]
-        sides = np.array(outlines, dtype=np.float32)
-        sides[..., 1:, :] = outlines[..., 1:, :] - outlines[..., :1, :]
+        rows = np.zeros((choice.count, 3, 4))
+        rows[..., :3] = corners
+        rows[:, 1:] -= rows[:, :1]
+        extent = float(np.linalg.norm(np.ptp(corners.reshape(-1, 3), axis=0)))
         drawn = choice.probability > 0
         weight = np.divide(area, choice.probability, out=np.zeros_like(area), where=drawn)
         weight = np.atleast_2d(weight)
         table = FacetTable(
             mi.UInt32(choice.ends),
-            mi.Float(sides.ravel()),
+            mi.Float(rows.ravel()),
+            dr.opaque(mi.Float, extent),
             mi.Float(weight.ravel()),
             mi.UInt32(np.repeat(ids, counts).astype(np.uint32)),
             mi.UInt32(np.concatenate([np.arange(n) for n in counts]).astype(np.uint32)),
             dr.opaque(mi.UInt32, len(weight)),
             choice.count,
         )
-        own_memory([table.outline, table.weight, table.shape, table.primitive])
+        own_memory([table.rows, table.weight, table.shape, table.primitive])
         largest = weight.max(axis=1)
         return FacetStarts(table, largest, largest, (weight * direct).max(axis=1))

@@ -124,7 +124,8 @@ class Paths:
     def begin(self) -> tuple:
         """Sampler of each path, column and row of its window, its position there, its weight.
 
-        Also the facet on which it begins, an `OnFacet`; None for paths that begin anywhere.
+        Also the `FacetPoint` on which it begins, with None for the position; or None for paths that
+        begin anywhere.
         """
         randomisation, point = self.lane // self.points, self.first_point + self.lane % self.points
         window = dr.gather(mi.UInt32, self.windows, randomisation // self.randomisations)
@@ -138,7 +139,7 @@ class Paths:
         weight, facet = mi.Float(1), None
         if isinstance(self.aim, FacetTable):
             # Evenly spaced numbers give each facet as many paths as it shall have, but for one
-            position, weight, facet = self.aim.place(sampler.next_2d(), window)
+            position, (weight, facet) = None, self.aim.place(sampler.next_2d(), window)
         else:
             position = sampler.next_position()
             if self.aim is not None:
@@ -217,6 +218,18 @@ class ParallelRays:
         )
         dr.make_opaque(rays)
         return rays
+
+    def position(self, p: mi.Point3f, sensor: mi.UInt32) -> mi.Point2f:
+        """Position in the film of a sensor at which its ray toward a point [m] begins."""
+        right, up, direction = (
+            dr.gather(mi.Vector3f, axis, sensor) for axis in (self.right, self.up, self.direction)
+        )
+        aside = p - dr.gather(mi.Point3f, self.start, sensor)
+        # The sides of a window are not quite perpendicular to its rays, by rounding
+        x, y = dr.cross(up, direction), dr.cross(direction, right)
+        return NEAR + mi.Point2f(
+            dr.dot(aside, x) / dr.dot(right, x), dr.dot(aside, y) / dr.dot(up, y)
+        )
 
     def at(self, column, row, position, columns, rows) -> mi.Ray3f:
         """Rays at positions in the windows of the film.

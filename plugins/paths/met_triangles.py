@@ -7,7 +7,6 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.plugins.emission.triangles import PrimitiveTable
-from mi_lcair.plugins.paths.facet_starts import OnFacet
 from mi_lcair.plugins.paths.launch import Launch, ParallelRays
 from mi_lcair.plugins.recorders.recorder import Emission, Recorder, Recorders, Store
 
@@ -64,8 +63,7 @@ def met_triangles(tracer, sensor, launch: Launch, triangles: PrimitiveTable) -> 
         paths = launch.paths_from(sensor.sampler())
         store = Store(triangles, paths.lane, slots, number=(mi.UInt32, 0))
         met, rays = MetTriangles(mi.UInt32(0), store), ParallelRays.of(sensor) or sensor
-        L, recorders, weight = tracer.follow(paths, rays, lambda cell: Recorders([met]))
-        facet = recorders.of(OnFacet)
+        L, _, weight, facet = tracer.follow(paths, rays, lambda cell: Recorders([met]))
         start, L = triangles.at(facet.shape, facet.primitive), dr.select(weight > 0, L, 0)
         # One kernel traces the paths and fills the store
         dr.eval(L, start, store.arrays)

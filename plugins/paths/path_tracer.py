@@ -25,7 +25,7 @@ from mi_lcair.plugins.emission.emissivity import Table
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
 from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.plugins.paths.facet_starts import FacetStarts
-from mi_lcair.plugins.paths.launch import WHOLE, Launch, ParallelRays, Paths
+from mi_lcair.plugins.paths.launch import Launch, ParallelRays, Paths
 from mi_lcair.plugins.paths.offsets import rounding_error
 from mi_lcair.plugins.paths.recording import Recorded, SceneState
 from mi_lcair.plugins.paths.sums import BlockSums, Sums, block_size
@@ -160,18 +160,6 @@ class PathTracer(RBIntegrator):
         finally:
             self.paths.control, self.paths.openings = None, openings
 
-    def radiance(
-        self, sampler, ray, recorders: Recorders, part: str = WHOLE, coherent: bool = False
-    ) -> tuple[mi.Float, Recorders]:
-        """Radiance of each path [W m^-2 sr^-1], and what was recorded.
-
-        part: see `Launch`. coherent: whether the rays of successive paths are next to each other,
-        which are then traced together.
-        """
-        first = ray, self.scene.ray_intersect_preliminary(ray, coherent=coherent)
-        (L, _), _, recorders = self.paths.walk(sampler, first, mi.Bool(True), recorders, part)
-        return L[0], recorders
-
     def trace(
         self,
         sensor,
@@ -243,7 +231,7 @@ class PathTracer(RBIntegrator):
         kernels but reads no values. rays: ParallelRays or a sensor.
         """
         of_cells = partial(channels.recorders, self, None)
-        L, recorders, weight = self.follow(paths, rays, of_cells, bins)
+        L, recorders, weight, _ = self.follow(paths, rays, of_cells, bins)
         return block_sums(L, channels, recorders, weight, size)
 
     def whole_sums(
@@ -251,7 +239,7 @@ class PathTracer(RBIntegrator):
     ) -> tuple[BlockSums, Tail | None]:
         """As `block_sums`, also for facets and for closure = tail, which read values."""
         of_cells = partial(channels.recorders, self, facets)
-        L, recorders, weight = self.follow(paths, rays, of_cells, bins)
+        L, recorders, weight, _ = self.follow(paths, rays, of_cells, bins)
         first_hit, by_bounce = recorders.of(FirstHit), recorders.of(ByBounce)
         tail = None
         if self.closure == "tail":
@@ -269,25 +257,30 @@ class PathTracer(RBIntegrator):
         return block_sums(L, channels, recorders, weight, block_size(launch)), tail
 
     def follow(self, paths: Paths, rays, recorders_of, bins: BinSums | None = None) -> tuple:
-        """Radiance, recorders and weight of each path.
+        """Radiance [W m^-2 sr^-1], recorders, weight and `FacetPoint`, or None, of each path.
 
         recorders_of: gives the `Recorders` for the cell of the film in which each path begins.
         bins: sums by bin, or None.
         """
         sampler, column, row, position, weight, facet = paths.begin()
+        if facet is not None:
+            position = rays.position(facet.p, column)
+            weight = dr.select(dr.all((position >= 0) & (position < 1)), weight, 0)
         ray = self.first_ray(paths, rays, sampler, column, row, position)
+        active = mi.Bool(True)
+        if facet is None:
+            # Without an aim, the paths of a pixel follow each other
+            hit = self.scene.ray_intersect_preliminary(ray, coherent=paths.aim is None)
+        else:
+            hit, active = facet.first_hit(self.scene, ray)
+            weight = dr.select(active, weight, 0)
         recorders = recorders_of(cell_of(paths, column, row, position))
         if bins is not None:
             recorders.parts.append(ByBinOfPath.of(self.scene, self.emitters, bins, paths, weight))
-        if facet is not None:
-            recorders.parts.append(facet)
-        # Without an aim, the paths of a pixel follow each other
-        L, recorders = self.radiance(sampler, ray, recorders, paths.part, paths.aim is None)
+        (L, _), _, recorders = self.paths.walk(sampler, (ray, hit), active, recorders, paths.part)
         if bins is not None:
             recorders.of(ByBinOfPath).end()
-        if facet is not None:
-            weight = dr.select(recorders.parts[-1].counts, weight, 0)
-        return L, recorders, weight
+        return L[0], recorders, weight, facet
 
     def first_ray(self, paths: Paths, rays, sampler, column, row, position) -> mi.Ray3f:
         """First ray of each path; `rays` as for `block_sums`, the others as `Paths.begin` gives."""

@@ -91,7 +91,7 @@ def contributions(
         store = Store(table, paths.lane, slots(tracer), **kinds)
         parts = [FirstHit.of(tracer.scene, tracer.emitters, None, True)] if model_only else []
         parts.append(ByFacet(mi.Float(0), mi.UInt32(0), store))
-        L, recorders, _ = tracer.follow(
+        L, recorders, *_ = tracer.follow(
             paths, ParallelRays.of(sensor) or sensor, lambda cell: Recorders(parts)
         )
         rest = recorders.of(ByFacet).rest

@@ -46,7 +46,7 @@ def starts_on_facets(scene, sensor, brightest: float) -> FacetStarts | None:
     counts = [len(triangle_vertices(mesh)) for mesh in meshes]
     if len(views) * sum(counts) > MOST_STARTS:
         return None
-    corners, area = outlines(meshes, sensor)
+    corners, area = in_view(meshes, sensor)
     # What lies behind a surface that is passed is seen as well
     passes = np.repeat([is_passed(mesh.bsdf().flags()) for mesh in meshes], counts)
     direct = radiances(meshes) + passes * brightest
@@ -82,32 +82,31 @@ def seen_shares(scene, sensor, area: np.ndarray) -> np.ndarray:
     return np.clip((hits + 0.5) / (area * side**2 + 0.5), HIDDEN, 1.0)
 
 
-def outlines(meshes, sensor) -> tuple[np.ndarray, np.ndarray]:
-    """Corners (views, n, 3, 2) and visible areas (views, n) of the triangles of meshes.
+def in_view(meshes, sensor) -> tuple[np.ndarray, np.ndarray]:
+    """Corners (n, 3, 3) [m] and visible areas (views, n) of the triangles of meshes.
 
-    The corners are in parts of the window of an orthographic sensor, or of each in a batch. The
-    visible area is the projected one in parts of the window's area, or 0 for a triangle that shows
-    a side from which its surface neither emits nor reflects.
+    The visible area is the projected one in parts of the window's area, or 0 for a triangle that
+    shows a side from which its surface neither emits nor reflects. The sensor is an orthographic
+    one, or a batch of them.
     """
     corners = np.concatenate([np.stack(triangle_corners(mesh), axis=1) for mesh in meshes])
     faces, (back, front) = facings(meshes)
     views = views_of(sensor)
-    places, toward = zip(*(projected(corners.astype(float), view) for view in views))
-    toward = np.array(toward) * faces
-    return np.array(places), np.abs(toward) * np.where(toward > 0, front, back)
+    toward = faces * np.array([projected(corners.astype(float), view) for view in views])
+    return corners, np.abs(toward) * np.where(toward > 0, front, back)
 
 
-def projected(corners: np.ndarray, sensor) -> tuple[np.ndarray, np.ndarray]:
-    """Corners (n, 3, 2) of triangles (n, 3, 3) [m] in parts of the window, and their areas there.
+def projected(corners: np.ndarray, sensor) -> np.ndarray:
+    """Areas (n,) of triangles (n, 3, 3) [m] in parts of the window's area.
 
-    An area (n,) is negative if the triangle's corners are clockwise as the sensor sees them.
+    An area is negative if the triangle's corners are clockwise as the sensor sees them.
     """
     corner, axes = window_axes(sensor)
     direction = window(sensor)[-1]
     # A product of one long array is much faster than one of many short ones
     places = (np.reshape(corners - corner, (-1, 3)) @ axes).reshape(*corners.shape[:2], 2)
     (x, y), (v, w) = (places[:, k].T - places[:, 0].T for k in (1, 2))
-    return places, (y * v - x * w) * np.sign(np.cross(*axes.T) @ direction) / 2
+    return (y * v - x * w) * np.sign(np.cross(*axes.T) @ direction) / 2
 
 
 def facings(meshes) -> tuple[np.ndarray, np.ndarray]:

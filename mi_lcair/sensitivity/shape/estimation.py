@@ -99,7 +99,7 @@ class Estimation:
         self.colours = surface.colours()
         order = 1 << int(np.ceil(np.log2(self.colours.max() + 1)))
         self.patterns = hadamard(order)
-        self.area = surface.in_view(self.sensor, surface.vertices)[1]
+        self.area = surface.in_view(self.sensor, surface.vertices)
         self.growth = surface.growth(self.sensor, along)
         self.choice, self.q = self.starts()
         windows = Windows.whole(self.sensor)
@@ -151,8 +151,9 @@ class Estimation:
         radiance, met, shows, invalid = [], [], [], 0
         for side in (1, -1):
             vertices = surface.displaced(side * shift[:, None] * self.along)
-            outlines, area = surface.in_view(self.sensor, vertices)
-            aim = FacetStarts.at(surface.meshes, outlines, self.q, self.choice)
+            area = surface.in_view(self.sensor, vertices)
+            corners = vertices[surface.triangles]
+            aim = FacetStarts.at(surface.meshes, corners, self.q, self.choice)
             seed = self.sampling.seed * SEEDS + launch
             paths = Launch(1, 1, seed, randomisations=1, points=self.points, aim=aim)
             with displaced(scene, surface.buffers(vertices)), scene.prepared() as tracer:

@@ -137,14 +137,14 @@ class Surface:
         """Areas of the triangles in parts of the window's area, (T,)."""
         return np.linalg.norm(self.normals, axis=1) / (2 * np.prod(window_size(sensor)))
 
-    def in_view(self, sensor, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Outlines of the triangles in parts of the window, and visible areas, as `outlines`.
+    def in_view(self, sensor, vertices: np.ndarray) -> np.ndarray:
+        """Visible areas of the triangles in parts of the window's area, (T,).
 
         The area of a triangle that is edge-on is 0.
         """
-        outlines, toward = projected(vertices[self.triangles], sensor)
+        toward = projected(vertices[self.triangles], sensor)
         toward *= np.where(np.abs(toward) > EDGE_ON * self.whole(sensor), self.facing, 0)
-        return outlines, np.abs(toward) * np.where(toward > 0, *self.sides[::-1])
+        return np.abs(toward) * np.where(toward > 0, *self.sides[::-1])
 
     def growth(self, sensor, along: np.ndarray) -> np.ndarray:
         """Derivatives of the visible areas with respect to the displacements of corners, (T, 3).
@@ -155,7 +155,7 @@ class Surface:
         """
         corners, growth = self.vertices[self.triangles], np.empty(self.triangles.shape)
         along = np.append(along, np.zeros((1, 3)), axis=0)[self.corners]
-        toward = projected(corners, sensor)[1] * self.facing
+        toward = projected(corners, sensor) * self.facing
         side = np.where(np.abs(toward) > EDGE_ON * self.whole(sensor), np.sign(toward), 0)
         back, front = self.sides
         factor = (front * (1 + side) - back * (1 - side)) / 2
@@ -163,5 +163,5 @@ class Surface:
             # The signed area is linear in the position of one corner
             moved = corners.copy()
             moved[:, k] += along[:, k]
-            growth[:, k] = factor * (projected(moved, sensor)[1] * self.facing - toward)
+            growth[:, k] = factor * (projected(moved, sensor) * self.facing - toward)
         return growth
