@@ -71,18 +71,24 @@ def notebook_png(figure) -> bytes:
     return content_of(figure, format="png", dpi=NOTEBOOK_DPI)
 
 
-def write_figure(figure, path) -> None:
-    """Write a figure as a .png, .svg or .pdf file, completely or not at all.
+def file_content(figure, suffix: str) -> bytes:
+    """A figure as the content of a .png, .svg or .pdf file.
 
     Texts in SVG and PDF are texts, which can be searched and edited. Equal figures give equal
-    files. Raises InputError for another suffix, and if `path` cannot be written.
+    files.
     """
     from matplotlib import rc_context
 
-    suffix = check_suffix(path, PICTURES)
     with rc_context({"svg.fonttype": "none", "svg.hashsalt": "mi_lcair", "pdf.fonttype": 42}):
-        content = content_of(figure, format=suffix[1:], metadata=NO_DATE[suffix])
-    write_bytes(path, content)
+        return content_of(figure, format=suffix[1:], metadata=NO_DATE[suffix])
+
+
+def write_figure(figure, path) -> None:
+    """Write a figure as a .png, .svg or .pdf file, completely or not at all.
+
+    Raises InputError for another suffix, and if `path` cannot be written.
+    """
+    write_bytes(path, file_content(figure, check_suffix(path, PICTURES)))
 
 
 @contextmanager

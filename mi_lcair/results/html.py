@@ -1,12 +1,14 @@
 """Parts of sections as HTML, in which every text is escaped."""
 
+from base64 import b64encode
 from html import escape
 
 import numpy as np
 
+from mi_lcair.drawing import file_content
 from mi_lcair.errors import printable
 from mi_lcair.results.cells import cell_text, heading, is_number, typeset, typeset_unit
-from mi_lcair.results.sections import Facts, Lines, LongTable, Part, Remarks, Table
+from mi_lcair.results.sections import Facts, Lines, LongTable, Part, Picture, Remarks, Table
 
 LONGEST = 2000  # characters of a line
 MOST_ROWS = 12  # rows that are shown of a long table without a script
@@ -27,6 +29,9 @@ def part_html(part: Part) -> str:
             return _list(lines)
         case LongTable(columns):
             return first_rows(columns)
+        case Picture(words, figure):
+            data = b64encode(file_content(figure(), ".svg")).decode()
+            return f'<img alt="{text_html(words)}" src="data:image/svg+xml;base64,{data}">'
     raise TypeError(f"a {type(part).__name__} needs a page")
 
 

@@ -18,7 +18,7 @@ from mi_lcair.extras import optional
 from mi_lcair.files import check_writable, replacing
 from mi_lcair.results import html
 from mi_lcair.results.cells import unpacked, words_of
-from mi_lcair.results.sections import Facts, LongTable, Section
+from mi_lcair.results.sections import Drawing, Facts, LongTable, Picture, Section
 
 if TYPE_CHECKING:
     import pandas
@@ -93,6 +93,8 @@ class Result:
     def sections(self, **options: Any) -> list[Section]:
         """What the console prints and a page shows of the result.
 
+        A page shows its picture, unless one of the sections has a drawing.
+
         Parameters
         ----------
         **options
@@ -106,7 +108,11 @@ class Result:
         module = self._module("sections")
         make = named(f"{module}:sections") if module else whole_table
         check_options(f"the page of {self._named()}", make, options)
-        return make(self, **options)
+        sections = make(self, **options)
+        parts = [part for section in sections for part in section.parts]
+        if self.has_picture and not any(isinstance(part, (Drawing, Picture)) for part in parts):
+            sections[0].parts.append(Picture(self.page_title(), self.plot))
+        return sections
 
     def as_dict(self) -> dict[str, Any]:
         """The result for JSON: numbers, texts, lists and dictionaries, with units in the names.

@@ -69,7 +69,18 @@ class Drawing:
     panel: Callable[[], Any]
 
 
-Part = str | Facts | Table | Lines | Remarks | LongTable | Drawing
+@dataclass(frozen=True)
+class Picture:
+    """A picture of a page without a script. `figure` makes the Matplotlib Figure.
+
+    words: what it shows, for readers who cannot see it.
+    """
+
+    words: str
+    figure: Callable[[], Any]
+
+
+Part = str | Facts | Table | Lines | Remarks | LongTable | Drawing | Picture
 
 
 @dataclass(frozen=True)

@@ -29,12 +29,11 @@ DRAWN = {
     "a fit": (pictures.brdf, ("band", "theta_deg", "materials")),
     "a solution": (pictures.result, ()),
     "a budget": (pictures.result, ()),
-    "an audit": (pictures.result, ()),
     "a contrast": (pictures.contrast, ()),
 }
 NOT_DRAWN = {
     "a table of facets": "name its scene: mi-lcair show SCENE --facets {} -c COLUMN",
-    **dict.fromkeys(("a signature", "a table of results"), "report shows it"),
+    **dict.fromkeys(("a signature", "an audit", "a table of results"), "report shows it"),
 }
 
 
@@ -105,8 +104,8 @@ def command(ctx, what, output, **settings):
     FILE.exr --pixel ROW COLUMN         the spectrum of a pixel of an image
                                         that render --bins has written
     FILE.csv, FILE.nc                   a trend, or a spectrum of a signature
-    FILE.json                           a solution of invert, a budget, or an
-                                        audit; a contrast
+    FILE.json                           a solution of invert, a budget, or a
+                                        contrast
     SCENE, MODEL.obj, FOLDER            three views of a model; FOLDER is
                                         what import wrote
     SCENE --facet N                     what a facet sees, its neighbours'

@@ -29,9 +29,19 @@ def figure(fit):
 def figure_of(fits):
     """Figure with a row of panels for each of (Measurements, Fit, {quantity: DirectionalData})."""
     whole = new_figure((11, 6.2 * len(fits)), layout="constrained")
-    for row, fitted in zip(np.atleast_1d(whole.subfigures(len(fits), 1)), fits):
-        draw_fit(row, *fitted)
+    for row, (measurements, *fitted) in zip(np.atleast_1d(whole.subfigures(len(fits), 1)), fits):
+        draw_fit(row, measurements, *fitted)
+        band = ", {:g}-{:g} um".format(*measurements.band_um) if measurements.band_um else ""
+        row.suptitle(plain(f"{measurements.name}{band}: {model_of(fitted[0])}"))
     return whole
+
+
+@styled
+def curves(fit, measurements: Measurements | None, directional: dict):
+    """Figure of a fit without its parameters; without measurements it has curves alone."""
+    figure = new_figure((11, 6.2), layout="constrained")
+    draw_fit(figure, measurements, fit, directional, has_table=False)
+    return figure
 
 
 def save_plot(path, fits) -> None:
@@ -39,24 +49,25 @@ def save_plot(path, fits) -> None:
     write_figure(figure_of(fits), path)
 
 
-def draw_fit(figure, measurements: Measurements, fit, directional: dict) -> None:
+def draw_fit(
+    figure, measurements: Measurements | None, fit, directional: dict, has_table: bool = True
+) -> None:
     """Draw the panels of one fit in a (sub)figure.
 
     `directional` is the measured emissivity or DHR by quantity.
     """
-    band = ", {:g}-{:g} um".format(*measurements.band_um) if measurements.band_um else ""
-    figure.suptitle(plain(f"{measurements.name}{band}: {model_of(fit)}"))
     left, right = figure.subfigures(1, 2, width_ratios=(1.8, 1))
     draw_brdf(*left.subplots(2, 1, sharex=True, height_ratios=(3, 1)), measurements, fit)
-    table, *panels = right.subplots(
-        1 + max(len(directional), 1), 1, height_ratios=[1.25] + [1] * max(len(directional), 1)
-    )
-    draw_table(table, fit)
-    for panel, (quantity, data) in zip(panels, (directional or {"emissivity": None}).items()):
+    quantities = directional or {"emissivity": None}
+    heights = [1.25] * has_table + [1] * len(quantities)
+    panels = [*right.subplots(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]]
+    if has_table:
+        draw_table(panels.pop(0), fit)
+    for panel, (quantity, data) in zip(panels, quantities.items()):
         draw_directional(panel, fit, quantity, data)
 
 
-def draw_brdf(axes, below, measurements: Measurements, fit) -> None:
+def draw_brdf(axes, below, measurements: Measurements | None, fit) -> None:
     """Draw measured points and fitted curves on a logarithmic axis, and residuals below.
 
     The angle with more values is the abscissa. Each value of the other angle has its own colour.
@@ -69,14 +80,19 @@ def draw_brdf(axes, below, measurements: Measurements, fit) -> None:
         for points, face in ((scan.fitted, color), (scan.left_out, "none")):
             axes.plot(*points, "o", ms=2.6, mew=0.5, color=color, mfc=face)
         below.plot(scan.fitted[0], scan.residuals, "o", ms=2.2, mew=0, color=color)
-    brdf, used = measurements.brdf, fit.used_points
-    lowest = min(scan.curve[1].min() for scan in scans)
-    least = brdf[used & (brdf > 0)].min()
+    lowest, highest = ([end(scan.curve[1]) for scan in scans] for end in (np.min, np.max))
+    fitted = np.concatenate([scan.fitted[1] for scan in scans])
+    left_out = np.concatenate([scan.left_out[1] for scan in scans])
+    least = fitted.min() if fitted.size else min(lowest)
+    largest = max(fitted.max(initial=0), left_out.max(initial=0))
     axes.set_yscale("log")
-    axes.set_ylim(max(min(lowest, least), 0.03 * least) / 2, 4 * brdf[brdf > 0].max())
+    axes.set_ylim(max(min(*lowest, least), 0.03 * least) / 2, 4 * (largest or max(highest)))
     axes.set_ylabel("BRDF (1/sr)")
+    words = "lines fitted,\nbands 95 %"
+    if measurements is not None:
+        words = f"dots measured\n(hollow: left out), {words}"
     axes.legend(
-        title=f"{ANGLES[fixed]}: dots measured\n(hollow: left out), lines fitted,\nbands 95 %",
+        title=f"{ANGLES[fixed]}: {words}",
         ncols=2,
         loc="upper left",
         handlelength=1.2,
@@ -85,8 +101,8 @@ def draw_brdf(axes, below, measurements: Measurements, fit) -> None:
         alignment="left",
     )
     below.axhline(0, color=INK, lw=0.8)
-    largest = max(abs(scan.residuals).max(initial=0) for scan in scans)
-    reach = max(0.1, 1.1 * largest)
+    residual = max(np.abs(scan.residuals).max(initial=0) for scan in scans)
+    reach = max(0.1, 1.1 * residual)
     below.set_ylim(-reach, reach)
     below.set_ylabel("measured / fitted\n(decades)")
     below.set_xlabel(f"{ANGLES[swept]} (degrees)")

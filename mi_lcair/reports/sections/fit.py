@@ -9,9 +9,9 @@ from mi_lcair.errors import option
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData
 from mi_lcair.physics import reflection
 from mi_lcair.reports.fit_curves import model_of
-from mi_lcair.reports.page.fit_panel import fit_panel
+from mi_lcair.reports.pictures.fit import curves
 from mi_lcair.results.cells import unpacked, words_of
-from mi_lcair.results.sections import Drawing, Facts, Section, Table
+from mi_lcair.results.sections import Facts, Picture, Section, Table
 
 UNKNOWN_BAND = "unknown: scenes need it; give {}, or '# band_um: 3 5' in the data"
 SHOWN_DEG = (0, 30, 60, 80)  # angles at which the predicted emissivity is listed
@@ -33,7 +33,8 @@ def sections_of_report(report: dict, fit, measurements=None, directional=None) -
     directional = measured_emissivity(report) if directional is None else directional
     note = "The measured data are not beside the report. Only the fitted curves are shown."
     data = [note] if measurements is None else []
-    drawing = Drawing(partial(fit_panel, fit, measurements, directional))
+    words = "Measured and fitted BRDF, residuals, and emissivity"
+    picture = Picture(words, partial(curves, fit, measurements, directional))
     compared = [
         [
             ", ".join(filter(None, (c["model"], c["form"], c["restriction"]))),
@@ -49,7 +50,7 @@ def sections_of_report(report: dict, fit, measurements=None, directional=None) -
     made = Facts([*settings, *sources, ("version", report["version"])])
     return [
         Section("Fit", [Facts(described(report, fit)), parameters(report), *emissivities(report)]),
-        Section("Data, model and residuals", [*data, drawing]),
+        Section("Data, model and residuals", [*data, picture]),
         Section("Models that were compared", [Table(COMPARED, compared)], is_detail=True),
         Section("How the fit was made", [made], is_detail=True),
     ]

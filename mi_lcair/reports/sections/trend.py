@@ -7,7 +7,7 @@ import numpy as np
 from mi_lcair.declared import percent
 from mi_lcair.reports.page.trend_panel import trend_panel
 from mi_lcair.results.cells import error_row
-from mi_lcair.results.sections import Drawing, Facts, LongTable, Remarks, Section, Table
+from mi_lcair.results.sections import Drawing, Facts, LongTable, Picture, Remarks, Section, Table
 
 COLUMNS = [
     "elevation", "views", ("least", "W sr-1"), "at azimuth", ("mean", "W sr-1"),
@@ -30,6 +30,7 @@ def sections(trend) -> list[Section]:
     parts += [
         Remarks([remark] if invalid else []),
         Drawing(partial(trend_panel, trend)),
+        *([Picture("Parts of the intensity", trend.plot)] if trend.parts("group") else []),
         LongTable(trend.columns()),
     ]
     return [Section("Intensity by aspect", parts)]
