@@ -12,7 +12,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.files import LARGEST, filling, read_bytes
 from mi_lcair.models3d.label import GROUPS
 from mi_lcair.models3d.model import Model
-from mi_lcair.models3d.record import check_unedited, recorded, signed
+from mi_lcair.models3d.record import RECORD, check_unedited, record_of
 from mi_lcair.models3d.scene_xml import fragment, scene
 from mi_lcair.physics.materials import is_json
 
@@ -35,8 +35,8 @@ def export(
     model.xml; and one binary PLY for each combination of facet type, material, group and elevation.
     A PLY has the face attributes `temperature` [K] and `facet`, the number in the model. The tables
     `materials` and `sky` and the JSON files of fits that are materials are copied. Other files in
-    the folder are not changed. model.xml holds the checksums of all files, which reveal later
-    edits.
+    the folder are not changed. The file RECORD holds the checksums of all others, which reveal
+    later edits.
 
     Parameters
     ----------
@@ -92,13 +92,12 @@ def export(
     }
     contents |= {file: content() for file, content in (also or {}).items()}
     labels = {stem: label for stem, (label, _) in parts.items()}
-    text = fragment(name, labels, short, materials, sky) + recorded(contents)
-    contents["model.xml"] = signed(text).encode()
-    contents["scene.xml"] = signed(scene(name, *_bounds(model), sky, emitters)).encode()
+    contents["model.xml"] = fragment(name, labels, short, materials, sky).encode()
+    contents["scene.xml"] = scene(name, *_bounds(model), sky, emitters).encode()
     if not overwrite:
         check_unedited(folder, contents)
     with filling(folder) as partial:
-        for file, content in contents.items():
+        for file, content in (contents | {RECORD: record_of(contents)}).items():
             (partial / file).write_bytes(content)
     return [folder / file for file in sorted(contents)]
 

@@ -1,26 +1,19 @@
 """Record of what an import wrote, from which the next import sees which files were edited."""
 
-import re
+import json
 from hashlib import sha256
 from pathlib import Path
 
 from mi_lcair.errors import InputError, option
-from mi_lcair.files import read_bytes
+from mi_lcair.files import parse_json, read_bytes, read_text
 
-RECORD = re.compile(rb"<!-- checksum ([0-9a-f]{16}) of file (.*) -->\n")
-
-
-def recorded(contents: dict[str, bytes]) -> str:
-    """Lines for model.xml with the checksum of each file, by its name."""
-    return "".join(
-        f"<!-- checksum {_checksum(contents[name])} of file {_quoted(name)} -->\n"
-        for name in sorted(contents)
-    )
+RECORD = ".import.json"  # file with the checksum of each other file, by its name
 
 
-def signed(text: str) -> str:
-    """The text of a scene file with its checksum in the last line, which reveals later edits."""
-    return f"{text}<!-- written by mi-lcair import, checksum {_checksum(text.encode())} -->\n"
+def record_of(contents: dict[str, bytes]) -> bytes:
+    """Content of the RECORD of files, by name."""
+    checksums = {name: _checksum(contents[name]) for name in sorted(contents)}
+    return f"{json.dumps(checksums, indent=2)}\n".encode()
 
 
 def check_unedited(folder: Path, contents: dict[str, bytes]) -> None:
@@ -29,22 +22,16 @@ def check_unedited(folder: Path, contents: dict[str, bytes]) -> None:
 
     contents: what is to be written, by file name. A file with just this content is no loss.
     """
-    model = folder / "model.xml"
-    record = (
-        {name: checksum for checksum, name in RECORD.findall(read_bytes(model))}
-        if model.is_file()
-        else {}
-    )
-    edited = []
-    for name in sorted(contents):
-        path = folder / name
-        if not path.is_file():
-            continue
-        content = read_bytes(path)
-        is_written = _is_signed(content) if name.endswith(".xml") else False
-        noted = record.get(_quoted(name).encode()) == _checksum(content).encode()
-        if not (is_written or noted or content == contents[name]):
-            edited.append(str(path))
+    record, known = folder / RECORD, {}
+    if record.is_file():
+        known = parse_json(read_text(record), str(record))
+    known = known if isinstance(known, dict) else {}
+    edited = [
+        str(folder / name)
+        for name, content in sorted(contents.items())
+        if (folder / name).is_file()
+        and _checksum(read_bytes(folder / name)) not in (known.get(name), _checksum(content))
+    ]
     if edited:
         raise InputError(
             f"{', '.join(edited)}: {'was' if len(edited) == 1 else 'were'} written by somebody "
@@ -53,17 +40,5 @@ def check_unedited(folder: Path, contents: dict[str, bytes]) -> None:
         )
 
 
-def _is_signed(content):
-    """Whether a scene file is as `signed` made it."""
-    text = content.decode("utf-8", "replace")
-    head, line, _ = text.rpartition("<!-- written by mi-lcair import")
-    return bool(line) and signed(head) == text
-
-
-def _checksum(content):
+def _checksum(content: bytes) -> str:
     return sha256(content).hexdigest()[:16]
-
-
-def _quoted(name):
-    """A file name for a comment in XML, which must not contain two hyphens in a row."""
-    return name.replace("--", "- -")

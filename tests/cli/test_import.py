@@ -123,13 +123,13 @@ not planar             0 (at most 0 mm off)
 written to             boxes, 6 files; next: mi-lcair signature boxes/scene.xml
 """
     )
-    assert len(list((folder / "boxes").iterdir())) == 6
+    assert len(list((folder / "boxes").glob("[!.]*"))) == 6
 
 
 def test_json(run, folder):
     result = json.loads(run("import", "model.obj", "-o", "boxes", "--json").stdout)
     files = result.pop("files")
-    assert files == [str(path.relative_to(folder)) for path in sorted((folder / "boxes").iterdir())]
+    assert files == [str(path.relative_to(folder)) for path in sorted((folder / "boxes").glob("[!.]*"))]
     assert {
         key: result[key]
         for key in (
@@ -221,7 +221,7 @@ def test_files_are_replaced_and_others_left_alone(run, refused, folder):
     assert run("import", "model.obj", "-o", "boxes").exit_code == 0
     assert (folder / "boxes" / "mine.txt").read_text() == "old"
     assert (folder / "boxes" / "scene.xml").read_text() != small
-    assert len(list((folder / "boxes").iterdir())) == 5
+    assert len(list((folder / "boxes").glob("[!.]*"))) == 5
     assert run("import", "model.obj", "-o", ".").exit_code == 0 and (folder / "scene.xml").is_file()
     for file, edit in (("scene.xml", ('value="LWIR"', 'value="MWIR"')), ("model.xml", ("\n", " "))):
         path = folder / "boxes" / file
