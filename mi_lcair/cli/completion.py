@@ -9,6 +9,7 @@ from pathlib import Path
 from click.shell_completion import BashComplete, CompletionItem, add_completion_class
 
 from mi_lcair import physics
+from mi_lcair import scenes as bundled
 from mi_lcair.errors import InputError
 
 MATERIALS = Path(physics.__file__).with_name("materials.toml")
@@ -26,47 +27,48 @@ class Bash(BashComplete):
 add_completion_class(Bash)
 
 
-def scenes(ctx, param, incomplete: str) -> list[CompletionItem]:
-    """Bundled scenes and XML files whose names begin with the text."""
-    from mi_lcair import scenes as bundled
-
-    return offered({name: bundled.title(name) for name in bundled.names()}, incomplete, ".xml")
+def scene_titles() -> dict[str, str]:
+    """Titles of the bundled scenes by name."""
+    return {name: bundled.title(name) for name in bundled.names()}
 
 
-def scenarios(ctx, param, incomplete: str) -> list[CompletionItem]:
-    """Bundled scenarios and TOML files whose names begin with the text."""
-    from mi_lcair import scenes as bundled
-
-    titles = {name: bundled.scenario_title(name) for name in bundled.scenarios()}
-    return offered(titles, incomplete, ".toml")
+def scenario_titles() -> dict[str, str]:
+    """Titles of the bundled scenarios by name."""
+    return {name: bundled.scenario_title(name) for name in bundled.scenarios()}
 
 
-def scenes_and_scenarios(ctx, param, incomplete: str) -> list[CompletionItem]:
-    """Bundled scenes and scenarios; files if none of them fits."""
-    items = [
-        item
-        for complete in (scenes, scenarios)
-        for item in complete(ctx, param, incomplete)
-        if item.type == "plain"
-    ]
-    return items or [CompletionItem(incomplete, type="file")]
+def material_names() -> dict[str, str]:
+    """The bundled materials."""
+    return dict.fromkeys(tomllib.loads(MATERIALS.read_text(encoding="utf-8")), "")
 
 
-def materials(ctx, param, incomplete: str) -> list[CompletionItem]:
-    """Bundled materials and the JSON files of fits whose names begin with the text."""
-    entries = tomllib.loads(MATERIALS.read_text(encoding="utf-8"))
-    return offered(dict.fromkeys(entries, ""), incomplete, ".json")
+# Bundled names that may stand in place of a file, by its suffix
+BUNDLED = {".xml": scene_titles, ".toml": scenario_titles, ".json": material_names}
 
 
-def pictured(ctx, param, incomplete: str) -> list[CompletionItem]:
-    """What `show` draws: images, scenes and materials."""
-    items = [
-        *offered({}, incomplete, ".exr"),
-        *scenes(ctx, param, incomplete),
-        *materials(ctx, param, incomplete),
-    ]
-    plain = [item for item in items if item.type == "plain"]
-    return plain or [CompletionItem(incomplete, type="file")]
+def completer(*suffixes: str):
+    """Function that completes the files with these suffixes, and the names in place of them.
+
+    If nothing begins with the text, the shell completes file names.
+    """
+
+    def complete(ctx, param, incomplete: str) -> list[CompletionItem]:
+        names = {}
+        for suffix in suffixes:
+            names |= BUNDLED.get(suffix, dict)()
+            names |= {path.name: "" for path in sorted(Path().glob(f"*{suffix}"))}
+        items = [
+            CompletionItem(name, help=text)
+            for name, text in names.items()
+            if name.startswith(incomplete)
+        ]
+        return items or [CompletionItem(incomplete, type="file")]
+
+    return complete
+
+
+scenes, scenarios, materials = completer(".xml"), completer(".toml"), completer(".json")
+scenes_and_scenarios, pictured = completer(".xml", ".toml"), completer(".exr", ".xml", ".json")
 
 
 def keys(ctx, param, incomplete: str) -> list[CompletionItem]:
@@ -92,7 +94,6 @@ def keys(ctx, param, incomplete: str) -> list[CompletionItem]:
 
 def parameters_of_scene(scene: str) -> dict[str, str]:
     """Names of a scene's $-parameters, with their meanings if the scene is bundled."""
-    from mi_lcair import scenes as bundled
     from mi_lcair.rendering.loading.files import survey
 
     is_bundled = scene in bundled.names()
@@ -107,8 +108,6 @@ def parameters_of_scene(scene: str) -> dict[str, str]:
 
 def entries_of_scenario(scenario: str) -> dict[str, str]:
     """The entries that a scenario states, such as sensor.band; none for what is no scenario."""
-    from mi_lcair import scenes as bundled
-
     if scenario in bundled.scenarios():
         path = bundled.scenario_path(scenario)
     elif scenario.lower().endswith(".toml"):
@@ -122,17 +121,3 @@ def entries_of_scenario(scenario: str) -> dict[str, str]:
         if isinstance(entries, dict)
         for key, value in entries.items()
     }
-
-
-def offered(names: dict[str, str], incomplete: str, suffix: str) -> list[CompletionItem]:
-    """Items for the names, with their help, and for the files here with this suffix.
-
-    If nothing begins with the text, the shell completes file names.
-    """
-    files = {path.name: "" for path in sorted(Path().glob(f"*{suffix}"))}
-    items = [
-        CompletionItem(name, help=text)
-        for name, text in (names | files).items()
-        if name.startswith(incomplete)
-    ]
-    return items or [CompletionItem(incomplete, type="file")]
