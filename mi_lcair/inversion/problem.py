@@ -7,7 +7,6 @@ import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from mi_lcair import scenes
 from mi_lcair.errors import InputError, check_known, errors_of
 from mi_lcair.files import parse_toml, read_text
 from mi_lcair.inversion.data.measurement import Candidate, Measurement
@@ -24,13 +23,11 @@ LABELLED = re.compile(r"\s*(?P<name>[^\[\]]*[^\[\]\s])\s*(\[(?P<of>[^\[\]]+)\])?
 class InverseProblem:
     """An inverse problem.
 
-    name: name of its file. title: first comment of the file. data, unknowns, nuisance, candidates,
-    goal, render: its tables. nuisance: parameters that are uncertain but not sought. motions: those
-    that all scenes of the data get, by name.
+    name: that of its file. data, unknowns, nuisance, candidates, goal, render: its tables. The
+    nuisance parameters are uncertain but not sought. motions: those that all scenes get, by name.
     """
 
     name: str
-    title: str
     data: tuple[Measurement, ...]
     unknowns: dict[str, UnknownEntry]
     nuisance: dict[str, UnknownEntry] = field(default_factory=dict)
@@ -45,13 +42,12 @@ class InverseProblem:
 
         Raises InputError if the file cannot be used.
         """
-        path = Path(source)
-        text = read_text(path, f"problem '{source}'")
-        tree = parse_toml(text, f"problem '{source}'")
-        return InverseProblem.of(tree, path.parent, str(source), scenes.first_comment(text))
+        what = f"problem '{source}'"
+        tree = parse_toml(read_text(source, what), what)
+        return InverseProblem.of(tree, Path(source).parent, str(source))
 
     @staticmethod
-    def of(tree: dict, folder=".", name: str = "problem", title: str = "") -> "InverseProblem":
+    def of(tree: dict, folder=".", name: str = "problem") -> "InverseProblem":
         """The problem that a tree of tables, as in the file, describes.
 
         folder: folder to which paths are relative. Raises InputError if an entry cannot be used.
@@ -65,7 +61,6 @@ class InverseProblem:
             goal = None if goal is None else filled(Goal, located_table(goal, folder), "[goal]")
             problem = InverseProblem(
                 name=name,
-                title=title,
                 data=data,
                 unknowns=entries(tree, "unknowns"),
                 nuisance=entries(tree, "nuisance"),
