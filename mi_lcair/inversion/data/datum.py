@@ -9,9 +9,9 @@ from scipy import sparse
 from scipy.ndimage import maximum_filter
 
 from mi_lcair.inversion.data.camera_image import ROOM, CameraImage
-from mi_lcair.inversion.data.contrast import MeasuredContrast, of_randomisations
+from mi_lcair.inversion.data.contrast import MeasuredContrast
 from mi_lcair.inversion.data.measurement import Observation
-from mi_lcair.inversion.data.spectrum import MeasuredSpectrum
+from mi_lcair.inversion.data.spectrum import MeasuredSpectrum, spread
 from mi_lcair.inversion.least_squares.common_noise import CommonNoise
 from mi_lcair.inversion.least_squares.prediction import DatumBlock, variance_of_mean
 from mi_lcair.inversion.tables import Goal, RenderSettings
@@ -325,14 +325,16 @@ class Datum:
         if self.spectrum:
             return self.spectrum.predicted(self.scene, names, self._sampling(sampling, seed))
         if self.sight:
-            contrast, columns = self.sight.contrast(names, sampling.spp, seed)
+            how = sampling.spp, seed, sampling.randomisations
+            contrast, columns = self.sight.contrast(names, *how)
             return contrast[:, None], list(columns.T[:, None, :])
         radiance, columns = [], []
         for view in self.views:
             of_view = self._sampling(sampling, seed, view)
-            each = of_randomisations(differentiate_intensity(view, names, of_view))
-            radiance.append(each[0])
-            columns.append(each[1:])
+            slopes = differentiate_intensity(view, names, of_view)
+            each = spread(slopes.deviations)
+            radiance.append(slopes.value + each[0])
+            columns.append(slopes.derivative[:, None] + each[1:])
         radiance = np.array(radiance).T  # (R, n)
         by_view = np.array(columns).reshape(len(self.views), len(names), len(radiance))
         columns = list(by_view.transpose(2, 0, 1))

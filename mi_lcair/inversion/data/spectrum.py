@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.inversion.data.contrast import spread
 from mi_lcair.physics.spectra.bins import Bins
 from mi_lcair.physics.spectra.change import Change
 from mi_lcair.physics.spectral_table import WAVELENGTH
@@ -95,3 +94,9 @@ class MeasuredSpectrum:
             columns.append(slopes[name] * share)
         columns = np.array(columns).reshape(len(names), *radiance.shape)
         return radiance, list(columns.transpose(1, 2, 0))
+
+
+def spread(deviations: np.ndarray) -> np.ndarray:
+    """Deviations of single randomisations from those that are scaled to the mean, (..., R)."""
+    R = deviations.shape[-1]
+    return deviations * np.sqrt(R * (R - 1))

@@ -305,7 +305,8 @@ class ContrastNumber(Number):
                 at = partial(spectral_radiance, temperature=value)
                 result = Backdrop(result.name, at, result.rows_um)
             elif name == "sky.scale":
-                result = result if setting.sight.meets_ground else result.scaled(value)
+                factor = value / (self.known[name].value or 1.0)
+                result = result if setting.sight.meets_ground else result.scaled(factor)
         scenario = before(self.scenario, quantities)
         if scenario is not self.scenario:
             result = backdrop(scenario, setting.detector, setting.sight)

@@ -108,10 +108,10 @@ def test_frame_of_a_moved_model(scenario, tmp_path):
 def test_contrast_of_a_larger_target(scenario):
     """Of a convex body, it is proportional to the square of the size, as its window grows."""
     sight = MeasuredContrast.of(scenario, ONE_WINDOW)
-    contrast, (column,) = sight.contrast(["cube.size"], None, 0)
+    contrast, (column,) = sight.contrast(["cube.size"], None, 0, 4)
     assert column.mean() == pytest.approx(2 * contrast.mean(), rel=2e-3)
     with changed(sight.setting.view, {"cube.size": 0.9}):
-        smaller, _ = sight.contrast([], None, 0)
+        smaller, _ = sight.contrast([], None, 0, 4)
     assert smaller.mean() == pytest.approx(0.81 * contrast.mean(), rel=5e-3)
 
 
