@@ -117,11 +117,9 @@ def rendered(
     bounces = (largest,) if is_auto or not sampling.max_bounces else sampling.max_bounces
 
     def irradiance(result: Signature) -> Irradiance:
-        part = result.target
-        relative = part.standard_error / part.intensity if part.intensity > 0 else 0.0
         return Irradiance(
             result.effective_areas,
-            RenderError(relative, result.degrees_of_freedom, result.missed, result.systematic),
+            RenderError(result.degrees_of_freedom, result.missed, result.systematic),
             setting.detector.band,
             setting.air,
             setting.backdrop,

@@ -79,8 +79,6 @@ class RenderError(NamedTuple):
 
     Attributes
     ----------
-    relative : float
-        Standard error of the target's intensity, as a fraction of it.
     degrees_of_freedom : float
         Degrees of freedom of the standard errors.
     missed : float
@@ -89,7 +87,6 @@ class RenderError(NamedTuple):
         Relative error of the intensity that more paths do not reduce.
     """
 
-    relative: float
     degrees_of_freedom: float = np.inf
     missed: float = 0.0
     systematic: float = 0.0
@@ -145,9 +142,10 @@ class LineOfSources:
         """
         transmittance, _ = path.at(self.wavelengths_um)
         arriving = self.spectra * transmittance
-        for row, light, amount in self.areas.light_of_amounts():
-            share = path.share(light, self.wavelengths_um) - transmittance
-            arriving[row] += amount * light.at(self.wavelengths_um) * share
+        for row, source in enumerate(self.areas.sources):
+            if source.spectrum is not None:
+                share = path.share(source.spectrum, self.wavelengths_um) - transmittance
+                arriving[row] += source.spectrum.at(self.wavelengths_um) * share
         return arriving
 
     def per_amount(self, path: LineOfSight) -> np.ndarray:
@@ -171,9 +169,7 @@ class LineOfSources:
 class Irradiance(LineOfSources):
     """Irradiances of a target before a background, at any range along one line of sight.
 
-    The covariance of the amounts gives the standard errors. A scene with too many temperatures has
-    no covariance. The errors of the intensity and of the projected area are then added, which is an
-    upper bound.
+    The covariance of the amounts gives the standard errors.
 
     Parameters
     ----------
@@ -197,14 +193,7 @@ class Irradiance(LineOfSources):
         self.projected_area = Estimate(
             areas.projected_area, float(np.sqrt(areas.covariance[0, -1, -1]))
         )
-        if areas.nodes_um.size:
-            self.amounts, self.covariance = np.array([1.0, areas.projected_area]), None
-            self.errors = np.array([render_error.relative, self.projected_area.standard_error])
-        else:
-            self.amounts, self.covariance = (
-                np.append(areas.area[0], areas.projected_area),
-                areas.covariance[0],
-            )
+        self.amounts, self.covariance = areas.amounts[0], areas.covariance[0]
 
     def at(self, path: LineOfSight) -> dict[str, Estimate]:
         """The in-band TERMS at the end of a path, by name.
@@ -220,7 +209,7 @@ class Irradiance(LineOfSources):
 
         They are empty for a scene with too many temperatures.
         """
-        if self.covariance is None:
+        if self.areas.nodes_um.size:
             return {}
         groups, per_amount = [source.group for source in self.areas.sources], self.per_amount(path)
         return {
@@ -230,12 +219,8 @@ class Irradiance(LineOfSources):
 
     def _estimates(self, names, per_amount: np.ndarray) -> dict[str, Estimate]:
         """Values by name, whose derivatives with respect to the amounts are `per_amount`."""
-        if self.covariance is None:
-            errors = np.abs(per_amount) @ self.errors
-        else:
-            errors = np.sqrt(
-                np.maximum(np.einsum("ti,ij,tj->t", per_amount, self.covariance, per_amount), 0)
-            )
+        variance = np.einsum("ti,ij,tj->t", per_amount, self.covariance, per_amount)
+        errors = np.sqrt(np.maximum(variance, 0))
         return {
             name: Estimate(float(value), float(error))
             for name, value, error in zip(names, per_amount @ self.amounts, errors)
@@ -246,7 +231,7 @@ class Irradiance(LineOfSources):
 
         It includes a source that no path of the render has hit.
         """
-        _, degrees_of_freedom, missed, _ = self.render_error
+        degrees_of_freedom, missed, _ = self.render_error
         missed *= self.per_intensity(path)
         error = self.at(path)["total"].standard_error
         return float(student_factor(degrees_of_freedom) * error + missed)

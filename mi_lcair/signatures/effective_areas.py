@@ -5,7 +5,7 @@ adds W S to the spectral intensity, with the same effective area W, m^2, at all 
 the in-band intensity that comes from the source, divided by the in-band radiance of S.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,6 @@ from mi_lcair.errors import InputError, check_known, unknown
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
-from mi_lcair.physics.spectrum import Spectrum
 from mi_lcair.plugins.emission.source import Source
 from mi_lcair.plugins.properties import HOTTEST
 from mi_lcair.rendering.scene import Scene
@@ -35,6 +34,9 @@ SPECTRUM_ROWS = 801
 class SourcesInBand(Result):
     """Base class of effective areas: the sources of a scene, and the band that was rendered.
 
+    The amounts are the effective areas of the sources, those of the wavelengths `nodes_um`, and
+    last the projected area of the model. All intensities and irradiances are linear in them.
+
     Attributes
     ----------
     scene_name : str
@@ -46,12 +48,15 @@ class SourcesInBand(Result):
     nodes_um : ndarray, shape (nodes,)
         Wavelengths, um, at which the intensity of all blackbodies is known, if the scene has too
         many temperatures for an effective area each. Otherwise it is empty.
+    amounts : ndarray, shape (n, sources + nodes + 1)
+        Areas, m^2; those of the nodes in W sr^-1 um^-1.
     """
 
     scene_name: str = ""
     band: Band
     sources: list[Source]
     nodes_um: np.ndarray
+    amounts: np.ndarray
 
     def radiance(self, wavelengths_um: ArrayLike, temperatures: dict | None = None) -> np.ndarray:
         """Spectral radiance of each source, W m^-2 sr^-1 um^-1, shape (sources, n).
@@ -84,6 +89,23 @@ class SourcesInBand(Result):
             for source, T in zip(self.sources, self.temperatures(temperatures))
         ]
 
+    def in_band(self, band: Band, temperatures: Mapping) -> np.ndarray:
+        """In-band intensity for each of the amounts, W m^-2 sr^-1, (..., amounts)."""
+        of_sources = self.in_band_of_sources(band, temperatures)
+        rest = self.polynomials(band.wavelengths_um) @ band.weights_um
+        return np.stack(np.broadcast_arrays(*of_sources, *rest, 0.0), axis=-1)
+
+    def polynomials(self, wavelengths_um: np.ndarray) -> np.ndarray:
+        """The polynomials that are 1 at one of the nodes and 0 at the others, (nodes, n)."""
+        if not self.nodes_um.size:
+            return np.empty((0, len(wavelengths_um)))
+        unit = np.eye(len(self.nodes_um))
+        return scipy.interpolate.BarycentricInterpolator(self.nodes_um, unit)(wavelengths_um).T
+
+    def spectra_of_amounts(self, wavelengths_um: np.ndarray) -> np.ndarray:
+        """Spectral intensity for each of the amounts but the last one, (amounts - 1, n)."""
+        return np.concatenate([self.radiance(wavelengths_um), self.polynomials(wavelengths_um)])
+
     def within(self, band: Band) -> Band:
         """The band itself. Raises InputError if it is not within the rendered band."""
         if not self.band.holds(band):
@@ -112,23 +134,26 @@ class EffectiveAreas(SourcesInBand):
 
     Attributes
     ----------
-    area, error : ndarray, shape (2, sources)
-        Effective areas and their standard errors, m^2, with what paths may have missed.
-    projected_area : float
-        Projected area of the model's facets that the sensor sees, m^2.
-    covariance : ndarray, shape (2, sources + 1, sources + 1)
-        Covariance of the effective areas and, last, of the projected area, m^4.
-    by_wavelength : ndarray, shape (2, nodes)
-        Spectral intensity of all blackbodies at `nodes_um`, W sr^-1 um^-1.
+    error : ndarray, shape (2, sources)
+        Standard errors of the effective areas, m^2, with what paths may have missed.
+    covariance : ndarray, shape (2, sources + nodes + 1, sources + nodes + 1)
+        Covariance of the amounts.
     """
 
-    area: np.ndarray
     error: np.ndarray
-    projected_area: float
     covariance: np.ndarray
-    by_wavelength: np.ndarray
 
     kind = "effective_areas"
+
+    @property
+    def area(self) -> np.ndarray:
+        """Effective areas of the sources, m^2, shape (2, sources)."""
+        return self.amounts[:, : len(self.sources)]
+
+    @property
+    def projected_area(self) -> float:
+        """Projected area of the model's facets that the sensor sees, m^2."""
+        return float(self.amounts[0, -1])
 
     def summary(self) -> str:
         """One line with the number of sources and the projected area of the target."""
@@ -225,15 +250,16 @@ class EffectiveAreas(SourcesInBand):
         Raises
         ------
         InputError
-            If the part, a group or the band is unusable, or if the scene has too many temperatures.
+            If the part, a group or the band is unusable, or if the scene has too many temperatures
+            to change them.
         """
-        self.check_told_apart()
+        if temperatures:
+            self.check_told_apart()
         check_known("part", PARTS, part)
         wanted = self.band if band is None else self.within(band_of(band))
-        p = PARTS.index(part)
-        radiance = np.array(self.in_band_of_sources(wanted, temperatures or {}))
-        error = float(np.sqrt(max(radiance @ self.covariance[p, :-1, :-1] @ radiance, 0)))
-        return float(self.area[p] @ radiance), error
+        p, per_amount = PARTS.index(part), self.in_band(wanted, temperatures or {})
+        error = float(np.sqrt(max(per_amount @ self.covariance[p] @ per_amount, 0)))
+        return float(self.amounts[p] @ per_amount), error
 
     def spectrum(self, wavelengths_um: ArrayLike, temperatures: dict | None = None) -> np.ndarray:
         """Spectral intensity, W sr^-1 um^-1, of each part and source.
@@ -261,24 +287,8 @@ class EffectiveAreas(SourcesInBand):
         by_source = self.area[:, :, None] * self.radiance(wavelengths_um, temperatures)
         if not self.nodes_um.size:
             return by_source
-        rest = scipy.interpolate.BarycentricInterpolator(self.nodes_um, self.by_wavelength.T)(
-            wavelengths_um
-        ).T
+        rest = self.amounts[:, len(self.sources) : -1] @ self.polynomials(wavelengths_um)
         return np.concatenate([by_source, rest[:, None]], axis=1)
-
-    def spectra_of_amounts(self, wavelengths_um: np.ndarray) -> np.ndarray:
-        """Spectral radiance of each source; the whole intensity as one row if they are too many."""
-        if not self.nodes_um.size:
-            return self.radiance(wavelengths_um)
-        return self.spectrum(wavelengths_um)[0].sum(axis=0, keepdims=True)
-
-    def light_of_amounts(self) -> Iterator[tuple[int, Spectrum, float]]:
-        """Yield (row of `spectra_of_amounts`, tabulated light, its factor in that row)."""
-        for k, source in enumerate(self.sources):
-            if source.spectrum is not None and self.nodes_um.size:  # all sources are one row
-                yield 0, source.spectrum, self.area[0, k]
-            elif source.spectrum is not None:
-                yield k, source.spectrum, 1.0
 
 
 def temperatures_of(sources: list[Source], changed: Mapping) -> list:
@@ -346,19 +356,17 @@ def effective_areas(total: Totals, scene: Scene, window_area: float) -> Effectiv
     numbers = [k for k, source in enumerate(all_sources.list) if source.name is not None]
     sources = [all_sources.list[k] for k in numbers]
     # A source that is too cold to radiate in the band has no intensity. Its area is set to 0.
-    scale = np.array(
-        [window_area / source.in_band if source.in_band > 0 else 0.0 for source in sources]
-    )
+    scale = [1 / source.in_band if source.in_band > 0 else 0.0 for source in sources]
+    nodes = all_sources.wavelengths_um
+    scales = window_area * np.array([*scale, *np.ones(len(nodes) + 1)])
+    channels = [f"source.{k}" for k in numbers] + [f"wavelength.{k}" for k in range(len(nodes))]
     prefixes = {"target": "target.", "scene": ""}
-    names = [[f"{prefixes[part]}source.{k}" for k in numbers] for part in PARTS]
-    mean = np.array([[total.mean(name)[0] for name in row] for row in names]).reshape(2, -1)
-    scales = np.append(scale, window_area)[:, None]
+    names = [[*(prefixes[part] + name for name in channels), "target.hit"] for part in PARTS]
+    amounts = scales * [[total.mean(name)[0] for name in row] for row in names]
     deviations = [
-        scales * np.array([total.deviations(name)[0] for name in [*row, "target.hit"]])
-        for row in names
+        scales[:, None] * [total.deviations(name)[0] for name in row] for row in names
     ]
     covariance = np.array([of_part @ of_part.T for of_part in deviations])
-    areas = mean * scale
     # The area of a source that no path has met is at most that of the few paths that may have
     # missed it, and its radiance at most that which the group may lack
     weight = 1.0 if total.aim is None else total.aim.largest_weight
@@ -367,22 +375,17 @@ def effective_areas(total: Totals, scene: Scene, window_area: float) -> Effectiv
         [total.missed_error(f"{prefixes[part]}group.{source.group}")[0] for source in sources]
         for part in PARTS
     ]
-    missed = np.minimum(np.reshape(of_groups, (2, -1)) * scale, few)
+    count = len(sources)
+    missed = np.minimum(np.reshape(of_groups, (2, -1)) * scales[:count], few)
     # The systematic error is the same fraction of all sources, and is no error of positions
-    covariance[:, :-1, :-1] += total.systematic**2 * areas[:, :, None] * areas[:, None, :]
-    nodes = all_sources.wavelengths_um
-    by_wavelength = [
-        [total.mean(f"{prefixes[part]}wavelength.{k}")[0] for k in range(len(nodes))]
-        for part in PARTS
-    ]
+    emitted = amounts * np.append(np.ones(len(scales) - 1), 0)
+    covariance += total.systematic**2 * emitted[:, :, None] * emitted[:, None, :]
     return EffectiveAreas(
         band=scene.band,
         sources=sources,
-        area=areas,
-        error=np.hypot(np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))[:, :-1], missed),
-        projected_area=total.mean("target.hit")[0] * window_area,
+        amounts=amounts,
+        error=np.hypot(np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))[:, :count], missed),
         covariance=covariance,
         nodes_um=nodes,
-        by_wavelength=np.array(by_wavelength) * window_area,
         scene_name=scene.name,
     )

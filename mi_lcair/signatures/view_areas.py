@@ -4,14 +4,13 @@ All that does not change geometry or reflectances follows from them without anot
 temperatures, ranges, air, background and the noise of a sensor.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from os import PathLike
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
 from mi_lcair.errors import InputError
@@ -50,15 +49,12 @@ class Estimates(NamedTuple):
 class ViewAreas(SourcesInBand):
     """Effective areas of the sources of a scene's model toward V views.
 
-    The amounts are the effective areas of the sources, those of the wavelengths `nodes_um`, and
-    last the projected area of the model. Beside the attributes of `SourcesInBand` they have
+    The first axis of the arrays is that of the views. The attributes of `SourcesInBand` come first.
 
     Attributes
     ----------
     views : tuple of View
         Directions toward the observers.
-    amounts : ndarray, shape (V, sources + nodes + 1)
-        Areas, m^2; those of the nodes in W sr^-1 um^-1.
     deviations : ndarray, shape (V, randomisations, sources + nodes + 1)
         Deviations of independent renders from the amounts. The sum of their products over the
         randomisations is the covariance of the amounts.
@@ -73,7 +69,6 @@ class ViewAreas(SourcesInBand):
     """
 
     views: tuple[View, ...]
-    amounts: np.ndarray
     deviations: np.ndarray
     relative: np.ndarray
     missed: np.ndarray
@@ -155,12 +150,6 @@ class ViewAreas(SourcesInBand):
         else:
             brightest = 1.0
         return self.estimates(per_amount, per_amount, brightest)
-
-    def in_band(self, band: Band, temperatures: Mapping) -> np.ndarray:
-        """In-band intensity for each of the amounts, W m^-2 sr^-1, (..., amounts)."""
-        of_sources = self.in_band_of_sources(band, temperatures)
-        rest = self.polynomials(band.wavelengths_um) @ band.weights_um
-        return np.stack(np.broadcast_arrays(*of_sources, *rest, 0.0), axis=-1)
 
     def brighter(self, radiance: np.ndarray) -> np.ndarray:
         """Ratio by which new in-band radiances of the sources raise the bound `missed`."""
@@ -250,25 +239,6 @@ class ViewAreas(SourcesInBand):
         ]
         ratio = self.brighter(np.array([source.in_band for source in sources]))
         return replace(self, sources=sources, missed=self.missed * ratio)
-
-    def polynomials(self, wavelengths_um: np.ndarray) -> np.ndarray:
-        """The polynomials that are 1 at one of the nodes and 0 at the others, (nodes, n)."""
-        if not self.nodes_um.size:
-            return np.empty((0, len(wavelengths_um)))
-        unit = np.eye(len(self.nodes_um))
-        return scipy.interpolate.BarycentricInterpolator(self.nodes_um, unit)(wavelengths_um).T
-
-    def spectra_of_amounts(self, wavelengths_um: np.ndarray) -> np.ndarray:
-        """Spectral intensity for each of the amounts but the last one."""
-        return np.concatenate(
-            [self.radiance(wavelengths_um), self.polynomials(np.asarray(wavelengths_um))]
-        )
-
-    def light_of_amounts(self) -> Iterator[tuple[int, Spectrum, float]]:
-        """Yield (row of `spectra_of_amounts`, tabulated light, 1)."""
-        for k, source in enumerate(self.sources):
-            if source.spectrum is not None:
-                yield k, source.spectrum, 1.0
 
     def to_xarray(self) -> "xarray.Dataset":
         """All arrays as an xarray Dataset, from which `read` makes the same effective areas.

@@ -365,17 +365,15 @@ def test_what_no_path_has_met_counts():
     areas = EffectiveAreas(
         band=band_of("LWIR"),
         sources=[Source("self", "330 K", 1.0, 330.0)],
-        area=np.full((2, 1), 10.0),
+        amounts=np.full((2, 2), 10.0),
         error=np.full((2, 1), 0.1),
-        projected_area=10.0,
         covariance=np.full((2, 2, 2), 0.01),
         nodes_um=np.empty(0),
-        by_wavelength=np.empty((2, 0)),
     )
     vacuum = atmosphere("vacuum")
 
     def make(*uncertain):
-        return Irradiance(areas, RenderError(0.0, *uncertain), of_response, vacuum, sky)
+        return Irradiance(areas, RenderError(*uncertain), of_response, vacuum, sky)
 
     path = vacuum.path(100.0)
     error = make().at(path)["total"].standard_error

@@ -28,14 +28,12 @@ def target(air):
     areas = EffectiveAreas(
         band=LWIR,
         sources=[Source("self", "330 K", L[HOT], HOT)],
-        area=np.full((2, 1), AREA),
+        amounts=np.full((2, 2), AREA),
         error=np.full((2, 1), ERROR),
-        projected_area=AREA,
         covariance=one,
         nodes_um=np.empty(0),
-        by_wavelength=np.empty((2, 0)),
     )
-    return Irradiance(areas, RenderError(0.0), LWIR, air, BACKDROP)
+    return Irradiance(areas, RenderError(), LWIR, air, BACKDROP)
 
 
 def grey_air(last_m=10_000.0):

@@ -36,14 +36,12 @@ def two_sources(**more):
     areas = EffectiveAreas(
         band=LWIR,
         sources=[Source("hot", "330 K", L[HOT], HOT), Source("cold", "280 K", L_COLD, COLD)],
-        area=np.array([[AREA, 4.0], [99.0, 99.0]]),
+        amounts=np.array([[AREA, 4.0, 15.0], [99.0, 99.0, 15.0]]),
         error=np.zeros((2, 2)),
-        projected_area=15.0,
         covariance=np.array([COVARIANCE, 9 * COVARIANCE]),  # of the target, and of the whole scene
         nodes_um=np.empty(0),
-        by_wavelength=np.empty((2, 0)),
     )
-    return Irradiance(areas, RenderError(0.0, **more), LWIR, grey_air(), BACKDROP)
+    return Irradiance(areas, RenderError(**more), LWIR, grey_air(), BACKDROP)
 
 
 def test_terms_through_grey_air():
@@ -111,28 +109,27 @@ def test_spectra_integrate_to_the_terms():
 
 
 def test_many_temperatures_as_one_spectrum():
-    """The intensity's relative error and that of the projected area are added, not squared."""
+    """The errors of the spectrum and of the projected area are common, with opposite signs."""
     nodes = np.polynomial.chebyshev.chebpts1(24) * 2 + 10
     spectrum = spectral_radiance(nodes, HOT) * AREA
-    covariance = np.zeros((2, 1, 1))
-    covariance[:, -1, -1] = 0.05, 9.0
+    deviation = np.append(0.02 * spectrum, -0.2)
+    covariance = np.array([np.outer(deviation, deviation), np.eye(25)])
     areas = EffectiveAreas(
         band=LWIR,
         sources=[],
-        area=np.zeros((2, 0)),
+        amounts=np.array([np.append(spectrum, 15.0), np.append(7 * spectrum, 15.0)]),
         error=np.zeros((2, 0)),
-        projected_area=15.0,
         covariance=covariance,
         nodes_um=nodes,
-        by_wavelength=np.array([spectrum, 7 * spectrum]),
     )
-    terms = Irradiance(areas, RenderError(0.02), LWIR, grey_air(), BACKDROP).at(
+    assert areas.intensity() == pytest.approx((L[HOT] * AREA, 0.02 * L[HOT] * AREA), rel=1e-5)
+    terms = Irradiance(areas, RenderError(), LWIR, grey_air(), BACKDROP).at(
         grey_air().path(RANGE)
     )
     target = TAU * L[HOT] * AREA / RANGE**2
     assert terms["target"] == pytest.approx((target, 0.02 * target), rel=1e-4)
     rest = ((1 - TAU) * L[AIR] - L[SKY]) / RANGE**2
-    error = 0.02 * target + abs(rest) * np.sqrt(0.05)
+    error = abs(0.02 * target - 0.2 * rest)
     assert terms["total"] == pytest.approx((target + 15 * rest, error), rel=1e-3)
 
 
@@ -144,15 +141,13 @@ def test_reflected_sunlight_with_one_row_for_many_temperatures(nodes):
     areas = EffectiveAreas(
         band=mwir,
         sources=[Source("sun", light.name, 1.0, spectrum=light)],
-        area=np.full((2, 1), AREA),
+        amounts=np.array([[AREA, *np.zeros(len(nodes)), 15.0]] * 2),
         error=np.zeros((2, 1)),
-        projected_area=15.0,
-        covariance=np.zeros((2, 2, 2)),
+        covariance=np.zeros((2, len(nodes) + 2, len(nodes) + 2)),
         nodes_um=nodes,
-        by_wavelength=np.zeros((2, len(nodes))),
     )
     path = air.path(2000.0)
-    target = Irradiance(areas, RenderError(0.0), mwir, air, BACKDROP).at(path)["target"]
+    target = Irradiance(areas, RenderError(), mwir, air, BACKDROP).at(path)["target"]
     expected = AREA * mwir.integral(path.wavelengths_um, light.through(path.amounts)) / 2000.0**2
     assert target.value == pytest.approx(expected, rel=5e-3)
 
@@ -182,7 +177,7 @@ def test_a_response_weighs_the_rule(tmp_path):
     narrow = band(file)
     areas = two_sources().areas
     backdrop = Backdrop("sky", lambda x: x - 9, np.array([8.0, 9.7, 12.0]))
-    result = Irradiance(areas, RenderError(0.0), narrow, grey_air(), backdrop)
+    result = Irradiance(areas, RenderError(), narrow, grey_air(), backdrop)
     assert result.wavelengths_um.min() > 9 and result.wavelengths_um.max() < 11.5
     # int (x - 9) response dx by a fine trapezoidal rule
     x = np.linspace(9, 11.5, 250_001)

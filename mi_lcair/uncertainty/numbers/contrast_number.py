@@ -195,11 +195,9 @@ class ContrastNumber(Number):
         # The ends of intervals of wavelength are met exactly
         ends = [end for name in self.known for end in in_um(name)]
         rows_um = np.union1d(setting.backdrop.rows_um, ends)
-        mean = total.mean("target")[0]
         return Irradiance(
             areas,
             RenderError(
-                total.standard_error("target")[0] / mean if mean > 0 else 0.0,
                 total.randomisations - 1,
                 float(total.missed("target")[0] * self.numbers.area),
             ),
@@ -268,11 +266,8 @@ class ContrastNumber(Number):
 
     def linear(self, total, areas, quantities):
         irradiance, (target, path, background) = self.terms(total, areas, quantities)
-        covariance = irradiance.covariance
-        if covariance is None:
-            covariance = np.diag(irradiance.errors**2)
         whole = np.zeros((len(target) + 1,) * 2)
-        whole[:-1, :-1] = covariance
+        whole[:-1, :-1] = irradiance.covariance
         return Linear(
             np.append(target + path - background, 1.0),
             np.append(irradiance.amounts, quantities.get("scenario.nei", 0.0)),

@@ -56,12 +56,10 @@ class Sum(Number):
         self.areas = EffectiveAreas(
             band=LWIR,
             sources=sources,
-            area=AREAS,
+            amounts=np.append(AREAS, 1.0)[None],
             error=None,
-            projected_area=1.0,
             covariance=COVARIANCE,
             nodes_um=np.empty(0),
-            by_wavelength=np.empty(0),
         )
         self.is_linear, self.total = (
             True,
@@ -85,7 +83,7 @@ class Sum(Number):
         covariance[:3, :3] = areas.covariance
         return Linear(
             np.append(factors, 1.0),
-            np.append(areas.area, quantities.get("scenario.offset", 0.0)),
+            np.append(areas.area[0], quantities.get("scenario.offset", 0.0)),
             covariance,
         )
 
