@@ -58,7 +58,7 @@ def aim_at_model(
     noted = np.zeros((3, cells * columns))
     for first in range(0, len(seen), MOST_PATHS // POINTS):
         some = seen[first : first + MOST_PATHS // POINTS]
-        of_cells = {"windows": len(some), "chosen": some, "aim": Aim.anywhere(cells), "part": part}
+        of_cells = {"windows": len(some), "listed": some, "aim": Aim.anywhere(cells), "part": part}
         sums = recorded.trace(tracer, sensor, Launch(columns, cells, seed, 1, POINTS, **of_cells))
         values = sums.channels[hit], sums.highest["target"], sums.channels["target"]
         noted[:, some] = [np.ravel(of_some) for of_some in values]
