@@ -410,11 +410,10 @@ def test_temperatures_that_are_too_many(tmp_path):
     values, errors = np.array([row.target for row in rows]).T
     assert abs(values.mean() - expected) < 4 * errors.mean() / np.sqrt(20)
     total, total_errors = np.array([row.total for row in rows]).T
-    assert total.var(ddof=1) < np.mean(total_errors**2) * (1 + 5 * np.sqrt(2 / 19)) and rows[
-        0
-    ].total.standard_error == pytest.approx(
-        rows[0].target.standard_error + rows[0].background.standard_error
-    )
+    assert total.var(ddof=1) < np.mean(total_errors**2) * (1 + 5 * np.sqrt(2 / 19))
+    # A window that holds more of the target hides more of the background
+    row = rows[0]
+    assert row.total.standard_error < row.target.standard_error + row.background.standard_error
 
 
 @pytest.mark.slow
