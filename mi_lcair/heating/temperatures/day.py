@@ -1,23 +1,22 @@
 """Temperatures over the times of a weather, and their derivatives with respect to inputs.
 
-Time steps are those of BDF2. The nodes of a wall are eliminated facet by facet: with its mass
-matrix M, the temperatures H that earlier steps give and the flux q into the surface,
+Time steps are those of BDF2. The nodes U of a wall are followed by the amplitudes V of its modes,
+U = Phi V, see `wall`. With those that earlier steps give, H, and the flux q into the surface,
 
-    A U = M H / dt + b + e_0 q,    A = 3/2 M / dt + K,
+    (3/2 / dt + rates) V = H / dt + Phi^T b + Phi_0 q,
 
-so that the surface has the temperature r + q / g with r = (A^-1 (M H / dt + b))_0 and
-g = 1 / (A^-1)_00. What remains is one equation for each facet, see `balance`. A change of U that is
-due to an input of the wall has the same A, and d(M / dt) H + db - dA U in its source.
+so that the surface has the temperature Phi_0 V = r + q / g with known r and g. What remains is one
+equation for each facet, see `balance`. A steady state is a step without an end. A change of V that
+is due to an input of the wall follows the same equation, with Phi^T (db - dK U - dM dU/dt) in it.
 """
 
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg import expm
 
 from mi_lcair.errors import InputError
-from mi_lcair.heating.temperatures.network import STEP, Network
+from mi_lcair.heating.temperatures.balance import CLOSED, SOLVED
+from mi_lcair.heating.temperatures.network import STEP, Column, Network
 from mi_lcair.heating.temperatures.wall import CELLS, DAY
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 
@@ -30,90 +29,10 @@ BDF2, EULER = 1.5, 1.0  # coefficients of the new temperatures in a step
 PARTS = 16  # implicit Euler steps in place of a first step of BDF2
 
 
-@dataclass(frozen=True)
-class Course:
-    """Temperatures of the facets over the times of a weather.
-
-    kelvin: (m, n). changes: (columns, m, n), their changes by the columns [K]. scatter: (R, m, n),
-    those by each randomisation of the paths. residual: largest power that is left over [W]. days:
-    number of days that were calculated. drift: largest distance of a temperature from its periodic
-    value, as the last day shows it [K].
-    """
-
-    kelvin: np.ndarray
-    changes: np.ndarray
-    scatter: np.ndarray
-    residual: float
-    days: int = 0
-    drift: float = 0.0
-
-
-class Step:
-    """An implicit step of the walls of all facets over some seconds; 0 where there is none.
-
-    mass, back: M / dt and b, (nodes, n). matrices: A, by group.
-    """
-
-    def __init__(self, network: Network, seconds: float, scheme: float):
-        walls, group, last = network.walls, network.facets.group, np.eye(CELLS + 1)[-1]
-        mass = np.array([wall.mass() / seconds for wall in walls])
-        back = np.array([last * wall.outward * wall.back_temperature for wall in walls])
-        self.mass, self.back, self.members = mass[group].T, back[group].T, network.members
-        self.matrices = [
-            np.diag(scheme * rate) + wall.conduction() for rate, wall in zip(mass, walls)
-        ]
-
-    @cached_property
-    def inverses(self) -> list[np.ndarray]:
-        """A^-1, by group; 0 without a wall."""
-        return [np.linalg.inv(matrix) if matrix.any() else matrix for matrix in self.matrices]
-
-    @cached_property
-    def first(self) -> np.ndarray:
-        """Row 0 of A^-1, (nodes, n)."""
-        return self.times(self.inverses, np.tile(np.eye(CELLS + 1)[:, :1], self.mass.shape[1]))
-
-    @cached_property
-    def conductance(self) -> np.ndarray:
-        """g, (n,)."""
-        return np.divide(1, self.first[0], out=np.zeros(len(self.first.T)), where=self.first[0] > 0)
-
-    def times(self, matrices: list[np.ndarray], values: np.ndarray) -> np.ndarray:
-        """Products of the groups' matrices and values of nodes, (..., nodes, n)."""
-        products = np.zeros_like(values)
-        for matrix, members in zip(matrices, self.members):
-            if matrix.any():
-                # An array in C's order, unlike values[..., members], is multiplied 50 times faster
-                products[..., members] = matrix @ np.take(values, members, axis=-1)
-        return products
-
-    def varied(self, history: np.ndarray, nodes: np.ndarray) -> np.ndarray:
-        """What a complex step of the walls adds to the source of the changes, (nodes, n)."""
-        of_nodes = self.times([matrix.imag for matrix in self.matrices], nodes)
-        return (self.mass.imag * history + self.back.imag - of_nodes) / STEP
-
-
-def steady(network: Network, columns=()) -> Course:
-    """The temperatures at which nothing changes, in the mean weather of a network."""
-    power, conductance = (values.mean(axis=0) for values in network.loads())
-    area, free = network.facets.area, network.is_free
-    g, r = network.through_walls()
-    outward = conductance + (area * g)[free]
-    start = np.full(len(power), network.weather.air_K[0])
-    kelvin, residual = network.balance.solve(power + (area * g * r)[free], outward, start)
-    rates = network.rates(columns, kelvin, 0)
-    for row, column in zip(rates, columns):
-        if column.walls:
-            g_changed, r_changed = column.walls.through_walls()
-            into = area * g_changed * (r_changed - network.whole(kelvin))
-            row += into[free].imag / STEP
-    changes = network.spread(network.balance.linear(kelvin, outward, rates.T).T, columns)[:, None]
-    count = len(columns)
-    return Course(network.whole(kelvin)[None], changes[:count], changes[count:], residual)
-
-
-def course(network: Network, columns=(), start_K: float | None = None) -> Course:
-    """Temperatures at the times of a weather.
+def course(
+    network: Network, columns: Sequence[Column] = (), start_K: float | None = None
+) -> "Course":
+    """The temperatures at the times of a weather; a steady state if it has one time.
 
     Parameters
     ----------
@@ -121,7 +40,7 @@ def course(network: Network, columns=(), start_K: float | None = None) -> Course
     columns : sequence of Column
         What the temperatures are differentiated by.
     start_K : float or None
-        Temperature of everything one step before the first time. None: the times are those of a
+        Temperature of all surfaces one step before the first time. None: the times are those of a
         day, which is repeated until it is periodic.
 
     Raises
@@ -129,124 +48,162 @@ def course(network: Network, columns=(), start_K: float | None = None) -> Course
     InputError
         If the days do not become periodic, or a balance does not converge.
     """
-    if len(network.weather.seconds) == 1:
-        return steady(network, columns)
-    start = steady(network).kelvin[0] if start_K is None else start_K
-    march = March(network, columns, np.broadcast_to(start, network.facets.area.shape))
-    days, drift = 0, np.inf
-    if start_K is not None:
-        march.series()
-        days, drift = 1, 0.0
-    while drift >= PERIODIC:
-        if days == MOST_DAYS:
-            raise InputError(f"the temperatures still change by {drift:.2g} K after {days} days")
-        days, drift = days + 1, march.repeat()
-    changes, count = march.changes, len(columns)
-    return Course(march.kelvin, changes[:count], changes[count:], march.residual, days, drift)
+    result = Course(network, columns, start_K)
+    if len(result.kelvin) == 1:
+        result.step(0, EULER, result.seconds)
+    elif start_K is not None:
+        result.series()
+    else:
+        while result.drift >= PERIODIC:
+            if result.days == MOST_DAYS:
+                raise InputError(
+                    f"the temperatures still change by {result.drift:.2g} K after {MOST_DAYS} days"
+                )
+            result.repeat()
+    return result
 
 
-class March:
-    """Steps over the times of a network's weather.
+class Course:
+    """Temperatures of the facets over the times of a weather.
 
-    states: temperatures of the nodes of all walls [K], and then their changes by the columns and
-    the randomisations, at the last two times, (2, 1 + changes, nodes, n).
+    Attributes
+    ----------
+    kelvin : (m, n)
+    changes : (columns + R, m, n)
+        Their changes by the columns, and then by each randomisation of the paths [K].
+    residual : float
+        Largest power that is left over [W].
+    days : int
+        Number of days that were calculated.
+    drift : float
+        Largest distance of a temperature from its periodic value, as the last day shows it [K].
+    states : (2, 1 + columns + R, modes, n)
+        Amplitudes of the modes of all walls, and then their changes, at the last two times.
+    rates, surface, back : (modes, n)
+        Rates of the modes [1/s], Phi_0, and Phi^T b.
     """
 
-    def __init__(self, network: Network, columns, kelvin: np.ndarray):
+    def __init__(self, network: Network, columns: Sequence[Column], start_K: float | None):
         self.network, self.columns = network, columns
         times = network.weather.seconds
-        seconds = float(times[1] - times[0])
-
-        def steps(network):
-            parts = (EULER, seconds / PARTS), (BDF2, seconds)
-            return {scheme: Step(network, dt, scheme) for scheme, dt in parts}
-
-        self.steps = steps(network)
-        self.varied = {c: steps(column.walls) for c, column in enumerate(columns) if column.walls}
-        count = len(columns) + len(network.traced.replicates)
-        self.states = np.zeros((2, 1 + count, CELLS + 1, len(kelvin)))
-        for wall, members in zip(network.walls, network.members):
-            if wall.thickness:
-                self.states[:, 0][..., members] = wall.profile(kelvin[members])
+        m, n = len(times), len(network.facets.area)
+        self.seconds = float(times[1] - times[0]) if m > 1 else np.inf
         self.power, self.conductance = network.loads()
-        self.kelvin = np.tile(kelvin, (len(times), 1))
-        self.changes = np.zeros((count, *self.kelvin.shape))
-        self.residual = 0.0
+        self.changes = np.zeros((len(columns) + len(network.traced.replicates), m, n))
+        self.residual, self.days, self.drift = 0.0, 0, np.inf
         self.passed = None  # the state at the early time of the day before
+        self.rates, (self.surface, self.back) = np.ones((CELLS + 1, n)), np.zeros((2, CELLS + 1, n))
+        self.varied = []  # effect of each column on the walls of a group
+        for group, wall, members in network.with_walls:
+            rates, shapes = wall.modes
+            self.rates[:, members] = rates[:, None]
+            self.surface[:, members] = shapes[0][:, None]
+            self.back[:, members] = (shapes.T @ wall.conduction[1])[:, None]
+            for c, column in enumerate(columns):
+                if column.walls:
+                    changed = column.walls[group]
+                    parts = *changed.conduction, np.diag(changed.mass)
+                    K, b, M = (part.imag / STEP for part in parts)
+                    b, K, M = shapes.T @ b[:, None], shapes.T @ K @ shapes, shapes.T @ M @ shapes
+                    self.varied.append((c, members, b, K, M))
+        g, r = self.of_walls(1 / self.rates, self.back)
+        kelvin = np.full(n, network.weather.air_K[0] if start_K is None else start_K)
+        if start_K is None:
+            into = network.facets.area * g
+            power, conductance = (load.mean(axis=0) for load in (self.power, self.conductance))
+            kelvin, _ = network.balance.solve(power + into * r, conductance + into, kelvin)
+        self.states = np.zeros((2, 1 + len(self.changes), CELLS + 1, n))
+        self.states[:, 0] = (self.back + self.surface * g * (kelvin - r)) / self.rates
+        self.kelvin = np.tile(kelvin, (m, 1))
+
+    @property
+    def scatter(self) -> np.ndarray:
+        """The changes by the randomisations of the paths, (R, m, n) [K]."""
+        return self.changes[len(self.columns) :]
+
+    def of_walls(self, lag: np.ndarray, source: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """g [W m^-2 K^-1], (n,), and r [K], (..., n), of walls with V = lag (source + Phi_0 q)."""
+        response = np.sum(self.surface**2 * lag, axis=0)
+        g = np.divide(1, response, out=np.zeros_like(response), where=response > 0)
+        return g, np.sum(self.surface * lag * source, axis=-2)
 
     def series(self) -> None:
         """Take the steps to all times. The first, of which no earlier one is known, has parts."""
         before = self.states[1]
         for _ in range(PARTS):
-            self.step(0, EULER)
+            self.step(0, EULER, self.seconds / PARTS)
         self.states[0] = before
         for k in range(1, len(self.kelvin)):
-            self.step(k, BDF2)
+            self.step(k, BDF2, self.seconds)
+        self.days, self.drift = 1, 0.0
 
-    def repeat(self) -> float:
-        """Take the steps of a day until it is known; returns how far it was from periodic [K].
+    def repeat(self) -> None:
+        """Take the steps of a day until it is known, and find how far it was from periodic.
 
         A day that goes through the same temperatures and changes early on as the day before goes
         through all others too.
         """
         begin, early = self.states[1], len(self.kelvin) // EARLY
+        self.days += 1
         for k in range(len(self.kelvin)):
-            self.step(k, BDF2)
+            self.step(k, BDF2, self.seconds)
             if k == early:
                 passed, self.passed = self.passed, self.states[1]
-                if passed is not None and (drift := abs(self.passed - passed).max()) < PERIODIC:
-                    return float(drift)
+                if passed is not None:
+                    self.drift = self.at_surface(self.passed - passed)
+                    if self.drift < PERIODIC:
+                        return
         change = self.states[1] - begin
         left = self.left(change)
         self.states = self.states + left
-        return float(abs(change + left).max())
+        self.drift = self.at_surface(change + left)
+
+    def at_surface(self, change: np.ndarray) -> float:
+        """The most that a change of amplitudes changes temperatures of surfaces later on [K].
+
+        Each mode decays.
+        """
+        return float(np.sum(abs(self.surface * change), axis=-2).max())
 
     def left(self, change: np.ndarray) -> np.ndarray:
-        """How far temperatures still are from periodic ones, from their change over a day.
+        """How far amplitudes still are from periodic ones, from their change over a day.
 
         A wall below a surface that loses heat in proportion to its temperature changes by
-        U = Phi U from day to day, so that (I - Phi)^-1 Phi of a change is left to do. change:
-        (..., nodes, n).
+        V = F V from day to day, so that (1 - F)^-1 F of a change is left to do.
         """
         network, result = self.network, np.zeros_like(change)
-        loss = np.zeros(len(self.kelvin.T))
-        loss[network.is_free] = self.conductance.mean(axis=0)
         slope = 4 * STEFAN_BOLTZMANN * self.kelvin.mean(axis=0) ** 3 * network.conductors.total
-        loss = (loss + slope) / network.facets.area
-        for wall, members in zip(network.walls, network.members):
-            if wall.thickness:
-                matrix = wall.conduction()
-                matrix[0, 0] += loss[members].mean()
-                day = expm(-matrix / wall.mass()[:, None] * DAY)
-                rest = np.linalg.solve(np.eye(CELLS + 1) - day, day)
-                result[..., members] = rest @ change[..., members]
+        loss = (self.conductance.mean(axis=0) + slope) / network.facets.area
+        for _, wall, members in network.with_walls:
+            rates, shapes = wall.modes
+            matrix = np.diag(rates) + loss[members].mean() * np.outer(shapes[0], shapes[0])
+            rates, modes = np.linalg.eigh(matrix)
+            rest = modes * (np.exp(-rates * DAY) / -np.expm1(-rates * DAY)) @ modes.T
+            result[..., members] = rest @ change[..., members]
         return result
 
-    def step(self, k: int, scheme: float) -> None:
+    def step(self, k: int, scheme: float, seconds: float) -> None:
         """Take the step to a time, of the temperatures and then of their changes."""
-        network, balance, step = self.network, self.network.balance, self.steps[scheme]
+        network, balance, area = self.network, self.network.balance, self.network.facets.area
+        closed, solved = (DAILY, ROUGH) if np.isfinite(seconds) else (CLOSED, SOLVED)
         earlier, last = self.states
         history = last if scheme == EULER else 2 * last - 0.5 * earlier
-        source = step.mass * history
-        source[0] += step.back
-        into, free = network.facets.area * step.conductance, network.is_free
-        outward = self.conductance[k] + into[free]
+        source, lag = history / seconds, 1 / (scheme / seconds + self.rates)
+        source[0] += self.back
+        g, r = self.of_walls(lag, source[0])
 
-        r = np.sum(step.first * source[0], axis=0)
-        power = self.power[k] + (into * r)[free]
-        kelvin, residual = balance.solve(power, outward, self.kelvin[k][free], DAILY)
-        self.residual = max(self.residual, residual)
-        self.kelvin[k] = network.whole(kelvin)
-        source[0, 0] += step.conductance * (self.kelvin[k] - r)
-        nodes = step.times(step.inverses, source[0])
+        power, conductance = self.power[k] + area * g * r, self.conductance[k] + area * g
+        kelvin, residual = balance.solve(power, conductance, self.kelvin[k], closed)
+        self.residual, self.kelvin[k] = max(self.residual, residual), kelvin
+        source[0] += self.surface * g * (kelvin - r)
 
-        for c, of_scheme in self.varied.items():
-            source[1 + c] += of_scheme[scheme].varied(history[0], nodes)
-        r = np.sum(step.first * source[1:], axis=1)
-        rates = network.rates(self.columns, kelvin, k) + (into * r)[:, free]
-        self.changes[:, k] = network.spread(
-            balance.linear(kelvin, outward, rates.T, ROUGH).T, self.columns
-        )
-        source[1:, 0] += step.conductance * (self.changes[:, k] - r)
-        tangents = step.times(step.inverses, source[1:])
-        self.states = np.stack([last, np.concatenate([nodes[None], tangents])])
+        amplitudes = lag * source[0]
+        for c, members, b, K, M in self.varied:
+            V = amplitudes[:, members]
+            slope = (scheme * V - history[0][:, members]) / seconds
+            source[1 + c][:, members] += b - K @ V - M @ slope
+        _, r = self.of_walls(lag, source[1:])
+        power = network.rates(self.columns, kelvin, k) + area * g * r
+        self.changes[:, k] = balance.linear(kelvin, conductance, power.T, solved).T
+        source[1:] += self.surface * (g * (self.changes[:, k] - r))[:, None]
+        self.states = np.stack([last, lag * source])

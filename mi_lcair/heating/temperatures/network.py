@@ -32,25 +32,14 @@ OF_GROUP = ("h", "absorptance", "emissivity", "internal_W_m2", "temperature", *O
 class Column:
     """Derivatives of the balance with respect to one input, for one standard uncertainty.
 
-    power, conductance: derivatives of P and C, (m, free). walls: the network with a complex step of
-    an input of walls. radiative: derivative of the heat that the free facets gain by radiation at
-    temperatures (free,) and a time, which P and C do not have [W]. held: that of the temperatures
-    at which facets are held, (n,).
+    gained: derivative of the power that facets gain, at temperatures (n,) and a time, apart from
+    walls [W]; for a facet that is held, of its temperature [K]. walls: the walls of the groups with
+    a complex step of the input, if it is one of walls.
     """
 
     name: str
-    power: np.ndarray | None = None
-    conductance: np.ndarray | None = None
-    walls: "Network | None" = None
-    radiative: Callable[[np.ndarray, int], np.ndarray] | None = None
-    held: np.ndarray | float = 0.0
-
-    def gained(self, kelvin: np.ndarray, k: int) -> np.ndarray:
-        """Power that it adds at temperatures (free,) and a time, apart from walls [W]."""
-        gain = np.zeros(len(kelvin)) if self.radiative is None else self.radiative(kelvin, k)
-        if self.power is not None:
-            gain = gain + self.power[k]
-        return gain if self.conductance is None else gain - self.conductance[k] * kelvin
+    gained: Callable[[np.ndarray, int], np.ndarray]
+    walls: list[Wall] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +108,12 @@ class Network:
         return [table.wall(duration) for table in self.tables.values()]
 
     @property
+    def with_walls(self) -> list[tuple[int, Wall, np.ndarray]]:
+        """Number, wall and indices of facets of each group that has a wall."""
+        groups = enumerate(zip(self.walls, self.members))
+        return [(group, wall, members) for group, (wall, members) in groups if wall.thickness]
+
+    @property
     def conductors(self) -> Conductors:
         return self.traced.mean
 
@@ -139,29 +134,21 @@ class Network:
                 "has no path for heat; it needs convection, a back at a temperature, or something "
                 "that it sees"
             )
-        total = sparse.diags_array(C.total[free])
-        return Balance(sparse.csr_array(total - C.between[free][:, free]))
-
-    def through_walls(self) -> tuple[np.ndarray, np.ndarray]:
-        """Conductance and far temperature of the steady walls of all facets, each (n,)."""
-        return np.array([wall.steady() for wall in self.walls]).T[:, self.facets.group]
-
-    def whole(self, kelvin: np.ndarray) -> np.ndarray:
-        """Temperatures of all facets, from those that are sought, (n,)."""
-        whole = self.held.copy()
-        whole[self.is_free] = kelvin
-        return whole
+        of_free = sparse.diags_array(free.astype(float))
+        laplacian = of_free @ (sparse.diags_array(C.total) - C.between) @ of_free
+        return Balance(sparse.csr_array(laplacian))
 
     def loads(self) -> tuple[np.ndarray, np.ndarray]:
-        """P and C of all facets whose temperatures are sought, (m, free) [W, W/K]."""
-        weather, C, free = self.weather, self.conductors, self.is_free
+        """P and C of all facets, (m, n) [W, W/K]; those of a held facet balance its temperature."""
+        weather, C = self.weather, self.conductors
         air, sky, ground = (T[:, None] for T in (weather.air_K, weather.sky_K, weather.ground_K))
         arriving = C.to_sky.sum(axis=1) * sky**4 + C.to_ground * ground**4
         arriving = arriving + C.between @ self.held**4
         conductance = self.convection * self.facets.radiating_area
         internal = self.of_facets(lambda table: table.internal_W_m2) * self.facets.area
         power = STEFAN_BOLTZMANN * arriving + self.light.mean(axis=0) + conductance * air + internal
-        return power[:, free], conductance[:, free]
+        held = np.broadcast_to(self.held, power.shape)
+        return np.where(self.is_free, power, held), np.where(self.is_free, conductance, 1.0)
 
     @cached_property
     def light(self) -> np.ndarray:
@@ -184,13 +171,14 @@ class Network:
         if dot and bare in OF_WEATHER:
             raise InputError(f"[sigma]: {name}: {bare} is of the weather, not of a group")
         if bare == "emissivity":
-            return Column(name, radiative=self.of_emissivity(group, sigma))
+            return Column(name, self.of_emissivity(group, sigma))
         if bare == "absorptance":
-            return Column(name, power=self.of_absorptance(group, sigma))
+            more = self.of_absorptance(group, sigma)
+            return Column(name, lambda kelvin, k: more[k])
         changed = self.changed(name, sigma)
         power, conductance = (values.imag / STEP for values in changed.loads())
-        walls = changed if bare in OF_WALL else None
-        return Column(name, power, conductance, walls, held=changed.held.imag / STEP)
+        walls = changed.walls if bare in OF_WALL else None
+        return Column(name, lambda kelvin, k: power[k] - conductance[k] * kelvin, walls)
 
     def changed(self, name: str, sigma: Sigma) -> "Network":
         """The network with an input that is larger by a complex step of a standard uncertainty."""
@@ -214,13 +202,14 @@ class Network:
         is_changed = np.array([group in ("", name) for name in self.facets.groups])
         return is_changed[self.facets.group] * sigma.size(values) / values
 
-    def of_absorptance(self, group: str, sigma: Sigma) -> np.ndarray | None:
-        """Derivative of the absorbed sunlight with respect to absorptances, (m, free) [W]."""
+    def of_absorptance(self, group: str, sigma: Sigma) -> np.ndarray:
+        """Derivative of the absorbed sunlight with respect to absorptances, (m, n) [W]."""
+        light = self.light.mean(axis=0)
         if self.sun is None:
-            return None
-        more = self.light.mean(axis=0) * self.relative(group, sigma, self.sun.absorptance)
+            return light
+        more = light * self.relative(group, sigma, self.sun.absorptance)
         # What is absorbed in addition is not reflected on others
-        return (more - more @ self.sun.onward)[:, self.is_free]
+        return self.is_free * (more - more @ self.sun.onward)
 
     def of_emissivity(self, group: str, sigma: Sigma, is_whole: bool = True) -> Callable:
         """Derivative of the radiative gains with respect to emissivities, for diffuse surfaces.
@@ -240,19 +229,19 @@ class Network:
             return delta * absorbed + onward if is_whole else onward
 
         def gained(kelvin, k):
-            fourth = self.whole(kelvin) ** 4
+            fourth = kelvin**4
             flow = changed(fourth, weather.sky_K[k] ** 4, weather.ground_K[k] ** 4)
             flow = flow - fourth * changed(np.ones_like(fourth), 1, 1)
-            return STEFAN_BOLTZMANN * flow[self.is_free]
+            return STEFAN_BOLTZMANN * self.is_free * flow
 
         return gained
 
     def rates(self, columns: Sequence[Column], kelvin: np.ndarray, k: int) -> np.ndarray:
-        """Power that columns add, and then each randomisation of the paths, (c + R, free) [W].
+        """`Column.gained` of columns, and then of each randomisation of the paths, (c + R, n).
 
         The temperatures that belong to the latter scatter as those of the randomisations.
         """
-        fourth, weather = self.whole(kelvin) ** 4, self.weather
+        fourth, weather = kelvin**4, self.weather
         around = weather.sky_K[k] ** 4, weather.ground_K[k] ** 4
         runs = np.array([run.gained(fourth, *around) for run in self.traced.replicates])
         runs = STEFAN_BOLTZMANN * runs + self.light[:, k]
@@ -261,13 +250,5 @@ class Network:
             missing = np.sqrt(np.maximum(least**2 - standard_error(runs) ** 2, 0))
             signs = hadamard(len(runs))[:, 1 + np.arange(len(missing)) % (len(runs) - 1)]
             runs = runs + np.sqrt(len(runs) - 1) * missing * signs
-        scatter = (runs - runs.mean(axis=0))[:, self.is_free]
-        return np.concatenate([*(column.gained(kelvin, k)[None] for column in columns), scatter])
-
-    def spread(self, changes: np.ndarray, columns: Sequence[Column]) -> np.ndarray:
-        """Changes of all temperatures, (c + R, n), from those of the sought ones; see `rates`."""
-        whole = np.zeros((len(changes), len(self.facets.area)))
-        for row, column in zip(whole, columns):
-            row += column.held
-        whole[:, self.is_free] = changes
-        return whole
+        scatter = self.is_free * (runs - runs.mean(axis=0))
+        return np.array([*(column.gained(kelvin, k) for column in columns), *scatter])

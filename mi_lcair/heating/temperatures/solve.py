@@ -49,7 +49,7 @@ def temperatures(scene: Scene, description: Description) -> Heat:
     groups = {name: group for name, (group, _, bare) in parts.items() if bare == "emissivity"}
     even = network.facets.is_diffuse.all()
     doubtful = [
-        Column(name, radiative=network.of_emissivity(group, sigmas[name], is_whole=False))
+        Column(name, network.of_emissivity(group, sigmas[name], is_whole=False))
         for name, group in ({} if even else groups).items()
     ]
     solved = course(network, [*columns, *doubtful], run.start_K)

@@ -3,9 +3,12 @@
 The temperature over the depth is a polynomial of degree `CELLS`, given by its values at the
 Gauss-Lobatto nodes. Node 0 lies on the surface that faces the scene. Below the depth of a day's
 waves the nodes are apart as the points of an exponential, for waves of longer series. With the mass
-matrix M, the stiffness K, and the flux q into the surface and q_b into the back [W m^-2],
+matrix M, the stiffness K, and the flux q into the surface [W m^-2],
 
-    M dU/dt + K U = q e_0 + q_b e_n.
+    M dU/dt + K U = b + q e_0,
+
+where K and b have what goes through the back. In the modes U = Phi V with Phi^T M Phi = 1 and
+Phi^T K Phi = diag(rates), each amplitude follows alone.
 """
 
 from dataclasses import dataclass
@@ -38,6 +41,8 @@ def gauss_lobatto(degree: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 NODES, WEIGHTS, DERIVATIVE = gauss_lobatto(CELLS)
 INTERVAL = (NODES + 1) / 2  # the nodes in 0..1
+LAST = np.arange(CELLS + 1) == CELLS  # whether a node is the deepest
+SLOWEST = 1e-30  # rate in place of 0 [1/s]
 
 
 @dataclass(frozen=True)
@@ -64,9 +69,9 @@ class Wall:
         return self.thickness**2 * self.density * self.heat_capacity / self.conductivity
 
     def penetration(self, seconds: float) -> complex:
-        """Penetration depth of waves of a period [m]; infinite for a wall that stores no heat."""
+        """Penetration depth of waves of a period [m]."""
         stored = self.density * self.heat_capacity
-        return np.sqrt(self.conductivity * seconds / (np.pi * stored)) if stored else np.inf
+        return np.sqrt(self.conductivity * seconds / (np.pi * stored))
 
     @property
     def depth(self) -> complex:
@@ -75,50 +80,50 @@ class Wall:
         return deepest if np.real(self.thickness) > np.real(deepest) else self.thickness
 
     @cached_property
-    def grid(self) -> tuple[np.ndarray, np.ndarray]:
-        """Depths of the nodes [m], and their derivative with respect to `INTERVAL`, (nodes,)."""
+    def stretch(self) -> np.ndarray:
+        """Derivative of the depths of the nodes with respect to `INTERVAL` [m], (nodes,)."""
         longer = np.real(self.depth / (DEEPEST * self.penetration(DAY)))
         if longer <= 1.001:
-            return self.depth * INTERVAL, self.depth * np.ones(CELLS + 1)
+            return self.depth * np.ones(CELLS + 1)
         # The nodes at the surface are as close as those of a day
         growth = brentq(lambda g: np.expm1(g) / g - longer, 1e-4, 40.0)
-        scale = self.depth / np.expm1(growth)
-        return scale * np.expm1(growth * INTERVAL), scale * growth * np.exp(growth * INTERVAL)
+        return self.depth * growth / np.expm1(growth) * np.exp(growth * INTERVAL)
+
+    @property
+    def along(self) -> np.ndarray:
+        """Weights of the squared gradients in K [W m^-2 K^-1], (nodes,)."""
+        return 2 * self.conductivity * WEIGHTS / self.stretch
 
     @property
     def outward(self) -> complex:
-        """Conductance from the deepest node to the back [W m^-2 K^-1]."""
+        """Conductance from the deepest node to the back [W m^-2 K^-1]; infinite at the back."""
         if self.back == 0:
             return 0.0
         resistance = (self.thickness - self.depth) / self.conductivity
-        resistance += 0.0 if np.isinf(np.real(self.back)) else 1 / self.back
-        # The difference from a back at a temperature is 1e-6 of the drop over the wall
-        return 1 / resistance if resistance else 1e6 * self.conductivity / self.depth
+        resistance += 0.0 if np.isinf(self.back) else 1 / self.back
+        return 1 / resistance if resistance else np.inf
 
-    def steady(self) -> tuple[complex, complex]:
-        """Conductance g of the whole wall and temperature r: the flux into it is g (T - r)."""
-        if not self.thickness or self.back == 0:
-            return 0.0, self.back_temperature
-        resistance = self.thickness / self.conductivity
-        resistance += 0.0 if np.isinf(np.real(self.back)) else 1 / self.back
-        return 1 / resistance, self.back_temperature
-
+    @property
     def mass(self) -> np.ndarray:
-        """Diagonal of M [J m^-2 K^-1], (nodes,)."""
-        return WEIGHTS / 2 * self.density * self.heat_capacity * self.grid[1]
+        """Diagonal of M [J m^-2 K^-1], (nodes,); infinite for a node that keeps its temperature."""
+        mass = WEIGHTS / 2 * self.density * self.heat_capacity * self.stretch
+        return np.where(LAST & np.isinf(self.outward), np.inf, mass)
 
-    def conduction(self) -> np.ndarray:
-        """K with the conductance of the back on its diagonal [W m^-2 K^-1], (nodes, nodes)."""
-        if not self.thickness:
-            return np.zeros((CELLS + 1, CELLS + 1))
-        along = 2 * self.conductivity * WEIGHTS / self.grid[1]
-        matrix = DERIVATIVE.T @ (along[:, None] * DERIVATIVE)
-        # An even temperature conducts no heat, whatever the rounding
-        matrix -= np.diag(matrix.sum(axis=1))
-        return matrix + np.diag([0.0] * CELLS + [1.0]) * self.outward
+    @property
+    def conduction(self) -> tuple[np.ndarray, np.ndarray]:
+        """K [W m^-2 K^-1] and b [W m^-2], (nodes, nodes) and (nodes,)."""
+        matrix = DERIVATIVE.T @ (self.along[:, None] * DERIVATIVE)
+        if np.isinf(self.outward):
+            return matrix, -matrix[:, -1] * self.back_temperature
+        outward = LAST * self.outward
+        return matrix + np.diag(outward), outward * self.back_temperature
 
-    def profile(self, surface: np.ndarray) -> np.ndarray:
-        """Steady temperatures of the nodes below surface temperatures (n,) [K], (nodes, n)."""
-        conductance, _ = self.steady()
-        gradient = conductance * (surface - self.back_temperature) / self.conductivity
-        return surface - np.multiply.outer(self.grid[0], gradient)
+    @cached_property
+    def modes(self) -> tuple[np.ndarray, np.ndarray]:
+        """The rates [1/s] and Phi, (modes,) and (nodes, modes)."""
+        root = 1 / np.sqrt(self.mass)
+        outward = 0.0 if np.isinf(self.outward) else self.outward
+        # Singular values have the small rates that the eigenvalues of K lose to rounding
+        halves = np.vstack([np.sqrt(self.along)[:, None] * DERIVATIVE, np.sqrt(outward) * LAST])
+        _, values, shapes = np.linalg.svd(halves * root, full_matrices=False)
+        return np.maximum(values**2, SLOWEST), root[:, None] * shapes.T

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from mi_lcair.heating.temperatures.wall import CELLS, DAY, Wall
+from mi_lcair.heating.temperatures.wall import DAY, Wall
 
 OMEGA = 2 * np.pi / DAY
 
 
 def impedance(wall: Wall, days: float = 1.0) -> complex:
     """Temperature of the surface for a flux of 1 W/m^2 that oscillates once in some days."""
-    matrix = 1j * OMEGA / days * np.diag(wall.mass()) + wall.conduction()
-    return np.linalg.solve(matrix, np.eye(CELLS + 1)[0])[0]
+    rates, shapes = wall.modes
+    return np.sum(shapes[0] ** 2 / (1j * OMEGA / days + rates))
 
 
 @pytest.mark.parametrize("thickness", [0.001, 0.02, 0.1])
@@ -48,11 +48,22 @@ def test_soil_in_a_long_series(duration, error, conductivity):
 @pytest.mark.parametrize("back", [np.inf, 4.0, 0.0])
 def test_steady_flux_is_that_of_resistances_in_series(thickness, back):
     wall = Wall(thickness, 0.5, 1000, 900, back, 280.0)
-    g, r = wall.steady()
+    rates, shapes = wall.modes
+    # U = Phi V with rates V = Phi^T b + Phi_0 q
+    response = np.sum(shapes[0] ** 2 / rates)
+    rest = np.sum(shapes[0] * (shapes.T @ wall.conduction[1]) / rates)
     flux = 0.0 if back == 0 else (310 - 280) / (thickness / 0.5 + 1 / back)
-    assert g * (310 - r) == pytest.approx(flux, rel=1e-12)
-    # The nodes agree with it: the same flux into the surface gives the same profile
-    ends = np.eye(CELLS + 1)[0] * flux + np.eye(CELLS + 1)[-1] * wall.outward * 280
-    if back:
-        nodes = np.linalg.solve(wall.conduction(), ends)
-        np.testing.assert_allclose(nodes, wall.profile(np.array([310.0]))[:, 0], atol=1e-4)
+    assert (310 - rest) / response == pytest.approx(flux, rel=1e-12, abs=1e-20)
+
+
+@pytest.mark.parametrize("back", [np.inf, 4.0, 0.0])
+def test_modes_are_those_of_mass_and_conduction(back):
+    """Phi^T M Phi = 1 and Phi^T K Phi = diag(rates)."""
+    wall = Wall(0.05, 0.5, 1000, 900, back, 280.0)
+    rates, shapes = wall.modes
+    inner = slice(None, -1) if back == np.inf else slice(None)
+    mass = shapes[inner].T * wall.mass[inner] @ shapes[inner]
+    stored = np.diag(np.append(np.ones(10), np.isfinite(back)))
+    np.testing.assert_allclose(mass, stored, atol=1e-12)
+    stiffness = shapes.T @ wall.conduction[0] @ shapes
+    np.testing.assert_allclose(stiffness, np.diag(rates), atol=1e-10 * rates.max())
