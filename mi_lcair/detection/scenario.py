@@ -525,9 +525,14 @@ class Scenario:
                 for entry in fields(Scenario)
                 if is_dataclass(kind := required(entry.type))
             }
-            if isinstance(tree.get("surroundings"), dict):
-                tree["surroundings"] = dict(map(worded, *zip(*tree["surroundings"].items())))
             check_known("table", [*known, MOTIONS], *tree)
+            words = tree.get("surroundings")
+            if isinstance(words, dict):
+                tree["surroundings"] = dict(map(worded, *zip(*words.items())))
+                air = tree.get("atmosphere")
+                air = clear_air_name(air.get("table")) if isinstance(air, dict) else None
+                if air is not None:  # clear air of the path is that of sky, sun and ground, too
+                    tree["surroundings"].setdefault("atmosphere", air)
             motions = motions_of(tree.get(MOTIONS, {}), path.parent)
             check_moves(tree)
             lacking = OPTIONAL | ({"observer"} if "flight" in tree else set())

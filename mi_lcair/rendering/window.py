@@ -213,16 +213,13 @@ def window_axes(sensor) -> tuple[np.ndarray, np.ndarray]:
     return corner, np.linalg.inv(np.stack([right, up, direction], axis=1))[:2].T
 
 
-def window_area(sensor, name: str, remedy: str = "") -> float:
-    """Area of an orthographic sensor's window [m^2]; raises InputError for any other sensor.
-
-    remedy: what the caller's user can do instead, for the message.
-    """
+def window_area(sensor, name: str) -> float:
+    """Area of an orthographic sensor's window [m^2]; raises InputError for any other sensor."""
     if sensor.class_name() != "OrthographicCamera":
         raise InputError(
             f"{name}: an intensity needs an orthographic sensor, and this one is "
             f"{sensor.class_name()}; radiance times area is an intensity only where all rays are "
-            f"parallel{remedy}"
+            "parallel; a trend adds such sensors"
         )
     _, right, up, _ = window(sensor)
     return float(np.linalg.norm(np.cross(right, up)))

@@ -307,6 +307,17 @@ def test_ground_of_surroundings_without_a_sky_is_black(written):
     assert Scenario.read(written(text)).background.ground_emissivity == 0.8
 
 
+@pytest.mark.parametrize("air", ["midlat_summer", "us_standard", "vacuum"])
+def test_the_clear_air_of_the_path_is_that_of_the_sky(air, written):
+    text = TOML.replace("[background]\ntemperature = 294\n", '[surroundings]\nsky = "clear"\n')
+    changes = {"atmosphere.table": air}
+    assert Scenario.read(written(text), **changes).surroundings.atmosphere == (
+        "us_standard" if air == "vacuum" else air
+    )
+    changes["surroundings.atmosphere"] = "us_standard"
+    assert Scenario.read(written(text), **changes).surroundings.atmosphere == "us_standard"
+
+
 def test_a_scene_is_no_scenario():
     for source in ("my.xml", "cavity"):
         with pytest.raises(InputError, match="is a scene and no scenario"):

@@ -32,7 +32,8 @@ class Words:
         degrees; azimuth 0 is +x, and 90 is +y. FILE is a CSV wavelength_um,irradiance_W_m2_um of
         what arrives at the scene, in place of that of clear air. Without a sun, it is night.
     atmosphere : str
-        Clear air of sky, sun and ground: us_standard or midlat_summer.
+        Clear air of sky, sun and ground: us_standard or midlat_summer. A scenario without it takes
+        the clear air of its path.
     """
 
     sky: str | None = None

@@ -13,12 +13,13 @@ def sections(sweep) -> list[Section]:
 
 
 def extremes(columns: dict[str, np.ndarray]) -> Facts:
-    """The least and the greatest value of each column of numbers that is no error."""
+    """The least and the greatest value of each quantity. The summary counts `reached`."""
     return Facts(
         [
             (name, f"{np.nanmin(values):.5g} to {np.nanmax(values):.5g}")
             for name, values in columns.items()
             if values.dtype.kind in "iuf"
+            and name != "reached"
             and not ("_standard_error" in name or "_half_width" in name or np.isnan(values).all())
         ]
     )
