@@ -80,8 +80,8 @@ def _merged(vertices: np.ndarray, triangles: np.ndarray) -> list[np.ndarray]:
     corner, shared = np.unique(triangles, return_counts=True)
     start = loop.index(corner[shared.argmax()])
     loop = np.array(loop[start:] + loop[:start])
-    area_of_triangles = np.linalg.norm(_normals(vertices[triangles]), axis=1).sum()
-    fan = _normals(
+    area_of_triangles = np.linalg.norm(normals_of(vertices[triangles]), axis=1).sum()
+    fan = normals_of(
         vertices[np.stack([np.full(len(loop) - 2, loop[0]), loop[1:-1], loop[2:]], axis=1)]
     )
     # The first holds for concave outlines too, the second also out of a plane
@@ -110,6 +110,6 @@ def _outline(triangles: list[list[int]]) -> list[int] | None:
     return loop if len(loop) == len(following) > 2 else None
 
 
-def _normals(triangles: np.ndarray) -> np.ndarray:
+def normals_of(triangles: np.ndarray) -> np.ndarray:
     """Normals of triangles (n, 3, 3) whose lengths are twice their areas."""
     return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])

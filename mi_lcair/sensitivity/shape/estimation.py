@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import hadamard
+from scipy.sparse import csr_array
 
 from mi_lcair.errors import InputError
 from mi_lcair.motions.pose import displaced
@@ -50,113 +51,107 @@ class VertexDerivatives:
     unscattered: np.ndarray
     paths: int
 
+    @property
+    def mean(self) -> np.ndarray:
+        return self.by_block.mean(axis=0)
 
-def differentiate_vertices(surface: Surface, along: np.ndarray, sampling: Sampling):
-    """The derivatives of the target's intensity.
+    @property
+    def error(self) -> np.ndarray:
+        """Standard errors of the means, (n,)."""
+        return np.hypot(standard_errors(self.by_block), self.unscattered)
 
-    Drawn directions and openings are not used, because their densities change with all vertices.
-
-    Parameters
-    ----------
-    surface : Surface
-    along : ndarray, shape (n, 3)
-        Displacement of each moving vertex per unit of its parameter [m].
-    sampling : Sampling
-
-    Returns
-    -------
-    VertexDerivatives
-
-    Raises
-    ------
-    InputError
-        If the sensor is not orthographic, and for closure = tail.
-    """
-    if surface.scene.mi.integrator().closure == "tail":
-        raise InputError(
-            f"{surface.scene.name}: closure = tail has no derivatives by vertex; use none or "
-            "ambient"
-        )
-    return Estimation(surface, along, sampling).run()
+    @property
+    def total(self) -> tuple[float, float]:
+        """Sum of the means, and its standard error."""
+        sums = self.by_block.sum(axis=1, keepdims=True)
+        missed = np.linalg.norm(self.unscattered)
+        return float(sums.mean()), float(np.hypot(standard_errors(sums)[0], missed))
 
 
 class Estimation:
     """Renders of a surface with displaced vertices, and the derivatives from them.
 
-    size: displacement of each vertex in its parameter, (n,); 0 for one that does not move. q:
-    probability that a path begins on a triangle, (T,). colours: see `Surface.colours`. patterns:
-    signs of the colours, (patterns, colours), whose columns are orthogonal.
+    Drawn directions and openings are not used, because their densities change with all vertices.
+    Raises InputError if the sensor is not orthographic, and for closure = tail.
+
+    surface: Surface. along: displacement of each moving vertex per unit of its parameter, (n, 3)
+    [m]. size: displacement of each vertex in its parameter, (n,); 0 for one that does not move.
+    per_size: 1 / (2 size), or 0. growth: see `Surface.growth`. q: probability that a path begins on
+    a triangle, (T,). colours: see `Surface.colours`. patterns: signs of the colours, (patterns,
+    colours), whose columns are orthogonal.
     """
 
     def __init__(self, surface: Surface, along: np.ndarray, sampling: Sampling):
         self.surface, self.along, self.sampling = surface, along, sampling
-        self.sensor = surface.scene.sensor(sampling.sensor)
-        self.window = window_area(self.sensor, surface.scene.name)
-        self.triangles = numbers_of_triangles(surface.meshes)
+        scene = self.scene = surface.scene
+        if scene.mi.integrator().closure == "tail":
+            raise InputError(
+                f"{scene.name}: closure = tail has no derivatives by vertex; use none or ambient"
+            )
+        self.sensor = scene.sensor(sampling.sensor)
+        self.window = window_area(self.sensor, scene.name)
         length = np.linalg.norm(along, axis=1)
-        size = np.zeros(len(length))
-        self.size = np.divide(STEP * surface.reach(), length, out=size, where=length > 0)
+        self.size = STEP * surface.reach() / np.where(length > 0, length, np.inf)
+        self.per_size = (length > 0) / np.where(length > 0, 2 * self.size, 1)
         self.colours = surface.colours()
-        order = 1 << int(np.ceil(np.log2(self.colours.max() + 1)))
+        order = 1 << int(self.colours.max()).bit_length()
         self.patterns = hadamard(order)
-        self.area = surface.in_view(self.sensor, surface.vertices)
+        self.area, _ = surface.in_view(self.sensor, surface.vertices)
         self.growth = surface.growth(self.sensor, along)
-        self.choice, self.q = self.starts()
-        windows = Windows.whole(self.sensor)
-        paths = windows.paths(sampling.settled(self.sensor))
+        self.most_growth = abs(self.growth)
+        self.radiance = radiances(surface.meshes)
+        self.triangles = numbers_of_triangles(surface.meshes)
+        self.choice = self.starts()
+        self.q = self.choice.probability
+        paths = Windows.whole(self.sensor).paths(sampling.settled(self.sensor))
         self.points = -(-paths // (2 * RANDOMISATIONS * order))
 
-    def starts(self) -> tuple[Choice, np.ndarray]:
-        """What draws the triangle on which a path begins, and the probabilities (T,)."""
-        shifts = np.append(self.size, 0.0)[self.surface.corners]
-        shown = self.area + np.sum(np.abs(self.growth) * shifts, axis=1)
-        radiance = radiances(self.surface.meshes)
-        shown = shown * seen_shares(self.surface.scene, self.sensor, self.area[None])[0]
-        parts = shown, shown * radiance, (shown > 0).astype(float)
-        choice = Choice(sum(k * part / part.sum() for k, part in zip(SHARES, parts) if part.any()))
-        return choice, choice.probability
+    def starts(self) -> Choice:
+        """What draws the triangle on which a path begins."""
+        shown = self.area + self.most_growth @ self.size
+        shown = shown * seen_shares(self.scene, self.sensor, self.area[None])[0]
+        parts = shown, shown * self.radiance, (shown > 0).astype(float)
+        return Choice(sum(k * part / part.sum() for k, part in zip(SHARES, parts) if part.any()))
 
     def run(self) -> VertexDerivatives:
         random, count = np.random.default_rng(self.sampling.seed), len(self.size)
-        shape = RANDOMISATIONS, len(self.area)
-        self.sums, self.counts = np.zeros(shape), np.zeros(shape)
+        signs = random.choice([-1.0, 1.0], (RANDOMISATIONS, count))
+        launches = RANDOMISATIONS * len(self.patterns)
+        self.sums, self.counts = np.zeros((2, RANDOMISATIONS, len(self.area)))
         of_radiance, invalid = np.zeros((RANDOMISATIONS, count)), 0
-        scene, launches = self.surface.scene, RANDOMISATIONS * len(self.patterns)
-        with changed(scene, emitter_sampling=False, opening_sampling=False):
-            for block in range(RANDOMISATIONS):
-                signs = random.choice([-1.0, 1.0], count)
-                for number, pattern in enumerate(self.patterns):
-                    launch = block * len(self.patterns) + number
-                    slopes, lost = self.difference(block, launch, signs * pattern[self.colours])
-                    of_radiance[block] += slopes / len(self.patterns)
-                    invalid += lost
-                    if self.sampling.progress is not None:
-                        self.sampling.progress(launch + 1, launches)
+        with changed(self.scene, emitter_sampling=False, opening_sampling=False):
+            for launch in range(launches):
+                block, row = divmod(launch, len(self.patterns))
+                of_vertices = signs[block] * self.patterns[row, self.colours]
+                slopes, lost = self.difference(block, launch, of_vertices)
+                of_radiance[block] += slopes / len(self.patterns)
+                invalid += lost
+                if self.sampling.progress is not None:
+                    self.sampling.progress(launch + 1, launches)
         paths = 2 * launches * self.points
-        check_valid(invalid, paths, scene.name)
+        check_valid(invalid, paths, self.scene.name)
         pooled = self.sums.sum(axis=0) / np.maximum(self.counts.sum(axis=0), 1)
         R = np.where(self.counts > 0, self.sums / np.maximum(self.counts, 1), pooled)
-        of_area = np.array([self.surface.at_vertices(self.growth * r[:, None]) for r in R])
         unscattered = self.unscattered(pooled, standard_errors(of_radiance))
-        return VertexDerivatives(
-            self.window * (of_area + of_radiance), self.window * unscattered, paths
-        )
+        by_block = R @ self.growth + of_radiance
+        return VertexDerivatives(self.window * by_block, self.window * unscattered, paths)
 
     def difference(self, block: int, launch: int, signs: np.ndarray) -> tuple[np.ndarray, int]:
         """Derivatives (n,) by the changes of R between two poses, and the number of invalid paths.
 
-        The radiances of the paths are added to the sums of a block by triangle.
+        The radiances of the paths are added to the sums of a block by triangle. signs: ways of the
+        vertices in the first pose, (n,).
         """
-        surface, scene, shift = self.surface, self.surface.scene, signs * self.size
-        radiance, met, shows, invalid = [], [], [], 0
+        scene, surface, invalid = self.scene, self.surface, 0
+        radiance, met, shows = [], [], []
         for side in (1, -1):
-            vertices = surface.displaced(side * shift[:, None] * self.along)
-            area = surface.in_view(self.sensor, vertices)
+            vertices = surface.displaced(side * (signs * self.size)[:, None] * self.along)
+            area, _ = surface.in_view(self.sensor, vertices)
             corners = vertices[surface.triangles]
             aim = FacetStarts.at(surface.meshes, corners, self.q, self.choice)
             seed = self.sampling.seed * SEEDS + launch
             paths = Launch(1, 1, seed, randomisations=1, points=self.points, aim=aim)
-            with displaced(scene, surface.buffers(vertices)), scene.prepared() as tracer:
+            with displaced(scene, surface.by_mesh(vertices)), scene.prepared() as tracer:
                 L, start, of_pose = met_triangles(tracer, self.sensor, paths, self.triangles)
             valid = np.isfinite(L)
             invalid += int(np.sum(~valid))
@@ -170,16 +165,13 @@ class Estimation:
         # A triangle that turns away has no R; what it shows by then is in the derivative of A
         change = np.where(shows[0] & shows[1], radiance[0] - radiance[1], 0)
         change *= self.area[start] / self.q[start] / self.points
-        changed_paths = np.flatnonzero(change)
-        triangles = np.concatenate([start[:, None], *met], axis=1)[changed_paths]
-        corners = np.append(surface.corners, [[-1, -1, -1]], axis=0)[triangles]
-        corners = np.sort(corners.reshape(len(triangles), 3 * triangles.shape[1]), axis=1)
-        first = np.diff(corners, axis=1, prepend=-1) > 0  # each vertex of a path once
-        path, vertex = np.nonzero(first)[0], corners[first]
-        moves = shift[vertex] != 0
-        path, vertex = changed_paths[path[moves]], vertex[moves]
-        slope = change[path] / (2 * shift[vertex])
-        return np.bincount(vertex, slope, len(self.size)), invalid
+        changes = np.flatnonzero(change)
+        triangles = np.column_stack([start, *met])[changes]
+        path, place = np.nonzero(triangles >= 0)
+        shape = len(changes), len(self.area)
+        meets = csr_array((np.ones(len(path)), (path, triangles[path, place])), shape=shape)
+        touches = (meets @ surface.has).astype(bool)
+        return change[changes] @ touches * signs * self.per_size, invalid
 
     def unscattered(self, R: np.ndarray, scatter: np.ndarray) -> np.ndarray:
         """Standard errors of the means that the scatter does not show, by window's area, (n,).
@@ -190,17 +182,14 @@ class Estimation:
         R: mean radiance of each triangle over all paths, (T,). scatter: standard errors of the
         derivatives of R that the scatter does show, (n,).
         """
-        surface, growth = self.surface, np.abs(self.growth)
-        radiance = radiances(surface.meshes)
-        missed = np.where(self.counts.sum(axis=0) > 0, 0, radiance)
+        missed = np.where(self.counts.any(axis=0), 0, self.radiance)
         share = edge_share(RANDOMISATIONS) / (self.points * len(self.patterns))
-        path = share * float(np.sum(self.area * R))
-        one_path = np.divide(path, 2 * self.size, out=np.zeros_like(scatter), where=self.size > 0)
-        rounding = rounding_error(surface.scene.mi.integrator().max_bounces)
+        one_path = share * (self.area @ R) * self.per_size
+        rounding = rounding_error(self.scene.mi.integrator().max_bounces)
         parts = [
-            surface.at_vertices(missed[:, None] * growth),
+            missed @ self.most_growth,
             np.sqrt(np.maximum(one_path**2 - scatter**2, 0)),
-            rounding * surface.at_vertices(R[:, None] * growth),
+            rounding * (R @ self.most_growth),
         ]
         return np.linalg.norm(parts, axis=0)
 

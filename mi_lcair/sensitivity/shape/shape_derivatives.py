@@ -3,13 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from mi_lcair.rendering.facets.polygons import WRITERS
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.window import window
 from mi_lcair.results import Result
-from mi_lcair.sensitivity.shape.estimation import differentiate_vertices, standard_errors
+from mi_lcair.sensitivity.shape.estimation import Estimation, standard_errors
 from mi_lcair.sensitivity.shape.surface import Surface
 
 
@@ -92,52 +93,43 @@ class ShapeDerivatives(Result):
 def differentiate_shape(scene, group: str, sampling: Sampling) -> ShapeDerivatives:
     """The derivatives of a loaded scene's intensity with respect to the shape of a group."""
     surface = Surface(scene, group)
-    result = differentiate_vertices(surface, surface.outward, sampling)
-    has_normal = surface.outward.any(axis=1)
-    table = FacetTable(scene)
-    of_model = table.type[table.triangle_facet] == "model"
-    facet, triangles = (
-        values[of_model][surface.in_group] for values in (table.triangle_facet, table.triangles)
-    )
-    area, corners = np.linalg.norm(surface.normals, axis=1)[surface.in_group] / 2, surface.corners
+    result = Estimation(surface, surface.outward, sampling).run()
+    inside, of_primitives = surface.in_group, FacetTable(scene).of_primitives
+    facet = np.concatenate([of_primitives[mesh] for mesh in surface.meshes])[inside]
     numbers, rows = np.unique(facet, return_inverse=True)
-
-    def by_facet(of_vertices: np.ndarray) -> np.ndarray:
-        """Means over the facets' areas of values at the vertices, (n,)."""
-        of_corners = np.where(has_normal, of_vertices, np.nan)[corners[surface.in_group]]
-        sums = np.bincount(rows, area * of_corners.mean(axis=1), len(numbers))
-        return sums / np.bincount(rows, area, len(numbers))
-
-    per_area = 1 / surface.areas
-    by_block = np.array([by_facet(values * per_area) for values in result.by_block])
-    scatter = standard_errors(by_block)
+    area = np.linalg.norm(surface.normals[inside], axis=1) / 2
+    areas = np.bincount(rows, area)
+    # Means over the facets' areas of the derivatives per displaced area, (facets, n)
+    shape = len(numbers), len(inside)
+    of_facets = csr_array((area / 3 / areas[rows], (rows, np.flatnonzero(inside))), shape=shape)
+    means = csr_array(of_facets @ surface.has / surface.areas)
+    has_normal = surface.outward.any(axis=1)
+    by_block, mean, error, unscattered = (
+        np.where(has_normal, values, np.nan)
+        for values in (result.by_block, result.mean, result.error, result.unscattered)
+    )
+    scatter = standard_errors(by_block @ means.T)
+    growth, growth_error = result.total
     _, right, down, direction = window(scene.sensor(sampling.sensor))
-    growth = result.by_block.sum(axis=1)
-    error = np.hypot(standard_errors(result.by_block), result.unscattered)
+    axes = np.array([right, -down, -direction])
     return ShapeDerivatives(
         scene_name=scene.name,
         band=scene.band.name,
         group=group,
         table={
             "facet": numbers,
-            "area_m2": np.bincount(rows, area, len(numbers)),
-            "derivative_W_sr_m3": by_block.mean(axis=0),
-            "standard_error_W_sr_m3": np.hypot(scatter, by_facet(result.unscattered * per_area)),
+            "area_m2": areas,
+            "derivative_W_sr_m3": means @ mean,
+            "standard_error_W_sr_m3": np.hypot(scatter, means @ unscattered),
         },
-        triangles=triangles,
+        triangles=surface.vertices[surface.triangles[inside]],
         triangle_facet=facet,
         positions=surface.positions,
         normals=surface.outward,
-        derivative=np.where(has_normal, result.by_block.mean(axis=0), np.nan),
-        standard_error=np.where(has_normal, error, np.nan),
-        growth=float(growth.mean()),
-        growth_error=float(
-            np.hypot(standard_errors(growth[:, None])[0], np.linalg.norm(result.unscattered))
-        ),
+        derivative=mean,
+        standard_error=error,
+        growth=growth,
+        growth_error=growth_error,
         paths=result.paths,
-        axes=np.array([unit(right), unit(-down), -direction]),
+        axes=axes / np.linalg.norm(axes, axis=1, keepdims=True),
     )
-
-
-def unit(vector: np.ndarray) -> np.ndarray:
-    return vector / np.linalg.norm(vector)

@@ -14,24 +14,16 @@ from mi_lcair.cli import main
 from mi_lcair.errors import InputError
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.sensitivity.parameters import changed
-from mi_lcair.sensitivity.shape.estimation import differentiate_vertices, standard_errors
+from mi_lcair.sensitivity.shape.estimation import Estimation
 from mi_lcair.sensitivity.shape.surface import Surface
 from tests.motions.test_differences import CUBE, VIEW, L, convex_hull, mesh, scene_of
 
 
 def derivatives(scene, group: str, along=None, paths: int = 2**14, seed: int = 0):
-    """Surface, means and standard errors of the derivatives by its vertices."""
+    """Surface of a group, and the derivatives by its vertices."""
     surface = Surface(scene, group)
     along = surface.outward if along is None else along(surface.positions)
-    result = differentiate_vertices(surface, along, Sampling(paths=paths, seed=seed))
-    error = np.hypot(standard_errors(result.by_block), result.unscattered)
-    return surface, result, result.by_block.mean(axis=0), error
-
-
-def total(result) -> tuple[float, float]:
-    """Sum of the derivatives by all vertices, and its standard error."""
-    sums = result.by_block.sum(axis=1, keepdims=True)
-    return sums.mean(), np.hypot(standard_errors(sums)[0], np.linalg.norm(result.unscattered))
+    return surface, Estimation(surface, along, Sampling(paths=paths, seed=seed)).run()
 
 
 @pytest.mark.parametrize(("yaw_deg", "tolerance"), [(0.0, 0.3), (30.0, 0.1)])
@@ -39,7 +31,7 @@ def test_vertices_of_a_cube(yaw_deg, tolerance):
     """At yaw 0 two faces are edge-on. The derivative is then the mean of the one-sided ones."""
     scene = scene_of(convex_hull("cube", CUBE))
     with changed(scene, {"cube.yaw_deg": yaw_deg}):
-        surface, _, slope, error = derivatives(scene, "cube", paths=2**12)
+        surface, result = derivatives(scene, "cube", paths=2**12)
         assert mi_lcair.parameters(scene)["cube.yaw_deg"].value == yaw_deg
 
     def intensity(positions):
@@ -50,17 +42,17 @@ def test_vertices_of_a_cube(yaw_deg, tolerance):
     for k, normal in enumerate(surface.outward):
         step = h * np.outer(np.arange(8) == k, normal)
         ends = [intensity(surface.positions + side * step) for side in (1, -1)]
-        assert slope[k] == pytest.approx((ends[0] - ends[1]) / (2 * h), abs=tolerance)
-    assert (error > 0).all() and (error < 5).all()
+        assert result.mean[k] == pytest.approx((ends[0] - ends[1]) / (2 * h), abs=tolerance)
+    assert (result.error > 0).all() and (result.error < 5).all()
 
 
 def test_a_single_facet():
     """A facet that grows from its first corner has the intensity (1 + t)^2 I: derivative 2 I."""
     corners = np.array([[0.0, -0.5, -0.4], [0.0, 0.5, -0.4], [0.0, -0.5, 0.6]])
     scene = scene_of(mesh("sheet", corners, [[0, 1, 2]]))
-    _, result, _, _ = derivatives(scene, "sheet", lambda positions: positions - corners[0], 2**10)
+    _, result = derivatives(scene, "sheet", lambda positions: positions - corners[0], 2**10)
     sides = np.cross(corners[1] - corners[0], corners[2] - corners[0])
-    assert total(result)[0] == pytest.approx(L * abs(sides @ VIEW), rel=1e-3)
+    assert result.total[0] == pytest.approx(L * abs(sides @ VIEW), rel=1e-3)
 
 
 def bodies(seed: int, reflectance: float):
@@ -85,10 +77,10 @@ def test_size_and_shift(seed):
     """The sum of derivative times position is 2 I, and that of equal shifts is 0."""
     scene = bodies(seed, 0.5)
     intensity = mi_lcair.signature(scene, spp=2**8).target
-    sum_, error = total(derivatives(scene, "body", lambda p: p, 2**15, seed)[1])
+    sum_, error = derivatives(scene, "body", lambda p: p, 2**15, seed)[1].total
     assert error < 0.5 * intensity.intensity
     assert abs(sum_ - 2 * intensity.intensity) < 3.5 * error
-    sum_, error = total(derivatives(scene, "body", lambda p: 0 * p + [1.0, 2, 3], seed=seed)[1])
+    sum_, error = derivatives(scene, "body", lambda p: 0 * p + [1.0, 2, 3], seed=seed)[1].total
     assert abs(sum_) < 3.5 * error
 
 
@@ -102,8 +94,8 @@ def test_corners_of_a_slab_move_by_a_part_of_its_thickness(thickness):
         front, side = (positions @ turn[:2].T > 0).T[..., None]
         return np.where(front, turn[0], 0) + np.where(side, turn[1], 0)
 
-    surface, result, _, _ = derivatives(scene, "slab", outward)
-    sum_, error = total(result)
+    surface, result = derivatives(scene, "slab", outward)
+    sum_, error = result.total
     areas = np.abs(turn @ VIEW) * [1.0, thickness, thickness]
     exact = L * (areas[2] / thickness + areas[1] / thickness + areas[0] + areas[2])
     assert abs(sum_ - exact) < 2.5 * error
@@ -121,8 +113,8 @@ def test_equal_to_attached_differences(max_bounces):
     """A cold square before a hot one, which it hides and lights, moves across the view."""
     cold = panel("cold", [0.3, 0.2, 0], 250.0, 0.5)
     scene = scene_of(cold, panel("hot", [0, 0, 0], 500.0, 0.5), max_bounces=max_bounces)
-    _, result, _, error = derivatives(scene, "cold", lambda p: 0 * p + [0, 1.0, 0], 2**15)
-    sum_, error = total(result)
+    _, result = derivatives(scene, "cold", lambda p: 0 * p + [0, 1.0, 0], 2**15)
+    sum_, error = result.total
     expected = mi_lcair.sensitivities(scene, ["cold.y_m"], paths=2**15).differences["cold.y_m"]
     assert expected.derivative > 100
     assert error < 0.2 * expected.derivative
@@ -139,8 +131,8 @@ def test_shade_of_the_sun(tmp_path):
         file = {"type": "ply", "filename": str(tmp_path / f"{name}.ply"), "face_normals": True}
         parts.append(file | {"bsdf": bsdf, "emitter": emitter})
     scene = scene_of(*parts, max_bounces=1)
-    _, result, _, error = derivatives(scene, "shade", lambda p: 0 * p + [0, 1.0, 0], 2**13)
-    sum_, error = total(result)
+    _, result = derivatives(scene, "shade", lambda p: 0 * p + [0, 1.0, 0], 2**13)
+    sum_, error = result.total
     expected = mi_lcair.sensitivities(scene, ["shade.y_m"], paths=2**13).differences["shade.y_m"]
     assert sum_ > 5 * error
     assert abs(sum_ - expected.derivative) < 3.5 * np.hypot(error, expected.error)
