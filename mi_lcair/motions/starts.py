@@ -3,12 +3,17 @@
 import numpy as np
 
 from mi_lcair.motions.pose import moved
-from mi_lcair.plugins.emission.triangles import Choice
 from mi_lcair.plugins.paths.aim import CELLS, Aim, shared_out
 from mi_lcair.plugins.paths.facet_starts import FacetStarts
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.rendering.aiming import aim_over_model, blurred
-from mi_lcair.rendering.facets.starts import in_view, meshes_of_model, radiances, seen_shares
+from mi_lcair.rendering.facets.starts import (
+    in_view,
+    meshes_of_model,
+    mixed_choice,
+    radiances,
+    seen_shares,
+)
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.settings import changed
 
@@ -39,7 +44,7 @@ def starts_in(scene, sensor, poses: list[dict]) -> list[FacetStarts]:
     area, change = np.max(areas, axis=0), np.ptp(areas, axis=0)
     change[change < TINY * area] = 0  # rounding of vertices that are shifted
     parts = np.array([area, area * radiance, change * radiance]) * seen
-    choice = Choice(sum(k * part / part.sum() for k, part in zip(SHARES, parts) if part.any()))
+    choice = mixed_choice(SHARES, parts)
     return [FacetStarts.at(meshes, *pose, choice) for pose in zip(corners, areas)]
 
 

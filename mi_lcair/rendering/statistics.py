@@ -252,8 +252,10 @@ class Totals:
         reflected = self.unmet.after_reflection(self.unmet_sums, largest_weight)
         if draws is not None:
             reflected = np.maximum(self.unmet.rare(draws), self.unmet_sums["largest"])
-        bounds = [np.minimum(self.unmet.in_view * largest_weight, brightest * largest_weight)]
-        bounds.append(np.minimum(reflected, brightest * largest_weight))
+        # Where no facet is in view, the weights are 0, and the brightest source may be unknown
+        brightest_path = brightest * np.maximum(largest_weight, np.finfo(float).tiny)
+        bounds = [np.minimum(self.unmet.in_view * largest_weight, brightest_path)]
+        bounds.append(np.minimum(reflected, brightest_path))
         bounds.append(self.mean(name if name in self.sums else None))
         if starts is not None:
             of_starts = np.minimum(starts.largest_direct, brightest * starts.largest_weight)

@@ -135,6 +135,16 @@ def test_a_part_that_is_soon_uncovered(overlap, expected):
     assert differences.differs_nearby(rate, step, Kind(ATTACHED, False)) == expected
 
 
+def test_a_panel_edge_on():
+    """It has no area in view, and shows its front as soon as it turns to one side."""
+    corners = 0.5 * np.array([[-1, 0, -1], [-1, 0, 1], [1, 0, 1], [1, 0, -1.0]])
+    scene = scene_of(mesh("panel", corners, [[0, 1, 2], [0, 2, 3]]), view=np.array([1.0, 0, 0]))
+    shift, yaw = (derivative(scene, f"panel.{name}", 2**10) for name in ("y_m", "yaw_deg"))
+    assert (shift.derivative, shift.error, shift.verdict) == (0, 0, "smooth")
+    assert yaw.verdict == "kink" and 0 < yaw.error < 1e-4
+    assert np.sort(np.abs(yaw.one_sided)) == pytest.approx([0, L * np.pi / 180], rel=1e-3, abs=1e-6)
+
+
 def test_size_is_an_area():
     """Everything scaled: the intensity goes as the square of the size."""
     found = derivative(scene_of(convex_hull("cube", CUBE)), "cube.size")

@@ -56,6 +56,15 @@ def starts_on_facets(scene, sensor, brightest: float) -> FacetStarts | None:
     return FacetStarts.at(meshes, corners, area, Choice(emitted), direct)
 
 
+def mixed_choice(shares, parts) -> Choice:
+    """What draws a triangle: shares of the paths follow parts (n,), or all triangles without any.
+
+    shares: of the paths, one for each part. A part that is 0 everywhere gets none.
+    """
+    weights = sum(k * part / part.sum() for k, part in zip(shares, parts) if part.any())
+    return Choice(weights if np.any(weights) else np.ones_like(parts[0]))
+
+
 def seen_shares(scene, sensor, area: np.ndarray) -> np.ndarray:
     """Share of each of the model's triangles that sensors see, about, at least HIDDEN.
 

@@ -23,7 +23,7 @@ from mi_lcair.plugins.paths.facet_starts import FacetStarts
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.paths.met_triangles import met_triangles
 from mi_lcair.plugins.paths.offsets import rounding_error
-from mi_lcair.rendering.facets.starts import radiances, seen_shares
+from mi_lcair.rendering.facets.starts import mixed_choice, radiances, seen_shares
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.statistics import check_valid, edge_share
@@ -111,7 +111,7 @@ class Estimation:
         shown = self.area + self.most_growth @ self.size
         shown = shown * seen_shares(self.scene, self.sensor, self.area[None])[0]
         parts = shown, shown * self.radiance, (shown > 0).astype(float)
-        return Choice(sum(k * part / part.sum() for k, part in zip(SHARES, parts) if part.any()))
+        return mixed_choice(SHARES, parts)
 
     def run(self) -> VertexDerivatives:
         random, count = np.random.default_rng(self.sampling.seed), len(self.size)
