@@ -31,7 +31,7 @@ class Curve:
     name: in the legend. values: over the chart's abscissa. unit: of the values, as UDUNITS has it.
     colour: number of its colour; None for the main curve. on_right: the values are fractions, over
     an axis of their own on the right. errors: lengths of error bars, NaN where a value has none;
-    None for a curve without them.
+    None for a curve without them. half: half of the width of a band around it, likewise.
     """
 
     name: str
@@ -40,6 +40,7 @@ class Curve:
     colour: int | None = None
     on_right: bool = False
     errors: np.ndarray | None = None
+    half: np.ndarray | None = None
 
     @property
     def line(self) -> dict:
@@ -55,7 +56,8 @@ class LineChart:
 
     title: as plain text. x: abscissa. x_label, y_label: of its axes, with units. curves: the main
     one has the unit of the ordinate. from_zero: whether the ordinate begins at 0. is_close: whether
-    it spans the positive values alone.
+    it spans the positive values alone. is_polar: whether the abscissa is an angle [degrees], with 0
+    up and 90 on the left.
     """
 
     title: str
@@ -65,6 +67,7 @@ class LineChart:
     curves: list[Curve]
     from_zero: bool = False
     is_close: bool = False
+    is_polar: bool = False
 
 
 def draw_with_band(axes, x, values, half, **style) -> None:
@@ -90,16 +93,33 @@ def label(quantity: str, unit: str) -> str:
 def figure_of(charts: list[LineChart], title: str, across: bool = False):
     """Matplotlib Figure of charts, one below the other or, with `across`, side by side."""
     count = len(charts)
-    figure = new_figure((11, 4.5) if across else (7, 3 * count), layout="constrained")
+    is_polar = charts[0].is_polar
+    size = (4.7 * count, 5.6) if is_polar else (11, 4.5) if across else (7, 3 * count)
+    figure = new_figure(size, layout="constrained")
     rows, columns = (1, count) if across else (count, 1)
     is_common = len({chart.x_label for chart in charts}) == 1
-    axes = figure.subplots(rows, columns, sharex=is_common, squeeze=False).ravel()
+    kind = {"projection": "polar" if is_polar else None}
+    axes = figure.subplots(rows, columns, sharex=is_common, squeeze=False, subplot_kw=kind).ravel()
     for panel, chart in zip(axes, charts):
-        draw(panel, chart)
+        (draw_polar if is_polar else draw)(panel, chart)
+        if is_polar:
+            continue
         if across or not is_common or chart is charts[-1]:
             panel.set_xlabel(chart.x_label)
     figure.suptitle(plain(title))
     return figure
+
+
+def draw_polar(panel, chart: LineChart) -> None:
+    """Draw a polar chart in Matplotlib's axes."""
+    panel.set_theta_zero_location("N")
+    for curve in chart.curves:
+        style = {"label": plain(curve.name), "color": curve.line["color"]}
+        style["marker"] = "." if len(chart.x) < 8 else None
+        half = np.zeros(len(chart.x)) if curve.half is None else np.nan_to_num(curve.half)
+        draw_with_band(panel, np.radians(chart.x), curve.values, half, linewidth=1.3, **style)
+    panel.set(ylim=(0, None), title=chart.title)
+    panel.legend(loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=4)
 
 
 def draw(panel, chart: LineChart) -> None:

@@ -1,83 +1,54 @@
-"""Polar plot of a trend: by elevation, by emitting group, and by number of reflections."""
+"""Polar charts of a trend: by elevation, by emitting group, and by number of reflections."""
 
 import numpy as np
 
-from mi_lcair.drawing import new_figure, plain, styled
+from mi_lcair.reports.line_charts import Curve, LineChart, figure_of, label
 from mi_lcair.signatures.trend_result import Trend
 
 NEGLIGIBLE = 1e-3  # parts below this share of the largest intensity are not drawn
 KINDS = {"group": "by what emitted it", "bounce": "by number of reflections"}
-UNIT = r"W sr$^{-1}$"
+UNIT = "W sr-1"
 
 
-@styled
 def figure(trend: Trend):
-    """Figure with three polar panels.
+    """Figure with a polar panel for each chart. Bands are 95 % intervals."""
+    words = f"{trend.scene_name}, {trend.band}: intensity of the model"
+    return figure_of(charts(trend), f"{words} ({label('', UNIT)[2:-1]}) by azimuth", across=True)
 
-    Azimuth 0 (the nose) is up, and 90 (the left side) is on the left. The last two panels are at
-    the elevation nearest to 0.
+
+def charts(trend: Trend) -> list[LineChart]:
+    """Intensity by elevation, and its parts at the elevation nearest to 0.
+
+    Azimuth 0 (the nose) is up, and 90 (the left side) is on the left. The first view is repeated at
+    the end of an even full turn.
     """
-    elevations, level = elevations_of(trend)
-    at_level = trend.at_elevation(elevations[level])
-    figure = new_figure((14, 5.6), layout="constrained")
-    panels = figure.subplots(1, 3, subplot_kw={"projection": "polar"})
-    curves = {}
-    for elevation in elevations:
-        at = trend.at_elevation(elevation)
-        curves[f"elevation {elevation:g}°"] = closed(at, at.table["intensity_W_sr"])
-    draw(panels[0], "by elevation", curves)
-    for panel, (kind, words) in zip(panels[1:], KINDS.items()):
-        draw(panel, f"{words}, elevation {elevations[level]:g}°", large_parts(at_level, kind))
-    figure.suptitle(
-        f"{plain(f'{trend.scene_name}, {trend.band}')}: intensity of the model by azimuth ({UNIT})"
-    )
-    return figure
+    of_view = trend.table["elevation_deg"]
+    azimuth, elevations = np.unique(trend.table["azimuth_deg"]).astype(float), np.unique(of_view)
+    level = elevations[np.argmin(np.abs(elevations))]
+    turn = np.diff(azimuth, append=azimuth[0] + 360)
+    is_closed = len(azimuth) > 2 and np.allclose(turn, 360 / len(azimuth), atol=1e-6)
+    ends = [0] if is_closed else []
 
+    def over(elevation: float, column) -> np.ndarray:
+        """A column at an elevation, by azimuth; NaN where there is no view."""
+        rows, values = of_view == elevation, np.full(len(azimuth), np.nan)
+        values[np.searchsorted(azimuth, trend.table["azimuth_deg"][rows])] = column[rows]
+        return np.append(values, values[ends])
 
-def elevations_of(trend: Trend) -> tuple[np.ndarray, int]:
-    """Elevations of a trend, degrees, and the number of the one nearest to 0."""
-    elevations = np.unique(trend.table["elevation_deg"])
-    return elevations, int(np.argmin(np.abs(elevations)))
+    def chart(title: str, curves: list[Curve]) -> LineChart:
+        x = np.append(azimuth, azimuth[ends] + 360)
+        return LineChart(title, x, "azimuth (°)", label("intensity", UNIT), curves, is_polar=True)
 
-
-def closed(at: Trend, *columns: np.ndarray) -> list[np.ndarray]:
-    """Azimuths, degrees, and columns of a trend at one elevation, in the order of the azimuths.
-
-    The first view is repeated at the end of an even full turn.
-    """
-    azimuth = np.asarray(at.table["azimuth_deg"], float)
-    order = np.argsort(azimuth, kind="stable")
-    azimuth, *columns = (np.asarray(values, float)[order] for values in (azimuth, *columns))
-    steps = np.diff(np.append(azimuth, azimuth[0] + 360))
-    if len(azimuth) > 2 and np.allclose(steps, 360 / len(azimuth), atol=1e-6):
-        azimuth = np.append(azimuth, azimuth[0] + 360)
-        columns = [np.append(values, values[0]) for values in columns]
-    return [azimuth, *columns]
-
-
-def large_parts(at: Trend, kind: str) -> dict[str, list[np.ndarray]]:
-    """Curves of the parts of a trend at one elevation that are not negligible everywhere.
-
-    `kind` is "group" or "bounce". Each curve is as `closed` gives it.
-    """
-    least = NEGLIGIBLE * np.nanmax(at.table["intensity_W_sr"])
-    return {
-        name: closed(at, values)
-        for name, values in at.parts(kind).items()
-        if np.nanmax(values, initial=0) > least
-    }
-
-
-def draw(panel, title: str, curves: dict) -> None:
-    """Draw curves in a polar panel: {label: [azimuths in degrees, values]}."""
-    panel.set_theta_zero_location("N")
-    for label, (azimuth, values) in curves.items():
-        panel.plot(
-            np.radians(azimuth),
-            values,
-            linewidth=1.3,
-            label=plain(label),
-            marker="." if len(values) < 8 else None,
-        )
-    panel.set(ylim=(0, None), title=title)
-    panel.legend(loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=4)
+    intensity = trend.table["intensity_W_sr"]
+    half = trend.table.get("half_width_W_sr", np.full(len(intensity), np.nan))
+    by_elevation = [
+        Curve(f"elevation {angle:g}°", over(angle, intensity), UNIT, k, half=over(angle, half))
+        for k, angle in enumerate(elevations)
+    ]
+    result, least = [chart("by elevation", by_elevation)], NEGLIGIBLE * np.nanmax(intensity)
+    for kind, words in KINDS.items():
+        parts = {name: over(level, values) for name, values in trend.parts(kind).items()}
+        large = {name: of for name, of in parts.items() if np.nanmax(of, initial=0) > least}
+        curves = [Curve(name, of, UNIT, k) for k, (name, of) in enumerate(large.items())]
+        result += [chart(f"{words}, elevation {level:g}°", curves)] if curves else []
+    return result

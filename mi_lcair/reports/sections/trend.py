@@ -5,9 +5,10 @@ from functools import partial
 import numpy as np
 
 from mi_lcair.declared import percent
-from mi_lcair.reports.page.trend_panel import trend_panel
+from mi_lcair.reports.page.line_panel import line_panel
+from mi_lcair.reports.pictures.trend import charts
 from mi_lcair.results.cells import error_row
-from mi_lcair.results.sections import Drawing, Facts, LongTable, Picture, Remarks, Section, Table
+from mi_lcair.results.sections import Drawing, Facts, LongTable, Remarks, Section, Table
 
 COLUMNS = [
     "elevation", "views", ("least", "W sr-1"), "at azimuth", ("mean", "W sr-1"),
@@ -29,11 +30,15 @@ def sections(trend) -> list[Section]:
     remark = "some samples were NaN or infinite and count as 0; see column invalid"
     parts += [
         Remarks([remark] if invalid else []),
-        Drawing(partial(trend_panel, trend)),
-        *([Picture("Parts of the intensity", trend.plot)] if trend.parts("group") else []),
+        Drawing(partial(polar_curves, trend)),
         LongTable(trend.columns()),
     ]
     return [Section("Intensity by aspect", parts)]
+
+
+def polar_curves(trend):
+    """The panel of the polar charts of a trend."""
+    return line_panel(charts(trend), across=True)
 
 
 def accuracy(trend) -> tuple[str, str]:
