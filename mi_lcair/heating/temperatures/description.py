@@ -10,10 +10,11 @@ from typing import Literal
 import numpy as np
 
 from mi_lcair import toml_table
-from mi_lcair.declared import Bounds, fraction, within
+from mi_lcair.declared import within
 from mi_lcair.errors import InputError, check_known, errors_of
 from mi_lcair.heating.temperatures.wall import Wall
 from mi_lcair.toml_table import dotted, filled, located, located_values
+from mi_lcair.uncertainty.distributions import check_sigma
 
 KELVIN = within(lower=10, upper=6000, unit="K")
 # More than any surface takes up or gives off; numbers beyond are of another unit
@@ -189,37 +190,17 @@ KINDS = {
 
 
 @dataclass(frozen=True)
-class Sigma:
-    """A standard uncertainty: in the unit of its quantity, or relative to it."""
-
-    value: float
-    is_relative: bool
-
-    @staticmethod
-    def of(name: str, given: object) -> "Sigma":
-        """The uncertainty of an entry of [sigma], such as 0.05 or "30 %"."""
-        where = f"[sigma]: {name}"
-        if isinstance(given, str) and given.strip().endswith("%"):
-            with errors_of(where):
-                return Sigma(fraction(given), True)
-        if type(given) not in (int, float):
-            raise InputError(f'{where} = {given!r}; must be a number, or a text such as "30 %"')
-        Bounds(is_positive=True).check(float(given), where)
-        return Sigma(float(given), False)
-
-    def size(self, value: float | np.ndarray) -> float | np.ndarray:
-        """The uncertainty of a value, in its unit."""
-        return value * self.value if self.is_relative else self.value + 0 * value
-
-
-@dataclass(frozen=True)
 class Description:
-    """The tables of a heat.toml. folder: that of its paths."""
+    """The tables of a heat.toml.
+
+    sigma: standard uncertainty of each input, in its unit or as a text such as "30 %". folder: that
+    of the paths.
+    """
 
     target: TargetTable
     weather: WeatherTable
     groups: dict[str, GroupTable] = field(default_factory=dict)
-    sigma: dict[str, Sigma] = field(default_factory=dict)
+    sigma: dict[str, float | str] = field(default_factory=dict)
     run: RunTable = RunTable()
     signature: SignatureTable | None = None
     folder: Path = Path()
@@ -254,10 +235,13 @@ def described(tree: Mapping, folder: Path, _name: str) -> Description:
             groups[group].check()
     scene, parameters = located(folder, target.scene), located_values(folder, target.parameters)
     sigma = dotted(tree.get("sigma", {}))
+    with errors_of("[sigma]"):
+        for name, value in sigma.items():
+            check_sigma(name, value)
     return Description(
         target=TargetTable(scene=scene, parameters=parameters),
         groups=groups,
-        sigma={key: Sigma.of(key, value) for key, value in sigma.items()},
+        sigma=sigma,
         folder=folder,
         **tables,
     )

@@ -1,16 +1,21 @@
-"""Temperatures of a scene's facets from their heat balance, as a result."""
+"""Temperatures of a scene's facets from their heat balance, as a result and its files."""
 
+import json
 from collections.abc import Iterable
 from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mi_lcair.declared import Bounds
+from mi_lcair.files import replacing
+from mi_lcair.formats import csv
 from mi_lcair.heating.conductors import Facets
-from mi_lcair.heating.temperatures.description import Sigma
 from mi_lcair.rendering.facets.polygons import FacetPolygons
 from mi_lcair.results import Result
+from mi_lcair.sensitivity.temperatures.modes import AFTER, BEFORE
 
 if TYPE_CHECKING:
     import xarray
@@ -51,8 +56,8 @@ class Heat(Result):
         Times [s] since the beginning of the first day; one for a steady state.
     kelvin : ndarray, shape (m, n)
         Temperatures [K].
-    sigmas : dict of str to Sigma
-        Standard uncertainties of the inputs.
+    sigmas : dict of str to float or str
+        Standard uncertainties of the inputs as they were stated, such as 2 or "30 %".
     changes : dict of str to ndarray
         Change of the temperatures for one standard uncertainty of each input, (m, n) [K].
     noise : ndarray, shape (m, n)
@@ -75,7 +80,7 @@ class Heat(Result):
     facets: Facets
     seconds: np.ndarray
     kelvin: np.ndarray
-    sigmas: dict[str, Sigma]
+    sigmas: dict[str, float | str]
     changes: dict[str, np.ndarray]
     noise: np.ndarray
     residual_W: float
@@ -88,10 +93,10 @@ class Heat(Result):
 
     kind = "heat"
     saved_by = {
-        ".csv": "mi_lcair.heating.temperatures.files:write_csv",
-        ".vtu": "mi_lcair.heating.temperatures.files:write_vtk",
-        ".vtp": "mi_lcair.heating.temperatures.files:write_vtk",
-        ".series": "mi_lcair.heating.temperatures.files:write_series",
+        ".csv": "mi_lcair.heating.temperatures.heat_result:write_csv",
+        ".vtu": "mi_lcair.heating.temperatures.heat_result:write_vtk",
+        ".vtp": "mi_lcair.heating.temperatures.heat_result:write_vtk",
+        ".series": "mi_lcair.heating.temperatures.heat_result:write_series",
     }
 
     @property
@@ -164,11 +169,7 @@ class Heat(Result):
                 for group, mean, error in zip(self.facets.groups, *of_groups)
             },
             "inputs": {
-                name: {
-                    "sigma": sigma.value,
-                    "is_relative": sigma.is_relative,
-                    "largest_K": abs(self.changes[name]).max(),
-                }
+                name: {"sigma": sigma, "largest_K": abs(self.changes[name]).max()}
                 for name, sigma in self.sigmas.items()
             },
             "remarks": self.remarks,
@@ -178,40 +179,74 @@ class Heat(Result):
             entries["intensity_sigma_W_sr"] = self.intensity.sigma
         return entries
 
+    def quantities(self) -> dict[str, np.ndarray]:
+        """What the columns of all files have, at all times: temperatures, errors, modes, (m, n)."""
+        changes = {f"{BEFORE}{name}{AFTER}": change for name, change in self.changes.items()}
+        return {"temperature_K": self.kelvin, "error_K": self.error_K, **changes}
+
     def columns(self, hour: float | None = None) -> dict[str, np.ndarray]:
         """A row for each facet that exchanges heat, at a time; see `row`."""
-        k = self.row(hour)
-        return {
-            "facet": self.facets.number,
-            "group": np.array(self.facets.groups)[self.facets.group],
-            "temperature_K": self.kelvin[k],
-            "error_K": self.error_K[k],
-        } | {
-            f"{key.replace('.', '_')}_changes_K": change[k] for key, change in self.changes.items()
-        }
+        k, groups = self.row(hour), np.array(self.facets.groups)
+        columns = {"facet": self.facets.number, "group": groups[self.facets.group]}
+        return columns | {name: values[k] for name, values in self.quantities().items()}
 
     def to_xarray(self) -> "xarray.Dataset":
-        """An xarray Dataset over time and facet; `dT` has the changes by input [K].
+        """An xarray Dataset over time and facet; `by_NAME_K` has the changes by an input [K].
 
         Raises InputError if xarray is not installed.
         """
         over = ("time", "facet")
-        variables = {
-            "temperature_K": (over, self.kelvin),
-            "error_K": (over, self.error_K),
-            "area_m2": ("facet", self.facets.area),
-            "group": ("facet", np.array(self.facets.groups)[self.facets.group]),
-        }
-        coordinates = {"time_s": ("time", self.seconds), "facet": ("facet", self.facets.number)}
-        if self.changes:
-            variables["change_K"] = (("input", *over), np.array([*self.changes.values()]))
-            coordinates["input"] = ("input", [*self.changes])
+        variables = {name: (over, values) for name, values in self.quantities().items()}
+        variables["area_m2"] = ("facet", self.facets.area)
+        variables["group"] = ("facet", np.array(self.facets.groups)[self.facets.group])
         if self.intensity:
             variables["intensity_W_sr"] = ("time", self.intensity.values)
             variables["intensity_sigma_W_sr"] = ("time", self.intensity.sigma)
+        coordinates = {"time_s": ("time", self.seconds), "facet": ("facet", self.facets.number)}
         return self.dataset(variables, coordinates)
 
 
 def combined(error: np.ndarray, changes: Iterable[np.ndarray]) -> np.ndarray:
     """Root of the sum of the squares of an error and of changes by independent inputs."""
     return np.sqrt(sum((change**2 for change in changes), start=error**2))
+
+
+def write_csv(path: str | PathLike[str], heat: Heat, hour: float | None = None) -> None:
+    """Write facet,kelvin,error_K of all facets of the scene, as `mi-lcair import` takes them.
+
+    A column `by_NAME_K` for each uncertain input has the change for one standard uncertainty, see
+    `mi_lcair.sensitivity.temperatures.modes`. Facets that exchange no heat keep their temperature,
+    with the error 0. Those without an area have the mean temperature of the others.
+
+    Parameters
+    ----------
+    path : path-like
+    heat : Heat
+    hour : float or None
+        The nearest time is written; without one that of the warmest facet.
+    """
+    values = heat.columns(hour)
+    kelvin = heat.of_scene(values.pop("temperature_K"), heat.scene_kelvin)
+    kelvin = np.where(np.isnan(kelvin), np.nanmean(kelvin), kelvin)
+    columns = {"facet": np.arange(len(kelvin)), "kelvin": kelvin}
+    del values["facet"], values["group"]
+    csv.write(path, columns | {name: heat.of_scene(rows) for name, rows in values.items()})
+
+
+def write_vtk(path: str | PathLike[str], heat: Heat, hour: float | None = None) -> None:
+    """Write the facets with their temperatures at the time nearest to an hour, .vtp or .vtu."""
+    heat.polygons.write(path, heat.columns(hour))
+
+
+def write_series(path: str | PathLike[str], heat: Heat) -> None:
+    """Write NAME.vtp.series, which ParaView opens, and a .vtp file for each time beside it."""
+    path = Path(path)
+    name = path.name.removesuffix(".series").removesuffix(".vtp")
+    files = []
+    for k, hour in enumerate(heat.hours):
+        file = f"{name}_{k:04}.vtp"
+        write_vtk(path.with_name(file), heat, float(hour))
+        files.append({"name": file, "time": float(heat.seconds[k])})
+    with replacing(path) as partial:
+        text = json.dumps({"file-series-version": "1.0", "files": files}, indent=1)
+        partial.write_text(f"{text}\n", encoding="utf-8")

@@ -17,10 +17,11 @@ from mi_lcair.errors import InputError, check_known
 from mi_lcair.heating.conductors import Conductors, Facets, Traced, standard_error
 from mi_lcair.heating.sunlight import SolarAreas
 from mi_lcair.heating.temperatures.balance import Balance
-from mi_lcair.heating.temperatures.description import GroupTable, Sigma
+from mi_lcair.heating.temperatures.description import GroupTable
 from mi_lcair.heating.temperatures.wall import Wall
 from mi_lcair.heating.temperatures.weather import Weather
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
+from mi_lcair.uncertainty.distributions import relative
 
 STEP = 1e-30  # of complex steps, in standard uncertainties
 OF_WEATHER = ("air_K", "sky_K", "ground_K", "sun_W_m2", "diffuse_W_m2", "albedo")
@@ -162,7 +163,7 @@ class Network:
         light[:, weather.shines] += sun.absorbing * weather.sun_W_m2[weather.shines, None]
         return light
 
-    def column(self, name: str, sigma: Sigma) -> Column:
+    def column(self, name: str, sigma: float | str) -> Column:
         """The derivatives with respect to an input; raises InputError for an unknown one."""
         group, dot, bare = name.rpartition(".")
         check_known("input", (*OF_WEATHER, *OF_GROUP), bare)
@@ -180,7 +181,7 @@ class Network:
         walls = changed.walls if bare in OF_WALL else None
         return Column(name, lambda kelvin, k: power[k] - conductance[k] * kelvin, walls)
 
-    def changed(self, name: str, sigma: Sigma) -> "Network":
+    def changed(self, name: str, sigma: float | str) -> "Network":
         """The network with an input that is larger by a complex step of a standard uncertainty."""
         group, _, bare = name.rpartition(".")
         entry = "h_W_m2_K" if bare == "h" else bare
@@ -188,7 +189,7 @@ class Network:
         def larger(table):
             if (value := getattr(table, entry)) is None:
                 return table
-            return replace(table, **{entry: value + 1j * STEP * sigma.size(value)})
+            return replace(table, **{entry: value + 1j * STEP * size(sigma, value)})
 
         if bare in OF_WEATHER:
             return replace(self, weather=larger(self.weather))
@@ -196,13 +197,13 @@ class Network:
         groups = {key: larger(table) if group in ("", key) else table for key, table in tables}
         return replace(self, groups=groups)
 
-    def relative(self, group: str, sigma: Sigma, values: np.ndarray) -> np.ndarray:
+    def relative(self, group: str, sigma: float | str, values: np.ndarray) -> np.ndarray:
         """A standard uncertainty in parts of the facets' values, of one group or of all, (n,)."""
         values = np.maximum(values, 1e-9)
         is_changed = np.array([group in ("", name) for name in self.facets.groups])
-        return is_changed[self.facets.group] * sigma.size(values) / values
+        return is_changed[self.facets.group] * size(sigma, values) / values
 
-    def of_absorptance(self, group: str, sigma: Sigma) -> np.ndarray:
+    def of_absorptance(self, group: str, sigma: float | str) -> np.ndarray:
         """Derivative of the absorbed sunlight with respect to absorptances, (m, n) [W]."""
         light = self.light.mean(axis=0)
         if self.sun is None:
@@ -211,7 +212,7 @@ class Network:
         # What is absorbed in addition is not reflected on others
         return self.is_free * (more - more @ self.sun.onward)
 
-    def of_emissivity(self, group: str, sigma: Sigma, is_whole: bool = True) -> Callable:
+    def of_emissivity(self, group: str, sigma: float | str, is_whole: bool = True) -> Callable:
         """Derivative of the radiative gains with respect to emissivities, for diffuse surfaces.
 
         With the conductors GR of the surfaces and of the surroundings, including those to itself,
@@ -252,3 +253,8 @@ class Network:
             runs = runs + np.sqrt(len(runs) - 1) * missing * signs
         scatter = self.is_free * (runs - runs.mean(axis=0))
         return np.array([*(column.gained(kelvin, k) for column in columns), *scatter])
+
+
+def size(sigma: float | str, value: float | np.ndarray) -> float | np.ndarray:
+    """A standard uncertainty of a value in its unit, from a number or a text such as "30 %"."""
+    return relative(sigma) * value if isinstance(sigma, str) else sigma + 0 * value

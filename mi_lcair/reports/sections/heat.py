@@ -55,7 +55,7 @@ def inputs(heat) -> Table:
     total = (sum(squares.values()) + area @ heat.noise[k] ** 2) or 1.0  # 0 if all is held
     rows = []
     for name, sigma in heat.sigmas.items():
-        stated = percent(sigma.value) if sigma.is_relative else f"{sigma.value:g}"
+        stated = sigma if isinstance(sigma, str) else f"{sigma:g}"
         mean, largest = area @ heat.changes[name][k], abs(heat.changes[name][k]).max()
         rows.append(
             (name, stated, f"{mean:+.3g}", f"{largest:.3g}", percent(squares[name] / total))

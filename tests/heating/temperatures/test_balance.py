@@ -8,24 +8,23 @@ from scipy.optimize import brentq
 from mi_lcair.errors import InputError
 from mi_lcair.heating.temperatures.balance import Balance
 from mi_lcair.heating.temperatures.day import course
-from mi_lcair.heating.temperatures.description import Sigma
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 from tests.heating.temperatures.networks import network, weather
 
 WALL = {"thickness_mm": 50, "conductivity": 0.1, "density": 100, "heat_capacity": 1000}
 SIGMAS = {
-    "h": Sigma(0.3, True),
-    "absorptance": Sigma(0.05, False),
-    "emissivity": Sigma(0.02, False),
-    "sky_K": Sigma(10, False),
-    "air_K": Sigma(2, False),
-    "ground_K": Sigma(3, False),
-    "sun_W_m2": Sigma(0.05, True),
-    "albedo": Sigma(0.1, False),
-    "internal_W_m2": Sigma(5, False),
-    "conductivity": Sigma(0.1, True),
-    "back_K": Sigma(1, False),
-    "g1.temperature": Sigma(4, False),
+    "h": "30 %",
+    "absorptance": 0.05,
+    "emissivity": 0.02,
+    "sky_K": 10,
+    "air_K": 2,
+    "ground_K": 3,
+    "sun_W_m2": "5 %",
+    "albedo": 0.1,
+    "internal_W_m2": 5,
+    "conductivity": "10 %",
+    "back_K": 1,
+    "g1.temperature": 4,
 }
 
 
@@ -168,7 +167,7 @@ def test_derivative_with_respect_to_emissivity():
         made.facets.emissivity[:] = eps
         return made
 
-    column = room(0.0).column("emissivity", Sigma(0.02, False))
+    column = room(0.0).column("emissivity", 0.02)
     changes = course(room(0.0), [column]).changes[0, 0]
     ends = [course(room(sign * 1e-5)).kelvin[0] for sign in (1, -1)]
     np.testing.assert_allclose(changes, (ends[0] - ends[1]) / 2e-5 * 0.02, rtol=1e-5)
@@ -194,7 +193,7 @@ def test_derivative_with_respect_to_absorptance():
         step = np.zeros(3)
         step[members] = 1e-6
         expected = (of(alpha + step)[0] - of(alpha - step)[0]) / 2e-6 * 0.05 * 500
-        column = room.column(name, Sigma(0.05, False))
+        column = room.column(name, 0.05)
         np.testing.assert_allclose(column.gained(None, 0), expected, rtol=1e-6)
 
 

@@ -8,7 +8,6 @@ from scipy.integrate import solve_ivp
 
 from mi_lcair.heating.conductors import Traced
 from mi_lcair.heating.temperatures.day import course
-from mi_lcair.heating.temperatures.description import Sigma
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 from tests.heating.temperatures.networks import network, weather
 
@@ -79,7 +78,7 @@ def test_soil_is_periodic_within_a_few_days(area):
 def test_changes_by_inputs_are_those_of_differences():
     """Columns of the last day against solved days whose inputs differ a little."""
     wall = {"thickness_mm": 5.0} | PANEL | {"back_K": 295.0, "back_h": 4.0}
-    sigma = Sigma(1e-2, True)
+    sigma = "1 %"
     network = day_of(48, wall)
     for name in ("density", "conductivity", "back_h", "back_K"):
         changes = course(network, [network.column(name, sigma)]).changes[0]

@@ -83,7 +83,7 @@ def test_files(day, tmp_path, folder):
     day.save(tmp_path / "t.nc")
     with xarray.open_dataset(tmp_path / "t.nc") as data:
         np.testing.assert_allclose(data.temperature_K, day.kelvin)
-        assert data.change_K.dims == ("input", "time", "facet")
+        assert data["by_h_K"].dims == ("time", "facet")
     day.save(tmp_path / "t.vtu", hour=14)
     cells = meshio.read(tmp_path / "t.vtu").cell_data["temperature_K"]
     np.testing.assert_allclose(np.concatenate(cells), day.kelvin[6])
