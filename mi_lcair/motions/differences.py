@@ -265,7 +265,8 @@ class Differences:
             step = offsets[k]
             slopes.append((rows[k] - rows[k + 1]) / (2 * step))
             scatter = float(np.sqrt(np.sum(slopes[-1][1:] ** 2)))
-            errors.append(max(scatter, self.floor(totals[k : k + 2], kind, step)))
+            floor = self.floor(totals[k : k + 2], kind, step)
+            errors.append(max(scatter, floor, self.rounding(np.array(rows), step)))
         change = abs(slopes[1][0] - slopes[0][0])
         return bool(change > max(SIGNIFICANT * hypot(*errors), UNLIKE * abs(slope)))
 
