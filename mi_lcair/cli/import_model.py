@@ -43,7 +43,7 @@ AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
     "Table that says what the faces of an object, group or Blender material are: name and "
     "type, material or emissivity, kelvin, group, elevation_deg.",
     options.FILE,
-    metavar="CSV|TOML",
+    metavar="CSV",
 )
 @options.option(
     "--temperature",

@@ -135,7 +135,7 @@ def read(
     temperature : float or None
         Temperature of all model facets (f) [K], in place of those in the labels.
     names : str, Path or None
-        CSV or TOML file that says what faces with a name are, see `NameTable`.
+        CSV file that says what faces with a name are, see `NameTable`.
     forward, up : str or None
         Axes of the file along which Blender's +Y and +Z were written, see `axes.rotation`; None for
         Y and Z, or for those of the file's format.

@@ -129,7 +129,9 @@ written to             boxes, 6 files; next: mi-lcair signature boxes/scene.xml
 def test_json(run, folder):
     result = json.loads(run("import", "model.obj", "-o", "boxes", "--json").stdout)
     files = result.pop("files")
-    assert files == [str(path.relative_to(folder)) for path in sorted((folder / "boxes").glob("[!.]*"))]
+    assert files == [
+        str(path.relative_to(folder)) for path in sorted((folder / "boxes").glob("[!.]*"))
+    ]
     assert {
         key: result[key]
         for key in (
@@ -324,11 +326,11 @@ def test_names_and_one_temperature(run, refused, folder):
         "import", "plain.obj", "--material", "blackbody", "--temperature", "320", "--check"
     )
     assert "320 to 320 K" in result.stdout, result.output
-    (folder / "names.toml").write_text("[Cube]\nmaterial = 'bareAl'\nkelvin = 333\n[Ball]\n")
-    result = run("import", "plain.obj", "--names", "names.toml", "--check")
+    (folder / "names.csv").write_text("name,material,kelvin\nCube,bareAl,333\nBall,,\n")
+    result = run("import", "plain.obj", "--names", "names.csv", "--check")
     assert "333 to 333 K" in result.stdout, result.output
-    assert "note: names.toml: nothing in plain.obj is called Ball" in result.stderr
-    result = run("import", "plain.obj", "--names", "names.toml", "--temperature", "340", "--check")
+    assert "note: names.csv: nothing in plain.obj is called Ball" in result.stderr
+    result = run("import", "plain.obj", "--names", "names.csv", "--temperature", "340", "--check")
     assert "340 to 340 K" in result.stdout, result.output
     for options, reason in (
         (["--temperature", "20"], "temperature '20' looks like degrees Celsius"),

@@ -1,4 +1,4 @@
-"""`show`, `convert` and `report` of the JSON of a solution and a budget, the last two of an audit."""
+"""`show`, `convert` and `report` of the JSON of solutions and budgets, and audits."""
 
 import csv
 import json

@@ -73,13 +73,6 @@ NAMES = Kind(
     use_names,
     tuple(b'name type material kelvin group f s t , ; # nan 1e308 Hull Hull.002 .json "'.split()),
 )
-NAMES_TOML = Kind(
-    "names_toml",
-    ".toml",
-    (b"[Hull]\nmaterial = 'gloss_black'\nkelvin = 300\n['Hot steel.001']\ngroup = 'hot'\n",),
-    use_names,
-    tuple(b"[ ] [[ {} = true 1e999 inf type 's' kelvin group '' 'a.json'".split()),
-)
 
 
 def use_other_model(path: Path) -> None:
@@ -253,4 +246,4 @@ VIEW_AREAS = Kind(
     "areas", ".nc", (areas_bytes(),), use_areas, (b"CDF\x02", b"view", b"LWIR", b"MWIR")
 )
 
-KINDS = (VIEW_AREAS, OBJ, NAMES, NAMES_TOML, GLB, STL, MODEL_PLY, PLY, XML, *TEXT_KINDS)
+KINDS = (VIEW_AREAS, OBJ, NAMES, GLB, STL, MODEL_PLY, PLY, XML, *TEXT_KINDS)

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from mi_lcair.errors import InputError, check_known, errors_of, option, shown
-from mi_lcair.files import parse_toml, read_text
 from mi_lcair.models3d.label import Label, parse, unlabelled
 from mi_lcair.models3d.modellers.obj import Obj
 from mi_lcair.physics.materials import is_number
@@ -25,48 +24,30 @@ NUMBER_AT_END = re.compile(r"(?:.*[*=])?\s*[0-9]+\.[0-9]{3}", re.DOTALL)
 class NameTable:
     """A user's table of names: what the faces of an object, group or material are.
 
-    A CSV file has the column `name` and any of COLUMNS; a TOML file has a table [name] with such
-    keys for each name. The type is f unless it is given. Blanks and underscores are the same in
-    names, and so are a name and its numbered copies, such as Wing and Wing.001.
+    A CSV file has the column `name` and any of COLUMNS. The type is f unless it is given. Blanks
+    and underscores are the same in names, and so are a name and its numbered copies, such as Wing
+    and Wing.001.
 
-    Raises InputError, with the line or the name, for a table that cannot be used.
+    Raises InputError, with the line, for a table that cannot be used.
     """
 
     def __init__(self, path: str | Path):
         self.path = Path(path)
-        is_toml = self.path.suffix.lower() == ".toml"
-        self.entries = {}  # plain name: (place in messages, values by column)
-        for place, name, values in self._toml() if is_toml else self._csv():
-            if _plain(name) in self.entries:
-                raise InputError(f"{place}: name '{name}' is given twice")
-            self.entries[_plain(name)] = place, name, values
-        self.used = set()
-
-    def _csv(self):
         table = read_table(self.path, ("name",), "table of names")
         mark = "." if table.separator == "," else ","
         with errors_of(self.path):
             check_known("column", ("name", *COLUMNS), *table.columns)
+        self.entries = {}  # plain name: (place in messages, name, values by column)
         for line, cells in table.rows:
             values = {key: cell for key, cell in zip(table.columns, cells) if cell}
             for key, cell in values.items():
                 if key in NUMBERS or NUMBER.fullmatch(cell):  # a material may be an emissivity
                     values[key] = cell.replace(mark, ".")
-            yield f"{self.path}, line {line}", values.pop("name", ""), values
-
-    def _toml(self):
-        what = f"table of names {self.path}"
-        tables = parse_toml(read_text(self.path, what), what)
-        for name, values in tables.items():
-            place = f"{self.path}: name '{name}'"
-            if not isinstance(values, dict):
-                raise InputError(f"{place}: needs a table [{name}] with {', '.join(COLUMNS)}")
-            with errors_of(place):
-                check_known("key", COLUMNS, *values)
-            for key, value in values.items():
-                if isinstance(value, bool) or not isinstance(value, (str, int, float)):
-                    raise InputError(f"{place}: {key} = {value!r}; must be a string or a number")
-            yield place, name, {key: str(value) for key, value in values.items()}
+            place, name = f"{self.path}, line {line}", values.pop("name", "")
+            if _plain(name) in self.entries:
+                raise InputError(f"{place}: name '{name}' is given twice")
+            self.entries[_plain(name)] = place, name, values
+        self.used = set()
 
     def find(self, names) -> tuple[str, dict[str, str]] | None:
         """Place and values of the entry for the first of some names that the table has."""

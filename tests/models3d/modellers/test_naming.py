@@ -79,11 +79,10 @@ def test_a_table_overrides_labels(load):
 
 def test_what_the_options_give_may_be_missing(load):
     """--material and --temperature hold for the model, and not for terrain."""
-    names = "[Hull]\n[Ground]\ntype = 't'\nmaterial = 'gloss_black'\nkelvin = 290\n"
+    names = "name,type,material,kelvin\nHull,,,\nGround,t,gloss_black,290\n"
     model = load(
         cube(label="Hull") + cube(label="Ground", at=(0, 0, -5)),
         names,
-        ".toml",
         material="blackbody",
         temperature=400,
     )
@@ -105,57 +104,46 @@ def test_a_fit_beside_the_table(load, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "names, suffix, reason",
+    "names, reason",
     [
-        ("name,material,kelvin\n", ".csv", "no rows of data"),
-        ("name,material,kelvin\nHull,gold,300\n", ".csv", "names.csv, line 2: unknown material"),
+        ("name,material,kelvin\n", "no rows of data"),
+        ("name,material,kelvin\nHull,gold,300\n", "names.csv, line 2: unknown material"),
         (
             "name,material,kelvin\nHull,blackbody,20\n",
-            ".csv",
             "line 2: temperature '20' looks",
         ),
-        ("name,material,kelvin\nHull,,300\n", ".csv", "line 2: lacks material"),
-        ("name,material\nHull,blackbody\n", ".csv", "line 2: lacks kelvin"),
-        ("name,colour\nHull,red\n", ".csv", "unknown column 'colour'; known: "),
+        ("name,material,kelvin\nHull,,300\n", "line 2: lacks material"),
+        ("name,material\nHull,blackbody\n", "line 2: lacks kelvin"),
+        ("name,colour\nHull,red\n", "unknown column 'colour'; known: "),
         (
             "name,material,kelvin\nHull,blackbody,300\nHull.001,blackbody,310\n",
-            ".csv",
             "line 3: name 'Hull.001' is given twice",
         ),
         (
             "name,material,kelvin\nWing,blackbody,300\n",
-            ".csv",
             "line 10: the table .*names.csv does not name its object 'Hull'; name its object",
         ),
-        ("[Hull]\nmaterial = 'blackbody'\n", ".toml", "names.toml: name 'Hull': lacks kelvin"),
-        ("[Hull]\nemissivity = 92\nkelvin = 300\n", ".toml", "'92' must be a number from 0 to 1"),
-        ("[Hull]\nemissivity = 'x'\nkelvin = 300\n", ".toml", "'x' must be a number from 0 to 1"),
         (
             "name,material,emissivity,kelvin\nHull,blackbody,.9,300\n",
-            ".csv",
             "line 2: gives material and emissivity; give one of them",
         ),
-        ("name,kelvin\nHull,300\n", ".csv", "line 2: lacks material or emissivity"),
-        ("Hull = 3\n", ".toml", r"name 'Hull': needs a table \[Hull\]"),
-        ("[Hull]\ncolor = 3\n", ".toml", "name 'Hull': unknown key 'color'"),
-        ("[Hull]\nkelvin = true\n", ".toml", "kelvin = True; must be a string or a number"),
-        ("[Hull\n", ".toml", "table of names .*names.toml: "),
-        ("[Hull]\ntype = 'x'\nmaterial = 'diffuse'\nkelvin = 300\n", ".toml", "facet type 'x'"),
+        ("name,kelvin\nHull,300\n", "line 2: lacks material or emissivity"),
+        ("name,emissivity,kelvin\nHull,92,300\n", "'92' must be a number from 0 to 1"),
+        ("name,emissivity,kelvin\nHull,x,300\n", "'x' must be a number from 0 to 1"),
+        ("name,type,material,kelvin\nHull,x,diffuse,300\n", "facet type 'x'"),
     ],
 )
-def test_refused(load, names, suffix, reason):
+def test_refused(load, names, reason):
     with pytest.raises(InputError, match=reason):
-        load(cube(label="Hull"), names, suffix)
+        load(cube(label="Hull"), names)
 
 
 def test_an_emissivity_in_place_of_a_material(load):
-    """In a CSV with commas or semicolons, in TOML, and in a label."""
-    for names, suffix in (
-        ("name,emissivity,kelvin\nHull,.92,300\n", ".csv"),
-        ("name;emissivity;kelvin\nHull;,92;300\n", ".csv"),
-        ("[Hull]\nemissivity = 0.92\nkelvin = 300\n", ".toml"),
-    ):
-        (label,) = load(cube(label="Hull"), names, suffix).labels
+    """In a CSV with commas or semicolons, and in a label."""
+    for separator, mark in ((",", "."), (";", ",")):
+        rows = ["name", "emissivity", "kelvin"], ["Hull", f"{mark}92", "300"]
+        names = "".join(f"{separator.join(row)}\n" for row in rows)
+        (label,) = load(cube(label="Hull"), names).labels
         assert (label.material, label.temperature) == ("0.92", 300)
     (label,) = load(cube(label="f*0.92*300*")).labels
     assert label.material == "0.92"
@@ -172,8 +160,8 @@ def test_names_without_faces_are_told(load):
 
 
 def test_entries_of_a_table(tmp_path):
-    (tmp_path / "names.toml").write_text("[Hull]\nkelvin = 300\n['Hot steel']\n")
-    table = NameTable(tmp_path / "names.toml")
+    (tmp_path / "names.csv").write_text("name,kelvin\nHull,300\nHot steel,\n")
+    table = NameTable(tmp_path / "names.csv")
     assert table.find(("", "", "Hull.001"))[1] == {"kelvin": "300"}
     assert table.find(("Wing",)) is None and table.unused() == ["Hot steel"]
 
