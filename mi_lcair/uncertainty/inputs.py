@@ -122,11 +122,9 @@ def gathered(uncertainties: Uncertainties, known: dict[str, Parameter], what: st
     }
     together = set()
     for group in uncertainties.correlated:
-        matrix = group.covariance
-        if matrix is None:
-            spread = np.array([sigma[name] for name in group.names])
-            matrix = group.correlation * np.outer(spread, spread)
-            together.update(group.names)
+        spread = np.array([sigma[name] for name in group.names])
+        matrix = group.correlation * np.outer(spread, spread)
+        together.update(group.names)
         blocks.append((" & ".join(group.names), [quantity(name) for name in group.names], matrix))
     blocks += [
         (name, [known[name]], np.array([[spread**2]]))

@@ -23,7 +23,7 @@
 
     [[correlated]]                      # correlations of quantities of [sigma] and [scenario]
     names = ["scenario.transmittance", "scenario.path_radiance"]
-    correlation = -0.9                  # of two; or a matrix; or covariance = a matrix
+    correlation = -0.9                  # of two; or a matrix
 """
 
 import json
@@ -48,14 +48,10 @@ ROUNDING = 1e-9  # most negative eigenvalue of a correlation matrix, by rounding
 
 @dataclass(frozen=True)
 class Correlated:
-    """Quantities whose errors are correlated. label: their name in tables; empty for their names.
-
-    covariance: (n, n), in the units of the quantities; None if `correlation` (n, n) is given.
-    """
+    """Quantities whose errors are correlated. correlation: (n, n)."""
 
     names: tuple[str, ...]
-    covariance: np.ndarray | None = None
-    correlation: np.ndarray | None = None
+    correlation: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -129,7 +125,7 @@ def parsed(tree: Mapping, name: str, folder: Path) -> Uncertainties:
         else:
             check_sigma(f"facets.{group}", value)
             facets[group] = float(value)
-    if not (sigma or fits or facets or correlated):
+    if not (sigma or fits or facets):
         raise InputError("holds no uncertainties; give [sigma], [scenario], [facets] or [fits]")
     motions = motions_of(tree.get(MOTIONS, {}), folder)
     return Uncertainties(name, sigma, correlated, fits, facets, motions)
@@ -145,39 +141,28 @@ def read_correlated(group: Mapping, sigma: Mapping) -> Correlated:
         or len({str(name) for name in names}) < len(names)
     ):
         raise InputError("[[correlated]]: names must list two or more different quantities")
-    kinds = [kind for kind in ("correlation", "covariance") if kind in group]
-    if len(kinds) != 1 or set(group) - {"names", *kinds}:
-        raise InputError(f"{where}: give names and either correlation or covariance, nothing else")
-    matrix = group[kinds[0]]
-    if kinds[0] == "correlation" and isinstance(matrix, (int, float)) and len(names) == 2:
+    if set(group) != {"names", "correlation"}:
+        raise InputError(f"{where}: give names and correlation, nothing else")
+    matrix = group["correlation"]
+    if isinstance(matrix, (int, float)) and len(names) == 2:
         matrix = [[1, matrix], [matrix, 1]]
     try:
         matrix = np.array(matrix, dtype=float)
     except (TypeError, ValueError):
         matrix = np.empty(0)
     if matrix.shape != (len(names),) * 2 or not np.all(np.isfinite(matrix)):
-        raise InputError(f"{where}: {kinds[0]} must be a matrix of {len(names)} x {len(names)}")
-    in_sigma = [name for name in names if name in sigma]
-    if kinds[0] == "covariance":
-        if in_sigma:
-            raise InputError(f"{where}: '{in_sigma[0]}' has a covariance and a standard deviation")
-        if not np.all(np.diag(matrix) > 0):
-            raise InputError(f"{where}: the variances must be positive")
-        spread = np.sqrt(np.diag(matrix))
-    else:
-        if missing := [name for name in names if name not in sigma]:
-            raise InputError(f"{where}: '{missing[0]}' has no standard deviation")
-        if other := [name for name in names if isinstance(sigma[name], Mapping)]:
-            raise InputError(f"{where}: the distribution of '{other[0]}' is not normal")
-        spread = np.ones(len(names))
-        if not np.all(np.diag(matrix) == 1):
-            raise InputError(f"{where}: the diagonal of a correlation matrix is 1")
-    scaled = matrix / np.outer(spread, spread)
-    if not np.allclose(scaled, scaled.T) or np.linalg.eigvalsh(scaled).min() < -ROUNDING:
+        raise InputError(f"{where}: correlation must be a matrix of {len(names)} x {len(names)}")
+    if missing := [name for name in names if name not in sigma]:
+        raise InputError(f"{where}: '{missing[0]}' has no standard deviation")
+    if other := [name for name in names if isinstance(sigma[name], Mapping)]:
+        raise InputError(f"{where}: the distribution of '{other[0]}' is not normal")
+    if not np.all(np.diag(matrix) == 1):
+        raise InputError(f"{where}: the diagonal of a correlation matrix is 1")
+    if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(matrix).min() < -ROUNDING:
         raise InputError(
-            f"{where}: the {kinds[0]} must be symmetric and have no negative eigenvalue"
+            f"{where}: the correlation must be symmetric and have no negative eigenvalue"
         )
-    return Correlated(tuple(names), **{kinds[0]: matrix})
+    return Correlated(tuple(names), matrix)
 
 
 def read_fit(folder: Path, file, material: str) -> list[FittedMaterial]:

@@ -21,12 +21,17 @@ def test_numbers_and_percentages(tmp_path):
     assert [list(group.index) for group in found.groups] == [[0], [1]]
 
 
-def test_correlations_and_covariances():
+def test_correlations():
     tree = {
-        "sigma": {"self.temperature": 2.0, "sky.radiance": "10 %"},
+        "sigma": {
+            "self.temperature": 2.0,
+            "sky.radiance": "10 %",
+            "paint.a": 0.02,
+            "paint.b": 0.01,
+        },
         "correlated": [
             {"names": ["self.temperature", "sky.radiance"], "correlation": 0.5},
-            {"names": ["paint.a", "paint.b"], "covariance": [[4e-4, 1e-4], [1e-4, 1e-4]]},
+            {"names": ["paint.a", "paint.b"], "correlation": 0.5},
         ],
     }
     found = inputs(tree)

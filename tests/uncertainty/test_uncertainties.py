@@ -69,15 +69,8 @@ PAIR = ["self.temperature", "sky.radiance"]
             "must be a matrix of 2 x 2",
         ),
         (
-            {
-                "sigma": dict.fromkeys(PAIR, 1),
-                "correlated": [{"names": PAIR, "covariance": [[1, 0], [0, 1]]}],
-            },
-            "has a covariance and a standard deviation",
-        ),
-        (
-            {"correlated": [{"names": PAIR, "covariance": [[1, 2], [2, 1]]}]},
-            "no negative eigenvalue",
+            {"sigma": dict.fromkeys(PAIR, 1), "correlated": [{"names": PAIR, "covariance": []}]},
+            "give names and correlation, nothing else",
         ),
         ({"correlated": 3}, "correlated must be tables, [[correlated]]"),
         ({"correlated": [3]}, "correlated must be tables, [[correlated]]"),
@@ -147,14 +140,14 @@ def test_nested_keys():
 
 
 def test_matrices():
-    """A correlation of three quantities, and a covariance; asymmetric ones are refused."""
+    """A correlation of three quantities; an asymmetric one is refused."""
     names = ["a", "b", "c"]
     matrix = [[1, 0.5, 0], [0.5, 1, 0.2], [0, 0.2, 1]]
     stated = {"sigma": dict.fromkeys(names, 1.0)}
     (group,) = Uncertainties.read(
         stated | {"correlated": [{"names": names, "correlation": matrix}]}
     ).correlated
-    assert group.names == ("a", "b", "c") and group.covariance is None
+    assert group.names == ("a", "b", "c")
     np.testing.assert_array_equal(group.correlation, matrix)
     for wrong, message in (
         ([[1, 0.5, 0], [0.4, 1, 0.2], [0, 0.2, 1]], "must be symmetric"),
@@ -163,17 +156,6 @@ def test_matrices():
     ):
         with pytest.raises(InputError, match=message):
             Uncertainties.read(stated | {"correlated": [{"names": names, "correlation": wrong}]})
-    singular = {"names": ["a", "b"], "covariance": [[4, 2], [2, 1]]}
-    assert Uncertainties.read({"correlated": [singular]}).correlated[0].covariance.tolist() == [
-        [4, 2],
-        [2, 1],
-    ]
-    for wrong, message in (
-        ([[4, 2], [2, 0]], "the variances must be positive"),
-        ([[4, 2.1], [2.1, 1]], "no negative eigenvalue"),
-    ):
-        with pytest.raises(InputError, match=message):
-            Uncertainties.read({"correlated": [{"names": ["a", "b"], "covariance": wrong}]})
 
 
 def test_the_fit_of_a_material():
