@@ -363,9 +363,7 @@ def effective_areas(total: Totals, scene: Scene, window_area: float) -> Effectiv
     prefixes = {"target": "target.", "scene": ""}
     names = [[*(prefixes[part] + name for name in channels), "target.hit"] for part in PARTS]
     amounts = scales * [[total.mean(name)[0] for name in row] for row in names]
-    deviations = [
-        scales[:, None] * [total.deviations(name)[0] for name in row] for row in names
-    ]
+    deviations = [scales[:, None] * [total.deviations(name)[0] for name in row] for row in names]
     covariance = np.array([of_part @ of_part.T for of_part in deviations])
     # The area of a source that no path has met is at most that of the few paths that may have
     # missed it, and its radiance at most that which the group may lack

@@ -10,8 +10,11 @@ import pytest
 import xarray
 from PIL import Image
 
+from mi_lcair.fitting.report import to_json
+from mi_lcair.fitting.scatterometer.reading import read_directional
 from mi_lcair.rendering.images.exr import read_exr, write_exr
 from mi_lcair.signatures.trend_result import Trend
+from tests.fitting.results import fit_of, measurements
 
 BOX = Path(__file__).parents[2] / "scenes" / "examples" / "box.obj"
 
@@ -121,3 +124,18 @@ def test_refused(refused, folder, args, reason):
     before = sorted(folder.iterdir())
     assert reason in refused("convert", *args)
     assert sorted(folder.iterdir()) == before
+
+
+def test_emissivity_of_a_fit(run, refused, folder):
+    """The CSV has the curve of the report; that of two bands is refused."""
+    fit = fit_of(measurements())
+    report = fit.as_dict()
+    (folder / "fit.json").write_text(to_json(report))
+    assert run("convert", "fit.json", "e.csv").exit_code == 0
+    curve = read_directional("e.csv", "emissivity")
+    np.testing.assert_allclose(np.degrees(curve.theta), report["emissivity"]["theta_deg"])
+    np.testing.assert_allclose(curve.value, report["emissivity"]["predicted"])
+    np.testing.assert_allclose(curve.std, report["emissivity"]["standard_error"])
+    both = {"kind": "fit", "materials": {"3-5": report, "8-12": report}}
+    (folder / "both.json").write_text(json.dumps(both))
+    assert "both.json: has fits of 2 bands" in refused("convert", "both.json", "f.csv")

@@ -123,9 +123,7 @@ def test_many_temperatures_as_one_spectrum():
         nodes_um=nodes,
     )
     assert areas.intensity() == pytest.approx((L[HOT] * AREA, 0.02 * L[HOT] * AREA), rel=1e-5)
-    terms = Irradiance(areas, RenderError(), LWIR, grey_air(), BACKDROP).at(
-        grey_air().path(RANGE)
-    )
+    terms = Irradiance(areas, RenderError(), LWIR, grey_air(), BACKDROP).at(grey_air().path(RANGE))
     target = TAU * L[HOT] * AREA / RANGE**2
     assert terms["target"] == pytest.approx((target, 0.02 * target), rel=1e-4)
     rest = ((1 - TAU) * L[AIR] - L[SKY]) / RANGE**2

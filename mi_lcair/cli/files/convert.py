@@ -37,6 +37,8 @@ def command(ctx, source, output, channel, scene, parameters):
     FILE.csv -> FILE.nc           a trend, spectrum or other table
     FILE.nc -> FILE.csv           and back
     FILE.json -> FILE.csv, .nc    the table of a solution, budget or audit
+    fit.json -> FILE.csv          the emissivity by angle with its standard
+                                  error, which a BSDF takes as `emissivity`
     facets.csv -> FILE.vtp, .vtu  facets with all columns, for ParaView; with
                                   --scene SCENE
     SCENE, MODEL.obj, FOLDER -> FILE.vtp, .vtu
@@ -72,12 +74,13 @@ def _way(source: str, scene):
         kinds.IMAGE: (_image, (".tif", ".tiff", ".nc"), ("channel",)),
         kinds.MODEL: (_model, VTK, ()),
         kinds.SCENE: (_scene, VTK, ("parameters",)),
+        kinds.FIT: (_emissivity, (".csv",), ()),
         **dict.fromkeys(kinds.CLASSES, (_result, (".csv", ".nc"), ())),
     }
     if kind not in ways:
         raise InputError(
             f"'{source}' is {kind}, which is not converted; convert takes an image (.exr), a table "
-            "(.csv, .nc), a solution, budget or audit (.json), a scene or a model"
+            "(.csv, .nc), a solution, budget, audit or fit (.json), a scene or a model"
         )
     return ways[kind]
 
@@ -128,6 +131,23 @@ def _result(source, output, suffix):
     from mi_lcair.formats.kinds import read_result
 
     read_result(source).save(output)
+
+
+def _emissivity(source, output, suffix):
+    """The predicted emissivity of a fit by angle, with its standard error."""
+    from mi_lcair.formats import csv
+    from mi_lcair.formats.kinds import read_json
+
+    report = read_json(source)
+    if "emissivity" not in report:
+        raise InputError(f"{source}: has fits of {len(report['materials'])} bands; convert one fit")
+    predicted = report["emissivity"]
+    names = {
+        "theta_deg": "theta_deg",
+        "emissivity": "predicted",
+        "emissivity_std": "standard_error",
+    }
+    csv.write(output, {name: predicted[key] for name, key in names.items()})
 
 
 def _facets(source, output, suffix, scene, parameters):

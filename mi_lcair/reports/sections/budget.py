@@ -39,9 +39,10 @@ def sections(budget) -> list[Section]:
 def uncertainty(budget) -> list[tuple[str, str]]:
     """Rows about the result, its standard uncertainty, and the Monte Carlo."""
     unit = budget.words_of_unit
-    relative = f" ({percent(budget.sigma / abs(budget.value))})" if budget.value else ""
+    relative = f", {percent(budget.sigma / abs(budget.value))}" if budget.value else ""
+    stated = f"{budget.value:.6g} +- {budget.sigma:.3g}{unit} (one standard uncertainty{relative})"
     rows = [
-        (budget.title, f"{budget.value:.6g} +- {budget.sigma:.3g}{unit}{relative}"),
+        (budget.title, stated),
         ("expanded", f"+- {2 * budget.sigma:.3g}{unit} (k = 2, about 95 %)"),
     ]
     curved = budget.second_order
