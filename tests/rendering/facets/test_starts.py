@@ -35,13 +35,13 @@ def square(half, z, x=0.0):
     return [[x + half * a, half * b, z] for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
 
 
-def scene_of(shapes, sampling=False, max_bounces=2, height=2.0, origin=(0, 0, 3)):
+def scene_of(shapes, sampling=False, max_bounces=2, height=2.0, origin=(0, 0, 3), **clips):
     integrator = {
         "type": "bounce_path",
         "max_bounces": max_bounces,
         "emitter_sampling": sampling,
     }
-    sensor = {**camera(8, height, origin=origin), "sampler": {"type": "lattice"}}
+    sensor = {**camera(8, height, origin=origin), "sampler": {"type": "lattice"}, **clips}
     parts = {"type": "scene", "integrator": integrator, "sensor": sensor, **shapes}
     return load(mi.load_dict(parts, optimize=False))
 
@@ -129,17 +129,27 @@ def test_slivers(plate, distance, height, angle_deg):
     assert intensity == pytest.approx(0.1**2 * np.sin(angle) * blackbody(600.0), rel=3e-5)
 
 
-def test_what_hides_the_model_from_a_distant_sensor(plate):
-    """A cover that is not the model, at a hundred of its sizes, hides half of a plate."""
+@pytest.mark.parametrize("distance, cover", [(100, 80.0), (2, 1.9)])
+def test_what_hides_the_model_from_a_distant_sensor(plate, distance, cover):
+    """A cover that is not the model, farther away than its size, hides half of a plate."""
     shapes = {
         "hot": plate("hot", square(0.5, 0.0), BLACK, 600.0),
-        "cover": plate("cover", square(0.5, 80.0, 0.5), BLACK, 300.0, group="terrain"),
+        "cover": plate("cover", square(0.5, cover, 0.5), BLACK, 300.0, group="terrain"),
     }
     shapes["cover"]["emitter"]["facet_type"] = "terrain"
-    scene = scene_of(shapes, max_bounces=0, origin=(0, 0, 100))
+    scene = scene_of(shapes, max_bounces=0, origin=(0, 0, distance))
     total = totals(scene, starts_on_facets(scene, scene.sensor(0), blackbody(600.0)))
     assert total.mean("target")[0] == pytest.approx(blackbody(600.0) / 8, rel=2e-3)
-    assert total.mean("target.range")[0] / total.mean("target.hit")[0] == pytest.approx(99.99)
+    range_m = total.mean("target.range")[0] / total.mean("target.hit")[0]
+    assert range_m == pytest.approx(distance - 0.01)  # from the plane at which rays start
+
+
+@pytest.mark.parametrize("clips", [{"far_clip": 49.0}, {"near_clip": 51.0}])
+def test_what_a_sensor_clips(plate, clips):
+    hot = {"hot": plate("hot", square(0.5, 0.0), BLACK, 600.0)}
+    scene = scene_of(hot, max_bounces=0, origin=(0, 0, 50), **clips)
+    total = totals(scene, starts_on_facets(scene, scene.sensor(0), blackbody(600.0)))
+    assert total.mean("target")[0] == 0
 
 
 def test_too_many_triangles_have_no_starts(plate, monkeypatch):
