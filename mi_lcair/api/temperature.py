@@ -28,7 +28,6 @@ class Measurement(TypedDict, total=False):
     air_temperature: Number
     distance: Number
     humidity: Number
-    atmosphere: str | PathLike[str]
 
 
 def temperature(
@@ -78,8 +77,6 @@ def temperature(
         Distance of the object [m], instead of a transmittance: the air is computed.
     humidity : number, optional
         Relative humidity 0..0.98, with a distance.
-    atmosphere : str or Path, optional
-        Air for a distance: us_standard (default), midlat_summer, or a file of yours.
 
     Returns
     -------
@@ -101,17 +98,14 @@ def temperature(
     band = band_of(band)
     Bounds(is_positive=True).check(scale, "scale")
     kelvin = apparent(image, band, name, scale, offset)
-    air = {"atmosphere": measurement.pop("atmosphere")} if "atmosphere" in measurement else {}
-    if air and "distance" not in measurement:
-        raise InputError("atmosphere needs the distance of the object in m")
     given = {"emissivity": emissivity, **measurement}
-    check_known("quantity", [*QUANTITIES, "atmosphere"], *given)
+    check_known("quantity", QUANTITIES, *given)
     quantities = {
         key: uncertain(given[key], key, bounds)
         for key, bounds in QUANTITIES.items()
         if given.get(key) is not None
     }
-    return temperature_of(kelvin, sigma, band, Conditions(quantities, **air), name)
+    return temperature_of(kelvin, sigma, band, Conditions(quantities), name)
 
 
 def named_image(image, sigma: float) -> tuple:

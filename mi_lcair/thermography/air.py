@@ -4,14 +4,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mi_lcair.errors import InputError
 from mi_lcair.physics.air.clear_air import clear_air
 from mi_lcair.physics.air.clear_paths import ClearPaths
 from mi_lcair.physics.air.levels import HEIGHT_M, Weather
-from mi_lcair.physics.atmosphere import atmosphere, clear_air_name
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
 
+ATMOSPHERE = "us_standard"  # model atmosphere whose weather a measurement may change
 REFINEMENTS = 2  # corrections of the quadrature over an air's wavelengths when it is inverted
 
 
@@ -44,25 +43,15 @@ class Air:
         return Air(band, band, through, path)
 
     @staticmethod
-    def computed(band: Band, source: object, distance: float, weather: Weather) -> "Air":
-        """Air over a distance [m].
+    def computed(band: Band, distance: float, weather: Weather) -> "Air":
+        """Clear air in some weather along a horizontal path of a length [m].
 
-        It is clear air of a model atmosphere in some weather along a horizontal path, or a table of
-        the user's. Raises InputError for air that does not cover the band or the distance.
+        Raises InputError for a band that it does not cover.
         """
-        name = clear_air_name(source)
-        if name is None and weather != Weather():
-            raise InputError(
-                f"atmosphere '{source}': a table has its own weather; leave air_temperature and "
-                "humidity out"
-            )
-        air = atmosphere(source)
-        if name is not None:
-            air = ClearPaths(name, clear_air(name, weather), HEIGHT_M, 0.0, True, stated_m=distance)
+        clear = clear_air(ATMOSPHERE, weather)
+        air = ClearPaths(ATMOSPHERE, clear, HEIGHT_M, 0.0, True, stated_m=distance)
         air.check_covers(band)
         line = air.path(distance)
-        if air.is_vacuum:
-            return Air.given(band, 1.0, 0.0)
         weights = band.row_weights(line.wavelengths_um)
         rows = np.flatnonzero(weights)
         nodes = replace(band, wavelengths_um=line.wavelengths_um[rows], weights_um=weights[rows])

@@ -39,14 +39,9 @@ STEP = 0.01  # half of a difference that gives a sensitivity, in standard uncert
 
 @dataclass(frozen=True)
 class Conditions:
-    """What is known of a measurement.
-
-    quantities: the stated ones of QUANTITIES, by name. atmosphere: name or file of the air, for a
-    distance.
-    """
+    """What is known of a measurement. quantities: the stated ones of QUANTITIES, by name."""
 
     quantities: dict[str, Uncertain]
-    atmosphere: object = "us_standard"
 
     def checked(self) -> tuple["Conditions", list[str]]:
         """The conditions with what is not stated, and remarks about that.
@@ -64,7 +59,7 @@ class Conditions:
         if "distance" in known:
             if "transmittance" in known:
                 raise InputError("transmittance and distance exclude each other; give one of them")
-            return Conditions(known, self.atmosphere), remarks
+            return Conditions(known), remarks
         if "humidity" in known:
             raise InputError("humidity needs the distance; with a transmittance it does not count")
         known.setdefault("transmittance", Uncertain(1.0))
@@ -75,14 +70,14 @@ class Conditions:
                     f"the air is taken to have the reflected temperature, "
                     f"{known['reflected'].value:g} K; air_temperature states another"
                 )
-        return Conditions(known, self.atmosphere), remarks
+        return Conditions(known), remarks
 
     def air(self, band: Band, values: dict[str, float]) -> Air:
         """The air for values of the quantities."""
         if "distance" not in values:
             return Air.given(band, values["transmittance"], values["air_temperature"])
         weather = Weather(values.get("air_temperature"), values.get("humidity"))
-        return Air.computed(band, self.atmosphere, values["distance"], weather)
+        return Air.computed(band, values["distance"], weather)
 
 
 def object_temperature(apparent, emissivity: float, reflected: float, air: Air) -> np.ndarray:

@@ -41,7 +41,6 @@ def quantities(command):
     "--emissivity", "Emissivity of the object in the band.", required=True, metavar="0..1"
 )
 @quantities
-@options.option("--atmosphere", "Air for --distance: us_standard, ...", metavar="NAME|FILE")
 @options.option(
     "--sigma",
     "Standard uncertainty of the image, common to all pixels.",
