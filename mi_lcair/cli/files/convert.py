@@ -33,7 +33,6 @@ def command(ctx, source, output, channel, scene, parameters):
     \b
     FILE.exr -> FILE.tif          a channel as 32-bit numbers, in kelvin for
                                   temperature.Y, else in W m^-2 sr^-1 (or m)
-    FILE.exr -> FILE.nc           all channels, netCDF
     FILE.csv -> FILE.nc           a trend, spectrum or other table
     FILE.nc -> FILE.csv           and back
     FILE.json -> FILE.csv, .nc    the table of a solution, budget or audit
@@ -71,7 +70,7 @@ def _way(source: str, scene):
 
     kind = kinds.kind_of(source)
     ways = {
-        kinds.IMAGE: (_image, (".tif", ".tiff", ".nc"), ("channel",)),
+        kinds.IMAGE: (_image, (".tif", ".tiff"), ("channel",)),
         kinds.MODEL: (_model, VTK, ()),
         kinds.SCENE: (_scene, VTK, ("parameters",)),
         kinds.FIT: (_emissivity, (".csv",), ()),
@@ -86,29 +85,17 @@ def _way(source: str, scene):
 
 
 def _image(source, output, suffix, channel):
-    """A channel of an EXR image as a TIFF, or all channels as netCDF."""
-    from mi_lcair.formats import netcdf, tiff
-    from mi_lcair.formats.channels import column_of, or_nan, pixel_axes, quantity_of
-    from mi_lcair.rendering.images.exr import read_exr, window_of
+    """A channel of an EXR image as a TIFF."""
+    from mi_lcair.formats import tiff
+    from mi_lcair.formats.channels import or_nan, quantity_of
+    from mi_lcair.rendering.images.exr import read_exr
 
     channels, header = read_exr(source)
-    if suffix != ".nc":
-        check_known("channel", channels, channel)
-        is_radiance = "units" in header or "band" in header
-        unit = quantity_of(channel)[1] if is_radiance else "units of the image"
-        values = or_nan(channel, channels[channel])
-        tiff.write(output, values, ", ".join(filter(None, (channel, unit))))
-        return
-    from mi_lcair.extras import optional
-
-    xarray = optional("xarray", "a netCDF file")
-    names = {name: column_of(name) if "band" in header else name for name in channels}
-    dataset = xarray.Dataset(
-        {names[name]: (("row", "column"), values) for name, values in channels.items()},
-        pixel_axes(next(iter(channels.values())).shape, window_of(header)),
-        header,
-    )
-    netcdf.write(output, netcdf.described(dataset))
+    check_known("channel", channels, channel)
+    is_radiance = "units" in header or "band" in header
+    unit = quantity_of(channel)[1] if is_radiance else "units of the image"
+    values = or_nan(channel, channels[channel])
+    tiff.write(output, values, ", ".join(filter(None, (channel, unit))))
 
 
 def _table(source, output, suffix):
