@@ -36,11 +36,22 @@ def read(source, of, kind: str):
     InputError names the file.
     """
     if isinstance(source, Mapping):
-        return of(source, Path(), kind)
+        return of(plain(source), Path(), kind)
     path, what = Path(source), f"{kind} '{source}'"
     tables = parse_toml(read_text(path, what), what)
     with errors_of(what):
         return of(tables, path.parent, path.stem)
+
+
+def plain(value):
+    """A value of Python as TOML has it: without NumPy's types, tuples and paths."""
+    if isinstance(value, Mapping):
+        return {key: plain(entry) for key, entry in value.items()}
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return [plain(entry) for entry in value]
+    return os.fspath(value) if isinstance(value, os.PathLike) else value
 
 
 def filled(kind, values, where: str):

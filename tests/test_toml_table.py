@@ -1,11 +1,13 @@
 """Dataclasses from TOML tables: types of values, defaults, and the message for each mistake."""
 
 from dataclasses import dataclass, field
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from mi_lcair.errors import InputError
-from mi_lcair.toml_table import converted, filled, located, located_values, required
+from mi_lcair.toml_table import converted, filled, located, located_values, plain, read, required
 
 
 @dataclass
@@ -28,6 +30,20 @@ def test_values_are_converted_to_the_types_of_the_fields():
     assert filled(Table, {"name": "", "size": -1e12, "angles": [1, 2.5]}, "").angles == (1.0, 2.5)
     assert required(float | None) is float and required(int) is int
     assert converted(0, float, "x") == 0
+
+
+def test_values_of_numpy_are_those_of_python():
+    tables = {
+        "name": Path("a.xml"),
+        "size": np.float32(0.5),
+        "count": np.int64(2),
+        "angles": np.array([1, 2]),
+        "on": np.True_,
+        "extra": {"x": (np.float64(3), "b")},
+    }
+    table = read(tables, lambda tree, *_: filled(Table, tree, "[table]"), "table")
+    assert table == Table("a.xml", 0.5, 2, (1.0, 2.0), None, True, {"x": [3.0, "b"]})
+    assert type(plain(np.float64(3))) is float
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from mi_lcair.inversion.problem import InverseProblem
 from mi_lcair.inversion.solution import Solution
 from mi_lcair.progress import Progress
 from mi_lcair.startup.threads import exclusively
+from mi_lcair.toml_table import plain
 
 
 @exclusively
@@ -37,7 +38,7 @@ def invert(
         If the problem, or one of its files or scenes, cannot be used.
     """
     if isinstance(problem, dict):
-        problem = InverseProblem.of(problem)
+        problem = InverseProblem.of(plain(problem))
     elif not isinstance(problem, InverseProblem):
         problem = InverseProblem.read(problem)
     with errors_of(f"problem '{problem.name}'"):

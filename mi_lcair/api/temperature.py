@@ -111,8 +111,8 @@ def temperature(
 def named_image(image, sigma: float) -> tuple:
     """Name of an image, the image or its number, and the uncertainty of its temperatures [K]."""
     Bounds(lower=0, unit="K").check(sigma, "sigma")
-    if isinstance(image, np.ndarray):
-        return "an array", image, sigma
+    if np.ndim(image):
+        return "an array", np.asarray(image), sigma
     try:
         number, error = parsed(str(image))
     except ValueError:

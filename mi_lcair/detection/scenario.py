@@ -30,7 +30,7 @@ from mi_lcair.physics.surroundings.skies import sky_name
 from mi_lcair.physics.surroundings.words import Words, number
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.sampling import Sampling
-from mi_lcair.toml_table import filled, required, texts
+from mi_lcair.toml_table import filled, plain, required, texts
 
 if TYPE_CHECKING:
     from mi_lcair.rendering.views import View
@@ -583,7 +583,7 @@ def tables_of(source: str | PathLike[str], changes: Mapping[str, object]) -> tup
         locate(tree, path.parent)
         for key, value in changes.items():
             # The name of a parameter may have a dot of its own
-            change(tree, key.split(".", 2 if key.startswith(OF_SCENE) else -1), value)
+            change(tree, key.split(".", 2 if key.startswith(OF_SCENE) else -1), plain(value))
     return path, name, scenes.first_comment(text), tree
 
 

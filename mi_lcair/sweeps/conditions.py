@@ -13,7 +13,7 @@ from mi_lcair.declared import check_fields, fraction, within
 from mi_lcair.errors import InputError, check_known, shortened
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.table import read_table
-from mi_lcair.toml_table import dotted, filled, located
+from mi_lcair.toml_table import dotted, filled, located, plain
 
 MOST_CASES = 10_000_000  # largest number of cases of a sweep, whose table then takes 1 to 2 GB
 RUN = ("from", "to", "step")
@@ -177,7 +177,7 @@ def values_of(name: str, stated, folder: Path) -> list[Value]:
     """
     if not isinstance(stated, Mapping):
         texts = isinstance(stated, str) or not isinstance(stated, Iterable)
-        return [stated] if texts else list(np.asarray(stated, dtype=object).tolist())
+        return [stated] if texts else plain(list(stated))
     text = shortened(str(dict(stated)), 100)
     if stated.keys() == set(RUN):
         start, stop, step = (stated[key] for key in RUN)

@@ -36,7 +36,7 @@ import numpy as np
 from mi_lcair.errors import InputError, check_known, errors_of
 from mi_lcair.files import parse_toml, read_text
 from mi_lcair.motions.table import MOTIONS, Declared, motions_of
-from mi_lcair.toml_table import dotted, table_of, tables_of
+from mi_lcair.toml_table import dotted, plain, table_of, tables_of
 from mi_lcair.uncertainty.distributions import KINDS, check_sigma
 
 TABLES = ("sigma", "scenario", "fits", "facets", "correlated", MOTIONS)
@@ -101,7 +101,7 @@ class Uncertainties:
         if isinstance(source, Uncertainties):
             return source
         if isinstance(source, Mapping):
-            tree, name, folder = source, "uncertainties", Path()
+            tree, name, folder = plain(source), "uncertainties", Path()
         else:
             name, folder = str(source), Path(source).parent
             tree = parse_toml(read_text(source, f"uncertainties '{name}'"), name)

@@ -107,6 +107,7 @@ def test_changes_are_toml_or_text(written):
             "sensor.band": "LWIR",
             "render.max_bounces": "[1, 4]",
             "sensor.nei": "1e-6",
+            "observer.range_m": np.float64(700),
             "atmosphere.extrapolate": "true",
         },
     )

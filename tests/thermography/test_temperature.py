@@ -221,7 +221,7 @@ def test_counts_and_degrees_celsius(scale, offset):
     kelvin = np.array([[290.0, 300.0], [310.0, offset or np.nan]])  # 0 is a value with an offset
     values = np.nan_to_num((kelvin - offset) / scale)
     given = {"emissivity": 0.9, "reflected": 270}
-    result = mi_lcair.temperature(values, "LWIR", scale=scale, offset=offset, **given)
+    result = mi_lcair.temperature(values.tolist(), "LWIR", scale=scale, offset=offset, **given)
     expected = mi_lcair.temperature(kelvin, "LWIR", **given)
     np.testing.assert_allclose(result.kelvin, expected.kelvin, rtol=1e-9)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
+from numbers import Integral
 
 from mi_lcair.declared import percent
 from mi_lcair.errors import InputError, unknown
@@ -69,8 +70,8 @@ def bounce_settings(
         return {}
     if isinstance(max_bounces, str) and max_bounces.isdecimal():
         max_bounces = int(max_bounces)
-    if isinstance(max_bounces, int):
-        return {"max_bounces": max_bounces, "truncation": 0.0}
+    if isinstance(max_bounces, Integral):
+        return {"max_bounces": int(max_bounces), "truncation": 0.0}
     if max_bounces != "auto":
         raise unknown("max_bounces", str(max_bounces), ["auto", "a whole number"])
     some = views[:: -(-len(views) // MOST_VIEWS)] if views else ()
