@@ -24,8 +24,8 @@ from mi_lcair.rendering.scene import Scene
 
 TOTAL, SOLAR = "total", "0.3-2.5"  # bands of the exchanged heat and of sunlight, um
 STAND_IN = "LWIR"  # band that stands in for the total band
-ROOM_K = 300.0  # temperature of the radiation over which a spectrum is averaged [K]
-SUN_K = 5772.0  # effective temperature of the sun [K]
+# What the radiation of a band is, and the temperature of its spectrum [K]
+RADIATION = {TOTAL: ("heat", 300.0), SOLAR: ("sunlight", 5772.0)}
 UNUSED = "its emissivity is not used; a surface emits and absorbs what its BSDF does not reflect"
 
 
@@ -116,36 +116,32 @@ class Surfaces:
 
     def _material(self, name: str, file) -> materials.Material:
         """The entry of a material for the band, or one that stands in."""
-        wanted = band(self.of_band)
-        other = band(STAND_IN) if wanted.is_total else wanted
-        for used, stands_in in ((wanted, False), (other, True)):
-            with suppress(InputError):
-                allow_band = stands_in and not wanted.is_total
-                entry = materials.material(name, used, file, allow_band)
-                break
-        else:
-            wanted_or = f"{TOTAL} or {STAND_IN}" if wanted.is_total else SOLAR
-            raise InputError(
-                f"material '{name}': has no entry for the band {wanted_or}, only for "
-                f'{", ".join(materials.bands_of(name, file))}; add [{name}."{self.of_band}"] to '
-                "its materials file"
-            )
-        if stands_in:
+        used, entry = band(self.of_band), None
+        with suppress(InputError):
+            entry = materials.material(name, used, file)
+        if entry is None:
+            is_total = used.is_total
+            try:
+                used = band(STAND_IN) if is_total else used
+                entry = materials.material(name, used, file, allow_band=not is_total)
+            except InputError:
+                raise InputError(
+                    f"material '{name}': has no entry for the band {self.of_band}"
+                    f"{f' or {STAND_IN}' * is_total}, only for "
+                    f'{", ".join(materials.bands_of(name, file))}; add [{name}."{self.of_band}"] '
+                    "to its materials file"
+                ) from None
             used = band(entry.band)
             self._stands_in(f"material '{name}'", used)
-        return entry if entry.spectrum is None else entry.averaged(used, self.kelvin)
-
-    @property
-    def kelvin(self) -> float:
-        """Temperature of the radiation that the band is for [K]."""
-        return SUN_K if self.of_band == SOLAR else ROOM_K
+        kelvin = RADIATION[self.of_band][1]
+        return entry if entry.spectrum is None else entry.averaged(used, kelvin)
 
     def _stands_in(self, what: str, used: Band) -> None:
-        of = "sunlight" if self.of_band == SOLAR else "heat"
-        share = in_band_radiance(used, self.kelvin) / in_band_radiance(band(TOTAL), self.kelvin)
+        of, kelvin = RADIATION[self.of_band]
+        share = in_band_radiance(used, kelvin) / in_band_radiance(band(TOTAL), kelvin)
         self.remarks.append(
             f"{what}: its numbers of the band {used.label} stand in for {self.of_band}, although "
-            f"that band holds {share:.0%} of the {of} at {self.kelvin:g} K"
+            f"that band holds {share:.0%} of the {of} at {kelvin:g} K"
         )
 
 

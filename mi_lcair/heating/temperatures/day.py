@@ -54,7 +54,7 @@ def course(
     elif start_K is not None:
         result.series()
     else:
-        while result.drift >= PERIODIC:
+        while not result.days or result.drift >= PERIODIC:
             if result.days == MOST_DAYS:
                 raise InputError(
                     f"the temperatures still change by {result.drift:.2g} K after {MOST_DAYS} days"
@@ -90,7 +90,7 @@ class Course:
         self.seconds = float(times[1] - times[0]) if m > 1 else np.inf
         self.power, self.conductance = network.loads()
         self.changes = np.zeros((len(columns) + len(network.traced.replicates), m, n))
-        self.residual, self.days, self.drift = 0.0, 0, np.inf
+        self.residual, self.days, self.drift = 0.0, 0, 0.0
         self.passed = None  # the state at the early time of the day before
         self.rates, (self.surface, self.back) = np.ones((CELLS + 1, n)), np.zeros((2, CELLS + 1, n))
         self.varied = []  # effect of each column on the walls of a group
@@ -135,7 +135,7 @@ class Course:
         self.states[0] = before
         for k in range(1, len(self.kelvin)):
             self.step(k, BDF2, self.seconds)
-        self.days, self.drift = 1, 0.0
+        self.days = 1
 
     def repeat(self) -> None:
         """Take the steps of a day until it is known, and find how far it was from periodic.

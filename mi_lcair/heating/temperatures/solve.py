@@ -16,7 +16,7 @@ from mi_lcair.heating.temperatures.description import (
     SignatureTable,
 )
 from mi_lcair.heating.temperatures.heat_result import Heat, Intensity
-from mi_lcair.heating.temperatures.network import Column, Network
+from mi_lcair.heating.temperatures.network import Network
 from mi_lcair.heating.temperatures.weather import Weather, weather
 from mi_lcair.physics.blackbody import radiance_and_slope
 from mi_lcair.rendering.facets.polygons import FacetPolygons
@@ -45,34 +45,14 @@ def temperatures(scene: Scene, description: Description) -> Heat:
     sun = sunlight(scene, len(radiation.facets.number), conditions, run)
     network = Network(radiation.facets, radiation.traced, sun, conditions, description.groups)
     columns = [network.column(name, sigma) for name, sigma in sigmas.items()]
-    parts = {name: name.rpartition(".") for name in sigmas}
-    groups = {name: group for name, (group, _, bare) in parts.items() if bare == "emissivity"}
-    even = network.facets.is_diffuse.all()
-    doubtful = [
-        Column(name, network.of_emissivity(group, sigmas[name], is_whole=False))
-        for name, group in ({} if even else groups).items()
-    ]
-    solved = course(network, [*columns, *doubtful], run.start_K)
+    solved = course(network, columns, run.start_K)
     changes = dict(zip(sigmas, solved.changes))
     of_sigma = [
         f"[sigma] {name} changes no temperature"
         for name, change in changes.items()
         if not change.any()
     ]
-    of_sigma += [
-        f"[sigma] {column.name}: up to {abs(change).max():.2g} K of its effect, which is "
-        f"{abs(changes[column.name]).max():.2g} K at most, assume that surfaces reflect evenly"
-        for column, change in zip(doubtful, solved.changes[len(columns) :])
-        if abs(change).max() > DOUBTFUL * abs(changes[column.name]).max()
-    ]
-    if traced is not None:
-        emitted, values = network.facets.emitting_area, network.facets.emissivity
-        for name, group in groups.items():
-            share = emitted @ network.relative(group, sigmas[name], values) / emitted.sum()
-            of_sigma.append(
-                f"[sigma] {name}: changes the intensity by temperatures only; the surfaces also "
-                f"emit {share:.1%} more at the same temperatures, which a budget takes in"
-            )
+    of_sigma += remarks_on_emissivities(network, sigmas, solved.kelvin[0], traced is not None)
     of_sun = () if sun is None else sun.remarks
     result = Heat(
         name=scene.name,
@@ -91,6 +71,30 @@ def temperatures(scene: Scene, description: Description) -> Heat:
         remarks=tuple(dict.fromkeys((*radiation.remarks, *of_sun, *conditions.remarks, *of_sigma))),
     )
     return result if traced is None else replace(result, intensity=intensity(result, *traced))
+
+
+def remarks_on_emissivities(
+    network: Network, sigmas: dict, kelvin: np.ndarray, has_intensity: bool
+) -> list[str]:
+    """What is not known of the effect of emissivities. kelvin: (n,), at the first time."""
+    facets, remarks = network.facets, []
+    for name, sigma in sigmas.items():
+        group, _, bare = name.rpartition(".")
+        if bare != "emissivity":
+            continue
+        effects = (network.of_emissivity(group, sigma, whole)(kelvin, 0) for whole in (False, True))
+        onward, whole = (abs(effect).max() for effect in effects)
+        if onward > DOUBTFUL * whole and not facets.is_diffuse.all():
+            share = f"{onward / whole:.0%} of its effect assumes that surfaces reflect evenly"
+            remarks.append(f"[sigma] {name}: {share}")
+        if has_intensity:
+            delta = network.relative(group, sigma, facets.emissivity)
+            share = facets.emitting_area @ delta / facets.emitting_area.sum()
+            remarks.append(
+                f"[sigma] {name}: changes the intensity by temperatures only; the surfaces also "
+                f"emit {share:.1%} more at the same temperatures, which a budget takes in"
+            )
+    return remarks
 
 
 def sunlight(scene: Scene, n: int, conditions: Weather, run: RunTable) -> SolarAreas | None:
