@@ -23,8 +23,8 @@ DEFAULT_VARIANT = "llvm_ad_mono"
 class Plugin:
     """A plugin: its kind (bsdf, emitter, integrator or sampler) and its name in scene files.
 
-    Plugin `sky_dome` of the kind emitter is the class `SkyDome` in emitters/sky_dome.py, which is
-    imported when it is first used.
+    Plugin `bounce_path` of the kind integrator is the class `BouncePath` in
+    integrators/bounce_path.py, which is imported when it is first used.
     """
 
     kind: str
@@ -54,7 +54,7 @@ PLUGINS = {
     name: Plugin(kind, name)
     for kind, names in {
         "bsdf": ("material", "plume", *NAMES),
-        "emitter": ("sky", "sky_dome", "sun", "thermal"),
+        "emitter": ("sky", "sun", "thermal"),
         "integrator": ("bounce_path",),
         "sampler": ("lattice",),
     }.items()

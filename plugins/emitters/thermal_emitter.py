@@ -71,14 +71,10 @@ class ThermalEmitter(mi.Emitter):
 
     def __init__(self, props):
         mi.Emitter.__init__(self, props)
-        self.values = self.read(props)
+        self.values = read(props, props.plugin_name(), self.PROPERTIES)  # of the properties by name
         self.group: str = self.values["group"]
         text = self.values["band"]
         self.band: Band | None = None if text is None else band(text)
-
-    def read(self, props) -> dict:
-        """Values of the properties by name."""
-        return read(props, props.plugin_name(), self.PROPERTIES)
 
     # ---------------------------------------------------------------- What a subclass declares
 
@@ -176,7 +172,7 @@ def thermal_shapes(scene: mi.Scene) -> list[mi.Shape]:
 def one_sun(emitters):
     """The emitter `sun` of a scene; None if it has none.
 
-    Raises InputError for a second one, and for one that does not fit the emitter `sky_dome`.
+    Raises InputError for a second one, and for one that does not fit the emitter `sky`.
     """
     thermal = [emitter for emitter in emitters if is_thermal(emitter)]
     suns = [emitter for emitter in thermal if emitter.is_sun]

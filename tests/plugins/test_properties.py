@@ -22,7 +22,6 @@ BESIDE = {
     "thermal": {"temperature": 300.0, "band": "LWIR"},
     "sun": {"azimuth_deg": 0.0, "elevation_deg": 40.0, "band": "LWIR"},
     "sky": {"band": "MWIR"},
-    "sky_dome": {"band": "MWIR"},
     "bounce_path": {},
     "material": {"material": "gloss_black", "band": "LWIR"},
     "plume": {"transmittance": 0.5},

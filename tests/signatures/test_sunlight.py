@@ -20,8 +20,9 @@ SUN = """<emitter type="sun" id="sun">
     <string name="band" value="MWIR"/> <string name="air" value="{air}"/>
 </emitter>"""
 
-DOME = """<emitter type="sky_dome" id="dome">
-    <string name="band" value="MWIR"/> <float name="sun_azimuth_deg" value="30"/>
+DOME = """<emitter type="sky" id="dome">
+    <string name="band" value="MWIR"/> <string name="atmosphere" value="midlat_summer"/>
+    <float name="sun_azimuth_deg" value="30"/> <float name="sun_elevation_deg" value="45"/>
 </emitter>"""
 
 

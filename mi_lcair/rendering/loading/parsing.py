@@ -13,7 +13,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.plugins import PLUGINS
 from mi_lcair.rendering.loading.nodes import properties, references
 
-REPLACED = ("sky", "sky_dome", "sun")  # emitters that surroundings replace
+REPLACED = ("sky", "sun")  # emitters that surroundings replace
 ENVIRONMENTS = ("envmap", "constant", "sunsky")  # others of which a scene can have only one
 ONE_SKY = "leave [surroundings] out, or remove that sky"
 KNOWN_SAMPLERS = ("lattice", "independent")

@@ -25,7 +25,6 @@ EXAMPLES = {  # what a scene says, for every plugin of the kind; group is "tried
     "a radiance": {"type": "thermal", "radiance": 5.0},
     "a spectrum": {"type": "thermal", "spectrum": "midlat_summer_clear", "elevation_deg": 30.0},
     "sun": {"type": "sun", "azimuth_deg": 0.0, "elevation_deg": 45.0, "air": "midlat_summer"},
-    "sky_dome": {"type": "sky_dome"},
     "sky": {"type": "sky", "ground_temperature": 290.0, "ground_emissivity": 0.9},
     "sky by day": {"type": "sky", "sun_elevation_deg": 40.0, "atmosphere": "midlat_summer"},
     "sky of one temperature": {"type": "sky", "sky": "250", "ground_temperature": 290.0},

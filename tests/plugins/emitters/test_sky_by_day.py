@@ -14,7 +14,8 @@ from tests.plugins.small_scenes import GREY, SQUARE, camera, runs, scene
 
 MWIR = band("MWIR")
 SKY = daytime_sky("midlat_summer")
-DOME = {"type": "sky_dome", "band": "MWIR", "sun_azimuth_deg": 70.0}
+DOME = {"type": "sky", "band": "MWIR", "atmosphere": "midlat_summer"}
+DOME |= {"sun_azimuth_deg": 70.0, "sun_elevation_deg": 45.0}
 
 
 def on_ground():
