@@ -10,7 +10,7 @@ import numpy as np
 from mi_lcair.cavities.shape import Shape
 from mi_lcair.errors import InputError, mitsuba_error
 from mi_lcair.files import check_file, check_suffix
-from mi_lcair.plugins.emission.triangles import triangle_vertices, vertex_positions
+from mi_lcair.plugins.emission.triangles import loops, triangle_vertices, vertex_positions
 
 SIDES = 720  # sides of the polygon that stands for a circle
 ARC_RINGS = 360  # rings of a sphere
@@ -118,8 +118,8 @@ def of_triangles(corners: np.ndarray, faces: np.ndarray, name: str) -> OwnMesh:
     free = pairs[counts == 1]
     if not len(free):
         raise InputError(f"{name}: is closed; a cavity has one hole, its aperture")
-    loop = _loop(free)
-    if len(loop) < len(free):
+    loop, *_ = loops(free)
+    if len(np.unique(loop)) < len(free):
         raise InputError(
             f"{name}: has holes that are not the aperture: an edge of {len(loop)} corners, and "
             f"{len(free) - len(loop)} more free edges; close all but one"
@@ -155,16 +155,3 @@ def of_triangles(corners: np.ndarray, faces: np.ndarray, name: str) -> OwnMesh:
         fan = fan[:, ::-1]
     wall = Wall(np.vstack([corners, np.zeros(3)]), faces, fan)
     return OwnMesh(wall, float(away.min()), area, wall_area)
-
-
-def _loop(free: np.ndarray) -> np.ndarray:
-    """Corners of the loop of free edges that holds the first one, in order."""
-    neighbours: dict[int, list[int]] = {}
-    for a, b in free.tolist():
-        neighbours.setdefault(a, []).append(b)
-        neighbours.setdefault(b, []).append(a)
-    loop = [int(free[0, 0]), int(free[0, 1])]
-    while loop[-1] != loop[0]:
-        after = [corner for corner in neighbours[loop[-1]] if corner != loop[-2]]
-        loop.append(after[0])
-    return np.array(loop[:-1])

@@ -264,3 +264,24 @@ def normal_of(ps, sphere: mi.Vector4f) -> mi.Normal3f:
     """
     outward = dr.normalize(ps.p - mi.Point3f(sphere.xyz)) * sphere.w
     return dr.select(sphere.w == 0, ps.n * sphere.x, mi.Normal3f(outward))
+
+
+def loops(edges: np.ndarray) -> list[list[int]]:
+    """Closed lines of edges (n, 2) between numbered corners: the corners of each, in order."""
+    ends = {}
+    for a, b in edges.tolist():
+        ends.setdefault(a, []).append(b)
+        ends.setdefault(b, []).append(a)
+    lines = []
+    while ends:
+        line = [next(iter(ends))]
+        while line[-1] in ends:
+            here = line[-1]
+            there = ends[here].pop()
+            ends[there].remove(here)
+            for end in {here, there}:
+                if not ends[end]:
+                    del ends[end]
+            line.append(there)
+        lines.append(line[:-1])
+    return lines

@@ -9,6 +9,7 @@ from mi_lcair.plugins.emission.drawing.panels import Panels
 from mi_lcair.plugins.emission.triangles import (
     TriangleTable,
     is_faceted,
+    loops,
     random_integer,
     set_triangles,
     triangle_corners,
@@ -162,20 +163,4 @@ def outlines(corners) -> list[np.ndarray]:
     triangles, places = number.reshape(-1, 3), vertices[places]
     edges = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2))
     edges, count = np.unique(edges[edges[:, 0] != edges[:, 1]], axis=0, return_counts=True)
-    ends = {}
-    for a, b in edges[count == 1].tolist():
-        ends.setdefault(a, []).append(b)
-        ends.setdefault(b, []).append(a)
-    lines = []
-    while ends:
-        line = [next(iter(ends))]
-        while line[-1] in ends:
-            here = line[-1]
-            there = ends[here].pop()
-            ends[there].remove(here)
-            for end in {here, there}:
-                if not ends[end]:
-                    del ends[end]
-            line.append(there)
-        lines.append(places[line[:-1]])
-    return lines
+    return [places[line] for line in loops(edges[count == 1])]
