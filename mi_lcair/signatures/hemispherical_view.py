@@ -72,34 +72,20 @@ class HemisphericalView(Result):
 
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each neighbour; facet -1 stands for directions without a surface."""
+        table, seen = self.facets, self.neighbour
         return {
-            "facet": self.neighbour,
-            "group": np.array([self.group(number) for number in self.neighbour]),
+            "facet": seen,
+            **{
+                name: np.where(seen == NOTHING, "nothing", getattr(table, name)[seen])
+                for name in ("type", "group", "material")
+            },
             "solid_angle_sr": self.solid_angle,
             "view_factor": self.view_factor,
         }
 
-    def group(self, number: int) -> str:
-        """Group of a facet; "nothing" for NOTHING."""
-        return "nothing" if number == NOTHING else self.facets.group[number]
-
     def entries(self) -> dict:
-        """Entries for JSON. `facet` is null in the row of directions without a surface."""
+        """Entries for JSON, with the columns."""
         table = self.facets
-        rows = [
-            {
-                "facet": number,
-                "type": table.type[number],
-                "group": table.group[number],
-                "material": table.material[number],
-                "solid_angle_sr": solid_angle,
-                "view_factor": view_factor,
-            }
-            for number, solid_angle, view_factor in zip(
-                self.neighbour.tolist(), self.solid_angle.tolist(), self.view_factor.tolist()
-            )
-        ]
-        rows[-1] |= {"facet": None, "type": None, "group": self.group(NOTHING), "material": None}
         return {
             "scene_name": self.scene_name,
             "facet": self.facet,
@@ -112,7 +98,7 @@ class HemisphericalView(Result):
             "rays": self.rays,
             "solid_angle_sr": float(self.solid_angle.sum()),
             "view_factor": float(self.view_factor.sum()),
-            "neighbours": rows,
+            "columns": self.columns(),
         }
 
 

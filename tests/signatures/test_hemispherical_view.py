@@ -181,8 +181,8 @@ def test_picture(tmp_path):
 
 def test_json_has_a_row_for_what_escapes():
     table = hemispherical_view(mi_lcair.load("two_plates"), 0, rays=2**10).as_dict()
-    assert [(row["facet"], row["group"]) for row in table["neighbours"]] == [
-        (1, "plate"),
-        (None, "nothing"),
+    assert list(zip(table["columns"]["facet"], table["columns"]["material"])) == [
+        (1, "blackbody"),
+        (-1, "nothing"),
     ]
     assert table["area_m2"] == pytest.approx(0.02) and table["view_factor"] == 1

@@ -39,13 +39,9 @@ def figure(view: HemisphericalView):
     axes.set_yticks(range(0, 91, 15))
     axes.set_xlabel("azimuth φ from the direction of the facet's second corner (degrees)")
     axes.set_ylabel("θ from the normal (degrees)")
-    axes.set_title(
-        plain(
-            f"{view.scene_name}: what facet {view.facet} sees (group {view.group(view.facet)}, "
-            f"{view.facets.material[view.facet]})"
-        ),
-        fontsize=11,
-    )
+    group, material = view.facets.group[view.facet], view.facets.material[view.facet]
+    title = f"{view.scene_name}: what facet {view.facet} sees (group {group}, {material})"
+    axes.set_title(plain(title), fontsize=11)
 
     entries = [(colour, f"{plain(name)}: {share:.4f}") for name, (colour, share) in groups.items()]
     if len(entries) > MOST_GROUPS:
@@ -79,7 +75,8 @@ def facet_colours(view: HemisphericalView) -> tuple[np.ndarray, dict]:
     share = dict(zip(view.neighbour.tolist(), view.view_factor.tolist()))
     members = {}
     for number in visible.tolist():
-        members.setdefault(view.group(number), []).append(number)
+        group = "nothing" if number == NOTHING else view.facets.group[number]
+        members.setdefault(group, []).append(number)
     members = dict(
         sorted(members.items(), key=lambda item: -sum(share.get(number, 0) for number in item[1]))
     )

@@ -1,5 +1,7 @@
 """Sections of a facet's hemispherical view."""
 
+import numpy as np
+
 from mi_lcair.results.sections import Facts, Section, Table
 
 MOST_NEIGHBOURS = 20  # largest number of facets in the table; the others are summed
@@ -8,16 +10,13 @@ COLUMNS = ["sees", "group", "material", ("solid angle", "sr"), "view factor"]
 
 def sections(view) -> list[Section]:
     """The facet and its neighbours, those with the largest view factors first."""
-    entries = view.as_dict()
-    *neighbours, nothing = entries["neighbours"]
-    rest = neighbours[MOST_NEIGHBOURS:]
-    rows = [
-        [entry["facet"], entry["group"], entry["material"], *shares(entry)]
-        for entry in neighbours[:MOST_NEIGHBOURS]
-    ]
-    if rest:
-        rows.append([f"{len(rest)} more", "", "", *shares(*rest)])
-    rows += [["nothing", "", "", *shares(nothing)], ["all", "", "", *shares(entries)]]
+    entries, columns = view.as_dict(), view.columns()
+    shares = np.stack([columns["solid_angle_sr"], columns["view_factor"]], axis=1)
+    names = [columns[name][:-1][:MOST_NEIGHBOURS] for name in ("facet", "group", "material")]
+    rows = [[*row, *texts(share)] for *row, share in zip(*names, shares)]
+    if rest := len(shares) - 1 - len(rows):
+        rows.append([f"{rest} more", "", "", *texts(shares[len(rows) : -1].sum(axis=0))])
+    rows += [["nothing", "", "", *texts(shares[-1])], ["all", "", "", *texts(shares.sum(axis=0))]]
     facet = (
         f"{view.facet} of {entries['scene_name']}: {entries['type']}, group {entries['group']}, "
         f"{entries['material']}, {entries['area_m2']:.6g} m^2"
@@ -25,8 +24,6 @@ def sections(view) -> list[Section]:
     return [Section("Hemispherical view", [Facts([("facet", facet)]), Table(COLUMNS, rows)])]
 
 
-def shares(*entries) -> list[str]:
-    """Solid angle and view factor of one neighbour, or the sums of several."""
-    return [
-        f"{sum(entry[name] for entry in entries):.6f}" for name in ("solid_angle_sr", "view_factor")
-    ]
+def texts(share) -> list[str]:
+    """Solid angle and view factor as text."""
+    return [f"{number:.6f}" for number in share]
