@@ -340,6 +340,19 @@ def resolved(band: Band, sources: list[Source]) -> np.ndarray:
     return np.union1d(steps, band.rows(*tables))
 
 
+def recorded_amounts(total: Totals) -> tuple[list[Source], list[str], np.ndarray]:
+    """Sources that a render recorded, and the channel of each amount but the last, "hit".
+
+    Behind them stand the factors by which all means become shares of the window's area.
+    """
+    of_scene = total.emitters.sources
+    named = {f"source.{k}": source for k, source in enumerate(of_scene.list) if source.name}
+    nodes = [f"wavelength.{k}" for k in range(len(of_scene.wavelengths_um))]
+    # A source that is too cold to radiate in the band has no intensity. Its area is set to 0.
+    scales = [1 / source.in_band if source.in_band > 0 else 0.0 for source in named.values()]
+    return list(named.values()), [*named, *nodes], np.append(scales, np.ones(len(nodes) + 1))
+
+
 def effective_areas(total: Totals, scene: Scene, window_area: float) -> EffectiveAreas:
     """Effective areas from a render that recorded the emission of each source.
 
@@ -352,14 +365,8 @@ def effective_areas(total: Totals, scene: Scene, window_area: float) -> Effectiv
     window_area : float
         Area of the sensor's window, m^2.
     """
-    all_sources = total.emitters.sources
-    numbers = [k for k, source in enumerate(all_sources.list) if source.name is not None]
-    sources = [all_sources.list[k] for k in numbers]
-    # A source that is too cold to radiate in the band has no intensity. Its area is set to 0.
-    scale = [1 / source.in_band if source.in_band > 0 else 0.0 for source in sources]
-    nodes = all_sources.wavelengths_um
-    scales = window_area * np.array([*scale, *np.ones(len(nodes) + 1)])
-    channels = [f"source.{k}" for k in numbers] + [f"wavelength.{k}" for k in range(len(nodes))]
+    sources, channels, scales = recorded_amounts(total)
+    scales = window_area * scales
     prefixes = {"target": "target.", "scene": ""}
     names = [[*(prefixes[part] + name for name in channels), "target.hit"] for part in PARTS]
     amounts = scales * [[total.mean(name)[0] for name in row] for row in names]
@@ -384,6 +391,6 @@ def effective_areas(total: Totals, scene: Scene, window_area: float) -> Effectiv
         amounts=amounts,
         error=np.hypot(np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))[:, :count], missed),
         covariance=covariance,
-        nodes_um=nodes,
+        nodes_um=total.emitters.sources.wavelengths_um,
         scene_name=scene.name,
     )

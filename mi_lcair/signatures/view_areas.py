@@ -27,7 +27,7 @@ from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals, student_factor
 from mi_lcair.rendering.views import View
 from mi_lcair.rendering.window import RANDOMISATIONS
-from mi_lcair.signatures.effective_areas import SourcesInBand
+from mi_lcair.signatures.effective_areas import SourcesInBand, recorded_amounts
 from mi_lcair.signatures.many_views import totals_of_views
 
 if TYPE_CHECKING:
@@ -145,10 +145,7 @@ class ViewAreas(SourcesInBand):
             self.check_told_apart()
         changed = {group: np.asarray(T, dtype=float) for group, T in (temperatures or {}).items()}
         per_amount = self.in_band(wanted, changed)
-        if not self.nodes_um.size:
-            brightest = self.brighter(per_amount)
-        else:
-            brightest = 1.0
+        brightest = 1.0 if self.nodes_um.size else self.brighter(per_amount)
         return self.estimates(per_amount, per_amount, brightest)
 
     def brighter(self, radiance: np.ndarray) -> np.ndarray:
@@ -353,15 +350,8 @@ def measure_view_areas(
 
 def view_areas(total: Totals, scene: Scene, views: list[View], areas: np.ndarray) -> ViewAreas:
     """Effective areas from sums over paths; areas: those of the windows, (V,) [m^2]."""
-    of_scene = total.emitters.sources
-    sources = {
-        f"source.{k}": source for k, source in enumerate(of_scene.list) if source.name is not None
-    }
-    # A source that is too cold to radiate in the band has no intensity. Its area is set to 0.
-    scales = [1 / source.in_band if source.in_band > 0 else 0.0 for source in sources.values()]
-    nodes = [f"wavelength.{k}" for k in range(len(of_scene.wavelengths_um))]
-    names = [*sources, *nodes, "hit"]
-    scales = np.array([*scales, *np.ones(len(nodes) + 1)])
+    sources, channels, scales = recorded_amounts(total)
+    names = [*channels, "hit"]
     of_windows = scales * areas[:, None]
     amounts = np.stack([total.mean(name) for name in names], axis=-1) * of_windows
     deviations = np.stack([total.deviations(name) for name in names], axis=-1)
@@ -374,8 +364,8 @@ def view_areas(total: Totals, scene: Scene, views: list[View], areas: np.ndarray
     return ViewAreas(
         scene_name=scene.name,
         band=scene.band,
-        sources=list(sources.values()),
-        nodes_um=of_scene.wavelengths_um,
+        sources=sources,
+        nodes_um=total.emitters.sources.wavelengths_um,
         views=tuple(views),
         amounts=amounts,
         deviations=deviations * of_windows[:, None],
