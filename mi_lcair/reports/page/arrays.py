@@ -1,7 +1,6 @@
 """Numbers and scripts of a page as compressed text, which the browser unpacks.
 
-All arrays of a page lie one behind the other in one block of Float32. Its bytes are sorted by
-significance before the compression, because the first bytes of neighbouring numbers are alike.
+All arrays of a page lie one behind the other in one block of Float32.
 """
 
 import base64
@@ -9,10 +8,6 @@ import gzip
 import json
 
 import numpy as np
-
-# Bits of the significand that floats keep: one part in 130,000, more than the pages show.
-KEPT_BITS = 16
-DROPPED = 23 - KEPT_BITS
 
 
 class Arrays:
@@ -29,13 +24,14 @@ class Arrays:
     def reference(self, values) -> object:
         """What stands for an array in the JSON: the place of its first number, and its shape.
 
-        NumPy's scalars become Python's. Floats are rounded to KEPT_BITS, integers are not.
+        NumPy's scalars become Python's.
         """
         if isinstance(values, np.generic):
             return values.item()
         if not isinstance(values, np.ndarray):
             raise TypeError(f"a page cannot hold {type(values).__name__}")
-        block = rounded(values) if values.dtype.kind == "f" else values.astype("<f4").ravel()
+        with np.errstate(over="ignore"):
+            block = values.astype("<f4").ravel()
         key = block.tobytes()
         if key not in self._first:
             self._first[key] = self._count
@@ -53,8 +49,7 @@ class Arrays:
 
     def packed(self) -> str:
         """All arrays as compressed text."""
-        block = np.concatenate([np.empty(0, "<f4"), *self._blocks])
-        return packed(block.view(np.uint8).reshape(-1, 4).T.tobytes())
+        return packed(np.concatenate([np.empty(0, "<f4"), *self._blocks]).tobytes())
 
 
 def finite(data):
@@ -66,15 +61,6 @@ def finite(data):
     if isinstance(data, (float, np.floating)) and not np.isfinite(data):
         return None
     return data
-
-
-def rounded(values: np.ndarray) -> np.ndarray:
-    """The values as Float32, rounded to KEPT_BITS of the significand, in one dimension."""
-    with np.errstate(over="ignore"):
-        values = np.asarray(values, "<f4").ravel()
-    bits = np.where(np.isnan(values), np.float32(np.nan), values).view("<u4")
-    half = (1 << (DROPPED - 1)) - 1 + ((bits >> DROPPED) & 1)  # ties go to the even number
-    return ((bits + half) & np.uint32(~((1 << DROPPED) - 1) & 0xFFFFFFFF)).view("<f4")
 
 
 def packed(content: bytes) -> str:

@@ -3,7 +3,6 @@
 import numpy as np
 
 from mi_lcair.formats.channels import or_nan
-from mi_lcair.reports.page.arrays import rounded
 from mi_lcair.reports.page.panel import Panel
 from mi_lcair.reports.pictures.colour_scale import WHOLE, around_target, limits_of_channel
 from mi_lcair.reports.pictures.image_channels import channel_quantity
@@ -59,10 +58,8 @@ def image_panel(channels: dict[str, np.ndarray], shown=(), orthographic_m=None) 
 
 
 def with_gaps(name: str, pixels: np.ndarray) -> np.ndarray:
-    """The pixels of a channel with NaN for those without a value."""
-    # As the page holds them, so that limits and pixels are rounded alike
-    pixels = rounded(np.asarray(pixels)).reshape(pixels.shape).astype(np.float64)
-    return or_nan(name, pixels)
+    """The pixels of a channel, as the page holds them, with NaN for those without a value."""
+    return or_nan(name, pixels.astype("<f4").astype(float))
 
 
 def scales(name: str, values: np.ndarray, weights=None) -> dict[str, tuple[float, float]]:

@@ -4,7 +4,6 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.reports.page.arrays import rounded
 from mi_lcair.reports.page.image_panel import extent, scales
 from mi_lcair.reports.page.panel import Panel, column_data
 
@@ -82,7 +81,7 @@ def described_column(name: str, values, areas=None) -> dict:
     column = column_data(name, values)
     if "names" in column:
         return column
-    numbers = rounded(np.asarray(values, dtype=float)).astype(float)
+    numbers = np.asarray(values, "<f4").astype(float)  # as the page holds them
     return column | scales(name, numbers, areas) | {"extent": extent(numbers)}
 
 

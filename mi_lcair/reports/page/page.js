@@ -12,14 +12,6 @@ async function unpacked(id) {
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
-/** The numbers of a page; their bytes are sorted by significance in the file. */
-function numbersOf(bytes) {
-  const count = bytes.length / 4, sorted = new Uint8Array(bytes.length);
-  for (let plane = 0; plane < 4; plane++)
-    for (let k = 0, from = plane * count; k < count; k++) sorted[4 * k + plane] = bytes[from + k];
-  return new Float32Array(sorted.buffer);
-}
-
 /** The data of a panel with arrays in the place of references. */
 function revived(data, numbers) {
   if (Array.isArray(data)) return data.map((item) => revived(item, numbers));

@@ -16,7 +16,7 @@
   try {
     if (places.length) {
       const [bytes, source] = await Promise.all(["arrays", "plotly"].map(unpacked));
-      const numbers = numbersOf(bytes);
+      const numbers = new Float32Array(bytes.buffer);
       document.head.append(element("script", { textContent: new TextDecoder().decode(source) }));
       const isInView = (place) => place.getBoundingClientRect().top < window.innerHeight;
       const first = places.filter(isInView);
