@@ -12,8 +12,8 @@ from pathlib import Path
 import mi_lcair
 from mi_lcair.cli.output import print_columns
 from mi_lcair.detection.scenario import Scenario
-from mi_lcair.drawing import write_figure
-from mi_lcair.reports.pictures.image import pictures
+from mi_lcair.drawing import new_figure, styled, write_figure
+from mi_lcair.reports.pictures.image import draw_frame
 
 RANGES_M = (500.0, 2000.0, 5000.0)
 CAMERA = {
@@ -43,6 +43,17 @@ def scenario(range_m: float) -> Scenario:
             **{f"camera.{name}": value for name, value in CAMERA.items()},
         },
     )
+
+
+@styled
+def pictures(images: list):
+    """Figure with the first frame of each image around its target, side by side."""
+    figure = new_figure((4.4 * len(images), 2.5), layout="constrained")
+    for axes, image in zip(figure.subplots(1, len(images), squeeze=False)[0], images):
+        draw_frame(figure, axes, image)
+        measures, observer = image.measures, image.scenario.observer
+        axes.set_title(f"{observer.range_m:g} m: {measures.pixels:.0f} pixels on the target")
+    return figure
 
 
 def main(path: Path, ranges=RANGES_M) -> None:

@@ -211,7 +211,7 @@ assert abs(scatter / frames.measures.netd - 1) < 0.03
 # %% [markdown]
 # ## The camera's range
 #
-# The image is also the table of panel (d): pixels on the target, its electrons above the
+# The image is also the table of panel (c): pixels on the target, its electrons above the
 # background, and its signal-to-noise ratio over range. This camera resolves the aircraft. The
 # range is therefore not limited by noise but by the 50 pixels that we ask for.
 

@@ -1,4 +1,4 @@
-"""Pictures of a camera's image: apparent temperature, MTF, noise, and the target over range."""
+"""Picture of a camera's image: apparent temperature, MTF, and the target over range."""
 
 import numpy as np
 
@@ -6,24 +6,22 @@ from mi_lcair.camera.image_result import Image
 from mi_lcair.drawing import new_figure, plain, styled
 from mi_lcair.reports.pictures.colour_scale import draw_pixels, limits_of
 
-SIZE = (11, 7.6)  # inches
-SMALLEST_ERROR = 1e-2  # smallest error of the rendering that is drawn, in noises of the camera
+SIZE = (11, 6.4)  # inches
 
 
 @styled
 def figure(image: Image):
-    """Figure of a camera's image, with four panels.
+    """Figure of a camera's image, with three panels.
 
-    They are the apparent temperature of the first frame, the MTF, the noise of camera and rendering
-    over the pixels' temperature, and signal-to-noise ratio and pixels on the target over range.
+    They are the apparent temperature of the first frame, the MTF, and signal-to-noise ratio and
+    pixels on the target over range.
     """
     scenario, measures, camera = image.scenario, image.measures, image.scenario.camera
     figure = new_figure(SIZE, layout="constrained")
-    (picture, curves), (noise, ranges) = figure.subplots(2, 2)
-    _temperature(figure, picture, image)
-    _mtf(curves, image)
-    _noise(noise, image)
-    _ranges(ranges, image)
+    panels = figure.subplot_mosaic([["frame", "mtf"], ["frame", "ranges"]])
+    draw_frame(figure, panels["frame"], image)
+    _mtf(panels["mtf"], image)
+    _ranges(panels["ranges"], image)
     figure.suptitle(
         plain(
             f"{scenario.name}, {image.band.label}, {scenario.observer.range_m:.5g} m, "
@@ -35,19 +33,8 @@ def figure(image: Image):
     return figure
 
 
-@styled
-def pictures(images: list[Image]):
-    """Figure with the first frame of each image around its target, side by side."""
-    figure = new_figure((4.4 * len(images), 2.5), layout="constrained")
-    for axes, image in zip(np.atleast_1d(figure.subplots(1, len(images))), images):
-        _temperature(figure, axes, image)
-        measures, observer = image.measures, image.scenario.observer
-        axes.set_title(f"{observer.range_m:g} m: {measures.pixels:.0f} pixels on the target")
-    return figure
-
-
-def _temperature(figure, axes, image: Image) -> None:
-    """The apparent temperature of the first frame around the target."""
+def draw_frame(figure, axes, image: Image) -> None:
+    """Draw the apparent temperature of the first frame around the target."""
     (left, top), (columns, rows) = image.view.window
     height, width = image.channels["temperature.Y"].shape
     beside = max(8, max(columns, rows) // 8)
@@ -85,23 +72,6 @@ def _mtf(axes, image: Image) -> None:
     axes.legend()
 
 
-def _noise(axes, image: Image) -> None:
-    """Noise of the camera and standard error of the rendering, over the temperature of a pixel."""
-    temperature = image.channels["mean_temperature.Y"].ravel()
-    error, noise = (image.channels[name].ravel() for name in ("stderr_K.Y", "noise_K.Y"))
-    order = np.argsort(temperature)
-    on = error > SMALLEST_ERROR * noise
-    style = {"label": "standard error of the rendering", "rasterized": True}
-    axes.plot(temperature[on], 1e3 * error[on], ".", markersize=2, color="C0", **style)
-    in_time = "noise of the camera in time"
-    axes.plot(temperature[order], 1e3 * noise[order], color="C3", label=in_time)
-    axes.set_yscale("log")
-    axes.set_title("(c) noise of camera and rendering in each pixel")
-    axes.set_xlabel("mean apparent temperature of a pixel (K)")
-    axes.set_ylabel("standard deviation (mK)")
-    axes.legend()
-
-
 def _ranges(axes, image: Image) -> None:
     """Signal-to-noise ratio and pixels on the target over range, with what a detection needs."""
     from matplotlib.ticker import LogLocator, NullLocator
@@ -130,8 +100,8 @@ def _ranges(axes, image: Image) -> None:
     )
     if image.detected_to_m and image.detected_to_m > 0.999 * x.max():
         detected += " at least"
-    axes.set_title(f"(d) over range, by matched filter: {detected}")
+    axes.set_title(f"(c) over range, by matched filter: {detected}")
     axes.set_xlabel("range (m)")
-    axes.set_ylabel("ratio, number; dotted: what a detection needs")
+    axes.set_ylabel("ratio, number (dotted: needed)")
     names = ["signal to noise, matched filter", "of the peak pixel", "pixels on the target"]
     axes.legend([snr, peak, pixels], names)
