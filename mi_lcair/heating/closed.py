@@ -1,6 +1,7 @@
 """Which shapes of a scene are closed, so that whoever sees their backs is inside a body."""
 
 import numpy as np
+from scipy import sparse
 
 from mi_lcair.models3d.coincident import unique_rows
 from mi_lcair.rendering.facets.table import FacetTable
@@ -22,8 +23,7 @@ def closed_shapes(table: FacetTable, shapes: list, one_sided: np.ndarray) -> np.
         owner = np.repeat(shape[used], 3)
         _, corner = unique_rows(table.triangles[used].reshape(-1, 3))
         start, end = corner, np.roll(corner.reshape(-1, 3), -1, axis=1).ravel()
-        names = np.stack([np.minimum(start, end), np.maximum(start, end)], axis=1)
-        _, edge = unique_rows(names)
-        surplus = np.bincount(edge, np.sign(end - start))
-        closed[owner[surplus[edge] != 0]] = False
+        edges = sparse.csr_array((np.ones(len(start)), (start, end)))
+        surplus = (edges - edges.T)[start, end]
+        closed[owner[surplus != 0]] = False
     return closed

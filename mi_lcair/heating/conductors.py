@@ -71,29 +71,14 @@ class Facets:
 class Conductors:
     """Radiative conductors of n facets [m^2].
 
-    between: (n, n), sparse, symmetric, without a diagonal. to_sky: (n, rings), to the rings of the
-    sky between the elevations `RINGS_DEG`. to_ground: (n,), to what lies below the horizon.
-    to_self: (n,), what a facet emits and absorbs again; no heat flows through it.
+    between: (n, n), sparse, symmetric; through the diagonal, of what a facet emits and absorbs
+    again, no heat flows. to_sky: (n, rings), to the rings of the sky between the elevations
+    `RINGS_DEG`. to_ground: (n,), to what lies below the horizon.
     """
 
     between: sparse.csr_array
     to_sky: np.ndarray
     to_ground: np.ndarray
-    to_self: np.ndarray
-
-    @staticmethod
-    def of(
-        matrix: sparse.sparray | np.ndarray,
-        to_sky: np.ndarray,
-        to_ground: np.ndarray,
-        to_self: np.ndarray | float = 0.0,
-    ) -> "Conductors":
-        """The conductors of a symmetric matrix, whose diagonal adds to `to_self`."""
-        between = sparse.csr_array(matrix)
-        to_self = to_self + between.diagonal()
-        between = between - sparse.diags_array(between.diagonal())
-        between.eliminate_zeros()
-        return Conductors(between, to_sky, to_ground, to_self)
 
     @cached_property
     def parts(self) -> dict[str, np.ndarray]:
@@ -101,14 +86,19 @@ class Conductors:
         return {
             "sky": self.to_sky.sum(axis=1),
             "ground": self.to_ground,
-            "itself": self.to_self,
-            "others": self.between.sum(axis=1),
+            "itself": self.between.diagonal(),
+            "others": self.between.sum(axis=1) - self.between.diagonal(),
         }
+
+    @property
+    def outward(self) -> np.ndarray:
+        """Sum of each facet's conductors to all others, to the sky and to the ground, (n,)."""
+        return self.total - self.between.diagonal()
 
     @cached_property
     def total(self) -> np.ndarray:
-        """Sum of each facet's conductors to all others, to the sky and to the ground, (n,)."""
-        return self.parts["sky"] + self.to_ground + self.parts["others"]
+        """Sum of each facet's conductors, (n,); that of all that it absorbs."""
+        return self.to_sky.sum(axis=1) + self.to_ground + self.between.sum(axis=1)
 
     def absorbed(self, fourth: np.ndarray, sky: np.ndarray | float, ground: float) -> np.ndarray:
         """What the facets absorb, as an area times T^4 [m^2 K^4], (n,), also of what they emit.
@@ -116,8 +106,7 @@ class Conductors:
         fourth, sky, ground: T^4 of the facets, (n,), of the rings of the sky, (rings,), or of the
         whole sky, and of the ground [K^4].
         """
-        of_facets = self.between @ fourth + self.to_self * fourth
-        return of_facets + np.sum(self.to_sky * sky, axis=1) + self.to_ground * ground
+        return self.between @ fourth + np.sum(self.to_sky * sky, axis=1) + self.to_ground * ground
 
     def gained(self, fourth: np.ndarray, sky: np.ndarray | float, ground: float) -> np.ndarray:
         """What the facets absorb less what they emit [m^2 K^4], (n,); see `absorbed`.
@@ -126,8 +115,7 @@ class Conductors:
         """
         level = fourth[0]
         fourth = fourth - level
-        absorbed = self.absorbed(fourth, sky - level, ground - level)
-        return absorbed - (self.total + self.to_self) * fourth
+        return self.absorbed(fourth, sky - level, ground - level) - self.total * fourth
 
     def heat(self, kelvin: np.ndarray, sky_K: np.ndarray | float, ground_K: float) -> np.ndarray:
         """Heat that each facet gains [W], (n,).
@@ -146,16 +134,13 @@ class Conductors:
         It is sigma T^4 where everything around the facet has the temperature T, and NaN for a facet
         that absorbs nothing.
         """
-        absorbs = self.total + self.to_self
         power = STEFAN_BOLTZMANN * self.absorbed(kelvin**4, np.asarray(sky_K) ** 4, ground_K**4)
-        return power / np.where(absorbs > 0, absorbs, np.nan)
+        return power / np.where(self.total > 0, self.total, np.nan)
 
     def by_group(self, facets: Facets) -> "Conductors":
         """The conductors between groups of isothermal facets."""
         M = facets.membership
-        return Conductors.of(
-            M @ self.between @ M.T, M @ self.to_sky, M @ self.to_ground, M @ self.to_self
-        )
+        return Conductors(M @ self.between @ M.T, M @ self.to_sky, M @ self.to_ground)
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +157,7 @@ class Traced:
     @cached_property
     def mean(self) -> Conductors:
         """The mean of the replicates."""
-        names = ("between", "to_sky", "to_ground", "to_self")
+        names = ("between", "to_sky", "to_ground")
         sums = (sum(getattr(replicate, name) for replicate in self.replicates) for name in names)
         return Conductors(*(total / len(self.replicates) for total in sums))
 

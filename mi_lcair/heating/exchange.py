@@ -41,7 +41,7 @@ def combined(means: Means, facets: Facets, rays: int) -> Traced:
     for G, ends in zip(means.between, means.ends):
         i, j = (G := sparse.coo_array(G)).coords
         half = sparse.csr_array((G.data * area[j] / (area[i] + area[j]), (i, j)), shape=G.shape)
-        replicates.append(Conductors.of(half + half.T, ends[:, :RINGS], ends[:, RINGS]))
+        replicates.append(Conductors(half + half.T, ends[:, :RINGS], ends[:, RINGS]))
     return Traced(tuple(replicates), facets.area * facets.emissivity / rays)
 
 

@@ -122,14 +122,15 @@ class Exchange(Result):
         error = self.traced.standard_error(lambda C: C.irradiance(*around))
         fourth, *others = (np.asarray(kelvin, float) ** 4 for kelvin in around)
         least = STEFAN_BOLTZMANN * self.traced.least_error(fourth, *others)
-        absorbs = np.maximum(self.conductors.total + self.conductors.to_self, 1e-300)
+        absorbs = np.maximum(self.conductors.total, 1e-300)
         return self.conductors.irradiance(*around), np.maximum(error, least / absorbs)
 
     def summary(self) -> str:
         """One line with the numbers of facets, groups and paths."""
+        pairs = sparse.triu(self.conductors.between, 1).nnz
         return (
             f"exchange in {self.scene_name}: {len(self.facets.number)} facets of "
-            f"{len(self.facets.groups)} groups, {self.conductors.between.nnz // 2} conductors "
+            f"{len(self.facets.groups)} groups, {pairs} conductors "
             f"from {self.rays} paths of each side of a facet"
         )
 
@@ -154,7 +155,7 @@ class Exchange(Result):
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each facet. Shares are those of what the facet emits."""
         facets, C = self.facets, self.conductors
-        quantities = [("conductor", "_m2", C.total, self.error(lambda c: c.total))]
+        quantities = [("conductor", "_m2", C.outward, self.error(lambda c: c.outward))]
         for name, value in C.parts.items():
             error = self.error(lambda c, name=name: c.parts[name])
             emitted = facets.emitting_area
@@ -189,7 +190,7 @@ class Exchange(Result):
         Where the randomisations agree to 1 %, the error is at least half of what `UNMET` paths
         stand for, or the conductor itself if that is less, as after reflections.
         """
-        upper, facets = sparse.coo_array(sparse.triu(self.conductors.between)), self.facets
+        upper, facets = sparse.coo_array(sparse.triu(self.conductors.between, 1)), self.facets
         i, j = upper.coords
         area, path = facets.radiating_area, self.traced.path_area
         path = np.maximum(path[i] * area[j], path[j] * area[i]) / (area[i] + area[j])

@@ -46,7 +46,9 @@ def test_a_turned_sphere_exchanges_as_it_does_unturned(is_flipped):
     ball = {"type": "sphere", "to_world": turn, "flip_normals": is_flipped, "bsdf": grey(0.7)}
     result = exchange(scene_of(ball=ball | {"emitter": emits()}), rays=1024)
     C, emitted = result.conductors, result.facets.emitting_area
-    reached, other = (C.to_self, C.total) if is_flipped else (C.total, C.to_self)
+    reached, other = (
+        (C.parts["itself"], C.outward) if is_flipped else (C.outward, C.parts["itself"])
+    )
     assert reached == pytest.approx(emitted, rel=1e-4)
     assert other == 0
 
@@ -65,7 +67,7 @@ def test_a_mirror_around_a_sphere_acts_as_a_plate():
 
 def test_an_enclosure_keeps_what_it_emits():
     result = exchange(scene_of(box=box(grey(0.3), emitter=emits())), rays=2048)
-    kept = result.conductors.to_self + result.conductors.total
+    kept = result.conductors.total
     assert kept.sum() == pytest.approx(0.3 * 24, rel=1e-4)
     assert result.conductors.to_sky.sum() + result.conductors.to_ground.sum() == 0
 
@@ -74,15 +76,15 @@ def test_paths_that_end_at_random_keep_the_means(monkeypatch):
     scene = scene_of(box=box(grey(0.3), emitter=emits()))
     monkeypatch.setattr("mi_lcair.heating.paths.FAINT", 1.0)  # at each reflection
     result = exchange(scene, rays=4096)
-    (error,) = result.traced.standard_error(lambda C: np.array([(C.to_self + C.total).sum()]))
-    total = (result.conductors.to_self + result.conductors.total).sum()
+    (error,) = result.traced.standard_error(lambda C: np.array([C.total.sum()]))
+    total = result.conductors.total.sum()
     assert abs(total - 0.3 * 24) < 4 * error < 0.01 * total
 
 
 def test_what_is_left_after_the_last_reflection_is_told():
     """Each of 10,000 reflections absorbs 1e-5, which Float32 rounds by up to 3e-8."""
     result = exchange(scene_of(box=box(grey(1e-5), emitter=emits())), rays=64)
-    kept = (result.conductors.to_self + result.conductors.total).sum() / (1e-5 * 24)
+    kept = result.conductors.total.sum() / (1e-5 * 24)
     assert kept == pytest.approx(-np.expm1(-0.1), rel=6e-3)
     assert "90.5% of its radiation is left after 10000 reflections" in result.remarks[0]
 
@@ -113,7 +115,7 @@ def test_view_factors_of_a_black_cube():
     scene = scene_of(box=box(grey(1.0), emitter=emits()))
     result = exchange(scene, rays=131072)
     normal = np.round(FacetTable(scene).normal).astype(int)
-    GR = result.conductors.between.toarray() + np.diag(result.conductors.to_self)
+    GR = result.conductors.between.toarray()
     faces = np.unique(normal, axis=0)
     of_face = np.array([(normal == face).all(axis=1) for face in faces], dtype=float)
     F = of_face @ GR @ of_face.T / 4

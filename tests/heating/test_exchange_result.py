@@ -38,7 +38,7 @@ def test_pairs_have_their_errors(result):
     pairs = result.pairs()
     n = result.facets.number.max() + 1
     i, j = pairs["facet"], pairs["other_facet"]
-    upper = sparse.triu(result.conductors.between).toarray()
+    upper = sparse.triu(result.conductors.between, 1).toarray()
     dense = sparse.coo_array((pairs["conductor_m2"], (i, j)), shape=(n, n)).toarray()
     np.testing.assert_allclose(dense, upper)
     scatter = result.traced.standard_error(lambda C: C.between.toarray())[i, j]

@@ -172,7 +172,7 @@ class Course:
         V = F V from day to day, so that (1 - F)^-1 F of a change is left to do.
         """
         network, result = self.network, np.zeros_like(change)
-        slope = 4 * STEFAN_BOLTZMANN * self.kelvin.mean(axis=0) ** 3 * network.conductors.total
+        slope = 4 * STEFAN_BOLTZMANN * self.kelvin.mean(axis=0) ** 3 * network.balance.diagonal
         loss = (self.conductance.mean(axis=0) + slope) / network.facets.area
         for _, wall, members in network.with_walls:
             rates, shapes = wall.modes

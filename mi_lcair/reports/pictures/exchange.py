@@ -41,6 +41,7 @@ def figure(exchange: Exchange):
     bars.legend(fontsize=7, ncols=4, loc="upper center", bbox_to_anchor=(0.5, -0.22))
 
     GR = C.between.toarray()
+    np.fill_diagonal(GR, 0)  # through which no heat flows
     if (GR > 0).any():
         drawn = matrix.imshow(np.where(GR > 0, GR, np.nan), norm=LogNorm(), cmap="viridis")
         figure.colorbar(drawn, ax=matrix, label="conductor GR (m²)")

@@ -41,10 +41,9 @@ def network(
     area = np.ones(n) if area is None else np.asarray(area, float)
     names = tuple(f"g{k}" for k in range(n))
 
-    mean = Conductors.of(
-        np.asarray(between, float), np.reshape(sky, (n, 1)), np.asarray(ground, float)
-    )
-    total = np.maximum(mean.total, 1e-3)
+    matrix = sparse.csr_array(np.asarray(between, float))
+    mean = Conductors(matrix, np.reshape(sky, (n, 1)), np.asarray(ground, float))
+    total = np.maximum(mean.outward, 1e-3)
     facets = Facets(
         number=np.arange(n), area=area, sides=np.ones(n, int), groups=names, group=np.arange(n),
         material=np.array(["grey"] * n), emissivity=np.minimum(total / np.maximum(area, 1e-3), 1),
