@@ -257,6 +257,6 @@ assert by_day.measures.snr > frames.measures.snr
 #
 # - [Contrast and detection range](../howto/contrast.md): all entries of a scenario.
 # - [Camera](../howto/camera.md): what its numbers mean, frames as TIFF.
-# - [Daylight](../howto/daylight.md) and [slant paths](../howto/atmosphere.md): sun, sky and air.
+# - [Daylight](../howto/daylight.md) and [clear air](../howto/atmosphere.md): sun, sky and air.
 # - [The airliner by day](../validation/day.md): other directions of the sun.
 # - [Budget](../howto/budget.md): how uncertain the contrast is if temperatures and materials are.

@@ -1,6 +1,7 @@
 """What a file or a name is, by its suffix, its content, or what is bundled."""
 
 import re
+from difflib import get_close_matches
 from pathlib import Path
 
 from mi_lcair import scenes
@@ -70,11 +71,15 @@ def kind_of(what: str | Path, materials: str | Path | None = None) -> str:
     if is_number(what) or what in names(materials):
         return MATERIAL
     check_model(what)
+    bundled = [*scenes.names(), *names(materials), *sky_names(), *atmosphere_names()]
+    hint = f"; the nearest are {', '.join(get_close_matches(what, bundled, 3, 0.0))}"
+    if suffix:
+        hint = "; TIFFs are for other programs, such as ImageJ" if suffix.startswith(".tif") else ""
     raise InputError(
         f"'{what}' is no image (.exr), no trend, spectrum or facets (.csv, .nc), no result "
         f"(.json), no model ({', '.join(MODELS)} or the folder of an import), no scene (.xml), no "
-        f"scenario (.toml), no material, no temperatures (260K,300K) and no air or sky; scenes are "
-        f"{', '.join(scenes.names())}, materials {', '.join(names(materials))}"
+        "scenario (.toml), no temperatures (260K,300K), and no name of a scene, material, air or "
+        f"sky{hint}"
     )
 
 
