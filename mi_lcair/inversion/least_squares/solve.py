@@ -138,12 +138,12 @@ def solve(
             progress(min(done, most), most)
         return blocks
 
-    def noted(blocks, x, is_kept=True) -> float:
+    def record(blocks, x, is_kept=True) -> float:
         normal = equations(blocks, x, is_sparse)
-        whole = length(undamped(normal, prior, x), normal, prior)
+        distance = length(undamped(normal, prior, x), normal, prior)
         paths = done * sum(block.paths for block in blocks)
-        trace.append(Step(done, paths, whole, cost_of(blocks, x), is_kept, x.tolist()))
-        return whole
+        trace.append(Step(done, paths, distance, cost_of(blocks, x), is_kept, x.tolist()))
+        return distance
 
     first, start, weights = x, x, weigh(x)
     blocks = rendered(x)
@@ -154,11 +154,11 @@ def solve(
             held = hidden(blocks, len(x), is_correlated)
         blocks = [without(block, held) for block in blocks]
         if is_exact:
-            noted(blocks, x)
+            record(blocks, x)
             x, converged = nearest(blocks, x, prior, is_sparse)
         else:
             x, blocks, converged = descent(
-                blocks, x, prior, is_sparse, rendered, noted, lambda: done >= iterations
+                blocks, x, prior, is_sparse, rendered, record, lambda: done >= iterations
             )
         is_far = length(x - start, equations(blocks, x, is_sparse), prior) >= 1
         # Weights at the first guess are not the best ones, so they are found once more
@@ -176,7 +176,7 @@ def solve(
             if is_exact and max(block.change(x) for block in blocks) > FAR:
                 blocks = rendered(x)
     if is_exact:
-        noted(blocks, x)
+        record(blocks, x)
     result = state(blocks, x, prior, is_sparse)
     if converged:
         again = None if is_exact else rendered
@@ -198,29 +198,29 @@ def nearest(blocks, x, prior: Prior, is_sparse: bool) -> tuple[np.ndarray, bool]
     return x, False
 
 
-def descent(blocks, x, prior: Prior, is_sparse: bool, rendered, noted, is_over) -> tuple:
+def descent(blocks, x, prior: Prior, is_sparse: bool, rendered, record, is_over) -> tuple:
     """Levenberg-Marquardt steps, each with a render: values, blocks there, and convergence.
 
     Far from the solution the cost decides whether a step is kept. Near it, the noise of the render
     hides the change of the cost, and the gradient decides, which is 0 at the solution.
 
-    rendered: gives the blocks at values. noted: traces blocks at values, and gives the length of
-    the undamped step from there, since a damped step is short far from the solution too. is_over:
-    whether no further render is allowed.
+    rendered: gives the blocks at values. record: traces blocks at values, and gives the distance
+    from there to the solution in standard errors. It is the length of the undamped step, because a
+    damped one is short far from the solution too. is_over: whether no further render is allowed.
     """
     damping, largest = FIRST_DAMPING, CONVERGED
-    whole = noted(blocks, x)
+    distance = record(blocks, x)
     while damping <= MOST_DAMPING:
         normal = equations(blocks, x, is_sparse)
-        if whole < largest or is_over():
-            return x, blocks, whole < largest
+        if distance < largest or is_over():
+            return x, blocks, distance < largest
         trial, new = None, near(blocks, x, prior, damping, is_sparse)
         if (new != x).any():
             new, trial = feasible(rendered, x, new)
         if trial is None:  # no step lowers the cost, or a surface can have none of the values
             damping = max(10 * damping, FIRST_DAMPING)
             continue
-        is_near = whole <= NEAR
+        is_near = distance <= NEAR
         near_by = normal if is_near else None
         predicted = cost_change(blocks, x, blocks, new, prior, near_by)
         trial = [
@@ -233,13 +233,13 @@ def descent(blocks, x, prior: Prior, is_sparse: bool, rendered, noted, is_over) 
             blocks = [replace(old, curvature=block.curvature) for block, old in zip(trial, blocks)]
         change = cost_change(blocks, x, trial, new, prior, near_by)
         # Far from the solution the change of the cost is noisy
-        is_kept = change < (0 if is_near else whole**2)
-        ahead = noted(trial, new, is_kept)
+        is_kept = change < (0 if is_near else distance**2)
+        distance_after = record(trial, new, is_kept)
         if is_kept:
-            x, blocks, whole = new, trial, ahead
+            x, blocks, distance = new, trial, distance_after
         # A step that should have come nearer and did not shows how near the noise of the render,
         # which is another one at other values, lets the iteration come
-        largest = CONVERGED if is_kept or whole > NEAR else UNRESOLVED
+        largest = CONVERGED if is_kept or distance > NEAR else UNRESOLVED
         if change < predicted / 2 < 0:
             damping /= 1000  # the step went as it was predicted
         else:
