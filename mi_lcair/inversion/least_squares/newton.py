@@ -63,7 +63,7 @@ class Prior:
         return float((x - self.mean) @ self.times(x - self.mean))
 
 
-def near(
+def minimiser(
     blocks: list[DatumBlock], start, prior: Prior, damping: float, is_sparse: bool
 ) -> np.ndarray:
     """The values that minimise the cost of blocks rendered at `start`, with damping toward it."""

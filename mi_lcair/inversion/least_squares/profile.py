@@ -13,7 +13,7 @@ from scipy import sparse, stats
 
 from mi_lcair.errors import InputError
 from mi_lcair.inversion.least_squares.curvature import bent
-from mi_lcair.inversion.least_squares.newton import Prior, near
+from mi_lcair.inversion.least_squares.newton import Prior, minimiser
 from mi_lcair.inversion.least_squares.prediction import DatumBlock, cost_of, equations
 
 WIDTH = stats.norm.ppf(0.975)  # half of a 95 % interval, standard errors
@@ -94,7 +94,7 @@ class Profile:
         first = np.clip(start + step, 0.5 * (start + lower), 0.5 * (start + upper))
         first[self.k] = value
         held = replace(self.prior, lower=lower, upper=upper)
-        return near(blocks, first, held, 0.0, False)
+        return minimiser(blocks, first, held, 0.0, False)
 
     def end(self, side: int, render) -> float:
         """The end of the interval on one side, -1 or 1."""

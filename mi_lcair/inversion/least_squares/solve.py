@@ -22,7 +22,7 @@ from mi_lcair.inversion.least_squares.newton import (
     Prior,
     is_informed,
     length,
-    near,
+    minimiser,
     undamped,
 )
 from mi_lcair.inversion.least_squares.prediction import (
@@ -155,7 +155,7 @@ def solve(
         blocks = [without(block, held) for block in blocks]
         if is_exact:
             record(blocks, x)
-            x, converged = nearest(blocks, x, prior, is_sparse)
+            x, converged = exact_minimum(blocks, x, prior, is_sparse)
         else:
             x, blocks, converged = descent(
                 blocks, x, prior, is_sparse, rendered, record, lambda: done >= iterations
@@ -188,10 +188,10 @@ def solve(
     return replace(result, held=held, renders=done, converged=converged, trace=trace)
 
 
-def nearest(blocks, x, prior: Prior, is_sparse: bool) -> tuple[np.ndarray, bool]:
+def exact_minimum(blocks, x, prior: Prior, is_sparse: bool) -> tuple[np.ndarray, bool]:
     """The values that minimise the cost of blocks that hold for all values, and convergence."""
     for _ in range(INNER):
-        new = near(blocks, x, prior, 0.0, is_sparse)
+        new = minimiser(blocks, x, prior, 0.0, is_sparse)
         moved, x = length(new - x, equations(blocks, new, is_sparse), prior), new
         if moved < CONVERGED:
             return x, True
@@ -214,7 +214,7 @@ def descent(blocks, x, prior: Prior, is_sparse: bool, rendered, record, is_over)
         normal = equations(blocks, x, is_sparse)
         if distance < largest or is_over():
             return x, blocks, distance < largest
-        trial, new = None, near(blocks, x, prior, damping, is_sparse)
+        trial, new = None, minimiser(blocks, x, prior, damping, is_sparse)
         if (new != x).any():
             new, trial = feasible(rendered, x, new)
         if trial is None:  # no step lowers the cost, or a surface can have none of the values

@@ -16,5 +16,5 @@ def test_a_step_that_raises_the_cost_at_any_length_is_not_taken(monkeypatch):
     monkeypatch.setattr(
         newton, "second_order", lambda *_: calls.append(1) or (np.ones(2), np.zeros(2))
     )
-    np.testing.assert_array_equal(newton.near(blocks, best, prior, 0.0, False), best)
+    np.testing.assert_array_equal(newton.minimiser(blocks, best, prior, 0.0, False), best)
     assert len(calls) == 1
