@@ -13,7 +13,7 @@ from mi_lcair import toml_table
 from mi_lcair.declared import within
 from mi_lcair.errors import InputError, check_known, errors_of
 from mi_lcair.heating.temperatures.wall import Wall
-from mi_lcair.toml_table import dotted, filled, located, located_values
+from mi_lcair.toml_table import dotted, filled, located, located_values, table_of
 from mi_lcair.uncertainty.distributions import check_sigma
 
 KELVIN = within(lower=10, upper=6000, unit="K")
@@ -217,24 +217,16 @@ class Description:
 def described(tree: Mapping, folder: Path, _name: str) -> Description:
     """The description of the tables of a file in a folder."""
     check_known("table", [*KINDS, "groups", "sigma"], *tree)
-    for table in tree:
-        if not isinstance(tree[table], Mapping):
-            raise InputError(f"[{table}] must be a table")
-    if "sky" in tree.get("weather", {}):
-        raise InputError(
-            "[weather]: sky has radiances in two bands only; give sky_K, or an EPW file, for its "
-            "total radiance"
-        )
     tables = {key: filled(kind, tree.get(key, {}), f"[{key}]") for key, kind in KINDS.items()}
     if "signature" not in tree:
         tables["signature"] = None
     target, groups = tables.pop("target"), {}
-    for group, values in tree.get("groups", {}).items():
+    for group, values in table_of(tree, "groups").items():
         with errors_of(where := f"[groups.{group}]"):
             groups[group] = filled(GroupTable, values, where)
             groups[group].check()
     scene, parameters = located(folder, target.scene), located_values(folder, target.parameters)
-    sigma = dotted(tree.get("sigma", {}))
+    sigma = dotted(table_of(tree, "sigma"))
     with errors_of("[sigma]"):
         for name, value in sigma.items():
             check_sigma(name, value)

@@ -158,7 +158,7 @@ def test_refused(tmp_path, make, message):
 @pytest.mark.parametrize(
     ("tables", "message"),
     [
-        ({"weather": {"sky": "clear"}}, "two bands only"),
+        ({"weather": {"sky": "clear"}}, "sky_K"),
         ({"weather": {"day": "20260621"}}, "must be a date without quotes, such as 2026-06-21"),
         ({"groups": {"self": {"conductivity": -1.0}}}, r"groups.self.: conductivity = -1"),
         ({"groups": {"self": {"thickness_mm": 2.0}}}, "needs conductivity, density, heat_capacity"),
@@ -172,6 +172,8 @@ def test_refused(tmp_path, make, message):
         ({"sigma": {"h": -1.0}}, "'h' = -1"),
         ({"sun": {}}, "table 'sun'"),
         ({"sigma": 3}, r"\[sigma\] must be a table"),
+        ({"groups": 3}, r"\[groups\] must be a table"),
+        ({"run": 3}, r"\[run\] must be a table"),
         ({"target": {}}, "scene is missing"),
     ],
 )
