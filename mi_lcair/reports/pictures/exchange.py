@@ -1,4 +1,4 @@
-"""Picture of the exchange of heat: where radiation of the groups goes, and their conductors."""
+"""Picture of the exchange of heat: where radiation of the groups goes."""
 
 import numpy as np
 
@@ -6,20 +6,17 @@ from mi_lcair.drawing import new_figure, plain, styled
 from mi_lcair.heating.conductors import RINGS_DEG
 from mi_lcair.heating.exchange_result import Exchange
 
-MOST_NUMBERS = 8  # groups up to which the conductors are written into the picture
-
 
 @styled
 def figure(exchange: Exchange):
-    """Figure of the shares of what each group emits, and of the conductors between groups."""
+    """Figure of the shares of what each group emits."""
     from matplotlib import colormaps
-    from matplotlib.colors import LogNorm
 
     C, facets = exchange.conductors.by_group(exchange.facets), exchange.facets
     names = [plain(name) for name in facets.groups]
     emitted = facets.membership @ facets.emitting_area
-    figure = new_figure((11, 1.8 + 0.45 * len(names) + 1.2), layout="constrained")
-    bars, matrix = figure.subplots(1, 2)
+    figure = new_figure((7.5, 3 + 0.45 * len(names)), layout="constrained")
+    bars = figure.subplots()
 
     blues = colormaps["Blues"](np.linspace(0.85, 0.25, len(RINGS_DEG) - 1))
     parts = [
@@ -39,18 +36,5 @@ def figure(exchange: Exchange):
     bars.set(xlabel="share of what the group emits", xlim=(0, 1.02), title="where it is absorbed")
     bars.invert_yaxis()
     bars.legend(fontsize=7, ncols=4, loc="upper center", bbox_to_anchor=(0.5, -0.22))
-
-    GR = C.between.toarray()
-    np.fill_diagonal(GR, 0)  # through which no heat flows
-    if (GR > 0).any():
-        drawn = matrix.imshow(np.where(GR > 0, GR, np.nan), norm=LogNorm(), cmap="viridis")
-        figure.colorbar(drawn, ax=matrix, label="conductor GR (m²)")
-        for i, j in np.argwhere(GR > 0) if len(names) <= MOST_NUMBERS else ():
-            color = "k" if drawn.norm(GR[i, j]) > 0.6 else "w"
-            matrix.text(j, i, f"{GR[i, j]:.3g}", ha="center", va="center", color=color, fontsize=8)
-    matrix.set_xticks(range(len(names)), names, rotation=30, ha="right")
-    matrix.set_yticks(range(len(names)), names)
-    matrix.grid(False)
-    matrix.set_title("conductors between groups")
     figure.suptitle(plain(exchange.summary()), fontsize=10)
     return figure
