@@ -17,7 +17,6 @@ from mi_lcair.camera.exposure import Exposure, exposure
 from mi_lcair.camera.optics import OVERSAMPLING
 from mi_lcair.camera.scenery import Scenery
 from mi_lcair.camera.view import CameraView, Pointing, axes_of
-from mi_lcair.detection.line_of_sight import backdrop
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import Setting, rendered_as, setting_of
 from mi_lcair.detection.weather import QUANTITIES, in_weather, weather_quantities
@@ -33,8 +32,8 @@ from mi_lcair.rendering.images.measured import COLDEST, TEMPERATURE
 from mi_lcair.rendering.views import Target
 from mi_lcair.sensitivity.entries import Parameter
 from mi_lcair.sensitivity.parameters import changed as with_values
-from mi_lcair.sensitivity.parameters import parameter, parameters_of
-from mi_lcair.uncertainty.numbers.contrast_number import BEHIND, before
+from mi_lcair.sensitivity.parameters import parameter
+from mi_lcair.uncertainty.numbers.contrast_number import BEHIND, present
 from mi_lcair.uncertainty.numbers.number import SOURCE_STEP
 
 COUNTS = "counts"
@@ -136,11 +135,8 @@ class CameraImage:
         """The image before the sky and the ground that the scene has now."""
         if self.scenario.surroundings is None:
             return self
-        known = parameters_of(self.setting.view)
-        values = {name: known[name].value for name in BEHIND if name in known}
-        scenario, of = before(self.scenario, values), self.setting
-        setting = replace(of, backdrop=backdrop(scenario, of.detector, of.sight))
-        scenery = Scenery.of(scenario, setting, self.view, values.get("sky.scale", 1.0))
+        scenario, setting, scale = present(self.scenario, self.setting)
+        scenery = Scenery.of(scenario, setting, self.view, scale)
         return replace(self, scenario=scenario, setting=setting, scenery=scenery)
 
     def step(self, of: Parameter) -> float:

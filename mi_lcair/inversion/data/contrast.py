@@ -6,7 +6,6 @@ from types import MappingProxyType
 
 import numpy as np
 
-from mi_lcair.detection.line_of_sight import backdrop
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import Setting, holding, rendered_as, setting_of
 from mi_lcair.detection.weather import in_weather, weather_quantities
@@ -14,8 +13,7 @@ from mi_lcair.motions.differences import default_step
 from mi_lcair.motions.pose import known_motions, value_of
 from mi_lcair.sensitivity.common_numbers import step_of
 from mi_lcair.sensitivity.entries import Parameter
-from mi_lcair.sensitivity.parameters import parameters_of
-from mi_lcair.uncertainty.numbers.contrast_number import BEHIND, ContrastNumber, before
+from mi_lcair.uncertainty.numbers.contrast_number import ContrastNumber, present
 
 WEATHER_SIGMA = 0.01  # standard deviation of the weather whose derivative is wanted, of its range
 
@@ -55,15 +53,12 @@ class MeasuredContrast:
     @property
     def present(self) -> tuple[Scenario, Setting]:
         """Scenario and setting with the sky and the ground that the scene has now."""
-        setting, known = self.setting, parameters_of(self.setting.view)
         if self.scenario.surroundings is None:
-            return self.scenario, setting
-        values = {name: known[name].value for name in BEHIND if name in known}
-        scenario = before(self.scenario, values)
-        behind = backdrop(scenario, setting.detector, setting.sight)
+            return self.scenario, self.setting
+        scenario, setting, scale = present(self.scenario, self.setting)
         if not setting.sight.meets_ground:
-            behind = behind.scaled(values.get("sky.scale", 1.0))
-        return scenario, replace(setting, backdrop=behind)
+            setting = replace(setting, backdrop=setting.backdrop.scaled(scale))
+        return scenario, setting
 
     def contrast(
         self, names, spp: int | None, seed: int, randomisations: int

@@ -339,6 +339,18 @@ def before(scenario: Scenario, values: Mapping) -> Scenario:
     return replace(scenario, background=replace(scenario.background, **behind))
 
 
+def present(scenario: Scenario, setting: Setting) -> tuple[Scenario, Setting, float]:
+    """Scenario and setting before the sky and ground that the scene has now, and the sky's scale.
+
+    The scenario has [surroundings]. The scale is not in its setting.
+    """
+    known = parameters_of(setting.view)
+    values = {name: known[name].value for name in BEHIND if name in known}
+    scenario = before(scenario, values)
+    behind = backdrop(scenario, setting.detector, setting.sight)
+    return scenario, replace(setting, backdrop=behind), values.get("sky.scale", 1.0)
+
+
 def in_um(name: str) -> tuple[float, ...]:
     """Ends of the interval of wavelengths that a quantity's name states [um]; () for none."""
     match = SPECTRAL.fullmatch(name)
