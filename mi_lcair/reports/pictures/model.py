@@ -1,4 +1,4 @@
-"""Picture of a facet model from three sides: its axes in metres, materials and temperatures."""
+"""Picture of a facet model from three sides: its axes in metres, and its materials."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,29 +49,24 @@ def png(model: Model, title: str = TITLE) -> bytes:
 def figure(model: Model, title: str = TITLE):
     """Matplotlib Figure of a model from its left side, from the front and from above.
 
-    The first row shows materials. A second row shows temperatures if they differ. Sky and terrain
-    are drawn behind the model where they face the observer. Backs of model facets have a colour of
-    their own.
+    Sky and terrain are drawn behind the model where they face the observer. Backs of model facets
+    have a colour of their own.
     """
     box, longest = _window(model)
     sizes = np.diff(box, axis=0)[0]
     images = [_triangles_seen(model, view, box, longest / PIXELS) for view in VIEWS]
-    label = model.label[model.triangle_facet]
-    differ = np.ptp(model.temperature) > 0
     widths = [sizes[view.right[0]] for view in VIEWS]
     heights = [sizes[view.up[0]] for view in VIEWS]
     scale = WIDTH / max(*widths, *heights)
-    size = (scale * sum(widths) + 4.2, (1 + differ) * (scale * max(heights) + 0.7) + 0.3)
+    size = scale * sum(widths) + 4.2, scale * max(heights) + 1
     drawn = new_figure(np.maximum(size, (8, 3)), dpi=100, layout="constrained")
-    rows = drawn.subplots(1 + differ, 3, squeeze=False, width_ratios=widths)
-    _draw_materials(drawn, rows[0], model, label, images, box, longest)
-    if differ:
-        _draw_temperatures(drawn, rows[1], model, images, box, longest)
+    panels = drawn.subplots(1, 3, width_ratios=widths)
+    _draw_materials(drawn, panels, model, images, box, longest)
     drawn.suptitle(plain(title))
     return drawn
 
 
-def _draw_materials(drawn, panels, model, label, images, box, longest):
+def _draw_materials(drawn, panels, model, images, box, longest):
     """Draw the materials, with a legend."""
     from matplotlib import colormaps
     from matplotlib.colors import to_rgb
@@ -82,6 +77,7 @@ def _draw_materials(drawn, panels, model, label, images, box, longest):
     palette = colormaps["tab10" if len(names) <= 10 else "tab20"].colors
     colours = {name: palette[number % len(palette)] for number, name in enumerate(names)}
     of_label = np.array([colours[kind] for kind in kinds])
+    of_triangle = of_label[model.label[model.triangle_facet]]
     corners = model.vertices[model.triangles]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
@@ -90,44 +86,13 @@ def _draw_materials(drawn, panels, model, label, images, box, longest):
         # Facets are darker the more they are turned away, so that the shape can be seen
         shade = 0.55 + 0.45 * abs(normals[:, view.near[0], None])
         rgb = np.ones((*image.shape, 3))
-        rgb[image >= 0] = (shade * of_label[label])[image[image >= 0]]
+        rgb[image >= 0] = (shade * of_triangle)[image[image >= 0]]
         rgb[image == BEHIND] = to_rgb(BACK)
         panel.imshow(rgb, origin="lower", extent=_extent(view, box), interpolation="nearest")
         _finish(panel, view, box, longest)
     if any((image == BEHIND).any() for image in images):
         patches.append(Patch(color=BACK, label="seen from behind"))
     drawn.legend(handles=patches, loc="outside right upper")
-
-
-def _draw_temperatures(drawn, panels, model, images, box, longest):
-    """Draw the temperatures, on a common scale from the model's lowest to its highest."""
-    from matplotlib import colormaps
-
-    of_target = model.facets_of("f")
-    scale = model.temperature[of_target if of_target.any() else slice(None)]
-    lower, upper = scale.min(), max(scale.max(), scale.min() + 1e-3)
-    kelvin = model.temperature[model.triangle_facet]
-    colours = colormaps["plasma"].with_extremes(bad="white")
-    for panel, view, image in zip(panels, VIEWS, images):
-        values = np.ma.masked_where(image < 0, kelvin[np.maximum(image, 0)])
-        artist = panel.imshow(
-            values,
-            origin="lower",
-            extent=_extent(view, box),
-            interpolation="nearest",
-            cmap=colours,
-            vmin=lower,
-            vmax=upper,
-        )
-        _finish(panel, view, box, longest)
-    visible = np.concatenate([kelvin[image[image >= 0]] for image in images])
-    below, above = (visible < lower).any(), (visible > upper).any()
-    drawn.colorbar(
-        artist,
-        ax=list(panels),
-        label="temperature (K)",
-        extend={(0, 0): "neither", (1, 0): "min", (0, 1): "max"}.get((below, above), "both"),
-    )
 
 
 def _finish(panel, view, box, longest):

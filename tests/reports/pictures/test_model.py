@@ -88,12 +88,9 @@ def test_axes_in_metres(load):
     assert [set(filter(None, own)) for own in words] == [{"nose", "up"}, {"up"}, {"nose"}]
 
 
-def test_a_row_of_temperatures_where_they_differ(load):
+def test_materials_have_names(load):
     model = load(cube() + cube(at=(2, 0, 0), label="f*glossBlack*350*"))
-    drawn = figure(model)
-    assert len(drawn.axes) == 7 and drawn.axes[-1].get_ylabel() == "temperature (K)"
-    assert drawn.axes[3].images[0].get_clim() == (300, 350)
-    (legend,) = drawn.legends
+    (legend,) = figure(model).legends
     assert [text.get_text() for text in legend.get_texts()] == [
         "bare_aluminum (model)",
         "gloss_black (model)",
