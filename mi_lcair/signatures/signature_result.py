@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from itertools import count
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -53,6 +54,16 @@ class Intensity:
     def up_to_bounce(self) -> list[float]:
         """Intensity of the paths with at most 0, 1, ... reflections, W/sr: sums of `by_bounce`."""
         return np.cumsum(self.by_bounce).tolist()
+
+    def rows(self) -> dict[tuple[str, str], tuple[float, float]]:
+        """Values and standard errors, W/sr, of the whole and of each part by what and name."""
+        parts = {
+            "bounce": zip(map(str, count()), self.by_bounce, self.by_bounce_error),
+            "group": zip(self.by_group, self.by_group.values(), self.by_group_error.values()),
+            "seen": zip(self.by_seen, self.by_seen.values(), self.by_seen_error.values()),
+        }
+        rows = {(of, name): pair for of, part in parts.items() for name, *pair in part}
+        return {("all", ""): (self.intensity, self.standard_error)} | rows
 
     def as_dict(self) -> dict:
         """The entries for JSON, all in W/sr."""
@@ -160,14 +171,6 @@ class Signature(Result):
         """Half of the 95 % interval of `intensity`, W/sr."""
         return self.main.half_width
 
-    def __getattr__(self, name):
-        """Raise AttributeError; it says where an entry of Intensity or the spectrum is found."""
-        is_of_part = name == "up_to_bounce" or name in Intensity.__dataclass_fields__
-        where = f"; see .target.{name} and .scene.{name}" if is_of_part else ""
-        if name in ("spectrum", "by_spectrum"):
-            where = "; see .effective_areas"
-        raise AttributeError(f"a signature has no attribute '{name}'{where}")
-
     def summary(self) -> str:
         """One line with the intensity of `main_part` and its 95 % interval."""
         return (
@@ -203,30 +206,9 @@ class Signature(Result):
 
     def columns(self) -> dict[str, np.ndarray]:
         """Intensity of target and scene: all of it, by reflections, by emitter, by what is seen."""
-        parts = (self.target, self.scene)
-        rows = [("all", "", [(part.intensity, part.standard_error) for part in parts])]
-        for k in range(len(self.scene.by_bounce)):
-            rows.append(
-                (
-                    "bounce",
-                    str(k),
-                    [(part.by_bounce[k], part.by_bounce_error[k]) for part in parts],
-                )
-            )
-        for of in ("group", "seen"):
-            rows += [
-                (
-                    of,
-                    name,
-                    [
-                        (getattr(part, f"by_{of}")[name], getattr(part, f"by_{of}_error")[name])
-                        for part in parts
-                    ],
-                )
-                for name in getattr(self.scene, f"by_{of}")
-            ]
-        of, names, values = zip(*rows)
-        values = np.array(values, dtype=float)  # (rows, target and scene, value and error)
+        rows = self.target.rows(), self.scene.rows()
+        of, names = zip(*rows[1])
+        values = np.array([[part[row] for part in rows] for row in rows[1]], dtype=float)
         return {
             "part": np.array(of),
             "name": np.array(names),

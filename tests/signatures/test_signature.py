@@ -100,12 +100,6 @@ def test_a_part_of_the_intensity_is_that_of_target_or_scene():
         assert getattr(result, name) == getattr(result.target, name)
     dark = replace(result, target=replace(result.target, intensity=0.0))
     assert dark.main_part == "scene" and dark.intensity == result.scene.intensity
-    for name in ("by_bounce", "up_to_bounce", "by_group", "by_seen_error", "closure"):
-        with pytest.raises(AttributeError, match=f"see .target.{name} and .scene.{name}"):
-            getattr(result, name)
-    with pytest.raises(AttributeError, match="'spectrum'; see .effective_areas"):
-        _ = result.spectrum
-    assert not hasattr(result, "no_such_name")
 
 
 def test_a_criterion_of_ones_own_ends_the_paths():
