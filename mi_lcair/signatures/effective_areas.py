@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
 from mi_lcair.errors import InputError, check_known, unknown
@@ -17,6 +16,7 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.plugins.emission.source import Source
+from mi_lcair.plugins.emission.sources import polynomials
 from mi_lcair.plugins.properties import HOTTEST
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import UNSEEN, Totals, student_factor
@@ -92,19 +92,13 @@ class SourcesInBand(Result):
     def in_band(self, band: Band, temperatures: Mapping) -> np.ndarray:
         """In-band intensity for each of the amounts, W m^-2 sr^-1, (..., amounts)."""
         of_sources = self.in_band_of_sources(band, temperatures)
-        rest = self.polynomials(band.wavelengths_um) @ band.weights_um
+        rest = polynomials(self.nodes_um, band.wavelengths_um) @ band.weights_um
         return np.stack(np.broadcast_arrays(*of_sources, *rest, 0.0), axis=-1)
-
-    def polynomials(self, wavelengths_um: np.ndarray) -> np.ndarray:
-        """The polynomials that are 1 at one of the nodes and 0 at the others, (nodes, n)."""
-        if not self.nodes_um.size:
-            return np.empty((0, len(wavelengths_um)))
-        unit = np.eye(len(self.nodes_um))
-        return scipy.interpolate.BarycentricInterpolator(self.nodes_um, unit)(wavelengths_um).T
 
     def spectra_of_amounts(self, wavelengths_um: np.ndarray) -> np.ndarray:
         """Spectral intensity for each of the amounts but the last one, (amounts - 1, n)."""
-        return np.concatenate([self.radiance(wavelengths_um), self.polynomials(wavelengths_um)])
+        rest = polynomials(self.nodes_um, wavelengths_um)
+        return np.concatenate([self.radiance(wavelengths_um), rest])
 
     def within(self, band: Band) -> Band:
         """The band itself. Raises InputError if it is not within the rendered band."""
@@ -287,7 +281,7 @@ class EffectiveAreas(SourcesInBand):
         by_source = self.area[:, :, None] * self.radiance(wavelengths_um, temperatures)
         if not self.nodes_um.size:
             return by_source
-        rest = self.amounts[:, len(self.sources) : -1] @ self.polynomials(wavelengths_um)
+        rest = self.amounts[:, len(self.sources) : -1] @ polynomials(self.nodes_um, wavelengths_um)
         return np.concatenate([by_source, rest[:, None]], axis=1)
 
 

@@ -5,14 +5,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from mi_lcair.physics.air.atmosphere import Atmosphere
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.spectra.bins import filter_of
 from mi_lcair.plugins.emission.source import Source
-from mi_lcair.plugins.emission.sources import Sources
+from mi_lcair.plugins.emission.sources import Sources, polynomials
 from mi_lcair.rendering.scene import Scene
 
 REST = "rest"  # radiance of unknown spectrum
@@ -141,17 +140,13 @@ class Arrival:
                 spectra[name] = source.spectrum or spectral_radiance(x, source.temperature)
                 in_band[name] = 1.0
                 at_detector[name] = 1.0 if same else in_band_ratio(source, detector, band)
-        if len(nodes := sources.wavelengths_um):
-            # The spectrum is a polynomial through the nodes, a sum of basis polynomials. Each basis
-            # polynomial is treated as one spectrum.
-            basis = scipy.interpolate.BarycentricInterpolator(nodes, np.eye(len(nodes)))
-            weights, detected = (
-                basis(rule.wavelengths_um).T @ rule.weights_um for rule in (band, detector)
-            )
-            for k in range(len(nodes)):
-                name = f"target.wavelength.{k}"
-                spectra[name] = basis(x)[:, k] if len(x) else x
-                in_band[name], at_detector[name] = weights[k], detected[k]
+        nodes = sources.wavelengths_um
+        weights, detected = (
+            polynomials(nodes, rule.wavelengths_um) @ rule.weights_um for rule in (band, detector)
+        )
+        for k, row in enumerate(polynomials(nodes, x)):
+            name = f"target.wavelength.{k}"
+            spectra[name], in_band[name], at_detector[name] = row, weights[k], detected[k]
         spectra[REST] = np.ones(len(x))
         at_detector[REST] = 1.0 if same else detector.weights_um.sum() / band.weights_um.sum()
         transmittance = atmosphere.band_transmittance(

@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 
 import numpy as np
-import scipy
 
 from mi_lcair.errors import InputError, shown
 from mi_lcair.formats.channels import spectral_channel
 from mi_lcair.physics.spectra.bins import Bins
 from mi_lcair.physics.spectral_table import LONGEST_UM
 from mi_lcair.plugins.bsdfs.spectral_bsdf import has_spectral_materials
+from mi_lcair.plugins.emission.sources import polynomials
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.pixels.errors import pixel_errors
 from mi_lcair.rendering.scene import Scene
@@ -92,10 +92,8 @@ def add_bins(total: Totals, bins: Bins) -> None:
     for k, source in enumerate(sources.list):
         if source.name is not None and source.in_band > 0:
             parts[f"source.{k}"] = source.radiance(bins.grid_um) / source.in_band
-    nodes = sources.wavelengths_um
-    if nodes.size:  # the spectrum of many blackbodies is a polynomial through the nodes
-        basis = scipy.interpolate.BarycentricInterpolator(nodes, np.eye(len(nodes)))(bins.grid_um)
-        parts |= {f"wavelength.{k}": column for k, column in enumerate(basis.T)}
+    basis = polynomials(sources.wavelengths_um, bins.grid_um)
+    parts |= {f"wavelength.{k}": row for k, row in enumerate(basis)}
     means = {name: bins.means(spectrum) for name, spectrum in parts.items()}
     for k in range(bins.count):
         terms = (mean[k] * total.sums[name] for name, mean in means.items())
