@@ -31,8 +31,7 @@ class Facets:
     number: (n,), their numbers in the scene, see `rendering.facets.table.FacetTable`. area: (n,),
     of one side [m^2]. sides: (n,), number of sides that radiate, 1 or 2. groups: names of the
     groups. group: (n,), index of each facet's group in `groups`. material: (n,), its name.
-    emissivity: (n,), hemispherical, in the total band. is_diffuse: (n,), whether it has one side
-    that reflects evenly.
+    emissivity: (n,), hemispherical, in the total band.
     """
 
     number: np.ndarray
@@ -42,7 +41,6 @@ class Facets:
     group: np.ndarray
     material: np.ndarray
     emissivity: np.ndarray
-    is_diffuse: np.ndarray
 
     @property
     def radiating_area(self) -> np.ndarray:

@@ -125,7 +125,6 @@ def facets_of(paths: FacetPaths) -> Facets:
         group=group,
         material=table.material[number].astype(str),
         emissivity=paths.of_facets(lambda surface: hemispherical_emissivity(surface).mean()),
-        is_diffuse=paths.of_facets(lambda surface: surface.is_diffuse),
     )
 
 

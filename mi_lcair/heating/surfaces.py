@@ -41,15 +41,6 @@ class Surface:
         """The sides that emit: 1 in front, -1 behind."""
         return tuple(side for side, flag in SIDES if self.emissivity.flags & flag)
 
-    @property
-    def is_diffuse(self) -> bool:
-        """Whether it reflects evenly, on one side."""
-        layer = self.bsdf
-        is_even = self.emissivity.kind == "diffuse"
-        if is_reflection_bsdf(layer):
-            is_even = layer.lobe == "diffuse" or (layer.model.name, layer.lobe) == ("grey", "brdf")
-        return is_even and len(self.sides) == 1
-
 
 @dataclass
 class Surfaces:

@@ -22,7 +22,7 @@ def conductors(rng, n: int) -> Conductors:
 def facets(group: np.ndarray) -> Facets:
     n = len(group)
     ones, names = np.ones(n), tuple(f"g{k}" for k in range(group.max() + 1))
-    return Facets(np.arange(n), ones, 2 * ones, names, group, np.full(n, "m"), ones, ones)
+    return Facets(np.arange(n), ones, 2 * ones, names, group, np.full(n, "m"), ones)
 
 
 @pytest.fixture

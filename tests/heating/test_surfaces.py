@@ -130,21 +130,3 @@ def test_equal_surfaces_are_one():
     }
     made = Surfaces.of(scene_of(**plates), TOTAL)
     assert made.of_shape == [0, 0, 1] and len(made.different) == 2
-
-
-@pytest.mark.parametrize(
-    ("bsdf", "is_diffuse"),
-    [
-        ({"type": "grey", "emissivity": 0.5}, True),
-        ({"type": "grey", "emissivity": 0.5, "lobe": "mirror"}, False),
-        ({"type": "diffuse", "reflectance": 0.5}, True),
-        ({"type": "roughconductor", "eta": 2.0, "k": 3.0}, False),
-        ({"type": "twosided", "bsdf": {"type": "grey", "emissivity": 0.5}}, False),
-        ({"type": "material", "material": "gloss_black", "lobe": "diffuse"}, True),
-        ({"type": "material", "material": "gloss_black"}, False),
-    ],
-)
-def test_which_surfaces_reflect_evenly(bsdf, is_diffuse):
-    band = {"band": "LWIR"} if bsdf["type"] == "material" else {}
-    made = Surfaces.of(scene_of(plate=square(bsdf | band, emitter=emits())), TOTAL)
-    assert made.different[0].is_diffuse == is_diffuse

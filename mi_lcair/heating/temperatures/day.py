@@ -22,7 +22,6 @@ from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 
 PERIODIC = 2e-3  # largest distance of a temperature from its periodic value [K]
 MOST_DAYS = 60
-EARLY = 8  # part of a day after which it is compared with the day before
 DAILY = 1e-9  # residual of the balance of a step, as a fraction of the power
 ROUGH = 1e-5  # residual of the changes by the columns, as a fraction of the power
 BDF2, EULER = 1.5, 1.0  # coefficients of the new temperatures in a step
@@ -91,7 +90,6 @@ class Course:
         self.power, self.conductance = network.loads()
         self.changes = np.zeros((len(columns) + len(network.traced.replicates), m, n))
         self.residual, self.days, self.drift = 0.0, 0, 0.0
-        self.passed = None  # the state at the early time of the day before
         self.rates, (self.surface, self.back) = np.ones((CELLS + 1, n)), np.zeros((2, CELLS + 1, n))
         self.varied = []  # effect of each column on the walls of a group
         for group, wall, members in network.with_walls:
@@ -138,32 +136,18 @@ class Course:
         self.days = 1
 
     def repeat(self) -> None:
-        """Take the steps of a day until it is known, and find how far it was from periodic.
+        """Take the steps of a day, go on to its periodic state, and say how far away that was.
 
-        A day that goes through the same temperatures and changes early on as the day before goes
-        through all others too.
+        Each mode decays, so that no later temperature of a surface differs by more than the drift.
         """
-        begin, early = self.states[1], len(self.kelvin) // EARLY
-        self.days += 1
+        begin = self.states[1]
         for k in range(len(self.kelvin)):
             self.step(k, BDF2, self.seconds)
-            if k == early:
-                passed, self.passed = self.passed, self.states[1]
-                if passed is not None:
-                    self.drift = self.at_surface(self.passed - passed)
-                    if self.drift < PERIODIC:
-                        return
         change = self.states[1] - begin
         left = self.left(change)
         self.states = self.states + left
-        self.drift = self.at_surface(change + left)
-
-    def at_surface(self, change: np.ndarray) -> float:
-        """The most that a change of amplitudes changes temperatures of surfaces later on [K].
-
-        Each mode decays.
-        """
-        return float(np.sum(abs(self.surface * change), axis=-2).max())
+        self.drift = float(np.sum(abs(self.surface * (change + left)), axis=-2).max())
+        self.days += 1
 
     def left(self, change: np.ndarray) -> np.ndarray:
         """How far amplitudes still are from periodic ones, from their change over a day.

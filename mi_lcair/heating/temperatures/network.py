@@ -166,7 +166,7 @@ class Network:
     def column(self, name: str, sigma: float | str) -> Column:
         """The derivatives with respect to an input; raises InputError for an unknown one."""
         group, dot, bare = name.rpartition(".")
-        check_known("input", (*OF_WEATHER, *OF_GROUP), bare)
+        check_known("input of [sigma]", (*OF_WEATHER, *OF_GROUP), bare)
         if dot:
             check_known("group", self.facets.groups, group)
         if dot and bare in OF_WEATHER:

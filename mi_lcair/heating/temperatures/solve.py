@@ -84,7 +84,7 @@ def remarks_on_emissivities(
             continue
         effects = (network.of_emissivity(group, sigma, whole)(kelvin, 0) for whole in (False, True))
         onward, whole = (abs(effect).max() for effect in effects)
-        if onward > DOUBTFUL * whole and not facets.is_diffuse.all():
+        if onward > DOUBTFUL * whole:
             share = f"{onward / whole:.0%} of its effect assumes that surfaces reflect evenly"
             remarks.append(f"[sigma] {name}: {share}")
         if has_intensity:

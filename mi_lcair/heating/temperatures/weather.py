@@ -111,6 +111,8 @@ def weather(table: WeatherTable, folder: Path, steps: int, is_periodic: bool) ->
     given = ((name, getattr(table, name)) for name in (*ROWS, *PLACE))
     values = {name: value for name, value in given if value is not None}
     if table.file is None:
+        if not is_periodic:
+            raise InputError("[run]: start_K begins a series; give its rows as file of [weather]")
         return completed(table, values, np.zeros(1), "[weather]")
     path = folder / table.file
     where, is_epw = f"weather {path}", path.suffix.lower() == ".epw"

@@ -47,7 +47,6 @@ def network(
     facets = Facets(
         number=np.arange(n), area=area, sides=np.ones(n, int), groups=names, group=np.arange(n),
         material=np.array(["grey"] * n), emissivity=np.minimum(total / np.maximum(area, 1e-3), 1),
-        is_diffuse=np.ones(n, bool),
     )  # fmt: skip
     times = len(conditions.seconds)
     beam = np.broadcast_to(beam, (times, n)).astype(float)[None, conditions.shines]

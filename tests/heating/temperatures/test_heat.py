@@ -47,6 +47,7 @@ def test_day(day):
     facets = day.facets
     share = (0.02 * facets.area).sum() / facets.emitting_area.sum()
     assert remark.startswith("[sigma] emissivity") and f"emit {share:.1%} more" in remark
+    assert any("its effect assumes that surfaces reflect evenly" in text for text in day.remarks)
     assert day.residual_W < 1e-3
     # The mean of a group changes by the mean of its facets' changes
     k = day.facets.groups.index("self")
@@ -127,7 +128,8 @@ def test_parameters_of_the_target_are_those_of_load(folder):
     ("tables", "message"),
     [
         ({"groups": {"wing": {}}}, "unknown group 'wing'"),
-        ({"sigma": {"wind": 1.0}}, "unknown input 'wind'"),
+        ({"sigma": {"wind": 1.0}}, r"unknown input of \[sigma\] 'wind'"),
+        ({"run": {"start_K": 300.0}}, "start_K begins a series; give its rows"),
         ({"sigma": {"lid.sky_K": 1.0}}, "sky_K is of the weather"),
         ({"weather": {"h_W_m2_K": 5.0, "sky_K": 250.0}}, "air_K is missing"),
     ],
