@@ -20,6 +20,7 @@ RANGE = 1e4  # of a contrast, in sizes of the scene
 PARALLEL = 1e-3  # relative error of the assumption that the rays of a frame are parallel
 FRAME, WIDE = 32, 72  # pixels of a frame before the optics, and of one that holds what they spread
 PIXEL, PITCH_UM = 0.625, 20.0  # width of a pixel in sizes of the scene, and on the detector
+PUPIL = {"aplanatic": 0, "thin": 1}  # lenses, whose pupils fill pi / (4 N^2 + this) steradians
 FAR = 30  # pixels from the target to the border of the wide frame, and less than a camera follows
 FLOWN = 1e4  # metres of a flight's range at most, whose heights end at 100 km
 TURN_DEG, RATE_HZ = 30.0, 3.0  # turn of a flight's line of sight a second, moments a second
@@ -196,6 +197,10 @@ def recorded(case: Case, scene, witness: Witness, rng, side: int, **optics) -> t
         "height": side,
         "integration_time_ms": 1.0,
         "well_Me": 1e6,
+        "quantum_efficiency": float(rng.uniform(0.1, 1)),
+        "fill_factor": 1.0,
+        "lens": str(rng.choice(list(PUPIL))),
+        "roll_deg": float(rng.uniform(-180, 180)),
         "projection": str(rng.choice(["perspective", "orthographic"])),
     } | optics
     table = "".join(f"{name} = {value!r}\n" for name, value in imager.items()).replace("'", '"')
@@ -205,7 +210,8 @@ def recorded(case: Case, scene, witness: Witness, rng, side: int, **optics) -> t
     image = mi_lcair.image(written.path)
     # Electrons for a photon m^-2 sr^-1 s^-1, by the pupil's solid angle, the pixel and the time
     pitch = PITCH_UM * 1e-6
-    per_radiance = np.pi / (4 * imager["f_number"] ** 2) * pitch**2 * 1e-3
+    per_radiance = np.pi / (4 * imager["f_number"] ** 2 + PUPIL[imager["lens"]]) * pitch**2 * 1e-3
+    per_radiance *= imager["quantum_efficiency"] * imager["fill_factor"]
     pixel_sr = (pitch / (1e-3 * imager["focal_length_mm"])) ** 2
     intensity, projected = case.view(direction, case.photons(), case.materials)
     hidden = projected * planck.by_quadrature(case.band, written.behind, photons=True)
@@ -217,7 +223,8 @@ def recorded(case: Case, scene, witness: Witness, rng, side: int, **optics) -> t
 
 def camera(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
     """Electrons of a target in a camera's frame before the optics, all pixels together."""
-    image, truth, size, noise = recorded(case, scene, witness, rng, FRAME)
+    fill_factor = float(rng.uniform(0.3, 1))
+    image, truth, size, noise = recorded(case, scene, witness, rng, FRAME, fill_factor=fill_factor)
     value = image.exposure.contrast.sum() / OVERSAMPLING**2
     yield witness.claim("camera's electrons", value, truth, noise + PARALLEL * size)
 
