@@ -105,25 +105,20 @@ class Exchange(Result):
         """Standard errors of areas of the facets, (n, ...) [m^2]; see `with_unmet`."""
         return with_unmet(self.traced.standard_error(function), self.traced.path_area)
 
-    @property
-    def has_irradiance(self) -> bool:
-        """Whether all that radiates has a temperature."""
-        to_sky, to_ground = self.conductors.to_sky.any(), self.conductors.to_ground.any()
-        return bool(
-            np.isfinite(self.temperature).all()
-            and (self.sky_K is not None or not to_sky)
-            and (self.ground_K is not None or not to_ground)
-        )
-
     @cached_property
-    def irradiance(self) -> tuple[np.ndarray, np.ndarray]:
-        """Irradiance of the facets [W m^-2] at the scene's temperatures, and its error, (n,)."""
-        around = self.temperature, self.sky_K or 0.0, self.ground_K or 0.0
+    def irradiance(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """Irradiance of the facets [W m^-2] at the scene's temperatures, and its error, (n,).
+
+        None if something that radiates has no temperature.
+        """
+        C, kelvin = self.conductors, self.temperature
+        ends = (C.to_sky, self.sky_K), (C.to_ground, self.ground_K)
+        if np.isnan(kelvin).any() or any(T is None and area.any() for area, T in ends):
+            return None
+        around = kelvin, self.sky_K or 0.0, self.ground_K or 0.0
         error = self.traced.standard_error(lambda C: C.irradiance(*around))
-        fourth, *others = (np.asarray(kelvin, float) ** 4 for kelvin in around)
-        least = STEFAN_BOLTZMANN * self.traced.least_error(fourth, *others)
-        absorbs = np.maximum(self.conductors.total, 1e-300)
-        return self.conductors.irradiance(*around), np.maximum(error, least / absorbs)
+        least = STEFAN_BOLTZMANN * self.traced.least_error(*(T**4 for T in around))
+        return C.irradiance(*around), np.maximum(error, least / np.maximum(C.total, 1e-300))
 
     def summary(self) -> str:
         """One line with the numbers of facets, groups and paths."""
@@ -160,7 +155,7 @@ class Exchange(Result):
             error = self.error(lambda c, name=name: c.parts[name])
             emitted = facets.emitting_area
             quantities.append((name, "", value / emitted, error / emitted))
-        if self.has_irradiance:
+        if self.irradiance:
             E, E_error = self.irradiance
             kelvin = (E / STEFAN_BOLTZMANN) ** 0.25
             kelvin_error = kelvin * E_error / (4 * np.maximum(E, 1e-300))

@@ -11,7 +11,6 @@ side, and A_i is its area.
 """
 
 from dataclasses import dataclass
-from functools import partial
 
 import drjit as dr
 import mitsuba as mi
@@ -23,7 +22,6 @@ from mi_lcair.heating.closed import closed_shapes
 from mi_lcair.heating.conductors import RINGS_DEG
 from mi_lcair.heating.parts import Parts
 from mi_lcair.heating.surfaces import Surfaces
-from mi_lcair.plugins.emission.emissivity import reflects
 from mi_lcair.plugins.emission.triangles import pointer_id
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 from mi_lcair.plugins.paths.offsets import Offsets
@@ -143,12 +141,7 @@ class FacetPaths:
         from which light arrives.
         """
 
-        def respond(surface, si, u, v, active):
-            bs, weight = surface.bsdf.sample(mi.BSDFContext(), si, u, v, active)
-            emissivity = mi.Float(surface.emissivity.eval(surface.bsdf, si, active))
-            return reflects(surface.emissivity.flags, si.wi.z), emissivity, bs.wo, weight[0]
-
-        targets = [partial(respond, surface) for surface in self.surfaces.different]
+        targets = [surface.respond for surface in self.surfaces.different]
         arguments = si, mi.Float(u), mi.Point2f(v), active
         if len(targets) == 1:
             return targets[0](*arguments)

@@ -18,7 +18,7 @@ from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
 from mi_lcair.plugins.derivatives import children
-from mi_lcair.plugins.emission.emissivity import SIDES, Emissivity, Table, emissivity_of
+from mi_lcair.plugins.emission.emissivity import SIDES, Emissivity, Table, emissivity_of, reflects
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 from mi_lcair.rendering.scene import Scene
 
@@ -40,6 +40,12 @@ class Surface:
     def sides(self) -> tuple[int, ...]:
         """The sides that emit: 1 in front, -1 behind."""
         return tuple(side for side, flag in SIDES if self.emissivity.flags & flag)
+
+    def respond(self, si, u, v, active):
+        """What `FacetPaths.respond` returns, for hits of this surface."""
+        bs, weight = self.bsdf.sample(mi.BSDFContext(), si, u, v, active)
+        emissivity = mi.Float(self.emissivity.eval(self.bsdf, si, active))
+        return reflects(self.emissivity.flags, si.wi.z), emissivity, bs.wo, weight[0]
 
 
 @dataclass

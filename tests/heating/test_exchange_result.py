@@ -102,7 +102,7 @@ def test_a_group_that_emits_nothing_has_tables_and_a_picture(tmp_path):
 
 def test_the_irradiance_needs_all_temperatures():
     scene = scene_of(plate=square(grey(0.8), emitter=emits()))
-    assert not mi_lcair.exchange(scene, rays=64).has_irradiance
+    assert mi_lcair.exchange(scene, rays=64).irradiance is None
     result = mi_lcair.exchange(scene, rays=64, sky_K=250.0)
     np.testing.assert_allclose(result.columns()["environment_K"], 250.0)
 

@@ -14,7 +14,7 @@ from scipy.linalg import hadamard
 from scipy.sparse.csgraph import connected_components
 
 from mi_lcair.errors import InputError, check_known
-from mi_lcair.heating.conductors import Conductors, Facets, Traced, standard_error
+from mi_lcair.heating.conductors import Facets, Traced, standard_error
 from mi_lcair.heating.sunlight import SolarAreas
 from mi_lcair.heating.temperatures.balance import Balance
 from mi_lcair.heating.temperatures.description import GroupTable
@@ -77,11 +77,6 @@ class Network:
             for group, table in tables.items()
         }
 
-    @cached_property
-    def members(self) -> list[np.ndarray]:
-        """Indices of the facets of each group."""
-        return [np.flatnonzero(self.facets.group == k) for k in range(len(self.facets.groups))]
-
     def of_facets(self, function: Callable[[GroupTable], object]) -> np.ndarray:
         """Values (n, ...) of the facets, from a function of their group's table."""
         return np.array([function(table) for table in self.tables.values()])[self.facets.group]
@@ -111,12 +106,9 @@ class Network:
     @property
     def with_walls(self) -> list[tuple[int, Wall, np.ndarray]]:
         """Number, wall and indices of facets of each group that has a wall."""
-        groups = enumerate(zip(self.walls, self.members))
-        return [(group, wall, members) for group, (wall, members) in groups if wall.thickness]
-
-    @property
-    def conductors(self) -> Conductors:
-        return self.traced.mean
+        group = self.facets.group
+        walls = enumerate(self.walls)
+        return [(g, wall, np.flatnonzero(group == g)) for g, wall in walls if wall.thickness]
 
     @cached_property
     def balance(self) -> Balance:
@@ -124,7 +116,7 @@ class Network:
 
         Raises InputError for a facet from which heat has no path, also through other facets.
         """
-        C, free = self.conductors, self.is_free
+        C, free = self.traced.mean, self.is_free
         is_tied = self.of_facets(lambda table: table.back_K is not None) | ~free
         count, part = connected_components(C.between, directed=False)
         outward = is_tied + self.convection.sum(axis=0) + C.to_sky.sum(axis=1) + C.to_ground
@@ -141,7 +133,7 @@ class Network:
 
     def loads(self) -> tuple[np.ndarray, np.ndarray]:
         """P and C of all facets, (m, n) [W, W/K]; those of a held facet balance its temperature."""
-        weather, C = self.weather, self.conductors
+        weather, C = self.weather, self.traced.mean
         air, sky, ground = (T[:, None] for T in (weather.air_K, weather.sky_K, weather.ground_K))
         arriving = C.to_sky.sum(axis=1) * sky**4 + C.to_ground * ground**4
         arriving = arriving + C.between @ self.held**4
@@ -220,7 +212,7 @@ class Network:
 
         is_whole: False for the last term only, what surfaces reflect less on others.
         """
-        facets, C, weather = self.facets, self.conductors, self.weather
+        facets, C, weather = self.facets, self.traced.mean, self.weather
         delta = self.relative(group, sigma, facets.emissivity)
 
         def changed(fourth, sky, ground):
