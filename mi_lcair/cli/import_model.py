@@ -138,7 +138,8 @@ def command(ctx, file, output, check, overwrite, materials, band, **settings):
         rows.append(("intensity", first.summary()))
         more["signature"] = first.as_dict()
     if output:
-        after = f"next: mi-lcair signature {shlex.quote(str(output / 'scene.xml'))}"
+        of_band = f" -D {shlex.quote(f'band={band}')}" if band else ""
+        after = f"next: mi-lcair signature {shlex.quote(str(output / 'scene.xml'))}{of_band}"
         rows.append(("written to", f"{output}, {len(files)} files; {after}"))
     print_result(model, rows, more, materials=materials)
     if check:

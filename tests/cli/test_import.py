@@ -159,8 +159,8 @@ def test_json(run, folder):
 
 
 def test_the_next_command_can_be_pasted(run, folder):
-    result = run("import", "model.obj", "-o", "my box")
-    assert "next: mi-lcair signature 'my box/scene.xml'\n" in result.stdout
+    result = run("import", "model.obj", "-o", "my box", "--band", "MWIR")
+    assert "next: mi-lcair signature 'my box/scene.xml' -D band=MWIR\n" in result.stdout
 
 
 def test_check_only_reports(run, folder):
