@@ -220,7 +220,7 @@ class Differences:
         kind = min(pilots, key=lambda kind: self.expected(pilots[kind]))
         pilot = pilots[kind]
         if step is None:
-            h, pilot = self.better_step(h, pilot, kind)
+            h, pilot = self.better_step(*self.smooth_step(h, pilot, kind), kind)
         verdict = pilot.verdict
         is_kink = verdict == "kink"
         ends = self.totals([h, -h, *([0] if is_kink else [])], kind, self.sampling.paths)
@@ -231,6 +231,8 @@ class Differences:
             jump = float(high[0] + low[0] - 2 * self.rows(ends[2])[0]) / h
         scatter = float(np.sqrt(np.sum(slope[1:] ** 2)))
         floor = self.floor(ends[:2], kind, h)
+        if any(total.lowest["target"][0] == 0 for total in ends):  # points of facets are hidden
+            floor = max(floor, self.of_edges(ends[:2], h))
         if verdict == "smooth" and self.differs_nearby(slope[0], h, kind):
             verdict = "step-dependent"
         parts = [
@@ -269,6 +271,23 @@ class Differences:
             errors.append(max(scatter, floor, self.rounding(np.array(rows), step)))
         change = abs(slopes[1][0] - slopes[0][0])
         return bool(change > max(SIGNIFICANT * hypot(*errors), UNLIKE * abs(slope)))
+
+    def smooth_step(self, h: float, pilot: "Pilot", kind: Kind) -> tuple[float, "Pilot"]:
+        """A step that does not reach a kink beside the present value, and its pilot.
+
+        The step is halved until the differences within it agree. It stays as it is if a kink is at
+        the present value, or if noise would hide it from a shorter step.
+        """
+        halvings = 0 if pilot.verdict == "smooth" else MOST_CHANGES
+        largest = max(abs(pilot.bend[0]), abs(pilot.change[0]))
+        for shorter in h / 2.0 ** np.arange(1, 1 + halvings):
+            other = self.pilot(shorter, kind)
+            noise = max(other.error(other.bend), other.error(other.change))
+            if SIGNIFICANT * noise > LASTING * largest:
+                break
+            if other.verdict == "smooth":
+                return float(shorter), other
+        return h, pilot
 
     def better_step(self, h: float, pilot: "Pilot", kind: Kind) -> tuple[float, "Pilot"]:
         """A step with less error than `h`, and its pilot.
@@ -329,14 +348,19 @@ class Differences:
         All randomisations may agree on how many of their points lie on a facet, or on one side of
         an edge that moves over the film. Their scatter is then 0, see `Totals.edge_error`.
         """
-        points = float(ends[0].paths[0]) / ends[0].randomisations
         if kind.method == ON_FILM:
-            means = [float(total.mean(self.channel)[0]) for total in ends]
-            return edge_share(ends[0].randomisations) * hypot(*means) / points / (2 * h)
+            return self.of_edges(ends, h)
         radiance = radiances(meshes_of_model(self.scene))
         high, low = (total.aim.tables.weight.numpy().astype(float) for total in ends)
         slopes = (high - low) * radiance / (2 * h)
+        points = float(ends[0].paths[0]) / ends[0].randomisations
         return edge_share(ends[0].randomisations) * float(np.ptp(slopes)) / points
+
+    def of_edges(self, ends, h: float) -> float:
+        """Standard error of a difference from edges that move between the points of all paths."""
+        points = float(ends[0].paths[0]) / ends[0].randomisations
+        means = [float(total.mean(self.channel)[0]) for total in ends]
+        return edge_share(ends[0].randomisations) * hypot(*means) / points / (2 * h)
 
 
 @dataclass(frozen=True)
@@ -375,10 +399,15 @@ class Pilot:
         return float(np.sqrt(max(change[0] ** 2 - np.sum(change[1:] ** 2), 0))) / 3
 
     @property
+    def bend(self) -> np.ndarray:
+        """Difference of the slopes above and below the present value, and its deviations."""
+        return self.slope(3, 2) - self.slope(2, 1)
+
+    @property
     def jump(self) -> float:
-        """Difference of the slopes above and below the present value; 0 if it may be noise."""
-        near = self.slope(3, 2) - self.slope(2, 1)
-        return float(near[0]) if abs(near[0]) > SIGNIFICANT * self.error(near) else 0.0
+        """The same; 0 if it may be noise."""
+        bend = self.bend
+        return float(bend[0]) if abs(bend[0]) > SIGNIFICANT * self.error(bend) else 0.0
 
     @property
     def verdict(self) -> str:
