@@ -18,9 +18,8 @@ import numpy as np
 from scipy import sparse
 
 from mi_lcair.errors import InputError
-from mi_lcair.heating.closed import closed_shapes
 from mi_lcair.heating.conductors import RINGS_DEG
-from mi_lcair.heating.parts import Parts
+from mi_lcair.heating.parts import Parts, closed_shapes
 from mi_lcair.heating.surfaces import Surfaces
 from mi_lcair.plugins.emission.triangles import pointer_id
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal

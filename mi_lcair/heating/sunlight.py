@@ -6,7 +6,6 @@ the first reflection were diffuse; the later reflections are those of the surfac
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import drjit as dr
 import mitsuba as mi
@@ -41,11 +40,6 @@ class SolarAreas:
     absorptance: np.ndarray
     onward: sparse.csr_array
     remarks: tuple[str, ...] = ()
-
-    @cached_property
-    def absorbing(self) -> np.ndarray:
-        """Area by which the facets absorb sunlight, with all reflections, (R, m, n)."""
-        return self.direct + self.reflected
 
 
 def solar_areas(

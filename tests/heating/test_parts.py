@@ -7,8 +7,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from mi_lcair.heating.closed import closed_shapes
-from mi_lcair.heating.parts import Parts
+from mi_lcair.heating.parts import Parts, closed_shapes
 from mi_lcair.rendering.facets.table import FacetTable
 from tests.heating.scenes import emits, grey, scene_of
 

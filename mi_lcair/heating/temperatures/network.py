@@ -152,7 +152,8 @@ class Network:
         level = weather.sun_W_m2 * weather.height_of_sun + weather.diffuse_W_m2
         light = sun.sky[:, None] * weather.diffuse_W_m2[:, None]
         light = light + sun.ground[:, None] * (weather.albedo * level)[:, None]
-        light[:, weather.shines] += sun.absorbing * weather.sun_W_m2[weather.shines, None]
+        beam = weather.sun_W_m2[weather.shines, None]
+        light[:, weather.shines] += (sun.direct + sun.reflected) * beam
         return light
 
     def column(self, name: str, sigma: float | str) -> Column:
