@@ -116,16 +116,19 @@ def test_a_kink_beside_the_present_value():
     assert abs(result.derivative - exact) < 4 * result.error < 0.02 * exact
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_an_edge_that_hardly_moves(seed):
-    """A cover comes nearer, and its lower edge hides more by the sine of a degree."""
+def test_an_edge_that_hardly_moves():
+    """A cover comes nearer, and its lower edge hides more by the sine of a degree.
+
+    No path of this seed is hidden in one of the poses only.
+    """
     hot = convex_hull("hot", box([-0.1, -0.5, -0.5], [0, 0.5, 0.5]))
-    cover = convex_hull("cover", box([0.1, -0.9, -0.3], [0.11, 0.9, 0.7]))
+    cover = convex_hull("cover", box([0.1, -0.9, 0.3], [0.11, 0.9, 0.7]))
     sine = np.sin(np.radians(1))
-    scene = scene_of(hot, cover, view=np.array([np.sqrt(1 - sine**2), 0, sine]))
+    scene = scene_of(hot, cover, view=np.array([np.sqrt(1 - sine**2), 0, sine]), window=0.6)
     with changed(scene, {"cover.temperature": 3.0}):
-        result = derivative(scene, "cover.x_m", 2**12, seed)
-    assert abs(result.derivative + L * sine) < 3 * result.error < 30 * L * sine
+        result = derivative(scene, "cover.x_m", 2**12, seed=3)
+    assert result.method == "attached difference"
+    assert abs(result.derivative + L * sine) < 2 * result.error < 4 * L * sine
 
 
 @pytest.mark.parametrize("seed", range(2))
