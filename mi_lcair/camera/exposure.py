@@ -161,13 +161,12 @@ def exposure(
         criterion = NoiseError(view, electrons, behind(detector))
     total = measure(scene, windows, sampling, measurands, criterion)
     sources = total.emitters.sources
-    parts = {name: total.mean(name) for name in total.sums}
-    on = parts["target.hit"] > 0
+    on = total.mean("target.hit") > 0
     if not on.any():
         raise InputError("no ray met the target; raise spp of [render]")
-    share = parts["target.hit"][on]
-    ranges = parts["target.range"][on] / share + view.near_range().ravel()[on]
-    seen = {name: values[on] for name, values in parts.items()}
+    seen = {name: total.mean(name)[on] for name in total.sums}
+    share = seen["target.hit"]
+    ranges = seen["target.range"] / share + view.near_range().ravel()[on]
     through = ranges
     if not (air.is_vacuum or extrapolate):
         # The middle of the model is within the table, but parts of it may be beyond its end

@@ -29,17 +29,12 @@ def check_paths(pixels: int, **counts: int | None) -> None:
             )
 
 
-def check_memory(pixels: int, tracer, split: str | None) -> None:
+def check_memory(pixels: int, channels: int = 0) -> None:
     """Raise InputError for an image that needs more memory than is free.
 
-    Parameters
-    ----------
-    pixels : int
-    tracer : PathTracer
-    split : str or None
-        Channels recorded beside the radiance, see `Channels`.
+    channels: recorded beside the radiance.
     """
-    needed = pixels * (BYTES_PER_PIXEL + BYTES_PER_CHANNEL * channel_count(tracer, split))
+    needed = pixels * (BYTES_PER_PIXEL + BYTES_PER_CHANNEL * channels)
     check_free(needed, f"an image of {pixels} pixels", "lower the resolution")
 
 
@@ -54,14 +49,19 @@ def check_free(needed: float, what: str, remedy: str) -> None:
 
 
 def channel_count(tracer, split: str | None) -> int:
-    """Number of channels that a render records beside the radiance."""
+    """Number of channels that a render records beside the radiance, see `Channels`."""
     if split is None:
         return 0
-    sources = tracer.emitters.sources
     count = min(tracer.max_bounces + 1, MAX_BOUNCE_CHANNELS) + 2 * len(tracer.emitters.labels) + 4
-    count += len(sources.list) if sources.by_spectrum else 0
-    count += WAVELENGTHS if sources.share is not None else 0
+    count += source_count(tracer)
     return 2 * count if split == "target" else count
+
+
+def source_count(tracer) -> int:
+    """Number of channels of the sources that are told apart by their spectra."""
+    sources = tracer.emitters.sources
+    of_list = len(sources.list) if sources.by_spectrum else 0
+    return of_list + (WAVELENGTHS if sources.share is not None else 0)
 
 
 def available_memory() -> int | None:

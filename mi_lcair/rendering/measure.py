@@ -8,7 +8,7 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.plugins.paths.launch import ParallelRays
-from mi_lcair.rendering.limits import check_memory
+from mi_lcair.rendering.limits import channel_count, check_memory, source_count
 from mi_lcair.rendering.measurands import Criterion, Measurands
 from mi_lcair.rendering.pilots import WORTH_ASKING, best_aim, cheapest, open_settings
 from mi_lcair.rendering.pixels.allocation import Allocation, allocate
@@ -71,7 +71,10 @@ def measure(
     binning = measurands.binning(sampling.tolerance)
     with scene.prepared(measurands.by_spectrum, measurands.explored, binning) as tracer:
         kept = windows.count * (windows.randomisations if windows.by_randomisation else 1)
-        check_memory(kept, tracer, None if measurands.reduced else measurands.channels.split)
+        split = measurands.channels.split
+        check_memory(
+            kept, source_count(tracer) if measurands.reduced else channel_count(tracer, split)
+        )
         if criterion is not None:
             criterion.check(tracer, scene.name)
         result = _until_met(scene, tracer, windows, sampling, measurands, criterion, aim)
@@ -105,6 +108,7 @@ def _until_met(
     may_share = isinstance(criterion, PixelCriterion) and tracer.closure != "tail"
     # The windows that need more paths, with the ratios and the points of the last estimate
     active, last, before = np.arange(windows.count), np.zeros(windows.count), 0
+    most_rows = tracer.most_rows(measurands.channels)
     while done < goal:
         points = min(goal - done, max(windows.points_of_pass(len(active)), LEAST_OF_PASS))
         spans = [(active, done, points)]
@@ -113,7 +117,7 @@ def _until_met(
         launches = [
             launch
             for some, first, more in spans
-            for launch in windows.launches(some, first, more, sampling.seed, total.aim)
+            for launch in windows.launches(some, first, more, sampling.seed, total.aim, most_rows)
         ]
         if windows.are_pixels and has_workers() and may_be_sent(scene, windows, measurands):
             sums = on_workers(scene, windows, measurands, sampling.tolerance, launches)

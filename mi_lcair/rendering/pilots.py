@@ -123,7 +123,8 @@ def pilot(scene, windows, sampling, measurands, criterion, aim: Aim | None = Non
     with scene.prepared(measurands.by_spectrum, binning=binning) as tracer:
         criterion.check(tracer, scene.name)
         total = windows.totals(tracer, aim)
-        for launch in windows.launches(active, 0, points, sampling.seed, total.aim):
+        most_rows = tracer.most_rows(measurands.channels)
+        for launch in windows.launches(active, 0, points, sampling.seed, total.aim, most_rows):
             total.add(launch, measurands.trace(tracer, windows.sensor, launch, rays))
     return needed_paths(total, criterion.excess(total)), total
 

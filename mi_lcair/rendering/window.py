@@ -161,7 +161,13 @@ class Windows:
         return done * 2 ** int(doublings)
 
     def launches(
-        self, active: np.ndarray, done: int, points: int, seed: int, aim: Aim | None
+        self,
+        active: np.ndarray,
+        done: int,
+        points: int,
+        seed: int,
+        aim: Aim | None,
+        most_rows: int,
     ) -> Iterator[Launch]:
         """The launches that add points to some windows.
 
@@ -174,8 +180,11 @@ class Windows:
         seed : int
         aim : Aim or None
             Where in the windows the paths begin.
+        most_rows : int
+            Most windows times randomisations of a launch.
         """
-        each = max(1, PASS_SAMPLES // (points * self.randomisations))  # windows of a launch
+        rows = min(PASS_SAMPLES // points, most_rows)
+        each = max(1, rows // self.randomisations)  # windows of a launch
         for first in range(0, len(active), each):
             some = active[first : first + each]
             yield Launch(

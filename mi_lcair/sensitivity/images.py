@@ -40,7 +40,7 @@ def differentiate_image(
     measurands = replace(Measurands.of(None), explored=explored)
     first, images, method = None, {}, {}
     with scene.prepared(explored=explored) as tracer:
-        check_memory(windows.count * randomisations * (1 + len(names)), tracer, None)
+        check_memory(windows.count * randomisations * (1 + len(names)))
         batches = recordings(scene, tracer, camera, along_paths, measurands, seed=sampling.seed)
         if not batches:
             first = measure(scene, windows, sampling, Measurands.of(None))

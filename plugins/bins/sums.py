@@ -6,14 +6,13 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.errors import InputError
 from mi_lcair.plugins.bins.blocks import SIZE, gathered, in_blocks
 from mi_lcair.plugins.bins.by_bin import NEIGHBOURS, ByBin
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
 from mi_lcair.plugins.paths.launch import Launch, Paths
 from mi_lcair.plugins.recorders.recorder import Emission, Recorder, zeros
 
-MOST_SUMS = 2**27  # sums of one launch, of 8 bytes each
+MOST_SUMS = 2**25  # sums of one launch, of 8 bytes each
 
 
 class BinSums:
@@ -30,15 +29,13 @@ class BinSums:
 
     def __init__(self, by_bin: ByBin, launch: Launch, shape: tuple[int, ...]):
         self.count, self.blocks, self.shape = by_bin.count, by_bin.blocks, shape
-        if np.prod(self.shape, dtype=float) > MOST_SUMS:
-            of_window = int(np.prod(shape)) // (launch.windows * launch.randomisations)
-            raise InputError(
-                f"{launch.windows} pixels or views with {of_window} sums by wavelength are "
-                "too many at once; use fewer pixels or bins, or make the materials constant in the "
-                "band with `average_K`"
-            )
         self.array = dr.zeros(dr.float64_array_t(mi.Float), int(np.prod(self.shape)))
         dr.make_opaque(self.array)
+
+    @staticmethod
+    def of_row(by_bin: ByBin) -> int:
+        """Number of sums of a window and randomisation."""
+        return by_bin.count
 
     def add(self, index, values, block) -> None:
         """Add radiance in the bins of a block to sums; index: function of a bin's number."""
@@ -68,6 +65,10 @@ class SourceSums(BinSums):
         self.sources, self.table = len(by_bin.sources), by_bin.shares
         shape = launch.windows, launch.randomisations, 2, self.sources * by_bin.count
         super().__init__(by_bin, launch, shape)
+
+    @staticmethod
+    def of_row(by_bin: ByBin) -> int:
+        return 2 * len(by_bin.sources) * by_bin.count
 
     def add_parts(self, row, parts, block, base, factors, of_path) -> None:
         """Add the radiance of a block of bins to a row, see `ByBinOfPath`."""

@@ -13,7 +13,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.spectra.bins import Binning
 from mi_lcair.plugins.bins.by_bin import ByBin
-from mi_lcair.plugins.bins.sums import BinSums, ByBinOfPath, SourceSums, SpectralSums
+from mi_lcair.plugins.bins.sums import MOST_SUMS, BinSums, ByBinOfPath, SourceSums, SpectralSums
 from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.bsdfs.reflection_bsdf import ReflectionBSDF
 from mi_lcair.plugins.bsdfs.spectral_bsdf import has_spectral_materials
@@ -203,10 +203,8 @@ class PathTracer(RBIntegrator):
             channels = channels or Channels()
             # `freeze` does not compare a number that comes after the tables of the channels
             arguments, bins = (paths, rays or sensor, block_size(launch), channels), None
-            if self.emitters.sources.by_bin and channels.split in ("target", "model"):
-                bins = SourceSums(self.paths.by_bin, launch)
-            elif self.records_bins:
-                bins = SpectralSums(self.paths.by_bin, launch)
+            if sums_by_bin := self.sums_by_bin(channels):
+                bins = sums_by_bin(self.paths.by_bin, launch)
             if facets is not None or self.closure == "tail":
                 blocks, tail = self.whole_sums(
                     paths, rays or sensor, channels, facets, launch, bins
@@ -221,6 +219,17 @@ class PathTracer(RBIntegrator):
             if bins is not None:
                 sums.channels.update(bins.channels(channels.split))
             return sums.without(f"bounce.{k}" for k in range(self.max_bounces + 1, SIZES[-1]))
+
+    def sums_by_bin(self, channels: Channels) -> type[BinSums] | None:
+        """What a launch sums by bin of wavelength."""
+        if self.emitters.sources.by_bin and channels.split in ("target", "model"):
+            return SourceSums
+        return SpectralSums if self.records_bins else None
+
+    def most_rows(self, channels: Channels) -> int:
+        """Windows times randomisations of a launch whose sums by bin fit into the memory."""
+        sums_by_bin = self.sums_by_bin(channels)
+        return MOST_SUMS // (sums_by_bin.of_row(self.paths.by_bin) if sums_by_bin else 1)
 
     def block_sums(
         self, paths: Paths, rays, size: int, channels: Channels, bins: BinSums | None = None

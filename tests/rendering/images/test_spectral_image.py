@@ -8,8 +8,13 @@ import mi_lcair
 from mi_lcair.cli import main
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import spectral_radiance, spectral_temperature
+from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.images.exr import read_exr
 from mi_lcair.rendering.images.spectral import even_wavelengths
+from mi_lcair.rendering.measurands import Measurands
+from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.rendering.window import Windows
 from mi_lcair.reports.pictures.pixel_spectrum import charts, figure
 from tests.plugins.bins.test_by_bin import SPECTRA, X, integrator, plate, surface, thermal, write
 from tests.plugins.small_scenes import blackbody, camera, scene
@@ -62,6 +67,25 @@ def test_every_pixel_has_its_own_bins(tmp_path):
     assert (Y[1:3, 1:3] > 0).all() and (Y == 0).sum() == 12
     spectrum = image.cube[:, 1, 1] / Y[1, 1]
     assert image.cube == pytest.approx(spectrum[:, None, None] * Y, rel=1e-5)
+
+
+@pytest.mark.parametrize("of", ["cube", "spectrum"])
+def test_sums_that_do_not_fit_into_one_launch(tmp_path, monkeypatch, of):
+    """Pixels, whose sums by wavelength take much memory, are then traced a few at a time."""
+
+    def values():
+        loaded = plate(write(tmp_path), "g", 500.0)
+        if of == "cube":
+            return mi_lcair.render(loaded, spp=16, bins=9).cube
+        measurands = Measurands(Channels("model"), by_spectrum=True)
+        windows = Windows(loaded.sensor(0), columns=4, rows=4)
+        sums = measure(loaded, windows, Sampling(spp=64), measurands).sums
+        return np.array([sums[name] for name in sums if name.startswith("source.")])
+
+    whole = values()
+    monkeypatch.setattr("mi_lcair.plugins.paths.path_tracer.MOST_SUMS", 400)
+    np.testing.assert_allclose(values(), whole, rtol=1e-6)
+    assert whole.any()
 
 
 def test_scene_of_constant_materials(tmp_path):
