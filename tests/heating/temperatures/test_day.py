@@ -122,6 +122,22 @@ def test_scatter_of_the_conductors_reaches_the_temperatures():
         np.testing.assert_allclose(change, course(lit).kelvin[0] - kelvin, atol=0.03)
 
 
+def test_scatter_of_the_sunlight_reaches_the_temperatures():
+    plate = network([[0]], [0.6], [0.3], weather(sun_W_m2=600))
+    direct = 0.5 + 0.01 * np.random.default_rng(2).standard_normal((8, 1, 1))
+
+    def lit(direct):
+        R = len(direct)
+        diffuse = {name: np.tile(getattr(plate.sun, name), (R, 1)) for name in ("sky", "ground")}
+        sun = replace(plate.sun, direct=direct, **diffuse)
+        return course(replace(plate, sun=sun, traced=Traced((plate.traced.mean,) * R)))
+
+    kelvin = [lit(run[None]).kelvin[0, 0] for run in direct]
+    expected = np.array(kelvin) - lit(direct.mean(axis=0)[None]).kelvin[0, 0]
+    np.testing.assert_allclose(lit(direct).scatter[:, 0, 0], expected, atol=0.01)
+    assert expected.std() > 0.2
+
+
 def test_randomisations_that_agree_leave_an_error():
     """That of 1.5 paths, between the sky, the ground and the other plate; none with a held one."""
     a, conditions = 2e-3, weather(sky_K=200, ground_K=330, h_W_m2_K=0)
