@@ -11,6 +11,8 @@ from mi_lcair.errors import InputError, check_known
 from mi_lcair.files import check_suffix, check_writable
 from mi_lcair.formats import VTK
 
+CURVE = "theta_deg", "predicted", "standard_error"  # of the emissivity in a fit's report
+
 
 @options.command(
     "convert",
@@ -128,13 +130,8 @@ def _emissivity(source, output, suffix):
     report = read_json(source)
     if "emissivity" not in report:
         raise InputError(f"{source}: has fits of {len(report['materials'])} bands; convert one fit")
-    predicted = report["emissivity"]
-    names = {
-        "theta_deg": "theta_deg",
-        "emissivity": "predicted",
-        "emissivity_std": "standard_error",
-    }
-    csv.write(output, {name: predicted[key] for name, key in names.items()})
+    angles, curve, errors = map(report["emissivity"].get, CURVE)
+    csv.write(output, {"theta_deg": angles, "emissivity": curve, "emissivity_std": errors})
 
 
 def _facets(source, output, suffix, scene, parameters):

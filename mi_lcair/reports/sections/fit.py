@@ -65,7 +65,8 @@ def described(report: dict, fit) -> list[tuple[str, str]]:
     repeated = report["reading"].get("repeated", 0)  # older reports do not have it
     averaged = f"; {repeated} rows repeat angles of others, and are averaged" if repeated else ""
     unknown_band = UNKNOWN_BAND.format(option("band", "3-5"))
-    rows = [
+    converged = "converged" if report["converged"] else "NOT converged"
+    return [
         ("surface", f"{report['name'] or 'not named'} ({report['source'][0]['file']})"),
         ("band", f"{report['band']} um" if report["band"] else unknown_band),
         ("model", model_of(fit)),
@@ -73,10 +74,6 @@ def described(report: dict, fit) -> list[tuple[str, str]]:
         ("left out", dropped or "none"),
         ("rms", f"{report['rms_dex']:.4f} decades{explained}"),
         ("fit", quality["verdict"]),
-    ]
-    converged = "converged" if report["converged"] else "NOT converged"
-    return [
-        *rows,
         *([("correlated", pairs)] if (pairs := correlated(report)) else []),
         *([("emissivity", f"rms error {emissivity:.3f}")] if emissivity is not None else []),
         (
