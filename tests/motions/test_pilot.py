@@ -84,3 +84,19 @@ def test_better_step_stops_before_a_facet_turns_away():
 
     first = Along(bent, lambda h: 0.02 / h).pilot(H, ATTACHED)
     assert Along(bent, lambda h: 0.02 / h).better_step(H, first, ATTACHED)[0] == H
+
+
+@pytest.mark.parametrize(
+    ("kink", "noise_of", "halvings"),
+    [
+        (0.2 * H, lambda h: 0.0, 4),  # within twice the step up to an eighth of it
+        (0.0, lambda h: 0.0, 0),  # at the present value
+        (0.2 * H, lambda h: 0.2 * H / h, 0),  # seen over the first step only
+        (3 * H, lambda h: 0.0, 0),  # beyond all five values
+    ],
+)
+def test_smooth_step(kink, noise_of, halvings):
+    along = Along(lambda x: abs(x - kink), noise_of)
+    step, result = along.smooth_step(H, along.pilot(H, ATTACHED), ATTACHED)
+    assert step == H / 2**halvings == pytest.approx(result.offsets[3])
+    assert result.verdict == ("kink" if kink < H and not halvings else "smooth")
