@@ -127,6 +127,9 @@ def read(
         theta_i[kept], theta_r[kept], value / cos_r, None if sigma is None else sigma[kept] / cos_r
     )
     scans = np.count_nonzero(kept) - len(points[0])
+    by_scatter = pool(theta_i[kept], theta_r[kept], value / cos_r)[3]
+    is_tested = sigma is not None and by_scatter is not None
+    scatter = float(np.sqrt(np.mean((by_scatter / points[3]) ** 2))) if is_tested else None
     return Measurements(
         *points,
         sigma_freedom=np.inf if sigma is not None or points[3] is None else float(scans),
@@ -143,6 +146,7 @@ def read(
             "rows": len(table.rows),
             "points": len(points[0]),
             "repeated": int(scans),
+            "scatter_sigmas": scatter,
         },
     )
 

@@ -15,6 +15,7 @@ from mi_lcair.results.sections import Facts, Picture, Section, Table
 
 UNKNOWN_BAND = "unknown: scenes need it; give {}, or '# band_um: 3 5' in the data"
 SHOWN_DEG = (0, 30, 60, 80)  # angles at which the predicted emissivity is listed
+TOO_MUCH = 2  # scatter of repeated points, in stated sigmas, that is told
 CORRELATED = 0.9  # correlation of errors from which a pair of parameters is listed
 COMPARED = ["model", "free parameters", ("rms deviation", "decades"), "criterion", "chosen"]
 
@@ -64,6 +65,8 @@ def described(report: dict, fit) -> list[tuple[str, str]]:
     emissivity = report["emissivity"]["rms_error"]
     repeated = report["reading"].get("repeated", 0)  # older reports do not have it
     averaged = f"; {repeated} rows repeat angles of others, and are averaged" if repeated else ""
+    if (scatter := report["reading"].get("scatter_sigmas") or 0) > TOO_MUCH:
+        averaged += f", though they scatter {scatter:.3g} times as much as sigma says"
     unknown_band = UNKNOWN_BAND.format(option("band", "3-5"))
     converged = "converged" if report["converged"] else "NOT converged"
     return [

@@ -255,6 +255,16 @@ def test_real_files(name):
 # ------------------------------------------------------------------- repeated scans
 
 
+@pytest.mark.parametrize("stated, expected", [(0.05, 1.0), (0.01, 5.0)])
+def test_scatter_of_repeats_is_compared_with_sigma(file, stated, expected):
+    rng = np.random.default_rng(2)
+    values = 1 + 0.05 * rng.standard_normal((12, 81))
+    rows = [f"20,{r},{v:.9g},{stated}" for scan in values for r, v in zip(range(-40, 41), scan)]
+    measured = read(file("theta_i_deg,theta_r_deg,brdf,sigma\n" + "\n".join(rows)))
+    assert measured.reading["scatter_sigmas"] == pytest.approx(expected, rel=0.06)
+    assert measured.reading["repeated"] == 11 * 81
+
+
 def test_repeated_scans_are_pooled_and_their_scatter_becomes_sigma(file):
     """Six scans with 5 % multiplicative noise give sigma = 5 % / sqrt(6) for every mean."""
     rng = np.random.default_rng(1)
