@@ -21,7 +21,7 @@ from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.pixels.errors import PixelCriterion, averaged, surroundings
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
-from mi_lcair.rendering.statistics import Totals
+from mi_lcair.rendering.statistics import UNSEEN, Totals, student_factor
 from mi_lcair.rendering.window import Windows
 
 # Most ranges at which the air is computed, and the ratio of neighbouring ones less 1, if these are
@@ -200,17 +200,18 @@ def exposure(
         return view.samples(placed(values, on, (rows, columns)))
 
     # Errors are those of the radiance, in the unit of electrons at the aperture
-    variance = image((electrons(total) * total.standard_error()[on]) ** 2)
+    variance = total.standard_error() ** 2 + missed(total)
+    squares = model_squares(total, windows.parts, variance)
     return Exposure(
         contrast=image(arriving(detector)),
         radiance=image(arriving(setting.detector.band)),
-        error=np.sqrt(variance) * OVERSAMPLING / view.parts,
+        error=electrons(total) * np.sqrt(image(variance[on])) * OVERSAMPLING / view.parts,
         share=image(share),
         intensities=intensities,
         area=intensities["target.hit"],
         sources=sources,
         spp=windows.parts * round(total.traced.mean()),
-        rms_error=float(np.sqrt(model_squares(total, windows.parts).mean())),
+        rms_error=float(np.sqrt(squares.mean())),
         reached=total.reached,
         invalid=total.invalid,
         paths=int(total.traced.sum()),
@@ -266,7 +267,11 @@ class ModelError(PixelCriterion):
         """Nothing is refused: a tolerance that is not reached is reported."""
 
     def squares(self, total):
-        return model_squares(total, self.in_pixel) / self.tolerance**2
+        return model_squares(total, self.in_pixel, total.standard_error() ** 2) / self.tolerance**2
+
+    def unmet(self, total):
+        squares = model_squares(total, self.in_pixel, missed(total))
+        return float(np.sqrt(squares.mean())) / self.tolerance
 
     def expected(self, squares, more):
         return float(np.sqrt(np.mean(squares / more)))
@@ -330,8 +335,26 @@ class NoiseError(PixelCriterion):
         return float(np.quantile(squares, max(1 - above, 0)))
 
 
-def model_squares(total: Totals, in_pixel: int) -> np.ndarray:
+def missed(total: Totals) -> np.ndarray:
+    """Squared errors of the parts, (P,), if one on the model missed a source that no path has met.
+
+    Which of them has done so is not known, so that they share the squared error. What a source adds
+    that paths have met elsewhere shows in the scatter.
+    """
+    on, unmet = total.mean("target.hit") > 0, [0.0]
+    for k, source in enumerate(total.emitters.sources.list):
+        sums = total.sums.get(f"target.source.{k}")
+        if sums is not None and not sums.any():
+            unmet.append(source.in_band)
+    largest = UNSEEN * max(unmet) / student_factor(np.inf) / np.maximum(total.paths, 1)
+    error = np.minimum(total.missed_error(), largest)
+    return np.where(on, np.sum(error**2 * on) / max(on.sum(), 1) ** 2, 0)
+
+
+def model_squares(total: Totals, in_pixel: int, variance: np.ndarray) -> np.ndarray:
     """Squared ratios of the errors of parts to the model's mean radiance, (P,).
+
+    variance: squared errors of the parts, (P,), in the unit of the radiance.
 
     Their mean over all parts is that of the pixels on the model. A pixel is the mean of `in_pixel`
     parts with independent errors. A model that is smaller has fewer parts.
@@ -341,7 +364,7 @@ def model_squares(total: Totals, in_pixel: int) -> np.ndarray:
     if not mean > 0:
         return np.zeros(len(on))
     share = on.mean() * min(in_pixel, on.sum())
-    return np.where(on, total.standard_error() ** 2, 0) / (mean**2 * share)
+    return np.where(on, variance, 0) / (mean**2 * share)
 
 
 def part_areas(view: CameraView, on, ranges) -> np.ndarray:

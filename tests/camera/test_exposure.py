@@ -21,16 +21,24 @@ from mi_lcair.rendering.images.apparent import Arrival
 from tests.camera.test_view import PERSPECTIVE, front
 
 MWIR = band("MWIR")
+SOURCES = [SimpleNamespace(in_band=900.0), SimpleNamespace(in_band=0.4)]
 
 
-def totals(hit, target, error):
+def totals(hit, target, error, missed=0.0):
     """In place of `Totals`: means and standard errors of parts."""
     means = {"target.hit": np.array(hit), "target": np.array(target)}
-    return SimpleNamespace(mean=means.get, standard_error=lambda: np.array(error))
+    return SimpleNamespace(
+        mean=means.get,
+        standard_error=lambda: np.array(error),
+        missed_error=lambda: np.full(len(hit), missed),
+        paths=np.ones(len(hit)),
+        emitters=SimpleNamespace(sources=SimpleNamespace(list=SOURCES)),
+        sums={"target.source.0": np.ones(len(hit)), "target.source.1": np.zeros(len(hit))},
+    )
 
 
 def rms_error(total, in_pixel):
-    return np.sqrt(model_squares(total, in_pixel).mean())
+    return np.sqrt(model_squares(total, in_pixel, total.standard_error() ** 2).mean())
 
 
 def test_rms_error():
@@ -44,6 +52,14 @@ def test_rms_error():
     assert ModelError(0.01, 1).excess(total) == pytest.approx(np.sqrt(variance) / 0.04, rel=1e-12)
     assert rms_error(totals([0, 0], [0, 0], [1, 1]), 1) == 0
     assert rms_error(totals([1, 1], [0, 0], [1, 1]), 1) == 0
+
+
+def test_a_source_that_no_path_met_is_in_one_part():
+    """Of four parts on the model, with a mean of 4, one has an error of .3, or 2.5 times .4."""
+    for in_pixel, parts, missed in ((1, 1, 0.3), (3, 3, 0.3), (9, 4, 9.0)):
+        total = totals([0, 0.5, 1, 1, 1], [0, 2, 4, 4, 6], [99, 0, 0, 0, 0], missed)
+        ratio = min(missed, 2.5 * 0.4 / 1.959964) / 4 / np.sqrt(4 * parts)
+        assert ModelError(0.01, in_pixel).excess(total) == pytest.approx(ratio / 0.01, rel=1e-6)
 
 
 def test_areas_of_parts():
