@@ -14,6 +14,7 @@ from mi_lcair.motions.pose import set_motions
 from mi_lcair.plugins.emission.triangles import vertex_positions
 from mi_lcair.sensitivity.parameters import changed
 from tests.motions.test_differences import CUBE, convex_hull, scene_of
+from tests.motions.test_registration import SCENE as IMAGE
 
 ATTITUDE = {"yaw_deg": 30.0, "pitch_deg": 20.0, "roll_deg": 11.0}
 SCENE = "cylinder_ir_range"
@@ -66,6 +67,20 @@ def test_shifts_are_along_the_axes_of_the_model():
     with changed(pitched, shift):
         moves = vertex_positions(model(pitched)) - before
     assert moves == pytest.approx(np.tile([0.4, 0.3, 0.2], (len(moves), 1)), abs=1e-6)
+
+
+def test_model_turns_about_the_origin_of_its_file(tmp_path):
+    """Also where the scene was moved for the renderer's single precision."""
+    convex_hull("cube", CUBE).write_ply(str(tmp_path / "cube.ply"))
+    place = '<transform name="to_world"> <translate y="5000" z="300"/> </transform> <boolean'
+    sensor = 'origin="9, 5000, 300" target="0, 5000, 300"'
+    text = IMAGE.replace("<boolean", place).replace('origin="9.4, 1, 3.4" target="0, 0, 0"', sensor)
+    (tmp_path / "cube.xml").write_text(text)
+    scene = mi_lcair.load(tmp_path / "cube.xml")
+    assert scene.origin == (0, 5000, 300)
+    with changed(scene, {"model.yaw_deg": 90}):
+        middle = vertex_positions(scene.mi.shapes()[0]).mean(axis=0) + scene.origin
+    assert middle == pytest.approx([-5000, 0, 300], abs=1e-2)
 
 
 def test_groups_move_about_their_middle():
