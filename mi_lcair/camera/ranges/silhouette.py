@@ -1,6 +1,6 @@
 """The outline of a target, and how the camera spreads it over pixels from other ranges."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -59,16 +59,27 @@ class Silhouette:
             imager.width / 2 + toward @ view.right / depth / imager.pixel_angle,
             imager.height / 2 - toward @ view.up / depth / imager.pixel_angle,
         )
-        silhouette = Silhouette(meets, across, downward, middle, imager.pixel_angle)
-        # A target so thin that the rays miss it fills its window
-        if not meets.any():
-            meets[:] = 1.0
+        whole = Silhouette(meets, across, downward, middle, imager.pixel_angle)
         columns, rows = (
             (place[1:] > 0) & (place[:-1] < count)
-            for place, count in zip(silhouette.places(range_m), (imager.width, imager.height))
+            for place, count in zip(whole.places(range_m), (imager.width, imager.height))
         )
-        meets *= rows[:, None] & columns
-        return silhouette
+        in_frame = rows[:, None] & columns
+        meets *= in_frame
+        # A target so thin that the rays miss it fills its window
+        if not meets.any():
+            meets[:] = in_frame if in_frame.any() else 1.0
+        return whole.cropped()
+
+    def cropped(self) -> "Silhouette":
+        """The same outline on the part of the grid that holds it."""
+        rows, columns = (slice(on.min(), on.max() + 1) for on in np.nonzero(self.meets))
+        return replace(
+            self,
+            meets=self.meets[rows, columns],
+            across=self.across[columns.start : columns.stop + 1],
+            down=self.down[rows.start : rows.stop + 1],
+        )
 
     def places(self, range_m: float) -> tuple[np.ndarray, np.ndarray]:
         """Columns and rows of the frame at which the grid's borders are seen from a range, m."""
@@ -77,13 +88,8 @@ class Silhouette:
 
     @property
     def nearest_m(self) -> float:
-        """Range at which the target is LARGEST pixels long, m."""
-        sides = (
-            np.ptp(borders[[on[0], on[-1] + 1]])
-            for axis, borders in ((0, self.across), (1, self.down))
-            if (on := np.flatnonzero(self.meets.any(axis=axis))).size
-        )
-        return max(sides, default=0.0) / self.pixel_angle / LARGEST
+        """Range at which the grid is LARGEST pixels long, m."""
+        return max(np.ptp(self.across), np.ptp(self.down)) / self.pixel_angle / LARGEST
 
     @cached_property
     def area(self) -> np.ndarray:

@@ -45,7 +45,13 @@ def test_samples_hold_the_area_at_its_place():
 
 
 def test_a_target_of_300_pixels_is_nearest():
-    assert square().nearest_m == pytest.approx(3.0 / 300 / 1e-4, rel=1e-9)
+    """Without the grid around it, which would take memory where the frame shows a small part."""
+    cropped = square().cropped()
+    assert cropped.meets.shape == (50, 50) and cropped.meets.all()
+    assert cropped.nearest_m == pytest.approx(3.0 / 300 / 1e-4, rel=1e-9)
+    assert cropped.samples(3000.0).sum() == pytest.approx(square().samples(3000.0).sum(), rel=1e-12)
+    aside = replace(square(), meets=np.pad(square().meets, ((7, 0), (0, 3)))[:-7, 3:]).cropped()
+    assert aside.samples(3e3).shape == (33, 33) and aside.down[0] == pytest.approx(-1.5 + 7 * 0.06)
 
 
 @pytest.mark.parametrize("range_m", [1000.0, 10_000.0, 100_000.0])
