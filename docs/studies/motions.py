@@ -380,7 +380,7 @@ def budget() -> dict[str, float]:
     The paths of all draws begin at the same points of facets.
     """
     scene = mi_lcair.load("a340_landing", motions=MOTIONS, position=1)
-    result = mi_lcair.budget(scene, {"sigma": SIGMA}, spp=16)
+    result = mi_lcair.budget(scene, {"sigma": SIGMA}, spp=64)
     draws = np.random.default_rng(0).normal(size=(DRAWS, len(SIGMA))) * list(SIGMA.values())
     poses = [dict(zip(SIGMA, draw.tolist())) for draw in draws]
     camera, rows = scene.sensor(0), []
