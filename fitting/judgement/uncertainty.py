@@ -106,10 +106,14 @@ class Linearized:
     @cached_property
     def cube_covariance(self) -> np.ndarray:
         """Covariance of the coordinates, (n, n), without the error of the common scale."""
-        slopes = self.slopes * self.free
-        prior = 12 * np.eye(len(self.free))  # a uniform coordinate has the variance 1/12
+        return self.cube_covariance_of(self.free)
+
+    def cube_covariance_of(self, free: np.ndarray) -> np.ndarray:
+        """`cube_covariance` if the coordinates in the mask `free` (n,) move."""
+        slopes = self.slopes * free
+        prior = 12 * np.eye(len(free))  # a uniform coordinate has the variance 1/12
         inverse = np.linalg.inv(slopes.T @ slopes / self.variance + prior)
-        return inverse * np.outer(self.free, self.free)
+        return inverse * np.outer(free, free)
 
     @cached_property
     def shift(self) -> np.ndarray:
@@ -136,6 +140,17 @@ class Linearized:
         derivative = derivative * self.free
         level = (derivative @ self.shift) ** 2
         return np.sum(derivative @ self.cube_covariance * derivative, axis=1) + level
+
+    def moved(self, k: int) -> float:
+        """Change of the k-th parameter for one standard deviation of its coordinate.
+
+        It is computed with finite steps in both directions and is thus finite at a bound, where the
+        parameter may have no derivative. The coordinate moves even if the variant holds it.
+        """
+        cube = self.cube_covariance_of(self.free | (np.arange(len(self.free)) == k))
+        step = cube[k] / np.sqrt(cube[k, k])
+        ends = parameters_at(self.model, np.clip([self.u + step, self.u - step], 0, 1))[0]
+        return float(np.max(np.abs(ends[:, k] - self.parameters[k])))
 
     def level_shift(self) -> np.ndarray:
         """Largest change of the parameters (n,) for one standard deviation of the common scale.
@@ -220,6 +235,9 @@ def profile_intervals(
     """
     model, best, matrix = near.model, near.parameters, near.covariance(with_level=False)
     errors, variance = standard_errors(model, matrix), near.variance * curvature
+    for k, bound in enumerate(model.bound_names(near.u)):
+        if bound is not None or errors[k] == 0:
+            errors[k] = near.moved(k)
     systematic = near.level_shift()
     lower, upper = model.feasible_range(best)
     t = stats.t.ppf(0.5 + CONFIDENCE / 2, dof)
@@ -277,7 +295,7 @@ def profile_lanes(best, errors, lower, upper) -> tuple[np.ndarray, np.ndarray, n
             reach = side * (bound - best[k])
             if reach <= 1e-12:
                 continue
-            # A parameter at its bound has no standard error. Its first step is a part of its range.
+            # A parameter that has no standard error begins with a part of its range.
             step = errors[k] if errors[k] > 0 else reach / 1000
             steps = np.append(PROFILE_STEPS * step, reach * np.array([0.1, 0.3, 1]))
             lanes += [(k, side, distance) for distance in np.unique(steps[steps <= reach])]

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
-from scipy import stats
+from drjit.llvm.ad import Array3f64, Float64
+from scipy import optimize, stats
 from scipy.optimize import curve_fit
 
+from mi_lcair import fitting
 from mi_lcair.fitting.cube import parameters_at
 from mi_lcair.fitting.judgement.uncertainty import (
     Linearized,
@@ -16,8 +18,9 @@ from mi_lcair.fitting.judgement.uncertainty import (
     profile_lanes,
     standard_errors,
 )
+from mi_lcair.physics.reflection.models import MODELS
 from tests.fitting.numpy_model import brdf
-from tests.fitting.synthetic import MODEL, NAMES, ROUGH, fit, scan
+from tests.fitting.synthetic import MODEL, NAMES, ROUGH, fit, scan, scan_of
 
 
 def test_standard_errors_and_correlation_are_those_of_scipy():
@@ -214,6 +217,32 @@ def test_profiles_of_linear_rows(level, curvature):
     expected = np.hypot(t * errors, t * near.level_shift())
     np.testing.assert_allclose(best - found[:, 0], expected, rtol=5e-3)
     np.testing.assert_allclose(found[:, 1] - best, expected, rtol=5e-3)
+
+
+@pytest.mark.parametrize("form", ["standard", "auto"])
+def test_interval_of_an_absorption_at_its_bound(form):
+    """The chi-square at its end, with the others refitted by SciPy, is t^2 larger.
+
+    The BRDF depends on k^2, so that k has no standard error at 0. "auto" holds k there.
+    """
+    microfacet = MODELS["microfacet"]
+    data = scan_of(microfacet, (0.2, 2.3, 1.6, 0.0, 0.1), step=4, noise=0.01, seed=1)
+    fit = fitting.fit(data, model="microfacet", form=form, starts=4)
+    assert fit.parameters["k"] == 0 and (fit.restriction is None) == (form == "standard")
+    source, observer = (
+        Array3f64(Float64(sign * np.sin(angle)), 0, Float64(np.cos(angle)))
+        for sign, angle in ((1, data.theta_i), (-1, data.theta_r))
+    )
+    best, free = np.array([fit.parameters[name] for name in microfacet.names]), [0, 1, 2, 4]
+
+    def rows(others):
+        surface = microfacet.surface_of(np.insert(others, 3, fit.interval["k"][1]), "standard")
+        return np.log10(np.array(microfacet.f(surface, source, observer)) / data.brdf)
+
+    refitted = optimize.least_squares(rows, best[free], x_scale=0.01)
+    rise = 2 * refitted.cost / (data.brdf.size * fit.rms_dex**2) - 1
+    dof = data.brdf.size - 5
+    assert np.sqrt(rise * dof) == pytest.approx(stats.t.ppf(0.975, dof), rel=0.15)
 
 
 class CubicInParameters(LinearInParameters):
