@@ -1,6 +1,6 @@
 """Electrons of the model and its background in the samples of a frame, before optics and noise."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -145,7 +145,8 @@ def exposure(
         """
         sources, sums = total.emitters.sources, total.sums
         arrival = Arrival.of(sources, scene.band, detector, air, np.array([range_m]), extrapolate)
-        model = arrival.of_parts({name: values.sum(keepdims=True) for name, values in sums.items()})
+        of_frame = {name: values.sum(keepdims=True, dtype=float) for name, values in sums.items()}
+        model = arrival.of_parts(of_frame)
         if sums["target"].any():
             return model.item() / sums["target"].sum()
         return float(np.mean(behind(detector))) / max(hidden, 1e-300)
@@ -164,7 +165,13 @@ def exposure(
     on = total.mean("target.hit") > 0
     if not on.any():
         raise InputError("no ray met the target; raise spp of [render]")
-    seen = {name: total.mean(name)[on] for name in total.sums}
+    # Errors are those of the radiance, in the unit of electrons at the aperture
+    unit, variance = electrons(total), total.standard_error() ** 2 + missed(total)
+    squares = model_squares(total, windows.parts, variance)
+    seen = {}
+    for name in list(total.sums):  # sums by wavelength make way for their means
+        seen[name] = total.mean(name)[on].astype(total.sums[name].dtype)
+        del total.sums[name]
     share = seen["target.hit"]
     ranges = seen["target.range"] / share + view.near_range().ravel()[on]
     through = ranges
@@ -184,11 +191,11 @@ def exposure(
 
     def by_channel(emitting: Sources) -> dict[str, np.ndarray]:
         """Electrons of the samples from each source, if it had another temperature."""
-        arrives = arrival(detector, emitting).arrives
+        at_detector = arrival(detector, emitting)
         return {
-            name: image(arrives[name] * seen[name] * (other.in_band / source.in_band))
+            name: image(at_detector.arrives[name] * seen[name] * (other.in_band / source.in_band))
             for k, (source, other) in enumerate(zip(sources.list, emitting.list))
-            if (name := f"target.source.{k}") in arrives and source.in_band
+            if (name := f"target.source.{k}") in at_detector.in_band and source.in_band
         }
 
     areas = part_areas(view, on, ranges) * view.inside.ravel()[on]
@@ -199,13 +206,10 @@ def exposure(
     def image(values: np.ndarray) -> np.ndarray:
         return view.samples(placed(values, on, (rows, columns)))
 
-    # Errors are those of the radiance, in the unit of electrons at the aperture
-    variance = total.standard_error() ** 2 + missed(total)
-    squares = model_squares(total, windows.parts, variance)
     return Exposure(
         contrast=image(arriving(detector)),
         radiance=image(arriving(setting.detector.band)),
-        error=electrons(total) * np.sqrt(image(variance[on])) * OVERSAMPLING / view.parts,
+        error=unit * np.sqrt(image(variance[on])) * OVERSAMPLING / view.parts,
         share=image(share),
         intensities=intensities,
         area=intensities["target.hit"],
@@ -220,14 +224,36 @@ def exposure(
 
 
 def of_model(sums: Sums, hidden: float) -> Sums:
-    """The channels of the model; as radiance, its difference from the `hidden` background."""
-    channels = {"target": sums.channels["target"]} | {
-        f"target.{name}": values
-        for name, values in sums.channels.items()
-        if name in ("hit", "range") or name.startswith(("source.", "wavelength."))
-    }
+    """The channels of the model; as radiance, its difference from the `hidden` background.
+
+    Those by source, which may be hundreds, are in single precision.
+    """
+    channels = {"target": sums.channels["target"]}
+    for name, values in sums.channels.items():
+        if name in ("hit", "range"):
+            channels[f"target.{name}"] = values
+        elif name.startswith(("source.", "wavelength.")):
+            channels[f"target.{name}"] = values.astype(np.float32)
     contrast = channels["target"] - hidden * channels["target.hit"]
     return replace(sums, channels=channels, radiance=contrast)
+
+
+@dataclass(frozen=True)
+class Interpolated(Mapping):
+    """Values by name at many ranges, linear between those `at` some; those of a name when read."""
+
+    ranges: np.ndarray
+    at: np.ndarray
+    values: dict[str, np.ndarray]
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return np.interp(self.ranges, self.at, self.values[name])
+
+    def __iter__(self):
+        return iter(self.values)
+
+    def __len__(self) -> int:
+        return len(self.values)
 
 
 def interpolated(arrival_from: Callable[[np.ndarray], Arrival], ranges: np.ndarray) -> Arrival:
@@ -243,7 +269,7 @@ def interpolated(arrival_from: Callable[[np.ndarray], Arrival], ranges: np.ndarr
     arrival = arrival_from(at)
     return Arrival(
         arrival.in_band,
-        {name: np.interp(ranges, at, values) for name, values in arrival.arrives.items()},
+        Interpolated(ranges, at, arrival.arrives),
         np.interp(ranges, at, arrival.path),
     )
 

@@ -92,7 +92,7 @@ class Totals:
             if not self.by_randomisation:
                 values = values.sum(axis=1, keepdims=True)
             if name not in self.sums:
-                self.sums[name] = np.zeros((len(self.valid), values.shape[1]))
+                self.sums[name] = np.zeros((len(self.valid), values.shape[1]), values.dtype)
             self.sums[name][run] += values
         for name, values in sums.lowest.items():
             lowest = self.lowest.setdefault(name, np.full(len(self.valid), np.inf))

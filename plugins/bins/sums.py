@@ -12,7 +12,7 @@ from mi_lcair.plugins.emission.emitter_table import EmitterTable
 from mi_lcair.plugins.paths.launch import Launch, Paths
 from mi_lcair.plugins.recorders.recorder import Emission, Recorder, zeros
 
-MOST_SUMS = 2**25  # sums of one launch, of 8 bytes each
+MOST_SUMS = 2**24  # sums of one launch, of 8 bytes each
 
 
 class BinSums:
@@ -81,12 +81,14 @@ class SourceSums(BinSums):
     def channels(self, split: str) -> dict[str, np.ndarray]:
         """Sums by the names of channels, (windows, randomisations) each; split: see `Channels`."""
         sums = self.sums()
-        of_model, whole = sums[:, :, 1], sums.sum(axis=2)
-        parts = {"": of_model} if split == "model" else {"": whole, "target.": of_model}
+        parts = {"": sums[:, :, 1]}
+        if split == "target":
+            parts = {"": sums.sum(axis=2), "target.": sums[:, :, 1]}
         return {
-            f"{prefix}source.{k}": values[:, :, k]
+            f"{prefix}source.{k}": of_source.T
             for prefix, values in parts.items()
-            for k in range(self.shape[-1])
+            # The sums of a source lie together in a copy without the paths beside the model
+            for k, of_source in enumerate(np.ascontiguousarray(values.T))
         }
 
 

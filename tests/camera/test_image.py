@@ -1,5 +1,6 @@
 """Images of scenarios, against closed forms and against `contrast`."""
 
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from mi_lcair.api.image import image
 from mi_lcair.api.signature import signature
 from mi_lcair.camera.electronics.frames import signal_of
 from mi_lcair.camera.electronics.response import electron_band, electrons
+from mi_lcair.camera.exposure import exposure
 from mi_lcair.camera.optics import OVERSAMPLING
 from mi_lcair.detection.setting import setting_of
 from mi_lcair.errors import InputError
@@ -24,6 +26,7 @@ from mi_lcair.physics.blackbody import (
     spectral_radiance,
 )
 from mi_lcair.physics.sun.sunlight import sunlight
+from mi_lcair.rendering.measure import measure
 from tests.camera.plate_scenario import plate
 from tests.detection.disc_scenario import AREA, disc, write_disc
 
@@ -101,8 +104,27 @@ def test_electrons_through_the_air(scenario):
     assert total == pytest.approx(expected, rel=0.01)
 
 
-def test_electrons_of_titanium(tmp_path):
-    """Emissivity by wavelength, from Fresnel's equations, times the photons at each wavelength."""
+def test_electrons_of_titanium(tmp_path, monkeypatch):
+    """Emissivity by wavelength, from Fresnel's equations, times the photons at each wavelength.
+
+    The means of all wavelengths are in memory once, and no other array of this size.
+    """
+    sizes, peaks = [], []
+
+    def measured(*arguments):
+        total = measure(*arguments)
+        sizes.append(sum(sums.nbytes for sums in total.sums.values()))
+        tracemalloc.start()
+        return total
+
+    def exposed(*arguments):
+        result = exposure(*arguments)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+        return result
+
+    monkeypatch.setattr("mi_lcair.camera.exposure.measure", measured)
+    monkeypatch.setattr("mi_lcair.camera.image.exposure", exposed)
     changes = {"background__temperature": 30, "target__parameters": {}, "render__spp": 16}
     made = plate(tmp_path, 2.0, 2.0, **changes)
     text = (tmp_path / "disc.xml").read_text().replace('value="400"', 'value="800"')
@@ -123,6 +145,7 @@ def test_electrons_of_titanium(tmp_path):
     photons = x * spectral_radiance(x, 800.0)
     expected = np.trapezoid(emissivity * photons, x) / np.trapezoid(photons, x)
     assert counts["titanium"] / counts["blackbody"] == pytest.approx(expected, rel=1e-5)
+    assert peaks[1] < 2 * sizes[1]
 
 
 def test_same_contrast_as_a_detector(scenario):

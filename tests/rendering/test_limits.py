@@ -44,6 +44,8 @@ def test_an_image_that_needs_too_much(monkeypatch):
     ):
         mi_lcair.render(scene, spp=1)
     assert mi_lcair.render(mi_lcair.load("two_plates", resolution=8), spp=1).mean >= 0
+    with pytest.raises(InputError, match=r"1048576 pixels needs 2.3 GiB"):
+        limits.check_memory(2**20, sources=400)
 
 
 def test_what_is_available(tmp_path):

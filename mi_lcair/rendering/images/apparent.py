@@ -1,6 +1,6 @@
 """Apparent radiance of each pixel: the model's radiance after transmission by the atmosphere."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -96,7 +96,7 @@ class Arrival:
     in_band : dict of str to float
         In-band radiance of the render for a unit of each channel `target.source.N` or
         `target.wavelength.N`.
-    arrives : dict of str to ndarray, shape (r,)
+    arrives : mapping of str to ndarray, shape (r,)
         In-band value at the detector for a unit of each channel. Channel "rest" is the radiance
         that the others leave.
     path : ndarray, shape (r,)
@@ -104,7 +104,7 @@ class Arrival:
     """
 
     in_band: dict[str, float]
-    arrives: dict[str, np.ndarray]
+    arrives: Mapping[str, np.ndarray]
     path: np.ndarray
 
     @staticmethod
