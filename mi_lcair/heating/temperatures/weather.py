@@ -38,6 +38,7 @@ LIMITS = {
     for entry in fields(WeatherTable)
     if (bounds := entry.metadata.get("bounds"))
 }
+COLD_AIR_K = 120.0  # less than any air of the atmosphere has
 # Largest shares of the beam's energy below the horizon: from rows that are means of an hour without
 # a remark, and with one, as of a clock that is an hour off
 DUSK, NIGHT = 0.015, 0.05
@@ -233,6 +234,10 @@ def completed(table: WeatherTable, values: dict, times: np.ndarray, where: str) 
     if not all(name in values for name in DIRECTION):
         values |= zip(DIRECTION, directions(table, values, times, where))
     arrays = {name: np.broadcast_to(values[name], times.shape).astype(float) for name in AT_TIMES}
+    coldest = np.where(arrays["h_W_m2_K"] > 0, arrays["air_K"], np.inf).min()
+    if coldest < COLD_AIR_K:
+        cold = f"air_K falls to {coldest:g}, which air never does; is it in kelvin?"
+        remarks = (*remarks, cold)
     sun, is_day = arrays["sun_W_m2"], arrays["sun_elevation_deg"] > 0
     share = sun[~is_day].sum() / max(sun.sum(), 1e-300)
     at_night = f"{share:.1%} of sun_W_m2 is there with the sun below the horizon"

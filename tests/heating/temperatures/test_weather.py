@@ -71,6 +71,18 @@ def test_numbers_hold_all_the_time(tmp_path):
     assert "ground" in constant.remarks[0]
 
 
+def test_air_in_celsius_is_doubted(tmp_path):
+    """A vacuum has no air, so that its temperature does not count."""
+
+    def remarks(**changes):
+        table = WeatherTable(**CONSTANT | {"ground_K": 280.0} | changes)
+        return weather(table, tmp_path, 96, True).remarks
+
+    (remark,) = remarks(air_K=20.0)
+    assert remark.startswith("air_K falls to 20, ")
+    assert not remarks() and not remarks(air_K=20.0, h_W_m2_K=0.0)
+
+
 def test_rows_are_interpolated(tmp_path):
     day = weather(rows(tmp_path), tmp_path, 48, True)
     np.testing.assert_allclose(day.seconds, 1800 * np.arange(1, 49))
