@@ -1,6 +1,6 @@
 """Electrons of the model and its background in the samples of a frame, before optics and noise."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -63,7 +63,7 @@ class Exposure:
         Whether a tolerance was reached; None without one.
     invalid, paths : int
         Number of samples that do not count, and of all.
-    variants : tuple of dict of str to ndarray
+    variants : tuple of mapping of str to ndarray
         Electrons that arrive from the model with other temperatures of the sources, by channel.
     """
 
@@ -79,7 +79,7 @@ class Exposure:
     reached: bool | None
     invalid: int
     paths: int
-    variants: tuple[dict[str, np.ndarray], ...] = ()
+    variants: tuple[Mapping[str, np.ndarray], ...] = ()
 
 
 def windows_of(view: CameraView, scene: Scene) -> Windows:
@@ -189,14 +189,17 @@ def exposure(
         arrival_at = arrival(rule, sources)
         return arrival_at.of_parts(seen) + share * (arrival_at.path - behind(rule).ravel()[on])
 
-    def by_channel(emitting: Sources) -> dict[str, np.ndarray]:
+    def by_channel(emitting: Sources) -> Mapping[str, np.ndarray]:
         """Electrons of the samples from each source, if it had another temperature."""
         at_detector = arrival(detector, emitting)
-        return {
-            name: image(at_detector.arrives[name] * seen[name] * (other.in_band / source.in_band))
+        ratios = {
+            name: other.in_band / source.in_band
             for k, (source, other) in enumerate(zip(sources.list, emitting.list))
             if (name := f"target.source.{k}") in at_detector.in_band and source.in_band
         }
+        return OnReading(
+            ratios, lambda name: image(at_detector.arrives[name] * seen[name] * ratios[name])
+        )
 
     areas = part_areas(view, on, ranges) * view.inside.ravel()[on]
     intensities = {
@@ -239,21 +242,20 @@ def of_model(sums: Sums, hidden: float) -> Sums:
 
 
 @dataclass(frozen=True)
-class Interpolated(Mapping):
-    """Values by name at many ranges, linear between those `at` some; those of a name when read."""
+class OnReading(Mapping):
+    """Arrays by name that `of` a name are made when they are read, since all take much memory."""
 
-    ranges: np.ndarray
-    at: np.ndarray
-    values: dict[str, np.ndarray]
+    names: Collection[str]
+    of: Callable[[str], np.ndarray]
 
     def __getitem__(self, name: str) -> np.ndarray:
-        return np.interp(self.ranges, self.at, self.values[name])
+        return self.of(name)
 
     def __iter__(self):
-        return iter(self.values)
+        return iter(self.names)
 
     def __len__(self) -> int:
-        return len(self.values)
+        return len(self.names)
 
 
 def interpolated(arrival_from: Callable[[np.ndarray], Arrival], ranges: np.ndarray) -> Arrival:
@@ -269,7 +271,7 @@ def interpolated(arrival_from: Callable[[np.ndarray], Arrival], ranges: np.ndarr
     arrival = arrival_from(at)
     return Arrival(
         arrival.in_band,
-        Interpolated(ranges, at, arrival.arrives),
+        OnReading(arrival.arrives, lambda name: np.interp(ranges, at, arrival.arrives[name])),
         np.interp(ranges, at, arrival.path),
     )
 
