@@ -13,7 +13,7 @@ from mi_lcair.extras import optional
 from mi_lcair.files import replacing
 from mi_lcair.results.cells import quantity_of, unit_of
 
-KEYS = ("wavelength_um", "facet")  # columns that number the rows of a table
+KEYS = ("wavelength_um", "facet", "time_s")  # columns that number the rows of a table
 ASPECT = ("elevation_deg", "azimuth_deg")  # axes of a trend
 LARGEST_WHOLE = 2**31 - 1  # largest integer of netCDF-3
 
@@ -94,17 +94,22 @@ def grid(columns: dict[str, np.ndarray], axes: tuple[str, ...], **attributes):
     xarray = optional("xarray", "a netCDF file or an xarray Dataset")
     from pandas import DataFrame  # which xarray needs
 
-    frame = DataFrame(_arrays(columns)).drop_duplicates(axes, keep="last").set_index(list(axes))
+    frame = DataFrame(_arrays(columns)).set_index(list(axes))
     made = xarray.Dataset.from_dataframe(frame)
     texts = [name for name, values in made.items() if values.dtype.kind == "O"]
     return described(made.assign(made[texts].fillna("")).assign_attrs(attributes))
 
 
 def dataset(columns: dict[str, np.ndarray], **attributes):
-    """The Dataset of a table of this project: a `grid` over ASPECT for a trend, or a `table`."""
-    if set(ASPECT) <= set(columns):
-        return grid(columns, ASPECT, **attributes)
-    return table(columns, **attributes)
+    """The Dataset of a table of this project: a `grid` over ASPECT for a trend, or a `table`.
+
+    A table whose rows have another key, or one direction twice, as a sweep over ranges, is no grid.
+    """
+    if not set(ASPECT) <= set(columns) or set(KEYS) & set(columns):
+        return table(columns, **attributes)
+    directions = list(zip(*(np.asarray(columns[name]).tolist() for name in ASPECT)))
+    is_grid = len(set(directions)) == len(directions)
+    return grid(columns, ASPECT, **attributes) if is_grid else table(columns, **attributes)
 
 
 def _arrays(columns) -> dict[str, np.ndarray]:

@@ -51,6 +51,19 @@ def test_grid(tmp_path):
     assert np.isnan(dataset.invalid).sum() == 1
 
 
+@pytest.mark.parametrize(
+    "key, dimension", [({"range_m": [1.0, 2, 3]}, "row"), ({"time_s": [0.0, 1, 2]}, "time_s")]
+)
+def test_rows_of_one_direction_stay_apart(tmp_path, key, dimension):
+    """A sweep over ranges, and a flight: no row of theirs is lost."""
+    columns = {"azimuth_deg": [5.0, 5, 7], "elevation_deg": [1.0, 1, 1], **key}
+    netcdf.write(tmp_path / "a.nc", netcdf.dataset(columns))
+    with xarray.open_dataset(tmp_path / "a.nc") as data:
+        assert data.azimuth_deg.dims == (dimension,)
+    read = netcdf.read_columns(tmp_path / "a.nc")
+    assert {name: read[name].tolist() for name in columns} == columns
+
+
 def test_names_that_netcdf_lacks(tmp_path):
     with pytest.raises(InputError, match="same name"):
         netcdf.write(tmp_path / "a.nc", netcdf.table({"a/b": [1], "a_b": [2]}))

@@ -139,5 +139,9 @@ def check_scene(scene, sensor: int, integrator) -> None:
         )
     if not 0 <= sensor < len(scene.sensors()):
         raise InputError(f"sensor = {sensor}; the scene has {len(scene.sensors())}, counted from 0")
+    if integrator is not None and not isinstance(integrator, mi.Integrator):
+        raise InputError(
+            f"{type(integrator).__name__} is no integrator; load one with mi.load_dict"
+        )
     if integrator is None and scene.integrator() is None:
         raise InputError("the scene has no integrator; add one to it or give one, such as path")

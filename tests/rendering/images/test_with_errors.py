@@ -98,6 +98,7 @@ def test_unusable_input_is_one_line(room):
         ({"sensor": 3}, "sensor = 3; the scene has 1"),
         ({"spp": 0}, "must be positive"),
         ({"seed": -1}, "seed"),
+        ({"integrator": "path"}, "str is no integrator"),
     ):
         with pytest.raises(InputError, match=message):
             mi_lcair.render_with_errors(scene, **options)
