@@ -89,7 +89,7 @@ def read_json(path: str | Path) -> dict:
     Raises InputError for another file.
     """
     entries = parse_json(read_text(path), f"'{path}': not JSON")
-    if not isinstance(entries, dict):
+    if not isinstance(entries, dict) or not {"kind", "parameters", "materials"} & set(entries):
         raise InputError(f"'{path}': not the JSON of a result")
     entries = {"kind": "fit"} | entries
     if str(entries["kind"]) not in BY_RESULT:

@@ -109,12 +109,14 @@ def test_tables_there_and_back(run, folder):
         (["t.csv", "no/t.nc"], "does not exist"),
         (["nothing", "a.vtp"], "'nothing' is no image"),
         (["two_plates", "a.vtk"], "does not end in .vtp or .vtu"),
+        (["fit.json", "e.csv"], "convert a whole fit of one"),
     ],
 )
 def test_refused(refused, folder, args, reason):
     (folder / "t.csv").write_text("a,b\n1,2\n")
     (folder / "empty.csv").write_text("a,b\n")
     (folder / "f.csv").write_text("facet,b\n7.0,2\n")
+    (folder / "fit.json").write_text('{"kind": "fit"}')
     before = sorted(folder.iterdir())
     assert reason in refused("convert", *args)
     assert sorted(folder.iterdir()) == before
@@ -132,4 +134,4 @@ def test_emissivity_of_a_fit(run, refused, folder):
     np.testing.assert_allclose(curve.std, report["emissivity"]["standard_error"])
     both = {"kind": "fit", "materials": {"3-5": report, "8-12": report}}
     (folder / "both.json").write_text(json.dumps(both))
-    assert "both.json: has fits of 2 bands" in refused("convert", "both.json", "f.csv")
+    assert "'both.json': has fits of 2 bands" in refused("convert", "both.json", "f.csv")

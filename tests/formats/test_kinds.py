@@ -66,6 +66,7 @@ def test_results_by_their_kind(tmp_path, text, kind):
         ("{", "not JSON"),
         ("[" * 100_000, "not JSON"),
         ("[1]", "not the JSON of a result"),
+        ('{"made": {}}', "not the JSON of a result"),
         ('{"kind": "solution"}', "of a result of kind 'solution'; those that are read are a sig"),
         ('{"kind": ["x"]}', "of a result of kind"),
     ],

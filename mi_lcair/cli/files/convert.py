@@ -129,7 +129,8 @@ def _emissivity(source, output, suffix):
 
     report = read_json(source)
     if "emissivity" not in report:
-        raise InputError(f"{source}: has fits of {len(report['materials'])} bands; convert one fit")
+        bands = len(report.get("materials", ()))
+        raise InputError(f"'{source}': has fits of {bands} bands; convert a whole fit of one")
     angles, curve, errors = map(report["emissivity"].get, CURVE)
     csv.write(output, {"theta_deg": angles, "emissivity": curve, "emissivity_std": errors})
 
