@@ -15,6 +15,7 @@ from mi_lcair.plugins.bsdfs.plume import spectral_plumes
 from mi_lcair.plugins.emission.source import BinOfBlackbody, Source
 from mi_lcair.plugins.emitters.thermal_emitter import one_sun
 from mi_lcair.rendering.scene import Scene
+from mi_lcair.startup.threads import exclusively
 
 STAND_IN = "us_standard"  # clear air that stands for air of which only a table is known
 STAND_IN_DEG = 45.0  # elevation of light that stands for a table's
@@ -71,6 +72,7 @@ def product_error(setting: Setting, light, of_sun: bool) -> float:
     return float(product / band.integral(path.wavelengths_um, light.through(path.amounts)) - 1)
 
 
+@exclusively
 def averaged_plumes(scene: Scene, lines: Iterable) -> list[str]:
     """Remark on plumes by wavelength before a background that is no sky of the scene, in a list.
 

@@ -7,6 +7,7 @@ Dr.Jit.
 import sys
 
 import numpy as np
+import scipy
 
 from mi_lcair.physics.bands import Band
 
@@ -200,3 +201,14 @@ def _solve(band, radiance):
         if np.all(np.abs(step) < 1e-8 * u):
             break
     return 1 / u
+
+
+def polynomials(nodes_um: np.ndarray, wavelengths_um: np.ndarray) -> np.ndarray:
+    """The polynomials that are 1 at one of the nodes and 0 at the others, (nodes, n).
+
+    They are the parts of the spectrum of many blackbodies, which is recorded at the nodes.
+    """
+    if not nodes_um.size:
+        return np.empty((0, len(wavelengths_um)))
+    unit = np.eye(len(nodes_um))
+    return scipy.interpolate.BarycentricInterpolator(nodes_um, unit)(wavelengths_um).T

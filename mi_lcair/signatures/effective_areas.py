@@ -14,9 +14,8 @@ from numpy.typing import ArrayLike
 from mi_lcair.errors import InputError, check_known, unknown
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
-from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
+from mi_lcair.physics.blackbody import in_band_radiance, polynomials, spectral_radiance
 from mi_lcair.plugins.emission.source import Source
-from mi_lcair.plugins.emission.sources import polynomials
 from mi_lcair.plugins.properties import HOTTEST
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import UNSEEN, Totals, student_factor

@@ -6,7 +6,6 @@ from itertools import chain
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-import scipy
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
@@ -130,17 +129,6 @@ class Sources:
         """Spectral radiance per in-band radiance at each wavelength, for an entry [1/um]."""
         row = dr.gather(mi.UInt32, self.share_row, entry) * WAVELENGTHS
         return [dr.gather(mi.Float, self.share, row + k) for k in range(WAVELENGTHS)]
-
-
-def polynomials(nodes_um: np.ndarray, wavelengths_um: np.ndarray) -> np.ndarray:
-    """The polynomials that are 1 at one of the nodes and 0 at the others, (nodes, n).
-
-    They are the parts of the spectrum of many blackbodies, which is recorded at the nodes.
-    """
-    if not nodes_um.size:
-        return np.empty((0, len(wavelengths_um)))
-    unit = np.eye(len(nodes_um))
-    return scipy.interpolate.BarycentricInterpolator(nodes_um, unit)(wavelengths_um).T
 
 
 def numbered(emitters, per_emitter, sources: list[Source], otherwise: int = 0) -> PrimitiveTable:

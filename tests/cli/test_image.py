@@ -61,7 +61,7 @@ def test_files_and_tables(run, folder, figures):
     assert (folder / "seen.png").stat().st_size > 10_000
     titles = [axes.get_title() for axes in figures[0].axes]
     assert "(b) MTF up to Nyquist" in titles
-    assert "(d) over range, by matched filter: detected up to 23492 m" in titles
+    assert "(c) over range, by matched filter: detected up to 23492 m" in titles
 
 
 @pytest.mark.slow

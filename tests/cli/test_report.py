@@ -102,7 +102,7 @@ def test_trend(run, folder):
     result = run("report", "trend.csv", "-o", "trend.html")
     assert result.exit_code == 0, result.output
     page = (folder / "trend.html").read_text()
-    assert "Trend of cylinder_ir_range" in page and "20° elevation" in page
+    assert "Trend of cylinder_ir_range" in page and "elevation 20°" in page
 
 
 def test_the_table_of_a_sweep(run, refused, folder):

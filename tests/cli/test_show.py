@@ -58,7 +58,7 @@ def test_facet_json(run, folder):
     assert (found["file"], found["facet"], found["group"]) == ("view.png", 1, "wall") and written(
         folder
     ) == ["view.png"]
-    assert [row["facet"] for row in found["neighbours"]] == [0, None]
+    assert found["columns"]["facet"] == [0, -1]
 
 
 @pytest.mark.slow

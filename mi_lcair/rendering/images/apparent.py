@@ -8,10 +8,10 @@ import numpy as np
 
 from mi_lcair.physics.air.atmosphere import Atmosphere
 from mi_lcair.physics.bands import Band
-from mi_lcair.physics.blackbody import spectral_radiance
+from mi_lcair.physics.blackbody import polynomials, spectral_radiance
 from mi_lcair.physics.spectra.bins import filter_of
 from mi_lcair.plugins.emission.source import Source
-from mi_lcair.plugins.emission.sources import Sources, polynomials
+from mi_lcair.plugins.emission.sources import Sources
 from mi_lcair.rendering.scene import Scene
 
 REST = "rest"  # radiance of unknown spectrum

@@ -6,10 +6,10 @@ import numpy as np
 
 from mi_lcair.errors import InputError, shown
 from mi_lcair.formats.channels import spectral_channel
+from mi_lcair.physics.blackbody import polynomials
 from mi_lcair.physics.spectra.bins import Bins
 from mi_lcair.physics.spectral_table import LONGEST_UM
 from mi_lcair.plugins.bsdfs.spectral_bsdf import has_spectral_materials
-from mi_lcair.plugins.emission.sources import polynomials
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.pixels.errors import pixel_errors
 from mi_lcair.rendering.scene import Scene

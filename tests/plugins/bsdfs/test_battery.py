@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from mi_lcair.errors import InputError
+from mi_lcair.physics.reflection import models
 from tests.physics.reflection import microfacet_equations as printed
 from tests.physics.reflection.surfaces import random_parameters
 from tests.plugins.reflection_models import (
@@ -207,7 +208,7 @@ def points_of_the_box(model, count=30):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "model, form",
-    [(model, form) for model in MODELS.values() for form in model.forms],
+    [(model, form) for model in models.MODELS.values() for form in model.forms],
     ids=lambda value: getattr(value, "name", value),
 )
 def test_energy_and_emissivity_over_the_whole_box(model, form):

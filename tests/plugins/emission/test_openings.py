@@ -142,7 +142,8 @@ def test_derivatives_follow_first_tries(tube):
         image = mi.render(scene.mi, parameters, spp=64, seed=3)
         dr.backward(dr.sum(image.array))
         gradients.append(float(dr.grad(parameters[name]).numpy().ravel()[0]))
-    assert gradients[0] == gradients[1] != 0
+    # The order in which threads add changes the last digits
+    assert gradients[0] == pytest.approx(gradients[1], rel=1e-5) and gradients[0] != 0
 
 
 def test_without_openings_nothing_is_drawn_again():
