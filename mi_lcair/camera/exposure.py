@@ -168,10 +168,7 @@ def exposure(
     # Errors are those of the radiance, in the unit of electrons at the aperture
     unit, variance = electrons(total), total.standard_error() ** 2 + missed(total)
     squares = model_squares(total, windows.parts, variance)
-    seen = {}
-    for name in list(total.sums):  # sums by wavelength make way for their means
-        seen[name] = total.mean(name)[on].astype(total.sums[name].dtype)
-        del total.sums[name]
+    seen = means_in_place_of_sums(total, on)
     share = seen["target.hit"]
     ranges = seen["target.range"] / share + view.near_range().ravel()[on]
     through = ranges
@@ -224,6 +221,15 @@ def exposure(
         paths=int(total.traced.sum()),
         variants=tuple(by_channel(emitting) for emitting in variants(sources)),
     )
+
+
+def means_in_place_of_sums(total: Totals, on: np.ndarray) -> dict[str, np.ndarray]:
+    """Means of all channels in the parts that are `on`. The sums, which take much memory, go."""
+    means = {}
+    for name in list(total.sums):
+        means[name] = total.mean(name)[on].astype(total.sums[name].dtype)
+        del total.sums[name]
+    return means
 
 
 def of_model(sums: Sums, hidden: float) -> Sums:
