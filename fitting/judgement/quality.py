@@ -9,11 +9,12 @@ Durbin and Watson (Biometrika 38, 1951): noise changes its sign from point to po
 difference of two shapes does not.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
 
+from mi_lcair.errors import option
 from mi_lcair.fitting.data import Data
 from mi_lcair.fitting.judgement.uncertainty import BY_CHANCE, neighbour_correlation
 from mi_lcair.fitting.selection import FittedVariant
@@ -94,7 +95,26 @@ def quality(
         per_decade = data.per_decade(data.brdf)[: data.points]
         noise_dex = float(np.sqrt(np.mean(np.square(1 / per_decade[kept]))))
     of_points = (column[kept] for column in (rows, dex, data.theta_i, data.theta_r))
-    return judged(*of_points, best.size, noise_dex, sigma_freedom)
+    result = judged(*of_points, best.size, noise_dex, sigma_freedom)
+    shifted = shift_of_log(noise_dex) if data.scale == "log" and noise_dex is not None else ""
+    return replace(result, verdict=result.verdict + shifted)
+
+
+def shift_of_log(noise_dex: float) -> str:
+    """What noise does to a level that is fitted on a logarithmic scale, in words if it counts.
+
+    With a relative standard deviation s, the mean of log(1 + s z) is -s^2 / 2. If sigma is that of
+    the true value, bright readings have too large a weight, sigma / reading, which adds 2 s^2.
+    """
+    variance = min((noise_dex * np.log(10)) ** 2, 1.0)
+    down, up = np.log10(1 - variance / 2), np.log10(1 + 1.5 * variance)
+    if up < NEGLIGIBLE_DEX:
+        return ""
+    return (
+        f"; noise of {100 * np.sqrt(variance):.2g} % shifts levels on the logarithmic scale, by "
+        f"{size(down)} if sigma is a share of each reading, and by +{size(up)}, which "
+        f"{option('loss', 'linear')} avoids, if it is that of the true value"
+    )
 
 
 def judged(

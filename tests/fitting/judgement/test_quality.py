@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mi_lcair.fitting.judgement.quality import NEGLIGIBLE_DEX, judged, size
+from mi_lcair import fitting
+from mi_lcair.fitting.judgement.quality import NEGLIGIBLE_DEX, judged, shift_of_log, size
 from mi_lcair.fitting.scatterometer.measurements import Measurements
 from mi_lcair.fitting.scatterometer.reading import pool
 from mi_lcair.physics.reflection.models import MODELS
@@ -113,6 +114,29 @@ def test_of_a_fit_with_stated_sigma():
         assert quality.degrees_of_freedom == len(data.brdf) - 4
         assert quality.noise_dex == pytest.approx(stated / np.log(10))
         assert quality.lack_of_fit is (expected > 1)
+
+
+def test_noise_shifts_levels_on_a_logarithmic_scale():
+    """By -.5 and +1.5 % at 10 % noise, as sigma is taken. The level is known to .2 %."""
+    level, theta = 0.5 / np.pi, np.radians(np.linspace(-75, 75, 4000))
+    truth = np.full(theta.size, level)
+    brdf = truth * (1 + 0.1 * np.random.default_rng(0).standard_normal(theta.size))
+    shifts, verdicts = {}, []
+    for loss, values in (("log", truth), ("log", brdf), ("linear", truth)):
+        of = Measurements(np.full(theta.size, 0.3), theta, brdf, sigma=0.1 * values)
+        result = fitting.fit(of, model="grey", starts=1, loss=loss)
+        shifts[loss, values is truth] = (1 - result.parameters["emissivity"]) / 0.5 - 1
+        verdicts.append(result.quality.verdict)
+    assert shifts["log", True] == pytest.approx(0.015, abs=0.004)
+    assert shifts["log", False] == pytest.approx(-0.005, abs=0.004)
+    assert shifts["linear", True] == pytest.approx(0, abs=0.004)
+    assert all("noise of 10 % shifts levels" in verdict for verdict in verdicts[:2])
+    told = re.search(
+        r"scale, by (-[.0-9]+) % .* by \+([.0-9]+) %, which loss='linear'", verdicts[1]
+    )
+    assert [float(number) for number in told.groups()] == pytest.approx([-0.5, 1.5], rel=0.05)
+    assert "shifts" not in verdicts[2]
+    assert shift_of_log(0.05 / np.log(10)) == "" and "nan" not in shift_of_log(9.0)
 
 
 @pytest.mark.slow
