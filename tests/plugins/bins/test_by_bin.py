@@ -328,3 +328,32 @@ def test_what_does_not_work_says_so(tmp_path):
         plate(file, surface(file, "a", emissivity="model"), 400.0)
     with pytest.raises(InputError, match="material 'a'.* does not cover band LWIR"):
         plate(file, surface(file, "a"), 300.0, "LWIR")
+
+
+def test_sources_of_small_plates(tmp_path):
+    """Two plates in a large window, to which paths are aimed: each source has the emissivity times
+    its own area in each bin.
+    """
+    file, shapes = write(tmp_path), {}
+    for name, half, x in (("hot", 1.0, -2.0), ("cold", 0.5, 2.0)):
+        shapes[name] = {
+            "type": "rectangle",
+            "to_world": T().translate([x, 0, 0]) @ T().scale(half),
+            "bsdf": surface(file, "g"),
+            "emitter": thermal(400.0 if name == "hot" else 300.0, group=name),
+        }
+    loaded = mi_lcair.load(scene(integrator(0), camera(1, 60.0, origin=[0, 0, 90]), **shapes))
+    result = mi_lcair.signature(loaded, tolerance=0.003, by_spectrum=True)
+    areas = result.effective_areas
+    count = len(areas.sources) // 2
+    of_group = {source.group: k // count for k, source in enumerate(areas.sources)}
+    np.testing.assert_allclose(areas.area[0], areas.area[1])  # nothing is beside the target
+    rows = areas.area[0].reshape(2, count)
+    hot, cold = rows[of_group["hot"]], rows[of_group["cold"]]
+    x = np.linspace(3, 5, 20001)
+    emissivity = np.interp(x, X, SPECTRA["g"][0])
+    weights = 2e-6 * h * c**2 * (x[1] - x[0]) * emissivity
+    expected = sum(4 * half**2 * (planck(x, T_K) @ weights) for half, T_K in ((1, 400), (0.5, 300)))
+    assert result.target.intensity == pytest.approx(expected, rel=0.004)
+    np.testing.assert_allclose(hot / 4, cold / 1, rtol=0.02)
+    assert hot.mean() / 4 == pytest.approx(emissivity.mean(), rel=0.01)
