@@ -1,4 +1,4 @@
-"""Import of the optional libraries, which `pip install 'mi_lcair[EXTRA]'` installs."""
+"""Import of the optional libraries (`pip install 'mi_lcair[EXTRA]'`), and of functions by name."""
 
 import importlib
 from types import ModuleType
@@ -40,3 +40,9 @@ def optional(library: str, purpose: str) -> ModuleType:
         raise InputError(
             f"{purpose} needs {top}; python -m pip install 'mi_lcair[{EXTRA[top]}]'"
         ) from None
+
+
+def named(text: str):
+    """The function of a text "module:function"."""
+    module, _, name = text.partition(":")
+    return getattr(importlib.import_module(module), name)

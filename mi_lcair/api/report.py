@@ -158,7 +158,7 @@ def is_detail(section: Section) -> bool:
 def page_of(what: What, request: Request) -> tuple[str, list[Section]]:
     """Title and sections of one subject."""
     if isinstance(what, Result):
-        return what.page_title(), what.sections()
+        return what.page_title(), what.page()
     kind = kinds.kind_of(what) if isinstance(what, (str, PathLike)) else kinds.SCENE
     if kind == kinds.SCENE:
         return of_scene(scene_of(what, request.parameters), request)

@@ -30,4 +30,4 @@ def save_page(path: str | PathLike[str], result: Result, **options: Any) -> None
         from mi_lcair.api.load import scene_of  # loads the renderer, which other results need not
 
         options["scene"] = scene_of(options["scene"])
-    save(path, result.page_title(), result.sections(**options))
+    save(path, result.page_title(), result.page(**options))

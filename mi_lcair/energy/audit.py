@@ -14,7 +14,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.energy.audit_result import Audit
+from mi_lcair.energy.audit_result import Audit, FluxAndError
 from mi_lcair.energy.photons import BATCHES, MAX_REFLECTIONS, Flux, Tally, World, follow
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.bsdfs.reflection_bsdf import reflection_layers
@@ -65,16 +65,15 @@ def account(scene: Scene, table: FacetTable, tally: Tally, photons: int) -> Audi
     by_facet = tally.by_facet
 
     def figure(batches):
-        """(sum, standard error) of the values of the batches."""
+        """Sum and standard error of the values of the batches."""
         batches = np.asarray(batches) * BATCHES
-        return float(batches.mean()), float(batches.std(ddof=1) / np.sqrt(BATCHES))
+        return FluxAndError(float(batches.mean()), float(batches.std(ddof=1) / np.sqrt(BATCHES)))
 
     def share(part, whole):
-        """(ratio, standard error) of two sums over the batches."""
+        """Ratio and standard error of two sums over the batches."""
         ratio = part.sum() / whole.sum() if whole.any() else 0.0
-        return float(ratio), float(
-            (part - ratio * whole).std(ddof=1) / np.sqrt(BATCHES) / max(whole.mean(), 1e-300)
-        )
+        error = (part - ratio * whole).std(ddof=1) / np.sqrt(BATCHES) / max(whole.mean(), 1e-300)
+        return FluxAndError(float(ratio), float(error))
 
     names = [field.name for field in fields(Flux)] + ["created"]
     of_scene = ("emitted", "absorbed", "behind", "created")

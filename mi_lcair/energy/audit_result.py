@@ -1,11 +1,26 @@
 """The fluxes that `audit` returns."""
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
-from mi_lcair.results import Result
-from mi_lcair.results.reading import built
+from mi_lcair.results import Result, entry
+from mi_lcair.results.sections import Lines, Table
+
+SCENE = ("absorbed", "escaped", "behind", "created", "unfinished", "balance")
+MATERIAL = ("absorbed", "reflected", "behind", "created", "scaled")
+
+
+class FluxAndError(NamedTuple):
+    """A flux [W], or its share of another one, with its standard error."""
+
+    value: float
+    standard_error: float
+
+    @property
+    def percent(self) -> str:
+        return f"{100 * self.value:.3f} +- {100 * self.standard_error:.1g}"
 
 
 @dataclass(frozen=True, repr=False)
@@ -17,17 +32,17 @@ class Audit(Result):
     scene_name, band : str
         Names of the scene and of its band.
     total : dict
-        {name: (value, standard error)}, W, with the names emitted, absorbed, escaped, behind,
+        {name: FluxAndError}, W, with the names emitted, absorbed, escaped, behind,
         created, unfinished and balance. The balance is emitted + created less the other fluxes. It
         is 0 except for its error. `emitted` includes the sunlight through a disc that covers
         everything but the sky.
     materials : dict
-        {material: {name: (value, standard error)}}, W, with the names of `Flux`.
+        {material: {name: FluxAndError}}, W, with the names of `photons.Flux`.
     shares : dict
         The same fluxes as shares. Under "scene" they are shares of the flux that the scene emits,
         under a material shares of the flux that arrives at the material.
-    by_reflection : list of tuple
-        (share, standard error) of the emitted flux that leaves surfaces after its first, second,
+    by_reflection : list of FluxAndError
+        Share of the emitted flux that leaves surfaces after its first, second,
         ... reflection.
     remarks : list of str
         Notes on the scene, such as that nothing surrounds its model, and one line for each
@@ -41,15 +56,16 @@ class Audit(Result):
 
     scene_name: str
     band: str
-    total: dict[str, tuple[float, float]]
-    materials: dict[str, dict[str, tuple[float, float]]]
-    shares: dict[str, dict[str, tuple[float, float]]]
+    total: dict[str, FluxAndError] = entry("total_W")
+    materials: dict[str, dict[str, FluxAndError]] = entry("materials_W")
+    shares: dict[str, dict[str, FluxAndError]]
     remarks: list[str]
     photons: int
-    by_reflection: list[tuple[float, float]] = field(default_factory=list)
-    facets: dict[str, np.ndarray] = field(default_factory=dict)
+    by_reflection: list[FluxAndError] = field(default_factory=list)
+    facets: dict[str, np.ndarray] = entry(default_factory=dict)
 
     kind = "audit"
+    heading = "Energy audit"
 
     def summary(self) -> str:
         """One line with the emitted flux and the balance."""
@@ -61,42 +77,43 @@ class Audit(Result):
             f"{len(self.remarks) or 'no'} remarks"
         )
 
-    def entries(self) -> dict:
-        """Entries for JSON: fluxes with the names value_W and standard_error_W, and shares."""
-
-        def plain(fluxes, value_name, error_name):
-            return {
-                name: {value_name: value, error_name: error}
-                for name, (value, error) in fluxes.items()
-            }
-
-        watts = ("value_W", "standard_error_W")
-        return {
-            "scene_name": self.scene_name,
-            "band": self.band,
-            "total": plain(self.total, *watts),
-            "photons": self.photons,
-            "remarks": self.remarks,
-            "by_reflection": [list(pair) for pair in self.by_reflection],
-            "materials": {name: plain(flux, *watts) for name, flux in self.materials.items()},
-            "shares": {
-                name: plain(shares, "value", "standard_error")
-                for name, shares in self.shares.items()
-            },
-        }
-
-    @classmethod
-    def of_entries(cls, entries: dict) -> "Audit":
-        """The audit with these entries of its JSON."""
-
-        def pairs(fluxes):
-            return {name: list(flux.values()) for name, flux in fluxes.items()}
-
-        by_material = {
-            table: {name: pairs(fluxes) for name, fluxes in entries[table].items()}
-            for table in ("materials", "shares")
-        }
-        return built(cls, entries | by_material | {"total": pairs(entries["total"])})
+    def facts(self):
+        """Energy of the scene: what is emitted, absorbed and escapes, by material."""
+        yield (
+            "Flux is followed from the emitters until it is absorbed or escapes. Shares of the "
+            "scene are of the emitted flux."
+        )
+        flux, error = self.total["emitted"]
+        yield "band", self.band
+        yield "photons", self.photons
+        yield "emitted", f"{flux:.6g} W +- {error:.2g}"
+        for key in SCENE:
+            yield f"{key} %", self.shares["scene"][key].percent
+        yield Table(
+            [
+                "material",
+                ("emitted", "W"),
+                ("incident", "W"),
+                *(f"{key} % of incident" for key in MATERIAL),
+            ],
+            [
+                [
+                    name,
+                    flux["emitted"].value,
+                    flux["incident"].value,
+                    *(self.shares[name][key].percent for key in MATERIAL),
+                ]
+                for name, flux in self.materials.items()
+            ],
+        )
+        yield (
+            "What a reflection adds falls with their number: the share of the emitted flux that "
+            "leaves surfaces after it."
+        )
+        rows = [[n, 100 * a, 100 * b] for n, (a, b) in enumerate(self.by_reflection, start=1)]
+        yield Table(["reflection", "% of emitted", "standard error, %"], rows)
+        nothing = ["nothing to remark: energy is conserved within the errors above"]
+        yield Lines("", self.remarks or nothing)
 
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each flux of the scene and of each material: in watts, and as a share.

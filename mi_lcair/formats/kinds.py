@@ -6,10 +6,11 @@ from pathlib import Path
 
 from mi_lcair import scenes
 from mi_lcair.errors import InputError
+from mi_lcair.extras import named
 from mi_lcair.files import parse_json, read_text
 from mi_lcair.formats import MODELS, check_model, tables
 from mi_lcair.formats.tables import FACETS, RESULTS, SPECTRUM, TREND
-from mi_lcair.results import Result, named
+from mi_lcair.results import Result
 
 # Kinds beside those of tables, as messages name them
 IMAGE, SIGNATURE, FIT, MODEL = "an image", "a signature", "a fit", "a model"

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from mi_lcair.errors import InputError, errors_of, option, shown
+from mi_lcair.extras import named
 from mi_lcair.files import read_text
 from mi_lcair.formats import check_model
 from mi_lcair.models3d.coincident import weld
@@ -16,7 +17,7 @@ from mi_lcair.models3d.modellers.naming import NameTable, labels_of
 from mi_lcair.models3d.modellers.obj import Obj, read_obj
 from mi_lcair.models3d.polygons import MOST_CLIPPED, triangulate
 from mi_lcair.physics import materials as known_materials
-from mi_lcair.results import Result, named
+from mi_lcair.results import Result
 from mi_lcair.table import read_table
 
 FARTHEST = 1e9  # largest coordinate [m], whose square is far below the largest Float32 number

@@ -1,92 +1,19 @@
-"""Line charts: what they show, for pictures and pages alike, and their pictures."""
+"""Line charts as pictures: what `mi_lcair/results/charts.py` holds, drawn with Matplotlib."""
 
-from dataclasses import dataclass
 from textwrap import fill
 
 import numpy as np
 
 from mi_lcair.drawing import new_figure, plain, styled
-from mi_lcair.results.cells import typeset_unit
+from mi_lcair.results.charts import LineChart
 
-INK = "#1c2430"  # colour of the main curve
-COLOURS = (
-    "#1f5fa8",
-    "#d1495b",
-    "#2e8b57",
-    "#e08e0b",
-    "#6a4c93",
-    "#0fa3b1",
-    "#8d5a2b",
-    "#c2569c",
-    "#6b7280",
-    "#9aa800",
-)
 WIDEST_TITLE = 75  # characters of a line
-
-
-@dataclass(frozen=True)
-class Curve:
-    """A curve of a chart.
-
-    name: in the legend. values: over the chart's abscissa. unit: of the values, as UDUNITS has it.
-    colour: number of its colour; None for the main curve. on_right: the values are fractions, over
-    an axis of their own on the right. errors: lengths of error bars, NaN where a value has none;
-    None for a curve without them. half: half of the width of a band around it, likewise.
-    """
-
-    name: str
-    values: np.ndarray
-    unit: str
-    colour: int | None = None
-    on_right: bool = False
-    errors: np.ndarray | None = None
-    half: np.ndarray | None = None
-
-    @property
-    def line(self) -> dict:
-        """Width and colour, as Matplotlib and plotly both name them."""
-        if self.colour is None:
-            return {"width": 2.2, "color": INK}
-        return {"width": 1.6, "color": COLOURS[self.colour % len(COLOURS)]}
-
-
-@dataclass(frozen=True)
-class LineChart:
-    """Curves over one abscissa.
-
-    title: as plain text. x: abscissa. x_label, y_label: of its axes, with units. curves: the main
-    one has the unit of the ordinate. from_zero: whether the ordinate begins at 0. is_close: whether
-    it spans the positive values alone. is_polar: whether the abscissa is an angle [degrees], with 0
-    up and 90 on the left.
-    """
-
-    title: str
-    x: np.ndarray
-    x_label: str
-    y_label: str
-    curves: list[Curve]
-    from_zero: bool = False
-    is_close: bool = False
-    is_polar: bool = False
 
 
 def draw_with_band(axes, x, values, half, **style) -> None:
     """Draw a curve in Matplotlib's axes, and its band of values +- half."""
     (line,) = axes.plot(x, values, **style)
     axes.fill_between(x, values - half, values + half, color=line.get_color(), alpha=0.2, lw=0)
-
-
-def by_wavelength(
-    title: str, x, quantity: str, unit: str, curves: list[Curve], from_zero=True, is_close=False
-) -> LineChart:
-    """A chart of curves over wavelength [um]."""
-    axes = "wavelength (µm)", label(quantity, unit)
-    return LineChart(title, x, *axes, curves, from_zero and not is_close, is_close)
-
-
-def label(quantity: str, unit: str) -> str:
-    """Label of an axis, with a unit of UDUNITS."""
-    return f"{quantity} ({typeset_unit(unit)})"
 
 
 @styled
@@ -133,6 +60,9 @@ def draw(panel, chart: LineChart) -> None:
         style = {"linewidth": 0.7 * curve.line["width"], "color": curve.line["color"]}
         target = right if curve.on_right else panel
         lines += target.plot(chart.x, curve.values, label=plain(curve.name), **style)
+        if curve.half is not None:
+            ends = curve.values - curve.half, curve.values + curve.half
+            target.fill_between(chart.x, *ends, color=curve.line["color"], alpha=0.2, lw=0)
         if curve.errors is not None:
             target.errorbar(chart.x, curve.values, curve.errors, fmt="none", capsize=3, **style)
         if curve.on_right:

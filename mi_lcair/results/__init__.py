@@ -1,5 +1,5 @@
 """What all results can do, their sections, and the units that names of columns end in."""
 
-from mi_lcair.results.result import Result, named
+from mi_lcair.results.result import Result, entry
 
-__all__ = ["Result", "named"]
+__all__ = ["Result", "entry"]

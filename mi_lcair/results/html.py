@@ -29,9 +29,9 @@ def part_html(part: Part) -> str:
             return _list(lines)
         case LongTable(columns):
             return first_rows(columns)
-        case Picture(words, figure):
-            data = b64encode(file_content(figure(), ".svg")).decode()
-            return f'<img alt="{text_html(words)}" src="data:image/svg+xml;base64,{data}">'
+        case Picture():
+            data = b64encode(file_content(part.draw(), ".svg")).decode()
+            return f'<img alt="{text_html(part.title)}" src="data:image/svg+xml;base64,{data}">'
     raise TypeError(f"a {type(part).__name__} needs a page")
 
 

@@ -37,6 +37,9 @@ def built(hint: Any, value: Any) -> Any:
             if entry.name in value or entry.default is entry.default_factory is MISSING
         ]
         return hint(**{entry.name: built(hints[entry.name], value[entry.name]) for entry in given})
+    if hasattr(hint, "_fields"):  # a NamedTuple
+        hints = get_type_hints(hint)
+        return hint(**{name: built(hints[name], value[name]) for name in hint._fields})
     if hint is np.ndarray:
         array = np.array(value)
         return array.astype(float) if array.dtype == object else array

@@ -1,9 +1,10 @@
 """What every result can do: say what it is, show itself, become a table, and be saved."""
 
-import importlib
 import json
 from base64 import b64encode
-from dataclasses import fields, is_dataclass
+from collections.abc import Iterator
+from dataclasses import field, fields, is_dataclass
+from functools import partial
 from importlib.util import find_spec
 from inspect import signature
 from os import PathLike
@@ -14,11 +15,21 @@ import numpy as np
 
 from mi_lcair.drawing import PICTURES, notebook_png, write_figure
 from mi_lcair.errors import InputError, check_known, printable
-from mi_lcair.extras import optional
+from mi_lcair.extras import named, optional
 from mi_lcair.files import check_writable, replacing
 from mi_lcair.results import html
 from mi_lcair.results.cells import unpacked, words_of
-from mi_lcair.results.sections import Drawing, Facts, LongTable, Picture, Section
+from mi_lcair.results.reading import built
+from mi_lcair.results.sections import (
+    Drawing,
+    Facts,
+    LongTable,
+    OwnPicture,
+    Part,
+    Picture,
+    Remarks,
+    Section,
+)
 
 if TYPE_CHECKING:
     import pandas
@@ -43,22 +54,25 @@ class Result:
     (`as_dict`), a table (`columns`, `to_dataframe`, `to_xarray`), a figure (`plot`) or a file
     (`save`).
 
-    A class sets the names below and defines `summary`, `entries` and `columns`. The last word of
-    `kind` names the file of `mi_lcair/reports/pictures` whose figure(result, **options) draws the
-    result, and that of `mi_lcair/reports/sections` whose sections(result, **options) describe it.
-    Without the first there is no picture; without the second, sections are the summary and the
-    table.
+    A class is a dataclass whose fields are the result. It sets the names below, and defines
+    `summary`, `columns`, `facts` for what the console prints, and `picture`.
 
     Attributes
     ----------
     kind : str
         Kind of the result, such as "signature". It is the entry `kind` of the JSON.
+    heading : str
+        Heading of its first section; by default the kind.
+    computed : dict of str to str
+        Further entries of the JSON: their keys, and the attributes or methods that give them.
     saved_by : dict of str to str
         Functions that write files of further suffixes, as "module:function": write(path, result,
         **options).
     """
 
     kind: ClassVar[str] = ""
+    heading: ClassVar[str] = ""
+    computed: ClassVar[dict[str, str]] = {}
     saved_by: ClassVar[dict[str, str]] = {}
 
     def summary(self) -> str:
@@ -66,12 +80,47 @@ class Result:
         raise NotImplementedError
 
     def entries(self) -> dict[str, Any]:
-        """Entries of `as_dict` after `kind`, of which arrays and NaN may be part."""
-        raise NotImplementedError
+        """Entries of `as_dict` after `kind`, of which arrays and NaN may be part.
+
+        They are the fields, with the keys that `entry` states, and `computed`.
+        """
+        found = {}
+        for key, name, part in _keys(type(self)):
+            value = getattr(self, name)
+            found[key] = getattr(value, part) if part else value
+        more = {key: getattr(self, name) for key, name in self.computed.items()}
+        return found | {key: value() if callable(value) else value for key, value in more.items()}
+
+    @classmethod
+    def of_entries(cls, entries: dict[str, Any]) -> "Result":
+        """The result with these entries of its JSON.
+
+        Raises KeyError, TypeError or ValueError if one is missing or has another type.
+        """
+        known = {name: entries[key] for key, name, _ in _keys(cls) if key in entries}
+        return built(cls, known)
 
     def columns(self) -> dict[str, np.ndarray]:
         """The main table: equally long columns by name. The names end in the unit, if any."""
         raise NotImplementedError
+
+    def facts(self) -> Iterator["tuple[str, Any] | Part | Section"]:
+        """Yield what the console prints and a page shows of the result.
+
+        Pairs (label, value) are facts; parts of a section may follow or precede them, and whole
+        sections come last. The remarks of the result follow by themselves.
+        """
+        yield summary_of(self)
+        yield LongTable(self.columns())
+
+    def picture(self, **options: Any) -> Picture | None:
+        """What `plot` draws: one of the pictures of `mi_lcair.results.charts`, or its own."""
+        module = self._module("pictures")
+        if not module:
+            return None
+        draw = named(f"{module}:figure")
+        check_options(f"the picture of {self._named()}", draw, options)
+        return OwnPicture(self.page_title(), partial(draw, self, **options))
 
     def __repr__(self) -> str:
         return printable(self.summary(), LONGEST)
@@ -106,13 +155,34 @@ class Result:
             If that function has no such option.
         """
         module = self._module("sections")
-        make = named(f"{module}:sections") if module else whole_table
+        make = partial(named(f"{module}:sections"), self) if module else self.facts
         check_options(f"the page of {self._named()}", make, options)
-        sections = make(self, **options)
+        made = list(make(**options))
+        sections = made if module else self._sections(made)
         parts = [part for section in sections for part in section.parts]
         if self.has_picture and not any(isinstance(part, (Drawing, Picture)) for part in parts):
-            sections[0].parts.append(Picture(self.page_title(), self.plot))
+            sections[0].parts.append(self.picture())
         return sections
+
+    def _sections(self, parts: list) -> list[Section]:
+        """The sections of what `facts` yields."""
+        first = []
+        for part in parts:
+            if isinstance(part, tuple):
+                if not (first and isinstance(first[-1], Facts)):
+                    first.append(Facts([]))
+                first[-1].rows.append(part)
+            elif not isinstance(part, Section):
+                first.append(part)
+        first.append(Remarks(list(getattr(self, "remarks", ()))))
+        title = self.heading or self.kind.replace("_", " ").capitalize()
+        return [Section(title, first), *(part for part in parts if isinstance(part, Section))]
+
+    def page(self, **options: Any) -> list[Section]:
+        """The sections of a page: `sections`, and how the result was made as a detail."""
+        sections = self.sections(**options)
+        is_told = any(section.is_detail for section in sections)
+        return sections if is_told else [*sections, details(self.entries())]
 
     def as_dict(self) -> dict[str, Any]:
         """The result for JSON: numbers, texts, lists and dictionaries, with units in the names.
@@ -164,17 +234,15 @@ class Result:
             If the result has no picture, if it has no such option, or if the file cannot be
             written.
         """
-        module = self._module("pictures")
-        if not module:
+        if not self.has_picture:
             raise InputError(
                 f"{self._named()} has no picture; it can be saved as {', '.join(self.suffixes())}"
             )
         if path is not None:
             self._check_suffix(Path(path), PICTURES)
             check_writable(path)
-        draw = named(f"{module}:figure")
-        check_options(f"the picture of {self._named()}", draw, options)
-        figure = draw(self, **options)
+        check_options(f"the picture of {self._named()}", self.picture, options)
+        figure = self.picture(**options).draw()
         if path is not None:
             write_figure(figure, path)
         return figure
@@ -227,7 +295,7 @@ class Result:
     @property
     def has_picture(self) -> bool:
         """Whether `plot` can draw the result."""
-        return bool(self._module("pictures"))
+        return type(self).picture is not Result.picture or bool(self._module("pictures"))
 
     def _module(self, part: str) -> str:
         """The module of mi_lcair/reports that makes a part of results of this kind, or ""."""
@@ -257,19 +325,30 @@ def check_options(what: str, function, options: dict) -> None:
     check_known(f"option of {what}", known, *options)
 
 
-def named(text: str):
-    """The function of a text "module:function"."""
-    module, _, name = text.partition(":")
-    return getattr(importlib.import_module(module), name)
+def entry(key: str | None = None, of: str = "", **options: Any) -> Any:
+    """A field of a result whose entry of the JSON has another key; without one it has no entry.
+
+    of: attribute of the field's value that is the entry, such as "label" for a band. options: those
+    of `dataclasses.field`.
+    """
+    return field(metadata={"entry": (key, of)}, **options)
+
+
+def _keys(cls) -> list[tuple[str, str, str]]:
+    """Key of the JSON, name, and attribute of the value for each field that has an entry."""
+    stated = [(one.name, one.metadata.get("entry", (one.name, ""))) for one in fields(cls)]
+    return [(key, name, of) for name, (key, of) in stated if key]
 
 
 def strict(value):
     """A value as strict JSON has it: arrays as lists, NumPy's numbers as Python's, NaN as None.
 
-    A dataclass becomes the dictionary of its fields.
+    A dataclass becomes the dictionary of its fields, a NamedTuple too.
     """
     if is_dataclass(value):
         value = {entry.name: getattr(value, entry.name) for entry in fields(value)}
+    if hasattr(value, "_asdict"):
+        value = value._asdict()
     if isinstance(value, dict):
         return {str(key): strict(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):
@@ -283,13 +362,6 @@ def strict(value):
     return value
 
 
-def whole_table(result: Result) -> list[Section]:
-    """Sections of a result that has none of its own: its table, and its other entries."""
-    title = result.kind.replace("_", " ").capitalize()
-    parts = [summary_of(result), LongTable(result.columns())]
-    return [Section(title, parts), details(result.as_dict())]
-
-
 def summary_of(result: Result) -> Facts:
     """The summary of a result as a fact."""
     head, _, words = result.summary().rpartition(": ")
@@ -301,6 +373,8 @@ def details(entries: dict, title: str = "How it was made") -> Section:
     rows = [
         (words_of(name), unpacked(value))
         for name, value in entries.items()
-        if not isinstance(value, (dict, list)) and name != "kind" and not name.endswith("time_s")
+        if not isinstance(value, (dict, list, tuple, np.ndarray))
+        and name != "kind"
+        and not name.endswith("time_s")
     ]
     return Section(title, [Facts(rows)], is_detail=True)

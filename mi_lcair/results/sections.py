@@ -69,15 +69,28 @@ class Drawing:
     panel: Callable[[], Any]
 
 
-@dataclass(frozen=True)
 class Picture:
-    """A picture of a page without a script. `figure` makes the Matplotlib Figure.
+    """A picture. On a page it is drawn by a script if it has a method `panel`.
 
-    words: what it shows, for readers who cannot see it.
+    title: what it shows, also for readers who cannot see it.
     """
 
-    words: str
+    title: str
+
+    def draw(self) -> Any:
+        """The picture as a Matplotlib Figure."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class OwnPicture(Picture):
+    """A picture that is like no other. `figure` makes the Matplotlib Figure."""
+
+    title: str
     figure: Callable[[], Any]
+
+    def draw(self) -> Any:
+        return self.figure()
 
 
 Part = str | Facts | Table | Lines | Remarks | LongTable | Drawing | Picture

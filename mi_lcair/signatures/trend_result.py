@@ -1,22 +1,35 @@
 """The table that `trend` returns."""
 
 import json
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mi_lcair.declared import percent
 from mi_lcair.errors import InputError, escaped
+from mi_lcair.extras import named
 from mi_lcair.files import read_text, replacing
 from mi_lcair.formats import csv, netcdf, tables
-from mi_lcair.results import Result, named
+from mi_lcair.results import Result, entry
+from mi_lcair.results.cells import error_row
+from mi_lcair.results.charts import Curve, LineChart, LineCharts, label
+from mi_lcair.results.sections import LongTable, Remarks, Table
 from mi_lcair.signatures.many_views import FAINT
 from mi_lcair.table import read_table
 
 if TYPE_CHECKING:
     import xarray
+
+NEGLIGIBLE = 1e-3  # parts below this share of the largest intensity are not drawn
+KINDS = {"group": "by what emitted it", "bounce": "by number of reflections"}
+UNIT = "W sr-1"
+COLUMNS = [
+    "elevation", "views", ("least", UNIT), "at azimuth", ("mean", UNIT), ("greatest", UNIT),
+    "at azimuth",
+]  # fmt: skip
 
 
 @dataclass(frozen=True, repr=False)
@@ -42,12 +55,14 @@ class Trend(Result):
     """
 
     scene_name: str
-    table: dict[str, np.ndarray]
+    table: dict[str, np.ndarray] = entry("columns")
     band: str
     tolerance: float | None = None
-    made: dict[str, str] = field(default_factory=dict)
+    made: dict[str, str] = entry(default_factory=dict)
 
     kind = "trend"
+    heading = "Intensity by aspect"
+    computed = {"reached": "reached"}
     saved_by = {".csv": "mi_lcair.signatures.trend_result:write_csv"}
 
     @staticmethod
@@ -99,15 +114,31 @@ class Trend(Result):
             f"{intensity[most]:.5g} +- {half_width[most]:.2g} W/sr (95 %)"
         )
 
-    def entries(self) -> dict:
-        """Entries for JSON."""
-        return {
-            "scene_name": self.scene_name,
-            "band": self.band,
-            "tolerance": self.tolerance,
-            "reached": None if self.tolerance is None else not self.missed,
-            "columns": self.table,
-        }
+    def reached(self) -> bool | None:
+        """Whether all views reached the tolerance; None without one."""
+        return None if self.tolerance is None else not self.missed
+
+    def facts(self):
+        """Extremes by elevation, the accuracy, polar curves and the table."""
+        yield (
+            f"Band {self.band or 'not stated'}. Azimuth 0° sees the nose, 90° the left side. "
+            "Shaded bands are 95 % intervals of the intensity; its parts have none in the table."
+        )
+        elevations = dict.fromkeys(np.asarray(self.table["elevation_deg"]).tolist())
+        yield Table(COLUMNS, [extremes(self.at_elevation(angle), angle) for angle in elevations])
+        if {"half_width_W_sr", "reached"} <= self.table.keys():
+            yield accuracy(self)
+        if np.any(self.table.get("invalid", 0)):
+            remark = "some samples were NaN or infinite and count as 0; see column invalid"
+            yield Remarks([remark])
+        yield self.picture()
+        yield LongTable(self.columns())
+
+    def picture(self) -> LineCharts:
+        """Polar charts with 95 % intervals: by elevation, and the parts."""
+        words = f"{self.scene_name}, {self.band}: intensity of the model"
+        title = f"{words} ({label('', UNIT)[2:-1]}) by azimuth"
+        return LineCharts(charts(self), title, across=True)
 
     def columns(self) -> dict[str, np.ndarray]:
         """The table, with a row for each view."""
@@ -171,3 +202,68 @@ def stated(path: Path) -> dict[str, str]:
                 f"{beside(path)}: does not state how the rows of a trend were made; remove it"
             ) from None
     return {name: str(made[name]) for name in ("scene", "band") if name in made}
+
+
+def charts(trend: Trend) -> list[LineChart]:
+    """Intensity by elevation, and its parts at the elevation nearest to 0.
+
+    Azimuth 0 (the nose) is up, and 90 (the left side) is on the left. The first view is repeated at
+    the end of an even full turn.
+    """
+    of_view = trend.table["elevation_deg"]
+    azimuth, elevations = np.unique(trend.table["azimuth_deg"]).astype(float), np.unique(of_view)
+    level = elevations[np.argmin(np.abs(elevations))]
+    turn = np.diff(azimuth, append=azimuth[0] + 360)
+    is_closed = len(azimuth) > 2 and np.allclose(turn, 360 / len(azimuth), atol=1e-6)
+    ends = [0] if is_closed else []
+
+    def over(elevation: float, column) -> np.ndarray:
+        """A column at an elevation, by azimuth; NaN where there is no view."""
+        rows, values = of_view == elevation, np.full(len(azimuth), np.nan)
+        values[np.searchsorted(azimuth, trend.table["azimuth_deg"][rows])] = column[rows]
+        return np.append(values, values[ends])
+
+    def chart(title: str, curves: list[Curve]) -> LineChart:
+        x = np.append(azimuth, azimuth[ends] + 360)
+        return LineChart(title, x, "azimuth (°)", label("intensity", UNIT), curves, is_polar=True)
+
+    intensity = trend.table["intensity_W_sr"]
+    half = trend.table.get("half_width_W_sr", np.full(len(intensity), np.nan))
+    by_elevation = [
+        Curve(f"elevation {angle:g}°", over(angle, intensity), UNIT, k, half=over(angle, half))
+        for k, angle in enumerate(elevations)
+    ]
+    result, least = [chart("by elevation", by_elevation)], NEGLIGIBLE * np.nanmax(intensity)
+    for kind, words in KINDS.items():
+        parts = {name: over(level, values) for name, values in trend.parts(kind).items()}
+        large = {name: of for name, of in parts.items() if np.nanmax(of, initial=0) > least}
+        curves = [Curve(name, of, UNIT, k) for k, (name, of) in enumerate(large.items())]
+        result += [chart(f"{words}, elevation {level:g}°", curves)] if curves else []
+    return result
+
+
+def accuracy(trend: Trend) -> tuple[str, str]:
+    """Row about the widest 95 % interval, and about the tolerance if there is one."""
+    views = len(trend.table["reached"])
+    widest = f"+- {percent(trend.widest)}" if np.isfinite(trend.widest) else "as wide as it"
+    return error_row(
+        f"the widest 95 % interval is {widest} of the intensity",
+        trend.tolerance,
+        not trend.missed,
+        where=f"in {trend.missed or views} of {views} views",
+    )
+
+
+def extremes(trend: Trend, elevation: float) -> list:
+    """Row of the table: least, mean and greatest intensity of a trend at one elevation."""
+    azimuth, intensity = trend.table["azimuth_deg"], trend.table["intensity_W_sr"]
+    low, high = intensity.argmin(), intensity.argmax()
+    return [
+        f"{elevation:g}",
+        len(azimuth),
+        f"{intensity[low]:.5g}",
+        f"{azimuth[low]:g}",
+        f"{intensity.mean():.5g}",
+        f"{intensity[high]:.5g}",
+        f"{azimuth[high]:g}",
+    ]

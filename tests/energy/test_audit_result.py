@@ -2,17 +2,17 @@
 
 import numpy as np
 
-from mi_lcair.energy.audit_result import Audit
+from mi_lcair.energy.audit_result import Audit, FluxAndError
 
-FLUX = {"incident": (50.0, 2.0), "absorbed": (30.0, 1.0)}
+FLUX = {"incident": FluxAndError(50.0, 2.0), "absorbed": FluxAndError(30.0, 1.0)}
 AUDIT = Audit(
     scene_name="room",
     band="LWIR",
-    total={"emitted": (100.0, 1.0), "balance": (0.5, 0.2)},
+    total={"emitted": FluxAndError(100.0, 1.0), "balance": FluxAndError(0.5, 0.2)},
     materials={"paint": FLUX},
     shares={
-        "scene": {"emitted": (1.0, 0.0), "balance": (0.005, 0.002)},
-        "paint": {"incident": (1.0, 0.0), "absorbed": (0.6, 0.01)},
+        "scene": {"emitted": FluxAndError(1.0, 0.0), "balance": FluxAndError(0.005, 0.002)},
+        "paint": {"incident": FluxAndError(1.0, 0.0), "absorbed": FluxAndError(0.6, 0.01)},
     },
     remarks=[],
     photons=1000,
@@ -27,9 +27,9 @@ def test_summary():
 
 
 def test_entries_and_rows():
-    entries = AUDIT.entries()
-    assert entries["total"]["balance"] == {"value_W": 0.5, "standard_error_W": 0.2}
-    assert entries["materials"]["paint"]["absorbed"] == {"value_W": 30.0, "standard_error_W": 1.0}
+    entries = AUDIT.as_dict()
+    assert entries["total_W"]["balance"] == {"value": 0.5, "standard_error": 0.2}
+    assert entries["materials_W"]["paint"]["absorbed"] == {"value": 30.0, "standard_error": 1.0}
     assert entries["shares"]["paint"]["absorbed"] == {"value": 0.6, "standard_error": 0.01}
     assert all(len(column) == 4 for column in AUDIT.columns().values())
     assert np.isfinite(

@@ -5,8 +5,9 @@ from base64 import b64decode
 import numpy as np
 import pytest
 
-from mi_lcair.reports.line_charts import COLOURS, INK, Curve, LineChart, figure_of, label
+from mi_lcair.reports.line_charts import figure_of
 from mi_lcair.reports.pictures.effective_areas import charts
+from mi_lcair.results.charts import COLOURS, INK, Curve, LineChart, label
 
 X = np.linspace(3, 5, 11)
 MAIN = Curve("total", 4 * X, "W sr-1 um-1")

@@ -6,9 +6,9 @@ import numpy as np
 
 from mi_lcair.errors import printable
 from mi_lcair.extras import optional
-from mi_lcair.reports.line_charts import Curve, LineChart
 from mi_lcair.reports.page.panel import LONGEST, Panel
 from mi_lcair.results.cells import typeset_unit
+from mi_lcair.results.charts import Curve, LineChart
 
 HEIGHT = 300  # pixels of a chart that stands below another
 HEIGHT_ACROSS = 430  # pixels of charts side by side

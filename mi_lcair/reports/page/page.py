@@ -9,7 +9,7 @@ from mi_lcair.files import check_suffix, check_writable, replacing
 from mi_lcair.reports.page.arrays import Arrays, packed
 from mi_lcair.reports.page.panel import LONGEST, Panel, table_panel
 from mi_lcair.results import html
-from mi_lcair.results.sections import Drawing, LongTable, Section
+from mi_lcair.results.sections import Drawing, LongTable, Picture, Section
 
 FOLDER = Path(__file__).parent
 STYLE = "page.css"
@@ -68,6 +68,8 @@ def drawn(part):
     match part:
         case Drawing(panel):
             return panel()
+        case Picture() if hasattr(part, "panel"):
+            return part.panel()
         case LongTable():
             return table_panel(part)
     return part

@@ -3,7 +3,8 @@
 import numpy as np
 
 from mi_lcair.detection.contrast_result import Contrast
-from mi_lcair.reports.line_charts import Curve, LineChart, by_wavelength, figure_of
+from mi_lcair.reports.line_charts import figure_of
+from mi_lcair.results.charts import Curve, LineChart, by_wavelength
 
 INTENSITY, IRRADIANCE = "W sr-1 um-1", "W m-2 um-1"
 

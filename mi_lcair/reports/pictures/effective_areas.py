@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from mi_lcair.reports.line_charts import Curve, LineChart, by_wavelength, figure_of
+from mi_lcair.reports.line_charts import figure_of
+from mi_lcair.results.charts import Curve, LineChart, by_wavelength
 from mi_lcair.signatures.effective_areas import PARTS, EffectiveAreas
 
 UNIT = "W sr-1 um-1"

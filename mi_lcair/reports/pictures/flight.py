@@ -1,7 +1,8 @@
 """Picture of a flight: contrast, signal-to-noise ratio and range against time."""
 
 from mi_lcair.drawing import new_figure, plain, styled
-from mi_lcair.reports.line_charts import COLOURS, INK, draw_with_band, label
+from mi_lcair.reports.line_charts import draw_with_band
+from mi_lcair.results.charts import COLOURS, INK, label
 
 
 @styled

@@ -5,7 +5,8 @@ import numpy as np
 from mi_lcair.errors import InputError, option
 from mi_lcair.formats.channels import quantity_of, wavelengths_of
 from mi_lcair.physics.blackbody import spectral_temperature
-from mi_lcair.reports.line_charts import Curve, LineChart, by_wavelength, figure_of
+from mi_lcair.reports.line_charts import figure_of
+from mi_lcair.results.charts import Curve, LineChart, by_wavelength
 
 
 def figure(channels: dict[str, np.ndarray], pixel: tuple[int, int], title: str):

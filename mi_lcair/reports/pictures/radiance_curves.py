@@ -9,7 +9,8 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.sky import spectrum
-from mi_lcair.reports.line_charts import Curve, LineChart, by_wavelength, figure_of, label
+from mi_lcair.reports.line_charts import figure_of
+from mi_lcair.results.charts import Curve, LineChart, by_wavelength, label
 
 SPECTRAL, IN_BAND = "W m-2 sr-1 um-1", "W m-2 sr-1"
 RANGES_M = (1000.0, 5000.0)  # of paths through air

@@ -11,7 +11,7 @@ from mi_lcair.physics import reflection
 from mi_lcair.reports.fit_curves import model_of
 from mi_lcair.reports.pictures.fit import curves
 from mi_lcair.results.cells import unpacked, words_of
-from mi_lcair.results.sections import Facts, Picture, Section, Table
+from mi_lcair.results.sections import Facts, OwnPicture, Section, Table
 
 UNKNOWN_BAND = "unknown: scenes need it; give {}, or '# band_um: 3 5' in the data"
 SHOWN_DEG = (0, 30, 60, 80)  # angles at which the predicted emissivity is listed
@@ -35,7 +35,7 @@ def sections_of_report(report: dict, fit, measurements=None, directional=None) -
     note = "The measured data are not beside the report. Only the fitted curves are shown."
     data = [note] if measurements is None else []
     words = "Measured and fitted BRDF, residuals, and emissivity"
-    picture = Picture(words, partial(curves, fit, measurements, directional))
+    picture = OwnPicture(words, partial(curves, fit, measurements, directional))
     compared = [
         [
             ", ".join(filter(None, (c["model"], c["form"], c["restriction"]))),
