@@ -106,7 +106,10 @@ def coverage(folder: Path, seeds: int = 40) -> tuple[int, int]:
     held = total = 0
     for seed in range(1, seeds + 1):
         heat = mi_lcair.heat(tree | {"run": {"rays": 256, "seed": seed}})
-        apart = abs(heat.kelvin[0] - exact) <= t.ppf(0.975, 7) * heat.noise[0]
+        apart = (
+            abs(heat.kelvin[0] - exact)
+            <= t.ppf(0.975, 7) * heat.estimate["exchange"].contribution[0]
+        )
         held, total = held + int(apart.sum()), total + len(apart)
     return held, total
 

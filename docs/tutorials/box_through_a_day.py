@@ -32,12 +32,13 @@ print((folder / "heat.toml").read_text())
 heat = mi_lcair.heat(folder / "heat.toml")
 heat.plot()
 lid = heat.of_groups(heat.kelvin)[:, heat.facets.groups.index("lid")]
-error = heat.group_error_K[:, heat.facets.groups.index("lid")]
+error = heat.means.standard_error[:, heat.facets.groups.index("lid")]
 noon = heat.row(12)
 print(f"lid at noon: {lid[noon]:.1f} +- {error[noon]:.1f} K")
-print({name: round(float(change[noon, 5]), 2) for name, change in heat.changes.items()})
+changes = {row.quantity: row.contribution[noon, 5] for row in heat.inputs}
+print({name: round(float(change), 2) for name, change in changes.items()})
 assert 320 < lid[noon] < 345
-assert abs(heat.changes["h"][noon, 5]) > abs(heat.changes["absorptance"][noon, 5])
+assert abs(changes["h"]) > abs(changes["absorptance"])
 
 # %% [markdown]
 # The coefficient of convection is known to 30 %, and contributes most by day. At night the lid is
@@ -53,7 +54,7 @@ assert lid.min() < 286
 
 # %%
 figure, axes = plt.subplots()
-values, sigma = heat.intensity.values, heat.intensity.sigma
+values, sigma = heat.intensity.value, heat.intensity.standard_error
 axes.plot(heat.hours, values)
 axes.fill_between(heat.hours, values - 2 * sigma, values + 2 * sigma, alpha=0.2)
 axes.set(xlabel="hour", ylabel="intensity of the box, LWIR (W/sr)")

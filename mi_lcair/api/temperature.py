@@ -8,15 +8,15 @@ import numpy as np
 
 from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError, check_known, option
+from mi_lcair.estimate import Estimate, parsed, uncertain
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.rendering.images.exr import read_exr
 from mi_lcair.rendering.images.measured import TEMPERATURE, check_kelvin, read_values
 from mi_lcair.thermography.temperature import QUANTITIES, Conditions, temperature_of
 from mi_lcair.thermography.temperature_result import Temperature
-from mi_lcair.thermography.uncertain import Uncertain, parsed, uncertain
 
-Number = float | str | tuple[float, float] | Uncertain
+Number = float | str | tuple[float, float] | Estimate
 CHANNEL = "temperature.Y"  # channel of an EXR with apparent temperatures
 
 

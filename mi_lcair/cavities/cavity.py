@@ -9,13 +9,12 @@ from mi_lcair.cavities.cavity_result import Cavity
 from mi_lcair.cavities.description import Description
 from mi_lcair.cavities.gouffe import gouffe
 from mi_lcair.cavities.walls import PROFILE_RINGS, OwnMesh, Wall
-from mi_lcair.errors import InputError, errors_of
+from mi_lcair.errors import errors_of
+from mi_lcair.estimate import Contribution, Estimate, slope
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.materials import hemispherical_emissivity
 from mi_lcair.rendering.sampling import Sampling
-from mi_lcair.thermography.temperature_result import Contribution
-from mi_lcair.thermography.uncertain import Uncertain
 
 BAND = "2-14"  # band in which the renderer traces grey walls, which any band would do
 UNITS = {"emissivity": "1", "specular": "1", "angle_deg": "degrees"}
@@ -32,7 +31,7 @@ def measured(cavity: Description, sampling: Sampling) -> Cavity:
     method = "rings" if is_diffuse(cavity) else "paths"
     value, error, traced = effective_emissivity(cavity, method, sampling)
     repeated = replace(sampling, paths=traced, tolerance=None, max_spp=None) if traced else sampling
-    contributions, remarks = [], []
+    contributions, remarks = [Contribution("numerical error", error)], []
     if traced and (half := paths.INTERVAL * error.max()) > sampling.tolerance:
         remarks.append(
             f"{traced} paths end with half an interval of {half:.2g}, more than the tolerance of "
@@ -43,28 +42,23 @@ def measured(cavity: Description, sampling: Sampling) -> Cavity:
         if not sigma:
             continue
         known = cavity.value_of(entry.name)
-        ends = np.array([-sigma, sigma])
-        if entry.name in LIMITS and known is not None:
-            ends = np.clip(known + ends, *LIMITS[entry.name]) - known
-        if ends[0] == ends[1]:
-            raise InputError(f"sigma: {entry.name} has no room within its bounds")
+        limits = np.array(LIMITS.get(entry.name, (-np.inf, np.inf)))
+
+        def changed(change, name=entry.name):
+            return effective_emissivity(cavity.changed(name, change), method, repeated)[0]
+
         with errors_of(f"sigma: {entry.name} = {sigma:g}"):
-            low, high = (
-                effective_emissivity(cavity.changed(entry.name, end), method, repeated)[0]
-                for end in ends
-            )
-        number = Uncertain(np.nan if known is None else known, sigma)
+            of_quantity = slope(changed, 0.0, sigma, limits - (known or 0.0))
         unit = UNITS.get(entry.name, entry.name.rpartition("_")[2])
-        slope = (high - low) / (ends[1] - ends[0])
-        contributions.append(Contribution(entry.name, number, unit, slope))
+        contributions.append(
+            Contribution.of(entry.name, sigma, of_quantity, value=known, unit=unit)
+        )
     return Cavity(
         name=cavity.name,
         shape=cavity.shape,
         wavelengths_um=cavity.wavelengths_um,
         wall_emissivity=wall_emissivity(cavity),
-        effective=value,
-        numerical=error,
-        contributions=tuple(contributions),
+        estimate=Estimate.of(value, "1", contributions),
         reference=cavity.reference,
         method=method,
         gouffe=gouffe(wall_emissivity(cavity), *areas(cavity)),

@@ -7,8 +7,8 @@ import numpy as np
 from mi_lcair.cavities.description import ViewTable
 from mi_lcair.cavities.shape import Shape
 from mi_lcair.cavities.walls import OwnMesh
+from mi_lcair.estimate import Estimate
 from mi_lcair.results import Result
-from mi_lcair.thermography.temperature_result import Contribution
 
 
 @dataclass(frozen=True, repr=False)
@@ -25,12 +25,9 @@ class Cavity(Result):
     wavelengths_um : ndarray, shape (w,)
     wall_emissivity : ndarray, shape (w,)
         Hemispherical emissivity of the wall.
-    effective : ndarray, shape (w,)
-        Effective emissivity. With a temperature profile it may exceed 1.
-    numerical : ndarray, shape (w,)
-        Standard error of the computation.
-    contributions : tuple of Contribution
-        What the uncertain quantities contribute. Their errors are independent.
+    estimate : Estimate
+        Effective emissivity, (w,); with a temperature profile it may exceed 1. The
+        contribution "numerical error" is that of the computation. All are independent.
     reference : float
         Temperature of the reference [K].
     method : str
@@ -47,9 +44,7 @@ class Cavity(Result):
     shape: Shape | OwnMesh
     wavelengths_um: np.ndarray
     wall_emissivity: np.ndarray
-    effective: np.ndarray
-    numerical: np.ndarray
-    contributions: tuple[Contribution, ...]
+    estimate: Estimate
     reference: float
     method: str
     gouffe: np.ndarray
@@ -61,10 +56,24 @@ class Cavity(Result):
     kind = "cavity"
 
     @property
+    def effective(self) -> np.ndarray:
+        """Effective emissivity, (w,)."""
+        return self.estimate.value
+
+    @property
     def sigma(self) -> np.ndarray:
         """Combined standard uncertainty, with the error of the computation, (w,)."""
-        squares = (row.sigma**2 for row in self.contributions)
-        return np.sqrt(sum(squares, start=self.numerical**2))
+        return self.estimate.standard_error
+
+    @property
+    def numerical(self) -> np.ndarray:
+        """Standard error of the computation, (w,)."""
+        return self.estimate["numerical error"].contribution
+
+    @property
+    def first(self) -> Estimate:
+        """The effective emissivity at the first wavelength."""
+        return self.estimate.reduced(lambda values: float(values[0]))
 
     @property
     def seen(self) -> str:
@@ -81,10 +90,7 @@ class Cavity(Result):
 
     def summary(self) -> str:
         """One line with the effective emissivity at the first wavelength."""
-        text = (
-            f"effective emissivity of {self.name}, {self.seen}: {self.effective[0]:.6f} +- "
-            f"{self.sigma[0]:.2g}"
-        )
+        text = f"effective emissivity of {self.name}, {self.seen}: {self.first}"
         if np.ptp(self.effective) == 0:
             return text
         return f"{text} at {self.wavelengths_um[0]:g} um"
@@ -99,17 +105,7 @@ class Cavity(Result):
             "reference_K": self.reference,
             "remarks": self.remarks,
             "columns": self.columns(),
-            "budget": [
-                {
-                    "quantity": row.quantity,
-                    "value": None if np.isnan(row.number.value) else row.number.value,
-                    "sigma": row.number.sigma,
-                    "unit": row.unit,
-                    "sensitivity": row.slope,
-                    "contribution": row.sigma,
-                }
-                for row in self.contributions
-            ],
+            "budget": self.estimate.contributions,
         }
 
     def columns(self) -> dict[str, np.ndarray]:

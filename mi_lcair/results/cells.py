@@ -8,6 +8,7 @@ import numpy as np
 
 from mi_lcair.declared import percent
 from mi_lcair.errors import option
+from mi_lcair.estimate import with_error
 from mi_lcair.results.sections import Facts, Heading, Lines, Part, Remarks, Section, Table
 from mi_lcair.table import NUMBER
 
@@ -76,7 +77,12 @@ def cell_text(value: object, digits: int = 6) -> str:
     """A cell as text in ASCII: numbers with `digits`, pairs (value, standard error) with +-."""
     if isinstance(value, tuple):
         number, error = value
-        return f"{cell_text(number, digits_for(number, error))} +- {cell_text(error, 2)}"
+        is_known = None not in value and np.isfinite(value).all()
+        return (
+            with_error(number, error)
+            if is_known
+            else f"{cell_text(number)} +- {cell_text(error, 2)}"
+        )
     if value is None or isinstance(value, (float, np.floating)) and not np.isfinite(value):
         return NO_VALUE
     if isinstance(value, (bool, np.bool_)):
@@ -84,14 +90,6 @@ def cell_text(value: object, digits: int = 6) -> str:
     if isinstance(value, (float, np.floating)):
         return f"{value:.{digits}g}"
     return str(value)
-
-
-def digits_for(value, error) -> int:
-    """Significant digits of a value that end at the second digit of its error, 2 to 9."""
-    if not (value and error and np.isfinite(value) and np.isfinite(error)):
-        return 6
-    orders = np.floor(np.log10(np.abs([value, error])))
-    return int(np.clip(orders[0] - orders[1] + 2, 2, 9))
 
 
 def is_number(text: str) -> bool:

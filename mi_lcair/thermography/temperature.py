@@ -17,12 +17,12 @@ import numpy as np
 
 from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError
+from mi_lcair.estimate import Contribution, Estimate, slope
 from mi_lcair.physics.air.levels import Weather
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.thermography.air import Air
-from mi_lcair.thermography.temperature_result import Contribution, Temperature
-from mi_lcair.thermography.uncertain import Uncertain
+from mi_lcair.thermography.temperature_result import Temperature
 
 KELVIN = Bounds(lower=60, upper=6000, unit="K")
 # The quantities in their order in a budget
@@ -41,7 +41,7 @@ STEP = 0.01  # half of a difference that gives a sensitivity, in standard uncert
 class Conditions:
     """What is known of a measurement. quantities: the stated ones of QUANTITIES, by name."""
 
-    quantities: dict[str, Uncertain]
+    quantities: dict[str, Estimate]
 
     def checked(self) -> tuple["Conditions", list[str]]:
         """The conditions with what is not stated, and remarks about that.
@@ -50,22 +50,22 @@ class Conditions:
         """
         known, remarks = dict(self.quantities), []
         if "reflected" not in known:
-            if known["emissivity"] != Uncertain(1.0):
+            if not is_one(known["emissivity"]):
                 raise InputError(
                     "reflected is missing: an object of an emissivity below 1 reflects its "
                     "surroundings; give their temperature in K"
                 )
-            known["reflected"] = Uncertain(KELVIN.lower)  # does not count
+            known["reflected"] = Estimate(KELVIN.lower)  # does not count
         if "distance" in known:
             if "transmittance" in known:
                 raise InputError("transmittance and distance exclude each other; give one of them")
             return Conditions(known), remarks
         if "humidity" in known:
             raise InputError("humidity needs the distance; with a transmittance it does not count")
-        known.setdefault("transmittance", Uncertain(1.0))
+        known.setdefault("transmittance", Estimate(1.0))
         if "air_temperature" not in known:
-            known["air_temperature"] = Uncertain(known["reflected"].value)
-            if known["transmittance"] != Uncertain(1.0):
+            known["air_temperature"] = Estimate(known["reflected"].value)
+            if not is_one(known["transmittance"]):
                 remarks.append(
                     f"the air is taken to have the reflected temperature, "
                     f"{known['reflected'].value:g} K; air_temperature states another"
@@ -113,7 +113,7 @@ def temperature_of(
     """
     band.check_limits("camera")
     conditions, remarks = conditions.checked()
-    stated = {"apparent": Uncertain(0.0, sigma), **conditions.quantities}
+    stated = {"apparent": Estimate(0.0, sigma, "K"), **conditions.quantities}
     values = {quantity: number.value for quantity, number in stated.items()}
 
     def solved(changes: dict[str, float]) -> np.ndarray:
@@ -136,24 +136,31 @@ def temperature_of(
         remarks.append(f"{text}; they have no temperature (NaN)")
     rows = []
     for quantity, number in stated.items():
-        if number.sigma == 0:
-            continue
-        ends = number.value + STEP * number.sigma * np.array([-1, 1])
-        if quantity in QUANTITIES:
-            ends = np.clip(ends, *limits(QUANTITIES[quantity]))
-        low, high = (solved({quantity: float(end)}) for end in ends)
-        unit = QUANTITIES[quantity].unit if quantity in QUANTITIES else "K"
-        slope = (high - low) / (ends[1] - ends[0])
-        rows.append(Contribution(quantity, number, unit, slope))
+        if sigma := number.standard_error:
+            known = quantity in QUANTITIES
+            of_quantity = slope(
+                lambda value, quantity=quantity: solved({quantity: value}),
+                number.value,
+                STEP * sigma,
+                limits(QUANTITIES[quantity] if known else Bounds()),
+            )
+            value = number.value if known else None  # `apparent` differs from pixel to pixel
+            rows.append(
+                Contribution.of(quantity, sigma, of_quantity, value=value, unit=number.unit)
+            )
     return Temperature(
         name=name,
         band=band,
-        kelvin=kelvin,
-        contributions=tuple(rows),
+        estimate=Estimate.of(kelvin, "K", rows),
         conditions=conditions.quantities,
         transmittance=conditions.air(band, values).transmittance(float(np.nanmedian(kelvin))),
         remarks=tuple(remarks),
     )
+
+
+def is_one(number: Estimate) -> bool:
+    """Whether a number is exactly 1."""
+    return (number.value, number.standard_error) == (1, 0)
 
 
 def limits(bounds: Bounds) -> tuple[float, float]:

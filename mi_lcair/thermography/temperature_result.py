@@ -4,28 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mi_lcair.estimate import Estimate
+from mi_lcair.files import replacing
+from mi_lcair.formats import tiff
 from mi_lcair.physics.bands import Band
+from mi_lcair.rendering.images.exr import write_exr as write_channels
 from mi_lcair.results import Result
-from mi_lcair.thermography.uncertain import Uncertain
-
-
-@dataclass(frozen=True)
-class Contribution:
-    """What one quantity contributes to the uncertainty of a temperature.
-
-    quantity, number, unit: its name, its value with the standard uncertainty, and its unit. slope:
-    derivative of the temperature with respect to it, of the image's shape [K per unit].
-    """
-
-    quantity: str
-    number: Uncertain
-    unit: str
-    slope: np.ndarray
-
-    @property
-    def sigma(self) -> np.ndarray:
-        """Its part of the standard uncertainty [K], of the image's shape."""
-        return abs(self.slope) * self.number.sigma
 
 
 @dataclass(frozen=True, repr=False)
@@ -38,12 +22,10 @@ class Temperature(Result):
         Name of the image.
     band : Band
         Band of the camera.
-    kelvin : ndarray
-        Temperatures [K], of the image's shape; NaN for nothing.
-    contributions : tuple of Contribution
-        What the uncertain quantities contribute. Their errors are independent, and each is the same
-        in all pixels.
-    conditions : dict of str to Uncertain
+    estimate : Estimate
+        Temperatures [K], of the image's shape, with their errors; NaN for nothing. The errors of
+        the quantities are independent, and each is the same in all pixels.
+    conditions : dict of str to Estimate
         The quantities of the measurement.
     transmittance : float
         Mean transmittance of the air in the band, for the median temperature.
@@ -52,33 +34,36 @@ class Temperature(Result):
 
     name: str
     band: Band
-    kelvin: np.ndarray
-    contributions: tuple[Contribution, ...]
-    conditions: dict[str, Uncertain]
+    estimate: Estimate
+    conditions: dict[str, Estimate]
     transmittance: float
     remarks: tuple[str, ...] = ()
 
     kind = "temperature"
     saved_by = {
-        suffix: f"mi_lcair.thermography.files:write_{suffix[1:4]}"
+        suffix: f"mi_lcair.thermography.temperature_result:write_{suffix[1:4]}"
         for suffix in (".tif", ".tiff", ".exr", ".csv")
     }
 
     @property
+    def kelvin(self) -> np.ndarray:
+        """Temperatures [K], of the image's shape; NaN for nothing."""
+        return self.estimate.value
+
+    @property
     def sigma(self) -> np.ndarray:
         """Standard uncertainty of each temperature [K]."""
-        squares = (row.sigma**2 for row in self.contributions)
-        return np.sqrt(sum(squares, start=np.zeros(self.kelvin.shape)))
+        return self.estimate.standard_error
 
-    def typical(self, values: np.ndarray) -> float:
-        """Median over the pixels that have a temperature."""
-        return float(np.median(values[np.isfinite(self.kelvin)]))
+    @property
+    def typical(self) -> Estimate:
+        """Medians over the pixels that have a temperature."""
+        known = np.isfinite(self.kelvin)
+        return self.estimate.reduced(lambda values: float(np.median(values[known])))
 
     def summary(self) -> str:
         """One line with the temperature or its range, and its uncertainty."""
-        error = f" +- {self.typical(self.sigma):.3g}" if self.contributions else ""
-        text = f"{self.typical(self.kelvin):.6g}{error}"
-        head = f"temperature of {self.name}, {self.band.label}: {text} K"
+        head = f"temperature of {self.name}, {self.band.label}: {self.typical}"
         if self.kelvin.size == 1:
             return head
         low, high = np.nanmin(self.kelvin), np.nanmax(self.kelvin)
@@ -90,13 +75,13 @@ class Temperature(Result):
             "image": self.name,
             "band": self.band.label,
             "pixels": int(np.isfinite(self.kelvin).sum()),
-            "temperature_K": self.typical(self.kelvin),
+            "temperature_K": self.typical.value,
             "lowest_K": np.nanmin(self.kelvin),
             "highest_K": np.nanmax(self.kelvin),
-            "sigma_K": self.typical(self.sigma),
+            "sigma_K": self.typical.standard_error,
             "transmittance": self.transmittance,
             "conditions": {
-                name: {"value": number.value, "sigma": number.sigma}
+                name: {"value": number.value, "sigma": number.standard_error}
                 for name, number in self.conditions.items()
             },
             "columns": self.columns(),
@@ -105,12 +90,24 @@ class Temperature(Result):
 
     def columns(self) -> dict[str, np.ndarray]:
         """The budget: a row for each uncertain quantity, with medians over the pixels."""
-        rows = self.contributions
-        return {
-            "quantity": np.array([row.quantity for row in rows], dtype=str),
-            "value": np.array([row.number.value for row in rows]),
-            "sigma": np.array([row.number.sigma for row in rows]),
-            "unit": np.array([row.unit for row in rows], dtype=str),
-            "slope_K_per_unit": np.array([self.typical(row.slope) for row in rows]),
-            "contribution_K": np.array([self.typical(row.sigma) for row in rows]),
-        }
+        return self.typical.columns()
+
+
+def write_tif(path, temperature: Temperature) -> None:
+    """Write the temperatures [K] as a TIFF of 32-bit floats, NaN for nothing."""
+    text = f"object temperature (K) of {temperature.name}"
+    tiff.write(path, np.atleast_2d(temperature.kelvin), text)
+
+
+def write_exr(path, temperature: Temperature) -> None:
+    """Write the temperatures and their standard uncertainties [K] as an EXR, 0 for nothing."""
+    images = {"temperature.Y": temperature.kelvin, "sigma_K.Y": temperature.sigma}
+    channels = {name: np.nan_to_num(np.atleast_2d(values)) for name, values in images.items()}
+    write_channels(path, channels, {"band": temperature.band.name, "scene": temperature.name})
+
+
+def write_csv(path, temperature: Temperature) -> None:
+    """Write the temperatures [K] as text, a row of pixels a line, nan for nothing."""
+    with replacing(path) as partial, partial.open("w", encoding="utf-8") as file:
+        for row in np.atleast_2d(temperature.kelvin):
+            file.write(",".join(f"{value:.9g}" for value in row) + "\n")

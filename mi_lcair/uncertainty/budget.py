@@ -3,13 +3,14 @@
 import pickle
 import time
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import rendered_as, setting_of
 from mi_lcair.errors import errors_of
+from mi_lcair.estimate import Contribution, Estimate
 from mi_lcair.motions.pose import declare
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
@@ -31,11 +32,8 @@ from mi_lcair.uncertainty.numbers.derived_number import (
 )
 from mi_lcair.uncertainty.numbers.intensity_number import IntensityNumber
 from mi_lcair.uncertainty.numbers.number import Number
-from mi_lcair.uncertainty.propagation import BudgetRow, combined, rows
 from mi_lcair.uncertainty.uncertainties import Uncertainties
 
-# Units of results as ends of columns' names
-UNIT_NAMES = {"W/sr": "W_sr", "W m^-2": "W_m2", "K": "K", "m": "m"}
 # What the budget of a scenario may be of
 NUMBERS = {
     "contrast": ContrastNumber,
@@ -55,14 +53,11 @@ class Budget(Result):
     ----------
     what : str
         Name of the scene or scenario.
-    title, unit : str
-        What the result is, and its unit.
-    value : float
-        The result.
-    sigma : float
-        Its combined standard uncertainty.
-    rows : list of BudgetRow
-        What contributes to it, the largest share of the variance first. The shares add up to 1.
+    title : str
+        What the result is.
+    estimate : Estimate
+        The result with its combined standard uncertainty. The shares of the contributions add up
+        to 1.
     inputs : Inputs
         The uncertain quantities with their covariance.
     checks : list of Check
@@ -83,10 +78,7 @@ class Budget(Result):
 
     what: str
     title: str
-    unit: str
-    value: float
-    sigma: float
-    rows: list[BudgetRow]
+    estimate: Estimate
     inputs: Inputs
     checks: list[Check]
     second_order: SecondOrder | None
@@ -99,28 +91,49 @@ class Budget(Result):
     kind = "budget"
 
     @property
-    def sigma_of_quantities(self) -> float:
-        """Combined standard uncertainty from the quantities alone, as Monte Carlo finds it."""
-        return combined([row for row in self.rows if row.quantity not in (NOISE, TRUNCATION)])
+    def value(self) -> float:
+        """The result."""
+        return self.estimate.value
 
     @property
-    def words_of_unit(self) -> str:
-        """The unit behind a number; empty for a ratio."""
-        return "" if self.unit == "1" else f" {self.unit}"
+    def sigma(self) -> float:
+        """Its combined standard uncertainty."""
+        return self.estimate.standard_error
+
+    @property
+    def unit(self) -> str:
+        """Unit of both."""
+        return self.estimate.unit
+
+    @property
+    def rows(self) -> tuple[Contribution, ...]:
+        """What contributes to the uncertainty, the largest share of the variance first."""
+        return self.estimate.contributions
+
+    @property
+    def sigma_of_quantities(self) -> float:
+        """Combined standard uncertainty from the quantities alone, as Monte Carlo finds it."""
+        rows = [row for row in self.rows if row.quantity not in (NOISE, TRUNCATION)]
+        return Estimate.of(self.value, self.unit, rows).standard_error
 
     def summary(self) -> str:
         """One line with the result and its standard uncertainty."""
         first = self.rows[0]
         return (
-            f"budget of {self.what}: {self.title} {self.value:.6g} +- {self.sigma:.3g}"
-            f"{self.words_of_unit} (one standard uncertainty), most from {first.quantity} "
-            f"({100 * first.share:.3g} % of the variance)"
+            f"budget of {self.what}: {self.title} {self.estimate} (one standard uncertainty), "
+            f"most from {first.quantity} ({100 * first.share:.3g} % of the variance)"
         )
 
     def entries(self) -> dict:
         """Entries for JSON. Value, sigma and contributions are in the unit of the entry `unit`."""
-        plain = {name: value for name, value in vars(self).items() if name != "seconds"}
+        plain = {
+            name: value for name, value in vars(self).items() if name not in ("seconds", "estimate")
+        }
         return plain | {
+            "unit": self.unit,
+            "value": self.value,
+            "sigma": self.sigma,
+            "rows": self.rows,
             "time_s": self.seconds,
             "sigma_of_quantities": self.sigma_of_quantities,
             "monte_carlo": self.monte_carlo and self.monte_carlo.as_dict(),
@@ -131,33 +144,14 @@ class Budget(Result):
         """The budget with these entries of its JSON, which has no single random draws."""
         drawn = entries["monte_carlo"]
         more = {"seconds": entries["time_s"], "monte_carlo": drawn and drawn | {"results": []}}
+        named = {"standard_error": "sigma", "contributions": "rows"}
+        names = (entry.name for entry in fields(Estimate))
+        more["estimate"] = {name: entries.get(named.get(name, name)) for name in names}
         return built(cls, entries | more)
 
     def columns(self) -> dict[str, np.ndarray]:
-        """A row for each quantity, and for each member of a group of correlated ones.
-
-        A group's row is followed by its members, whose share is NaN. `unit` is that of value and
-        sigma. The contribution is in the unit of the result.
-        """
-        of_rows = [(row, entry) for row in self.rows for entry in (row, *row.members)]
-        table = [entry for _, entry in of_rows]
-
-        def number(name):
-            return np.array([getattr(entry, name) for entry in table], float)  # None is NaN
-
-        contribution = f"contribution_{UNIT_NAMES.get(self.unit, '')}".rstrip("_")
-        return {
-            "quantity": np.array([entry.quantity for entry in table]),
-            "distribution": np.array([entry.distribution for entry in table]),
-            "is_member": np.array([entry is not row for row, entry in of_rows]),
-            "value": number("value"),
-            "sigma": number("sigma"),
-            "unit": np.array([entry.unit for entry in table]),
-            "sensitivity": number("sensitivity"),
-            "sensitivity_error": number("sensitivity_error"),
-            contribution: number("contribution"),
-            "share": number("share"),
-        }
+        """A row for each contribution, see `Estimate.columns`."""
+        return self.estimate.columns()
 
 
 def draw_up(
@@ -202,8 +196,10 @@ def draw_up(
             for group, of_group in stated.facets.items()
         }
         others = facets | {NOISE: number.error, TRUNCATION: number.truncation()}
-        budget_rows = rows(inputs, derivative, errors, others)
-        sigma = combined(budget_rows)
+        rows = inputs.contributions(derivative, errors)
+        rows += [Contribution(name, float(error)) for name, error in others.items()]
+        estimate = Estimate.of(number.value, number.unit, rows)
+        sigma = estimate.standard_error
         checks = check(number, inputs, derivative, sigma)
         distribution = None
         if draws is not None:
@@ -213,10 +209,7 @@ def draw_up(
         return Budget(
             what=number.what,
             title=number.title,
-            unit=number.unit,
-            value=number.value,
-            sigma=sigma,
-            rows=budget_rows,
+            estimate=estimate,
             inputs=inputs,
             checks=checks,
             second_order=second_order(checks, number.value, sigma, inputs.distributions),

@@ -12,7 +12,6 @@ import numpy as np
 from mi_lcair.uncertainty.distributions import Distribution
 from mi_lcair.uncertainty.inputs import Inputs
 from mi_lcair.uncertainty.numbers.number import Number
-from mi_lcair.uncertainty.propagation import group_variance
 
 MATTERS = 0.01  # share of the variance from which a quantity is checked
 # Difference between the change of the result and its linear estimate, relative to that estimate,
@@ -83,12 +82,12 @@ def check(number: Number, inputs: Inputs, derivative: np.ndarray, total: float) 
     """
     checks = []
     for group in inputs.groups:
-        variance = group_variance(inputs, derivative, group)
+        c, covariance = derivative[group.index], inputs.covariance_of(group)
+        variance = float(max(c @ covariance @ c, 0.0))
         if not variance > MATTERS * total**2:
             continue
-        c = derivative[group.index]
         # For one quantity this is its standard deviation, in the direction of a larger result
-        step = inputs.covariance[np.ix_(group.index, group.index)] @ c / np.sqrt(variance)
+        step = covariance @ c / np.sqrt(variance)
         names = [inputs.quantities[k].name for k in group.index]
         if len(names) == 1:
             step = np.abs(step)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mi_lcair.errors import InputError, errors_of, unknown
+from mi_lcair.estimate import Contribution
 from mi_lcair.sensitivity.entries import Parameter
 from mi_lcair.uncertainty.distributions import Distribution, in_unit
 from mi_lcair.uncertainty.uncertainties import Uncertainties, of_material
@@ -52,6 +53,37 @@ class Inputs:
     def sigma(self) -> np.ndarray:
         """Standard deviations, (K,)."""
         return np.sqrt(np.diag(self.covariance))
+
+    def covariance_of(self, group: Group) -> np.ndarray:
+        """Covariance of the quantities of a group, (n, n)."""
+        return self.covariance[np.ix_(group.index, group.index)]
+
+    def contributions(self, derivative: np.ndarray, errors: np.ndarray) -> list[Contribution]:
+        """What the groups contribute to a result.
+
+        derivative, errors: derivatives of the result, and their standard errors, (K,).
+        """
+        kinds = {name: of_name.words for name, of_name in self.distributions.items()}
+        rows = [
+            Contribution.of(
+                quantity.name,
+                float(sigma),
+                float(slope),
+                value=quantity.value,
+                sensitivity_error=float(error),
+                unit=quantity.unit,
+                distribution=kinds.get(quantity.name, ""),
+            )
+            for quantity, sigma, slope, error in zip(
+                self.quantities, self.sigma, derivative, errors
+            )
+        ]
+        return [
+            Contribution.together(
+                group.label, [rows[k] for k in group.index], self.covariance_of(group)
+            )
+            for group in self.groups
+        ]
 
     @staticmethod
     def of(uncertainties: Uncertainties, known: dict[str, Parameter], what: str) -> "Inputs":

@@ -66,7 +66,7 @@ def test_the_file_of_a_budget(run, folder):
     result = run("budget", "plate.xml", "-u", "sigma.toml", "--spp", 8, "-o", "budget.json")
     assert result.exit_code == 0, result.output
     budget = read_result("budget.json")
-    assert f"{budget.value:.6g}" in result.stdout and "wrote budget.json" in result.stderr
+    assert str(budget.estimate) in result.stdout and "wrote budget.json" in result.stderr
 
 
 def test_json(run):

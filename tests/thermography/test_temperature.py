@@ -86,7 +86,7 @@ def test_contributions_are_the_derivatives_of_the_formula(emissivity, T):
         "air_temperature": 3.0 * (1 - tau) * slope(air),
     }
     of = emissivity * tau * slope(T)
-    computed = {row.quantity: float(row.sigma) for row in result.contributions}
+    computed = {row.quantity: abs(float(row.contribution)) for row in result.estimate.contributions}
     assert computed == pytest.approx({k: abs(v) / of for k, v in expected.items()}, rel=2e-3)
     assert float(result.sigma) == pytest.approx(np.sqrt(sum(v**2 for v in computed.values())))
 
@@ -150,7 +150,7 @@ def test_the_uncertainty_is_that_of_draws(case):
         for noise, *point in points
     ]
     np.testing.assert_allclose(result.sigma, np.std(drawn, axis=0, ddof=1), rtol=0.02)
-    assert {row.quantity for row in result.contributions} == {"apparent", *given}
+    assert {row.quantity for row in result.estimate.contributions} == {"apparent", *given}
 
 
 def test_contributions_of_computed_air():
@@ -170,7 +170,7 @@ def test_contributions_of_computed_air():
         return float(mi_lcair.temperature(values.pop("apparent"), "LWIR", **values).kelvin)
 
     result = mi_lcair.temperature(seen, "LWIR", sigma=sigma, **given)
-    computed = {row.quantity: float(row.sigma) for row in result.contributions}
+    computed = {row.quantity: abs(float(row.contribution)) for row in result.estimate.contributions}
     expected = {
         name: abs(kelvin(name, mean + spread / 20) - kelvin(name, mean - spread / 20)) * 10
         for name, (mean, spread) in {"apparent": (seen, sigma), **given}.items()
@@ -200,7 +200,7 @@ def test_images_are_read_and_written(tmp_path, suffix):
     assert np.isnan(result.kelvin[0, 2]) and np.isnan(result.kelvin[1, 0])
     assert [str(number) for number in result.conditions.values()][:2] == [
         "0.9 +- 0.018",
-        "293 +- 2",
+        "293 +- 2 K",
     ]
     path = tmp_path / f"object{suffix}"
     result.save(path)

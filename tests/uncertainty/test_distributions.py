@@ -10,7 +10,6 @@ from mi_lcair.uncertainty.check import check, second_order
 from mi_lcair.uncertainty.distributions import Distribution, check_distribution
 from mi_lcair.uncertainty.inputs import Inputs
 from mi_lcair.uncertainty.monte_carlo import monte_carlo
-from mi_lcair.uncertainty.propagation import rows
 from mi_lcair.uncertainty.uncertainties import Uncertainties
 from tests.uncertainty.formula import Formula, quantity
 from tests.uncertainty.plate_scene import plate_scene
@@ -175,7 +174,7 @@ def test_a_row_names_the_distribution():
     named = {
         row.quantity: row.distribution
         for inputs in (both, cut_off)
-        for row in rows(inputs, np.ones(2), np.zeros(2), {})
+        for row in inputs.contributions(np.ones(2), np.zeros(2))
     }
     assert named == {"a": "uniform", "b": "", "c": "cut off"}
 

@@ -79,7 +79,7 @@ def balance(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
     _, number = KDTree(case.body.corners.mean(axis=1)).query(centre)
     upward = (vectors[:, 2] / np.linalg.norm(vectors, axis=1))[number]
     truths = (((1 + upward) * sky**4 + (1 - upward) * ground**4) / 2) ** 0.25
-    errors = student(WINDOW_FREEDOM) * result.noise[0]
+    errors = student(WINDOW_FREEDOM) * result.estimate["exchange"].contribution[0]
     for value, truth, error in zip(result.kelvin[0], truths, errors, strict=True):
         yield witness.claim("temperature of a balance", value, truth, error)
 

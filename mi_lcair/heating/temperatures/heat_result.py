@@ -1,7 +1,6 @@
 """Temperatures of a scene's facets from their heat balance, as a result and its files."""
 
 import json
-from collections.abc import Iterable
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mi_lcair.declared import Bounds
+from mi_lcair.estimate import Contribution, Estimate
 from mi_lcair.files import replacing
 from mi_lcair.formats import csv
 from mi_lcair.heating.conductors import Facets
@@ -21,25 +21,6 @@ if TYPE_CHECKING:
     import xarray
 
 HOUR = 3600.0
-
-
-@dataclass(frozen=True)
-class Intensity:
-    """In-band intensity of a scene toward a sensor over the day.
-
-    band: its label. values, error: (m,) [W/sr]; the error is that of the paths. changes:
-    {input: (m,)} for one standard uncertainty of each input [W/sr].
-    """
-
-    band: str
-    values: np.ndarray
-    error: np.ndarray
-    changes: dict[str, np.ndarray]
-
-    @property
-    def sigma(self) -> np.ndarray:
-        """Combined standard uncertainty, (m,) [W/sr]."""
-        return combined(self.error, self.changes.values())
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -54,21 +35,20 @@ class Heat(Result):
         The n facets that exchange heat.
     seconds : ndarray, shape (m,)
         Times [s] since the beginning of the first day; one for a steady state.
-    kelvin : ndarray, shape (m, n)
-        Temperatures [K].
-    sigmas : dict of str to float or str
-        Standard uncertainties of the inputs as they were stated, such as 2 or "30 %".
-    changes : dict of str to ndarray
-        Change of the temperatures for one standard uncertainty of each input, (m, n) [K].
-    noise : ndarray, shape (m, n)
-        Standard error from the random numbers of the exchange [K].
+    estimate : Estimate
+        Temperatures [K] with their errors, (m, n). The first contribution is that of the random
+        numbers of the exchange, "exchange". The others are the changes for one standard uncertainty
+        of each input, with its `sigma` as it was stated, such as 2 or "30 %".
     residual_W : float
         Largest power that the balance of a facet leaves over.
     days : int
         Days until the temperatures were periodic; 0 for a steady state.
     drift_K : float
         Largest change of a temperature in the last day.
-    intensity : Intensity or None
+    intensity : Estimate or None
+        In-band intensity toward a sensor over the day, (m,) [W/sr].
+    band : str
+        Label of the band of the intensity.
     polygons : FacetPolygons
         Outlines of all facets of the scene, with those that do not exchange heat.
     scene_kelvin : ndarray, shape (count,)
@@ -79,14 +59,12 @@ class Heat(Result):
     name: str
     facets: Facets
     seconds: np.ndarray
-    kelvin: np.ndarray
-    sigmas: dict[str, float | str]
-    changes: dict[str, np.ndarray]
-    noise: np.ndarray
+    estimate: Estimate
     residual_W: float
     days: int
     drift_K: float
-    intensity: Intensity | None
+    intensity: Estimate | None
+    band: str
     polygons: FacetPolygons
     scene_kelvin: np.ndarray
     remarks: tuple[str, ...] = ()
@@ -100,17 +78,28 @@ class Heat(Result):
     }
 
     @property
-    def error_K(self) -> np.ndarray:
-        """Combined standard uncertainty of each temperature, (m, n) [K]."""
-        return combined(self.noise, self.changes.values())
+    def kelvin(self) -> np.ndarray:
+        """Temperatures, (m, n) [K]."""
+        return self.estimate.value
 
     @property
-    def group_error_K(self) -> np.ndarray:
-        """Combined standard uncertainty of the mean temperature of each group, (m, groups) [K].
+    def error_K(self) -> np.ndarray:
+        """Combined standard uncertainty of each temperature, (m, n) [K]."""
+        return self.estimate.standard_error
+
+    @property
+    def inputs(self) -> tuple[Contribution, ...]:
+        """What the inputs of [sigma] contribute."""
+        return self.estimate.contributions[1:]
+
+    @property
+    def means(self) -> Estimate:
+        """Mean temperature of each group, (m, groups) [K].
 
         The errors of the paths count as if they were common to a group's facets.
         """
-        return combined(self.of_groups(self.noise), map(self.of_groups, self.changes.values()))
+        rows = [row.through(self.of_groups) for row in self.estimate.contributions]
+        return Estimate.of(self.of_groups(self.kelvin), "K", rows)
 
     @property
     def is_steady(self) -> bool:
@@ -156,7 +145,7 @@ class Heat(Result):
 
     def entries(self) -> dict:
         """Entries for JSON: by group and time, and the largest effect of each input."""
-        of_groups = self.of_groups(self.kelvin).T, self.group_error_K.T
+        of_groups = self.means.value.T, self.means.standard_error.T
         entries = {
             "scene": self.name,
             "facets": len(self.facets.number),
@@ -169,19 +158,19 @@ class Heat(Result):
                 for group, mean, error in zip(self.facets.groups, *of_groups)
             },
             "inputs": {
-                name: {"sigma": sigma, "largest_K": abs(self.changes[name]).max()}
-                for name, sigma in self.sigmas.items()
+                row.quantity: {"sigma": row.sigma, "largest_K": abs(row.contribution).max()}
+                for row in self.inputs
             },
             "remarks": self.remarks,
         }
         if self.intensity:
-            entries["intensity_W_sr"] = self.intensity.values
-            entries["intensity_sigma_W_sr"] = self.intensity.sigma
+            entries["intensity_W_sr"] = self.intensity.value
+            entries["intensity_sigma_W_sr"] = self.intensity.standard_error
         return entries
 
     def quantities(self) -> dict[str, np.ndarray]:
         """What the columns of all files have, at all times: temperatures, errors, modes, (m, n)."""
-        changes = {f"{BEFORE}{name}{AFTER}": change for name, change in self.changes.items()}
+        changes = {f"{BEFORE}{row.quantity}{AFTER}": row.contribution for row in self.inputs}
         return {"temperature_K": self.kelvin, "error_K": self.error_K, **changes}
 
     def columns(self, hour: float | None = None) -> dict[str, np.ndarray]:
@@ -200,15 +189,10 @@ class Heat(Result):
         variables["area_m2"] = ("facet", self.facets.area)
         variables["group"] = ("facet", np.array(self.facets.groups)[self.facets.group])
         if self.intensity:
-            variables["intensity_W_sr"] = ("time", self.intensity.values)
-            variables["intensity_sigma_W_sr"] = ("time", self.intensity.sigma)
+            variables["intensity_W_sr"] = ("time", self.intensity.value)
+            variables["intensity_sigma_W_sr"] = ("time", self.intensity.standard_error)
         coordinates = {"time_s": ("time", self.seconds), "facet": ("facet", self.facets.number)}
         return self.dataset(variables, coordinates)
-
-
-def combined(error: np.ndarray, changes: Iterable[np.ndarray]) -> np.ndarray:
-    """Root of the sum of the squares of an error and of changes by independent inputs."""
-    return np.sqrt(sum((change**2 for change in changes), start=error**2))
 
 
 def write_csv(path: str | PathLike[str], heat: Heat, hour: float | None = None) -> None:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.estimate import Contribution, Estimate
 from mi_lcair.heating.conductors import standard_error
 from mi_lcair.heating.exchange import exchange
 from mi_lcair.heating.paths import emitting_facets
@@ -15,7 +16,7 @@ from mi_lcair.heating.temperatures.description import (
     RunTable,
     SignatureTable,
 )
-from mi_lcair.heating.temperatures.heat_result import Heat, Intensity
+from mi_lcair.heating.temperatures.heat_result import Heat
 from mi_lcair.heating.temperatures.network import Network
 from mi_lcair.heating.temperatures.weather import Weather, weather
 from mi_lcair.physics.blackbody import radiance_and_slope
@@ -46,11 +47,15 @@ def temperatures(scene: Scene, description: Description) -> Heat:
     network = Network(radiation.facets, radiation.traced, sun, conditions, description.groups)
     columns = [network.column(name, sigma) for name, sigma in sigmas.items()]
     solved = course(network, columns, run.start_K)
-    changes = dict(zip(sigmas, solved.changes))
+    rows = [Contribution("exchange", standard_error(solved.scatter))]
+    rows += [
+        Contribution(name, change, sigma=sigma)
+        for (name, sigma), change in zip(sigmas.items(), solved.changes)
+    ]
     of_sigma = [
-        f"[sigma] {name} changes no temperature"
-        for name, change in changes.items()
-        if not change.any()
+        f"[sigma] {row.quantity} changes no temperature"
+        for row in rows[1:]
+        if not row.contribution.any()
     ]
     of_sigma += remarks_on_emissivities(network, sigmas, solved.kelvin[0], traced is not None)
     of_sun = () if sun is None else sun.remarks
@@ -58,14 +63,12 @@ def temperatures(scene: Scene, description: Description) -> Heat:
         name=scene.name,
         facets=radiation.facets,
         seconds=conditions.seconds,
-        kelvin=solved.kelvin,
-        sigmas=sigmas,
-        changes=changes,
-        noise=standard_error(solved.scatter),
+        estimate=Estimate.of(solved.kelvin, "K", rows),
         residual_W=solved.residual,
         days=solved.days,
         drift_K=solved.drift,
         intensity=None,
+        band="" if traced is None else traced[0].band.label,
         polygons=FacetPolygons.of(table.triangles, table.triangle_facet),
         scene_kelvin=table.temperature,
         remarks=tuple(dict.fromkeys((*radiation.remarks, *of_sun, *conditions.remarks, *of_sigma))),
@@ -133,7 +136,7 @@ def effective_areas(
     return traced, area / np.prod(traced.size)
 
 
-def intensity(heat: Heat, traced: FacetMatrix, pixel: float) -> Intensity:
+def intensity(heat: Heat, traced: FacetMatrix, pixel: float) -> Estimate:
     """The intensity of the model at all times; see `effective_areas`."""
     weights = pixel * np.array([np.asarray(m.sum(axis=0)).ravel() for m in traced.matrices])
     rest = pixel * traced.rest.sum(axis=1)
@@ -142,8 +145,10 @@ def intensity(heat: Heat, traced: FacetMatrix, pixel: float) -> Intensity:
     radiance, slope = radiance_and_slope(traced.band, whole)
     values = (radiance @ weights.T + rest).T
     mean = slope * weights.mean(axis=0)
-    changes = {
-        name: np.sum(mean * heat.of_scene(change)[:, traced.facets], axis=1)
-        for name, change in (heat.changes | {"exchange": heat.noise}).items()
-    }
-    return Intensity(traced.band.label, values.mean(axis=0), standard_error(values), changes)
+
+    def through(change):
+        return np.sum(mean * heat.of_scene(change)[:, traced.facets], axis=1)
+
+    first, *inputs = (row.through(through) for row in heat.estimate.contributions)
+    rows = Contribution("noise of the rendering", standard_error(values)), *inputs, first
+    return Estimate.of(values.mean(axis=0), "W/sr", rows)

@@ -45,12 +45,10 @@ def figure(budget: Budget):
     panel.axvline(0, color="black", linewidth=0.8)
     panel.margins(x=0.17)
     panel.ticklabel_format(axis="x", style="sci", scilimits=(-2, 4))
-    unit = f" ({typeset(budget.unit)})" if budget.words_of_unit else ""
+    unit = "" if budget.estimate.unit == "1" else f" ({typeset(budget.estimate.unit)})"
     panel.set_xlabel(f"change of the {plain(budget.title)}{unit}")
-    unit = typeset(budget.words_of_unit)
     figure.suptitle(
-        f"{plain(budget.what)}: {budget.value:.4g} ± {budget.sigma:.2g}{unit} "
-        "(one standard uncertainty)"
+        f"{plain(budget.what)}: {typeset(str(budget.estimate))} (one standard uncertainty)"
     )
     legend(panel, bool(checks))
     return figure

@@ -11,7 +11,7 @@ def figure(heat):
     """Figure of the mean temperature of each group, and of the intensity if it is known."""
     figure = new_figure((9 if heat.intensity else 6, 3.8), layout="constrained")
     left, *rest = np.atleast_1d(figure.subplots(1, 2 if heat.intensity else 1))
-    mean, error = heat.of_groups(heat.kelvin), heat.group_error_K
+    mean, error = heat.means.value, heat.means.standard_error
     if heat.is_steady:
         places = np.arange(len(heat.facets.groups))
         left.errorbar(mean[0], places, xerr=2 * error[0], fmt="o", capsize=3)
@@ -23,14 +23,14 @@ def figure(heat):
         left.set(xlabel="hour", xticks=hours(heat), ylabel="mean temperature (K), k = 2")
         left.legend()
     for axes in rest:
-        value, sigma = heat.intensity.values, heat.intensity.sigma
+        value, sigma = heat.intensity.value, heat.intensity.standard_error
         if heat.is_steady:
             axes.errorbar([0], value, 2 * sigma, fmt="o", capsize=3)
             axes.set(xticks=[])
         else:
             draw_with_band(axes, heat.hours, value, 2 * sigma)
             axes.set(xlabel="hour", xticks=hours(heat))
-        axes.set(ylabel=f"intensity, {plain(heat.intensity.band)} (W/sr), k = 2")
+        axes.set(ylabel=f"intensity, {plain(heat.band)} (W/sr), k = 2")
     figure.suptitle(plain(heat.summary()), fontsize=10)
     return figure
 

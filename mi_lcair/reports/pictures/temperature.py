@@ -20,13 +20,14 @@ def figure(temperature: Temperature):
         ("gray", "viridis"),
     ):
         _panel(figure, axes, values, title, cmap)
-    rows = temperature.contributions[::-1]
+    typical = temperature.typical
+    rows = typical.contributions[::-1]
     bars.barh(
         [row.quantity.replace("_", " ") for row in rows],
-        [temperature.typical(row.sigma) for row in rows],
+        [abs(row.contribution) for row in rows],
         color="0.55",
     )
-    total = temperature.typical(temperature.sigma)
+    total = typical.standard_error
     bars.axvline(total, color="C3")
     bars.set(title=f"total {total:.3g} K (line)", xlabel="median contribution (K)")
     figure.suptitle(plain(temperature.summary()), fontsize=10)

@@ -1,8 +1,6 @@
 """Sections of a cavity's effective emissivity."""
 
-import numpy as np
-
-from mi_lcair.reports.sections.budget import contribution, in_unit
+from mi_lcair.reports.sections.budget import contributions
 from mi_lcair.results.result import summary_of
 from mi_lcair.results.sections import Facts, Remarks, Section, Table
 
@@ -28,17 +26,6 @@ def sections(result) -> list[Section]:
         "Gouffé": (result.gouffe, ".4f"),
     }
     parts = [summary_of(result), Facts(rows), Table.of(by_wavelength)]
-    budget = [
-        contribution(
-            row,
-            "by wavelength" if np.isnan(row.number.value) else in_unit(row, row.number.value),
-            f"{row.slope[0]:.4g}",
-            row.sigma[0],
-            result.sigma[0],
-        )
-        for row in result.contributions
-    ]
-    if budget:
-        head = ["quantity", "value", "sigma", "sensitivity", "contribution", "share"]
-        parts.append(Table(head, budget))
+    if len(result.estimate.contributions) > 1:
+        parts.append(contributions(result.first))
     return [Section("Cavity", [*parts, Remarks(list(result.remarks))])]

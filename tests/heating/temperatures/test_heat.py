@@ -39,10 +39,10 @@ def test_day(day):
     lid = day.of_groups(day.kelvin)[:, day.facets.groups.index("lid")]
     assert lid.argmax() in (5, 6, 7)
     assert np.ptp(lid) > 30
-    assert (
-        set(day.changes) == set(day.sigmas) == set(Description.read(EXAMPLES / "heat.toml").sigma)
+    assert {row.quantity: row.sigma for row in day.inputs} == (
+        Description.read(EXAMPLES / "heat.toml").sigma
     )
-    assert (day.changes["sky_K"] > 0).all()
+    assert (day.estimate["sky_K"].contribution > 0).all()
     (remark,) = [text for text in day.remarks if "the surfaces also emit" in text]
     facets = day.facets
     share = (0.02 * facets.area).sum() / facets.emitting_area.sum()
@@ -53,8 +53,10 @@ def test_day(day):
     k = day.facets.groups.index("self")
     of_walls = day.facets.group == k
     area = day.facets.area[of_walls] / day.facets.area[of_walls].sum()
-    parts = [values[:, of_walls] @ area for values in (day.noise, *day.changes.values())]
-    np.testing.assert_allclose(day.group_error_K[:, k], np.sqrt(np.square(parts).sum(axis=0)))
+    parts = [row.contribution[:, of_walls] @ area for row in day.estimate.contributions]
+    np.testing.assert_allclose(
+        day.means.standard_error[:, k], np.sqrt(np.square(parts).sum(axis=0))
+    )
     assert "kelvin" not in day.summary()
 
 
@@ -62,8 +64,10 @@ def test_intensity_is_that_of_a_render_with_its_temperatures(day, folder):
     scene = mi_lcair.load(folder / "box" / "scene.xml")
     set_facets(scene, dict(zip(day.facets.number.tolist(), day.kelvin[6].tolist())))
     rendered = mi_lcair.signature(scene, spp=256)
-    error = np.hypot(rendered.target.standard_error, day.intensity.error[6])
-    assert abs(rendered.target.intensity - day.intensity.values[6]) < 4 * error
+    error = np.hypot(
+        rendered.target.standard_error, day.intensity["noise of the rendering"].contribution[6]
+    )
+    assert abs(rendered.target.intensity - day.intensity.value[6]) < 4 * error
 
 
 def test_an_hour_outside_the_day_is_refused(day, tmp_path):

@@ -8,6 +8,7 @@ from click.testing import CliRunner
 import mi_lcair
 from mi_lcair.cli import main
 from mi_lcair.errors import InputError
+from mi_lcair.estimate import with_error
 from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
 from tests.detection.disc_scenario import AREA, disc, write_disc
 from tests.uncertainty.plate_scene import plate_scene, row, slope, triangle_areas
@@ -155,7 +156,7 @@ def test_signal_to_noise_of_a_sensor(folder):
     relative = {"sensor.nei": -0.05, "sensor.optics_transmittance": 0.02 / 0.9}
     for name, expected in (relative | {"scenario.range_m": -0.02}).items():
         assert parts[name] == pytest.approx(found.value * expected, rel=1e-3), name
-    assert f"ratio {found.value:.6g} +- {found.sigma:.3g} (one standard" in found.summary()
+    assert f"ratio {with_error(found.value, found.sigma)} (one standard" in found.summary()
 
 
 def electrons(scenario, kelvin):

@@ -1,0 +1,254 @@
+"""Values with their errors, and what contributes to the errors.
+
+The law of propagation of uncertainty (GUM, JCGM 100:2008, 5.1.2 and 5.2.2): the variance of a
+result y is c V c, with the derivatives c of y and the covariance V of its quantities. Quantities
+whose errors are correlated form a group. The contributions of different groups are independent.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, fields, replace
+from math import floor, isfinite, log10
+from typing import Any
+
+import numpy as np
+
+from mi_lcair.declared import Bounds
+from mi_lcair.errors import InputError, shown
+
+# Units as ends of columns' names
+UNIT_NAMES = {"W/sr": "_W_sr", "W m^-2": "_W_m2", "K": "_K", "m": "_m"}
+
+
+@dataclass(frozen=True, eq=False)
+class Contribution:
+    """What a quantity, a group of correlated quantities or a noise adds to the error of a result.
+
+    Attributes
+    ----------
+    quantity : str
+        Name of the quantity, of the group, or of the noise.
+    contribution : float or ndarray
+        Change of the result for plus one standard uncertainty of the quantity, in the result's
+        unit. For a group and for a noise it is a standard uncertainty of the result.
+    share : float or None
+        Share of the variance of the result. None for members of a group and for arrays.
+    value, sigma, sensitivity, sensitivity_error : float or ndarray or None
+        Value and standard uncertainty of the quantity; derivative of the result with respect to it,
+        and its standard error. None for a group, for a noise, and where there is no such number.
+    unit : str
+        Unit of value and sigma.
+    distribution : str
+        The quantity's distribution in words, if it is not normal.
+    members : tuple of Contribution
+        The quantities of a group. Their contributions are those of each one alone.
+    """
+
+    quantity: str
+    contribution: float
+    share: float | None = None
+    value: float | None = None
+    sigma: float | None = None
+    sensitivity: float | None = None
+    sensitivity_error: float | None = None
+    unit: str = ""
+    distribution: str = ""
+    members: tuple["Contribution", ...] = ()
+
+    @staticmethod
+    def of(quantity: str, sigma: float, sensitivity: Any, **more: Any) -> "Contribution":
+        """The contribution of a quantity. more: further attributes."""
+        change = sensitivity * sigma
+        return Contribution(quantity, change, sigma=sigma, sensitivity=sensitivity, **more)
+
+    @staticmethod
+    def together(
+        quantity: str, members: Iterable["Contribution"], covariance: np.ndarray
+    ) -> "Contribution":
+        """The contribution of a group of quantities with this covariance, (n, n).
+
+        A group of one is that quantity.
+        """
+        members = tuple(members)
+        if len(members) == 1:
+            return members[0]
+        c = np.array([member.sensitivity for member in members])
+        variance = float(max(c @ covariance @ c, 0.0))
+        return Contribution(quantity, float(np.sqrt(variance)), members=members)
+
+    def through(self, linear: Callable[[Any], Any]) -> "Contribution":
+        """The contribution to a linear function of the result, such as a mean."""
+        return replace(self, contribution=linear(self.contribution), sensitivity=None, share=None)
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """A value with its error, and what contributes to the error.
+
+    Attributes
+    ----------
+    value, standard_error : float or ndarray
+        The value and its standard uncertainty.
+    unit : str
+        Their unit; "" or "1" for a ratio.
+    half_width : float or ndarray or None
+        Half of the 95 % interval, if it is known.
+    contributions : tuple of Contribution
+        What the standard uncertainty consists of, if it is known.
+    """
+
+    value: float
+    standard_error: float = 0.0
+    unit: str = ""
+    half_width: float | None = None
+    contributions: tuple[Contribution, ...] = ()
+
+    @staticmethod
+    def of(value: Any, unit: str, contributions: Iterable[Contribution]) -> "Estimate":
+        """The value with the standard uncertainty from independent contributions.
+
+        The contributions of a single value come in the order of their shares, the largest first.
+        """
+        rows = tuple(contributions)
+        variance = sum((row.contribution**2 for row in rows), start=np.zeros(np.shape(value)))
+        result = Estimate(value, np.sqrt(variance), unit, contributions=rows)
+        return result if isinstance(value, np.ndarray) else result.reduced(float)
+
+    def reduced(self, take: Callable[[np.ndarray], float]) -> "Estimate":
+        """The estimate of arrays as one of numbers, such as their medians.
+
+        The size of each contribution is reduced. It has the sign of the reduced derivative.
+        """
+        error, rows = take(self.standard_error), []
+        for row in self.contributions:
+            size, slope = take(abs(row.contribution)), row.sensitivity
+            slope = slope if slope is None else take(slope)
+            signed = size if slope is None else float(np.copysign(size, slope))
+            share = (size / error) ** 2 if error else 0.0
+            rows.append(replace(row, contribution=signed, sensitivity=slope, share=share))
+        rows.sort(key=lambda row: -row.share)
+        return replace(
+            self, value=take(self.value), standard_error=error, contributions=tuple(rows)
+        )
+
+    def __getitem__(self, quantity: str) -> Contribution:
+        """The contribution of a quantity, a group or a noise. Raises KeyError if there is none."""
+        for row in self.contributions:
+            if row.quantity == quantity:
+                return row
+        raise KeyError(quantity)
+
+    def __str__(self) -> str:
+        unit = "" if self.unit in ("", "1") else f" {self.unit}"
+        if self.half_width is not None:
+            return f"{with_error(self.value, self.half_width)}{unit} (95 %)"
+        if not self.standard_error:
+            return f"{self.value:.6g}{unit}"
+        return f"{with_error(self.value, self.standard_error)}{unit}"
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """The contributions as a table: a row for each, and for each member of a group.
+
+        A group's row is followed by its members, whose share is NaN. `unit` is that of value and
+        sigma. The contribution is in the unit of the result.
+        """
+        of_rows = [(row, entry) for row in self.contributions for entry in (row, *row.members)]
+        table = [entry for _, entry in of_rows]
+
+        def column(name, kind=float):
+            return np.array([getattr(entry, name) for entry in table], kind)  # None is NaN
+
+        return {
+            "quantity": column("quantity", str),
+            "distribution": column("distribution", str),
+            "is_member": np.array([entry is not row for row, entry in of_rows], bool),
+            "value": column("value"),
+            "sigma": column("sigma"),
+            "unit": column("unit", str),
+            "sensitivity": column("sensitivity"),
+            "sensitivity_error": column("sensitivity_error"),
+            f"contribution{UNIT_NAMES.get(self.unit, '')}": column("contribution"),
+            "share": column("share"),
+        }
+
+    def as_dict(self) -> dict[str, Any]:
+        """What is known of it, for JSON."""
+        entries = {entry.name: getattr(self, entry.name) for entry in fields(self)}
+        return {
+            name: entry
+            for name, entry in entries.items()
+            if isinstance(entry, (float, np.ndarray)) or entry
+        }
+
+
+def with_error(value: float, error: float) -> str:
+    """A value and its error as text, such as "293.1 +- 2.4".
+
+    The error has two digits, and the value ends at the second one. It has 2 to 9 digits.
+    """
+    value, error = float(value), float(error)
+    if not (isfinite(value) and isfinite(error) and value and error):
+        return f"{value:.6g} +- {error:.2g}"
+    order = floor(log10(abs(value)))
+    place = min(max(floor(log10(error)) - 1, order - 8), order - 1)
+    return f"{round(value, -place):.9g} +- {float(f'{error:.2g}'):g}"
+
+
+def slope(
+    function: Callable[[float], Any],
+    value: float,
+    step: float,
+    bounds: tuple[float, float] = (-np.inf, np.inf),
+) -> Any:
+    """Derivative of a function at a value by a difference over a step to both sides.
+
+    A side that is out of bounds ends there. Raises InputError if that leaves no room.
+    """
+    ends = np.clip([value - step, value + step], *bounds)
+    if ends[0] == ends[1]:
+        raise InputError("has no room within its bounds")
+    low, high = (function(float(end)) for end in ends)
+    return (high - low) / (ends[1] - ends[0])
+
+
+def uncertain(given: object, name: str, bounds: Bounds = Bounds()) -> Estimate:
+    """A number with its uncertainty.
+
+    Parameters
+    ----------
+    given : float, pair of float, str or Estimate
+        The number, with its standard uncertainty as a pair (0.92, 0.02) or in a text "0.92+-0.02"
+        or "0.92+-2%".
+    name : str
+        Name of the number in messages.
+    bounds : Bounds
+        Bounds of the number.
+
+    Raises
+    ------
+    InputError
+        If it is no such number, if it is out of bounds, or if the uncertainty is negative.
+    """
+    if isinstance(given, Estimate):
+        value, sigma = given.value, given.standard_error
+    else:
+        try:
+            value, sigma = parsed(given)
+        except (TypeError, ValueError):
+            raise InputError(
+                f"{name} {shown(str(given))} is no number; give one, such as 0.9 or 0.9+-0.02"
+            ) from None
+    bounds.check(value, name)
+    Bounds(lower=0, unit=bounds.unit).check(sigma, f"standard uncertainty of {name}")
+    return Estimate(value, sigma, bounds.unit)
+
+
+def parsed(given) -> tuple[float, float]:
+    """Value and uncertainty; raises TypeError or ValueError."""
+    if not isinstance(given, str):
+        value, sigma = given if isinstance(given, (tuple, list)) else (given, 0)
+        return float(value), float(sigma)
+    number, mark, error = given.replace("±", "+-").partition("+-")
+    value = float(number)
+    if error.strip().endswith("%"):
+        return value, abs(value) * float(error.strip().removesuffix("%")) / 100
+    return value, float(error) if mark else 0.0
