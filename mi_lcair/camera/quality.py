@@ -73,11 +73,8 @@ class Measures:
 
 def background_noise(camera: Camera) -> float:
     """Noise of a background pixel, electrons: in time, and without `nuc` the fixed pattern too."""
-    imager, background = camera.imager, camera.background + camera.design.offset
-    pattern = 0.0
-    if not imager.nuc:
-        pattern = np.hypot(imager.gain_nonuniformity * background, imager.offset_nonuniformity_e)
-    return float(np.hypot(imager.noise(background), pattern))
+    imager = camera.imager
+    return float(imager.noise(camera.background + camera.design.offset, not imager.nuc))
 
 
 def measured(

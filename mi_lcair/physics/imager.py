@@ -219,11 +219,17 @@ class Imager:
         """Electrons of one count. The full well has the largest count."""
         return self.well / (self.largest_count - self.pedestal)
 
-    def noise(self, electrons: ArrayLike) -> np.ndarray | float:
+    def noise(self, electrons: ArrayLike, with_pattern: bool = False) -> np.ndarray | float:
         """Standard deviation of a pixel in time, electrons, for this mean number of electrons.
 
         It is the quadratic sum of the shot noise of signal and dark current, of the electronics'
         noise, and of the quantisation, a twelfth of the squared count.
+
+        with_pattern: adds the fixed pattern, by which uncorrected pixels differ from each other.
         """
         of_counts = self.electrons_per_count**2 / 12
-        return np.sqrt(np.maximum(electrons, 0) + self.dark + self.read_noise_e**2 + of_counts)
+        in_time = np.sqrt(np.maximum(electrons, 0) + self.dark + self.read_noise_e**2 + of_counts)
+        if not with_pattern:
+            return in_time
+        pattern = np.hypot(self.gain_nonuniformity * electrons, self.offset_nonuniformity_e)
+        return np.hypot(in_time, pattern)

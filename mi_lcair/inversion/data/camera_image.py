@@ -206,11 +206,7 @@ class CameraImage:
 
         def deviation(predicted: np.ndarray) -> np.ndarray:
             signal = np.maximum(gain * predicted + offset, 0)
-            variance = imager.noise(signal) ** 2
-            if not is_corrected:
-                pattern = imager.gain_nonuniformity * signal, imager.offset_nonuniformity_e
-                variance = variance + pattern[0] ** 2 + pattern[1] ** 2
-            return np.sqrt(variance) / gain
+            return imager.noise(signal, not is_corrected) / gain
 
         return deviation
 
