@@ -4,15 +4,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy import stats
 
 from mi_lcair.fitting.cube import parameters_at
 from mi_lcair.fitting.descent import levenberg_marquardt
+from mi_lcair.physics.estimation.profiles import further, profile_ends, student_factor
 from mi_lcair.physics.reflection.interface import ReflectionModel
 
-CONFIDENCE = 0.95  # probability that an interval contains the parameter
-# Distances from the minimum at which profiles are computed [standard errors].
-PROFILE_STEPS = np.array([0.5, 1, 1.5, 2, 2.5, 3, 4, 6, 10, 20, 50])
 # Correlation of neighbours that white noise shows by chance, times the root of their number. Noise
 # exceeds it in 1 of 740 fits.
 BY_CHANCE = 3.0
@@ -169,13 +166,6 @@ def standard_errors(model, matrix) -> np.ndarray:
     return np.minimum(np.sqrt(np.maximum(np.diag(matrix), 0)), ranges)
 
 
-def correlation(matrix) -> np.ndarray:
-    """Correlation matrix (n, n) of a covariance matrix (n, n)."""
-    size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    ratio = np.clip(matrix / np.outer(size, size), -1, 1)
-    return np.where(np.eye(len(matrix), dtype=bool), 1.0, ratio)
-
-
 class Held:
     """Residuals with one parameter held at a given value in each lane.
 
@@ -238,69 +228,35 @@ def profile_intervals(
     for k, bound in enumerate(model.bound_names(near.u)):
         if bound is not None or errors[k] == 0:
             errors[k] = near.moved(k)
-    systematic = near.level_shift()
-    lower, upper = model.feasible_range(best)
-    t = stats.t.ppf(0.5 + CONFIDENCE / 2, dof)
-    which, side, distance = profile_lanes(best, errors, lower, upper)
-    value = best[which] + side * distance
-    start = np.stack([neighbour(model, best, matrix, k, target) for k, target in zip(which, value)])
-    may_move = near.free | (np.arange(len(best)) == which[:, None])
-    stiffness = 1e4 * np.sqrt(variance) / distance
-    # All points of all profiles are refitted at once, with one parameter held in each lane.
-    minima = levenberg_marquardt(
-        Held(model, residuals, which, value, stiffness),
-        model.to_cube(start),
-        may_move,
-        iterations=30,
-        tolerance=1e-5,
-    )
-    rise = np.sqrt(np.maximum(2 * (minima.cost - cost) / variance, 0))
-    intervals = np.column_stack([lower, upper])
-    for k in range(len(best)):
-        for column, sign in ((0, -1), (1, 1)):
-            profile = (which == k) & (side == sign)
-            if not profile.any():
-                continue
-            # The first point of the profile at which the rise exceeds t.
-            reached = np.flatnonzero(np.append(rise[profile], np.inf) > t)[0]
-            if reached == profile.sum():
-                continue  # there is none: the interval ends at the parameter's bound
-            # The end of the interval is interpolated linearly between this point and the one
-            # before.
-            x, y = np.append(0, distance[profile]), np.append(0, rise[profile])
-            width = np.interp(t, y[reached : reached + 2], x[reached : reached + 2])
-            far = best[k] + sign * np.hypot(width, t * systematic[k])
-            intervals[k, column] = np.clip(far, lower[k], upper[k])
-    return intervals
+    t, ends = student_factor(dof), np.stack(model.feasible_range(best), axis=1)
+    parameter, side = np.nonzero(np.abs(ends - best[:, None]) > 1e-12)
+    middle, bound = best[parameter], ends[parameter, side]
+    # A parameter that has no standard error begins with a part of its range
+    step = np.where(errors > 0, errors, np.ptp(ends, axis=1) / 1000)[parameter]
+    first = middle + np.sign(bound - middle) * t * step
 
+    def refit(profiles, value, starts):
+        """All of these profiles are refitted at once, with one parameter held in each lane."""
+        which = parameter[profiles]
+        near_by = zip(parameters_at(model, starts)[0], which, value)
+        start = np.stack([neighbour(model, of, matrix, k, target) for of, k, target in near_by])
+        stiffness = 1e4 * np.sqrt(variance) / np.abs(value - best[which])
+        minima = levenberg_marquardt(
+            Held(model, residuals, which, value, stiffness),
+            model.to_cube(start),
+            near.free | (np.arange(len(best)) == which[:, None]),
+            iterations=30,
+            tolerance=1e-5,
+        )
+        return np.sqrt(np.maximum(2 * (minima.cost - cost) / variance, 0)), minima.u
 
-def profile_lanes(best, errors, lower, upper) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The points at which profiles are computed, by parameter, side and distance.
-
-    Parameters
-    ----------
-    best, errors
-        Parameters at the minimum and their standard errors, (n,).
-    lower, upper
-        Feasible range of each parameter, (n,).
-
-    Returns
-    -------
-    tuple
-        Index of the parameter, side (-1 or 1) and distance from the minimum, (l,) each.
-    """
-    lanes = []
-    for k in range(len(best)):
-        for side, bound in ((-1, lower[k]), (1, upper[k])):
-            reach = side * (bound - best[k])
-            if reach <= 1e-12:
-                continue
-            # A parameter that has no standard error begins with a part of its range.
-            step = errors[k] if errors[k] > 0 else reach / 1000
-            steps = np.append(PROFILE_STEPS * step, reach * np.array([0.1, 0.3, 1]))
-            lanes += [(k, side, distance) for distance in np.unique(steps[steps <= reach])]
-    which, side, distance = (np.array(column) for column in zip(*lanes))
-    return which, side, distance
+    inside, distance, outside = profile_ends(refit, middle, near.u, first, bound, t)
+    place = parameters_at(model, inside)[0][np.arange(len(parameter)), parameter]
+    width = np.abs(further(middle, place, distance, t) - middle)
+    width = np.minimum(width, np.abs(outside - middle))
+    far = middle + np.sign(bound - middle) * np.hypot(width, t * near.level_shift()[parameter])
+    ends[parameter, side] = np.clip(far, *ends[parameter].T)
+    return ends
 
 
 def neighbour(model, best, matrix, k: int, target: float) -> np.ndarray:

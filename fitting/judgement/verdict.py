@@ -3,17 +3,15 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from mi_lcair.errors import option
 from mi_lcair.fitting.judgement.uncertainty import (
-    CONFIDENCE,
     Linearized,
-    correlation,
     profile_intervals,
     standard_errors,
 )
 from mi_lcair.fitting.model import Hemispherical
+from mi_lcair.physics.estimation.profiles import correlation, student_factor
 from mi_lcair.physics.reflection.interface import ModelParameter
 
 NOT_DETERMINED = "not determined by these data"
@@ -104,7 +102,7 @@ def curve_errors(near: Linearized, curve, dof: float, intervals) -> tuple:
     """
     values, slopes = (array[0] for array in curve(near.u[None]))
     variance = near.variance_of(slopes)
-    width = stats.t.ppf(0.5 + CONFIDENCE / 2, dof) * np.sqrt(variance)
+    width = student_factor(dof) * np.sqrt(variance)
     best, squares = near.parameters, np.stack([width**2, width**2])
     for k, bound in enumerate(near.model.bound_names(near.u)):
         if bound is None:

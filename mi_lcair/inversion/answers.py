@@ -6,11 +6,11 @@ import numpy as np
 from scipy import stats
 
 from mi_lcair.fitting.judgement.quality import SIGNIFICANCE, tested
-from mi_lcair.fitting.judgement.uncertainty import correlation
 from mi_lcair.fitting.judgement.verdict import UNDETERMINED, missed, undetermined
 from mi_lcair.inversion.least_squares.prediction import DatumBlock, weighed_product
 from mi_lcair.inversion.least_squares.solve import State
 from mi_lcair.inversion.unknowns import Unknown
+from mi_lcair.physics.estimation.profiles import correlation
 
 NORMAL_95 = stats.norm.ppf(0.975)
 HIDDEN = "not determined: the noise of the render hides its effect; raise spp of [render]"

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from mi_lcair.fitting.judgement.uncertainty import correlation
 from mi_lcair.inversion.data.datum import Datum
 from mi_lcair.inversion.least_squares.prediction import DatumBlock
 from mi_lcair.inversion.solution import Fitted
 from mi_lcair.inversion.unknowns import Unknown
+from mi_lcair.physics.estimation.profiles import correlation
 
 
 def fitted(datum: Datum, block: DatumBlock, everything: list[Unknown], x: np.ndarray) -> Fitted:

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from mi_lcair.errors import check_known
-from mi_lcair.fitting.judgement.uncertainty import correlation
 from mi_lcair.inversion.advice import Advice
 from mi_lcair.inversion.answers import Answer, Direction
 from mi_lcair.inversion.least_squares.solve import Step
+from mi_lcair.physics.estimation.profiles import correlation
 from mi_lcair.results import Result
 from mi_lcair.results.reading import built
 from mi_lcair.sensitivity.solution_file import KIND

@@ -5,9 +5,9 @@ from functools import reduce
 from math import hypot
 
 import numpy as np
-from scipy.special import stdtrit
 
 from mi_lcair.errors import InputError
+from mi_lcair.physics.estimation.profiles import student_factor
 from mi_lcair.plugins.emission.draw_table import UnmetSources
 from mi_lcair.plugins.paths.aim import Aim
 from mi_lcair.plugins.paths.launch import Launch
@@ -315,8 +315,3 @@ def edge_share(randomisations: int) -> float:
     error.
     """
     return (1 - 0.05 ** (1 / randomisations)) / student_factor(np.inf)
-
-
-def student_factor(freedom: float) -> float:
-    """Half of Student's 95 % interval, in standard errors; infinite without a degree of freedom."""
-    return float(stdtrit(freedom, 0.975)) if freedom > 0 else np.inf

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mi_lcair.inversion.answers import HIDDEN, answers, chi_square, correlation, directions
+from mi_lcair.inversion.answers import HIDDEN, answers, chi_square, directions
 from tests.inversion.blocks import block, estimated, kelvin, unknown
 
 GAIN = unknown("gain [a]", kind="gain", lower=0.0, upper=np.inf, start=1.0, is_sought=False)
@@ -49,11 +49,6 @@ def test_intervals_end_at_the_bounds():
     assert answer(unknown(), 1.0, 0.02, 1).verdict == "at its bound 1: interval 0.9608..1"
     assert answer(unknown(), 0.5, 0.001, held=True).verdict == HIDDEN
     assert answer(unknown(), 0.5, 0.0).is_determined
-
-
-def test_correlation():
-    found = correlation(np.array([[4.0, 3.0, 0.0], [3.0, 9.0, 0.0], [0.0, 0.0, 0.0]]))
-    np.testing.assert_allclose(found, [[1, 0.5, 0], [0.5, 1, 0], [0, 0, 1]])
 
 
 def test_profile_intervals_take_the_place_of_linear_ones():

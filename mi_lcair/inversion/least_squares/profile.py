@@ -1,27 +1,23 @@
 """Profile-likelihood intervals where the linear ones do not hold: at bounds and in curved valleys.
 
-The end of an interval is where the cost, with all other unknowns at their best, is as much higher
-as 95 % of noise makes it (Venzon and Moolgavkar 1988). Whether this is needed follows from the
-cost at the ends of the linear interval, without a render.
+Whether they are needed follows from the cost at the ends of the linear interval, without a render.
 """
 
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from scipy import sparse, stats
+from scipy import sparse
 
 from mi_lcair.errors import InputError
 from mi_lcair.inversion.least_squares.curvature import bent
 from mi_lcair.inversion.least_squares.newton import Prior, minimiser
 from mi_lcair.inversion.least_squares.prediction import DatumBlock, cost_of, equations
+from mi_lcair.physics.estimation.profiles import further, profile_ends, student_factor
 
-WIDTH = stats.norm.ppf(0.975)  # half of a 95 % interval, standard errors
+WIDTH = student_factor(np.inf)  # half of a 95 % interval, standard errors
 MOST_UNKNOWNS = 30  # number of unknowns above which all intervals are linear
 STRAIGHT = 0.1  # relative error of a linear interval from which it is replaced
-STEPS = 16  # largest number of places at which a profile is computed between two renders
-NARROW = 0.02  # relative error with which the end of a profile is found
-GROWTH = 3.0  # largest factor from one place of a profile to the next
 RENDERS = 4  # largest number of renders for the end of an interval
 
 
@@ -104,7 +100,7 @@ class Profile:
         blocks, first = self.blocks, None
         for _ in range(RENDERS):
             place, predicted, beyond = self.crossing(blocks, side, bound)
-            if first is not None and place is self.x:
+            if first is not None and (place == self.x).all():
                 # By this render even the estimate is outside: noise of the render hides the rise
                 place, predicted, beyond = first
                 errors = predicted
@@ -124,7 +120,7 @@ class Profile:
             errors = self.errors(blocks, place)
             if abs(errors - predicted) < STRAIGHT * WIDTH:
                 break
-        value = self.further(place[self.k], errors)
+        value = further(self.x[self.k], place[self.k], errors, WIDTH)
         return float(min(value, beyond) if side > 0 else max(value, beyond))
 
     def crossing(self, blocks, side: int, bound: float) -> tuple[np.ndarray, float, float]:
@@ -132,29 +128,12 @@ class Profile:
 
         The third result is a value of the unknown that is outside, or the bound.
         """
-        x, inside, distance, outside = self.x[self.k], self.x, 0.0, None
-        value = x + side * WIDTH * self.direction[self.k]
-        for _ in range(STEPS):
-            value = float(np.clip(value, self.prior.lower[self.k], self.prior.upper[self.k]))
-            place = self.at(blocks, inside, value)
-            errors = self.errors(blocks, place)
-            if errors > WIDTH:
-                outside = value
-            else:
-                inside, distance = place, errors
-            last = inside[self.k]
-            is_narrow = outside is not None and abs(outside - last) < NARROW * abs(outside - x)
-            if is_narrow or distance > (1 - NARROW) * WIDTH or last == bound:
-                break
-            value = self.further(value, errors)
-            if outside is not None:
-                share = 0.5
-                if errors <= WIDTH:
-                    share = np.clip((value - last) / (outside - last), 0.1, 0.9)
-                value = last + share * (outside - last)
-        return inside, distance, bound if outside is None else outside
 
-    def further(self, value: float, errors: float) -> float:
-        """The value at which the distance is WIDTH if it grows as it did up to `value`."""
-        factor = np.clip(WIDTH / max(errors, 1e-9), 1 / GROWTH, GROWTH)
-        return self.x[self.k] + factor * (value - self.x[self.k])
+        def refit(_, values, starts):
+            places = [self.at(blocks, start, value) for value, start in zip(values, starts)]
+            return np.array([self.errors(blocks, place) for place in places]), np.array(places)
+
+        x = self.x[self.k]
+        first = x + side * WIDTH * self.direction[self.k]
+        ends = profile_ends(refit, [x], self.x, [first], [bound], WIDTH)
+        return tuple(of[0] for of in ends)

@@ -10,12 +10,10 @@ from mi_lcair import fitting
 from mi_lcair.fitting.cube import parameters_at
 from mi_lcair.fitting.judgement.uncertainty import (
     Linearized,
-    correlation,
     effective_count,
     neighbour,
     neighbour_correlation,
     profile_intervals,
-    profile_lanes,
     standard_errors,
 )
 from mi_lcair.physics.reflection.models import MODELS
@@ -126,25 +124,6 @@ def test_standard_errors_are_at_most_the_range():
     ranges = [parameter.upper - parameter.lower for parameter in MODEL.parameters]
     found = standard_errors(MODEL, np.diag([1e-4, 1e9, -1e-20, 0.04]))
     np.testing.assert_allclose(found, [0.01, ranges[1], 0, 0.2])
-
-
-def test_correlation_of_parameters_that_do_not_vary():
-    found = correlation(np.array([[4.0, 3.0, 0], [3.0, 9.0, 0], [0, 0, 0]]))
-    np.testing.assert_allclose(found, [[1, 0.5, 0], [0.5, 1, 0], [0, 0, 1]])
-
-
-def test_points_of_profiles():
-    """Steps in standard errors, and 0.1, 0.3 and all of the way to each bound."""
-    steps = np.array([0.5, 1, 1.5, 2, 2.5, 3, 4, 6, 10, 20, 50])
-    which, side, distance = profile_lanes(
-        np.array([0.43, 1.0]), np.array([0.01, 0.0]), np.zeros(2), np.ones(2)
-    )
-    of = lambda k, sign: distance[(which == k) & (side == sign)]
-    np.testing.assert_allclose(of(0, -1), np.unique([*steps[:10] * 0.01, 0.043, 0.129, 0.43]))
-    np.testing.assert_allclose(of(0, 1), np.unique([*steps * 0.01, 0.057, 0.171, 0.57]))
-    # At its bound a parameter moves in thousandths of its range, to one side only
-    np.testing.assert_allclose(of(1, -1), np.unique([*steps / 1000, 0.1, 0.3, 1.0]))
-    assert not len(of(1, 1))
 
 
 def test_start_of_a_profile():

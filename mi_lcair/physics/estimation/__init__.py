@@ -1,0 +1,1 @@
+"""Estimation of parameters, for fits, inversions and poses: profiles, correlations, verdicts."""
