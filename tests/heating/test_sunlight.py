@@ -49,7 +49,8 @@ def test_areas_are_the_same_however_many_suns_a_launch_has(monkeypatch):
     suns = np.concatenate([UP, slanted(30), slanted(60)])
     together = solar_areas(scene, suns, 64, 64).direct
     monkeypatch.setattr("mi_lcair.heating.sunlight.LANES", 1)
-    np.testing.assert_array_equal(solar_areas(scene, suns, 64, 64).direct, together)
+    # Sums of a launch are divided among threads, so that rounding depends on their number
+    np.testing.assert_allclose(solar_areas(scene, suns, 64, 64).direct, together, rtol=1e-6)
 
 
 def test_a_roof_casts_its_shadow():

@@ -66,7 +66,9 @@ def test_between_elevations_of_a_cloudy_sky():
     depths = [np.log(-np.log(1 - radiance / black)) for radiance in (low, high)]
     expected = black * (1 - np.exp(-np.exp(depths[0] + share * (depths[1] - depths[0]))))
     assert middle == pytest.approx(float(expected), rel=1e-4)
-    np.testing.assert_array_equal(spectrum(name, 0.1).radiance, spectrum(name, 0.5).radiance)
+    # The row comes back through exp and log, whose last digit depends on the processor
+    lowest = spectrum(name, 0.5).radiance
+    np.testing.assert_allclose(spectrum(name, 0.1).radiance, lowest, rtol=1e-12)
 
 
 def brightness_temperature_at(sky, wavelength):

@@ -112,7 +112,7 @@ def test_a_derivative_that_becomes_noise_on_the_way():
     unknowns = [unknown("a"), unknown("b", start=0.5)]
     state = solve(unknowns, render, lambda x: [np.full(20, SIGMA**-2.0)], False, 20)
     assert state.converged and state.held.tolist() == [False, True]
-    assert state.x[1] == 0.5 and np.isnan(state.intervals[1]).all()
+    assert state.x[1] == pytest.approx(0.5, rel=1e-12) and np.isnan(state.intervals[1]).all()
     assert state.covariance[1, 1] == pytest.approx(unknowns[1].span ** 2, rel=1e-6)
 
 
@@ -222,7 +222,8 @@ def test_facets_against_a_solver_of_scipy(length):
     expected = least_squares(residuals, start)
     assert np.ptp(expected.x) > 20
     np.testing.assert_allclose(state.x, expected.x, atol=0.5)
-    assert (state.x[-1] == 300) == (length is None)
+    # A facet without data stays, but for rounding of the linear solver
+    assert (abs(state.x[-1] - 300) < 1e-9) == (length is None)
     inverse = np.linalg.inv(expected.jac.T @ expected.jac)
     np.testing.assert_allclose(np.diag(state.covariance), np.diag(inverse), rtol=0.02)
     np.testing.assert_allclose(state.covariance, inverse, atol=0.02 * inverse.max())

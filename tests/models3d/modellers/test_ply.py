@@ -1,12 +1,11 @@
 """PLY meshes: their extent, or one line that says what a renderer would misread."""
 
-import time
-
 import numpy as np
 import pytest
 
 from mi_lcair.errors import InputError
 from mi_lcair.models3d.modellers.ply import check_ply, read_ply
+from tests.calls import calls_of
 from tests.rendering.loading.scene_text import HALVES, SQUARE, write_ply
 
 TEXT = """ply
@@ -141,11 +140,9 @@ def test_missing(tmp_path):
 
 
 def test_a_million_triangles(tmp_path):
-    """In less time than a renderer takes to read them: by arrays, not face by face."""
+    """They are checked by arrays, not face by face."""
     chance = np.random.default_rng(0)
     write_ply(
         tmp_path / "mesh.ply", chance.random((500_000, 3)), chance.integers(0, 500_000, (10**6, 3))
     )
-    begin = time.process_time()
-    check_ply(tmp_path / "mesh.ply")
-    assert time.process_time() - begin < 5
+    assert calls_of(check_ply, tmp_path / "mesh.ply") < 10_000

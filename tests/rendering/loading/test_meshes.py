@@ -2,6 +2,7 @@
 
 import mitsuba as mi
 import numpy as np
+import pytest
 
 import mi_lcair
 from mi_lcair.rendering.loading.origin import extent
@@ -38,4 +39,4 @@ def test_passive_rectangles_of_one_bsdf_have_an_extent():
     assert len(scene.shapes()) == 2
     loaded = mi_lcair.load(scene)
     np.testing.assert_allclose(extent(loaded.mi), [[-1, -1, 0], [1, 1, 2]])
-    assert depth(loaded) == 2 * np.sqrt(12)
+    assert depth(loaded) == pytest.approx(2 * np.sqrt(12), rel=1e-12)

@@ -18,7 +18,9 @@ from mi_lcair.signatures.facet_results import FacetResults
 pytestmark = pytest.mark.slow
 
 LARGEST = 10 * 2**20  # bytes of the airliner's page
-MOST_CPU_S = 3.0  # CPU time of the page's main thread until all of the airliner is drawn
+# CPU time of the page's main thread until all of the airliner is drawn. It is 2 to 3.2 s on servers
+# of 2021. The limit leaves room for slower processors.
+MOST_CPU_S = 12.0
 DIGITS = 6e-5  # relative: five digits are shown, and arrays are rounded to 4e-6
 
 # Where plotly draws the middle of a pixel of the first picture, in the window
