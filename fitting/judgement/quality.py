@@ -18,8 +18,8 @@ from mi_lcair.errors import option
 from mi_lcair.fitting.data import Data
 from mi_lcair.fitting.judgement.uncertainty import BY_CHANCE, neighbour_correlation
 from mi_lcair.fitting.selection import FittedVariant
+from mi_lcair.physics.estimation.verdicts import OVERSTATED, SIGNIFICANCE, chi_square_text
 
-SIGNIFICANCE = 0.001  # probability of a false alarm of the test of chi-square
 # Largest reduced chi-square that is no lack of fit if the standard deviations come from repeats.
 # Few repeats leave them uncertain, and a pooled value does not follow how they vary from point to
 # point.
@@ -27,7 +27,6 @@ LARGEST_OF_REPEATS = 2.0
 # Largest difference between model and data that is not reported as lack of fit [decades]. It is
 # 0.5 %, less than the error of any scatterometer's calibration.
 NEGLIGIBLE_DEX = 0.002
-OVERSTATED = "the data scatter less than their sigma says"
 FAR = 4.0  # distance beyond which a robust fit disregards a point [standard deviations]
 
 
@@ -176,7 +175,7 @@ def words(lacks, systematic, chi_square, p_value, correlation, by_chance, freedo
         return "not judged: no repeated scans, no sigma, and scans of too few points"
     facts = []
     if chi_square is not None:
-        facts.append(f"chi-square {tested(chi_square, freedom, p_value)}")
+        facts.append(f"chi-square {chi_square_text(chi_square, freedom, p_value)}")
         if stats.chi2.cdf(chi_square * freedom, freedom) < SIGNIFICANCE:
             facts.append(OVERSTATED)
     if by_chance < 1:
@@ -190,12 +189,6 @@ def words(lacks, systematic, chi_square, p_value, correlation, by_chance, freedo
     if systematic > 0:
         facts.append(f"the model misses the data by {size(NEGLIGIBLE_DEX)} at most")
     return f"no lack of fit seen: {'; '.join(facts)}"
-
-
-def tested(chi_square: float, freedom: float, p_value: float, scatter: float = 0.0) -> str:
-    """A reduced chi-square in words, with the scatter that a render's noise gives to it, if any."""
-    value = f"{chi_square:.3g} +- {scatter:.2g}" if scatter else f"{chi_square:.3g}"
-    return f"{value} for each of {freedom:.4g} degrees of freedom, p = {p_value:.2g}"
 
 
 def size(dex: float) -> str:

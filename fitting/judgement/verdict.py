@@ -12,11 +12,9 @@ from mi_lcair.fitting.judgement.uncertainty import (
 )
 from mi_lcair.fitting.model import Hemispherical
 from mi_lcair.physics.estimation.profiles import correlation, student_factor
+from mi_lcair.physics.estimation.verdicts import Verdict
 from mi_lcair.physics.reflection.interface import ModelParameter
 
-NOT_DETERMINED = "not determined by these data"
-# Width of an interval, relative to the feasible range, from which the parameter is not determined.
-UNDETERMINED = 0.5
 # An interval that begins below this multiple of the lower bound is said to reach the bound.
 NEAR_LOWER = 1.5
 # Smallest number of degrees of freedom. Correlated residuals can leave fewer, for which Student's t
@@ -141,16 +139,6 @@ class Doubt:
     outliers: int
 
 
-def missed(what: str) -> str:
-    """The verdict on any parameter of a model that misses the data. what: part that it misses."""
-    return f"{NOT_DETERMINED}: the model misses {what}"
-
-
-def undetermined(span: str) -> str:
-    """The verdict on a parameter whose interval is too wide. span: the interval."""
-    return f"{NOT_DETERMINED}: anything in {span} fits"
-
-
 def verdict(
     parameter: ModelParameter, value: float, interval, bounds, at_bound: str | None, doubt: Doubt
 ) -> str:
@@ -177,18 +165,15 @@ def verdict(
     (low, high), (lowest, highest) = interval, bounds
     span = f"{low:.3g}..{high:.3g}"
     advice = f"; {parameter.advice}" if parameter.advice and not doubt.joint else ""
-    half = 0.5 * (high - low)
     if doubt.misses and not (parameter.advice and doubt.joint):
-        return f"{missed('whole scans')}{advice}"
+        return Verdict.MISSED.sentence(what="whole scans") + advice
     if parameter.at_lower and low <= NEAR_LOWER * lowest:
-        return f"{NOT_DETERMINED}: {parameter.at_lower.format(high=high)}"
-    if high - low >= UNDETERMINED * (highest - lowest):
-        return f"{undetermined(span)}{advice}"
-    if at_bound:
-        return f"at its bound {at_bound}: interval {span}{advice}"
-    if doubt.outliers:
-        drawn = f"drawn by {doubt.outliers} outliers; try {option('robust', True)}"
-        return f"weakly determined: interval {span}, {drawn}"
-    if half <= max(parameter.precision * value, parameter.absolute_precision):
-        return "determined"
-    return f"weakly determined: interval {span}{advice}"
+        return Verdict.ONE_SIDED.sentence(what=parameter.at_lower.format(high=high))
+    precision = max(parameter.precision * value, parameter.absolute_precision)
+    is_precise = 0.5 * (high - low) <= precision
+    result = Verdict.of(high - low, highest - lowest, at_bound is not None, is_precise)
+    if doubt.outliers and result in (Verdict.DETERMINED, Verdict.WEAK):
+        result = Verdict.WEAK
+        advice = f", drawn by {doubt.outliers} outliers; try {option('robust', True)}"
+    sentence = result.sentence(span=span, bound=at_bound)
+    return sentence if result is Verdict.DETERMINED else sentence + advice

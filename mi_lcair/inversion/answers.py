@@ -1,19 +1,17 @@
-"""What an estimate says: errors, verdicts, and the directions that the data cannot tell apart."""
+"""What an estimate says: errors, verdicts, and the directions that the data cannot separate."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
 
-from mi_lcair.fitting.judgement.quality import SIGNIFICANCE, tested
-from mi_lcair.fitting.judgement.verdict import UNDETERMINED, missed, undetermined
 from mi_lcair.inversion.least_squares.prediction import DatumBlock, weighed_product
 from mi_lcair.inversion.least_squares.solve import State
 from mi_lcair.inversion.unknowns import Unknown
-from mi_lcair.physics.estimation.profiles import correlation
+from mi_lcair.physics.estimation.profiles import correlation, student_factor
+from mi_lcair.physics.estimation.verdicts import SIGNIFICANCE, Verdict, chi_square_text
 
-NORMAL_95 = stats.norm.ppf(0.975)
-HIDDEN = "not determined: the noise of the render hides its effect; raise spp of [render]"
+HALF_WIDTH = student_factor(np.inf)  # half of a 95 % interval, standard errors
 LEAST_FREEDOM = 1.0  # smallest number of degrees of freedom with which residuals are tested
 ALIKE = 0.95  # correlation from which two unknowns are said to trade
 # The entries of `chi_square` where there is nothing to test
@@ -49,12 +47,12 @@ class Answer:
 
     @property
     def is_determined(self) -> bool:
-        return self.verdict == "determined"
+        return self.verdict == Verdict.DETERMINED
 
 
 @dataclass(frozen=True)
 class Direction:
-    """Two unknowns that the data hardly tell apart.
+    """Two unknowns that the data hardly separate.
 
     labels: their labels. correlation: of their errors. slope: change of the first for a change of 1
     of the second. words: the same as a sentence.
@@ -66,57 +64,47 @@ class Direction:
     words: str
 
 
-def answers(unknowns: list[Unknown], state: State) -> list[Answer]:
-    """The answer for each unknown."""
+def answers(unknowns: list[Unknown], state: State, is_goal: bool = False) -> list[Answer]:
+    """The answer for each unknown. is_goal: whether the values were chosen to reach a goal."""
     result = []
     for k, unknown in enumerate(unknowns):
         value, error = float(state.x[k]), float(np.sqrt(max(state.covariance[k, k], 0)))
         low, high = state.intervals[k]
         if np.isnan(low):
-            low, high = value - NORMAL_95 * error, value + NORMAL_95 * error
-        interval = float(low), float(high)
-        words = HIDDEN if state.held[k] else verdict(unknown, value, interval, state.at_bound[k])
-        low, high = np.clip(interval, unknown.lower, unknown.upper).tolist()
+            low, high = value - HALF_WIDTH * error, value + HALF_WIDTH * error
+        half, at_bound = max(value - low, high - value), state.at_bound[k]
+        is_precise = unknown.is_determined(value, half)
+        verdict = Verdict.of(high - low, unknown.span, at_bound != 0, is_precise)
+        if state.held[k]:
+            verdict = Verdict.HIDDEN
+        verdict = verdict.of_goal if is_goal else verdict
+        low, high = np.clip((low, high), unknown.lower, unknown.upper).tolist()
+        span = f"{low:.4g}..{high:.4g} {unknown.unit.removesuffix('1')}".rstrip()
+        bound = f"{unknown.lower if at_bound < 0 else unknown.upper:.4g}"
         estimate = {"value": value, "standard_error": error, "lower": low, "upper": high}
         same = {name: getattr(unknown, name) for name in OF_UNKNOWN}
+        words = verdict.sentence(span=span, bound=bound)
         result.append(Answer(**same, **estimate, verdict=words))
     return result
-
-
-def verdict(unknown: Unknown, value: float, interval: tuple[float, float], at_bound: int) -> str:
-    """The verdict on an unknown, in the words of `fit`. interval: lower and upper end of 95 %."""
-    width, half = interval[1] - interval[0], max(value - interval[0], interval[1] - value)
-    low, high = max(interval[0], unknown.lower), min(interval[1], unknown.upper)
-    span = f"{low:.4g}..{high:.4g} {unknown.unit.removesuffix('1')}".rstrip()
-    if width >= UNDETERMINED * unknown.span:
-        return undetermined(span)
-    if at_bound:
-        end = unknown.lower if at_bound < 0 else unknown.upper
-        return f"at its bound {end:.4g}: interval {span}"
-    if unknown.is_determined(value, half):
-        return "determined"
-    return f"weakly determined: interval {span}"
 
 
 def withdrawn(answers: list[Answer], words: str) -> list[Answer]:
     """The answers with other words where the verdict claims an interval, exact or wide."""
     return [
-        replace(answer, verdict=words)
-        if answer.verdict.startswith(("determined", "weakly determined"))
-        else answer
+        replace(answer, verdict=words) if Verdict.has_interval(answer.verdict) else answer
         for answer in answers
     ]
 
 
 def misfit(p_value: float | None) -> str | None:
-    """The verdict on unknowns whose data the model misses, in the words of `fit`; None if not."""
+    """The verdict on unknowns whose data the model misses; None if it does not miss them."""
     if p_value is None or p_value >= SIGNIFICANCE:
         return None
-    return missed(f"the measured values (p = {p_value:.1g})")
+    return Verdict.MISSED.sentence(what=f"the measured values (p = {p_value:.1g})")
 
 
 def directions(answers: list[Answer], covariance: np.ndarray, reasons) -> list[Direction]:
-    """Pairs of unknowns that the data hardly tell apart, the worst first.
+    """Pairs of unknowns that the data hardly separate, the worst first.
 
     Only pairs with one that is not determined count. reasons: function of the numbers of two
     unknowns that says why.
@@ -214,4 +202,4 @@ def chi_square(blocks: list[DatumBlock], x: np.ndarray, determined: float) -> di
 def in_words(chi_square, chi_square_scatter, degrees_of_freedom, p_value) -> str:
     """The entries of `chi_square` in words."""
     freedom = degrees_of_freedom
-    return tested(chi_square / freedom, freedom, p_value, chi_square_scatter / freedom)
+    return chi_square_text(chi_square / freedom, freedom, p_value, chi_square_scatter / freedom)

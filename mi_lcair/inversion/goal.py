@@ -7,7 +7,6 @@ from functools import partial
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.fitting.judgement.verdict import NOT_DETERMINED
 from mi_lcair.inversion.data.datum import Datum
 from mi_lcair.inversion.least_squares.estimate import estimate
 from mi_lcair.inversion.least_squares.prediction import cost_of
@@ -95,16 +94,6 @@ def first_guesses(everything: list[Unknown], data: list[Datum], problem: Inverse
             continue
         guesses += 1
         yield guess
-
-
-def goal_verdict(verdict: str) -> str:
-    """The verdict on an unknown of a goal."""
-    what, _, span = verdict.partition(":")
-    if what == NOT_DETERMINED:
-        return f"free: {span.strip().removesuffix(' fits')} does as well"
-    if what == "weakly determined":
-        return f"chosen, but {span.strip().removeprefix('interval ')} does nearly as well"
-    return "chosen" if verdict == "determined" else verdict
 
 
 def achieved(datum: Datum, state: State, everything, sampling: RenderSettings) -> str:

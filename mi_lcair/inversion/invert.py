@@ -1,13 +1,11 @@
 """Inversion: the unknowns of a scene from measurements, with errors, verdicts and advice."""
 
 import time
-from dataclasses import replace
 
 import numpy as np
 from scipy import sparse
 
 from mi_lcair.declared import percent
-from mi_lcair.fitting.judgement.quality import OVERSTATED, SIGNIFICANCE
 from mi_lcair.inversion.advice import (
     MOST_UNKNOWNS,
     Advice,
@@ -30,17 +28,17 @@ from mi_lcair.inversion.answers import (
 )
 from mi_lcair.inversion.data.datum import Datum
 from mi_lcair.inversion.fitted import fitted, materials
-from mi_lcair.inversion.goal import achieved, best_of_starts, goal_verdict
+from mi_lcair.inversion.goal import achieved, best_of_starts
 from mi_lcair.inversion.least_squares.newton import is_informed
 from mi_lcair.inversion.least_squares.solve import State, with_noise
 from mi_lcair.inversion.loaded import loaded, unknowns_of
 from mi_lcair.inversion.problem import InverseProblem
 from mi_lcair.inversion.solution import Solution
 from mi_lcair.inversion.unknowns import INSTRUMENT, Unknown
+from mi_lcair.physics.estimation.verdicts import OVERSTATED, SIGNIFICANCE, Verdict
 from mi_lcair.progress import Progress
 
 NOISY = 0.75  # share of a variance from which the noise of the render is said to dominate
-UNFINISHED = "not converged: the value still moves, and its error may be too small"
 SCALED = (
     "the errors are those of {:.3g} times the stated noise, as scale_errors asks; chi-square then "
     "does not test the model"
@@ -61,14 +59,12 @@ def solve_problem(problem: InverseProblem, advise: bool, progress: Progress | No
     """
     start = time.perf_counter()
     loader, data, proposed, everything = loaded(problem)
+    state = best_of_starts(everything, data, problem, progress)
     if problem.goal is not None:
-        state = best_of_starts(everything, data, problem, progress)
-        answered, chi, pairs, advised = answers(everything, state), UNTESTED, [], []
+        answered, chi, pairs, advised = answers(everything, state, True), UNTESTED, [], []
         reached = achieved(data[0], state, everything, problem.render)
         notes = [reached, *remarks(state, answered, chi)]
-        answered = [replace(answer, verdict=goal_verdict(answer.verdict)) for answer in answered]
     else:
-        state = best_of_starts(everything, data, problem, progress)
         chi = chi_square(state.blocks, state.x, determined(state))
         tested, scaling = chi, []
         if problem.render.scale_errors and chi["chi_square"] > 0 and chi["p_value"] is not None:
@@ -77,7 +73,7 @@ def solve_problem(problem: InverseProblem, advise: bool, progress: Progress | No
             scaling = [SCALED.format(np.sqrt(factor))]
         answered = answers(everything, state)
         if not state.converged:
-            answered = withdrawn(answered, UNFINISHED)
+            answered = withdrawn(answered, Verdict.UNFINISHED)
         notes = [*scaling, *remarks(state, answered, tested), *remarks_on_pixels(data, state)]
         pairs, advised = directions(answered, state.covariance, reasons(everything, data)), []
         if advise and any(answer.is_sought and not answer.is_determined for answer in answered):
@@ -113,7 +109,7 @@ def determined(state: State) -> float:
 
 
 def reasons(everything: list[Unknown], data: list[Datum]):
-    """Function of two unknowns' numbers that says why the data cannot tell them apart."""
+    """Function of two unknowns' numbers that says why the data cannot separate them."""
 
     def why(first: int, second: int) -> str:
         used = [data[k] for k in {*everything[first].data, *everything[second].data}]

@@ -91,7 +91,7 @@ class Solution(Result):
     covariance : ndarray, shape (N, N)
         Covariance of the values.
     directions : list of Direction
-        Pairs of unknowns that the data hardly tell apart.
+        Pairs of unknowns that the data hardly separate.
     advice : list of Advice
         What further measurements would bring, the most useful first.
     chi_square, chi_square_scatter, degrees_of_freedom, p_value

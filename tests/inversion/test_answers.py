@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mi_lcair.inversion.answers import HIDDEN, answers, chi_square, directions
+from mi_lcair.inversion.answers import answers, chi_square, directions
+from mi_lcair.physics.estimation.verdicts import Verdict
 from tests.inversion.blocks import block, estimated, kelvin, unknown
 
 GAIN = unknown("gain [a]", kind="gain", lower=0.0, upper=np.inf, start=1.0, is_sought=False)
@@ -47,8 +48,22 @@ def test_intervals_end_at_the_bounds():
     assert result.value == 0.9 and result.standard_error == pytest.approx(0.1)
     assert answer(unknown(), 0.0, 0.02, -1).verdict == "at its bound 0: interval 0..0.0392"
     assert answer(unknown(), 1.0, 0.02, 1).verdict == "at its bound 1: interval 0.9608..1"
-    assert answer(unknown(), 0.5, 0.001, held=True).verdict == HIDDEN
+    assert answer(unknown(), 0.5, 0.001, held=True).verdict == Verdict.HIDDEN
     assert answer(unknown(), 0.5, 0.0).is_determined
+
+
+@pytest.mark.parametrize(
+    ("error", "at_bound", "words"),
+    [
+        (0.01, 0, "chosen"),
+        (0.065, 0, "chosen, but 0.3726..0.6274 does nearly as well"),
+        (0.2, 0, "free: anything in 0.108..0.892 does as well"),
+        (0.01, 1, "at its bound 1: interval 0.4804..0.5196"),
+    ],
+)
+def test_values_that_reach_a_goal(error, at_bound, words):
+    state = estimated([0.5], [[error**2]], at_bound)
+    assert answers([unknown()], state, is_goal=True)[0].verdict == words
 
 
 def test_profile_intervals_take_the_place_of_linear_ones():

@@ -4,10 +4,9 @@ from contextlib import contextmanager
 from types import SimpleNamespace
 
 import numpy as np
-import pytest
 
 from mi_lcair.errors import InputError
-from mi_lcair.inversion.goal import achieved, best_of_starts, first_guesses, goal_verdict
+from mi_lcair.inversion.goal import achieved, best_of_starts, first_guesses
 from mi_lcair.inversion.tables import Goal, RenderSettings
 from tests.inversion.blocks import block, kelvin, unknown
 
@@ -40,22 +39,6 @@ def test_first_guesses():
     assert 250 <= others[:, 1].min() < 260 and 340 < others[:, 1].max() <= 350
     assert abs(others[:, 1].mean() - 300) < 20
     assert len(guesses(1)) == 1
-
-
-@pytest.mark.parametrize(
-    ("verdict", "words"),
-    [
-        ("determined", "chosen"),
-        (
-            "not determined by these data: anything in 0..1 fits",
-            "free: anything in 0..1 does as well",
-        ),
-        ("weakly determined: interval 0.1..0.5", "chosen, but 0.1..0.5 does nearly as well"),
-        ("at its bound 1: interval 0.9..1", "at its bound 1: interval 0.9..1"),
-    ],
-)
-def test_words(verdict, words):
-    assert goal_verdict(verdict) == words
 
 
 def test_how_near_a_goal_is():

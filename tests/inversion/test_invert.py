@@ -1,4 +1,4 @@
-"""Inversion of synthetic measurements: recovery, honest errors, and what cannot be told apart."""
+"""Inversion of synthetic measurements: recovery, honest errors, and what cannot be separated."""
 
 import json
 from dataclasses import replace

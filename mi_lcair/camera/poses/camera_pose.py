@@ -170,7 +170,7 @@ def remarks_on(solved: Solved, sigma_px: float | None, hidden: list[int]) -> tup
         place = ", ".join(f"{value:.4g}" for value in solved.second.eye)
         remarks.append(
             f"a second pose explains the points as well, at ({place}) m; points off their plane, "
-            "or nearer ones, tell the two apart"
+            "or nearer ones, decide between the two"
         )
     if sigma_px is not None and solved.rms_px > 2 * sigma_px:
         remarks.append(

@@ -290,7 +290,7 @@ def difference(of_image: CameraImage, of: Parameter, image: np.ndarray, predict)
 def numbers_of(sources: Sources, name: str, value: float) -> list[int]:
     """Numbers of the sources that a parameter, a temperature of `value` K, changes.
 
-    Raises InputError for another parameter, and for more temperatures than can be told apart.
+    Raises InputError for another parameter, and for more temperatures than can be resolved.
     """
     group, is_part, _ = name.removesuffix(".temperature").partition("@")
     numbers = [
