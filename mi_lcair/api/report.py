@@ -15,10 +15,9 @@ from mi_lcair.formats import kinds
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.scene import Scene, SceneLike
-from mi_lcair.rendering.window import window_size
+from mi_lcair.rendering.window import toward_sensor, window_size
 from mi_lcair.reports.page import reading
 from mi_lcair.reports.page.page import check_output, save
-from mi_lcair.reports.sections.facets import toward_sensor
 from mi_lcair.reports.sections.scenario import scenario_section
 from mi_lcair.results import Result
 from mi_lcair.results.cells import remarks
@@ -180,7 +179,7 @@ def model_of(request: Request) -> reading.SceneModel | None:
         request.parameters,
         facets.triangles,
         facets.triangle_facet,
-        toward_sensor(scene, request.sensor),
+        toward_sensor(scene.sensor(request.sensor)),
         scene.band,
     )
 

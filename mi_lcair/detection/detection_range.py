@@ -37,6 +37,7 @@ class DetectionRange(Result):
     at_least: bool
 
     kind = "detection_range"
+    computed = {"largest_m": "largest_m"}
 
     @property
     def largest_m(self) -> float | None:
@@ -51,10 +52,6 @@ class DetectionRange(Result):
         if self.at_least:
             return f"detected at {ranges}; at least: the atmosphere's table ends there"
         return f"detected at {ranges} +- {self.standard_error_m:.2g} m (standard error)"
-
-    def entries(self) -> dict:
-        """Entries for JSON."""
-        return {"largest_m": self.largest_m, **vars(self)}
 
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each interval of range."""

@@ -191,6 +191,14 @@ def band(spec: str | Path | Band) -> Band:
     )
 
 
+def known_band(name: str) -> Band | None:
+    """The Band of a name; None for one that was read from a file."""
+    try:
+        return band(name)
+    except InputError:
+        return None
+
+
 def _limits(lower, upper):
     return f"{lower:g}-{upper:g}"
 

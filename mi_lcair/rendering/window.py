@@ -240,3 +240,8 @@ def window_size(sensor) -> tuple[float, float] | None:
         return None
     _, right, up, _ = window(sensor)
     return float(np.linalg.norm(right)), float(np.linalg.norm(up))
+
+
+def toward_sensor(sensor) -> np.ndarray:
+    """Direction from a scene toward a Mitsuba sensor, (3,)."""
+    return -window(sensor)[3]

@@ -10,7 +10,7 @@ import numpy as np
 
 from mi_lcair.extras import named
 from mi_lcair.results.cells import quantity_of, typeset_unit, unit_of, words_of
-from mi_lcair.results.sections import Picture
+from mi_lcair.results.sections import Drawing, LongTable, Picture, Section
 
 INK = "#1c2430"  # colour of the main curve
 COLOURS = (
@@ -160,3 +160,23 @@ def lines_of(
         ]
         made.append(LineChart("", np.asarray(columns[x]), words_of(x), words_of(names[0]), curves))
     return LineCharts(made, title)
+
+
+def facets_section(
+    columns: Mapping[str, np.ndarray], model=None, toward=None, band=None
+) -> Section:
+    """The section of a table of facets: their model in space, if it is known, and the table.
+
+    model: triangles and their facets' numbers, as `model_panel` takes them. toward: direction
+    toward the sensor. band: Band of the radiances, for the emissivity.
+    """
+    module = "mi_lcair.reports.page.model_panel"
+    if band is not None:
+        columns = named(f"{module}:with_emissivity")(columns, band)
+
+    def panel():
+        return named(f"{module}:model_panel")(*model, columns, toward)
+
+    sort_by = "intensity_W_sr" if "intensity_W_sr" in columns else None
+    drawing = [] if model is None else [Drawing(panel)]
+    return Section("Facets", [*drawing, LongTable(columns, sort_by)])

@@ -52,3 +52,12 @@ def built(hint: Any, value: Any) -> Any:
     if hint in PLAIN and not isinstance(value, PLAIN[hint]):
         raise TypeError(f"{value!r} in place of a {hint.__name__}")
     return value
+
+
+def columns_of(lists: dict) -> dict[str, np.ndarray]:
+    """Columns from the lists of JSON; null is NaN in a column of numbers."""
+    columns = {}
+    for name, values in lists.items():
+        is_text = any(isinstance(value, str) for value in values)
+        columns[name] = np.array(values, dtype=object if is_text else float)
+    return columns

@@ -3,7 +3,7 @@
 import json
 from base64 import b64encode
 from collections.abc import Iterator
-from dataclasses import field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass
 from functools import partial
 from importlib.util import find_spec
 from inspect import signature
@@ -307,6 +307,49 @@ class Result:
         return f"a result of kind '{self.kind}'"
 
 
+@dataclass(frozen=True, repr=False)
+class Recorded(Result):
+    """A result as its JSON states it, which shows the same without what it was made from.
+
+    Attributes
+    ----------
+    made_by : type
+        Class of the result. Its methods facts_of(entries, **options) and picture_of(entries) give
+        what it shows.
+    given : dict
+        Entries of its JSON.
+    """
+
+    made_by: type[Result]
+    given: dict[str, Any]
+
+    @property
+    def kind(self) -> str:
+        return self.made_by.kind
+
+    @property
+    def heading(self) -> str:
+        return self.made_by.heading
+
+    @property
+    def has_picture(self) -> bool:
+        return hasattr(self.made_by, "picture_of")
+
+    def summary(self) -> str:
+        """What the result is."""
+        names = (self.given.get(name) for name in ("scene_name", "scenario_name", "name"))
+        return f"{self.kind} of {next(filter(None, names), 'no name')}: as it was saved"
+
+    def entries(self) -> dict[str, Any]:
+        return self.given
+
+    def facts(self, **options: Any) -> Iterator["tuple[str, Any] | Part | Section"]:
+        return self.made_by.facts_of(self.given, **options)
+
+    def picture(self) -> Picture:
+        return self.made_by.picture_of(self.given)
+
+
 def check_options(what: str, function, options: dict) -> None:
     """Raise InputError for an option that the function of a picture or format does not take.
 
@@ -343,8 +386,11 @@ def _keys(cls) -> list[tuple[str, str, str]]:
 def strict(value):
     """A value as strict JSON has it: arrays as lists, NumPy's numbers as Python's, NaN as None.
 
-    A dataclass becomes the dictionary of its fields, a NamedTuple too.
+    A dataclass becomes the dictionary of its fields, or that of its method `as_dict`, a NamedTuple
+    too.
     """
+    if hasattr(value, "as_dict"):
+        value = value.as_dict()
     if is_dataclass(value):
         value = {entry.name: getattr(value, entry.name) for entry in fields(value)}
     if hasattr(value, "_asdict"):

@@ -19,9 +19,14 @@ from mi_lcair.plugins.emission.source import Source
 from mi_lcair.plugins.properties import HOTTEST
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import UNSEEN, Totals, student_factor
-from mi_lcair.results import Result
+from mi_lcair.results import Result, entry
+from mi_lcair.results.charts import Curve, LineChart, LineCharts, by_wavelength
+from mi_lcair.results.result import summary_of
+from mi_lcair.results.sections import Section
 
 PARTS = ("target", "scene")
+SPECTRUM, UNIT = "Spectral intensity", "W sr-1 um-1"
+SPECTRAL = "_W_sr_um"  # end of the names of a spectrum's columns
 # Smallest in-band radiance of a source whose effective area is known in single precision
 FAINTEST = 1e-30  # W m^-2 sr^-1
 # Wavelengths in even steps over the band. The trapezoid rule over them integrates Planck's law in
@@ -52,10 +57,10 @@ class SourcesInBand(Result):
     """
 
     scene_name: str = ""
-    band: Band
-    sources: list[Source]
-    nodes_um: np.ndarray
-    amounts: np.ndarray
+    band: Band = entry("band", "name")
+    sources: list[Source] = entry()
+    nodes_um: np.ndarray = entry()
+    amounts: np.ndarray = entry()
 
     def radiance(self, wavelengths_um: ArrayLike, temperatures: dict | None = None) -> np.ndarray:
         """Spectral radiance of each source, W m^-2 sr^-1 um^-1, shape (sources, n).
@@ -133,10 +138,16 @@ class EffectiveAreas(SourcesInBand):
         Covariance of the amounts.
     """
 
-    error: np.ndarray
-    covariance: np.ndarray
+    error: np.ndarray = entry()
+    covariance: np.ndarray = entry()
 
     kind = "effective_areas"
+    heading = SPECTRUM
+    computed = {
+        "projected_area_m2": "projected_area",
+        "effective_areas": "as_list",
+        "spectrum": "columns",
+    }
 
     @property
     def area(self) -> np.ndarray:
@@ -157,15 +168,14 @@ class EffectiveAreas(SourcesInBand):
             "(standard error)"
         )
 
-    def entries(self) -> dict:
-        """Entries for JSON: the sources, and the spectral intensity by wavelength."""
-        return {
-            "scene_name": self.scene_name,
-            "band": self.band.name,
-            "projected_area_m2": self.projected_area,
-            "effective_areas": self.as_list(),
-            "spectrum": self.columns(),
-        }
+    def facts(self):
+        """The areas in one line, and the spectral intensity."""
+        yield summary_of(self)
+        yield from spectrum_section(self.columns()).parts
+
+    def picture(self) -> LineCharts:
+        """Spectral intensity of target and scene, and of their groups."""
+        return spectrum_picture(self.columns(), f"{self.scene_name}, {self.band.label}")
 
     def columns(self) -> dict[str, np.ndarray]:
         """Spectral intensity of target, scene and their groups, with a row for each wavelength.
@@ -387,3 +397,36 @@ def effective_areas(total: Totals, scene: Scene, window_area: float) -> Effectiv
         nodes_um=total.emitters.sources.wavelengths_um,
         scene_name=scene.name,
     )
+
+
+def spectrum_picture(columns: Mapping[str, np.ndarray], title: str) -> LineCharts:
+    """The picture of the table of a spectrum, whose columns are those of `EffectiveAreas`."""
+    return LineCharts(spectrum_charts(columns), f"{title}, by what emitted it", across=True)
+
+
+def spectrum_section(columns: Mapping[str, np.ndarray]) -> Section:
+    """The section of the table of a spectrum."""
+    words = "Before any atmosphere, by what emitted it. A click on a name hides a curve."
+    return Section(SPECTRUM, [words, spectrum_picture(columns, SPECTRUM)])
+
+
+def spectrum_charts(columns: Mapping[str, np.ndarray]) -> list[LineChart]:
+    """Spectral intensity of target and scene, each with the groups that emit in the band."""
+    x = np.asarray(columns["wavelength_um"], float)
+    spectra = {
+        name.removesuffix(SPECTRAL): np.asarray(values, float)
+        for name, values in columns.items()
+        if name.endswith(SPECTRAL)
+    }
+    groups = list(dict.fromkeys(name.partition(".")[2] for name in spectra if "." in name))
+    result = []
+    for part in (part for part in PARTS if part in spectra):
+        curves = [Curve("total", spectra[part], UNIT)]
+        for number, group in enumerate(groups):
+            values = spectra.get(f"{part}.{group}")
+            if values is not None and values.any():
+                curves.append(Curve(group, values, UNIT, number))
+        in_band = np.trapezoid(spectra[part] * columns.get("response", 1.0), x)
+        title = f"{part}: {in_band:.5g} W/sr in band"
+        result.append(by_wavelength(title, x, "spectral intensity", UNIT, curves))
+    return result

@@ -1,16 +1,24 @@
 """Radiance and intensity of each facet of the model, from the same paths as the image."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mi_lcair.physics.bands import known_band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.recorders.by_bounce import BOUNCE_CHANNELS, MAX_BOUNCE_CHANNELS
 from mi_lcair.rendering.facets.polygons import WRITERS
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.statistics import UNSEEN, Totals, edge_share, student_factor
-from mi_lcair.results import Result
+from mi_lcair.rendering.window import toward_sensor
+from mi_lcair.results import Result, entry
+from mi_lcair.results.charts import facets_section
+from mi_lcair.results.result import summary_of
+
+if TYPE_CHECKING:
+    from mi_lcair.rendering.scene import Scene
 
 EDGE_ON = 1e-6  # cosine below which the projected area of a facet is only rounding error
 ROUNDING = 1e-4  # by which the radiance of a black facet may exceed that of a blackbody
@@ -36,9 +44,9 @@ class FacetResults(Result):
 
     scene_name: str
     band: str
-    table: dict[str, np.ndarray]
-    triangles: np.ndarray
-    triangle_facet: np.ndarray
+    table: dict[str, np.ndarray] = entry("columns")
+    triangles: np.ndarray = entry()
+    triangle_facet: np.ndarray = entry()
 
     kind = "facets"
     saved_by = WRITERS
@@ -56,9 +64,16 @@ class FacetResults(Result):
             f"{error[k]:.2g} W/sr (standard error)"
         )
 
-    def entries(self) -> dict:
-        """Entries for JSON."""
-        return {"scene_name": self.scene_name, "band": self.band, "columns": self.table}
+    def facts(self, scene: "Scene | None" = None, sensor: int = 0):
+        """The facets in one line, and on their model.
+
+        scene: the loaded scene they were made from. The model is seen at first from its sensor with
+        the number `sensor`.
+        """
+        yield summary_of(self)
+        toward = None if scene is None else toward_sensor(scene.sensor(sensor))
+        model = self.triangles, self.triangle_facet
+        yield from facets_section(self.table, model, toward, known_band(self.band)).parts
 
     def columns(self) -> dict[str, np.ndarray]:
         """The table, with a row for each facet."""

@@ -9,12 +9,27 @@ import numpy as np
 
 from mi_lcair.formats import VTK
 from mi_lcair.rendering.facets import polygons
-from mi_lcair.results import Result
-from mi_lcair.signatures.effective_areas import EffectiveAreas
+from mi_lcair.rendering.statistics import invalid_remark
+from mi_lcair.results import Result, entry
+from mi_lcair.results.cells import error_row, heading, interval
+from mi_lcair.results.charts import BarChart, BarCharts, label
+from mi_lcair.results.reading import columns_of
+from mi_lcair.results.result import Recorded, details
+from mi_lcair.results.sections import Remarks, Section, Table
+from mi_lcair.signatures.effective_areas import PARTS, EffectiveAreas, spectrum_section
 from mi_lcair.signatures.facet_results import FacetResults
 
 if TYPE_CHECKING:
     from mi_lcair.plugins.paths.aim import Aim
+    from mi_lcair.rendering.scene import Scene as MiScene
+
+WATTS = "W sr-1"
+# Parts of an intensity: their names, titles and axes
+KINDS = (
+    ("bounce", "by number of reflections", "number of reflections"),
+    ("group", "by what emitted it", "group that emits"),
+    ("seen", "by what the sensor sees first", "group that is seen"),
+)
 
 
 @dataclass(frozen=True)
@@ -71,6 +86,60 @@ class Intensity:
         return {f"{name}_W_sr": value for name, value in entries.items()}
 
 
+def facts_of_entries(entries: dict, others=()):
+    """Yield the facts of a signature from the dictionary of its JSON. `others`: its facets."""
+    parts = [entries[name] for name in PARTS]
+    main = entries[entries["main_part"]]
+    yield (
+        "The target is what comes from the model's facets, the scene is all that lies in the "
+        "sensor's window. Errors in the tables are standard errors."
+    )
+    error = interval(
+        main["half_width_W_sr"],
+        main["intensity_W_sr"],
+        "W/sr",
+        f"the {entries['main_part']}'s intensity",
+    )
+    yield "band", entries["band"]
+    for name, part in zip(PARTS, parts):
+        yield (
+            name,
+            f"{part['intensity_W_sr']:.6g} W/sr +- {part['half_width_W_sr']:.2g} (95 %), "
+            f"standard error {part['standard_error_W_sr']:.2g}",
+        )
+    yield error_row(error, entries["tolerance"], entries["reached"])
+    yield "paths", entries["paths"]
+    if entries.get("bins"):
+        yield "wavelengths", entries["bins"]
+    bounces = zip(*(column for part in parts for column in by_bounce(part)))
+    both = [("target", WATTS), ("scene", WATTS)]
+    yield Table(
+        ["reflections", both[0], "up to these", both[1], "up to these"],
+        [[str(number), *cells] for number, cells in enumerate(bounces)],
+    )
+    for key, title in (("by_group", "emitted by"), ("by_seen", "seen first")):
+        values = [(part[f"{key}_W_sr"], part[f"{key}_error_W_sr"]) for part in parts]
+        labels = entries["scene"][f"{key}_W_sr"]
+        rows = (
+            [label, *((value[label], error[label]) for value, error in values)] for label in labels
+        )
+        yield Table([title, *both], list(rows))
+    yield Remarks(invalid_remark(entries["invalid"], entries["paths"]))
+    if "spectrum" in entries:
+        yield spectrum_section(columns_of(entries["spectrum"]))
+        rows = entries["effective_areas"]
+        heads = [heading(name) for name in rows[0]] if rows else []
+        yield Section("Effective areas", [Table(heads, [list(row.values()) for row in rows])])
+    yield from others
+    yield details(entries, "How the signature was made")
+
+
+def by_bounce(part: dict) -> tuple[list, list]:
+    """Two columns of a part of the signature: by number of reflections, and their sums."""
+    values, errors = part["by_bounce_W_sr"], part["by_bounce_error_W_sr"]
+    return list(zip(values, errors)), part["up_to_bounce_W_sr"]
+
+
 @dataclass(frozen=True, repr=False)
 class Signature(Result):
     """Intensity of a scene toward an orthographic sensor.
@@ -122,23 +191,26 @@ class Signature(Result):
     band: str
     scene: Intensity
     target: Intensity
-    effective_areas: EffectiveAreas | None
-    facets: FacetResults | None
-    window_area: float
-    seconds: float
+    effective_areas: EffectiveAreas | None = entry()
+    facets: FacetResults | None = entry()
+    window_area: float = entry("window_area_m2")
+    seconds: float = entry("time_s")
     paths: int
     invalid: int
     degrees_of_freedom: int
-    missed: float
+    missed: float = entry("missed_W_sr")
     systematic: float
     tolerance: float | None
     reached: bool | None = None
-    aim: "Aim | None" = None
+    aim: "Aim | None" = entry(default=None)
     remarks: Sequence[str] = ()
     bins: str = ""
-    fewer: "tuple[Signature, ...]" = ()
+    fewer: "tuple[Signature, ...]" = entry(default=())
 
     kind = "signature"
+    heading = "Intensity"
+    computed = {"main_part": "main_part"}
+    facts_of = staticmethod(facts_of_entries)
     saved_by = dict.fromkeys(VTK, f"{__name__}:write_vtk")
 
     def suffixes(self) -> list[str]:
@@ -179,30 +251,46 @@ class Signature(Result):
         )
 
     def entries(self) -> dict:
-        """Entries for JSON: "target" and "scene", and what both share."""
-        entries = {
-            "scene_name": self.scene_name,
-            "band": self.band,
-            "main_part": self.main_part,
-            "target": self.target.as_dict(),
-            "scene": self.scene.as_dict(),
-            "window_area_m2": self.window_area,
-            "missed_W_sr": self.missed,
-            "systematic": self.systematic,
-            "degrees_of_freedom": self.degrees_of_freedom,
-            "time_s": self.seconds,
-            "paths": self.paths,
-            "invalid": self.invalid,
-            "tolerance": self.tolerance,
-            "reached": self.reached,
-            "remarks": list(self.remarks),
-        } | ({"bins": self.bins} if self.bins else {})
+        """Entries for JSON, with the spectrum and the facets if there are any."""
+        entries = super().entries()
         if self.effective_areas is not None:
             entries["effective_areas"] = self.effective_areas.as_list()
             entries["spectrum"] = self.effective_areas.columns()
         if self.facets is not None:
             entries["facets"] = self.facets.columns()
         return entries
+
+    @classmethod
+    def of_entries(cls, entries: dict) -> Recorded:
+        """The signature with these entries of its JSON."""
+        return Recorded(cls, entries)
+
+    def facts(self, scene: "MiScene | None" = None, sensor: int = 0):
+        """All that a signature holds.
+
+        scene: the scene it was made from, from whose sensor the model is seen at first.
+        """
+        others = [] if self.facets is None else self.facets.sections(scene=scene, sensor=sensor)
+        return facts_of_entries(self.as_dict(), others)
+
+    def picture(self) -> BarCharts:
+        """Intensities by number of reflections, by emitter, and by what is seen."""
+        parts = {part: getattr(self, part) for part in PARTS}
+        charts = []
+        for kind, title, places in KINDS:
+            of = {part: getattr(value, f"by_{kind}") for part, value in parts.items()}
+            errors = {part: getattr(value, f"by_{kind}_error") for part, value in parts.items()}
+            if kind != "bounce":
+                names = list(of["scene"])
+                of, errors = (
+                    {part: [values[name] for name in names] for part, values in table.items()}
+                    for table in (of, errors)
+                )
+            else:
+                names = list(map(str, range(len(of["scene"]))))
+            charts.append(BarChart(title, names, label("intensity", WATTS), of, errors, places))
+        value = f"{self.intensity:.6g} ± {self.half_width:.2g} W/sr (95 %)"
+        return BarCharts(charts, f"{self.scene_name}, {self.band}: {self.main_part} {value}")
 
     def columns(self) -> dict[str, np.ndarray]:
         """Intensity of target and scene: all of it, by reflections, by emitter, by what is seen."""

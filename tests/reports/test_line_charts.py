@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mi_lcair.reports.line_charts import figure_of
-from mi_lcair.reports.pictures.effective_areas import charts
 from mi_lcair.results.charts import COLOURS, INK, Curve, LineChart, label
+from mi_lcair.signatures.effective_areas import spectrum_charts as charts
 
 X = np.linspace(3, 5, 11)
 MAIN = Curve("total", 4 * X, "W sr-1 um-1")

@@ -132,10 +132,10 @@ def trend(what, output):
 def spectrum(what, output):
     """Draw the spectral intensity of a signature."""
     from mi_lcair.formats.tables import read_columns
-    from mi_lcair.reports.pictures.effective_areas import figure_of_columns
+    from mi_lcair.signatures.effective_areas import spectrum_picture
 
     file = Path(what)
-    figure = figure_of_columns(read_columns(file), file.stem)
+    figure = spectrum_picture(read_columns(file), file.stem).draw()
     drawn(figure, output or named_after(file, "spectrum"))
 
 

@@ -9,18 +9,19 @@ import numpy as np
 from mi_lcair.errors import InputError, errors_of, option
 from mi_lcair.files import parse_json, read_bytes, read_text
 from mi_lcair.formats import kinds, netcdf, tables
-from mi_lcair.physics.bands import Band
+from mi_lcair.physics.bands import Band, known_band
 from mi_lcair.reports.page.model_panel import rows_by_facet
 from mi_lcair.reports.sections import contrast as contrast_sections
 from mi_lcair.reports.sections import fit as fit_sections
-from mi_lcair.reports.sections.effective_areas import spectrum_section
-from mi_lcair.reports.sections.facets import facets_section, known_band
 from mi_lcair.reports.sections.render import image_sections
-from mi_lcair.reports.sections.signature import columns_of, sections_of_entries
 from mi_lcair.reports.sections.sweep import extremes
 from mi_lcair.results.cells import unpacked
+from mi_lcair.results.charts import facets_section
+from mi_lcair.results.reading import columns_of
 from mi_lcair.results.result import details
 from mi_lcair.results.sections import Facts, LongTable, Remarks, Section
+from mi_lcair.signatures.effective_areas import spectrum_section
+from mi_lcair.signatures.signature_result import Signature
 from mi_lcair.signatures.trend_result import Trend, beside
 from mi_lcair.table import lines_of
 
@@ -94,7 +95,10 @@ def signature(what: str, entries: dict, model):
     if "facets" in entries:
         band = known_band(entries["band"])
         facets = [facets_on_model(what, columns_of(entries["facets"]), model, band)]
-    return f"Signature of {entries['scene_name']}", sections_of_entries(entries, facets)
+    return (
+        f"Signature of {entries['scene_name']}",
+        Signature.of_entries(entries).sections(others=facets),
+    )
 
 
 def contrast(what: str, entries: dict, model):

@@ -6,7 +6,7 @@ import numpy as np
 
 from mi_lcair.declared import percent
 from mi_lcair.heating.conductors import RINGS_DEG, standard_error
-from mi_lcair.reports.sections.facets import facets_section
+from mi_lcair.results.charts import facets_section
 from mi_lcair.results.result import summary_of
 from mi_lcair.results.sections import Facts, Remarks, Section, Table
 

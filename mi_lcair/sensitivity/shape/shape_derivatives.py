@@ -5,11 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
+from mi_lcair.physics.bands import known_band
 from mi_lcair.rendering.facets.polygons import WRITERS
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.window import window
-from mi_lcair.results import Result
+from mi_lcair.results import Result, entry
+from mi_lcair.results.charts import facets_section
+from mi_lcair.results.result import summary_of
 from mi_lcair.sensitivity.shape.estimation import Estimation, standard_errors
 from mi_lcair.sensitivity.shape.surface import Surface
 
@@ -44,19 +47,21 @@ class ShapeDerivatives(Result):
     scene_name: str
     band: str
     group: str
-    table: dict[str, np.ndarray]
-    triangles: np.ndarray
-    triangle_facet: np.ndarray
-    positions: np.ndarray
-    normals: np.ndarray
-    derivative: np.ndarray
-    standard_error: np.ndarray
-    growth: float
-    growth_error: float
+    table: dict[str, np.ndarray] = entry("columns")
+    triangles: np.ndarray = entry()
+    triangle_facet: np.ndarray = entry()
+    positions: np.ndarray = entry()
+    normals: np.ndarray = entry()
+    derivative: np.ndarray = entry()
+    standard_error: np.ndarray = entry()
+    growth: float = entry("growth_W_sr_m")
+    growth_error: float = entry("standard_error_W_sr_m")
     paths: int
-    axes: np.ndarray
+    axes: np.ndarray = entry()
 
     kind = "shape_derivatives"
+    heading = "Facets"
+    computed = {"vertices": "vertices"}
     saved_by = WRITERS
 
     def summary(self) -> str:
@@ -67,23 +72,20 @@ class ShapeDerivatives(Result):
             "W/sr (standard error)"
         )
 
-    def entries(self) -> dict:
-        """Entries for JSON."""
+    def vertices(self) -> dict[str, np.ndarray]:
+        """Positions, normals and derivatives of the vertices."""
         return {
-            "scene_name": self.scene_name,
-            "band": self.band,
-            "group": self.group,
-            "growth_W_sr_m": self.growth,
-            "standard_error_W_sr_m": self.growth_error,
-            "paths": self.paths,
-            "columns": self.table,
-            "vertices": {
-                "position_m": self.positions,
-                "normal": self.normals,
-                "derivative_W_sr_m": self.derivative,
-                "standard_error_W_sr_m": self.standard_error,
-            },
+            "position_m": self.positions,
+            "normal": self.normals,
+            "derivative_W_sr_m": self.derivative,
+            "standard_error_W_sr_m": self.standard_error,
         }
+
+    def facts(self):
+        """The growth in one line, and the facets in space."""
+        yield summary_of(self)
+        model = self.triangles, self.triangle_facet
+        yield from facets_section(self.table, model, band=known_band(self.band)).parts
 
     def columns(self) -> dict[str, np.ndarray]:
         """The table, with a row for each facet of the group."""

@@ -10,9 +10,8 @@ import mi_lcair
 from mi_lcair.reports.page.image_panel import image_panel
 from mi_lcair.reports.page.model_panel import EMISSIVITY, with_emissivity
 from mi_lcair.reports.page.page import save
-from mi_lcair.reports.sections.effective_areas import spectrum_section
-from mi_lcair.reports.sections.facets import sections as facets_sections
 from mi_lcair.results.sections import Drawing, Facts, Lines, Remarks, Section, Table
+from mi_lcair.signatures.effective_areas import spectrum_section
 from mi_lcair.signatures.facet_results import FacetResults
 
 pytestmark = pytest.mark.slow
@@ -252,7 +251,7 @@ def test_names_from_files_are_only_text(visit, tmp_path):
         Section(SCRIPT, [image, SCRIPT, Facts([(SCRIPT, SCRIPT)]), Lines(SCRIPT, [SCRIPT])]),
         spectrum_section(curves),
         Section("table", [Table([SCRIPT], [[SCRIPT]]), Remarks([SCRIPT])]),
-        *facets_sections(facets),
+        *facets.sections(),
     ]
     save(tmp_path / "page.html", SCRIPT, sections)
     opened = visit(tmp_path / "page.html")
