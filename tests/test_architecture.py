@@ -50,7 +50,6 @@ EXEMPT = {
     "mi_lcair/api",
     "mi_lcair/physics/reflection",
     "mi_lcair/reports/pictures",
-    "mi_lcair/reports/sections",
 }
 # Arrows within a floor that are still to be turned, as (room, room)
 STILL_UPWARD = {("mi_lcair.scenes", "mi_lcair.formats")}

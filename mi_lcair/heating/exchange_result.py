@@ -3,19 +3,26 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import sparse
 
-from mi_lcair.heating.conductors import UNMET, Conductors, Facets, Traced, standard_error
+from mi_lcair.declared import percent
+from mi_lcair.heating.conductors import RINGS_DEG, UNMET, Conductors, Facets, Traced, standard_error
 from mi_lcair.heating.sunlight import SolarAreas
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 from mi_lcair.rendering.facets.polygons import WRITERS
-from mi_lcair.results import Result
+from mi_lcair.results import Result, entry
+from mi_lcair.results.charts import BarChart, BarCharts, facets_section
+from mi_lcair.results.result import summary_of
+from mi_lcair.results.sections import Table
 
 if TYPE_CHECKING:
     import xarray
+
+PARTS = ("sky", "ground", "itself", "other groups")  # of what a group emits
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,22 +70,24 @@ class Exchange(Result):
     """
 
     scene_name: str
-    facets: Facets
-    traced: Traced
-    temperature: np.ndarray
-    sky_K: float | None
-    ground_K: float | None
-    astray: dict[str, np.ndarray]
-    asymmetry: Asymmetry
-    sun: SolarAreas | None
-    triangles: np.ndarray
-    triangle_facet: np.ndarray
+    facets: Facets = entry()
+    traced: Traced = entry()
+    temperature: np.ndarray = entry()
+    sky_K: float | None = entry()
+    ground_K: float | None = entry()
+    astray: dict[str, np.ndarray] = entry()
+    asymmetry: Asymmetry = entry()
+    sun: SolarAreas | None = entry()
+    triangles: np.ndarray = entry()
+    triangle_facet: np.ndarray = entry()
     rays: int
     seed: int
-    seconds: float
+    seconds: float = entry("time_s")
     remarks: tuple[str, ...]
 
     kind = "exchange"
+    heading = "Exchange of heat"
+    computed = {"columns": "columns"}
     saved_by = WRITERS
 
     @property
@@ -129,23 +138,88 @@ class Exchange(Result):
             f"from {self.rays} paths of each side of a facet"
         )
 
-    def entries(self) -> dict:
-        """Entries for JSON: groups, their conductors, and the table of facets."""
+    def group_areas(self) -> dict[str, np.ndarray]:
+        """Conductors between groups with their errors [m^2], and shares that reach nothing."""
         conductors, errors = self.by_group(lambda C: C.between.toarray())
         return {
-            "scene_name": self.scene_name,
-            "rays": self.rays,
-            "seed": self.seed,
-            "remarks": self.remarks,
             "groups": self.facets.groups,
             "conductors_m2": conductors,
             "conductors_error_m2": errors,
             "asymmetry": self.asymmetry.relative,
             "asymmetry_z": self.asymmetry.z,
             **{k: self.facets.share_of_groups(self.astray[k]) for k in ("truncated", "lost")},
-            "columns": self.columns(),
-            "time_s": self.seconds,
         }
+
+    def entries(self) -> dict:
+        """Entries for JSON: groups, their conductors, and the table of facets."""
+        return super().entries() | self.group_areas()
+
+    def facts(self):
+        """Shares of the groups, the conductors between them, their sky by elevation, and facets."""
+        M, names = self.facets.membership, self.facets.groups
+        emitted = M @ self.facets.emitting_area
+        areas = self.by_group(lambda C: np.transpose([*C.parts.values()]))
+        shares = zip(*(area / emitted[:, None] for area in areas))
+        astray = {k: self.facets.share_of_groups(v) for k, v in self.astray.items()}
+        counts, area = M.sum(axis=1).astype(int), M @ self.facets.area
+        groups = Table(
+            ["group", "facets", ("area", "m2"), "emissivity", *PARTS, "inside bodies"],
+            [
+                (name, count, size, eps, *zip(*share), inside)
+                for name, count, size, eps, share, inside in zip(
+                    names,
+                    counts,
+                    area,
+                    emitted / (M @ self.facets.radiating_area),
+                    shares,
+                    astray["buried"],
+                )
+            ],
+        )
+        GR, error = self.by_group(lambda C: C.between.toarray())
+        pairs = Table(
+            ["group", "and", ("conductor", "m2"), "difference of the two directions", "z"],
+            [
+                (
+                    names[a],
+                    names[b],
+                    (GR[a, b], error[a, b]),
+                    percent(self.asymmetry.relative[a, b]),
+                    f"{self.asymmetry.z[a, b]:.1f}",
+                )
+                for a, b in combinations(range(len(names)), 2)
+                if GR[a, b]
+            ],
+        )
+        yield summary_of(self)
+        yield groups
+        if pairs.rows:
+            yield pairs
+        yield "left after the last reflection", percent(astray["truncated"].max())
+        yield "on surfaces that take no part", percent(astray["lost"].max())
+        yield sky_table(self, emitted)
+        yield from sun_table(self)
+        drawn = np.isin(self.facets.number, self.triangle_facet)  # a sphere has no triangles
+        columns = {name: values[drawn] for name, values in self.columns().items()}
+        model = (self.triangles, self.triangle_facet) if drawn.any() else None
+        yield facets_section(columns, model)
+
+    def picture(self) -> BarCharts:
+        """Where the radiation of each group is absorbed."""
+        C, facets = self.conductors.by_group(self.facets), self.facets
+        emitted = facets.membership @ facets.emitting_area
+        rings = zip(RINGS_DEG, RINGS_DEG[1:])
+        areas = {
+            **{f"sky, {low:g}-{high:g}°": C.to_sky[:, k] for k, (low, high) in enumerate(rings)},
+            "ground": C.parts["ground"],
+            "the group itself": C.parts["itself"],
+            "other groups": C.parts["others"],
+            "inside bodies": facets.share_of_groups(self.astray["buried"]) * emitted,
+        }
+        shares = {name: area / emitted for name, area in areas.items()}
+        label = "share of what the group emits"
+        chart = BarChart("where it is absorbed", facets.groups, label, shares, stacked=True)
+        return BarCharts([chart], self.summary())
 
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each facet. Shares are those of what the facet emits."""
@@ -221,3 +295,28 @@ def with_unmet(errors: np.ndarray, path: np.ndarray) -> np.ndarray:
     errors: by the randomisations, (n, ...) [m^2]. path: what the largest path stands for, (n,).
     """
     return np.maximum(errors.T, UNMET / 2 * path).T
+
+
+def sky_table(result: Exchange, emitted: np.ndarray) -> Table:
+    """What reaches the rings of the sky of what each group emits."""
+    to_sky, error = (area / emitted[:, None] for area in result.by_group(lambda C: C.to_sky))
+    rings = [f"{low:g}-{high:g} deg" for low, high in zip(RINGS_DEG, RINGS_DEG[1:])]
+    rows = [
+        (name, *zip(values, errors))
+        for name, values, errors in zip(result.facets.groups, to_sky, error)
+    ]
+    return Table(["sky at elevations of", *rings], rows)
+
+
+def sun_table(result: Exchange) -> list[Table]:
+    """Areas by which the groups absorb sunlight."""
+    if result.sun is None:
+        return []
+    M = result.facets.membership
+    names = {"lit": "lit", "direct": "absorbs directly", "reflected": "absorbs after reflections"}
+    columns = []
+    for name in names:
+        runs = (M @ getattr(result.sun, name)[:, 0].T).T
+        columns.append(list(zip(runs.mean(axis=0), standard_error(runs))))
+    head = ["sunlight", *((words, "m2") for words in names.values())]
+    return [Table(head, list(zip(result.facets.groups, *columns)))]

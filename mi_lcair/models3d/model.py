@@ -18,12 +18,14 @@ from mi_lcair.models3d.modellers.obj import Obj, read_obj
 from mi_lcair.models3d.polygons import MOST_CLIPPED, triangulate
 from mi_lcair.physics import materials as known_materials
 from mi_lcair.results import Result
+from mi_lcair.results.sections import Remarks
 from mi_lcair.table import read_table
 
 FARTHEST = 1e9  # largest coordinate [m], whose square is far below the largest Float32 number
 # Largest ratio of distance from the origin to the model's size. At a ratio of 10,000, Float32
 # coordinates cause an error of 1 % in intensity.
 SIZES_AWAY = 1000
+WORDS = {"inward": "facing inward", "degenerate": "without area"}  # of figures
 
 
 @dataclass(frozen=True, repr=False)
@@ -65,6 +67,27 @@ class Model(Result):
     def entries(self) -> dict:
         """Entries for JSON: the figures of `report`."""
         return named("mi_lcair.models3d.report:report")(self)
+
+    def facts(self, materials: str | Path | None = None):
+        """The figures of the model, and what is remarkable about it.
+
+        materials: file of the user's materials, if any.
+        """
+        figures = self.entries()
+        yield "facets", f"{figures['facets']} ({figures['triangles']} triangles)"
+        size = " x ".join(f"{a:.4g}" for a in np.diff(self.box, axis=0)[0])
+        yield "bounding box", f"{size} m"
+        yield "volume", f"{figures['volume']:.6g} m^3"
+        for material, area in figures["area_by_material"].items():
+            yield f"area of {material}", f"{area:.6g} m^2"
+        low, high = figures["temperature_min"], figures["temperature_max"]
+        yield "temperature", f"{low:g} to {high:g} K"
+        for name in ("open edges", "inward", "degenerate", "duplicate"):
+            yield WORDS.get(name, name), figures[name.replace(" ", "_")]
+        off = f"(at most {figures['non_planar_mm']:.3g} mm off)"
+        yield "not planar", f"{figures['non_planar']} {off}"
+        remarkable = named("mi_lcair.models3d.report:remarkable")
+        yield Remarks(list(remarkable(figures, materials)))
 
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each facet: its number, type, material, group, temperature and area."""

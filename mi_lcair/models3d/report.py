@@ -7,6 +7,9 @@ from mi_lcair.models3d.coincident import overlaps
 from mi_lcair.models3d.label import TYPES
 from mi_lcair.models3d.model import Model
 
+COLD = 200.0  # lower temperatures, K, are remarked because they are rare on a surface
+OVERLAPS = (("back_to_back", "back to back"), ("one_on_the_other", "one on the other"))
+
 
 def report(model: Model) -> dict:
     """Figures of a model; facets are those of `read`.
@@ -61,3 +64,35 @@ def _facet_pairs(model, triangles):
     first = facets[0].tolist() if len(facets) else None
     names = [model.called([facet]) for facet in first or ()]
     return {"count": len(facets), "first": first, "names": names}
+
+
+def remarkable(figures: dict, materials):
+    """Yield remarks on the figures that a user should know, one line each."""
+    from mi_lcair.physics.materials import emits_nothing
+
+    for material in figures["area_by_material"]:
+        if emits_nothing(material, materials):
+            yield (
+                f"material {material} reflects all that arrives and emits nothing: its facets are "
+                "black but for what they reflect; name a material that absorbs, such as blackbody, "
+                "where they are to radiate by their temperature"
+            )
+    if figures["temperature_min"] < COLD:
+        yield f"the lowest temperature is {figures['temperature_min']:g} K"
+    if count := figures["inward"]:
+        called = f" ({names})" if (names := figures["inward_names"]) else ""
+        yield (
+            f"{count} model facet{'s face' if count > 1 else ' faces'} inward{called}; the back of "
+            "a facet neither emits nor reflects: turn their normals outward"
+        )
+    for key, how in OVERLAPS:
+        if count := figures[key]["count"]:
+            a, b = (
+                f"{facet} ({name})" if name else f"{facet}"
+                for facet, name in zip(figures[key]["first"], figures[key]["names"])
+            )
+            more = f" ({count - 1} more pairs)" if count > 1 else ""
+            yield (
+                f"facets {a} and {b} lie {how} in one plane{more}; which of them is seen is left "
+                "to rounding"
+            )

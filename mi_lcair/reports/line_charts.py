@@ -5,7 +5,7 @@ from textwrap import fill
 import numpy as np
 
 from mi_lcair.drawing import new_figure, plain, styled
-from mi_lcair.results.charts import LineChart
+from mi_lcair.results.charts import Curve, LineChart
 
 WIDEST_TITLE = 75  # characters of a line
 
@@ -67,17 +67,27 @@ def draw(panel, chart: LineChart) -> None:
             target.errorbar(chart.x, curve.values, curve.errors, fmt="none", capsize=3, **style)
         if curve.on_right:
             target.set_ylabel(curve.name.removesuffix(" (right)"))
-    values = np.concatenate([curve.values for curve in chart.curves if not curve.on_right])
-    low, high = min(values.min(), 0), max(values.max(), 0)
+    values = np.concatenate([ends(curve) for curve in chart.curves if not curve.on_right])
+    values = values[np.isfinite(values)]
+    low, high = values.min(initial=0), values.max(initial=0)
     if chart.is_close:
         low = values.min(where=values > 0, initial=high)
     extent = (high - low) or 1e-30
     # A quarter more than the largest value leaves room for the legend.
-    panel.set_ylim(0 if chart.from_zero else low - 0.05 * extent, high + 0.25 * extent)
+    if chart.is_log:
+        panel.set_yscale("log")
+    else:
+        panel.set_ylim(0 if chart.from_zero else low - 0.05 * extent, high + 0.25 * extent)
     panel.set_xlim(chart.x.min(), chart.x.max())
-    if not chart.is_close:
+    if not (chart.is_close or chart.is_log):
         panel.axhline(0, color="black", linewidth=0.5)
     panel.set(title=fill(plain(chart.title), WIDEST_TITLE), ylabel=chart.y_label)
     if len(lines) > 1:
         names = [line.get_label() for line in lines]
         panel.legend(lines, names, ncols=4, loc="upper center")
+
+
+def ends(curve: Curve) -> np.ndarray:
+    """The values of a curve, with both ends of its band."""
+    half = 0 if curve.half is None else np.nan_to_num(curve.half)
+    return np.concatenate([curve.values - half, curve.values + half])

@@ -60,7 +60,7 @@ class LineChart:
     title: as plain text. x: abscissa. x_label, y_label: of its axes, with units. curves: the main
     one has the unit of the ordinate. from_zero: whether the ordinate begins at 0. is_close: whether
     it spans the positive values alone. is_polar: whether the abscissa is an angle [degrees], with 0
-    up and 90 on the left.
+    up and 90 on the left. is_log: whether the ordinate is logarithmic.
     """
 
     title: str
@@ -71,6 +71,7 @@ class LineChart:
     from_zero: bool = False
     is_close: bool = False
     is_polar: bool = False
+    is_log: bool = False
 
 
 def by_wavelength(

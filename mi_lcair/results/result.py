@@ -414,6 +414,19 @@ def summary_of(result: Result) -> Facts:
     return Facts([(head or result.kind.replace("_", " "), words)])
 
 
+def extremes(columns: dict[str, np.ndarray]) -> Facts:
+    """The least and the greatest value of each quantity. Not of errors and of `reached`."""
+    return Facts(
+        [
+            (name, f"{np.nanmin(values):.5g} to {np.nanmax(values):.5g}")
+            for name, values in columns.items()
+            if values.dtype.kind in "iuf"
+            and name != "reached"
+            and not ("_standard_error" in name or "_half_width" in name or np.isnan(values).all())
+        ]
+    )
+
+
 def details(entries: dict, title: str = "How it was made") -> Section:
     """The numbers and texts of a result's dictionary, without durations, as a detail of a page."""
     rows = [

@@ -14,8 +14,10 @@ from mi_lcair.errors import InputError
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.results import Result
+from mi_lcair.results.sections import Table
 
 MAP_THETA, MAP_PHI = 360, 1440  # pixels of the map, a quarter of a degree each
+MOST_NEIGHBOURS = 20  # largest number of facets in the table; the others are summed
 NOTHING = -1  # number that stands for no facet, in directions in which there is no surface
 
 
@@ -82,6 +84,28 @@ class HemisphericalView(Result):
             "solid_angle_sr": self.solid_angle,
             "view_factor": self.view_factor,
         }
+
+    def facts(self):
+        """The facet and its neighbours, those with the largest view factors first."""
+        table, columns = self.facets, self.columns()
+        shares = np.stack([self.solid_angle, self.view_factor], axis=1)
+
+        def texts(share) -> list[str]:
+            return [f"{number:.6f}" for number in share]
+
+        names = [columns[name][:-1][:MOST_NEIGHBOURS] for name in ("facet", "group", "material")]
+        rows = [[*row, *texts(share)] for *row, share in zip(*names, shares)]
+        if rest := len(shares) - 1 - len(rows):
+            rows.append([f"{rest} more", "", "", *texts(shares[len(rows) : -1].sum(axis=0))])
+        rows.append(["nothing", "", "", *texts(shares[-1])])
+        rows.append(["all", "", "", *texts(shares.sum(axis=0))])
+        yield (
+            "facet",
+            f"{self.facet} of {self.scene_name}: {table.type[self.facet]}, group "
+            f"{table.group[self.facet]}, {table.material[self.facet]}, "
+            f"{table.area[self.facet]:.6g} m^2",
+        )
+        yield Table(["sees", "group", "material", ("solid angle", "sr"), "view factor"], rows)
 
     def entries(self) -> dict:
         """Entries for JSON, with the columns."""

@@ -1,11 +1,12 @@
 """The table of a flight that `flight` returns, and when its target is detected."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mi_lcair.detection.scenario import Scenario
-from mi_lcair.results import Result
+from mi_lcair.results import Result, entry
+from mi_lcair.results.charts import Curve, LineCharts, lines_of
 
 
 @dataclass(frozen=True, repr=False)
@@ -30,14 +31,15 @@ class Flight(Result):
         None without frames.
     """
 
-    scenario: Scenario
-    table: dict[str, np.ndarray]
+    scenario: Scenario = entry()
+    table: dict[str, np.ndarray] = entry("columns")
     views: int
     missed: int
-    seconds: float
-    rendered: int | None = None
+    seconds: float = entry("time_s")
+    rendered: int | None = entry("rendered_frames", default=None)
 
     kind = "flight"
+    computed = {"interpolation_error": "interpolation_error"}
 
     @property
     def detections_s(self) -> tuple[float | None, float | None, float | None]:
@@ -85,19 +87,31 @@ class Flight(Result):
         )
 
     def entries(self) -> dict:
-        """Entries for JSON."""
-        first, earliest, latest = self.detections_s
-        return {
-            "scenario_name": self.scenario.name,
-            "views": self.views,
-            "missed": self.missed,
-            "detected_from_s": first,
-            "detected_from_95_s": [earliest, latest],
-            "interpolation_error": self.interpolation_error,
-            "rendered_frames": self.rendered,
-            "time_s": self.seconds,
-            "columns": self.columns(),
-        }
+        """Entries for JSON, with the first detection and its 95 % interval."""
+        first, *interval = self.detections_s
+        found = {"scenario_name": self.scenario.name, "detected_from_s": first}
+        return found | {"detected_from_95_s": interval} | super().entries()
+
+    def picture(self) -> LineCharts:
+        """Contrast with its 95 % interval, ratio to the noise, and range against time."""
+        snr = [["snr"]] if "snr" in self.table else []
+        columns = self.table | {"range_km": self.table["range_m"] / 1e3}
+        drawn = lines_of(
+            columns,
+            "time_s",
+            ["contrast_W_m2"],
+            *snr,
+            ["range_km"],
+            half={"contrast_W_m2": "contrast_half_width_W_m2"},
+            words={"contrast_W_m2": "contrast with 95 % interval", "snr": "signal-to-noise ratio"},
+            title=f"{self.scenario.name}, {self.scenario.sensor.band}",
+        )
+        if snr:
+            least = np.full(len(columns["snr"]), self.scenario.sensor.snr)
+            needed = Curve("detection", least, "", 1)
+            chart = drawn.charts[1]
+            drawn.charts[1] = replace(chart, curves=[*chart.curves, needed], is_log=True)
+        return drawn
 
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each moment."""

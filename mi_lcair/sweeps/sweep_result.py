@@ -5,8 +5,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mi_lcair.results import Result
+from mi_lcair.results import Result, entry
 from mi_lcair.results.cells import unit_of
+from mi_lcair.results.result import extremes, summary_of
+from mi_lcair.results.sections import LongTable
 from mi_lcair.sweeps.conditions import Conditions, Value
 
 if TYPE_CHECKING:
@@ -34,13 +36,15 @@ class Sweep(Result):
         Time of the sweep, s.
     """
 
-    conditions: Conditions
-    table: dict[str, np.ndarray]
+    conditions: Conditions = entry()
+    table: dict[str, np.ndarray] = entry()
     views: int
     traced: int
-    seconds: float
+    seconds: float = entry("time_s")
 
     kind = "sweep"
+    heading = "Signatures by condition"
+    computed = {"columns": "columns"}
 
     @property
     def missed(self) -> int:
@@ -58,16 +62,15 @@ class Sweep(Result):
         )
 
     def entries(self) -> dict:
-        """Entries for JSON."""
-        return {
-            "name": self.conditions.name,
-            "conditions": self.conditions.values,
-            "product": self.conditions.base.product,
-            "views": self.views,
-            "traced": self.traced,
-            "time_s": self.seconds,
-            "columns": self.columns(),
-        }
+        """Entries for JSON, with the conditions."""
+        base = {"name": self.conditions.name, "conditions": self.conditions.values}
+        return base | {"product": self.conditions.base.product} | super().entries()
+
+    def facts(self):
+        """The conditions in one line, the extremes of the quantities, and the table."""
+        yield summary_of(self)
+        yield extremes(self.table)
+        yield LongTable(self.columns())
 
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each case: its conditions and its quantities."""

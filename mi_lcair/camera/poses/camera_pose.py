@@ -15,7 +15,10 @@ from mi_lcair.errors import InputError
 from mi_lcair.files import replacing
 from mi_lcair.rendering.statistics import student_factor
 from mi_lcair.rendering.views import Target
-from mi_lcair.results import Result
+from mi_lcair.results import Result, entry
+from mi_lcair.results.cells import words_of
+from mi_lcair.results.result import summary_of
+from mi_lcair.results.sections import Table
 from mi_lcair.toml_table import text_of
 
 BESIDE = 1e-3  # distance of a ray's start from its point, in radii of the model
@@ -51,19 +54,20 @@ class CameraPose(Result):
     remarks : tuple of str
     """
 
-    name: str
-    points: np.ndarray
+    name: str = entry("scenario")
+    points: np.ndarray = entry()
     position_m: np.ndarray
     position_error_m: np.ndarray
     turn_error_deg: np.ndarray
-    factor: float
-    residual_px: np.ndarray
-    observer: Observer
-    pointing: dict[str, float]
-    tables: dict[str, dict]
+    factor: float = entry("half_width_in_errors")
+    residual_px: np.ndarray = entry()
+    observer: Observer = entry()
+    pointing: dict[str, float] = entry("camera")
+    tables: dict[str, dict] = entry()
     remarks: tuple[str, ...] = ()
 
     kind = "pose"
+    computed = {"rms_px": "rms_px", "observer": "polar", "columns": "columns"}
     saved_by = {".toml": "mi_lcair.camera.poses.camera_pose:write_scenario"}
 
     @property
@@ -80,21 +84,24 @@ class CameraPose(Result):
             f"{self.rms_px:.2g} pixels rms"
         )
 
-    def entries(self) -> dict:
-        """Entries for JSON: the pose, its errors, and the points."""
-        observer = self.observer
-        return {
-            "scenario": self.name,
-            "position_m": self.position_m,
-            "position_error_m": self.position_error_m,
-            "turn_error_deg": self.turn_error_deg,
-            "half_width_in_errors": self.factor,
-            "rms_px": self.rms_px,
-            "observer": {name: getattr(observer, name) for name in ("position_m", *POLAR)},
-            "camera": self.pointing,
-            "columns": self.columns(),
-            "remarks": self.remarks,
-        }
+    def polar(self) -> dict:
+        """The observer's position in both forms, for JSON."""
+        return {name: getattr(self.observer, name) for name in ("position_m", *POLAR)}
+
+    def facts(self):
+        """The pose with its errors, and the residuals of the points."""
+        observer, half = self.observer, self.factor * self.turn_error_deg
+        sides = zip(half, ("right", "up", "axis"))
+        turns = ", ".join(f"{value:.2g} about {side}" for value, side in sides)
+        yield summary_of(self)
+        yield "range", f"{observer.range_m:.6g} m from the model's middle"
+        direction = f"azimuth {observer.azimuth_deg:.5g}, elevation {observer.elevation_deg:.5g}"
+        yield "direction", direction
+        yield "pointing", ", ".join(f"{name} = {x:.4g}" for name, x in self.pointing.items())
+        yield "turns, 95 %", f"{turns} [degrees]"
+        columns = {"point": (range(1, 1 + len(self.points)), "")}
+        columns |= {words_of(name): (values, ".5g") for name, values in self.columns().items()}
+        yield Table.of(columns)
 
     def columns(self) -> dict[str, np.ndarray]:
         """The points, their pixels, and the residuals."""

@@ -10,6 +10,7 @@ from drjit.llvm.ad import Float64
 from mi_lcair.errors import InputError
 from mi_lcair.physics import materials
 from mi_lcair.results import Result
+from mi_lcair.results.sections import Lines, Remarks, Table
 
 ANGLES_DEG = (0, 60)  # angles to the normal at which emissivities are listed
 
@@ -56,6 +57,22 @@ class MaterialList(Result):
             for entry, values in zip(self.listed, self.emissivity.tolist())
         ]
         return {"materials": rows, "left_out": self.left_out}
+
+    def facts(self):
+        """A table of the materials, their sources, and what was left out."""
+        angles = [f"emissivity at {angle} degrees" for angle in ANGLES_DEG]
+        rows = [
+            (
+                entry.name,
+                entry.model.name,
+                f"{entry.band} by wavelength" if entry.spectrum is not None else entry.band,
+                *(f"{value:.3f}" for value in values),
+            )
+            for entry, values in zip(self.listed, self.emissivity)
+        ]
+        yield Table(["name", "model", "band", *angles], rows)
+        yield Lines("source", [f"{e.name}, {e.band}: {e.source}" for e in self.listed])
+        yield Remarks([f"left out: {file}" for file in self.left_out])
 
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each entry: name, model, band, emissivities and source."""

@@ -54,7 +54,9 @@ def line_panel(charts: list[LineChart], across: bool = False) -> Panel:
         if chart.is_polar:
             continue
         mode = "tozero" if chart.from_zero else "normal"
-        figure.update_yaxes(title_text=chart.y_label, rangemode=mode, **place, secondary_y=False)
+        kind = "log" if chart.is_log else "linear"
+        axis = {"title_text": chart.y_label, "rangemode": mode, "type": kind}
+        figure.update_yaxes(**axis, **place, secondary_y=False)
         if across or number == count - 1:
             figure.update_xaxes(title_text=chart.x_label, **place)
     figure.update_polars(

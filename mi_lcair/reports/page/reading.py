@@ -14,11 +14,10 @@ from mi_lcair.reports.page.model_panel import rows_by_facet
 from mi_lcair.reports.sections import contrast as contrast_sections
 from mi_lcair.reports.sections import fit as fit_sections
 from mi_lcair.reports.sections.render import image_sections
-from mi_lcair.reports.sections.sweep import extremes
 from mi_lcair.results.cells import unpacked
 from mi_lcair.results.charts import facets_section
 from mi_lcair.results.reading import columns_of
-from mi_lcair.results.result import details
+from mi_lcair.results.result import details, extremes
 from mi_lcair.results.sections import Facts, LongTable, Remarks, Section
 from mi_lcair.signatures.effective_areas import spectrum_section
 from mi_lcair.signatures.signature_result import Signature
