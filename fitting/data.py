@@ -1,15 +1,30 @@
-"""The data of one fit: BRDF points and directional tables, with their weights."""
+"""The data of one fit, its settings, the variants that it compares, and residuals on a scale.
+
+BRDFs of one surface span five decades, and their errors are proportional to their values. The
+residuals are therefore differences of log10 (in decades). On the linear and the cube-root scale the
+few points of the peak outweigh all others. These two scales exist for comparison.
+"""
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
-from mi_lcair.errors import InputError
-from mi_lcair.fitting.loss import SCALES, Residuals
+from mi_lcair.declared import check_fields, within
+from mi_lcair.errors import InputError, check_known
 from mi_lcair.fitting.model import Hemispherical, Scatterometer
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
-from mi_lcair.fitting.selection import Variant
+from mi_lcair.physics.reflection import model
+from mi_lcair.physics.reflection.interface import ReflectionModel, Restriction
+from mi_lcair.physics.reflection.models import MODELS
 
+DARKEST = 1e-30  # lower limit of a BRDF [1/sr], so that its logarithm is finite
+# The models that a fit compares where it is not told its model
+COMPARED = {name: entry for name, entry in MODELS.items() if entry.is_compared}
+AUTO = "auto"  # as a name of a model or a form: all of them are compared
+# Smallest significant difference of the criterion. A smaller one is "not worth more than a bare
+# mention" (Kass and Raftery 1995).
+SIGNIFICANT = 2.0
 # Smallest standard deviation of a point, relative to its value. One that was computed from a few
 # repeats can be too small by chance.
 SIGMA_FLOOR = 0.01
@@ -17,6 +32,233 @@ SIGMA_FLOOR = 0.01
 # and if they are less than the share RARE of all points.
 PLATEAU, RARE = 3, 0.2
 DIRECTIONAL_STD = 0.02  # standard deviation of an emissivity or DHR for which none is stated
+
+
+def log10(f):
+    """log10 of BRDFs f [1/sr], and its derivative with respect to f."""
+    f = np.maximum(f, DARKEST)
+    return np.log10(f), 1 / (f * np.log(10))
+
+
+def cube_root(f):
+    """Cube root of BRDFs f [1/sr], and its derivative with respect to f."""
+    root = np.cbrt(np.maximum(f, DARKEST))
+    return root, 1 / (3 * root * root)
+
+
+def linear(f):
+    """BRDFs f [1/sr] themselves, and their derivative 1."""
+    return f, np.ones_like(f)
+
+
+# Each scale is a function that returns the scaled BRDF and its derivative with respect to the BRDF.
+SCALES = {"log": log10, "cube_root": cube_root, "linear": linear}
+
+
+class Residuals:
+    """Residuals (rows) in units of their standard deviations.
+
+    The rows are the BRDF points on a scale, followed by the entries of the directional tables. A
+    call with coordinates u (m, n) returns rows (m, r) and their derivatives (m, r, n). The argument
+    `lanes`, the indices of the starts, matters only for residuals that differ between starts. The
+    attribute `unit` is the change of a typical row for one decade of the BRDF.
+
+    Parameters
+    ----------
+    instrument
+        A `Scatterometer`, which predicts the BRDFs.
+    brdf
+        Measured BRDFs [1/sr], (p,).
+    scale
+        Scale of the comparison, a key of SCALES.
+    spread
+        Standard deviation of the points on this scale, one number or (p,).
+    directional
+        Triples (`Hemispherical`, measured values, standard deviations).
+    """
+
+    def __init__(self, instrument, brdf, scale: str = "log", spread=1.0, directional=()):
+        self.instrument, self.scale, self.directional = instrument, SCALES[scale], list(directional)
+        self.measured = self.scale(np.asarray(brdf, dtype=float))[0]
+        self.weight = np.broadcast_to(1 / np.asarray(spread, dtype=float), self.measured.shape)
+        decade = self.scale(np.asarray(brdf, dtype=float))[1] * brdf * np.log(10) * self.weight
+        self.unit = float(np.sqrt(np.mean(np.square(decade))))
+
+    def __call__(self, u: np.ndarray, lanes=None) -> tuple[np.ndarray, np.ndarray]:
+        f, df = self.instrument(u)
+        value, slope = self.scale(f)
+        rows, slopes = (
+            [(value - self.measured) * self.weight],
+            [df * (slope * self.weight)[..., None]],
+        )
+        for table, measured, std in self.directional:
+            value, slope = table(u)
+            rows.append((value - measured) / std)
+            slopes.append(slope / std[:, None])
+        if len(rows) == 1:
+            return rows[0], slopes[0]
+        return np.concatenate(rows, axis=1), np.concatenate(slopes, axis=1)
+
+
+class Cauchy:
+    """The same rows, transformed so that outliers have little weight.
+
+    A row r becomes c sqrt(log(1 + (r/c)^2)). Its influence on the fit falls where |r| exceeds c.
+    Half its square is the Cauchy loss; a method that minimizes a sum of squares then minimizes this
+    loss.
+    """
+
+    def __init__(self, residuals, c: float):
+        self.residuals, self.c, self.unit = residuals, c, residuals.unit
+
+    def __call__(self, u, lanes=None):
+        rows, slopes = self.residuals(u)
+        ratio2 = np.square(rows / self.c)
+        size = self.c * np.sqrt(np.log1p(ratio2))
+        shrink = np.where(ratio2 > 1e-16, np.abs(rows) / np.maximum(size, 1e-300) / (1 + ratio2), 1)
+        return np.copysign(size, rows), slopes * shrink[..., None]
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """What is compared and how it is searched; see `fit`.
+
+    Raises InputError for the first setting that is out of its range.
+    """
+
+    model: str
+    form: str
+    starts: int = field(metadata=within(lower=1))
+    seed: int
+    loss: str
+    robust: bool
+    max_angle_deg: float = field(metadata=within(is_positive=True, upper=90))
+    min_brdf: float = field(metadata=within(lower=0))
+    source_half_angle_deg: float = field(metadata=within(lower=0, upper=np.nextafter(90.0, 0)))
+
+    def __post_init__(self):
+        check_known("loss", SCALES, self.loss)
+        check_fields(self)
+
+    @property
+    def half_angle(self) -> float:
+        """Angular radius of the source [radians]."""
+        return float(np.radians(self.source_half_angle_deg))
+
+
+@dataclass(frozen=True)
+class Variant:
+    """What a search fits to the data: a form of a reflection model, whole or restricted."""
+
+    model: ReflectionModel
+    form: str
+    restriction: Restriction | None = None
+
+    @property
+    def whole(self) -> "Variant":
+        """The same model and form without a restriction."""
+        return Variant(self.model, self.form)
+
+    @property
+    def free(self) -> np.ndarray:
+        """Mask (n,) of the coordinates that a search may change."""
+        mask = np.ones(len(self.model.parameters), dtype=bool)
+        if self.restriction:
+            mask[self.restriction.coordinate] = False
+        return mask
+
+    def restrict(self, u: np.ndarray) -> np.ndarray:
+        """Coordinates u (m, n), with the restricted one set to its fixed value."""
+        return np.where(self.free, u, self.restriction.value) if self.restriction else u
+
+
+@dataclass
+class FittedVariant:
+    """A variant at its minimum.
+
+    Attributes
+    ----------
+    variant, residuals
+        The variant, and the residuals that were minimized.
+    u
+        Coordinates of the minimum, (n,).
+    cost
+        Half the sum of squares of the rows.
+    gradient
+        Relative gradient at the minimum.
+    share
+        Share of the starts that reached this minimum.
+    criterion
+        Excess of the criterion over that of the best candidate.
+    """
+
+    variant: Variant
+    residuals: Any
+    u: np.ndarray
+    cost: float
+    gradient: float
+    share: float
+    criterion: float = 0.0
+
+    @property
+    def size(self) -> int:
+        """Number of free parameters."""
+        return int(self.variant.free.sum())
+
+
+def variants(model_name: str, form: str) -> list[Variant]:
+    """The variants to compare for a model and a form, whole ones first.
+
+    model_name, form: names, or "auto" for all. Restricted variants are included if the form is
+    "auto". Raises InputError for unknown names.
+    """
+    models = list(COMPARED.values()) if model_name == AUTO else [model(model_name)]
+    whole = [
+        Variant(entry, name) for entry in models for name in entry.forms if form in (AUTO, name)
+    ]
+    if not whole:
+        known = "; ".join(f"{listed.name} has {', '.join(listed.forms)}" for listed in models)
+        raise InputError(f"form '{form}' is unknown; {known}")
+    return whole + [
+        Variant(variant.model, variant.form, restriction)
+        for variant in whole
+        for restriction in variant.model.restrictions
+        if form == AUTO
+    ]
+
+
+def criterion(candidate: FittedVariant, rows: int, effective: float) -> float:
+    """Bayesian information criterion, n ln(sum of squares / rows) + k ln n.
+
+    k is the number of free parameters.
+
+    Parameters
+    ----------
+    candidate
+        A variant at its minimum.
+    rows
+        Number of residuals.
+    effective
+        Number n of independent residuals.
+
+    Returns
+    -------
+    float
+        The criterion; the lower, the better.
+    """
+    mean = max(2 * candidate.cost / rows, 1e-24)  # smaller means differ by round-off only
+    return effective * np.log(mean) + candidate.size * np.log(effective)
+
+
+def choose(candidates: list[FittedVariant], criteria) -> int:
+    """Index of the simplest candidate that is not significantly worse than the best.
+
+    Of several equally simple candidates, it is the one with the lower criterion.
+    """
+    close = [
+        index for index in range(len(candidates)) if criteria[index] <= min(criteria) + SIGNIFICANT
+    ]
+    return min(close, key=lambda index: (candidates[index].size, criteria[index]))
 
 
 @dataclass

@@ -8,18 +8,23 @@ from time import perf_counter
 import drjit as dr
 import numpy as np
 
-from mi_lcair.fitting.cube import parameters_at
-from mi_lcair.fitting.data import Data, select, with_std
-from mi_lcair.fitting.judgement.causes import likely_cause
-from mi_lcair.fitting.judgement.quality import quality
-from mi_lcair.fitting.judgement.verdict import judge
-from mi_lcair.fitting.model import Hemispherical
+from mi_lcair.fitting.data import (
+    AUTO,
+    Data,
+    FitSettings,
+    FittedVariant,
+    Variant,
+    select,
+    variants,
+    with_std,
+)
+from mi_lcair.fitting.model import Hemispherical, parameters_at
+from mi_lcair.fitting.quality import likely_cause, quality
 from mi_lcair.fitting.report import Fit
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
 from mi_lcair.fitting.scatterometer.reading import read, read_directional
 from mi_lcair.fitting.search import COARSE, Noise, compare, descend
-from mi_lcair.fitting.selection import AUTO, FittedVariant, Variant, variants
-from mi_lcair.fitting.settings import FitSettings
+from mi_lcair.fitting.uncertainty import judge
 from mi_lcair.progress import Progress, stepper
 from mi_lcair.startup.threads import exclusively
 

@@ -7,7 +7,7 @@ import numpy as np
 
 import mi_lcair
 from mi_lcair.errors import InputError, option
-from mi_lcair.fitting.judgement.quality import Quality
+from mi_lcair.fitting.quality import Quality
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
 from mi_lcair.physics.reflection.models import MODELS
 from mi_lcair.results import Result

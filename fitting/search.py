@@ -4,12 +4,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mi_lcair.fitting.data import Data
+from mi_lcair.fitting.data import (
+    Cauchy,
+    Data,
+    FitSettings,
+    FittedVariant,
+    Variant,
+    choose,
+    criterion,
+)
 from mi_lcair.fitting.descent import ROUND_OFF, explore, levenberg_marquardt
-from mi_lcair.fitting.judgement.uncertainty import effective_count
-from mi_lcair.fitting.loss import Cauchy
-from mi_lcair.fitting.selection import FittedVariant, Variant, choose, criterion
-from mi_lcair.fitting.settings import FitSettings
 
 # Relative gradient at which the descents from all starts stop. The best then continues to
 # round-off.
@@ -24,6 +28,9 @@ ROBUST_ROUNDS = 4  # rounds in which the scale of the residuals and the fit are 
 # in 16,000 lies beyond it.
 FAR = 4.0
 ROUND_OFF_DEX = 1e-9  # rounding error of a residual [decades]
+# Correlation of neighbours that white noise shows by chance, times the root of their number. Noise
+# exceeds it in 1 of 740 fits.
+BY_CHANCE = 3.0
 
 
 @dataclass(frozen=True)
@@ -204,3 +211,52 @@ def inner_deviation(rows) -> float:
     Outliers do not affect it.
     """
     return max(1.4826 * float(np.median(np.abs(rows))), ROUND_OFF_DEX)
+
+
+def neighbour_correlation(rows, theta_i, theta_r) -> tuple[float, int]:
+    """Correlation of neighbouring residuals along the scans, -1..1, and the number of neighbours.
+
+    Parameters
+    ----------
+    rows
+        Residuals of the BRDF points, (p,).
+    theta_i, theta_r
+        Elevations of source and observer [radians], (p,).
+    """
+    scanned, fixed = sorted(
+        (theta_r, theta_i), key=lambda angle: -len(np.unique(np.round(angle, 9)))
+    )
+    # Neighbours of a scan are next to each other when the points are sorted by the scanned angle.
+    order = np.lexsort((scanned, np.round(fixed, 9)))
+    same = np.diff(np.round(fixed, 9)[order]) == 0
+    first, second = rows[order][:-1][same], rows[order][1:][same]
+    power = np.sum(first * first + second * second)
+    return float(2 * np.sum(first * second) / power if power > 0 else 0.0), len(first)
+
+
+def effective_count(rows, theta_i, theta_r, fewest: int = 1) -> tuple[float, float]:
+    """Effective number of independent residuals, and correlation of neighbours along a scan.
+
+    Where a model deviates from the data, it deviates alike at neighbouring points. n points with
+    the correlation r of neighbours (first-order autocorrelation) are worth n (1 - r)/(1 + r)
+    independent ones. A correlation that white noise could also show is taken as 0.
+
+    Parameters
+    ----------
+    rows
+        Residuals of the BRDF points, (p,).
+    theta_i, theta_r
+        Elevations of source and observer [radians], (p,).
+    fewest
+        Smallest effective number of correlated residuals.
+
+    Returns
+    -------
+    tuple
+        The effective number, and the correlation, 0..1.
+    """
+    correlation, pairs = neighbour_correlation(rows, theta_i, theta_r)
+    if correlation < BY_CHANCE / np.sqrt(max(pairs, 1)):
+        return float(len(rows)), 0.0
+    count = len(rows) * (1 - correlation) / (1 + correlation)
+    return float(max(count, fewest)), correlation

@@ -14,12 +14,12 @@ import numpy as np
 
 from mi_lcair.errors import InputError, check_known, option, shown, unknown
 from mi_lcair.files import read_bytes, read_text
-from mi_lcair.fitting.scatterometer.astm import is_astm, parse_astm
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.directional_table import read_directional_table
-from mi_lcair.table import SEPARATORS, TextTable, lines_of, parse_csv
+from mi_lcair.table import SEPARATORS, TextTable, lines_of, parse_csv, set_key, split
 
+VARS = re.compile(r"^VARS\b", re.MULTILINE)
 # The angles and their names in files, without the unit. The first name is that of this project.
 ANGLES = {
     "theta_i": ("theta_i", "theta_in", "theta_inc", "theta_incident", "aoi"),
@@ -48,6 +48,38 @@ HORIZON = np.pi / 2 - 1e-4  # angle [radians] from which a row counts as being a
 SIDE_RATIO = 2.0
 # Weight of the mean variance of all points against a point's own variance [degrees of freedom].
 PRIOR_SCANS = 4
+
+
+def is_astm(text: str) -> bool:
+    """Whether a text is in this format, which is recognised by its line VARS."""
+    return VARS.search(text) is not None
+
+
+def parse_astm(file: str, text: str) -> TextTable:
+    """The table in the text of an ASTM file; the header's keys are in lower case.
+
+    Raises InputError if NUM_POINTS is not the number of rows, or a column's name appears twice.
+    """
+    header, rows, columns = {}, [], None
+    for number, line in lines_of(text):
+        if line.startswith("#"):
+            continue
+        if columns is not None:
+            rows.append((number, split(file, number, line, ",")))
+        elif VARS.match(line):
+            columns = split(file, number, line.removeprefix("VARS").strip().strip('"'), ",")
+        else:
+            key, _, value = line.strip().partition(" ")
+            set_key(file, header, key, value.strip().strip('"'), number)
+    if twice := {column for column in columns if columns.count(column) > 1}:
+        raise InputError(f"{file}: VARS names {shown(min(twice))} twice; which one is meant?")
+    points, number = header.get("num_points", (str(len(rows)), 0))
+    if points != str(len(rows)):
+        raise InputError(
+            f"{file}, line {number}: NUM_POINTS is {shown(points)}, but {len(rows)} rows follow "
+            "VARS; is the file complete?"
+        )
+    return TextTable(file, columns, rows, header, is_astm=True)
 
 
 def read(

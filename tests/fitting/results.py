@@ -4,7 +4,7 @@ from itertools import cycle
 
 import numpy as np
 
-from mi_lcair.fitting.judgement.quality import Quality
+from mi_lcair.fitting.quality import Quality
 from mi_lcair.fitting.report import Fit
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
 from mi_lcair.physics.reflection.models import MODELS

@@ -6,8 +6,16 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from mi_lcair.fitting.search import assess, compare, descend, inner_deviation, search
-from mi_lcair.fitting.selection import Variant
+from mi_lcair.fitting.data import Variant
+from mi_lcair.fitting.search import (
+    assess,
+    compare,
+    descend,
+    effective_count,
+    inner_deviation,
+    neighbour_correlation,
+    search,
+)
 from tests.fitting.synthetic import MODEL
 
 
@@ -172,3 +180,49 @@ def test_the_minimum_of_points_with_an_outlier(robust):
         expected = minimize_scalar(loss, bounds=(0.3, 0.5), options={"xatol": 1e-9}).x
     assert best.u[0] == pytest.approx(expected, abs=1e-5)
     np.testing.assert_allclose(best.u[1:], 0.5, atol=1e-6)
+
+
+def autocorrelated(correlation, scans=9, length=80, seed=0):
+    rng = np.random.default_rng(seed)
+    rows = rng.standard_normal((scans, length))
+    for k in range(1, length):
+        rows[:, k] = correlation * rows[:, k - 1] + np.sqrt(1 - correlation**2) * rows[:, k]
+    fixed, scanned = np.meshgrid(np.arange(scans), np.arange(length), indexing="ij")
+    return rows.ravel(), fixed.ravel(), scanned.ravel()
+
+
+@pytest.mark.parametrize("scanned_is_theta_i", [True, False])
+def test_residuals_that_follow_each_other_count_less(scanned_is_theta_i):
+    rows, fixed, scanned = autocorrelated(0.8)
+    shuffled = np.random.default_rng(1).permutation(len(rows))
+    angles = (scanned, fixed) if scanned_is_theta_i else (fixed, scanned)
+    count, correlation = effective_count(rows[shuffled], *(angle[shuffled] for angle in angles))
+    assert correlation == pytest.approx(0.8, abs=0.07)
+    assert count == pytest.approx(720 * 0.2 / 1.8, rel=0.4)
+
+
+def test_white_residuals_count_in_full():
+    assert effective_count(*autocorrelated(0.0)) == (720, 0)
+
+
+def test_neighbours_along_a_scan():
+    """2 sum of products over the sum of squares of all pairs; scans do not touch."""
+    theta_i, theta_r = np.repeat([0.1, 0.2], 4), np.tile([0.0, 0.3, 0.1, 0.2], 2)
+    rows = np.array([1.0, 4, 2, 3, -1, 2, 0, 1])
+    value, pairs = neighbour_correlation(rows, theta_i, theta_r)
+    products = 1 * 2 + 2 * 3 + 3 * 4 + -1 * 0 + 0 * 1 + 1 * 2
+    squares = 1 + 4 + 4 + 9 + 9 + 16 + 1 + 0 + 0 + 1 + 1 + 4
+    assert value == pytest.approx(2 * products / squares) and pairs == 6
+    assert neighbour_correlation(0 * rows, theta_i, theta_r) == (0, 6)
+
+
+def test_limit_of_a_correlation_by_chance():
+    """3 / sqrt(pairs); fewer independent residuals than parameters are none."""
+    angles = np.zeros(100), np.linspace(0, 1, 100)
+    for r, is_seen in ((0.33, True), (0.27, False)):
+        rows = np.cos(np.arccos(r) * np.arange(100))  # neighbours correlate by about r
+        value, pairs = neighbour_correlation(rows, *angles)
+        count, correlated = effective_count(rows, *angles)
+        assert (correlated > 0) == (value >= 3 / np.sqrt(pairs)) == is_seen
+        assert count == pytest.approx(100 * (1 - value) / (1 + value) if is_seen else 100)
+    assert effective_count(np.ones(100), *angles, fewest=5) == (5, 1)

@@ -11,7 +11,7 @@ from scipy.integrate import quad
 
 from docs.studies import real_data, real_data_tables
 from mi_lcair.fitting import read
-from mi_lcair.fitting.selection import COMPARED
+from mi_lcair.fitting.data import COMPARED
 from mi_lcair.physics.reflection.models import MODELS
 from tests.fitting.results import PARAMETERS, emissivity, fit_of, measurements
 

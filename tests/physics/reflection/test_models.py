@@ -11,8 +11,7 @@ import pytest
 from drjit.llvm.ad import Array3f64, Float64
 
 from mi_lcair.errors import InputError
-from mi_lcair.fitting.cube import parameters_at
-from mi_lcair.fitting.model import Hemispherical, Scatterometer
+from mi_lcair.fitting.model import Hemispherical, Scatterometer, parameters_at
 from mi_lcair.physics.reflection.models import MODELS
 
 FORMS = [(model, form) for model in MODELS.values() for form in model.forms]

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mi_lcair.fitting.cube import parameters_at as values_and_derivatives
+from mi_lcair.fitting.model import parameters_at as values_and_derivatives
 from mi_lcair.physics.reflection.models import MODELS
 from mi_lcair.physics.reflection.sandford_robertson_cube import E_MIN
 from tests.fitting.numpy_model import G

@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 from mi_lcair import fitting
-from mi_lcair.fitting.judgement.quality import NEGLIGIBLE_DEX, judged, shift_of_log, size
+from mi_lcair.fitting.quality import NEGLIGIBLE_DEX, judged, shift_of_log, size
 from mi_lcair.fitting.scatterometer.measurements import Measurements
 from mi_lcair.fitting.scatterometer.reading import pool
 from mi_lcair.physics.reflection.models import MODELS
