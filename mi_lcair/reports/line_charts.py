@@ -67,7 +67,7 @@ def draw(panel, chart: LineChart) -> None:
             target.errorbar(chart.x, curve.values, curve.errors, fmt="none", capsize=3, **style)
         if curve.on_right:
             target.set_ylabel(curve.name.removesuffix(" (right)"))
-    values = np.concatenate([ends(curve) for curve in chart.curves if not curve.on_right])
+    values = np.concatenate([extent_of(curve) for curve in chart.curves if not curve.on_right])
     values = values[np.isfinite(values)]
     low, high = values.min(initial=0), values.max(initial=0)
     if chart.is_close:
@@ -87,7 +87,7 @@ def draw(panel, chart: LineChart) -> None:
         panel.legend(lines, names, ncols=4, loc="upper center")
 
 
-def ends(curve: Curve) -> np.ndarray:
+def extent_of(curve: Curve) -> np.ndarray:
     """The values of a curve, with both ends of its band."""
     half = 0 if curve.half is None else np.nan_to_num(curve.half)
     return np.concatenate([curve.values - half, curve.values + half])
