@@ -24,7 +24,6 @@ FLOORS = {
     "mi_lcair.fitting": 2,
     "mi_lcair.models3d": 2,
     "mi_lcair.rendering": 3,
-    "mi_lcair.motions": 3,
     "mi_lcair.scenes.build": 3,  # builds the bundled models with models3d
     "mi_lcair.scenes.build_meshes": 3,
     "mi_lcair.sensitivity": 4,

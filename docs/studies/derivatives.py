@@ -20,7 +20,7 @@ from docs.studies.differences import differences
 from docs.studies.page import label, write_page
 from mi_lcair.api.parameters import parameters
 from mi_lcair.api.sensitivities import sensitivities
-from mi_lcair.sensitivity.parameters import entries_named
+from mi_lcair.rendering.parameters.values import entries_named
 
 SCENES = [
     ("cylinder_ir_range", {}),

@@ -8,14 +8,14 @@ from collections.abc import Mapping
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.rendering.parameters.entries import NEAREST
+from mi_lcair.rendering.parameters.values import changed, parameter, units
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.sensitivity.columns import weight_of
 from mi_lcair.sensitivity.common_numbers import PARTS, CommonNumbers
 from mi_lcair.sensitivity.derivative_images import DerivativeImages
-from mi_lcair.sensitivity.entries import NEAREST
 from mi_lcair.sensitivity.images import randomised_images
-from mi_lcair.sensitivity.parameters import changed, parameter, units
 from mi_lcair.sensitivity.sensitivities import Sensitivities
 
 METHOD = "difference"
@@ -44,7 +44,7 @@ def differences(
     scene : Scene
         Scene with an orthographic sensor.
     names : sequence of str
-        Names of parameters, see `mi_lcair.sensitivity.parameters`.
+        Names of parameters, see `mi_lcair.rendering.parameters.values`.
     steps : float or sequence of float
         Step of each parameter, in its unit.
     sensor, spp, tolerance, seed, progress

@@ -23,8 +23,8 @@ from mi_lcair.files import replacing
 from mi_lcair.fitting import fit
 from mi_lcair.inversion.data.images import noise_of_netd
 from mi_lcair.physics.reflection.models import MODELS
+from mi_lcair.rendering.parameters.values import changed
 from mi_lcair.rendering.views import View, seen_from
-from mi_lcair.sensitivity.parameters import changed
 from tests.fitting.synthetic import THESIS_SETS, scan_of
 from tests.inversion.plate import XML
 

@@ -30,7 +30,7 @@ def derivative_images(
     scene : Scene, str, Path or mi.Scene
         A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
     names : sequence of str
-        Names of parameters, see `mi_lcair.sensitivity.parameters`.
+        Names of parameters, see `mi_lcair.rendering.parameters.values`.
     sensor, spp, seed
         As for `render`.
     randomisations : int

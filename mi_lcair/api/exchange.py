@@ -6,7 +6,7 @@ from mi_lcair.api.load import scene_of
 from mi_lcair.declared import Bounds
 from mi_lcair.heating import exchange as heating
 from mi_lcair.heating.exchange_result import Exchange
-from mi_lcair.motions.observer import toward
+from mi_lcair.rendering.motions.observer import toward
 from mi_lcair.rendering.scene import SceneLike
 from mi_lcair.startup.threads import exclusively
 

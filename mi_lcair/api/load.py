@@ -7,11 +7,11 @@ import mitsuba as mi
 
 from mi_lcair.declared import fraction
 from mi_lcair.errors import InputError
-from mi_lcair.motions.table import MOTIONS
+from mi_lcair.rendering.motions.table import MOTIONS
+from mi_lcair.rendering.parameters.values import load_with_values
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene, SceneLike, parameters_of_loaded
 from mi_lcair.rendering.scene import load as load_plain
-from mi_lcair.sensitivity.parameters import load_with_values
 from mi_lcair.startup.threads import exclusively
 
 
@@ -32,7 +32,7 @@ def load(
         scenes` lists; or a scene that Mitsuba's functions load_file, load_dict or load_string
         returned. Its integrator must be `bounce_path`.
     motions : path-like, optional
-        TOML file with motions of its own, see `mi_lcair.motions.table`.
+        TOML file with motions of its own, see `mi_lcair.rendering.motions.table`.
     **parameters
         Values of the scene's $-parameters, and of parameters that `mi_lcair.parameters` lists, such
         as `self.temperature` or `model.yaw_deg`. "lobe.MATERIAL" sets the lobe of one material, as

@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 
 from mi_lcair.api.load import scene_of
+from mi_lcair.rendering.parameters.entries import Parameter
+from mi_lcair.rendering.parameters.values import parameters_of
 from mi_lcair.rendering.scene import SceneLike
-from mi_lcair.sensitivity.entries import Parameter
-from mi_lcair.sensitivity.parameters import parameters_of
 from mi_lcair.startup.threads import exclusively
 
 

@@ -38,7 +38,7 @@ def sensitivities(
         A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
         Its sensor must be orthographic.
     names : sequence of str
-        Names of parameters, see `mi_lcair.sensitivity.parameters`.
+        Names of parameters, see `mi_lcair.rendering.parameters.values`.
     sensor, spp, tolerance, seed, progress
         As for `signature`; the tolerance is that of the intensity.
     part : str

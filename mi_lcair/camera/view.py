@@ -19,7 +19,9 @@ MOST_PARTS = 2**20  # parts along a side of the frame; their places are known in
 
 @dataclass(frozen=True)
 class Pointing:
-    """Error of a camera's pointing, as what it does to the image, see `mi_lcair.motions.observer`.
+    """Shift and turn of the image by an error of the pointing.
+
+    See `mi_lcair.rendering.motions.observer`.
 
     x_px, y_px: shift of the image to the right and down [pixels]. roll_deg: turn of the camera
     about its axis, to the right [deg].

@@ -80,7 +80,7 @@ class SceneOptions:
 
     def apply_solution(self, scene) -> None:
         """Set the scene's parameters to those of the solution's file, and print their names."""
-        from mi_lcair.sensitivity.solution_file import apply_solution
+        from mi_lcair.rendering.parameters.solution_file import apply_solution
 
         note(f"{self.solution}: sets {', '.join(apply_solution(scene, self.solution))}")
 

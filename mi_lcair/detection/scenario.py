@@ -17,7 +17,6 @@ from mi_lcair.declared import check_fields, fraction, within
 from mi_lcair.detection.flight_path import FlightTable, Moments
 from mi_lcair.errors import InputError, check_known, errors_of
 from mi_lcair.files import parse_toml, read_text
-from mi_lcair.motions.table import MOTIONS, Declared, motions_of
 from mi_lcair.physics.air.atmosphere import VACUUM
 from mi_lcair.physics.air.levels import Weather
 from mi_lcair.physics.atmosphere import clear_air_name
@@ -29,6 +28,7 @@ from mi_lcair.physics.sky import clear_name, has_azimuths
 from mi_lcair.physics.surroundings.skies import sky_name
 from mi_lcair.physics.surroundings.words import Words, number
 from mi_lcair.progress import Progress
+from mi_lcair.rendering.motions.table import MOTIONS, Declared, motions_of
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.toml_table import filled, plain, required, texts
 

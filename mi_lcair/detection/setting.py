@@ -12,7 +12,6 @@ from mi_lcair.detection.line_of_sight import Sight, backdrop, background_sun
 from mi_lcair.detection.scenario import RenderTable, Scenario
 from mi_lcair.detection.weather import AirOfLight
 from mi_lcair.errors import InputError
-from mi_lcair.motions.pose import moved
 from mi_lcair.physics.air.atmosphere import Atmosphere, LineOfSight
 from mi_lcair.physics.detector import Detector
 from mi_lcair.physics.spectra.bins import filter_of
@@ -21,13 +20,14 @@ from mi_lcair.plugins.emitters.distant_emitter import check_fits
 from mi_lcair.plugins.emitters.thermal_emitter import one_sun
 from mi_lcair.rendering.loading.files import survey
 from mi_lcair.rendering.loading.plugin_files import run_plugin_files
+from mi_lcair.rendering.motions.pose import moved
+from mi_lcair.rendering.parameters.solution_file import apply_solution
+from mi_lcair.rendering.parameters.values import load_with_values
 from mi_lcair.rendering.reflections.number import bounce_settings
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.views import Target, seen_from
-from mi_lcair.sensitivity.parameters import load_with_values
-from mi_lcair.sensitivity.solution_file import apply_solution
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,8 @@ from mi_lcair.physics.air.levels import STANDARD_CO2_PPMV, STANDARD_VISIBILITY_K
 from mi_lcair.physics.atmosphere import clear_air_name
 from mi_lcair.plugins.emission.source import Source
 from mi_lcair.plugins.emitters.distant_emitter import DistantEmitter
+from mi_lcair.rendering.parameters.entries import Parameter
 from mi_lcair.rendering.scene import Scene
-from mi_lcair.sensitivity.entries import Parameter
 
 # Quantities, and the entries of [atmosphere] that they are
 QUANTITIES = {

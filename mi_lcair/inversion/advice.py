@@ -16,7 +16,7 @@ from mi_lcair.inversion.least_squares.solve import State
 from mi_lcair.inversion.tables import RenderSettings
 from mi_lcair.inversion.unknowns import Unknown
 from mi_lcair.rendering.loading.files import survey
-from mi_lcair.sensitivity.parameters import changed
+from mi_lcair.rendering.parameters.values import changed
 
 HOTTER_K = 20.0  # difference of temperatures in the heating states that are proposed
 BANDS = ("MWIR", "LWIR")  # bands that are proposed where the scene has a parameter `band`

@@ -11,7 +11,7 @@ from mi_lcair.errors import InputError, check_known, errors_of
 from mi_lcair.files import parse_toml, read_text
 from mi_lcair.inversion.data.measurement import Candidate, Measurement
 from mi_lcair.inversion.tables import Goal, RenderSettings, UnknownEntry
-from mi_lcair.motions.table import MOTIONS, Declared, motions_of
+from mi_lcair.rendering.motions.table import MOTIONS, Declared, motions_of
 from mi_lcair.toml_table import filled, located, located_values, table_of, tables_of
 
 TABLES = ("data", "unknowns", "nuisance", "candidates", "goal", "render", MOTIONS)

@@ -10,9 +10,9 @@ from mi_lcair.inversion.advice import Advice
 from mi_lcair.inversion.answers import Answer, Direction
 from mi_lcair.inversion.least_squares.solve import Step
 from mi_lcair.physics.estimation.profiles import correlation
+from mi_lcair.rendering.parameters.solution_file import KIND
 from mi_lcair.results import Result
 from mi_lcair.results.reading import built
-from mi_lcair.sensitivity.solution_file import KIND
 
 SHOWN = 2  # unknowns in the summary
 

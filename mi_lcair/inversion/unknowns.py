@@ -8,10 +8,10 @@ import numpy as np
 from mi_lcair.errors import InputError, check_known, unknown
 from mi_lcair.inversion.problem import parts
 from mi_lcair.inversion.tables import UnknownEntry
-from mi_lcair.motions.observer import ANGLES, OBSERVER
 from mi_lcair.physics.reflection.models import MODELS
-from mi_lcair.sensitivity.entries import AT
-from mi_lcair.sensitivity.parameters import Parameter
+from mi_lcair.rendering.motions.observer import ANGLES, OBSERVER
+from mi_lcair.rendering.parameters.entries import AT
+from mi_lcair.rendering.parameters.values import Parameter
 
 # By default a temperature has one value for each state, the same in all bands, a reflection has one
 # value for each band, the same in all states, and the change of a spectrum has one value.

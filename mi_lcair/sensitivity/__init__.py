@@ -1,1 +1,1 @@
-"""Parameters of a loaded scene, and derivatives of its radiance with respect to them."""
+"""Derivatives of the radiance of a scene with respect to its parameters."""

@@ -22,8 +22,8 @@ from mi_lcair.plugins.columns.tables import (
 )
 from mi_lcair.plugins.emission.sources import spectra
 from mi_lcair.rendering.measurands import Measurands
-from mi_lcair.sensitivity.entries import DIFFERENCED, SCALED, Entry
-from mi_lcair.sensitivity.parameters import entries_named
+from mi_lcair.rendering.parameters.entries import DIFFERENCED, SCALED, Entry
+from mi_lcair.rendering.parameters.values import entries_named
 
 MOST_COLUMNS = SIZES[-1]  # columns of one render
 

@@ -9,16 +9,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from mi_lcair.motions.pixel_step import pixel_step
-from mi_lcair.motions.pose import known_motions
 from mi_lcair.rendering.aiming import aim_at_model
 from mi_lcair.rendering.measurands import Criterion, IntensityInterval, Measurands
 from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.motions.pose import known_motions
+from mi_lcair.rendering.parameters.entries import SCALED, Parameter
+from mi_lcair.rendering.parameters.values import changed, parameter
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import Windows, window_area
-from mi_lcair.sensitivity.entries import SCALED, Parameter
-from mi_lcair.sensitivity.parameters import changed, parameter
+from mi_lcair.sensitivity.motions.pixel_step import pixel_step
 
 PARTS = {"target": "target", "scene": None}  # channel of each part of the radiance
 METHOD = "difference"

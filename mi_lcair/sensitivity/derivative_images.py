@@ -23,7 +23,7 @@ class DerivativeImages(Result):
     Attributes
     ----------
     names : tuple of str
-        Names of K parameters, see `mi_lcair.sensitivity.parameters`.
+        Names of K parameters, see `mi_lcair.rendering.parameters.values`.
     radiance : ndarray, shape (R, height, width), float32
         Radiance, W m^-2 sr^-1, in each of R independent randomisations.
     derivatives : ndarray, shape (R, K, height, width), float32

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from mi_lcair.motions.differences import ON_FILM
 from mi_lcair.rendering.limits import check_memory
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.parameters.values import entries_named, units
 from mi_lcair.rendering.pixels.errors import missed_nearby
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
@@ -17,7 +17,7 @@ from mi_lcair.rendering.window import Windows
 from mi_lcair.sensitivity.columns import by_difference, columns_of, explored_by, recordings
 from mi_lcair.sensitivity.common_numbers import METHOD, renders_beside
 from mi_lcair.sensitivity.derivative_images import DerivativeImages
-from mi_lcair.sensitivity.parameters import entries_named, units
+from mi_lcair.sensitivity.motions.differences import ON_FILM
 from mi_lcair.sensitivity.window import missed_errors
 
 

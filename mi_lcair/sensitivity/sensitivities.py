@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mi_lcair.motions.differences import Difference
 from mi_lcair.results import Result
+from mi_lcair.sensitivity.motions.differences import Difference
 
 
 @dataclass(frozen=True, repr=False)
@@ -15,7 +15,7 @@ class Sensitivities(Result):
     Attributes
     ----------
     names : tuple of str
-        Names of K parameters, see `mi_lcair.sensitivity.parameters`.
+        Names of K parameters, see `mi_lcair.rendering.parameters.values`.
     value : float
         Intensity, W/sr, or the weighted sum over the sources that was asked for.
     derivative : ndarray, shape (K,)

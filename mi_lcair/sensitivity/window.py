@@ -6,9 +6,9 @@ from functools import partial
 
 import numpy as np
 
-from mi_lcair.motions.differences import Differences
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.parameters.values import entries_named, units
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
@@ -21,7 +21,7 @@ from mi_lcair.sensitivity.columns import (
     weight_of,
 )
 from mi_lcair.sensitivity.common_numbers import METHOD, PARTS, CommonNumbers, renders_beside
-from mi_lcair.sensitivity.parameters import entries_named, units
+from mi_lcair.sensitivity.motions.differences import Differences
 from mi_lcair.sensitivity.sensitivities import Sensitivities
 
 SPLITS = {"target": "target", "scene": "image"}  # channels that hold each part of the radiance

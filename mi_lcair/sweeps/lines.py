@@ -13,9 +13,9 @@ from mi_lcair.errors import InputError, errors_of
 from mi_lcair.physics.air.atmosphere import Atmosphere, LineOfSight
 from mi_lcair.physics.detector import Detector
 from mi_lcair.plugins.emitters.distant_emitter import DistantEmitter
+from mi_lcair.rendering.parameters.values import whole_path
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import Target, View
-from mi_lcair.sensitivity.parameters import whole_path
 from mi_lcair.sweeps.conditions import Conditions
 from mi_lcair.sweeps.subject import Subject
 

@@ -13,13 +13,13 @@ import mi_lcair
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import target_scene
 from mi_lcair.detection.weather import AirOfLight
+from mi_lcair.rendering.parameters.values import check_same, load_with_values
 from mi_lcair.rendering.reflections.number import bounce_settings
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.settings import set_all
 from mi_lcair.rendering.views import View, terrain_remark
 from mi_lcair.rendering.window import PASS_SAMPLES
-from mi_lcair.sensitivity.parameters import check_same, load_with_values
 from mi_lcair.signatures.trend import TrendRows
 from mi_lcair.signatures.view_areas import ViewAreas, measure_view_areas
 from mi_lcair.startup.threads import exclusively

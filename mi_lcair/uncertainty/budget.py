@@ -11,13 +11,13 @@ from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import rendered_as, setting_of
 from mi_lcair.errors import errors_of
 from mi_lcair.estimate import Contribution, Estimate
-from mi_lcair.motions.pose import declare
+from mi_lcair.rendering.motions.pose import declare
+from mi_lcair.rendering.parameters.values import checked
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.results import Result
 from mi_lcair.results.reading import built
-from mi_lcair.sensitivity.parameters import checked
 from mi_lcair.startup.tasks import kept
 from mi_lcair.uncertainty.check import Check, SecondOrder, check, second_order
 from mi_lcair.uncertainty.facet_errors import facet_contribution

@@ -7,7 +7,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError, errors_of, unknown
 from mi_lcair.estimate import Contribution
-from mi_lcair.sensitivity.entries import Parameter
+from mi_lcair.rendering.parameters.entries import Parameter
 from mi_lcair.uncertainty.distributions import Distribution, in_unit
 from mi_lcair.uncertainty.uncertainties import Uncertainties, of_material
 

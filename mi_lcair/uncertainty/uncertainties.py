@@ -18,7 +18,7 @@
     walls = 0.5                         # a CSV facet,sigma_K
     self = "self_sigma.csv"
 
-    [motions]                           # motions of the model, see `mi_lcair.motions.table`
+    [motions]                           # see `mi_lcair.rendering.motions.table`
     "exhaust.radius" = {groups = ["hot_parts"], scale = [0, 1, 1], each = true}
 
     [[correlated]]                      # correlations of quantities of [sigma] and [scenario]
@@ -35,7 +35,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError, check_known, errors_of
 from mi_lcair.files import parse_toml, read_text
-from mi_lcair.motions.table import MOTIONS, Declared, motions_of
+from mi_lcair.rendering.motions.table import MOTIONS, Declared, motions_of
 from mi_lcair.toml_table import dotted, plain, table_of, tables_of
 from mi_lcair.uncertainty.distributions import KINDS, check_sigma
 

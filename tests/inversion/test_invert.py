@@ -17,7 +17,7 @@ from mi_lcair.inversion.unknowns import unknowns
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.rendering.facets.table import FacetTable
-from mi_lcair.sensitivity.solution_file import apply_solution
+from mi_lcair.rendering.parameters.solution_file import apply_solution
 from tests.inversion.corner import KELVIN, NETD_MK, clean, reflectances
 from tests.inversion.corner import problem as corner_problem
 from tests.inversion.corner import write_scene as write_corner

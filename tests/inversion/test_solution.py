@@ -13,7 +13,7 @@ from mi_lcair.cli import main
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.materials import material
-from mi_lcair.sensitivity.solution_file import apply_solution
+from mi_lcair.rendering.parameters.solution_file import apply_solution
 from tests.inversion.plate import datum, write_scene
 
 mi.set_variant("llvm_ad_mono")

@@ -10,7 +10,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.inversion.data.measurement import Measurement
 from mi_lcair.inversion.tables import UnknownEntry
 from mi_lcair.inversion.unknowns import Where, instruments, stated, unknowns
-from mi_lcair.sensitivity.entries import Parameter
+from mi_lcair.rendering.parameters.entries import Parameter
 from tests.inversion.blocks import kelvin, unknown
 
 

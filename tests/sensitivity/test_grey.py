@@ -5,7 +5,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.sensitivity.parameters import set_values
+from mi_lcair.rendering.parameters.values import set_values
 from tests.sensitivity.grey_room import NAMED, NUMBER, SECOND, load
 
 

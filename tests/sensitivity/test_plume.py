@@ -6,8 +6,8 @@ import mi_lcair
 from docs.studies.differences import differences
 from mi_lcair.api.parameters import parameters
 from mi_lcair.errors import InputError
+from mi_lcair.rendering.parameters.values import changed, set_values
 from mi_lcair.sensitivity.facets import facet_matrix
-from mi_lcair.sensitivity.parameters import changed, set_values
 
 LANDING = {"position": 3, "band": "LWIR", "plume_transmittance": 0.7}
 

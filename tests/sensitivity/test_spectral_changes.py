@@ -5,8 +5,8 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
+from mi_lcair.rendering.parameters.values import changed, parameters_of, set_values
 from mi_lcair.sensitivity.facets import facet_matrix
-from mi_lcair.sensitivity.parameters import changed, parameters_of, set_values
 from tests.inversion.plate import XML
 from tests.plugins.bins.test_by_bin import (
     SPECTRA,

@@ -16,8 +16,8 @@ from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.measurands import Measurands
+from mi_lcair.rendering.parameters.values import changed
 from mi_lcair.sensitivity.columns import recordings
-from mi_lcair.sensitivity.parameters import changed
 
 mi.set_variant("llvm_ad_mono")
 

@@ -10,8 +10,8 @@ from mi_lcair.api.signature import signature
 from mi_lcair.api.trend import trend
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.sun.sunlight import sunlight
+from mi_lcair.rendering.parameters.values import set_values
 from mi_lcair.rendering.scene import load
-from mi_lcair.sensitivity.parameters import set_values
 from tests.plugins.paths.test_recording import check
 
 E = sunlight().in_band_radiance(band("MWIR"))

@@ -8,7 +8,7 @@ import mi_lcair
 from docs.studies.differences import differences, image_differences
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.sensitivity.parameters import changed, parameter
+from mi_lcair.rendering.parameters.values import changed, parameter
 
 mi.set_variant("llvm_ad_mono")
 

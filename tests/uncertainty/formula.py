@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mi_lcair.sensitivity.entries import Parameter
+from mi_lcair.rendering.parameters.entries import Parameter
 from mi_lcair.uncertainty.inputs import Group, Inputs
 
 

@@ -1,6 +1,6 @@
 """Quantities of an invented scene, and the report of a fit of its paint."""
 
-from mi_lcair.sensitivity.entries import Parameter
+from mi_lcair.rendering.parameters.entries import Parameter
 from mi_lcair.uncertainty.inputs import Inputs
 from mi_lcair.uncertainty.uncertainties import Uncertainties
 

@@ -8,7 +8,7 @@ from scipy.stats import truncnorm
 import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.sensitivity.parameters import changed
+from mi_lcair.rendering.parameters.values import changed
 from mi_lcair.uncertainty.budget import NOISE, TRUNCATION
 from tests.uncertainty.plate_scene import (
     AREA,

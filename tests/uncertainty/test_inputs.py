@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mi_lcair.errors import InputError
-from mi_lcair.sensitivity.entries import Parameter
+from mi_lcair.rendering.parameters.entries import Parameter
 from mi_lcair.uncertainty.inputs import deviation
 from tests.uncertainty.statements import REPORT, inputs
 

@@ -14,8 +14,8 @@ from mi_lcair.files import replacing
 from mi_lcair.formats import csv
 from mi_lcair.heating.conductors import Facets
 from mi_lcair.rendering.facets.polygons import FacetPolygons
+from mi_lcair.rendering.parameters.modes import AFTER, BEFORE
 from mi_lcair.results import Result
-from mi_lcair.sensitivity.temperatures.modes import AFTER, BEFORE
 
 if TYPE_CHECKING:
     import xarray
@@ -199,7 +199,7 @@ def write_csv(path: str | PathLike[str], heat: Heat, hour: float | None = None) 
     """Write facet,kelvin,error_K of all facets of the scene, as `mi-lcair import` takes them.
 
     A column `by_NAME_K` for each uncertain input has the change for one standard uncertainty, see
-    `mi_lcair.sensitivity.temperatures.modes`. Facets that exchange no heat keep their temperature,
+    `mi_lcair.rendering.parameters.modes`. Facets that exchange no heat keep their temperature,
     with the error 0. Those without an area have the mean temperature of the others.
 
     Parameters

@@ -22,17 +22,17 @@ from mi_lcair.detection.setting import Setting, rendered_as, setting_of
 from mi_lcair.detection.weather import QUANTITIES, in_weather, weather_quantities
 from mi_lcair.errors import InputError
 from mi_lcair.inversion.data.images import check_counts, values_that_count
-from mi_lcair.motions.motion import FULL_TURN_DEG
-from mi_lcair.motions.observer import LARGEST_PX, OBSERVER
-from mi_lcair.motions.pixel_step import MOST, PIXELS, pixel_step
-from mi_lcair.motions.pose import known_motions
 from mi_lcair.plugins.emission.source import rounded
 from mi_lcair.plugins.emission.sources import Sources
 from mi_lcair.rendering.images.measured import COLDEST, TEMPERATURE
+from mi_lcair.rendering.motions.motion import FULL_TURN_DEG
+from mi_lcair.rendering.motions.observer import LARGEST_PX, OBSERVER
+from mi_lcair.rendering.motions.pose import known_motions
+from mi_lcair.rendering.parameters.entries import Parameter
+from mi_lcair.rendering.parameters.values import changed as with_values
+from mi_lcair.rendering.parameters.values import parameter
 from mi_lcair.rendering.views import Target
-from mi_lcair.sensitivity.entries import Parameter
-from mi_lcair.sensitivity.parameters import changed as with_values
-from mi_lcair.sensitivity.parameters import parameter
+from mi_lcair.sensitivity.motions.pixel_step import MOST, PIXELS, pixel_step
 from mi_lcair.uncertainty.numbers.contrast_number import BEHIND, present
 from mi_lcair.uncertainty.numbers.number import SOURCE_STEP
 

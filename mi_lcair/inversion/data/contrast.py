@@ -9,10 +9,10 @@ import numpy as np
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import Setting, holding, rendered_as, setting_of
 from mi_lcair.detection.weather import in_weather, weather_quantities
-from mi_lcair.motions.differences import default_step
-from mi_lcair.motions.pose import known_motions, value_of
+from mi_lcair.rendering.motions.pose import known_motions, value_of
+from mi_lcair.rendering.parameters.entries import Parameter
 from mi_lcair.sensitivity.common_numbers import step_of
-from mi_lcair.sensitivity.entries import Parameter
+from mi_lcair.sensitivity.motions.differences import default_step
 from mi_lcair.uncertainty.numbers.contrast_number import ContrastNumber, present
 
 WEATHER_SIGMA = 0.01  # standard deviation of the weather whose derivative is wanted, of its range

@@ -17,12 +17,12 @@ from mi_lcair.inversion.least_squares.prediction import DatumBlock, variance_of_
 from mi_lcair.inversion.tables import Goal, RenderSettings
 from mi_lcair.inversion.unknowns import INSTRUMENT, Unknown, Where, model_label
 from mi_lcair.physics.blackbody import in_band_slope
+from mi_lcair.rendering.parameters.facets import with_facets
+from mi_lcair.rendering.parameters.values import changed
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.sensitivity.facets import facet_matrix
 from mi_lcair.sensitivity.images import differentiate_image, randomised_images
-from mi_lcair.sensitivity.parameters import changed
-from mi_lcair.sensitivity.temperatures.facets import with_facets
 from mi_lcair.sensitivity.window import differentiate_intensity
 
 SEEDS = 104_729  # distance between the seeds of two renders, whose noise must be independent

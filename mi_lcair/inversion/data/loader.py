@@ -17,17 +17,17 @@ from mi_lcair.inversion.least_squares.common_noise import CommonNoise
 from mi_lcair.inversion.least_squares.prediction import DatumBlock
 from mi_lcair.inversion.tables import Goal, RenderSettings
 from mi_lcair.inversion.unknowns import Where
-from mi_lcair.motions.table import Declared
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.bsdfs.spectral_bsdf import has_spectral_materials
 from mi_lcair.plugins.paths.offsets import UNIT
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.images.render import render_image
+from mi_lcair.rendering.motions.table import Declared
+from mi_lcair.rendering.parameters.facets import facet_temperatures
+from mi_lcair.rendering.parameters.values import load_with_values, parameters_of
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import View, seen_from
-from mi_lcair.sensitivity.parameters import load_with_values, parameters_of
-from mi_lcair.sensitivity.temperatures.facets import facet_temperatures
 from mi_lcair.signatures.signature import measure_signature
 from mi_lcair.table import read_table
 

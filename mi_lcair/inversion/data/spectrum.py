@@ -11,12 +11,12 @@ from mi_lcair.physics.spectral_table import WAVELENGTH
 from mi_lcair.plugins.bsdfs.spectral_bsdf import has_spectral_materials
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.parameters.values import entries_named
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import Windows
 from mi_lcair.sensitivity.common_numbers import renders_beside
-from mi_lcair.sensitivity.parameters import entries_named
 from mi_lcair.table import read_table
 
 RADIANCE, SIGMA = "radiance_W_m2_sr_um", "sigma_W_m2_sr_um"

@@ -17,13 +17,13 @@ from scipy.linalg import hadamard
 from scipy.sparse import csr_array
 
 from mi_lcair.errors import InputError
-from mi_lcair.motions.pose import displaced
 from mi_lcair.plugins.emission.triangles import Choice, numbers_of_triangles
 from mi_lcair.plugins.paths.facet_starts import FacetStarts
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.paths.met_triangles import met_triangles
 from mi_lcair.plugins.paths.offsets import rounding_error
 from mi_lcair.rendering.facets.starts import mixed_choice, radiances, seen_shares
+from mi_lcair.rendering.motions.pose import displaced
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.statistics import check_valid, edge_share

@@ -9,10 +9,10 @@ from scipy.sparse import csr_array
 
 from mi_lcair.errors import InputError, check_known
 from mi_lcair.models3d.coincident import weld
-from mi_lcair.motions.motion import groups_of_meshes
 from mi_lcair.plugins.emission.triangles import triangle_vertices, vertex_positions
 from mi_lcair.rendering.facets.polygons import normals_of
 from mi_lcair.rendering.facets.starts import facings, meshes_of_model, projected
+from mi_lcair.rendering.motions.motion import groups_of_meshes
 from mi_lcair.rendering.window import window, window_size
 
 EDGE_ON = 1e-6  # cosine of a triangle below which it is seen from neither side

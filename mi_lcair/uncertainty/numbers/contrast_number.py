@@ -13,7 +13,6 @@ from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import Setting, holding
 from mi_lcair.detection.weather import QUANTITIES, in_weather, weather_quantities
 from mi_lcair.errors import InputError
-from mi_lcair.motions.differences import poses_around
 from mi_lcair.physics.air.atmosphere import LineOfSight
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import spectral_radiance
@@ -21,10 +20,11 @@ from mi_lcair.physics.detector import Detector
 from mi_lcair.physics.imager import Imager
 from mi_lcair.plugins.properties import RADIANCE_UNIT
 from mi_lcair.rendering.measurands import ExcessFunction
+from mi_lcair.rendering.parameters.entries import Parameter
+from mi_lcair.rendering.parameters.values import parameters_of
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.sensitivity.common_numbers import CommonNumbers
-from mi_lcair.sensitivity.entries import Parameter
-from mi_lcair.sensitivity.parameters import parameters_of
+from mi_lcair.sensitivity.motions.differences import poses_around
 from mi_lcair.signatures.effective_areas import SPECTRUM_ROWS
 from mi_lcair.uncertainty.numbers.number import SMALL, Linear, Number
 

@@ -20,7 +20,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import brightness_temperature
 from mi_lcair.physics.detector import Detector
 from mi_lcair.physics.imager import Imager
-from mi_lcair.sensitivity.entries import Parameter
+from mi_lcair.rendering.parameters.entries import Parameter
 from mi_lcair.uncertainty.numbers.contrast_number import ContrastNumber, Seen
 from mi_lcair.uncertainty.numbers.number import SMALL, Linear
 

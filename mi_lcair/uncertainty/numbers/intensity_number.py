@@ -3,9 +3,9 @@
 import numpy as np
 
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
+from mi_lcair.rendering.parameters.values import parameters_of
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.sensitivity.common_numbers import CommonNumbers
-from mi_lcair.sensitivity.parameters import parameters_of
 from mi_lcair.signatures.effective_areas import PARTS
 from mi_lcair.uncertainty.numbers.number import Linear, Number
 

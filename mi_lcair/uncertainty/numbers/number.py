@@ -16,12 +16,12 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.source import rounded
 from mi_lcair.plugins.recorders.by_bounce import MAX_BOUNCE_CHANNELS
+from mi_lcair.rendering.parameters.entries import NEAREST, Parameter
+from mi_lcair.rendering.parameters.values import checked
 from mi_lcair.rendering.reflections.bounces import beyond_last
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.sensitivity.columns import MOST_COLUMNS, without_column
 from mi_lcair.sensitivity.common_numbers import PARTS, CommonNumbers
-from mi_lcair.sensitivity.entries import NEAREST, Parameter
-from mi_lcair.sensitivity.parameters import checked
 from mi_lcair.sensitivity.window import differences_of, differentiate_intensity
 from mi_lcair.signatures.effective_areas import EffectiveAreas, effective_areas
 

@@ -12,7 +12,7 @@ from mi_lcair.cli import main
 from mi_lcair.errors import InputError
 from mi_lcair.heating.temperatures.description import Description
 from mi_lcair.heating.temperatures.solve import temperatures
-from mi_lcair.sensitivity.temperatures.facets import set_facets
+from mi_lcair.rendering.parameters.facets import set_facets
 from tests.heating.scenes import grey, scene_of, square
 
 EXAMPLES = scenes.FOLDER / "examples"

@@ -11,7 +11,7 @@ import mi_lcair
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.errors import InputError
 from mi_lcair.inversion.data.camera_image import CameraImage, numbers_of
-from mi_lcair.sensitivity.parameters import changed
+from mi_lcair.rendering.parameters.values import changed
 from tests.inversion.corner import KELVIN, NAMES, write_scenario
 
 mi.set_variant("llvm_ad_mono")

@@ -14,10 +14,10 @@ from mi_lcair.inversion.data.loader import Loader
 from mi_lcair.inversion.loaded import check_goal, unknowns_of
 from mi_lcair.inversion.problem import InverseProblem
 from mi_lcair.inversion.tables import Goal
-from mi_lcair.sensitivity.parameters import changed
+from mi_lcair.rendering.parameters.values import changed
 from tests.inversion.corner import SCENARIO
-from tests.motions.test_differences import CUBE, convex_hull
-from tests.motions.test_registration import SCENE
+from tests.sensitivity.motions.test_differences import CUBE, convex_hull
+from tests.sensitivity.motions.test_registration import SCENE
 
 PIXEL_DEG = float(np.degrees(0.015 / 60))  # of the camera
 ONE_WINDOW = {"render.resolution": 16, "render.spp": 64, "render.max_bounces": 0}

@@ -16,7 +16,7 @@ from mi_lcair.plugins.emission.radiance_bound import can_be_hit, radiance_bound
 from mi_lcair.plugins.emitters.distant_emitter import DistantEmitter
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 from mi_lcair.rendering.images.exr import read_exr
-from mi_lcair.sensitivity.parameters import set_values
+from mi_lcair.rendering.parameters.values import set_values
 from tests.plugins.small_scenes import GREY, camera
 
 EXAMPLES = {  # what a scene says, for every plugin of the kind; group is "tried"

@@ -10,7 +10,7 @@ from mi_lcair.errors import InputError, mitsuba_error
 from mi_lcair.physics.air.clear_air import SunDirection, clear_air
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.sensitivity.parameters import set_values
+from mi_lcair.rendering.parameters.values import set_values
 from tests.physics.surroundings.test_sunlit_table import SUN, WAVELENGTHS, write
 from tests.plugins.emitters.test_sun import direction, path, sun
 from tests.plugins.small_scenes import GREY, camera, runs, scene

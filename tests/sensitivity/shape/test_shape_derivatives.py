@@ -12,11 +12,11 @@ from scipy.spatial import ConvexHull
 import mi_lcair
 from mi_lcair.cli import main
 from mi_lcair.errors import InputError
+from mi_lcair.rendering.parameters.values import changed
 from mi_lcair.rendering.sampling import Sampling
-from mi_lcair.sensitivity.parameters import changed
 from mi_lcair.sensitivity.shape.estimation import Estimation
 from mi_lcair.sensitivity.shape.surface import Surface
-from tests.motions.test_differences import CUBE, VIEW, L, convex_hull, mesh, scene_of
+from tests.sensitivity.motions.test_differences import CUBE, VIEW, L, convex_hull, mesh, scene_of
 
 
 def derivatives(scene, group: str, along=None, paths: int = 2**14, seed: int = 0):

@@ -4,7 +4,7 @@ import mitsuba as mi
 import pytest
 
 import mi_lcair
-from mi_lcair.sensitivity.parameters import set_values
+from mi_lcair.rendering.parameters.values import set_values
 from tests.uncertainty.plate_scene import (
     TEMPERATURE,
     plate_scene,

@@ -11,7 +11,7 @@ from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.spectrum import Spectrum
 from mi_lcair.plugins.emission.source import Source
-from mi_lcair.sensitivity.entries import NEAREST, Parameter
+from mi_lcair.rendering.parameters.entries import NEAREST, Parameter
 from mi_lcair.signatures.effective_areas import EffectiveAreas
 from mi_lcair.uncertainty.numbers.number import Linear, Number
 

@@ -14,7 +14,7 @@ MATERIAL.scale         factor of what a material or plume by wavelength absorbs;
                        `slope` [1/um] add to it, as do at_8000nm, ... near their wavelengths
 ID.reflectance         reflectance of Mitsuba's BSDF `diffuse` with this id
 ID.transmittance       transmittance of the BSDF `plume` with this id
-model.yaw_deg ...      motions of meshes, see `mi_lcair.motions.motion`
+model.yaw_deg ...      motions of meshes, see `mi_lcair.rendering.motions.motion`
 ====================== ============================================================================
 
 A surface without a name of its material is called by its model, `diffuse` or `plume`. Several
@@ -34,13 +34,11 @@ from types import MappingProxyType
 import mitsuba as mi
 
 from mi_lcair.errors import InputError, check_known
-from mi_lcair.motions.pose import declare, set_motions
-from mi_lcair.motions.table import MOTIONS, Declared, read_motions
 from mi_lcair.plugins.derivatives import own_memory
 from mi_lcair.rendering.loading.plugin_files import RUN, run_plugin_files
-from mi_lcair.rendering.scene import LOBE_OF, Scene, SceneLike, load, load_file
-from mi_lcair.rendering.settings import INTEGRATOR, set_all
-from mi_lcair.sensitivity.entries import (
+from mi_lcair.rendering.motions.pose import declare, set_motions
+from mi_lcair.rendering.motions.table import MOTIONS, Declared, read_motions
+from mi_lcair.rendering.parameters.entries import (
     Entry,
     Parameter,
     check_apart,
@@ -49,7 +47,9 @@ from mi_lcair.sensitivity.entries import (
     entries,
     set_arrays,
 )
-from mi_lcair.sensitivity.temperatures.modes import MODES, declare_modes, modes_of
+from mi_lcair.rendering.parameters.modes import MODES, declare_modes, modes_of
+from mi_lcair.rendering.scene import LOBE_OF, Scene, SceneLike, load, load_file
+from mi_lcair.rendering.settings import INTEGRATOR, set_all
 from mi_lcair.startup.threads import exclusively
 
 NOT_IN_FILE = (MOTIONS, MODES)  # parameters that name files which declare more parameters

@@ -20,7 +20,7 @@ MOTIONS = "motions"  # the table; among the values of a scene's parameters, a fi
 
 @dataclass(frozen=True)
 class Declared:
-    """A motion that a user declares, see `mi_lcair.motions.declared`.
+    """A motion that a user declares, see `mi_lcair.rendering.motions.declared`.
 
     groups: names of the groups that move. scale: factors of the displacement along each axis. each:
     whether each connected part has a middle of its own. displaced: PLY file, in place of scale.

@@ -13,11 +13,11 @@ import pytest
 from scipy.spatial import ConvexHull
 
 import mi_lcair
-from mi_lcair.motions.differences import ATTACHED, Kind
-from mi_lcair.motions.motion import TURNS, turned
+from mi_lcair.rendering.motions.motion import TURNS, turned
+from mi_lcair.rendering.parameters.values import changed
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.sensitivity.common_numbers import CommonNumbers
-from mi_lcair.sensitivity.parameters import changed
+from mi_lcair.sensitivity.motions.differences import ATTACHED, Kind
 from mi_lcair.sensitivity.window import differences_of
 
 L = 5.670374419e-8 * 300.0**4 / np.pi

@@ -5,9 +5,9 @@ from pathlib import Path
 from mi_lcair.errors import InputError, check_known
 from mi_lcair.files import parse_json, read_text
 from mi_lcair.rendering.facets.table import FacetTable
+from mi_lcair.rendering.parameters.facets import set_facets
+from mi_lcair.rendering.parameters.values import parameters_of, set_values
 from mi_lcair.rendering.scene import Scene
-from mi_lcair.sensitivity.parameters import parameters_of, set_values
-from mi_lcair.sensitivity.temperatures.facets import set_facets
 
 KIND = "mi_lcair solution"  # first entry of the file
 OF_ANY_BAND = ("temperature",)  # kinds of parameters that hold in every band

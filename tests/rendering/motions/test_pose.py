@@ -9,12 +9,12 @@ from scipy.spatial.transform import Rotation
 
 import mi_lcair
 from mi_lcair import InputError
-from mi_lcair.motions.motion import scaled, shifted, turned
-from mi_lcair.motions.pose import set_motions
 from mi_lcair.plugins.emission.triangles import vertex_positions
-from mi_lcair.sensitivity.parameters import changed
-from tests.motions.test_differences import CUBE, convex_hull, scene_of
-from tests.motions.test_registration import SCENE as IMAGE
+from mi_lcair.rendering.motions.motion import scaled, shifted, turned
+from mi_lcair.rendering.motions.pose import set_motions
+from mi_lcair.rendering.parameters.values import changed
+from tests.sensitivity.motions.test_differences import CUBE, convex_hull, scene_of
+from tests.sensitivity.motions.test_registration import SCENE as IMAGE
 
 ATTITUDE = {"yaw_deg": 30.0, "pitch_deg": 20.0, "roll_deg": 11.0}
 SCENE = "cylinder_ir_range"

@@ -1,4 +1,4 @@
-"""Where a scene keeps the numbers that belong to the name of a parameter, see `parameters`."""
+"""Where a scene keeps the numbers of each parameter, see `mi_lcair.rendering.parameters.values`."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -8,7 +8,6 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError, errors_of
-from mi_lcair.motions.pose import known_motions, value_of
 from mi_lcair.physics.spectra.change import CHANGES
 from mi_lcair.physics.spectra.parameters import change_bounds
 from mi_lcair.plugins import PLUGINS
@@ -20,6 +19,7 @@ from mi_lcair.plugins.emission.source import kelvin, rounded
 from mi_lcair.plugins.emission.triangles import is_faceted, triangle_corners
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal, thermal_shapes
 from mi_lcair.rendering.facets.table import area_of
+from mi_lcair.rendering.motions.pose import known_motions, value_of
 
 SCALED = ("radiance", "emissivity")  # kinds whose several numbers change by a common factor
 DIFFERENCED = ("motion", "plugin")  # kinds whose derivatives are differences of renders

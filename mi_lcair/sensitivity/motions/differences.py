@@ -13,10 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mi_lcair.motions.motion import MODEL, Motion
-from mi_lcair.motions.observer import OBSERVER
-from mi_lcair.motions.pose import known_motions, moved, value_of
-from mi_lcair.motions.starts import aim_at_change, starts_in
 from mi_lcair.plugins.emission.draw_table import PREFERRED
 from mi_lcair.plugins.integrators.bounce_path import AUTO
 from mi_lcair.plugins.paths.aim import Aim
@@ -25,11 +21,15 @@ from mi_lcair.rendering.facets.starts import meshes_of_model, radiances
 from mi_lcair.rendering.loading.origin import extent
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.motions.motion import MODEL, Motion
+from mi_lcair.rendering.motions.observer import OBSERVER
+from mi_lcair.rendering.motions.pose import known_motions, moved, value_of
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.statistics import Totals, edge_share
 from mi_lcair.rendering.window import Windows
+from mi_lcair.sensitivity.motions.starts import aim_at_change, starts_in
 
 ATTACHED, ON_FILM = "attached difference", "difference on the film"
 PILOT_PATHS = 2**12  # paths of each render that chooses the kind of differences and their step

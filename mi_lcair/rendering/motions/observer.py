@@ -16,8 +16,8 @@ import mitsuba as mi
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mi_lcair.motions.motion import FULL_TURN_DEG, Motion
 from mi_lcair.plugins.emitters.thermal_emitter import one_sun
+from mi_lcair.rendering.motions.motion import FULL_TURN_DEG, Motion
 from mi_lcair.rendering.window import window
 
 OBSERVER, SUN = "observer", "sun"

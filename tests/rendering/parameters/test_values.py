@@ -7,7 +7,7 @@ import pytest
 import mi_lcair
 from mi_lcair.api.parameters import parameters
 from mi_lcair.errors import InputError
-from mi_lcair.sensitivity.parameters import changed, parameter, set_values
+from mi_lcair.rendering.parameters.values import changed, parameter, set_values
 
 mi.set_variant("llvm_ad_mono")
 

@@ -7,9 +7,17 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.motions.declared import declared_motions
-from mi_lcair.motions.motion import Motion, attitude_of, in_axes_of_model, motions_of_groups
-from mi_lcair.motions.observer import (
+from mi_lcair.plugins.derivatives import held, own_memory, same_variables
+from mi_lcair.plugins.emission.triangles import is_faceted, points, set_vertices, vertex_buffer
+from mi_lcair.plugins.emitters.thermal_emitter import one_sun
+from mi_lcair.rendering.motions.declared import declared_motions
+from mi_lcair.rendering.motions.motion import (
+    Motion,
+    attitude_of,
+    in_axes_of_model,
+    motions_of_groups,
+)
+from mi_lcair.rendering.motions.observer import (
     ANGLES,
     OBSERVER,
     SUN,
@@ -19,10 +27,7 @@ from mi_lcair.motions.observer import (
     settings_of,
     sun_motions,
 )
-from mi_lcair.motions.table import Declared
-from mi_lcair.plugins.derivatives import held, own_memory, same_variables
-from mi_lcair.plugins.emission.triangles import is_faceted, points, set_vertices, vertex_buffer
-from mi_lcair.plugins.emitters.thermal_emitter import one_sun
+from mi_lcair.rendering.motions.table import Declared
 from mi_lcair.rendering.views import model_shapes
 
 POSE, DECLARED = "pose", "declared"  # keys of `Scene.moved`

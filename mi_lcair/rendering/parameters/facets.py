@@ -9,8 +9,8 @@ from mi_lcair.errors import InputError
 from mi_lcair.plugins.derivatives import members, own_memory
 from mi_lcair.plugins.emitters.thermal_emitter import thermal_shapes
 from mi_lcair.rendering.facets.table import FacetTable
+from mi_lcair.rendering.parameters.entries import set_arrays
 from mi_lcair.rendering.scene import Scene
-from mi_lcair.sensitivity.entries import set_arrays
 
 
 def facet_temperatures(scene: Scene, groups) -> dict[str, dict[int, float]]:

@@ -13,9 +13,9 @@ from os import PathLike
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.rendering.parameters.entries import OfNumber, Place
+from mi_lcair.rendering.parameters.facets import facets_of_shapes, set_facets
 from mi_lcair.rendering.scene import Scene
-from mi_lcair.sensitivity.entries import OfNumber, Place
-from mi_lcair.sensitivity.temperatures.facets import facets_of_shapes, set_facets
 from mi_lcair.table import read_table
 
 MODES = "modes"  # among the values of a scene's parameters, a file of modes

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from mi_lcair.motions.pose import moved
 from mi_lcair.plugins.paths.aim import CELLS, Aim, shared_out
 from mi_lcair.plugins.paths.facet_starts import FacetStarts
 from mi_lcair.plugins.paths.launch import Launch
@@ -15,6 +14,7 @@ from mi_lcair.rendering.facets.starts import (
     seen_shares,
 )
 from mi_lcair.rendering.measurands import Measurands
+from mi_lcair.rendering.motions.pose import moved
 from mi_lcair.rendering.settings import changed
 
 # Shares of the paths that begin on facets by their projected area, because a cold facet may reflect

@@ -3,11 +3,11 @@
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.motions.motion import Motion
-from mi_lcair.motions.observer import direction_of, matrix_of
-from mi_lcair.motions.pose import moved, value_of
 from mi_lcair.plugins.emission.triangles import vertex_positions
 from mi_lcair.rendering.loading.origin import extent
+from mi_lcair.rendering.motions.motion import Motion
+from mi_lcair.rendering.motions.observer import direction_of, matrix_of
+from mi_lcair.rendering.motions.pose import moved, value_of
 
 PIXELS = 0.25  # shift of an image for a difference: more blurs edges, less has more noise
 MOST = {"deg": 1.0, "1": 0.02}  # longest steps by unit: coarse pixels would ask for longer ones

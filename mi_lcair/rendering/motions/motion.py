@@ -6,8 +6,8 @@ model.yaw_deg, .pitch_deg, .roll_deg    attitude of the model: turns about the a
 GROUP.size                              factor of the size of a group, about its middle
 GROUP.yaw_deg, .pitch_deg, .roll_deg    the same turns of one group, about its middle [deg]
 GROUP.x_m, .y_m, .z_m                   shift of a group [m]
-own names                               see `mi_lcair.motions.declared`
-observer.NAME                           see `mi_lcair.motions.observer`
+own names                               see `mi_lcair.rendering.motions.declared`
+observer.NAME                           see `mi_lcair.rendering.motions.observer`
 ======================================= ===========================================================
 
 The motions of a group act in the axes of the model: x toward the nose, y to the left, z up. They

@@ -1,4 +1,4 @@
-"""Motions that a user declares, see `mi_lcair.motions.table`.
+"""Motions that a user declares, see `mi_lcair.rendering.motions.table`.
 
 With `scale`, a vertex moves by value x scale x (vertex - middle), component by component. The
 middle is that of the groups or, with `each`, of each connected part. With `displaced`, it moves by
@@ -13,9 +13,9 @@ import numpy as np
 from mi_lcair.errors import InputError, check_known
 from mi_lcair.files import check_file
 from mi_lcair.models3d.coincident import weld
-from mi_lcair.motions.motion import Motion, groups_of_meshes
-from mi_lcair.motions.table import Declared
 from mi_lcair.plugins.emission.triangles import triangle_vertices, vertex_positions
+from mi_lcair.rendering.motions.motion import Motion, groups_of_meshes
+from mi_lcair.rendering.motions.table import Declared
 
 LARGEST = 1e3  # bound of the value of a declared motion, which is 0 in the loaded scene
 

@@ -6,13 +6,13 @@ import pytest
 
 import mi_lcair
 from mi_lcair import InputError
-from mi_lcair.motions.observer import placed, settings_of
-from mi_lcair.motions.pixel_step import of_pixels
-from mi_lcair.motions.pose import known_motions, moved, value_of
 from mi_lcair.plugins.emission.triangles import vertex_positions
+from mi_lcair.rendering.motions.observer import placed, settings_of
+from mi_lcair.rendering.motions.pose import known_motions, moved, value_of
+from mi_lcair.rendering.parameters.values import changed
 from mi_lcair.rendering.window import window_axes
-from mi_lcair.sensitivity.parameters import changed
-from tests.motions.test_differences import CUBE, convex_hull, derivative, scene_of
+from mi_lcair.sensitivity.motions.pixel_step import of_pixels
+from tests.sensitivity.motions.test_differences import CUBE, convex_hull, derivative, scene_of
 
 PLACE = mi.ScalarTransform4f().look_at(origin=[10, 1, 3], target=[0, 0, 0], up=[0, 0, 1])
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from mi_lcair.motions.differences import ATTACHED, PILOT_PATHS, Differences, Pilot
 from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.sensitivity.motions.differences import ATTACHED, PILOT_PATHS, Differences, Pilot
 
 H = 0.1
 

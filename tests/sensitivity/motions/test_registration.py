@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import mi_lcair
-from mi_lcair.sensitivity.parameters import changed
-from tests.motions.test_differences import CUBE, convex_hull
+from mi_lcair.rendering.parameters.values import changed
+from tests.sensitivity.motions.test_differences import CUBE, convex_hull
 
 TRUTH = {
     "observer.x_px": 0.7,

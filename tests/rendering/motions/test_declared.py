@@ -11,12 +11,12 @@ from mi_lcair import InputError
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.inversion.data.loader import Loader
 from mi_lcair.inversion.problem import InverseProblem
-from mi_lcair.motions.declared import middles_of_parts
 from mi_lcair.plugins.emission.triangles import vertex_positions
-from mi_lcair.sensitivity.parameters import changed
+from mi_lcair.rendering.motions.declared import middles_of_parts
+from mi_lcair.rendering.parameters.values import changed
 from mi_lcair.uncertainty.uncertainties import Uncertainties
 from tests.detection.disc_scenario import write_disc
-from tests.motions.test_differences import CUBE, L, convex_hull, scene_of
+from tests.sensitivity.motions.test_differences import CUBE, L, convex_hull, scene_of
 
 
 def declared(folder, text: str):

@@ -1,0 +1,1 @@
+"""Parameters of a loaded scene by name: values, bounds, patterns of temperatures, solutions."""

@@ -1,1 +1,0 @@
-"""Temperatures of single facets, and patterns of them."""
