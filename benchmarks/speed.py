@@ -3,8 +3,8 @@
 import mitsuba as mi
 
 import mi_lcair
+from benchmarks import throughput
 from benchmarks.timing import ratio
-from mi_lcair.benchmark import throughput
 
 # Bundled scenes: name -> parameters and paths for each pixel
 BUNDLED = {
@@ -15,7 +15,7 @@ BUNDLED = {
 
 
 class Throughput:
-    """Speed of `bounce_path` relative to other integrators, from `mi-lcair chart throughput`."""
+    """Speed of `bounce_path` relative to other integrators, from `benchmarks.throughput`."""
 
     params = ["prb_basic", "path", "ray intersection alone"]
     param_names = ["against"]

@@ -28,7 +28,6 @@ FLOORS = {
     "mi_lcair.scenes.build_meshes": 3,
     "mi_lcair.sensitivity": 4,
     "mi_lcair.signatures": 4,
-    "mi_lcair.benchmark": 4,
     "mi_lcair.detection": 4,
     "mi_lcair.sweeps": 4,
     "mi_lcair.camera": 4,

@@ -18,8 +18,8 @@ import numpy as np
 from tqdm import tqdm
 
 import mi_lcair
+from benchmarks.chart import digits
 from docs.studies.page import label, write_page
-from mi_lcair.benchmark.chart import digits
 from mi_lcair.plugins.emission.drawing.light_tree import LightTree
 from mi_lcair.plugins.emission.drawing.spherical_polygon import Receiver
 from mi_lcair.plugins.emission.triangles import Choice, random_integer

@@ -2,7 +2,7 @@
 
 import math
 
-from mi_lcair.benchmark.chart import (
+from benchmarks.chart import (
     TOLERANCES,
     Point,
     cheapest,

@@ -21,10 +21,10 @@ from statistics import median
 import numpy as np
 
 import mi_lcair
+from benchmarks.chart import digits, duration
 from benchmarks.errors import track_openings
+from benchmarks.methods.propagation import exact
 from docs.studies.page import label, write_page
-from mi_lcair.benchmark.chart import digits, duration
-from mi_lcair.benchmark.propagation import exact
 from mi_lcair.drawing import drawing
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.paths.launch import Launch

@@ -2,8 +2,8 @@
 
     python -m docs.studies.propagation [--quick] [FOLDER]
 
-It measures as `mi-lcair chart propagation` does and writes the same pictures and CSVs beside the
-page. The text is propagation.template.md, whose {fields} are filled in.
+It measures as `python -m benchmarks.propagation` does and writes the same pictures and CSVs beside
+the page. The text is propagation.template.md, whose {fields} are filled in.
 """
 
 import sys
@@ -12,13 +12,11 @@ from pathlib import Path
 import drjit as dr
 import numpy as np
 
+from benchmarks import chart, propagation
+from benchmarks.methods.propagation import GROUPS
+from benchmarks.propagation import CLOSURES, LEAST_REPETITIONS, Chart, label
 from docs.studies.method_tables import fastest, table, times_faster
 from docs.studies.page import write_page
-from mi_lcair.benchmark import chart, propagation_chart
-from mi_lcair.benchmark.propagation import GROUPS
-from mi_lcair.benchmark.propagation_chart import CLOSURES, LEAST_REPETITIONS, Chart
-from mi_lcair.reports import closure_chart
-from mi_lcair.reports.closure_chart import label
 
 QUICK = "--quick"
 CHOICE = "quadrature, stratified"  # the method that the thesis chooses (3.5.5)
@@ -26,12 +24,12 @@ CHOICE = "quadrature, stratified"  # the method that the thesis chooses (3.5.5)
 
 def main(folder: str = "docs/validation/charts", quick: bool = False) -> None:
     """Measure all methods, and write the page with its pictures and CSVs."""
-    write(Path(folder), propagation_chart.measure(quick))
+    write(Path(folder), propagation.measure(quick))
 
 
 def write(folder: Path, result: Chart) -> None:
     """Write propagation.png, .csv and .md, propagation_closure.png and .csv to a folder."""
-    closure_chart.write(folder, result)
+    propagation.write(folder, result)
     command = "python -m docs.studies.propagation" + (f" {QUICK}" if result.quick else "")
     write_page(folder / "propagation.md", "propagation", **fields(result, command))
 

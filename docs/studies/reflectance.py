@@ -2,8 +2,8 @@
 
     python -m docs.studies.reflectance [--quick] [FOLDER]
 
-It measures as `mi-lcair chart reflectance` does and writes the same picture and CSV beside the
-page, and measures a few settings at other angles. The text is reflectance.template.md, whose
+It measures as `python -m benchmarks.reflectance` does and writes the same picture and CSV beside
+the page, and measures a few settings at other angles. The text is reflectance.template.md, whose
 {fields} are filled in.
 """
 
@@ -13,11 +13,10 @@ from pathlib import Path
 import drjit as dr
 import numpy as np
 
-from docs.studies.method_tables import factors, fastest, table, times_faster
-from docs.studies.page import write_page
-from mi_lcair.benchmark import chart, reflectance_chart
-from mi_lcair.benchmark.chart import digits, duration
-from mi_lcair.benchmark.reflectance import (
+from benchmarks import chart
+from benchmarks import reflectance as benchmark
+from benchmarks.chart import digits, duration
+from benchmarks.methods.reflectance import (
     METHODS,
     half_vector,
     lattice,
@@ -25,7 +24,7 @@ from mi_lcair.benchmark.reflectance import (
     stratified_quadrature,
     uniform_quadrature,
 )
-from mi_lcair.benchmark.reflectance_chart import (
+from benchmarks.reflectance import (
     FULL,
     MATERIALS,
     QUICK,
@@ -33,7 +32,8 @@ from mi_lcair.benchmark.reflectance_chart import (
     named_problem,
     timed,
 )
-from mi_lcair.reports import method_chart
+from docs.studies.method_tables import factors, fastest, table, times_faster
+from docs.studies.page import write_page
 
 OUR_METHODS = half_vector.method, sobol.method, lattice.method
 CHOICE = stratified_quadrature.method  # the thesis's choice, with 80^2 + 50^2 samples (3.3.3)
@@ -48,12 +48,12 @@ OTHER_ANGLES_MATERIALS = MATERIALS[0], MATERIALS[2]
 
 def main(folder: str = "docs/validation/charts", quick: bool = False) -> None:
     """Measure all methods, and write the page with its picture and CSV."""
-    write(Path(folder), reflectance_chart.measure(quick), quick)
+    write(Path(folder), benchmark.measure(quick), quick)
 
 
 def write(folder: Path, points, quick: bool) -> None:
     """Write reflectance.png, reflectance.csv and reflectance.md to a folder."""
-    method_chart.write_reflectance(folder, points)
+    benchmark.write(folder, points)
     write_page(folder / "reflectance.md", "reflectance", **fields(points, quick))
 
 

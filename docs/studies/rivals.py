@@ -18,9 +18,9 @@ import numpy as np
 from tqdm import tqdm
 
 import mi_lcair
+from benchmarks.chart import digits
 from benchmarks.errors import SCENES
 from docs.studies.page import write_page
-from mi_lcair.benchmark.chart import digits
 from mi_lcair.rendering.settings import changed
 
 GOAL = 0.001  # relative rms error

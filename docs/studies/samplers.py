@@ -16,8 +16,8 @@ import numpy as np
 from tqdm import tqdm
 
 import mi_lcair
+from benchmarks.chart import digits
 from docs.studies.page import write_page
-from mi_lcair.benchmark.chart import digits
 
 VARIANT, SIDE, DEPTH = "llvm_ad_mono", 32, 6
 OURS, STOCK = "lattice", ("independent", "stratified", "multijitter", "orthogonal", "ldsampler")

@@ -8,8 +8,8 @@ from mi_lcair.startup.tasks import on_workers
 def workers(count: int | None = None, dask: str | None = None) -> AbstractContextManager[None]:
     """Context manager in which long work runs on worker processes.
 
-    These are the views of sweeps, trends and flights, images, frames, random draws of budgets,
-    inversions with several starts and charts. The numbers are the same as without workers.
+    These are the views of sweeps, trends and flights, images, frames, random draws of budgets
+    and inversions with several starts. The numbers are the same as without workers.
 
     Parameters
     ----------

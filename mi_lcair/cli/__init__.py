@@ -49,7 +49,6 @@ PURPOSES = {
         "audit": "estimates.audit",
         "budget": "estimates.budget",
         "invert": "estimates.invert",
-        "chart": "estimates.chart",
         "shape-derivatives": "estimates.shape_derivatives",
     },
 }

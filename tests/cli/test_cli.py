@@ -100,7 +100,7 @@ def test_commands_are_grouped_by_purpose(run):
     assert [name for name in listed if name in COMMANDS] == list(COMMANDS)
 
 
-@pytest.mark.parametrize("command", [[], *([name] for name in COMMANDS), ["chart", "reflectance"]])
+@pytest.mark.parametrize("command", [[], *([name] for name in COMMANDS)])
 def test_short_options_of_every_command(run, command):
     assert run(*command, "-h").stdout == run(*command, "--help").stdout
     assert "-q, --quiet" in run(*command, "-h").stdout
@@ -365,7 +365,6 @@ def test_bad_output(refused, renderer, args, reason):
 
 def test_unknown_command(refused):
     assert "unknown command 'rendr'; known: render," in refused("rendr", "cavity")
-    assert "Missing command" in refused("chart")
 
 
 # ---- the error policy

@@ -1,8 +1,7 @@
-"""Tests of the commands signature, scenes, chart and show."""
+"""Tests of the commands signature, scenes and show."""
 
 import json
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
@@ -12,7 +11,7 @@ import pytest
 import mi_lcair
 from mi_lcair.rendering.images.exr import write_exr
 
-# ---- signature, scenes, chart
+# ---- signature, scenes
 
 
 def test_signature_table(run, renderer):
@@ -199,35 +198,6 @@ def test_scenes_json(run, bundled):
             "parameters": {},
             "scenarios": {},
         },
-    }
-
-
-@dataclass
-class Row:
-    scene_name: str
-    ratio: float
-    paths: int | None
-
-
-@dataclass
-class Throughput:
-    rows: list
-
-
-def test_chart_throughput(run, monkeypatch):
-    """A dataclass with rows is printed as a table of their fields, or as JSON."""
-    module = ModuleType("mi_lcair.benchmark.throughput")
-    module.measure = lambda progress: Throughput(
-        [Row("box", 1.25, None), Row("cavity", np.float64(2e7), 4)]
-    )
-    monkeypatch.setitem(sys.modules, "mi_lcair.benchmark.throughput", module)
-    lines = run("chart", "throughput").stdout.splitlines()
-    assert lines == ["scene name  ratio  paths", "box         1.25", "cavity      2e+07  4"]
-    assert json.loads(run("chart", "throughput", "--json").stdout) == {
-        "rows": [
-            {"scene_name": "box", "ratio": 1.25, "paths": None},
-            {"scene_name": "cavity", "ratio": 2e7, "paths": 4},
-        ]
     }
 
 

@@ -32,7 +32,6 @@ def kinds(*words):
 def test_commands_and_options():
     assert completions("") == list(COMMANDS)
     assert completions("si") == ["signature"]
-    assert completions("chart", "re") == ["reflectance"]
     assert {"--spp", "--spectrum", "--solution"} <= set(completions("signature", "--s"))
     assert completions("fit", "--loss", "c") == ["cube_root"]
 

@@ -26,11 +26,10 @@ def lines(command):
     return [line.strip() for line in text if line.strip().startswith("mi-lcair")]
 
 
-SLOW = ("chart throughput", "chart propagation")  # minutes and half a minute
 ON_PAGES = ("cavity", "sweep")  # whose examples are run by tests of pages
 
 
-@pytest.mark.parametrize("name", [name for name, _ in leaves() if name not in SLOW[:1]])
+@pytest.mark.parametrize("name", [name for name, _ in leaves()])
 def test_every_command_has_an_example_of_itself(name):
     assert any(
         line.startswith(f"mi-lcair {name} ") or line == f"mi-lcair {name}"
@@ -79,5 +78,5 @@ def test_examples_run_in_order(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run_command(shlex.split("mi-lcair import box.obj -o box"), "preparation")
     for name, command in leaves():
-        for line in lines(command) if name not in (*SLOW, *ON_PAGES) else []:
+        for line in lines(command) if name not in ON_PAGES else []:
             run_command(shlex.split(line), name)

@@ -93,13 +93,16 @@ def run_python(fence: Fence, namespace: dict) -> None:
 
 def run_command(words: list[str], place: str) -> None:
     """Run a command in the current folder; raises AssertionError unless its exit status is 0."""
-    if words[:3] == ["python", "-m", "mi_lcair"]:
-        words = ["mi-lcair", *words[3:]]
-    assert words[0] == "mi-lcair", f"{place}: only mi-lcair can be run here: {shlex.join(words)}"
+    run_words, words = command_line, words if words[0] != "python" else words[2:]
+    if words[0].startswith("benchmarks."):
+        run_words = importlib.import_module(words[0]).main
+    else:
+        known = words[0] in ("mi-lcair", "mi_lcair")
+        assert known, f"{place}: only mi-lcair and benchmarks can be run: {shlex.join(words)}"
     output = io.StringIO()
     try:
         with quick(), redirect_stdout(output), redirect_stderr(output):
-            command_line(words[1:])
+            run_words(words[1:])
         status = 0
     except SystemExit as end:
         status = end.code or 0
@@ -107,8 +110,11 @@ def run_command(words: list[str], place: str) -> None:
 
 
 def study_error(words: list[str]) -> str | None:
-    """What is wrong with a command `python -m docs.studies.NAME ...` that is not run, or None."""
-    if words[:2] != ["python", "-m"] or not words[2].startswith("docs.studies."):
+    """What is wrong with a command `python -m docs.studies.NAME ...` that is not run, or None.
+
+    The same holds for `python -m benchmarks.NAME`.
+    """
+    if words[:2] != ["python", "-m"] or not words[2].startswith(("docs.studies.", "benchmarks.")):
         return None
     if importlib.util.find_spec(words[2]) is None:
         return f"there is no {words[2]}"

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import mi_lcair
-from mi_lcair.benchmark.propagation import exact
+from benchmarks.methods.propagation import exact
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 

@@ -10,8 +10,8 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
+from benchmarks.methods.propagation import exact
 from mi_lcair import scenes
-from mi_lcair.benchmark.propagation import exact
 from mi_lcair.scenes import build_meshes
 
 MESHES = sorted(build_meshes.meshes())

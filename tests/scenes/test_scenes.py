@@ -10,8 +10,8 @@ import sys
 import pytest
 
 import mi_lcair
+from benchmarks.methods.propagation import exact
 from mi_lcair import scenes
-from mi_lcair.benchmark.propagation import exact
 from mi_lcair.errors import InputError
 
 NAMES = ["a340_landing", "cavity", "cylinder_ir_range", "furnace", "open_box", "two_plates"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mi_lcair
-from mi_lcair.benchmark.propagation import exact
+from benchmarks.methods.propagation import exact
 from mi_lcair.errors import InputError
 from mi_lcair.reports.pictures.hemispherical_view import places
 from mi_lcair.scenes import build_meshes

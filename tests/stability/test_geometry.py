@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import mi_lcair
+from benchmarks.methods.propagation.exact import perpendicular_view_factor
 from docs.studies.leaks import write_ply
-from mi_lcair.benchmark.propagation.exact import perpendicular_view_factor
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance

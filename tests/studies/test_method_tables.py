@@ -3,7 +3,7 @@
 import pytest
 
 from docs.studies.method_tables import seconds_to, table, times_faster
-from tests.benchmark.test_chart import POINTS, points
+from tests.benchmarks.test_chart import POINTS, points
 
 
 def test_seconds_to_an_error_are_interpolated():

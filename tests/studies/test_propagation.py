@@ -4,9 +4,9 @@ import re
 
 import pytest
 
+from benchmarks.methods.propagation import METHODS
 from docs.studies.propagation import CHOICE, fields, write
-from mi_lcair.benchmark.propagation import METHODS
-from tests.benchmark.test_propagation_chart import result
+from tests.benchmarks.test_propagation import result
 
 
 def test_page_says_what_the_points_say():

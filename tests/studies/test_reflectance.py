@@ -2,20 +2,20 @@
 
 import pytest
 
+from benchmarks import reflectance as benchmark
+from benchmarks.chart import Point
+from benchmarks.reflectance import Work
 from docs.studies import reflectance
-from mi_lcair.benchmark import reflectance_chart
-from mi_lcair.benchmark.chart import Point
-from mi_lcair.benchmark.reflectance_chart import Work
 
 
 @pytest.fixture
 def points(monkeypatch):
     """A measurement on one material with few samples per launch."""
-    monkeypatch.setattr(reflectance_chart, "MATERIALS", reflectance_chart.MATERIALS[:1])
-    for module in (reflectance_chart, reflectance):
+    monkeypatch.setattr(benchmark, "MATERIALS", benchmark.MATERIALS[:1])
+    for module in (benchmark, reflectance):
         monkeypatch.setattr(module, "QUICK", Work(2**10, 2, 1))
     steps = []
-    measured = reflectance_chart.measure(True, lambda *step: steps.append(step))
+    measured = benchmark.measure(True, lambda *step: steps.append(step))
     assert steps[-1] == (len(measured), len(measured)) and len(steps) == len(measured)
     return measured
 
@@ -33,7 +33,7 @@ def test_page(points, monkeypatch, tmp_path):
     # These two rows do not depend on random numbers.
     assert "| bare_aluminum MWIR | stratified quadrature | 8 900 | 0.031 % |" in page
     assert "| bare_aluminum MWIR | 75 | 0.86273 | -59 % |" in page
-    for method in reflectance_chart.METHODS:
+    for method in benchmark.METHODS:
         # The name is in the table of launches and in at least one table of results.
         assert page.count(f"| {method.name} |") >= 2
 

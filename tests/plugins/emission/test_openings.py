@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mi_lcair
-from mi_lcair.benchmark.propagation import exact
+from benchmarks.methods.propagation import exact
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.emission.drawing.openings import Openings, area, lid, outlines
 from mi_lcair.rendering.settings import changed
