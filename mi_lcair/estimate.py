@@ -6,7 +6,7 @@ whose errors are correlated form a group. The contributions of different groups 
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from math import floor, isfinite, log10
 from typing import Any
 
@@ -138,12 +138,16 @@ class Estimate:
         raise KeyError(quantity)
 
     def __str__(self) -> str:
-        unit = "" if self.unit in ("", "1") else f" {self.unit}"
         if self.half_width is not None:
-            return f"{with_error(self.value, self.half_width)}{unit} (95 %)"
+            return f"{in_unit(with_error(self.value, self.half_width), self.unit)} (95 %)"
         if not self.standard_error:
-            return f"{self.value:.6g}{unit}"
-        return f"{with_error(self.value, self.standard_error)}{unit}"
+            return in_unit(f"{self.value:.6g}", self.unit)
+        return in_unit(with_error(self.value, self.standard_error), self.unit)
+
+    @property
+    def expanded(self) -> str:
+        """The expanded uncertainty in words."""
+        return f"+- {in_unit(f'{2 * self.standard_error:.3g}', self.unit)} (k = 2, about 95 %)"
 
     def columns(self) -> dict[str, np.ndarray]:
         """The contributions as a table: a row for each, and for each member of a group.
@@ -170,15 +174,6 @@ class Estimate:
             "share": column("share"),
         }
 
-    def as_dict(self) -> dict[str, Any]:
-        """What is known of it, for JSON."""
-        entries = {entry.name: getattr(self, entry.name) for entry in fields(self)}
-        return {
-            name: entry
-            for name, entry in entries.items()
-            if isinstance(entry, (float, np.ndarray)) or entry
-        }
-
 
 def with_error(value: float, error: float) -> str:
     """A value and its error as text, such as "293.1 +- 2.4".
@@ -191,6 +186,11 @@ def with_error(value: float, error: float) -> str:
     order = floor(log10(abs(value)))
     place = min(max(floor(log10(error)) - 1, order - 8), order - 1)
     return f"{round(value, -place):.9g} +- {float(f'{error:.2g}'):g}"
+
+
+def in_unit(text: str, unit: str) -> str:
+    """A text with a unit behind it, which a ratio does not have."""
+    return text if unit in ("", "1") else f"{text} {unit}"
 
 
 def slope(

@@ -8,7 +8,12 @@ from mi_lcair.cavities.description import ViewTable
 from mi_lcair.cavities.shape import Shape
 from mi_lcair.cavities.walls import OwnMesh
 from mi_lcair.estimate import Estimate
-from mi_lcair.results import Result
+from mi_lcair.results import Result, entry
+from mi_lcair.results.contributions import contributions
+from mi_lcair.results.result import summary_of
+from mi_lcair.results.sections import Table
+
+METHODS = {"rings": "radiosity of diffuse rings", "paths": "paths of the renderer"}
 
 
 @dataclass(frozen=True, repr=False)
@@ -41,19 +46,20 @@ class Cavity(Result):
     """
 
     name: str
-    shape: Shape | OwnMesh
+    shape: Shape | OwnMesh = entry("shape", "kind")
     wavelengths_um: np.ndarray
     wall_emissivity: np.ndarray
     estimate: Estimate
-    reference: float
+    reference: float = entry("reference_K")
     method: str
     gouffe: np.ndarray
-    view: ViewTable
-    depths: np.ndarray
-    kelvin: np.ndarray
+    view: ViewTable = entry()
+    depths: np.ndarray = entry("depths_m")
+    kelvin: np.ndarray = entry("wall_K")
     remarks: tuple[str, ...] = ()
 
     kind = "cavity"
+    computed = {"view": "seen"}
 
     @property
     def effective(self) -> np.ndarray:
@@ -95,18 +101,27 @@ class Cavity(Result):
             return text
         return f"{text} at {self.wavelengths_um[0]:g} um"
 
-    def entries(self) -> dict:
-        """Entries for JSON: by wavelength, and the budget."""
-        return {
-            "name": self.name,
-            "shape": self.shape.kind,
-            "view": self.seen,
-            "method": self.method,
-            "reference_K": self.reference,
-            "remarks": self.remarks,
-            "columns": self.columns(),
-            "budget": self.estimate.contributions,
-        }
+    def facts(self):
+        """The effective emissivity by wavelength, the method, and the budget."""
+        coldest, hottest = self.kelvin.min(), self.kelvin.max()
+        wall = f"{coldest:g} K" if coldest == hottest else f"{coldest:g} to {hottest:g} K"
+        yield summary_of(self)
+        yield "shape", f"{self.shape.kind.replace('_', ' with ')}, {self.shape.depth:g} m deep"
+        yield "view", self.seen
+        yield "wall", f"{wall}, compared with a blackbody of {self.reference:g} K"
+        yield "method", METHODS[self.method]
+        yield Table.of(
+            {
+                "wavelength um": (self.wavelengths_um, "g"),
+                "wall": (self.wall_emissivity, ".4f"),
+                "effective emissivity": (self.effective, ".6f"),
+                "sigma": (self.sigma, ".2g"),
+                "of which numerical": (self.numerical, ".2g"),
+                "Gouffé": (self.gouffe, ".4f"),
+            }
+        )
+        if len(self.estimate.contributions) > 1:
+            yield contributions(self.first)
 
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each wavelength."""

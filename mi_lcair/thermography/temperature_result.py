@@ -9,7 +9,9 @@ from mi_lcair.files import replacing
 from mi_lcair.formats import tiff
 from mi_lcair.physics.bands import Band
 from mi_lcair.rendering.images.exr import write_exr as write_channels
-from mi_lcair.results import Result
+from mi_lcair.results import Result, entry
+from mi_lcair.results.contributions import contributions
+from mi_lcair.results.result import summary_of
 
 
 @dataclass(frozen=True, repr=False)
@@ -32,14 +34,15 @@ class Temperature(Result):
     remarks : tuple of str
     """
 
-    name: str
-    band: Band
-    estimate: Estimate
+    name: str = entry("image")
+    band: Band = entry("band", "label")
+    estimate: Estimate = entry()
     conditions: dict[str, Estimate]
     transmittance: float
     remarks: tuple[str, ...] = ()
 
     kind = "temperature"
+    computed = {"estimate": "typical", "pixels": "pixels", "range_K": "range_K"}
     saved_by = {
         suffix: f"mi_lcair.thermography.temperature_result:write_{suffix[1:4]}"
         for suffix in (".tif", ".tiff", ".exr", ".csv")
@@ -61,32 +64,37 @@ class Temperature(Result):
         known = np.isfinite(self.kelvin)
         return self.estimate.reduced(lambda values: float(np.median(values[known])))
 
+    @property
+    def pixels(self) -> int:
+        """Number of pixels that have a temperature."""
+        return int(np.isfinite(self.kelvin).sum())
+
+    @property
+    def range_K(self) -> tuple[float, float]:
+        """Lowest and highest temperature [K]."""
+        return float(np.nanmin(self.kelvin)), float(np.nanmax(self.kelvin))
+
     def summary(self) -> str:
         """One line with the temperature or its range, and its uncertainty."""
         head = f"temperature of {self.name}, {self.band.label}: {self.typical}"
         if self.kelvin.size == 1:
             return head
-        low, high = np.nanmin(self.kelvin), np.nanmax(self.kelvin)
+        low, high = self.range_K
         return f"{head} (median), {low:.5g} to {high:.5g} K"
 
-    def entries(self) -> dict:
-        """Entries for JSON: medians over the pixels, and the budget."""
-        return {
-            "image": self.name,
-            "band": self.band.label,
-            "pixels": int(np.isfinite(self.kelvin).sum()),
-            "temperature_K": self.typical.value,
-            "lowest_K": np.nanmin(self.kelvin),
-            "highest_K": np.nanmax(self.kelvin),
-            "sigma_K": self.typical.standard_error,
-            "transmittance": self.transmittance,
-            "conditions": {
-                name: {"value": number.value, "sigma": number.standard_error}
-                for name, number in self.conditions.items()
-            },
-            "columns": self.columns(),
-            "remarks": self.remarks,
-        }
+    def facts(self):
+        """The temperature, the air, and the budget of the uncertainty."""
+        typical = self.typical
+        yield summary_of(self)
+        if not typical.contributions:
+            yield "uncertainty", "none is stated; 0.92+-0.02 states one"
+        else:
+            yield "expanded", typical.expanded
+        yield "transmittance", f"{self.transmittance:.4f}, mean in the band"
+        if self.kelvin.size > 1:
+            yield "pixels", f"{self.pixels} of {self.kelvin.size} have a temperature"
+        if typical.contributions:
+            yield contributions(typical)
 
     def columns(self) -> dict[str, np.ndarray]:
         """The budget: a row for each uncertain quantity, with medians over the pixels."""

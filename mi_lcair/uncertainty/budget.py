@@ -3,10 +3,11 @@
 import pickle
 import time
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mi_lcair.declared import percent
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import rendered_as, setting_of
 from mi_lcair.errors import errors_of
@@ -16,8 +17,9 @@ from mi_lcair.rendering.parameters.values import checked
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import invalid_remark
-from mi_lcair.results import Result
-from mi_lcair.results.reading import built
+from mi_lcair.results import Result, entry
+from mi_lcair.results.contributions import contributions
+from mi_lcair.results.sections import Section, Table
 from mi_lcair.startup.tasks import kept
 from mi_lcair.uncertainty.check import Check, SecondOrder, check, second_order
 from mi_lcair.uncertainty.facet_errors import facet_contribution
@@ -86,9 +88,10 @@ class Budget(Result):
     remarks: list[str]
     renders: int
     paths: int
-    seconds: float
+    seconds: float = entry("time_s")
 
     kind = "budget"
+    heading = "Uncertainty budget"
 
     @property
     def value(self) -> float:
@@ -124,30 +127,21 @@ class Budget(Result):
             f"most from {first.quantity} ({100 * first.share:.3g} % of the variance)"
         )
 
-    def entries(self) -> dict:
-        """Entries for JSON. Value, sigma and contributions are in the unit of the entry `unit`."""
-        plain = {
-            name: value for name, value in vars(self).items() if name not in ("seconds", "estimate")
-        }
-        return plain | {
-            "unit": self.unit,
-            "value": self.value,
-            "sigma": self.sigma,
-            "rows": self.rows,
-            "time_s": self.seconds,
-            "sigma_of_quantities": self.sigma_of_quantities,
-            "monte_carlo": self.monte_carlo and self.monte_carlo.as_dict(),
-        }
-
-    @classmethod
-    def of_entries(cls, entries: dict) -> "Budget":
-        """The budget with these entries of its JSON, which has no single random draws."""
-        drawn = entries["monte_carlo"]
-        more = {"seconds": entries["time_s"], "monte_carlo": drawn and drawn | {"results": []}}
-        named = {"standard_error": "sigma", "contributions": "rows"}
-        names = (entry.name for entry in fields(Estimate))
-        more["estimate"] = {name: entries.get(named.get(name, name)) for name in names}
-        return built(cls, entries | more)
+    def facts(self):
+        """The result and its uncertainty, what contributes to it, and what renders say about it."""
+        relative = f", {percent(self.sigma / abs(self.value))}" if self.value else ""
+        yield self.title, f"{self.estimate} (one standard uncertainty{relative})"
+        yield "expanded", self.estimate.expanded
+        if self.second_order is not None:
+            yield "second order", self.second_order.words(self.unit)
+        if self.monte_carlo is not None:
+            linear = f"linear, of the quantities alone: {self.sigma_of_quantities:.3g}"
+            yield "monte carlo", f"{self.monte_carlo.words(self.unit)}; {linear}"
+        yield "renders", f"{self.renders} of {self.paths} paths"
+        yield contributions(self.estimate)
+        if self.checks:
+            columns = ["rendered at", "derivative", "plus sigma", "minus sigma", "linear"]
+            yield Section("Checks", [Table(columns, [check.cells() for check in self.checks])])
 
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each contribution, see `Estimate.columns`."""

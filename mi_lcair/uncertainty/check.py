@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from mi_lcair.estimate import in_unit
 from mi_lcair.uncertainty.distributions import Distribution
 from mi_lcair.uncertainty.inputs import Inputs
 from mi_lcair.uncertainty.numbers.number import Number
@@ -49,6 +50,15 @@ class Check:
         if None not in (self.plus, self.minus):
             b, c = (self.plus + self.minus) / 2, (self.plus - self.minus) / 2 - a
         return z * (a + z * (b + z * c))
+
+    def cells(self) -> list[str]:
+        """The check as a row of a table."""
+        changes = [
+            "outside its bounds" if change is None else f"{change:+.4g}"
+            for change in (self.plus, self.minus)
+        ]
+        linear = "holds" if self.holds else "FAILS"
+        return [self.quantity, f"+-{abs(self.linear):.4g}", *changes, linear]
 
     def sentence(self, unit: str) -> str:
         """Why the linear answer fails, in one line."""
@@ -124,6 +134,12 @@ class SecondOrder:
     shift: float
     sigma: float
     interval: tuple[float, float]
+
+    def words(self, unit: str) -> str:
+        """The distribution in one line."""
+        low, high = self.interval
+        sigma = in_unit(f"{self.sigma:.3g}", unit)
+        return f"mean {self.shift:+.2g}, sigma {sigma}, about 95 % in {low:.5g}..{high:.5g}"
 
 
 def second_order(

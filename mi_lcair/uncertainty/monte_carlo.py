@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.estimate import Estimate
 from mi_lcair.startup.tasks import computed
 from mi_lcair.uncertainty.inputs import Inputs
 from mi_lcair.uncertainty.numbers.number import Number
@@ -47,9 +48,13 @@ class MonteCarlo:
     interval: tuple[float, float]
     results: np.ndarray
 
-    def as_dict(self) -> dict:
-        """The summary for JSON, without the single results."""
-        return {name: value for name, value in vars(self).items() if name != "results"}
+    def words(self, unit: str) -> str:
+        """The distribution in one line."""
+        low, high = self.interval
+        return (
+            f"{Estimate(self.mean, self.sigma, unit)} (itself +- {self.sigma_error:.2g}) from "
+            f"{self.draws} draws, 95 % in {low:.5g}..{high:.5g}"
+        )
 
     def sentence(self) -> str | None:
         """What was done about draws outside the bounds, in one line; None if there were none."""

@@ -186,12 +186,12 @@ def test_command(tmp_path, monkeypatch):
     assert answer.exit_code == 0, answer.output
     entries = json.loads(answer.stdout)
     assert entries["method"] == "rings"
-    assert [row["quantity"] for row in entries["budget"]] == [
+    assert [row["quantity"] for row in entries["estimate"]["contributions"]] == [
         "numerical error",
         "emissivity",
         "angle_deg",
     ]
-    assert 0.9 < entries["columns"]["effective_emissivity"][0] < 1
+    assert 0.9 < entries["estimate"]["value"][0] < 1
     assert Path("c.png").stat().st_size > 5000
     bad = CliRunner().invoke(main, ["cavity", "missing.toml", "-o", "bad.png"])
     assert bad.exit_code == 2 and len(bad.stderr.splitlines()) == 1

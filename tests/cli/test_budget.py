@@ -67,14 +67,16 @@ def test_the_file_of_a_budget(run, folder):
     assert result.exit_code == 0, result.output
     budget = read_result("budget.json")
     assert str(budget.estimate) in result.stdout and "wrote budget.json" in result.stderr
+    group = budget.estimate["plate.temperature & paint.reflectance"]
+    assert group.members[0].value == 310 and group.share == max(row.share for row in budget.rows)
 
 
 def test_json(run):
     result = run("budget", "plate.xml", "-u", "sigma.toml", "--spp", 8, "--json", "-D", "band=MWIR")
     data = json.loads(result.stdout)
-    assert data["unit"] == "W/sr" and data["monte_carlo"] is None
-    assert sum(row["share"] for row in data["rows"]) == pytest.approx(1)
-    assert data["rows"][0]["members"][0]["quantity"] == "plate.temperature"
+    assert data["estimate"]["unit"] == "W/sr" and data["monte_carlo"] is None
+    assert sum(row["share"] for row in data["estimate"]["contributions"]) == pytest.approx(1)
+    assert data["estimate"]["contributions"][0]["members"][0]["quantity"] == "plate.temperature"
     assert np.array(data["inputs"]["covariance"]).shape == (2, 2) and len(data["checks"]) == 1
 
 

@@ -23,7 +23,7 @@ def test_a_linear_number_needs_few_draws():
     assert done == [(8, 20), (16, 20), (20, 20)] and len(found.results) == 20
     assert found.mean == pytest.approx(found.results.mean())
     assert found.interval == pytest.approx(np.quantile(found.results, [0.025, 0.975]))
-    assert found.sentence() is None and "results" not in found.as_dict()
+    assert found.sentence() is None and "4.3 W (itself +- " in found.words("W")
 
 
 def test_small_numbers():

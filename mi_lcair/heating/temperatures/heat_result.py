@@ -8,19 +8,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mi_lcair.declared import Bounds
-from mi_lcair.estimate import Contribution, Estimate
+from mi_lcair.declared import Bounds, percent
+from mi_lcair.estimate import Contribution, Estimate, with_error
 from mi_lcair.files import replacing
 from mi_lcair.formats import csv
 from mi_lcair.heating.conductors import Facets
 from mi_lcair.rendering.facets.polygons import FacetPolygons
 from mi_lcair.rendering.parameters.modes import AFTER, BEFORE
-from mi_lcair.results import Result
+from mi_lcair.results import Result, entry
+from mi_lcair.results.result import summary_of
+from mi_lcair.results.sections import LongTable, Table
 
 if TYPE_CHECKING:
     import xarray
 
 HOUR = 3600.0
+TIMES = 8  # rows of the table of intensities
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -56,20 +59,22 @@ class Heat(Result):
     remarks : tuple of str
     """
 
-    name: str
-    facets: Facets
-    seconds: np.ndarray
-    estimate: Estimate
+    name: str = entry("scene")
+    facets: Facets = entry()
+    seconds: np.ndarray = entry()
+    estimate: Estimate = entry()
     residual_W: float
     days: int
     drift_K: float
     intensity: Estimate | None
     band: str
-    polygons: FacetPolygons
-    scene_kelvin: np.ndarray
+    polygons: FacetPolygons = entry()
+    scene_kelvin: np.ndarray = entry()
     remarks: tuple[str, ...] = ()
 
     kind = "heat"
+    heading = "Temperatures"
+    computed = {"hours": "hours", "groups": "by_group", "inputs": "by_input"}
     saved_by = {
         ".csv": "mi_lcair.heating.temperatures.heat_result:write_csv",
         ".vtu": "mi_lcair.heating.temperatures.heat_result:write_vtk",
@@ -143,30 +148,68 @@ class Heat(Result):
             f"+- {np.median(self.error_K):.2g} K (median)"
         )
 
-    def entries(self) -> dict:
-        """Entries for JSON: by group and time, and the largest effect of each input."""
-        of_groups = self.means.value.T, self.means.standard_error.T
-        entries = {
-            "scene": self.name,
-            "facets": len(self.facets.number),
-            "hours": self.hours,
-            "residual_W": self.residual_W,
-            "days": self.days,
-            "drift_K": self.drift_K,
-            "groups": {
-                group: {"mean_K": mean, "error_K": error}
-                for group, mean, error in zip(self.facets.groups, *of_groups)
-            },
-            "inputs": {
-                row.quantity: {"sigma": row.sigma, "largest_K": abs(row.contribution).max()}
-                for row in self.inputs
-            },
-            "remarks": self.remarks,
+    def by_group(self) -> dict[str, Estimate]:
+        """Mean temperature of each group over time, (m,) [K], without the contributions."""
+        means = self.means
+        columns = zip(self.facets.groups, means.value.T, means.standard_error.T)
+        return {group: Estimate(mean, error, "K") for group, mean, error in columns}
+
+    def by_input(self) -> dict[str, dict]:
+        """Standard uncertainty of each input as it was stated, and its largest effect [K]."""
+        return {
+            row.quantity: {"sigma": row.sigma, "largest_K": abs(row.contribution).max()}
+            for row in self.inputs
         }
+
+    def facts(self):
+        """The balance, the groups, what the inputs contribute, the intensity and the facets."""
+        yield summary_of(self)
+        yield "facets", str(len(self.facets.number))
+        if self.days:
+            yield "periodic", f"after {self.days} days, to {self.drift_K:.2g} K"
+        yield "residual", f"{self.residual_W:.2g} W at most in the balance of a facet"
+        yield self._table_of_groups()
+        if self.inputs:
+            yield self._table_of_inputs()
         if self.intensity:
-            entries["intensity_W_sr"] = self.intensity.value
-            entries["intensity_sigma_W_sr"] = self.intensity.standard_error
-        return entries
+            yield self._table_of_intensities()
+        yield LongTable(self.columns(), sort_by="temperature_K")
+
+    def _table_of_groups(self) -> Table:
+        """Mean temperature of each group, its error, and when it is reached."""
+        areas, rows = self.facets.membership @ self.facets.area, []
+        for (group, mean), area in zip(self.by_group().items(), areas):
+            ends = [mean.value.argmin(), mean.value.argmax()][self.is_steady :]
+            cells = [with_error(mean.value[k], mean.standard_error[k]) for k in ends]
+            if not self.is_steady:
+                cells = [f"{cell}, {clock(self.hours[k])}" for cell, k in zip(cells, ends)]
+            rows.append((group, f"{area:.4g}", *cells))
+        ends = ["temperature K"] if self.is_steady else ["lowest K, hour", "highest K, hour"]
+        return Table(["group", "area m2", *ends], rows)
+
+    def _table_of_inputs(self) -> Table:
+        """What the inputs contribute to the temperatures, at the time of the warmest facet."""
+        k, area = self.row(), self.facets.area / self.facets.area.sum()
+        first, *inputs = self.estimate.contributions
+        total = area @ self.error_K[k] ** 2 or 1.0  # 0 if all is held
+        rows = []
+        for row in (*inputs, first):
+            change, sigma = row.contribution[k], row.sigma
+            stated = sigma if isinstance(sigma, str) else f"{sigma or 0:g}"
+            mean = f"{area @ change:+.3g}"
+            cells = (stated, mean) if row is not first else ("paths", "")
+            share = percent(area @ change**2 / total)
+            rows.append((row.quantity, *cells, f"{abs(change).max():.3g}", share))
+        return Table(["input", "sigma", "mean dT K", "largest K", "share"], rows)
+
+    def _table_of_intensities(self) -> Table:
+        """The intensity at some times, with its standard uncertainty."""
+        rows = []
+        for k in np.unique(np.linspace(0, len(self.seconds) - 1, TIMES).round().astype(int)):
+            value, sigma = self.intensity.value[k], self.intensity.standard_error[k]
+            relative = percent(sigma / value)
+            rows.append((clock(self.hours[k]), f"{value:.5g}", f"{sigma:.2g}", relative))
+        return Table(["hour", f"{self.band} W/sr", "sigma", "relative"], rows)
 
     def quantities(self) -> dict[str, np.ndarray]:
         """What the columns of all files have, at all times: temperatures, errors, modes, (m, n)."""
@@ -193,6 +236,12 @@ class Heat(Result):
             variables["intensity_sigma_W_sr"] = ("time", self.intensity.standard_error)
         coordinates = {"time_s": ("time", self.seconds), "facet": ("facet", self.facets.number)}
         return self.dataset(variables, coordinates)
+
+
+def clock(hours: float) -> str:
+    """Hours of a day as 07:30."""
+    minutes = round(hours * 60)
+    return f"{minutes // 60:02}:{minutes % 60:02}"
 
 
 def write_csv(path: str | PathLike[str], heat: Heat, hour: float | None = None) -> None:

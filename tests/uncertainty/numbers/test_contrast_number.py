@@ -116,7 +116,7 @@ def test_a_contrast_with_too_many_temperatures(tmp_path):
     found_row = row(found, "self.temperature")
     assert found_row.contribution == pytest.approx(expected, rel=0.01)
     assert np.isnan(found_row.sensitivity_error)
-    assert found.as_dict()["rows"][0]["sensitivity_error"] is None
+    assert found.as_dict()["estimate"]["contributions"][0]["sensitivity_error"] is None
 
 
 def test_weather_of_a_contrast(tmp_path):
