@@ -1,6 +1,8 @@
 """The effective emissivity of a cavity, as a result."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -101,7 +103,7 @@ class Cavity(Result):
             return text
         return f"{text} at {self.wavelengths_um[0]:g} um"
 
-    def facts(self):
+    def facts(self) -> Iterator[Any]:
         """The effective emissivity by wavelength, the method, and the budget."""
         coldest, hottest = self.kelvin.min(), self.kelvin.max()
         wall = f"{coldest:g} K" if coldest == hottest else f"{coldest:g} to {hottest:g} K"

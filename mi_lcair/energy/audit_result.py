@@ -1,7 +1,8 @@
 """The fluxes that `audit` returns."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -77,7 +78,7 @@ class Audit(Result):
             f"{len(self.remarks) or 'no'} remarks"
         )
 
-    def facts(self):
+    def facts(self) -> Iterator[Any]:
         """Energy of the scene: what is emitted, absorbed and escapes, by material."""
         yield (
             "Flux is followed from the emitters until it is absorbed or escapes. Shares of the "

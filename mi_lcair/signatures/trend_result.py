@@ -1,10 +1,11 @@
 """The table that `trend` returns."""
 
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -118,7 +119,7 @@ class Trend(Result):
         """Whether all views reached the tolerance; None without one."""
         return None if self.tolerance is None else not self.missed
 
-    def facts(self):
+    def facts(self) -> Iterator[Any]:
         """Extremes by elevation, the accuracy, polar curves and the table."""
         yield (
             f"Band {self.band or 'not stated'}. Azimuth 0° sees the nose, 90° the left side. "

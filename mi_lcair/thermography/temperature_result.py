@@ -1,6 +1,8 @@
 """The temperature of an object, as a result."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -82,7 +84,7 @@ class Temperature(Result):
         low, high = self.range_K
         return f"{head} (median), {low:.5g} to {high:.5g} K"
 
-    def facts(self):
+    def facts(self) -> Iterator[Any]:
         """The temperature, the air, and the budget of the uncertainty."""
         typical = self.typical
         yield summary_of(self)

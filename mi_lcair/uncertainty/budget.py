@@ -2,8 +2,10 @@
 
 import pickle
 import time
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -127,7 +129,7 @@ class Budget(Result):
             f"most from {first.quantity} ({100 * first.share:.3g} % of the variance)"
         )
 
-    def facts(self):
+    def facts(self) -> Iterator[Any]:
         """The result and its uncertainty, what contributes to it, and what renders say about it."""
         relative = f", {percent(self.sigma / abs(self.value))}" if self.value else ""
         yield self.title, f"{self.estimate} (one standard uncertainty{relative})"

@@ -1,10 +1,11 @@
 """Temperatures of a scene's facets from their heat balance, as a result and its files."""
 
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -161,7 +162,7 @@ class Heat(Result):
             for row in self.inputs
         }
 
-    def facts(self):
+    def facts(self) -> Iterator[Any]:
         """The balance, the groups, what the inputs contribute, the intensity and the facets."""
         yield summary_of(self)
         yield "facets", str(len(self.facets.number))
