@@ -5,6 +5,7 @@ A result names the columns, and `mi_lcair/reports` draws them, for files and for
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -95,11 +96,11 @@ class LineCharts(Picture):
     title: str
     across: bool = False
 
-    def draw(self):
+    def draw(self) -> Any:
         """The picture as a Matplotlib Figure."""
         return named("mi_lcair.reports.line_charts:figure_of")(self.charts, self.title, self.across)
 
-    def panel(self):
+    def panel(self) -> Any:
         """The charts for a page."""
         return named("mi_lcair.reports.page.line_panel:line_panel")(self.charts, self.across)
 
@@ -129,7 +130,7 @@ class BarCharts(Picture):
     charts: list[BarChart]
     title: str
 
-    def draw(self):
+    def draw(self) -> Any:
         """The picture as a Matplotlib Figure."""
         return named("mi_lcair.reports.bar_charts:figure_of")(self.charts, self.title)
 
