@@ -6,12 +6,12 @@ few points of the peak outweigh all others. These two scales exist for compariso
 """
 
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from mi_lcair.declared import check_fields, within
-from mi_lcair.errors import InputError, check_known
+from mi_lcair.declared import Table, entry
+from mi_lcair.errors import InputError
 from mi_lcair.fitting.model import Hemispherical, Scatterometer
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
 from mi_lcair.physics.reflection import model
@@ -120,7 +120,7 @@ class Cauchy:
 
 
 @dataclass(frozen=True)
-class FitSettings:
+class FitSettings(Table):
     """What is compared and how it is searched; see `fit`.
 
     Raises InputError for the first setting that is out of its range.
@@ -128,17 +128,13 @@ class FitSettings:
 
     model: str
     form: str
-    starts: int = field(metadata=within(lower=1))
+    starts: int = entry(lower=1)
     seed: int
-    loss: str
+    loss: Literal["log", "cube_root", "linear"]
     robust: bool
-    max_angle_deg: float = field(metadata=within(is_positive=True, upper=90))
-    min_brdf: float = field(metadata=within(lower=0))
-    source_half_angle_deg: float = field(metadata=within(lower=0, upper=np.nextafter(90.0, 0)))
-
-    def __post_init__(self):
-        check_known("loss", SCALES, self.loss)
-        check_fields(self)
+    max_angle_deg: float = entry(is_positive=True, upper=90)
+    min_brdf: float = entry(lower=0)
+    source_half_angle_deg: float = entry(lower=0, upper=np.nextafter(90.0, 0))
 
     @property
     def half_angle(self) -> float:

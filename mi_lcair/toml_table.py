@@ -7,12 +7,11 @@ from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from datetime import date
 from pathlib import Path
-from types import UnionType
-from typing import Literal, Union, get_args, get_origin
+from typing import Literal, get_args, get_origin
 
 import numpy as np
 
-from mi_lcair.declared import check_fields
+from mi_lcair.declared import required
 from mi_lcair.errors import InputError, check_known, errors_of, shortened
 from mi_lcair.files import parse_toml, read_text
 
@@ -54,11 +53,12 @@ def plain(value):
     return os.fspath(value) if isinstance(value, os.PathLike) else value
 
 
-def filled(kind, values, where: str):
+def filled(kind, values, where: str, folder: Path | None = None):
     """The dataclass `kind` with the values of a table.
 
-    `where` names the table in messages. Raises InputError for unknown, missing or unusable values,
-    and for numbers outside the `Bounds` of their fields.
+    `where` names the table in messages. folder: that of the files which it names, if they are to be
+    relative to the working folder. Raises InputError for unknown, missing or unusable values.
+    A `Table` checks the rest.
     """
     if not isinstance(values, dict):
         raise InputError(f"{where} must be a table")
@@ -68,12 +68,12 @@ def filled(kind, values, where: str):
     for key in needed:
         if key not in values:
             raise InputError(f"{where}: {key} is missing; give {', '.join(needed)}")
+    if folder is not None:
+        values = located_files(kind, values, folder)
     with errors_of(where):
-        table = kind(
+        return kind(
             **{key: converted(value, known[key].type, key) for key, value in values.items()}
         )
-        check_fields(table)
-    return table
 
 
 def tables_of(tree: Mapping, name: str) -> list:
@@ -105,16 +105,42 @@ def dotted(table: Mapping, of_value=(), before: str = "") -> dict:
     return entries
 
 
-def located(folder: Path, text: str) -> str:
-    """A file relative to the working folder; a name without a suffix that is no file stays."""
-    path = str(folder / text)
-    return path if Path(text).suffix or os.path.isfile(path) else text
+def located(folder: Path, value):
+    """Files relative to the working folder in place of `folder`: a text, a list or a table.
+
+    A name without a suffix that is no file stays, and so does a number; so does any text of a table
+    that is no file.
+    """
+    if isinstance(value, Mapping):
+        return {
+            key: located(folder, text) if is_file(folder, text) else text
+            for key, text in value.items()
+        }
+    if isinstance(value, list):
+        return [located(folder, text) for text in value]
+    if isinstance(value, str) and (is_file(folder, value) or Path(value.strip()).suffix):
+        try:
+            float(value)
+        except ValueError:
+            return str(folder / value.strip())
+    return value
 
 
-def located_values(folder: Path, values: Mapping) -> dict:
-    """Values of which those that are files in a folder become relative to the working folder."""
-    files = {key: str(folder / text) for key, text in values.items() if isinstance(text, str)}
-    return {**values, **{key: path for key, path in files.items() if os.path.isfile(path)}}
+def is_file(folder: Path, text) -> bool:
+    return isinstance(text, str) and os.path.isfile(folder / text.strip())
+
+
+def located_files(kind, values, folder: Path):
+    """The values of a table, `located` where the dataclass `kind` declares files.
+
+    Anything else than a table stays as it is.
+    """
+    if not isinstance(values, Mapping):
+        return values
+    files = {
+        name for name, entry in kind.__dataclass_fields__.items() if "is_file" in entry.metadata
+    }
+    return {key: located(folder, v) if key in files else v for key, v in values.items()}
 
 
 def text_of(tables: dict[str, dict]) -> str:
@@ -152,22 +178,6 @@ def typed(values: Mapping[str, object], types: Mapping[str, type], needed=()) ->
     return table
 
 
-def texts(where: str, table: Mapping[str, object]) -> dict[str, str]:
-    """The texts, numbers and booleans of a table as texts, such as $-parameters of a scene.
-
-    Raises InputError for other values. where: begins the message.
-    """
-    for key, value in table.items():
-        if type(value) not in (str, int, float, bool):
-            raise InputError(f"{where}: {key} = {value}; must be a text or a number")
-    return {k: str(v).lower() if isinstance(v, bool) else str(v) for k, v in table.items()}
-
-
-def required(kind):
-    """The type X of a field of type X, X | None or X | Literal[...]."""
-    return get_args(kind)[0] if get_origin(kind) in (UnionType, Union) else kind
-
-
 def converted(value, kind, where: str):
     """A TOML value as a field of type `kind` holds it.
 
@@ -186,6 +196,8 @@ def converted(value, kind, where: str):
             return converted(value, kind, where)
         except InputError as error:
             raise InputError(f"{error}, or {' or '.join(words)}") from None
+    if get_origin(kind) is Literal:
+        kind = str  # the word itself is checked with the table
     if get_origin(kind) is tuple:
         return tuple(
             converted(item, get_args(kind)[0], where)

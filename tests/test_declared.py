@@ -1,11 +1,21 @@
 """Declared numbers: which values their bounds allow, and the message about the others."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Literal
 
 import pytest
 
-from mi_lcair.declared import Bounds, check_fields, within
+from mi_lcair.declared import (
+    Bounds,
+    Table,
+    entry,
+    excludes,
+    needs,
+    one_of,
+    rule,
+    together,
+)
 from mi_lcair.errors import InputError
 
 
@@ -57,17 +67,95 @@ def test_a_number_that_was_rounded_may_exceed_its_bounds_by_the_rounding():
             bounds.check(value, "x", rounding=1e-6)
 
 
-@dataclass
-class Table:
-    counts: tuple[int, ...] = field(default=(), metadata=within(lower=1))
-    size: float | None = field(default=None, metadata=within(is_positive=True))
-    free: float = -1.0
+RULES = (
+    one_of("focal_m", "angle_deg"),
+    excludes("path", "on", why="a path has its own"),
+    needs("on", "angle_deg", lens="thin", why="of a thin lens"),
+    needs("most", "on", "path", any_of=True),
+    together("x", "y"),
+    rule(lambda t: len(t.counts) < 3, "{t.counts}: at most two"),
+)
 
 
-def test_the_fields_of_a_table_are_checked_with_each_number_of_a_tuple():
-    for table in (Table(), Table((1, 2), 0.1, math.inf)):
-        check_fields(table)
-    with pytest.raises(InputError, match=r"\[table\]: counts = 0; must be 1 or more"):
-        check_fields(Table((3, 0)), "[table]: ")
-    with pytest.raises(InputError, match="size = 0; must be positive"):
-        check_fields(Table(size=0))
+@dataclass(frozen=True)
+class Optics(Table, where="[optics]", rules=RULES):
+    focal_m: float | None = entry(None, is_positive=True, unit="m")
+    angle_deg: float | None = None
+    lens: Literal["thin", "aplanatic"] = "thin"
+    axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    counts: tuple[int, ...] = entry((), lower=1)
+    words: tuple[Literal["a", "b"], ...] = ()
+    on: bool = False
+    path: str | None = entry(None, is_file=True)
+    most: int | Literal["auto"] | None = entry(None, lower=2)
+    x: float = 0.0
+    y: float = 0.0
+    parameters: dict = entry(dict)
+    size_m: float | None = entry(None, upper=9)
+
+    def complete(self):
+        if self.size_m is None and self.focal_m is not None:
+            self.derive(size_m=self.focal_m / 2)
+
+
+def test_a_table_that_keeps_its_rules_is_completed():
+    assert Optics(1.0).size_m == 0.5 and Optics(1.0, size_m=2.0).size_m == 2.0
+    Optics(angle_deg=3.0, on=True, counts=(1, 2), most="auto", x=1.0, y=1.0, words=("b", "a"))
+
+
+@pytest.mark.parametrize(
+    "values, message",
+    [
+        ({"focal_m": 0.0}, "focal_m = 0 m; must be positive"),
+        ({"counts": (1, 0)}, "counts = 0; must be 1 or more"),
+        ({"lens": "thn"}, "unknown lens 'thn'; known: thin, aplanatic"),
+        ({"words": ("a", "c")}, "unknown words 'c'; known: a, b"),
+        ({"axis": (0, 1)}, "axis = [0, 1]; give 3 numbers"),
+        ({"most": 1}, "most = 1; must be 2 or more"),
+        ({"parameters": {"a": [1]}}, "parameters: a = [1]; must be a text or a number"),
+        ({}, "focal_m and angle_deg are missing; give one of them"),
+        (
+            {"focal_m": 1, "angle_deg": 2},
+            "has focal_m and angle_deg; give one of focal_m and angle_deg",
+        ),
+        (
+            {"angle_deg": 2, "on": True, "path": "a"},
+            "path and on do not go together; a path has its own",
+        ),
+        (
+            {"focal_m": 1, "on": True},
+            'on needs angle_deg and lens = "thin"; of a thin lens',
+        ),
+        (
+            {"angle_deg": 1, "on": True, "lens": "aplanatic"},
+            'on needs angle_deg and lens = "thin"; of a thin lens',
+        ),
+        ({"focal_m": 1, "most": 2}, "most needs on or path"),
+        ({"focal_m": 1, "y": 2}, "x is missing; give x and y"),
+        ({"focal_m": 1, "counts": (1, 2, 3)}, "(1, 2, 3): at most two"),
+        ({"focal_m": 30}, "size_m = 15; must be finite and at most 9"),
+    ],
+)
+def test_what_a_table_refuses(values, message):
+    with pytest.raises(InputError) as error:
+        Optics(**values)
+    assert str(error.value).startswith(f"[optics]: {message}")
+
+
+def test_what_an_entry_takes_the_place_of_follows_from_the_rules():
+    assert Optics.replaced("focal_m") == {"angle_deg"}
+    assert Optics.replaced("path") == {"on"} and Optics.replaced("on") == {"path"}
+    assert Optics.replaced("x") == set()
+
+
+def test_all_are_needed_unless_another_is_given():
+    @dataclass(frozen=True)
+    class Where(Table, rules=(together("range", "angle", unless="position = [x, y]"),)):
+        range: float | None = None
+        angle: float | None = None
+        position: tuple[float, float] | None = None
+
+    assert Where(1.0, 0.0) and Where(position=(0.0, 1.0))
+    for values in ({}, {"range": 1.0}):
+        with pytest.raises(InputError, match="is missing; give range and angle, or position ="):
+            Where(**values)

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mi_lcair.declared import entry, required
 from mi_lcair.errors import InputError
-from mi_lcair.toml_table import converted, filled, located, located_values, plain, read, required
+from mi_lcair.toml_table import converted, filled, located, plain, read
 
 
 @dataclass
@@ -78,5 +79,19 @@ def test_files_are_relative_to_the_folder_and_names_stay(tmp_path):
     assert located(tmp_path, "a.xml") == str(tmp_path / "a.xml")
     assert located(tmp_path, "lid") == str(tmp_path / "lid")
     assert located(tmp_path, "furnace") == "furnace"
+    assert located(tmp_path, "288.5") == "288.5"
     values = {"modes": "lid", "band": "LWIR", "lid.temperature": 0.5}
-    assert located_values(tmp_path, values) == values | {"modes": str(tmp_path / "lid")}
+    assert located(tmp_path, values) == values | {"modes": str(tmp_path / "lid")}
+
+
+def test_the_declared_files_of_a_table_are_located(tmp_path):
+    @dataclass
+    class Files:
+        scene: str = entry(is_file=True)
+        plugins: tuple[str, ...] = entry((), is_file=True)
+        title: str = ""
+
+    values = {"scene": "a.xml", "plugins": ["b.py"], "title": "c.txt"}
+    found = filled(Files, values, "[files]", tmp_path)
+    assert found == Files(str(tmp_path / "a.xml"), (str(tmp_path / "b.py"),), "c.txt")
+    assert filled(Files, values, "[files]") == Files("a.xml", ("b.py",), "c.txt")

@@ -1,10 +1,11 @@
 """What a cavity's TOML file says: its shape, wall, view and uncertainties."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from math import radians
 from os import PathLike
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from mi_lcair import toml_table
 from mi_lcair.cavities.shape import Shape
 from mi_lcair.cavities.view import Beam, Cone, Hemisphere, View
 from mi_lcair.cavities.walls import OwnMesh
-from mi_lcair.declared import Bounds, check_fields, within
+from mi_lcair.declared import Bounds, Table, entry, excludes, one_of, rule
 from mi_lcair.errors import InputError, check_known
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.materials import Material, bands_of, material
@@ -20,14 +21,25 @@ from mi_lcair.physics.spectra.files import spectrum_of
 from mi_lcair.table import read_table
 from mi_lcair.toml_table import filled
 
-KELVIN = within(lower=10, upper=6000, unit="K")
-WAVELENGTHS = within(lower=0.2, upper=100, unit="um")
-DIRECTIONS = ("hemisphere", "normal")
+KELVIN = {"lower": 10, "upper": 6000, "unit": "K"}
+WAVELENGTHS = {"lower": 0.2, "upper": 100, "unit": "um"}
 TABLES = ("shape", "wall", "view", "sigma")
+OF_A_WALL = (
+    one_of("emissivity", "spectrum", "material"),
+    excludes("specular", "material", why="it goes with emissivity or spectrum"),
+    excludes("temperature_K", "profile"),
+)
+OF_A_VIEW = (
+    rule(lambda t: t.wavelengths_um, "wavelengths_um is empty; give one or more"),
+    rule(
+        lambda t: not t.angle_deg or t.direction == "normal" and t.distance_m is None,
+        'angle_deg goes with from = "normal" and without distance_m',
+    ),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
-class WallTable:
+class WallTable(Table, where="[wall]", rules=OF_A_WALL):
     """[wall]: one of emissivity, spectrum and material, and the temperature.
 
     Attributes
@@ -46,26 +58,16 @@ class WallTable:
         CSV file z_m,kelvin: temperatures at depths below the aperture's plane.
     """
 
-    emissivity: float | None = field(default=None, metadata=within(upper=1, is_positive=True))
+    emissivity: float | None = entry(None, upper=1, is_positive=True)
     spectrum: str | None = None
     material: str | None = None
-    specular: float = field(default=0.0, metadata=within(lower=0, upper=1))
-    temperature_K: float | None = field(default=None, metadata=KELVIN)
+    specular: float = entry(0.0, lower=0, upper=1)
+    temperature_K: float | None = entry(None, **KELVIN)
     profile: str | None = None
-
-    def __post_init__(self):
-        check_fields(self, "wall: ")
-        names = ("emissivity", "spectrum", "material")
-        if sum(getattr(self, name) is not None for name in names) != 1:
-            raise InputError(f"wall: give one of {', '.join(names)}")
-        if self.material is not None and self.specular:
-            raise InputError("wall: specular goes with emissivity or spectrum, not with a material")
-        if self.profile is not None and self.temperature_K is not None:
-            raise InputError("wall: temperature_K and profile exclude each other")
 
 
 @dataclass(frozen=True, kw_only=True)
-class ViewTable:
+class ViewTable(Table, where="[view]", rules=OF_A_VIEW):
     """[view], whose key `from` is `direction` here.
 
     Attributes
@@ -84,19 +86,12 @@ class ViewTable:
         point.
     """
 
-    direction: str = "hemisphere"
-    angle_deg: float = field(default=0.0, metadata=within(lower=0, upper=89, unit="degrees"))
-    distance_m: float | None = field(default=None, metadata=within(is_positive=True, unit="m"))
-    spot_m: float | None = field(default=None, metadata=within(is_positive=True, unit="m"))
-    wavelengths_um: tuple[float, ...] = field(default=(4.0, 10.0), metadata=WAVELENGTHS)
-    reference_K: float | None = field(default=None, metadata=KELVIN)
-
-    def __post_init__(self):
-        check_fields(self, "view: ")
-        if not self.wavelengths_um:
-            raise InputError("view: wavelengths_um is empty; give one or more")
-        if self.angle_deg and (self.direction != "normal" or self.distance_m is not None):
-            raise InputError('view: angle_deg goes with from = "normal" and without distance_m')
+    direction: Literal["hemisphere", "normal"] = "hemisphere"
+    angle_deg: float = entry(0.0, lower=0, upper=89, unit="degrees")
+    distance_m: float | None = entry(None, is_positive=True, unit="m")
+    spot_m: float | None = entry(None, is_positive=True, unit="m")
+    wavelengths_um: tuple[float, ...] = entry((4.0, 10.0), **WAVELENGTHS)
+    reference_K: float | None = entry(None, **KELVIN)
 
     def of(self, shape: Shape | OwnMesh) -> View:
         """The view of a shape; raises InputError for a spot that the aperture does not hold."""
@@ -114,25 +109,21 @@ class ViewTable:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sigma:
+class Sigma(Table, where="[sigma]"):
     """[sigma]: standard uncertainties, in the units of the quantities.
 
     temperature_K: common to the whole wall. gradient_K: of the temperature of the aperture's edge
     against the deepest point, linear in depth.
     """
 
-    emissivity: float = 0.0
-    specular: float = 0.0
-    temperature_K: float = 0.0
-    gradient_K: float = 0.0
-    radius_m: float = 0.0
-    length_m: float = 0.0
-    angle_deg: float = 0.0
-    aperture_radius_m: float = 0.0
-
-    def __post_init__(self):
-        for entry in fields(self):
-            Bounds(lower=0).check(getattr(self, entry.name), f"sigma: {entry.name}")
+    emissivity: float = entry(0.0, lower=0)
+    specular: float = entry(0.0, lower=0)
+    temperature_K: float = entry(0.0, lower=0)
+    gradient_K: float = entry(0.0, lower=0)
+    radius_m: float = entry(0.0, lower=0)
+    length_m: float = entry(0.0, lower=0)
+    angle_deg: float = entry(0.0, lower=0)
+    aperture_radius_m: float = entry(0.0, lower=0)
 
 
 @dataclass(frozen=True)
@@ -171,7 +162,6 @@ class Description:
         else:
             shape = filled(Shape, shape, "[shape]")
         if isinstance(view, Mapping) and "from" in view:
-            check_known("direction of [view] from", DIRECTIONS, view["from"])
             view = {("direction" if key == "from" else key): value for key, value in view.items()}
         described = Description(
             name=name,
@@ -209,7 +199,7 @@ class Description:
         if len(z) < 2 or (np.diff(z) <= 0).any():
             raise InputError(f"{path}: z_m must rise, over two rows or more")
         for value in kelvin:
-            KELVIN["bounds"].check(float(value), f"{path}: kelvin")
+            Bounds(**KELVIN).check(float(value), f"{path}: kelvin")
         return z, kelvin
 
     def check_profile(self) -> None:
@@ -265,8 +255,8 @@ class Description:
 
     def check_sigma(self) -> None:
         """Raise InputError for an uncertainty of a quantity that the cavity does not have."""
-        for entry in fields(self.sigma):
-            name = entry.name
+        for declared in fields(self.sigma):
+            name = declared.name
             if not getattr(self.sigma, name) or name in ("temperature_K", "gradient_K"):
                 continue
             has = name in vars(self.shape) and getattr(self.shape, name) is not None

@@ -3,27 +3,57 @@
 z is the depth below the plane of the aperture. All shapes are convex.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import pi, radians, sqrt, tan
+from typing import Literal
 
 import numpy as np
 
-from mi_lcair.declared import check_fields, within
-from mi_lcair.errors import InputError, check_known
+from mi_lcair.declared import Rule, Table, entry, given, listed, rule
 
-KINDS = ("cylinder", "cone", "cylinder_cone", "sphere")
-# What each kind needs beside radius_m; a cone takes its length or its angle
-NEEDED = {"cylinder": {"length_m"}, "cylinder_cone": {"length_m", "angle_deg"}, "sphere": set()}
+# What each kind takes beside radius_m and aperture_radius_m; a cone takes one of the two
+TAKEN = {
+    "cylinder": ("length_m",),
+    "cone": ("length_m", "angle_deg"),
+    "cylinder_cone": ("length_m", "angle_deg"),
+    "sphere": (),
+}
+
+
+def of_its_kind(shape: "Shape") -> str | None:
+    taken, stated = TAKEN[shape.kind], given(shape, ("length_m", "angle_deg"))
+    if shape.kind == "cone":
+        return None if len(stated) == 1 else "a cone needs one of length_m and angle_deg"
+    needed = listed(taken) if taken else "neither length_m nor angle_deg"
+    return None if stated == [*taken] else f"a {shape.kind} takes {needed} beside radius_m"
+
+
+RULES = (
+    Rule(of_its_kind),
+    rule(
+        lambda t: t.kind != "cylinder_cone" or t.cone_length < t.length_m,
+        "length_m = {t.length_m:g}; must exceed the cone's {t.cone_length:g} m, which radius_m and "
+        "angle_deg give",
+    ),
+    rule(
+        lambda t: t.kind != "sphere" or t.aperture < t.radius_m,
+        "a sphere needs an aperture_radius_m below its radius_m",
+    ),
+    rule(
+        lambda t: t.aperture <= t.radius_m,
+        "aperture_radius_m = {t.aperture:g}; must be at most radius_m = {t.radius_m:g}",
+    ),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shape:
+class Shape(Table, where="[shape]", rules=RULES):
     """Shape of a cavity. Raises InputError for numbers that make none.
 
     Attributes
     ----------
     kind : str
-        One of KINDS.
+        "cylinder", "cone", "cylinder_cone" or "sphere".
     radius_m : float
         Radius of the cylinder, of the cone's base, or of the sphere [m].
     length_m : float or None
@@ -35,38 +65,11 @@ class Shape:
         which is a wall too. None: the whole end is open.
     """
 
-    kind: str
-    radius_m: float = field(metadata=within(is_positive=True, unit="m"))
-    length_m: float | None = field(default=None, metadata=within(is_positive=True, unit="m"))
-    angle_deg: float | None = field(
-        default=None, metadata=within(lower=1, upper=179, unit="degrees")
-    )
-    aperture_radius_m: float | None = field(
-        default=None, metadata=within(is_positive=True, unit="m")
-    )
-
-    def __post_init__(self):
-        check_known("kind of cavity", KINDS, self.kind)
-        check_fields(self, "shape: ")
-        given = {name for name in ("length_m", "angle_deg") if getattr(self, name) is not None}
-        if self.kind == "cone":
-            if len(given) != 1:
-                raise InputError("shape: a cone needs one of length_m and angle_deg")
-        elif given != NEEDED[self.kind]:
-            needed = " and ".join(sorted(NEEDED[self.kind])) or "neither length_m nor angle_deg"
-            raise InputError(f"shape: a {self.kind} takes {needed} beside radius_m")
-        if self.kind == "cylinder_cone" and self.cone_length >= self.length_m:
-            raise InputError(
-                f"shape: length_m = {self.length_m:g}; must exceed the cone's {self.cone_length:g} "
-                "m, which radius_m and angle_deg give"
-            )
-        if self.kind == "sphere" and not self.aperture < self.radius_m:
-            raise InputError("shape: a sphere needs an aperture_radius_m below its radius_m")
-        if self.aperture > self.radius_m:
-            raise InputError(
-                f"shape: aperture_radius_m = {self.aperture:g}; must be at most radius_m = "
-                f"{self.radius_m:g}"
-            )
+    kind: Literal["cylinder", "cone", "cylinder_cone", "sphere"]
+    radius_m: float = entry(is_positive=True, unit="m")
+    length_m: float | None = entry(None, is_positive=True, unit="m")
+    angle_deg: float | None = entry(None, lower=1, upper=179, unit="degrees")
+    aperture_radius_m: float | None = entry(None, is_positive=True, unit="m")
 
     @property
     def aperture(self) -> float:

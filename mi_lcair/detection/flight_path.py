@@ -1,10 +1,10 @@
 """The path of a flight: where target and observer are by time, and how the target is turned."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from mi_lcair.declared import check_fields, within
+from mi_lcair.declared import Table, entry
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.table import read_table
 
@@ -16,7 +16,7 @@ MOST_MOMENTS = 1_000_000
 
 
 @dataclass(frozen=True)
-class FlightTable:
+class FlightTable(Table, where="[flight]"):
     """Table [flight] of a scenario.
 
     Attributes
@@ -40,20 +40,13 @@ class FlightTable:
         Paths through a pixel of a camera's frame.
     """
 
-    path: str
-    observer_m: tuple[float, ...] = (0.0, 0.0, 0.0)
+    path: str = entry(is_file=True)
+    observer_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     ground_m: float = 0.0
-    rate_hz: float | None = field(default=None, metadata=within(is_positive=True))
-    tolerance: float = field(default=0.01, metadata=within(is_positive=True, upper=1))
-    pixels: float = field(default=0.5, metadata=within(lower=0))
-    spp: int = field(default=16, metadata=within(lower=2, upper=2**31))
-
-    def __post_init__(self):
-        check_fields(self, "[flight]: ")
-        if len(self.observer_m) != 3:
-            raise InputError(
-                f"[flight]: observer_m = {list(self.observer_m)}; give its three numbers"
-            )
+    rate_hz: float | None = entry(None, is_positive=True)
+    tolerance: float = entry(0.01, is_positive=True, upper=1)
+    pixels: float = entry(0.5, lower=0)
+    spp: int = entry(16, lower=2, upper=2**31)
 
     def moments(self) -> "Moments":
         """The moments of the flight; raises InputError for a path that cannot be used."""

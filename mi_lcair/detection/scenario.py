@@ -5,7 +5,7 @@ A scenario is read from a TOML file and checked. Each table of the file is a dat
 
 import os
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -13,7 +13,20 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from mi_lcair import scenes
-from mi_lcair.declared import check_fields, fraction, within
+from mi_lcair.declared import (
+    Rule,
+    Table,
+    entry,
+    excludes,
+    fraction,
+    given,
+    needs,
+    one_of,
+    required,
+    rule,
+    texts,
+    together,
+)
 from mi_lcair.detection.flight_path import FlightTable, Moments
 from mi_lcair.errors import InputError, check_known, errors_of
 from mi_lcair.files import parse_toml, read_text
@@ -26,55 +39,23 @@ from mi_lcair.physics.imager import Imager
 from mi_lcair.physics.materials import hemispherical_emissivity
 from mi_lcair.physics.sky import clear_name, has_azimuths
 from mi_lcair.physics.surroundings.skies import sky_name
-from mi_lcair.physics.surroundings.words import Words, number
+from mi_lcair.physics.surroundings.words import Words
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.motions.table import MOTIONS, Declared, motions_of
 from mi_lcair.rendering.sampling import Sampling
-from mi_lcair.toml_table import filled, plain, required, texts
+from mi_lcair.toml_table import filled, located, located_files, plain
 
 if TYPE_CHECKING:
     from mi_lcair.rendering.views import View
 
 STATED = "a scenario is a TOML file that names a scene, its observer and the sensor"
 
-SUN = "surroundings", "sun"  # entry whose third part may be a file
-# Entries that hold the name of a file or a bundled name.
-FILES = (
-    ("target", "scene"),
-    ("target", "solution"),
-    ("atmosphere", "table"),
-    ("background", "sky"),
-    ("background", "sun_file"),
-    ("surroundings", "sky"),
-    SUN,
-    ("sensor", "response"),
-    ("flight", "path"),
-)
 WEATHER = tuple(entry.name for entry in fields(Weather))
-WAVES = ("plane", "spherical")
 POLAR = ("range_m", "azimuth_deg", "elevation_deg")
 HIGHEST_M = 100_000.0  # largest height of a sensor, above all air
-KELVIN = within(is_positive=True, unit="K")
-COUNT = within(lower=2, upper=2**31)  # of samples per pixel
 DEFAULT_SPP = 64  # samples per pixel without a tolerance
 # Entries that spp does not go with
 TO_A_TOLERANCE = ("tolerance", "tolerance_W_m2", "to_noise", "max_spp")
-# Entries that are removed when a change sets the entry on the left.
-REPLACES = {
-    ("background", "sky"): ("temperature", "daytime_sky"),
-    ("background", "daytime_sky"): ("temperature", "sky"),
-    ("background", "temperature"): (
-        "sky",
-        "daytime_sky",
-        "ground_temperature",
-        "ground_emissivity",
-    ),
-    ("background", "ground_temperature"): ("temperature",),
-    ("observer", "position_m"): POLAR,
-    **{("observer", name): ("position_m",) for name in POLAR},
-    ("render", "spp"): TO_A_TOLERANCE,
-    **{("render", name): ("spp",) for name in TO_A_TOLERANCE},
-}
 
 
 # Tables that a scenario may lack, and that have no defaults then
@@ -82,8 +63,15 @@ OPTIONAL = {"camera", "surroundings", "background", "flight"}
 OF_SCENE = "target.parameters."  # beginning of the keys of a scene's parameters
 
 
+def stated_elsewhere(target: "TargetModel") -> str | None:
+    for name, table in {"band": "[sensor]", **dict.fromkeys(POSE, "[pose]")}.items():
+        if name in target.parameters:
+            return f"{name} is given in {table}"
+    return None
+
+
 @dataclass(frozen=True)
-class TargetModel:
+class TargetModel(Table, where="[target]", rules=(Rule(stated_elsewhere),)):
     """Table [target].
 
     Attributes
@@ -99,28 +87,21 @@ class TargetModel:
         Height of the target above the ground, m, in place of the observer's.
     """
 
-    scene: str
-    parameters: dict = field(default_factory=dict)
-    solution: str | None = None
-    height_m: float | None = field(default=None, metadata=within(lower=0, upper=HIGHEST_M))
-
-    def __post_init__(self):
-        check_fields(self, "[target]: ")
-        for name, table in {"band": "[sensor]", **dict.fromkeys(POSE, "[pose]")}.items():
-            if name in self.parameters:
-                raise InputError(f"[target.parameters]: {name} is given in {table}")
-        texts("[target.parameters]", self.parameters)
+    scene: str = entry(is_file=True)
+    parameters: dict = entry(dict, is_file=True)
+    solution: str | None = entry(None, is_file=True)
+    height_m: float | None = entry(None, lower=0, upper=HIGHEST_M)
 
 
 @dataclass(frozen=True)
-class PluginFiles:
+class PluginFiles(Table):
     """Table [plugins]. files: Python files that register BSDFs or emitters with Mitsuba."""
 
-    files: tuple[str, ...] = ()
+    files: tuple[str, ...] = entry((), is_file=True)
 
 
 @dataclass(frozen=True)
-class Pose:
+class Pose(Table):
     """Table [pose]: rotation of the target, degrees.
 
     The values are passed to the scene's parameters of the same names.
@@ -134,8 +115,14 @@ class Pose:
 POSE = tuple(entry.name for entry in fields(Pose))
 
 
+PLACE = (
+    excludes("position_m", *POLAR, why="give one of them"),
+    together(*POLAR, unless="position_m = [x, y, z]"),
+)
+
+
 @dataclass(frozen=True)
-class Observer:
+class Observer(Table, where="[observer]", rules=PLACE):
     """Table [observer]: position of the sensor relative to the target, in the scene's axes.
 
     Attributes
@@ -154,33 +141,19 @@ class Observer:
         lower one of the two is 50 m above the ground.
     """
 
-    range_m: float | None = field(default=None, metadata=within(is_positive=True))
+    range_m: float | None = entry(None, is_positive=True)
     azimuth_deg: float | None = None
-    elevation_deg: float | None = field(default=None, metadata=within(lower=-90, upper=90))
-    position_m: tuple[float, ...] | None = None
-    height_m: float | None = field(default=None, metadata=within(lower=0, upper=HIGHEST_M))
+    elevation_deg: float | None = entry(None, lower=-90, upper=90)
+    position_m: tuple[float, float, float] | None = None
+    height_m: float | None = entry(None, lower=0, upper=HIGHEST_M)
 
-    def __post_init__(self):
-        given = [name for name in POLAR if getattr(self, name) is not None]
-        if self.position_m is None:
-            if missing := [name for name in POLAR if name not in given]:
-                raise InputError(
-                    f"[observer]: {missing[0]} is missing; give {', '.join(POLAR)}, or position_m "
-                    "= [x, y, z]"
-                )
-        elif given or len(self.position_m) != 3:
-            raise InputError(
-                "[observer]: position_m is "
-                f"{list(self.position_m)}{f' beside {given[0]}' if given else ''}; give its three "
-                "numbers alone"
-            )
-        else:
+    def complete(self) -> None:
+        if self.position_m is not None:
             x, y, z = self.position_m
             level = np.hypot(x, y)
             angles = np.degrees([np.arctan2(y, x), np.arctan2(z, level)])
-            for name, value in zip(POLAR, (np.hypot(level, z), *angles)):
-                object.__setattr__(self, name, float(value))
-        check_fields(self, "[observer]: ")
+            values = np.hypot(level, z), *angles
+            self.derive(**dict(zip(POLAR, map(float, values))))
 
     @property
     def view(self) -> "View":
@@ -190,8 +163,26 @@ class Observer:
         return View(self.azimuth_deg, self.elevation_deg)
 
 
-@dataclass(frozen=True)
-class Air:
+def weather_of_its_own(air: "Air") -> str | None:
+    stated = given(air, WEATHER)
+    if stated and clear_air_name(air.table) is None:
+        return (
+            f"{stated[0]} is weather of a clear air, but table = '{air.table}' has its own; choose "
+            "us_standard or midlat_summer"
+        )
+    return None
+
+
+OF_AIR = (
+    rule(
+        lambda t: not t.cn2 or t.table != VACUUM, "cn2 is turbulence of air; leave it out in vacuum"
+    ),
+    Rule(weather_of_its_own),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Air(Weather, rules=OF_AIR):
     """Table [atmosphere].
 
     Attributes
@@ -204,8 +195,7 @@ class Air:
     ranges_m : tuple of float, optional
         Ranges, m, of the blocks of a tape7 that does not state them.
     temperature, humidity, pressure, visibility, co2 : float, optional
-        Weather of a clear air, see `Weather`: temperature [K], relative humidity (0..1) and
-        pressure [hPa] at the ground, visibility [km], carbon dioxide [ppmv].
+        `Weather` of a clear air.
     cn2 : float
         Turbulence that blurs a camera's image, the same along the path: structure parameter of the
         refractive index, m^(-2/3). 0 for none.
@@ -213,29 +203,11 @@ class Air:
         "plane", or "spherical" for light of points at the target, with 3/8 of the effect.
     """
 
-    table: str
+    table: str = entry(is_file=True)
     extrapolate: bool = False
     ranges_m: tuple[float, ...] | None = None
-    temperature: float | None = None
-    humidity: float | None = None
-    pressure: float | None = None
-    visibility: float | None = None
-    co2: float | None = None
-    cn2: float = field(default=0.0, metadata=within(lower=0, upper=1e-9, unit="m^(-2/3)"))
-    wave: str = "plane"
-
-    def __post_init__(self):
-        check_fields(self, "[atmosphere]: ")
-        check_known("wave", WAVES, self.wave)
-        if self.cn2 and self.table == VACUUM:
-            raise InputError("[atmosphere]: cn2 is turbulence of air; leave it out in vacuum")
-        given = [name for name in WEATHER if getattr(self, name) is not None]
-        if given and clear_air_name(self.table) is None:
-            raise InputError(
-                f"[atmosphere]: {given[0]} is weather of a clear air, but table = '{self.table}' "
-                "has its own; choose us_standard or midlat_summer"
-            )
-        check_fields(self.weather, "[atmosphere]: ")
+    cn2: float = entry(0.0, lower=0, upper=1e-9, unit="m^(-2/3)")
+    wave: Literal["plane", "spherical"] = "plane"
 
     @property
     def weather(self) -> Weather:
@@ -243,8 +215,30 @@ class Air:
         return Weather(**{name: getattr(self, name) for name in WEATHER})
 
 
+BEHIND = (
+    one_of("sky", "daytime_sky", is_needed=False),
+    excludes("temperature", "sky", "daytime_sky", "ground_temperature", "ground_emissivity"),
+    rule(
+        lambda t: given(t, ("temperature", "sky", "daytime_sky", "ground_temperature")),
+        "sky and temperature are missing; give one of them",
+    ),
+    needs(
+        "ground_emissivity",
+        "ground_temperature",
+        why="ground that is not black reflects the sky, so give sky and ground_temperature",
+    ),
+    needs(
+        "ground_emissivity",
+        "sky",
+        "daytime_sky",
+        any_of=True,
+        why="ground that is not black reflects the sky",
+    ),
+)
+
+
 @dataclass(frozen=True)
-class Background:
+class Background(Table, where="[background]", rules=BEHIND):
     """Table [background]: what the sensor sees beside the target.
 
     It is a blackbody, or what the line of sight meets: the sky upward and the ground downward.
@@ -272,33 +266,14 @@ class Background:
         Emissivity of the ground. It reflects the sky diffusely if this is below 1.
     """
 
-    sky: str | None = None
+    sky: str | None = entry(None, is_file=True)
     daytime_sky: str | None = None
     sun_azimuth_deg: float | None = None
-    sun_elevation_deg: float | None = field(default=None, metadata=within(lower=1, upper=90))
-    sun_file: str | None = None
-    temperature: float | None = field(default=None, metadata=KELVIN)
-    ground_temperature: float | None = field(default=None, metadata=KELVIN)
-    ground_emissivity: float = field(default=1.0, metadata=within(is_positive=True, upper=1))
-
-    def __post_init__(self):
-        if self.sky is not None and self.daytime_sky is not None:
-            raise InputError("[background]: has sky and daytime_sky; give one of them")
-        lines = ("sky", "daytime_sky", "ground_temperature")
-        given = [name for name in lines if getattr(self, name) is not None]
-        if bool(given) == (self.temperature is not None):
-            both = f"has {given[0]} and temperature" if given else ""
-            raise InputError(
-                f"[background]: {both or 'sky and temperature are missing'}; give one of them"
-            )
-        check_fields(self, "[background]: ")
-        has_sky = self.sky is not None or self.daytime_sky is not None
-        if self.ground_emissivity < 1 and not (has_sky and self.ground_temperature is not None):
-            missing = "ground_temperature" if has_sky else "sky"
-            raise InputError(
-                f"[background]: ground_emissivity = {self.ground_emissivity:g} without {missing}; "
-                "ground that is not black reflects the sky, so give sky and ground_temperature"
-            )
+    sun_elevation_deg: float | None = entry(None, lower=1, upper=90)
+    sun_file: str | None = entry(None, is_file=True)
+    temperature: float | None = entry(None, is_positive=True, unit="K")
+    ground_temperature: float | None = entry(None, is_positive=True, unit="K")
+    ground_emissivity: float = entry(1.0, is_positive=True, upper=1)
 
     @property
     def by_day(self) -> bool:
@@ -316,7 +291,7 @@ class Background:
 
 
 @dataclass(frozen=True)
-class Sensor:
+class Sensor(Table, where="[sensor]"):
     """Table [sensor].
 
     Attributes
@@ -330,24 +305,24 @@ class Sensor:
     """
 
     band: str
-    response: str | None = None
+    response: str | None = entry(None, is_file=True)
     optics_transmittance: float = 1.0
     field_of_view_deg: float | None = None
     nei: float | None = None
     snr: float = LOCK_ON
 
-    def __post_init__(self):
+    def complete(self) -> None:
         rendered = band_of(self.band)
         rendered.check_limits("[sensor]")
         if rendered.response is not None:
             raise InputError(
-                f"[sensor]: band = '{self.band}' is a response; give it as response, and as band "
+                f"band = '{self.band}' is a response; give it as response, and as band "
                 "a name or limits that hold it"
             )
         detector = self.detector().band
         if not rendered.holds(detector):
             raise InputError(
-                f"[sensor]: response {detector.label} is not within band {rendered.label}; choose "
+                f"response {detector.label} is not within band {rendered.label}; choose "
                 "a band that holds it"
             )
 
@@ -362,8 +337,18 @@ class Sensor:
         )
 
 
+SAMPLES = (
+    excludes(
+        "spp",
+        *TO_A_TOLERANCE,
+        why="spp is a fixed number of samples, a tolerance chooses one",
+    ),
+    needs("max_spp", "tolerance", "tolerance_W_m2", "to_noise", any_of=True),
+)
+
+
 @dataclass(frozen=True)
-class RenderTable:
+class RenderTable(Table, where="[render]", rules=SAMPLES):
     """Table [render].
 
     Attributes
@@ -394,36 +379,22 @@ class RenderTable:
         Seed of the random numbers.
     """
 
-    max_bounces: tuple[int, ...] | Literal["auto"] = field(
-        default=(), metadata=within(lower=0, upper=10_000)
-    )
+    max_bounces: tuple[int, ...] | Literal["auto"] = entry((), lower=0, upper=10_000)
     lobe: str | None = None
-    resolution: int = field(default=256, metadata=within(lower=1))
-    spp: int | None = field(default=None, metadata=COUNT)
+    resolution: int = entry(256, lower=1)
+    spp: int | None = entry(None, lower=2, upper=2**31)
     tolerance: float | str | None = None
-    tolerance_W_m2: float | None = field(default=None, metadata=within(is_positive=True))
+    tolerance_W_m2: float | None = entry(None, is_positive=True)
     to_noise: bool = False
-    max_spp: int | None = field(default=None, metadata=COUNT)
-    seed: int = field(default=0, metadata=within(lower=0, upper=2**32 - 1))
+    max_spp: int | None = entry(None, lower=2, upper=2**31)
+    seed: int = entry(0, lower=0, upper=2**32 - 1)
 
-    def __post_init__(self):
-        given = [name for name in TO_A_TOLERANCE if getattr(self, name) not in (None, False)]
-        if self.spp is not None and given:
-            raise InputError(
-                f"[render]: spp and {given[0]} do not go together; spp is a fixed number of "
-                "samples, a tolerance chooses one"
-            )
-        if given == ["max_spp"]:
-            raise InputError(
-                "[render]: max_spp goes with a tolerance; give tolerance or tolerance_W_m2, or spp "
-                "instead"
-            )
-        if not given and self.spp is None:
-            object.__setattr__(self, "spp", DEFAULT_SPP)
+    def complete(self) -> None:
+        if not given(self, ("spp", *TO_A_TOLERANCE)):
+            self.derive(spp=DEFAULT_SPP)
         if self.tolerance is not None:
-            with errors_of("[render]: tolerance"):
-                object.__setattr__(self, "tolerance", fraction(str(self.tolerance)))
-        check_fields(self, "[render]: ")
+            with errors_of("tolerance"):
+                self.derive(tolerance=fraction(str(self.tolerance)))
 
     @property
     def most_bounces(self) -> int | str | None:
@@ -520,12 +491,7 @@ class Scenario:
         """
         path, name, title, tree = tables_of(source, changes)
         with errors_of(f"scenario '{source}'"):
-            known = {
-                entry.name: kind
-                for entry in fields(Scenario)
-                if is_dataclass(kind := required(entry.type))
-            }
-            check_known("table", [*known, MOTIONS], *tree)
+            check_known("table", [*TABLES, MOTIONS], *tree)
             words = tree.get("surroundings")
             if isinstance(words, dict):
                 tree["surroundings"] = dict(map(worded, *zip(*words.items())))
@@ -538,7 +504,7 @@ class Scenario:
             lacking = OPTIONAL | ({"observer"} if "flight" in tree else set())
             parts = {
                 table: filled(kind, tree.get(table, {}), f"[{table}]")
-                for table, kind in known.items()
+                for table, kind in TABLES.items()
                 if table in tree or table not in lacking
             }
             parts["background"] = background_of(tree, parts)
@@ -565,6 +531,13 @@ class Scenario:
         return texts("[target.parameters]", self.target.parameters | pose)
 
 
+TABLES = {
+    table.name: kind
+    for table in fields(Scenario)
+    if isinstance(kind := required(table.type), type) and issubclass(kind, Table)
+}
+
+
 def tables_of(source: str | PathLike[str], changes: Mapping[str, object]) -> tuple:
     """File, name, title and tables of a scenario, whose paths are resolved, with the changes.
 
@@ -580,7 +553,7 @@ def tables_of(source: str | PathLike[str], changes: Mapping[str, object]) -> tup
     text = read_text(path, f"scenario '{source}'")
     tree = parse_toml(text, f"scenario '{source}'")
     with errors_of(f"scenario '{source}'"):
-        locate(tree, path.parent)
+        tree = {table: in_folder(table, part, path.parent) for table, part in tree.items()}
         for key, value in changes.items():
             # The name of a parameter may have a dot of its own
             change(tree, key.split(".", 2 if key.startswith(OF_SCENE) else -1), plain(value))
@@ -648,30 +621,15 @@ def background_of(tree: dict, parts: dict) -> Background:
     return Background(**given)
 
 
-def locate(tree: dict, folder: Path) -> None:
-    """Resolve the paths in a scenario's tree relative to its folder, in place.
-
-    An entry without a suffix that is not a file stays as it is: it is a bundled name.
-    """
-    for table, key in FILES:
-        part = tree.get(table)
-        if not isinstance(part, dict) or not isinstance(part.get(key), str):
-            continue
-        # The file of a sun follows its direction
-        front, value = [], part[key]
-        if (table, key) == SUN:
-            *front, value = value.split(",", 2) if value.count(",") > 1 else ("",)
-        if number(value) is None and (
-            Path(value.strip()).suffix or os.path.isfile(folder / value.strip())
-        ):
-            part[key] = ",".join([*front, str(folder / value.strip())])
-    plugins = tree.get("plugins")
-    if isinstance(plugins, dict) and isinstance(files := plugins.get("files"), list):
-        plugins["files"] = [str(folder / file) for file in files]
-    parameters = tree["target"].get("parameters") if isinstance(tree.get("target"), dict) else None
-    for key, value in parameters.items() if isinstance(parameters, dict) else ():
-        if isinstance(value, str) and os.path.isfile(folder / value):
-            parameters[key] = str(folder / value)
+def in_folder(table: str, part, folder: Path):
+    """A table whose paths, relative to a folder, are relative to the working folder."""
+    if table in TABLES:
+        part = located_files(TABLES[table], part, folder)
+    sun = part.get("sun") if table == "surroundings" and isinstance(part, dict) else None
+    if isinstance(sun, str) and sun.count(",") > 1:  # its file follows its direction
+        *front, file = sun.split(",", 2)
+        part["sun"] = ",".join([*front, located(folder, file)])
+    return part
 
 
 def change(tree: dict, keys: list[str], value) -> None:
@@ -685,8 +643,9 @@ def change(tree: dict, keys: list[str], value) -> None:
         tree = tree.setdefault(table, {})
         if not isinstance(tree, dict):
             raise InputError(f"{'.'.join(keys)}: '{table}' is not a table")
-    for replaced in REPLACES.get(tuple(keys), ()):
-        tree.pop(replaced, None)
+    if len(tables) == 1 and tables[0] in TABLES:
+        for replaced in TABLES[tables[0]].replaced(key):
+            tree.pop(replaced, None)
     tree[key] = parsed(value) if isinstance(value, str) else value
 
 

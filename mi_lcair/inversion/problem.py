@@ -7,20 +7,37 @@ import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from mi_lcair.declared import Rule, Table, rule
 from mi_lcair.errors import InputError, check_known, errors_of
 from mi_lcair.files import parse_toml, read_text
 from mi_lcair.inversion.data.measurement import Candidate, Measurement
 from mi_lcair.inversion.tables import Goal, RenderSettings, UnknownEntry
 from mi_lcair.rendering.motions.table import MOTIONS, Declared, motions_of
-from mi_lcair.toml_table import filled, located, located_values, table_of, tables_of
+from mi_lcair.toml_table import filled, table_of, tables_of
 
 TABLES = ("data", "unknowns", "nuisance", "candidates", "goal", "render", MOTIONS)
-FILES = ("scene", "image", "mask", "sigma_image", "trend", "spectrum")  # may name files
 LABELLED = re.compile(r"\s*(?P<name>[^\[\]]*[^\[\]\s])\s*(\[(?P<of>[^\[\]]+)\])?\s*")
 
 
+def twice(problem: "InverseProblem") -> str | None:
+    """What has a name that something else has, too."""
+    if both := problem.unknowns.keys() & problem.nuisance.keys():
+        return f"'{min(both)}' is in [unknowns] and in [nuisance]; keep one"
+    names = [row.name for row in (*problem.data, *problem.candidates)]
+    same = next((name for name in names if names.count(name) > 1), None)
+    return same and f"two data or candidates have the name '{same}'; rename one"
+
+
+PROBLEM = (
+    rule(lambda t: not (t.data and t.goal), "has [[data]] beside [goal]; give one of them"),
+    rule(lambda t: t.data or t.goal, "no [[data]]: add a measurement, or a [goal]"),
+    rule(lambda t: t.unknowns, "no [unknowns]: name at least one parameter of the scene"),
+    Rule(twice),
+)
+
+
 @dataclass(frozen=True)
-class InverseProblem:
+class InverseProblem(Table, rules=PROBLEM):
     """An inverse problem.
 
     name: that of its file. data, unknowns, nuisance, candidates, goal, render: its tables. The
@@ -58,8 +75,8 @@ class InverseProblem:
             data = rows(tree, "data", Measurement, folder)
             candidates = rows(tree, "candidates", Candidate, folder)
             goal = tree.get("goal")
-            goal = None if goal is None else filled(Goal, located_table(goal, folder), "[goal]")
-            problem = InverseProblem(
+            goal = None if goal is None else filled(Goal, goal, "[goal]", folder)
+            return InverseProblem(
                 name=name,
                 data=data,
                 unknowns=entries(tree, "unknowns"),
@@ -69,25 +86,6 @@ class InverseProblem:
                 render=filled(RenderSettings, tree.get("render", {}), "[render]"),
                 motions=motions_of(tree.get(MOTIONS, {}), folder),
             )
-            problem.check()
-        return problem
-
-    def check(self) -> None:
-        """Raise InputError for tables that do not go together."""
-        if bool(self.data) == (self.goal is not None):
-            raise InputError(
-                "has [[data]] beside [goal]; give one of them"
-                if self.data
-                else "no [[data]]: add a measurement, or a [goal]"
-            )
-        if not self.unknowns:
-            raise InputError("no [unknowns]: name at least one parameter of the scene")
-        if twice := self.unknowns.keys() & self.nuisance.keys():
-            raise InputError(f"'{min(twice)}' is in [unknowns] and in [nuisance]; keep one")
-        names = [entry.name for entry in (*self.data, *self.candidates)]
-        if len(set(names)) < len(names):
-            twice = next(name for name in names if names.count(name) > 1)
-            raise InputError(f"two data or candidates have the name '{twice}'; rename one")
 
 
 def rows(tree: dict, table: str, kind, folder: Path) -> tuple:
@@ -95,8 +93,7 @@ def rows(tree: dict, table: str, kind, folder: Path) -> tuple:
     result = []
     for number, value in enumerate(tables_of(tree, table), 1):
         default = {"name": f"{'data' if table == 'data' else 'candidate'} {number}"}
-        values = default | located_table(value, folder)
-        result.append(filled(kind, values, f"[[{table}]] {number}"))
+        result.append(filled(kind, default | value, f"[[{table}]] {number}", folder))
     return tuple(result)
 
 
@@ -115,17 +112,6 @@ def entries(tree: dict, table: str) -> dict[str, UnknownEntry]:
         if not LABELLED.fullmatch(name):
             raise InputError(f'{where}: must be a name, such as "lid.temperature" or "... [hot]"')
         result[name] = filled(UnknownEntry, value, where)
-    return result
-
-
-def located_table(table, folder: Path) -> dict:
-    """A table whose files are relative to the working folder instead of `folder`."""
-    if not isinstance(table, dict):
-        return table
-    files = {key: table[key] for key in FILES if isinstance(table.get(key), str)}
-    result = table | {key: located(folder, text) for key, text in files.items()}
-    if isinstance(table.get("parameters"), dict):
-        result["parameters"] = located_values(folder, table["parameters"])
     return result
 
 

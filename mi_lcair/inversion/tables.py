@@ -1,16 +1,47 @@
 """Tables of an inverse problem beside its measurements: unknowns, goal and render."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Any, Literal
 
-from mi_lcair.declared import check_fields, within
-from mi_lcair.errors import InputError, check_known
+from mi_lcair.declared import Rule, Table, entry, rule
 
-NUMBERS = ("intensity", "contrast")  # what a goal may be about, W/sr
-PER = ("band", "state", "data")  # what an unknown may have a value of its own for
+
+def prior_of(key: str) -> Rule:
+    """The rule that a prior, if it is given, is a mean and a positive standard deviation."""
+
+    def message(table: Any) -> str | None:
+        prior = getattr(table, key)
+        if prior is None or prior[1] > 0:
+            return None
+        return (
+            f"{key} = {list(prior)}: sigma is {prior[1]:g}; must be positive. Set a parameter that "
+            "is known exactly in the scene instead"
+        )
+
+    return Rule(message)
+
+
+OF_AN_UNKNOWN = (
+    prior_of("prior"),
+    rule(
+        lambda t: None in (t.lower, t.upper) or t.lower < t.upper,
+        "lower = {t.lower:g} is not below upper = {t.upper:g}",
+    ),
+)
+OF_A_GOAL = (
+    rule(
+        lambda t: (t.background_K is not None) == (t.quantity == "contrast"),
+        "background_K goes with quantity = 'contrast', and is needed there",
+    ),
+    rule(
+        lambda t: t.value > 0 or not t.at_most,
+        "value = {t.value:g}; must be positive with at_most",
+    ),
+)
 
 
 @dataclass(frozen=True)
-class UnknownEntry:
+class UnknownEntry(Table, rules=OF_AN_UNKNOWN):
     """Entry of [unknowns] or [nuisance].
 
     Attributes
@@ -35,21 +66,14 @@ class UnknownEntry:
     start: float | None = None
     lower: float | None = None
     upper: float | None = None
-    prior: tuple[float, ...] | None = None
-    per: tuple[str, ...] | None = None
-    correlation_m: float | None = field(default=None, metadata=within(is_positive=True))
-    correlation_um: float | None = field(default=None, metadata=within(is_positive=True))
-
-    def __post_init__(self):
-        check_fields(self)
-        check_prior(self.prior, "prior")
-        check_known("word of per", PER, *(self.per or ()))
-        if None not in (self.lower, self.upper) and not self.lower < self.upper:
-            raise InputError(f"lower = {self.lower:g} is not below upper = {self.upper:g}")
+    prior: tuple[float, float] | None = None
+    per: tuple[Literal["band", "state", "data"], ...] | None = None
+    correlation_m: float | None = entry(None, is_positive=True)
+    correlation_um: float | None = entry(None, is_positive=True)
 
 
 @dataclass(frozen=True)
-class Goal:
+class Goal(Table, where="[goal]", rules=OF_A_GOAL):
     """Table [goal]: what the unknowns are to achieve, in place of measurements.
 
     Attributes
@@ -73,23 +97,15 @@ class Goal:
         Number of first guesses: the scene's values, and random ones within the bounds.
     """
 
-    quantity: str
-    scene: str
-    parameters: dict = field(default_factory=dict)
+    quantity: Literal["intensity", "contrast"]
+    scene: str = entry(is_file=True)
+    parameters: dict = entry(dict, is_file=True)
     value: float = 0.0
     at_most: bool = False
-    background_K: float | None = field(default=None, metadata=within(is_positive=True))
+    background_K: float | None = entry(None, is_positive=True)
     azimuth_deg: tuple[float, ...] = (0.0,)
     elevation_deg: tuple[float, ...] = (0.0,)
-    starts: int = field(default=1, metadata=within(lower=1, upper=100))
-
-    def __post_init__(self):
-        check_fields(self)
-        check_known("quantity", NUMBERS, self.quantity)
-        if (self.background_K is not None) != (self.quantity == "contrast"):
-            raise InputError("background_K goes with quantity = 'contrast', and is needed there")
-        if self.at_most and not self.value > 0:
-            raise InputError(f"value = {self.value:g}; must be positive with at_most")
+    starts: int = entry(1, lower=1, upper=100)
 
     @property
     def aspects(self) -> tuple[tuple[float, float], ...]:
@@ -98,7 +114,7 @@ class Goal:
 
 
 @dataclass(frozen=True)
-class RenderSettings:
+class RenderSettings(Table, where="[render]"):
     """Table [render].
 
     Attributes
@@ -120,25 +136,9 @@ class RenderSettings:
         noise that makes chi-square as large as its degrees of freedom.
     """
 
-    spp: int | None = field(default=None, metadata=within(lower=2, upper=2**31))
-    seed: int = field(default=0, metadata=within(lower=0, upper=2**32 - 1))
-    randomisations: int = field(default=4, metadata=within(lower=2, upper=64))
-    iterations: int = field(default=20, metadata=within(lower=1, upper=1000))
-    starts: int = field(default=1, metadata=within(lower=1, upper=100))
+    spp: int | None = entry(None, lower=2, upper=2**31)
+    seed: int = entry(0, lower=0, upper=2**32 - 1)
+    randomisations: int = entry(4, lower=2, upper=64)
+    iterations: int = entry(20, lower=1, upper=1000)
+    starts: int = entry(1, lower=1, upper=100)
     scale_errors: bool = False
-
-    def __post_init__(self):
-        check_fields(self)
-
-
-def check_prior(prior, key: str) -> None:
-    """Raise InputError unless a prior is None or a mean and a positive standard deviation."""
-    if prior is None:
-        return
-    if len(prior) != 2:
-        raise InputError(f"{key} = {list(prior)}; must be [mean, sigma]")
-    if not prior[1] > 0:
-        raise InputError(
-            f"{key} = {list(prior)}: sigma is {prior[1]:g}; must be positive. Set a parameter that "
-            "is known exactly in the scene instead"
-        )

@@ -1,11 +1,11 @@
 """A detector with a single pixel, which integrates its whole field of view (thesis 3.8)."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mi_lcair.declared import check_fields, within
+from mi_lcair.declared import Table, entry
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
@@ -14,7 +14,7 @@ LOCK_ON = 10.0  # signal-to-noise ratio that a lock-on requires (thesis 3.8)
 
 
 @dataclass(frozen=True)
-class Detector:
+class Detector(Table, where="sensor"):
     """Spectral band, optics and noise of a detector.
 
     The signal is the contrast irradiance at the aperture times optics_transmittance. It is detected
@@ -41,16 +41,13 @@ class Detector:
     """
 
     band: Band
-    optics_transmittance: float = field(default=1.0, metadata=within(is_positive=True, upper=1))
-    field_of_view_deg: float | None = field(
-        default=None, metadata=within(is_positive=True, upper=180)
-    )
-    nei: float | None = field(default=None, metadata=within(is_positive=True, unit="W m^-2"))
-    snr: float = field(default=LOCK_ON, metadata=within(is_positive=True))
+    optics_transmittance: float = entry(1.0, is_positive=True, upper=1)
+    field_of_view_deg: float | None = entry(None, is_positive=True, upper=180)
+    nei: float | None = entry(None, is_positive=True, unit="W m^-2")
+    snr: float = entry(LOCK_ON, is_positive=True)
 
-    def __post_init__(self):
-        object.__setattr__(self, "band", band_of(self.band))
-        check_fields(self, "sensor: ")
+    def complete(self) -> None:
+        self.derive(band=band_of(self.band))
 
     @property
     def solid_angle(self) -> float | None:

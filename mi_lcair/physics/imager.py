@@ -1,12 +1,13 @@
 """Parameters of a staring infrared camera with optics, a detector array and electronics."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mi_lcair.declared import check_fields, within
-from mi_lcair.errors import InputError, check_known
+from mi_lcair.declared import Rule, Table, entry, needs, rule
+from mi_lcair.errors import InputError
 
 MOST_PIXELS = 8192  # pixels along each side of a frame
 MOST_IN_FRAME = 2**24  # pixels of a frame
@@ -15,14 +16,43 @@ FASTEST = 0.5
 NARROWEST_DEG, WIDEST_DEG = 1e-4, 150.0  # width and height of a frame, degrees
 # Counts below zero signal, as a fraction of the largest count. Read noise would be clipped at 0.
 PEDESTAL = 1 / 64
-PROJECTIONS = ("perspective", "orthographic")
-LENSES = ("aplanatic", "thin")
-POSITIVE, NOT_NEGATIVE = within(is_positive=True), within(lower=0)
-SHARE, ASIDE = within(is_positive=True, upper=1), within(lower=-45, upper=45)
+POSITIVE, NOT_NEGATIVE = {"is_positive": True}, {"lower": 0}
+SHARE, ASIDE = {"is_positive": True, "upper": 1}, {"lower": -45, "upper": 45}
+
+
+def of_a_view(name: str) -> Rule:
+    """The rule that the frame's width or height is a possible angle of view."""
+
+    def message(camera: "Imager"):
+        angle = camera.angle_deg(getattr(camera, name))
+        if not NARROWEST_DEG <= angle <= WIDEST_DEG:
+            return (
+                f"the {name} of the frame is {angle:.3g} degrees; must lie in "
+                f"{NARROWEST_DEG:g}..{WIDEST_DEG:g}; change focal_length_mm, pitch_um or {name}"
+            )
+        return None
+
+    return Rule(message)
+
+
+RULES = (
+    rule(
+        lambda t: t.width * t.height <= MOST_IN_FRAME,
+        f"{{t.width}} x {{t.height}} pixels; a frame has at most {MOST_IN_FRAME:.2g}",
+    ),
+    of_a_view("width"),
+    of_a_view("height"),
+    needs(
+        "cos4",
+        projection="perspective",
+        why="all rays of an orthographic camera are parallel to its axis",
+    ),
+    needs("optics_emissivity", "optics_temperature"),
+)
 
 
 @dataclass(frozen=True)
-class Imager:
+class Imager(Table, where="[camera]", rules=RULES):
     """Parameters of a staring camera. It is table [camera] of a scenario.
 
     Attributes
@@ -84,59 +114,33 @@ class Imager:
         If a value is out of its range.
     """
 
-    focal_length_mm: float = field(metadata=POSITIVE)
-    f_number: float = field(metadata=within(lower=FASTEST))
-    pitch_um: float = field(metadata=POSITIVE)
-    width: int = field(metadata=within(lower=1, upper=MOST_PIXELS))
-    height: int = field(metadata=within(lower=1, upper=MOST_PIXELS))
-    integration_time_ms: float = field(metadata=POSITIVE)
-    well_Me: float = field(metadata=POSITIVE)
-    quantum_efficiency: float = field(default=1.0, metadata=SHARE)
-    lens: str = "aplanatic"
+    focal_length_mm: float = entry(**POSITIVE)
+    f_number: float = entry(lower=FASTEST)
+    pitch_um: float = entry(**POSITIVE)
+    width: int = entry(lower=1, upper=MOST_PIXELS)
+    height: int = entry(lower=1, upper=MOST_PIXELS)
+    integration_time_ms: float = entry(**POSITIVE)
+    well_Me: float = entry(**POSITIVE)
+    quantum_efficiency: float = entry(1.0, **SHARE)
+    lens: Literal["aplanatic", "thin"] = "aplanatic"
     cos4: bool = False
-    vignetting: float = field(default=0.0, metadata=within(lower=0, upper=0.99))
-    optics_temperature: float | None = field(
-        default=None, metadata=within(is_positive=True, unit="K")
-    )
-    optics_emissivity: float | None = field(default=None, metadata=within(lower=0, upper=1))
-    fill_factor: float = field(default=1.0, metadata=SHARE)
-    read_noise_e: float = field(default=0.0, metadata=NOT_NEGATIVE)
-    dark_current_e_s: float = field(default=0.0, metadata=NOT_NEGATIVE)
-    bits: int = field(default=14, metadata=within(lower=1, upper=16))
-    jitter_urad: float = field(default=0.0, metadata=NOT_NEGATIVE)
+    vignetting: float = entry(0.0, lower=0, upper=0.99)
+    optics_temperature: float | None = entry(None, is_positive=True, unit="K")
+    optics_emissivity: float | None = entry(None, lower=0, upper=1)
+    fill_factor: float = entry(1.0, **SHARE)
+    read_noise_e: float = entry(0.0, **NOT_NEGATIVE)
+    dark_current_e_s: float = entry(0.0, **NOT_NEGATIVE)
+    bits: int = entry(14, lower=1, upper=16)
+    jitter_urad: float = entry(0.0, **NOT_NEGATIVE)
     defocus_um: float = 0.0
-    gain_nonuniformity: float = field(default=0.0, metadata=NOT_NEGATIVE)
-    offset_nonuniformity_e: float = field(default=0.0, metadata=NOT_NEGATIVE)
+    gain_nonuniformity: float = entry(0.0, **NOT_NEGATIVE)
+    offset_nonuniformity_e: float = entry(0.0, **NOT_NEGATIVE)
     nuc: bool = False
-    right_deg: float = field(default=0.0, metadata=ASIDE)
-    up_deg: float = field(default=0.0, metadata=ASIDE)
-    roll_deg: float = field(default=0.0, metadata=within(lower=-180, upper=180))
-    projection: str = "perspective"
-    least_pixels: float = field(default=1.0, metadata=NOT_NEGATIVE)
-
-    def __post_init__(self):
-        check_fields(self, "[camera]: ")
-        if self.width * self.height > MOST_IN_FRAME:
-            raise InputError(
-                f"[camera]: {self.width} x {self.height} pixels; a frame has at most "
-                f"{MOST_IN_FRAME:.2g}"
-            )
-        for name in ("width", "height"):
-            angle = self.angle_deg(getattr(self, name))
-            if not NARROWEST_DEG <= angle <= WIDEST_DEG:
-                raise InputError(
-                    f"[camera]: the {name} of the frame is {angle:.3g} degrees; must lie in "
-                    f"{NARROWEST_DEG:g}..{WIDEST_DEG:g}; change focal_length_mm, pitch_um or {name}"
-                )
-        check_known("projection", PROJECTIONS, self.projection)
-        check_known("lens", LENSES, self.lens)
-        if self.cos4 and self.projection == "orthographic":
-            raise InputError(
-                "[camera]: cos4 needs projection = perspective; all rays of an orthographic "
-                "camera are parallel to its axis"
-            )
-        if self.optics_emissivity is not None and self.optics_temperature is None:
-            raise InputError("[camera]: optics_emissivity needs optics_temperature")
+    right_deg: float = entry(0.0, **ASIDE)
+    up_deg: float = entry(0.0, **ASIDE)
+    roll_deg: float = entry(0.0, lower=-180, upper=180)
+    projection: Literal["perspective", "orthographic"] = "perspective"
+    least_pixels: float = entry(1.0, **NOT_NEGATIVE)
 
     @property
     def solid_angle(self) -> float:

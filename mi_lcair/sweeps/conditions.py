@@ -1,7 +1,7 @@
 """The table of conditions of a sweep: what changes, over which values, and how they combine."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import isfinite, prod
 from os import PathLike
 from pathlib import Path
@@ -9,21 +9,25 @@ from pathlib import Path
 import numpy as np
 
 from mi_lcair import toml_table
-from mi_lcair.declared import check_fields, fraction, within
+from mi_lcair.declared import Table, entry, fraction, needs, one_of
 from mi_lcair.errors import InputError, check_known, shortened
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.table import read_table
-from mi_lcair.toml_table import dotted, filled, located, plain
+from mi_lcair.toml_table import dotted, filled, plain
 
 MOST_CASES = 10_000_000  # largest number of cases of a sweep, whose table then takes 1 to 2 GB
 RUN = ("from", "to", "step")
 COLUMN = ("csv", "column")
 TABLES = ("base", "conditions", "sampling")
+BASE = (
+    one_of("scene", "scenario"),
+    needs("detection_range", "scenario", why="a scenario has a sensor"),
+)
 Value = str | float | int | bool
 
 
 @dataclass(frozen=True)
-class Base:
+class Base(Table, where="[base]", rules=BASE):
     """Table [base]: what is swept, and whether the conditions form a grid.
 
     Attributes
@@ -37,20 +41,14 @@ class Base:
         Whether to compute the detection ranges, which need nei of the scenario's [sensor].
     """
 
-    scene: str | None = None
-    scenario: str | None = None
+    scene: str | None = entry(None, is_file=True)
+    scenario: str | None = entry(None, is_file=True)
     product: bool = True
     detection_range: bool = False
 
-    def __post_init__(self):
-        if (self.scene is None) == (self.scenario is None):
-            raise InputError("[base]: give a scene or a scenario, one of them")
-        if self.detection_range and self.scenario is None:
-            raise InputError("[base]: detection_range needs a scenario, which has a sensor")
-
 
 @dataclass(frozen=True)
-class SamplingTable:
+class SamplingTable(Table, where="[sampling]"):
     """Table [sampling].
 
     Attributes
@@ -67,13 +65,12 @@ class SamplingTable:
     tolerance: float | str | None = None
     spp: int | None = None
     max_spp: int | None = None
-    resolution: int = field(default=64, metadata=within(lower=1, upper=8192))
-    seed: int = field(default=0, metadata=within(lower=0, upper=2**32 - 1))
+    resolution: int = entry(64, lower=1, upper=8192)
+    seed: int = entry(0, lower=0, upper=2**32 - 1)
 
-    def __post_init__(self):
-        check_fields(self, "[sampling]: ")
+    def complete(self) -> None:
         if self.spp is None and self.tolerance is None:
-            object.__setattr__(self, "tolerance", "1%")
+            self.derive(tolerance="1%")
 
     def sampling(self) -> Sampling:
         """The sampling of each view."""
@@ -154,13 +151,11 @@ class Conditions:
 def conditions_of(tree: Mapping, folder: Path, name: str) -> Conditions:
     """The conditions of the tables of a file in a folder."""
     check_known("table", TABLES, *tree)
-    base = filled(Base, tree.get("base", {}), "[base]")
-    files = {key: text for key in ("scene", "scenario") if (text := getattr(base, key)) is not None}
     stated = tree.get("conditions")
     if not isinstance(stated, Mapping) or not stated:
         raise InputError("[conditions]: is missing; give at least one condition and its values")
     return Conditions(
-        base=replace(base, **{key: located(folder, text) for key, text in files.items()}),
+        base=filled(Base, tree.get("base", {}), "[base]", folder),
         values={
             key: values_of(key, value, folder)
             for key, value in dotted(stated, (*RUN, *COLUMN)).items()

@@ -133,7 +133,7 @@ def test_mesh_file(tmp_path):
 
 BAD = {
     "no table": ({"wall": {"emissivity": 0.5}}, "table [shape] is missing"),
-    "kind": ({"shape": {"kind": "sphre", "radius_m": 1}}, "unknown kind of cavity 'sphre'"),
+    "kind": ({"shape": {"kind": "sphre", "radius_m": 1}}, "unknown kind 'sphre'"),
     "open sphere": ({"shape": {"kind": "sphere", "radius_m": 1}}, "aperture_radius_m below"),
     "cone": (
         {"shape": {"kind": "cone", "radius_m": 1, "length_m": 1, "angle_deg": 30}},

@@ -110,7 +110,7 @@ def test_defaults_are_those_of_an_ideal_camera_of_14_bits():
         ({"f_number": 0.49}, "f_number = 0.49; must be 0.5 or more"),
         ({"lens": "fish"}, "unknown lens 'fish'; known: "),
         ({"vignetting": 1.0}, "vignetting = 1; must lie in 0..0.99"),
-        ({"cos4": True, "projection": "orthographic"}, "cos4 needs projection = perspective"),
+        ({"cos4": True, "projection": "orthographic"}, 'cos4 needs projection = "perspective"'),
         ({"optics_temperature": -3.0}, "optics_temperature = -3 K; must be positive"),
         ({"optics_emissivity": 0.2}, "optics_emissivity needs optics_temperature"),
         ({"fill_factor": 0.0}, "fill_factor = 0; must be positive and at most 1"),

@@ -236,8 +236,8 @@ def test_runs_and_lists():
 
 
 BAD = [
-    ({"base": {}}, "give a scene or a scenario"),
-    ({"base": {"scene": "cavity", "scenario": "x"}}, "give a scene or a scenario"),
+    ({"base": {}}, "scene and scenario are missing; give one of them"),
+    ({"base": {"scene": "cavity", "scenario": "x"}}, "has scene and scenario; give one"),
     ({"conditions": {}}, "is missing"),
     ({"conditions": {"azimuth_deg": []}}, "no values"),
     ({"conditions": {"azimuth_deg": [1, 1]}}, "twice"),

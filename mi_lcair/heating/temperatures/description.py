@@ -10,28 +10,28 @@ from typing import Literal
 import numpy as np
 
 from mi_lcair import toml_table
-from mi_lcair.declared import within
-from mi_lcair.errors import InputError, check_known, errors_of
+from mi_lcair.declared import Table, entry, excludes, needs, rule, together
+from mi_lcair.errors import check_known, errors_of
 from mi_lcair.heating.temperatures.wall import Wall
-from mi_lcair.toml_table import dotted, filled, located, located_values, table_of
+from mi_lcair.toml_table import dotted, filled, table_of
 from mi_lcair.uncertainty.distributions import check_sigma
 
-KELVIN = within(lower=10, upper=6000, unit="K")
+KELVIN = {"lower": 10, "upper": 6000, "unit": "K"}
 # More than any surface takes up or gives off; numbers beyond are of another unit
 FASTEST = 1e-10  # least time in which heat may diffuse through a wall, with errors of 3 mK [s]
-FLUX, CONVECTION = within(lower=0, upper=1e8), within(lower=0, upper=1e6)
+FLUX, CONVECTION = {"lower": 0, "upper": 1e8}, {"lower": 0, "upper": 1e6}
 
 
 @dataclass(frozen=True, kw_only=True)
-class TargetTable:
+class TargetTable(Table, where="[target]"):
     """[target]: the scene, and parameters as `mi_lcair.load` takes them in [target.parameters]."""
 
-    scene: str
-    parameters: dict = field(default_factory=dict)
+    scene: str = entry(is_file=True)
+    parameters: dict = entry(dict, is_file=True)
 
 
 @dataclass(frozen=True, kw_only=True)
-class WeatherTable:
+class WeatherTable(Table, where="[weather]"):
     """[weather]: a file of rows over a day, or numbers that hold all the time.
 
     Attributes
@@ -62,24 +62,39 @@ class WeatherTable:
 
     file: str | None = None
     day: date | None = None
-    air_K: float | None = field(default=None, metadata=KELVIN)
-    h_W_m2_K: float | None = field(default=None, metadata=CONVECTION)
-    wind_m_s: float | None = field(default=None, metadata=within(lower=0, upper=1000))
-    sky_K: float | None = field(default=None, metadata=within(lower=0, upper=6000, unit="K"))
-    ground_K: float | None = field(default=None, metadata=within(lower=0, upper=6000, unit="K"))
-    sun_W_m2: float = field(default=0.0, metadata=FLUX)
-    diffuse_W_m2: float = field(default=0.0, metadata=FLUX)
-    sun_elevation_deg: float | None = field(default=None, metadata=within(lower=-90, upper=90))
-    sun_azimuth_deg: float | None = field(default=None, metadata=within())
-    albedo: float = field(default=0.2, metadata=within(lower=0, upper=1))
-    latitude_deg: float | None = field(default=None, metadata=within(lower=-90, upper=90))
-    longitude_deg: float | None = field(default=None, metadata=within(lower=-180, upper=180))
-    utc_offset_h: float | None = field(default=None, metadata=within(lower=-14, upper=14))
-    north_deg: float = field(default=90.0, metadata=within())
+    air_K: float | None = entry(None, **KELVIN)
+    h_W_m2_K: float | None = entry(None, **CONVECTION)
+    wind_m_s: float | None = entry(None, lower=0, upper=1000)
+    sky_K: float | None = entry(None, lower=0, upper=6000, unit="K")
+    ground_K: float | None = entry(None, lower=0, upper=6000, unit="K")
+    sun_W_m2: float = entry(0.0, **FLUX)
+    diffuse_W_m2: float = entry(0.0, **FLUX)
+    sun_elevation_deg: float | None = entry(None, lower=-90, upper=90)
+    sun_azimuth_deg: float | None = entry(None)
+    albedo: float = entry(0.2, lower=0, upper=1)
+    latitude_deg: float | None = entry(None, lower=-90, upper=90)
+    longitude_deg: float | None = entry(None, lower=-180, upper=180)
+    utc_offset_h: float | None = entry(None, lower=-14, upper=14)
+    north_deg: float = entry(90.0)
+
+
+WALL = ("thickness_mm", "conductivity", "density", "heat_capacity")
+HELD = "a group at a temperature has no wall, no back and no heat of its own"
+BEHIND = (
+    together(*WALL),
+    excludes("temperature", *WALL, "internal_W_m2", "back_K", why=HELD),
+    excludes("back", "back_K", why='give back = "insulated" or back_K'),
+    needs("back_h", "back_K", why="the temperature of the air"),
+    needs("back_K", *WALL),
+    rule(
+        lambda t: t.thickness_mm is None or np.real(t.wall(0.0).diffusion) >= FASTEST,
+        "heat crosses the wall faster than its storage can be computed; leave it out",
+    ),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
-class GroupTable:
+class GroupTable(Table, rules=BEHIND):
     """[groups.NAME]: what lies behind the surfaces of a group.
 
     Attributes
@@ -98,53 +113,29 @@ class GroupTable:
         Temperature of the back, or of the air behind it if back_h [W/(m^2 K)] is given.
     """
 
-    temperature: float | None = field(default=None, metadata=KELVIN)
-    internal_W_m2: float = field(default=0.0, metadata=within(lower=-1e8, upper=1e8))
-    h_W_m2_K: float | None = field(default=None, metadata=CONVECTION)
-    thickness_mm: float | None = field(default=None, metadata=within(lower=1e-5, upper=1e7))
-    conductivity: float | None = field(default=None, metadata=within(lower=1e-4, upper=1e4))
-    density: float | None = field(default=None, metadata=within(lower=0.01, upper=1e5))
-    heat_capacity: float | None = field(default=None, metadata=within(lower=1, upper=1e5))
+    temperature: float | None = entry(None, **KELVIN)
+    internal_W_m2: float = entry(0.0, lower=-1e8, upper=1e8)
+    h_W_m2_K: float | None = entry(None, **CONVECTION)
+    thickness_mm: float | None = entry(None, lower=1e-5, upper=1e7)
+    conductivity: float | None = entry(None, lower=1e-4, upper=1e4)
+    density: float | None = entry(None, lower=0.01, upper=1e5)
+    heat_capacity: float | None = entry(None, lower=1, upper=1e5)
     back: Literal["insulated"] | None = None
-    back_K: float | None = field(default=None, metadata=KELVIN)
-    back_h: float | None = field(default=None, metadata=within(lower=1e-6, upper=1e6))
-
-    WALL = ("thickness_mm", "conductivity", "density", "heat_capacity")
-
-    def check(self) -> None:
-        """Raise InputError for numbers that do not go together."""
-        missing = [name for name in self.WALL if getattr(self, name) is None]
-        has_wall, wall = len(missing) < len(self.WALL), ", ".join(missing)
-        is_held = self.temperature is not None
-        for is_wrong, why in (
-            (has_wall and missing, f"a wall needs {wall} too"),
-            (
-                is_held and (has_wall or self.internal_W_m2 or self.back_K),
-                "a group at a temperature has no wall and no internal_W_m2",
-            ),
-            (self.back and self.back_K, 'give back = "insulated" or back_K, not both'),
-            (self.back_h and not self.back_K, "back_h needs back_K, the temperature of the air"),
-            (self.back_K and not has_wall, f"back_K needs a wall: {wall}"),
-            (
-                has_wall and not missing and self.wall(0.0).diffusion < FASTEST,
-                "heat crosses the wall faster than its storage can be computed; leave it out",
-            ),
-        ):
-            if is_wrong:
-                raise InputError(why)
+    back_K: float | None = entry(None, **KELVIN)
+    back_h: float | None = entry(None, lower=1e-6, upper=1e6)
 
     def wall(self, duration: float) -> Wall:
         """The wall for weather of a duration [s]; one of thickness 0 if there is none."""
         if self.thickness_mm is None:
             return Wall()
-        mm, *of_material = (getattr(self, name) for name in self.WALL)
+        mm, *of_material = (getattr(self, name) for name in WALL)
         usual = 0.0 if self.back_K is None else np.inf
         back = usual if self.back_h is None else self.back_h
         return Wall(mm / 1000, *of_material, back, self.back_K or 0.0, duration)
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunTable:
+class RunTable(Table, where="[run]"):
     """[run]: numbers of the computation.
 
     Attributes
@@ -159,14 +150,14 @@ class RunTable:
         periodic.
     """
 
-    steps: int = field(default=144, metadata=within(lower=4, upper=100_000))
-    rays: int = field(default=1024, metadata=within(lower=64, upper=2**20))
-    seed: int = field(default=0, metadata=within(lower=0, upper=2**32 - 1))
-    start_K: float | None = field(default=None, metadata=KELVIN)
+    steps: int = entry(144, lower=4, upper=100_000)
+    rays: int = entry(1024, lower=64, upper=2**20)
+    seed: int = entry(0, lower=0, upper=2**32 - 1)
+    start_K: float | None = entry(None, **KELVIN)
 
 
 @dataclass(frozen=True, kw_only=True)
-class SignatureTable:
+class SignatureTable(Table, where="[signature]"):
     """[signature]: intensity over the day, in the band and toward a sensor of the scene.
 
     Attributes
@@ -177,12 +168,11 @@ class SignatureTable:
         Paths of each pixel.
     """
 
-    sensor: int = field(default=0, metadata=within(lower=0))
-    spp: int = field(default=64, metadata=within(lower=16, upper=2**20))
+    sensor: int = entry(0, lower=0)
+    spp: int = entry(64, lower=16, upper=2**20)
 
 
 KINDS = {
-    "target": TargetTable,
     "weather": WeatherTable,
     "run": RunTable,
     "signature": SignatureTable,
@@ -216,22 +206,23 @@ class Description:
 
 def described(tree: Mapping, folder: Path, _name: str) -> Description:
     """The description of the tables of a file in a folder."""
-    check_known("table", [*KINDS, "groups", "sigma"], *tree)
-    tables = {key: filled(kind, tree.get(key, {}), f"[{key}]") for key, kind in KINDS.items()}
-    if "signature" not in tree:
-        tables["signature"] = None
-    target, groups = tables.pop("target"), {}
-    for group, values in table_of(tree, "groups").items():
-        with errors_of(where := f"[groups.{group}]"):
-            groups[group] = filled(GroupTable, values, where)
-            groups[group].check()
-    scene, parameters = located(folder, target.scene), located_values(folder, target.parameters)
+    check_known("table", ["target", *KINDS, "groups", "sigma"], *tree)
+    target = filled(TargetTable, tree.get("target", {}), "[target]", folder)
+    tables = {
+        key: filled(kind, tree.get(key, {}), f"[{key}]")
+        for key, kind in KINDS.items()
+        if key in tree or key != "signature"
+    }
+    groups = {
+        group: filled(GroupTable, values, f"[groups.{group}]")
+        for group, values in table_of(tree, "groups").items()
+    }
     sigma = dotted(table_of(tree, "sigma"))
     with errors_of("[sigma]"):
         for name, value in sigma.items():
             check_sigma(name, value)
     return Description(
-        target=TargetTable(scene=scene, parameters=parameters),
+        target=target,
         groups=groups,
         sigma=sigma,
         folder=folder,

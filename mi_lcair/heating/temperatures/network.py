@@ -17,7 +17,7 @@ from mi_lcair.errors import InputError, check_known
 from mi_lcair.heating.conductors import Facets, Traced, standard_error
 from mi_lcair.heating.sunlight import SolarAreas
 from mi_lcair.heating.temperatures.balance import Balance
-from mi_lcair.heating.temperatures.description import GroupTable
+from mi_lcair.heating.temperatures.description import WALL, GroupTable
 from mi_lcair.heating.temperatures.wall import Wall
 from mi_lcair.heating.temperatures.weather import Weather
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
@@ -25,7 +25,7 @@ from mi_lcair.uncertainty.distributions import relative
 
 STEP = 1e-30  # of complex steps, in standard uncertainties
 OF_WEATHER = ("air_K", "sky_K", "ground_K", "sun_W_m2", "diffuse_W_m2", "albedo")
-OF_WALL = (*GroupTable.WALL, "back_K", "back_h")
+OF_WALL = (*WALL, "back_K", "back_h")
 OF_GROUP = ("h", "absorptance", "emissivity", "internal_W_m2", "temperature", *OF_WALL)
 
 

@@ -1,20 +1,38 @@
 """Measurements of an inverse problem and candidates for further ones: [[data]], [[candidates]]."""
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from mi_lcair.declared import check_fields, fraction, within
-from mi_lcair.errors import InputError, check_known
-from mi_lcair.inversion.tables import check_prior
-from mi_lcair.toml_table import texts
+from mi_lcair.declared import (
+    Rule,
+    Table,
+    entry,
+    excludes,
+    fraction,
+    needs,
+    one_of,
+    rule,
+    texts,
+)
+from mi_lcair.errors import check_known
+from mi_lcair.inversion.tables import prior_of
 
 QUANTITIES = ("radiance", "apparent_temperature")
 CAMERA_QUANTITIES = ("counts", "apparent_temperature")
+NOISES = ("netd_mK", "sigma", "sigma_image")
+OF_AN_IMAGE = ("model_sigma", "row_noise", "column_noise", "frame_noise", "gain", "offset")
 NAME_KEY = re.compile(r"[^\[\],]{1,64}")
 
 
+def named(key: str) -> Rule:
+    return rule(
+        lambda t: not getattr(t, key) or NAME_KEY.fullmatch(getattr(t, key)),
+        f"{key} = '{{t.{key}}}'; must have 1 to 64 characters, without brackets and commas",
+    )
+
+
 @dataclass(frozen=True)
-class Observation:
+class Observation(Table, rules=(named("name"), named("state"))):
     """Where a measurement looks: a scene, a view and a heating state.
 
     Attributes
@@ -39,22 +57,13 @@ class Observation:
         for a contrast.
     """
 
-    scene: str
+    scene: str = entry(is_file=True)
     name: str = ""
-    parameters: dict = field(default_factory=dict)
-    sensor: int = field(default=0, metadata=within(lower=0))
+    parameters: dict = entry(dict, is_file=True)
+    sensor: int = entry(0, lower=0)
     state: str = ""
-    netd_mK: float | None = field(default=None, metadata=within(is_positive=True))
-    sigma: float | None = field(default=None, metadata=within(is_positive=True))
-
-    def __post_init__(self):
-        check_fields(self)
-        self.scene_parameters()
-        for key in ("name", "state"):
-            if (text := getattr(self, key)) and not NAME_KEY.fullmatch(text):
-                raise InputError(
-                    f"{key} = '{text}'; must have 1 to 64 characters, without brackets and commas"
-                )
+    netd_mK: float | None = entry(None, is_positive=True)
+    sigma: float | None = entry(None, is_positive=True)
 
     def scene_parameters(self) -> dict[str, str]:
         """The scene's $-parameters as text."""
@@ -62,11 +71,56 @@ class Observation:
 
     def noises(self) -> list[str]:
         """Names of the entries that state the noise."""
-        return [key for key in ("netd_mK", "sigma") if getattr(self, key) is not None]
+        return [key for key in NOISES if getattr(self, key, None) is not None]
+
+
+def without_camera(key: str) -> Rule:
+    return rule(
+        lambda t: not (t.is_of_camera and getattr(t, key)),
+        f"{key} does not go with the image of a scenario's camera",
+    )
+
+
+def noise_once(data: "Measurement") -> str | None:
+    """What is wrong with the noise, which a camera and some files state themselves."""
+    noises, allowed = data.noises(), NOISES if data.image else ("sigma",)
+    if data.is_of_camera:
+        return noises and (
+            f"states its noise by {' and '.join(noises)}, but the [camera] of {data.scene} has its "
+            "own; leave it out"
+        )
+    if len(noises) == 1 and noises[0] in allowed or (data.trend or data.spectrum) and not noises:
+        return None
+    return (
+        f"states its noise by {' and '.join(noises) or 'nothing'}; "
+        f"give {'one of ' if len(allowed) > 1 else ''}{', '.join(allowed)}"
+    )
+
+
+def known_quantity(data: "Measurement") -> None:
+    known = CAMERA_QUANTITIES if data.is_of_camera else QUANTITIES
+    check_known("quantity", known, data.quantity)
+
+
+OF_A_MEASUREMENT = (
+    one_of("image", "intensity", "contrast", "trend", "spectrum"),
+    excludes("contrast", "sensor", why="a scenario has its observer"),
+    *map(without_camera, ("model_sigma", "sensor", "sigma_image")),
+    rule(
+        lambda t: not (t.is_of_camera and t.offset) or t.offset_prior,
+        "offset of a camera's image needs offset_prior, in electrons",
+    ),
+    Rule(noise_once),
+    Rule(known_quantity),
+    rule(lambda t: t.scale, "scale = 0; must not be zero"),
+    *(needs(key, "image", why="for a number raise sigma") for key in OF_AN_IMAGE),
+    *(needs(f"{key}_prior", **{key: True}) for key in ("gain", "offset")),
+    *map(prior_of, ("gain_prior", "offset_prior")),
+)
 
 
 @dataclass(frozen=True)
-class Measurement(Observation):
+class Measurement(Observation, rules=OF_A_MEASUREMENT):
     """Table [[data]]: a measured image, number or trend.
 
     Attributes
@@ -111,106 +165,43 @@ class Measurement(Observation):
         standard_error_W_sr, in place of an image.
     """
 
-    image: str | None = None
+    image: str | None = entry(None, is_file=True)
     channel: str | None = None
     quantity: str | None = None
     scale: float = 1.0
-    mask: str | None = None
+    mask: str | None = entry(None, is_file=True)
     saturation: float | None = None
-    sigma_image: str | None = None
+    sigma_image: str | None = entry(None, is_file=True)
     gain: bool = False
     offset: bool = False
-    gain_prior: tuple[float, ...] | None = None
-    offset_prior: tuple[float, ...] | None = None
+    gain_prior: tuple[float, float] | None = None
+    offset_prior: tuple[float, float] | None = None
     model_sigma: str | None = None
-    row_noise: float = field(default=0.0, metadata=within(lower=0))
-    column_noise: float = field(default=0.0, metadata=within(lower=0))
-    frame_noise: float = field(default=0.0, metadata=within(lower=0))
+    row_noise: float = entry(0.0, lower=0)
+    column_noise: float = entry(0.0, lower=0)
+    frame_noise: float = entry(0.0, lower=0)
     intensity: float | None = None
     contrast: float | None = None
-    trend: str | None = None
-    spectrum: str | None = None
+    trend: str | None = entry(None, is_file=True)
+    spectrum: str | None = entry(None, is_file=True)
 
-    def __post_init__(self):
-        super().__post_init__()
-        kinds = [
-            key
-            for key in ("image", "intensity", "contrast", "trend", "spectrum")
-            if getattr(self, key) is not None
-        ]
-        if len(kinds) != 1:
-            raise InputError(
-                f"has {' and '.join(kinds) or 'no measurement'}; give one of image, "
-                "intensity, contrast, trend and spectrum"
-            )
-        if self.contrast is not None and self.sensor:
-            raise InputError(f"sensor = {self.sensor}: a scenario has its observer; leave it out")
-        self._check_camera()
-        self._check_noise()
-        quantities = CAMERA_QUANTITIES if self.is_of_camera else QUANTITIES
-        check_known("quantity", quantities, self.quantity)
-        if self.scale == 0:
-            raise InputError("scale = 0; must not be zero")
-        if self.model_error and not self.image:
-            raise InputError("model_sigma belongs to an image, and this is a number; raise sigma")
-        for key in ("row_noise", "column_noise", "frame_noise", "gain", "offset"):
-            if getattr(self, key) and not self.image:
-                raise InputError(f"{key} belongs to an image, and this is a number; raise sigma")
-        for key in ("gain", "offset"):
-            prior = getattr(self, f"{key}_prior")
-            if prior is not None and not getattr(self, key):
-                raise InputError(f"{key}_prior is given without {key} = true")
-            check_prior(prior, f"{key}_prior")
+    def complete(self) -> None:
+        fraction(self.model_sigma)  # raises InputError for what is none
 
     @property
     def is_of_camera(self) -> bool:
         """Whether the image is that of a scenario's camera."""
         return self.image is not None and self.scene.endswith(".toml")
 
-    def _check_camera(self):
-        if not self.is_of_camera:
-            return
-        for key in ("model_sigma", "sensor", "sigma_image"):
-            if getattr(self, key):
-                raise InputError(f"{key} does not go with the image of a scenario's camera")
-        if self.offset and self.offset_prior is None:
-            raise InputError("offset of a camera's image needs offset_prior, in electrons")
-
-    def _check_noise(self):
-        noises = self.noises()
-        if self.is_of_camera:
-            if noises:
-                raise InputError(
-                    f"states its noise by {' and '.join(noises)}, but the [camera] of "
-                    f"{self.scene} has its own; leave it out"
-                )
-            return
-        allowed = ("netd_mK", "sigma", "sigma_image") if self.image else ("sigma",)
-        if (self.trend or self.spectrum) and not noises:
-            return  # the file states it
-        if len(noises) != 1 or noises[0] not in allowed:
-            raise InputError(
-                f"states its noise by {' and '.join(noises) or 'nothing'}; "
-                f"give {'one of ' if len(allowed) > 1 else ''}{', '.join(allowed)}"
-            )
-
     @property
     def model_error(self) -> float:
         """model_sigma as a number; 0 without it."""
         return fraction(self.model_sigma) or 0.0
 
-    def noises(self) -> list[str]:
-        return [*super().noises(), *(["sigma_image"] if self.sigma_image is not None else [])]
-
 
 @dataclass(frozen=True)
-class Candidate(Observation):
+class Candidate(Observation, rules=(one_of("netd_mK", "sigma"),)):
     """Table [[candidates]]: a measurement that could be made; what it would bring is computed.
 
     Its noise is `netd_mK` or `sigma` of an image.
     """
-
-    def __post_init__(self):
-        super().__post_init__()
-        if len(self.noises()) != 1:
-            raise InputError("needs its noise; give one of netd_mK, sigma")

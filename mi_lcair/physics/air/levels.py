@@ -1,12 +1,12 @@
 """The clear air by height: temperature, refraction and densities of absorbers, for any weather."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mi_lcair.declared import check_fields, within
+from mi_lcair.declared import Table, entry
 from mi_lcair.errors import check_known
 from mi_lcair.physics.air.bands import TABLES, bands
 from mi_lcair.table import read_table, rows_at
@@ -25,7 +25,7 @@ HAZE_KM = 0.0, 1.0, 2.0  # heights of the rural aerosol in the table of haze
 
 
 @dataclass(frozen=True)
-class Weather:
+class Weather(Table, where="[atmosphere]"):
     """Weather other than that of a model atmosphere; None for what stays.
 
     Attributes
@@ -44,14 +44,11 @@ class Weather:
         Carbon dioxide [ppmv]; 330 in the model atmospheres, about 425 in 2025.
     """
 
-    temperature: float | None = field(default=None, metadata=within(lower=230, upper=320, unit="K"))
-    humidity: float | None = field(default=None, metadata=within(lower=0, upper=MOST_HUMID))
-    pressure: float | None = field(default=None, metadata=within(lower=850, upper=1090, unit="hPa"))
-    visibility: float | None = field(default=None, metadata=within(lower=2, upper=50, unit="km"))
-    co2: float | None = field(default=None, metadata=within(lower=0, upper=2000, unit="ppmv"))
-
-    def __post_init__(self):
-        check_fields(self, "[atmosphere]: ")
+    temperature: float | None = entry(None, lower=230, upper=320, unit="K")
+    humidity: float | None = entry(None, lower=0, upper=MOST_HUMID)
+    pressure: float | None = entry(None, lower=850, upper=1090, unit="hPa")
+    visibility: float | None = entry(None, lower=2, upper=50, unit="km")
+    co2: float | None = entry(None, lower=0, upper=2000, unit="ppmv")
 
 
 @dataclass(frozen=True, eq=False)

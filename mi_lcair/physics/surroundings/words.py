@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from functools import cached_property
 
+from mi_lcair.declared import Table, entry, given, rule
 from mi_lcair.errors import InputError
 from mi_lcair.physics.sky import sky_names
 from mi_lcair.physics.surroundings.skies import CLEAR, OVERCAST
@@ -17,7 +18,16 @@ BLACK = "1"  # emissivity of ground that states none
 
 
 @dataclass(frozen=True)
-class Words:
+class Words(
+    Table,
+    where="surroundings",
+    rules=(
+        rule(
+            lambda t: given(t, ("sky", "ground")),
+            "sky and ground are missing; give one of them, or both",
+        ),
+    ),
+):
     """Table [surroundings] of a scenario, and the options of `mi-lcair import`.
 
     Attributes
@@ -36,15 +46,13 @@ class Words:
         the clear air of its path.
     """
 
-    sky: str | None = None
+    sky: str | None = entry(None, is_file=True)
     ground: str | None = None
     sun: str | None = None
     atmosphere: str = ATMOSPHERE
 
-    def __post_init__(self):
-        if self.sky is None and self.ground is None:
-            raise InputError("surroundings: sky and ground are missing; give one of them, or both")
-        self.at_height(None)
+    def complete(self) -> None:
+        self.at_height(None)  # raises InputError for what cannot be used
 
     def at_height(self, height_m: float | None) -> Surroundings:
         """The `Surroundings` at a height [m]; the ground is black if it has a material."""

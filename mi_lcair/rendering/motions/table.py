@@ -8,9 +8,10 @@ A file of motions has this table alone. Scenarios, problems and uncertainties ha
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
+from mi_lcair.declared import Table, entry, one_of
 from mi_lcair.errors import InputError
 from mi_lcair.files import parse_toml, read_text
 from mi_lcair.toml_table import filled
@@ -19,7 +20,7 @@ MOTIONS = "motions"  # the table; among the values of a scene's parameters, a fi
 
 
 @dataclass(frozen=True)
-class Declared:
+class Declared(Table, rules=(one_of("scale", "displaced"),)):
     """A motion that a user declares, see `mi_lcair.rendering.motions.declared`.
 
     groups: names of the groups that move. scale: factors of the displacement along each axis. each:
@@ -27,9 +28,9 @@ class Declared:
     """
 
     groups: tuple[str, ...]
-    scale: tuple[float, ...] = ()
+    scale: tuple[float, float, float] | None = None
     each: bool = False
-    displaced: str = ""
+    displaced: str | None = entry(None, is_file=True)
 
 
 def read_motions(file: str | Path) -> dict[str, Declared]:
@@ -57,12 +58,5 @@ def motions_of(
             raise InputError(
                 f'{of_name} must be of the form "OWNER.NAME" in quotes, such as "exhaust.radius"'
             )
-        motion = filled(Declared, values, of_name)
-        if bool(motion.scale) == bool(motion.displaced):
-            raise InputError(f"{of_name} needs either scale = [x, y, z] or displaced = FILE.ply")
-        if motion.scale and len(motion.scale) != 3:
-            raise InputError(f"{of_name}: scale has {len(motion.scale)} numbers; give 3")
-        if motion.displaced:
-            motion = replace(motion, displaced=str(Path(folder) / motion.displaced))
-        declared[name] = motion
+        declared[name] = filled(Declared, values, of_name, Path(folder))
     return declared

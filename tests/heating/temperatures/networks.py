@@ -54,6 +54,4 @@ def network(
     onward = sparse.csr_array((n, n)) if onward is None else sparse.csr_array(onward)
     sun = SolarAreas(beam, beam, 0 * beam, *diffuse, np.full(n, 0.6), onward)
     tables = {name: GroupTable(**table) for name, table in (groups or {}).items()}
-    for table in tables.values():
-        table.check()
     return Network(facets, Traced((mean,)), sun, conditions, tables)

@@ -11,7 +11,7 @@ IMAGE = {"image": "a.npy", "quantity": "radiance", "netd_mK": 50.0}
 @pytest.mark.parametrize(
     ("entry", "message"),
     [
-        ({}, "has no measurement; give one of image, intensity, contrast, trend and spectrum"),
+        ({}, "image, intensity, contrast, trend and spectrum are missing; give one"),
         (IMAGE | {"trend": "t.csv"}, "has image and trend; give one of"),
         (IMAGE | {"sigma": 0.1}, "states its noise by netd_mK and sigma; give one of netd_mK"),
         ({"intensity": 0.0}, "states its noise by nothing; give sigma"),
@@ -22,9 +22,9 @@ IMAGE = {"image": "a.npy", "quantity": "radiance", "netd_mK": 50.0}
         (IMAGE | {"scale": 0.0}, "scale = 0; must not be zero"),
         (IMAGE | {"sensor": -1}, "sensor = -1; "),
         ({"contrast": 1.0, "sigma": 1.0, "sensor": 1}, "a scenario has its observer"),
-        ({"intensity": 1.0, "sigma": 1.0, "gain": True}, "gain belongs to an image"),
-        (IMAGE | {"offset_prior": (0.0, 1.0)}, "offset_prior is given without offset = true"),
-        (IMAGE | {"gain": True, "gain_prior": (1.0,)}, r"gain_prior = \[1.0\]; must be"),
+        ({"intensity": 1.0, "sigma": 1.0, "gain": True}, "gain needs image"),
+        (IMAGE | {"offset_prior": (0.0, 1.0)}, "offset_prior needs offset = true"),
+        (IMAGE | {"gain": True, "gain_prior": (1.0,)}, r"gain_prior = \[1.0\]; give 2 numbers"),
         (IMAGE | {"quantity": "counts"}, "unknown quantity 'counts'"),
         (IMAGE | {"name": "a, b"}, "name = 'a, b'; must have 1 to 64 characters"),
         (IMAGE | {"state": 65 * "s"}, "must have 1 to 64 characters"),
@@ -45,9 +45,10 @@ def test_usable():
 
 def test_noise_of_candidates():
     assert Candidate("cavity", sigma=0.1).noises() == ["sigma"]
-    for entry in ({}, {"sigma": 0.1, "netd_mK": 50.0}):
-        with pytest.raises(InputError, match="needs its noise; give one of netd_mK, sigma"):
-            Candidate("cavity", **entry)
+    with pytest.raises(InputError, match="netd_mK and sigma are missing; give one of them"):
+        Candidate("cavity")
+    with pytest.raises(InputError, match="has netd_mK and sigma; give one"):
+        Candidate("cavity", sigma=0.1, netd_mK=50.0)
 
 
 def test_parameters_of_a_scene_are_texts():
@@ -57,7 +58,7 @@ def test_parameters_of_a_scene_are_texts():
 
 def test_shared_noise_belongs_to_an_image():
     for key in ("row_noise", "column_noise", "frame_noise"):
-        with pytest.raises(InputError, match=f"{key} belongs to an image, and this is a number"):
+        with pytest.raises(InputError, match=f"{key} needs image; for a number raise sigma"):
             Measurement(scene="box.xml", intensity=1.0, sigma=0.1, **{key: 0.5})
         with pytest.raises(InputError, match=f"{key} = -1"):
             Measurement(scene="box.xml", image="a.exr", sigma=0.1, **{key: -1.0})
