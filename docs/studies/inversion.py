@@ -21,7 +21,7 @@ from docs.studies.page import write_page
 from mi_lcair.api.parameters import parameters
 from mi_lcair.files import replacing
 from mi_lcair.fitting import fit
-from mi_lcair.inversion.data.images import noise_of_netd
+from mi_lcair.inversion.data.readings import noise_of_netd
 from mi_lcair.physics.reflection.models import MODELS
 from mi_lcair.rendering.parameters.values import changed
 from mi_lcair.rendering.views import View, seen_from

@@ -21,8 +21,8 @@ from scipy import stats
 import mi_lcair
 from docs.studies.page import write_page
 from mi_lcair.files import replacing
-from mi_lcair.inversion.data.images import noise_of_netd
-from mi_lcair.inversion.smoothness import matern
+from mi_lcair.inversion.data.readings import noise_of_netd
+from mi_lcair.inversion.least_squares.newton import matern
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.startup.tasks import in_order
 from tests.inversion import ball, corner, plate

@@ -19,7 +19,7 @@ from scipy.stats import binomtest
 
 import mi_lcair
 from docs.studies.page import write_page
-from mi_lcair.inversion.smoothness import matern
+from mi_lcair.inversion.least_squares.newton import matern
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.spectra.bins import ANGLES_DEG, COUNTS, Bins, binning_error

@@ -10,8 +10,7 @@ from mi_lcair.inversion.answers import Answer
 from mi_lcair.inversion.data.datum import Datum
 from mi_lcair.inversion.data.loader import Loader
 from mi_lcair.inversion.data.measurement import Candidate
-from mi_lcair.inversion.least_squares.common_noise import dense
-from mi_lcair.inversion.least_squares.prediction import DatumBlock, equations
+from mi_lcair.inversion.least_squares.prediction import DatumBlock, dense, equations
 from mi_lcair.inversion.least_squares.solve import State
 from mi_lcair.inversion.tables import RenderSettings
 from mi_lcair.inversion.unknowns import Unknown

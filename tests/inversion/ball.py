@@ -3,7 +3,7 @@
 import numpy as np
 
 import mi_lcair
-from mi_lcair.inversion.data.images import noise_of_netd
+from mi_lcair.inversion.data.readings import noise_of_netd
 from tests.sensitivity.dark_scenes import EMITTER, plate
 
 NETD_MK = 50

@@ -6,6 +6,12 @@ import numpy as np
 
 from mi_lcair.inversion.least_squares.prediction import DatumBlock
 from mi_lcair.inversion.unknowns import Unknown
+from mi_lcair.physics.bands import band
+from mi_lcair.physics.blackbody import in_band_radiance, in_band_slope
+
+LWIR = band("LWIR")
+SKY = in_band_radiance(LWIR, 290.0)
+VALUES = 16
 
 
 def block(radiance, columns, measured, sigma=1.0, **changes) -> DatumBlock:
@@ -64,3 +70,14 @@ def estimated(x, covariance, at_bound=0, held=False):
         held=[held] * count,
         intervals=np.full((count, 2), np.nan),
     )
+
+
+def wall(x, R=2, measured=None, **changes):
+    """The radiance (1 - R) B(T) + R B(290 K) of a wall at x = (T, R), alike in all values."""
+    T, rho = x
+    B = in_band_radiance(LWIR, T)
+    radiance = np.full((R, VALUES), (1 - rho) * B + rho * SKY)
+    columns = np.tile([(1 - rho) * in_band_slope(LWIR, T), SKY - B], (R, VALUES, 1))
+    options = {"reference": np.array(x), "band": LWIR, "is_temperature": np.array([True, False])}
+    measured = np.zeros(VALUES) if measured is None else measured
+    return block(radiance, columns, measured, **options | changes)

@@ -3,7 +3,7 @@
 import numpy as np
 
 import mi_lcair
-from mi_lcair.inversion.data.images import noise_of_netd
+from mi_lcair.inversion.data.readings import noise_of_netd
 
 KELVIN = (290.0, 300.0, 310.0, 320.0, 330.0, 340.0)
 NAMES = tuple(f"s{number}.temperature" for number in range(len(KELVIN)))

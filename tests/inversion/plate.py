@@ -3,7 +3,7 @@
 import numpy as np
 
 import mi_lcair
-from mi_lcair.inversion.data.images import noise_of_netd
+from mi_lcair.inversion.data.readings import noise_of_netd
 
 # The plate fills the image. Its radiance is (1 - R) B(T) + R B(S), without noise of the render.
 XML = """<scene version="3.0.0">

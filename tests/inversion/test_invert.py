@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import mitsuba as mi
 import numpy as np
@@ -9,8 +10,9 @@ import pytest
 
 import mi_lcair
 from mi_lcair.inversion.answers import chi_square
-from mi_lcair.inversion.data.images import noise_of_netd
 from mi_lcair.inversion.data.loader import Loader
+from mi_lcair.inversion.data.readings import noise_of_netd
+from mi_lcair.inversion.invert import fitted, spread
 from mi_lcair.inversion.least_squares.solve import solve
 from mi_lcair.inversion.problem import InverseProblem
 from mi_lcair.inversion.unknowns import unknowns
@@ -18,6 +20,7 @@ from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.rendering.facets.table import FacetTable
 from mi_lcair.rendering.parameters.solution_file import apply_solution
+from tests.inversion.blocks import block, kelvin, unknown
 from tests.inversion.corner import KELVIN, NETD_MK, clean, reflectances
 from tests.inversion.corner import problem as corner_problem
 from tests.inversion.corner import write_scene as write_corner
@@ -28,6 +31,57 @@ from tests.sensitivity.waist import write_scene as write_waist
 mi.set_variant("llvm_ad_mono")
 
 STRIPES = (293.1, 294.2, 299.1, 304.2)
+
+
+def test_spread_of_a_material():
+    """Of four parameters two were estimated; the others have no error and no correlation."""
+    covariance = np.array([[4.0, 9, 0.6], [9, 99, 9], [0.6, 9, 0.25]])
+    found = spread("paint", ("a", "b", "c"), {"paint.c": 0, "paint.a": 2, "other.b": 1}, covariance)
+    assert found["standard_error"] == {"a": 0.5, "b": 0.0, "c": 2.0}
+    np.testing.assert_allclose(found["correlation"], [[1, 0, 0.6], [0, 1, 0], [0.6, 0, 1]])
+
+
+class Measured:
+    """A measured image of 2 x 2 pixels, of which three count."""
+
+    label, aspects, quantity, background, is_image = "a", (), "radiance", 0.5, True
+    entry = SimpleNamespace(state="hot")
+    scene = SimpleNamespace(name="room", parameters={"T": "3"}, band=SimpleNamespace(name="LWIR"))
+    where = SimpleNamespace(parameters={"lid.temperature": None})
+    measured = np.array([3.0, 4.0, 5.0])
+
+    def numbers(self, unknowns):
+        return [0, 1, 2]
+
+    def bad_pixels(self, block):
+        return [(0, k) for k in np.flatnonzero(block.weight == 0)]
+
+    def settings(self, unknowns, x):
+        return {"lid.temperature": x[0]}
+
+    def image(self, values):
+        return np.append(values, np.nan).reshape(2, 2)
+
+
+def test_a_datum_after_the_solution():
+    """Predictions less the background, and residuals in standard deviations."""
+    one = block([[2.0, 2, 2], [4, 4, 4]], np.zeros((2, 3, 3)), Measured.measured, 0.5)
+    facets = [kelvin(f"f[{k}]", name="f", kind="facet", facet=k) for k in (4, 7)]
+    x = np.array([320.0, 290.0, 295.0])
+    found = fitted(Measured(), one, [kelvin("lid.temperature"), *facets, unknown("other")], x)
+    assert found.facets == {"f": {4: 290.0, 7: 295.0}} and found.kinds == {
+        "lid.temperature": "temperature"
+    }
+    np.testing.assert_array_equal(found.predicted, [[2.5, 2.5], [2.5, np.nan]])
+    np.testing.assert_array_equal(found.measured, [[2.5, 3.5], [4.5, np.nan]])
+    np.testing.assert_array_equal(found.residual, [[0, 2], [4, np.nan]])
+    assert found.points == 3 and found.is_image and (found.band, found.state) == ("LWIR", "hot")
+    left_out = replace(one, weight=np.array([4.0, 0.0, 4.0]))
+    without_one = fitted(Measured(), left_out, [kelvin(), *facets, unknown()], x)
+    np.testing.assert_array_equal(without_one.residual, [[0, np.nan], [4, np.nan]])
+    assert without_one.points == 2 and without_one.bad_pixels == [(0, 1)]
+    rms = found.entries()["residual_rms_sigmas"]
+    np.testing.assert_allclose(rms, np.sqrt((0 + 4 + 16) / 3))
 
 
 @pytest.fixture(scope="module")
@@ -126,9 +180,9 @@ def test_a_wrong_scene_is_seen_in_the_residuals(folder):
 def test_gain_and_offset(folder):
     """A camera with a wrong gain and offset sees the plate at two known temperatures."""
     entries = [datum(folder, "g1", 1, "x"), datum(folder, "g2", 2, "y", T=340.0)]
-    for entry, kelvin in zip(entries, (310.0, 340.0)):
+    for entry, hot_K in zip(entries, (310.0, 340.0)):
         np.save(entry["image"], 1.05 * np.load(entry["image"]) + 0.4)
-        entry["parameters"] |= {"R": 0.3, "T": kelvin}
+        entry["parameters"] |= {"R": 0.3, "T": hot_K}
         entry |= {"gain": True, "offset": True, "offset_prior": [0.4, 0.001]}
     known = {
         f"plate.temperature [{state}]": {"prior": [T, 0.05]} for state, T in zip("xy", (310, 340))
@@ -206,8 +260,8 @@ def test_strips_that_reflect_each_other_from_far_first_guesses(tmp_path, start):
     path = write_corner(tmp_path)
     found = mi_lcair.invert(corner_problem(tmp_path, path, clean(path), start, 0), advise=False)
     assert found.converged and found.p_value > 1e-3
-    for answer, kelvin in zip(found.answers, KELVIN):
-        within(answer, kelvin)
+    for answer, truth in zip(found.answers, KELVIN):
+        within(answer, truth)
 
 
 def test_pixels_without_radiance_have_the_camera_s_noise(tmp_path):
@@ -219,8 +273,8 @@ def test_pixels_without_radiance_have_the_camera_s_noise(tmp_path):
     given["data"][0]["parameters"] = {"half": 0.9}
     found = mi_lcair.invert(given, advise=False)
     assert found.p_value > 1e-3 and found.chi_square < 1.5 * found.degrees_of_freedom
-    for answer, kelvin in zip(found.answers, KELVIN):
-        within(answer, kelvin)
+    for answer, truth in zip(found.answers, KELVIN):
+        within(answer, truth)
 
 
 def test_a_wrong_model_determines_nothing(tmp_path):
@@ -247,8 +301,8 @@ def test_bad_pixels_that_nobody_stated(tmp_path):
     assert found.as_dict()["data"][0]["bad_pixels"] == places
     assert "3 pixels are left out as dead, hot or saturated" in found.remarks[-1]
     assert found.p_value > 1e-3 and np.isnan(found.data[0].residual).sum() == 3
-    for answer, kelvin in zip(found.answers, KELVIN):
-        within(answer, kelvin)
+    for answer, truth in zip(found.answers, KELVIN):
+        within(answer, truth)
 
 
 def test_noise_that_is_stated_too_high(tmp_path):
@@ -262,8 +316,8 @@ def test_noise_that_is_stated_too_high(tmp_path):
     factor = np.sqrt(found.chi_square / found.degrees_of_freedom)
     assert factor < 0.6 and f"the errors are those of {factor:.3g} times" in scaled.remarks[0]
     assert not any("overstated" in line for line in scaled.remarks)
-    for answer, before, kelvin in zip(scaled.answers, found.answers, KELVIN):
-        within(answer, kelvin)
+    for answer, before, truth in zip(scaled.answers, found.answers, KELVIN):
+        within(answer, truth)
         assert 0.2 * before.standard_error < answer.standard_error < before.standard_error
 
 
@@ -280,8 +334,8 @@ def test_noise_that_rows_and_columns_share(tmp_path):
     given["data"][0] |= {"row_noise": 3.0, "column_noise": 2.0}
     found = mi_lcair.invert(given, advise=False)
     assert found.p_value > 1e-3 and found.converged and not found.data[0].bad_pixels
-    for answer, kelvin in zip(found.answers, KELVIN):
-        within(answer, kelvin)
+    for answer, truth in zip(found.answers, KELVIN):
+        within(answer, truth)
 
 
 def test_an_error_of_the_model_that_is_stated(tmp_path):
@@ -297,8 +351,8 @@ def test_an_error_of_the_model_that_is_stated(tmp_path):
     given["data"][0]["model_sigma"] = "4 %"
     found = mi_lcair.invert(given, advise=False)
     assert found.p_value > 1e-3 and len(found.answers) == 2 * len(KELVIN)
-    for answer, kelvin in zip(found.answers, KELVIN):
-        within(answer, kelvin, 3)
+    for answer, truth in zip(found.answers, KELVIN):
+        within(answer, truth, 3)
 
 
 @pytest.mark.slow

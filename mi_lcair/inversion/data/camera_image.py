@@ -21,7 +21,7 @@ from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import Setting, rendered_as, setting_of
 from mi_lcair.detection.weather import QUANTITIES, in_weather, weather_quantities
 from mi_lcair.errors import InputError
-from mi_lcair.inversion.data.images import check_counts, values_that_count
+from mi_lcair.inversion.data.readings import check_counts, values_that_count
 from mi_lcair.plugins.emission.source import rounded
 from mi_lcair.plugins.emission.sources import Sources
 from mi_lcair.rendering.images.measured import COLDEST, TEMPERATURE

@@ -9,11 +9,9 @@ from scipy import sparse
 from scipy.ndimage import maximum_filter
 
 from mi_lcair.inversion.data.camera_image import ROOM, CameraImage
-from mi_lcair.inversion.data.contrast import MeasuredContrast
 from mi_lcair.inversion.data.measurement import Observation
-from mi_lcair.inversion.data.spectrum import MeasuredSpectrum, spread
-from mi_lcair.inversion.least_squares.common_noise import CommonNoise
-from mi_lcair.inversion.least_squares.prediction import DatumBlock, variance_of_mean
+from mi_lcair.inversion.data.readings import MeasuredContrast, MeasuredSpectrum, spread
+from mi_lcair.inversion.least_squares.prediction import CommonNoise, DatumBlock, variance_of_mean
 from mi_lcair.inversion.tables import Goal, RenderSettings
 from mi_lcair.inversion.unknowns import INSTRUMENT, Unknown, Where, model_label
 from mi_lcair.physics.blackbody import in_band_slope

@@ -8,13 +8,16 @@ import numpy as np
 
 from mi_lcair.errors import InputError, errors_of
 from mi_lcair.inversion.data.camera_image import COUNTS, CameraImage
-from mi_lcair.inversion.data.contrast import MeasuredContrast
 from mi_lcair.inversion.data.datum import SPP_OF_VIEWS, Datum
-from mi_lcair.inversion.data.images import check_radiance, measured_radiance, noise_of_netd
 from mi_lcair.inversion.data.measurement import Candidate, Measurement, Observation
-from mi_lcair.inversion.data.spectrum import MeasuredSpectrum
-from mi_lcair.inversion.least_squares.common_noise import CommonNoise
-from mi_lcair.inversion.least_squares.prediction import DatumBlock
+from mi_lcair.inversion.data.readings import (
+    MeasuredContrast,
+    MeasuredSpectrum,
+    check_radiance,
+    measured_radiance,
+    noise_of_netd,
+)
+from mi_lcair.inversion.least_squares.prediction import CommonNoise, DatumBlock
 from mi_lcair.inversion.tables import Goal, RenderSettings
 from mi_lcair.inversion.unknowns import Where
 from mi_lcair.physics.blackbody import in_band_radiance

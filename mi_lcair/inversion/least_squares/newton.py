@@ -1,11 +1,20 @@
-"""Gauss-Newton steps between two renders, within bounds and with what is known beforehand."""
+"""Gauss-Newton steps between two renders, within bounds and with what is known beforehand.
 
-from dataclasses import dataclass
+What is known of facets of a group, or of nodes of a spectrum, is that near ones are alike.
+
+Second derivatives of predictions are learned from the renders that an iteration makes anyway. The
+prediction is linear in the blackbody radiances of sources, and their products with material
+parameters bend it: a wall's (1 - R) B(T) is the same along a curve of R and T. A step along such a
+valley leaves it at once without second derivatives.
+"""
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
+from mi_lcair.errors import InputError
 from mi_lcair.inversion.least_squares.prediction import (
     DatumBlock,
     Equations,
@@ -13,10 +22,12 @@ from mi_lcair.inversion.least_squares.prediction import (
     cost_of,
     equations,
 )
-from mi_lcair.inversion.smoothness import precision
-from mi_lcair.inversion.unknowns import Unknown
+from mi_lcair.inversion.unknowns import Unknown, base_name
 from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance, in_band_slope
 
+MOST_FACETS = 2000  # facets with a correlation, whose equations are dense
+NUGGET = 1e-6  # share of the variance that each facet has for itself, so that inverses exist
+LARGEST = 30_000_000  # second derivatives of a datum above which they are left out
 INNER = 50  # largest number of steps between two renders
 SMALLEST = 0.1  # least factor by which a step changes a blackbody radiance
 CONVERGED = 0.02  # largest last step, in standard errors, see `length`
@@ -24,6 +35,77 @@ PROBE = 0.1  # share of a step with which it is found how the prediction bends a
 ROUNDING = 1e-8  # change of the cost, relative or absolute, that is none
 FALL = 0.9  # ratio of the squared residuals after a step and before it that is a success
 HALVINGS = 12  # attempts to shorten a step that raises the cost, or that no surface can have
+
+
+def matern(distance: np.ndarray, length: float) -> np.ndarray:
+    """Correlation of values at a distance for a correlation length, in the same unit.
+
+    Matern's with the parameter 3/2, whose fields have one derivative (Rasmussen and Williams 2006,
+    Eq. 4.17).
+    """
+    scaled = np.sqrt(3) * distance / length
+    return (1 + scaled) * np.exp(-scaled)
+
+
+def precision(unknowns: list[Unknown], sigma: np.ndarray) -> np.ndarray | None:
+    """Inverse covariance (N, N) that is known beforehand; None without correlated facets.
+
+    Facets of one group and state correlate by the straight distance of their centres. sigma:
+    standard deviations (N,). Raises InputError for too many facets.
+    """
+    groups = {}
+    for k, unknown in enumerate(unknowns):
+        if unknown.correlation_m:
+            groups.setdefault((base_name(unknown), unknown.data, unknown.correlation_m), []).append(
+                k
+            )
+    if not groups:
+        return None
+    if len(unknowns) > MOST_FACETS:
+        raise InputError(
+            f"correlation_m with {len(unknowns)} unknowns; it needs at most {MOST_FACETS}: take a "
+            "coarser model, or leave it out"
+        )
+    result = np.diag(sigma**-2.0)
+    for (_, _, length), numbers in groups.items():
+        centre = np.array([unknowns[k].centre for k in numbers])
+        distance = np.linalg.norm(centre[:, None] - centre, axis=-1)
+        correlation = (matern(distance, length) + NUGGET * np.eye(len(numbers))) / (1 + NUGGET)
+        of_group = np.outer(sigma[numbers], sigma[numbers]) * correlation
+        result[np.ix_(numbers, numbers)] = np.linalg.inv(of_group)
+    return result
+
+
+def bent(block: DatumBlock, other: DatumBlock) -> DatumBlock:
+    """A block whose second derivatives explain the first ones at the values of another block.
+
+    Of the derivatives that do, those with the smallest change of what the block knows are taken
+    (Powell's symmetric update of quasi-Newton methods, for each value), where they are 0 between
+    two temperatures that are followed. The columns are scaled to the same norm before.
+    """
+    size = len(block.columns) * len(block.measured) * len(block.unknown) ** 2
+    is_large = any(sparse.issparse(of.columns[0]) for of in (block, other)) or size > LARGEST
+    if is_large or not block.learns_curvature:
+        return block
+    (u, rate), (other_u, other_rate) = (of.rendered_coordinates for of in (block, other))
+    J, other_J = np.array(block.columns) / rate, np.array(other.columns) / other_rate
+    known = 0.0 if block.curvature is None else block.curvature
+    moved = other_u - u
+    missing = other_J - J
+    if block.curvature is not None:
+        missing -= block.curvature @ moved
+    scale = np.linalg.norm(J, axis=(0, 1))
+    scale[scale == 0] = 1
+    missing, moved = missing / scale, moved * scale
+    curved = np.where(block.is_temperature, 0.0, moved)
+    squared = curved @ curved
+    if squared == 0:
+        return block
+    y = missing - (missing @ (moved - curved))[..., None] * curved / squared
+    outer = y[..., None] * curved
+    total = outer + outer.swapaxes(-1, -2)
+    total -= (y @ curved)[..., None, None] * np.outer(curved, curved) / squared
+    return replace(block, curvature=known + total / squared * np.outer(scale, scale))
 
 
 @dataclass(frozen=True)

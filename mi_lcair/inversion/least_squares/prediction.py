@@ -6,6 +6,11 @@ therefore follows temperatures exactly without a new render, and other parameter
 A noisy render in the matrix of least squares biases the solution: the noise of the derivatives
 times itself does not average out. Products of two independent randomisations of the render have no
 bias (instrumental variables). `product` sums over all pairs of different randomisations.
+
+Pixels of an image can share noise: a random error of each row, each column, or the frame. With the
+standard deviations of the shared errors in the columns of U, and the weights w of the noise that
+each pixel has for itself, the inverse covariance of all noise is w - w U (1 + U^T w U)^-1 U^T w
+(Woodbury). It is never formed.
 """
 
 from collections.abc import Callable
@@ -14,14 +19,84 @@ from functools import cached_property
 
 import numpy as np
 from scipy import sparse
+from scipy.linalg import cho_solve, solve_triangular
 
-from mi_lcair.inversion.least_squares.common_noise import CommonNoise, weighted
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import in_band_radiance, in_band_slope
 
 # Smallest eigenvalue of the scaled covariance of the gradient, relative to the largest, that counts
 RANK = 1e-13
 SIGNIFICANT = 3  # standard errors by which the squared derivatives must exceed 0
+
+
+@dataclass(frozen=True)
+class CommonNoise:
+    """Standard deviations of errors that values share.
+
+    columns: sparse (n, G), the change of each value for one standard deviation of each error.
+    """
+
+    columns: sparse.csr_array
+
+    @staticmethod
+    def of_image(counts: np.ndarray, sigma: float, row: float, column: float, frame: float):
+        """The noise of the pixels that count, (H, W) of bool, or None without any.
+
+        row, column, frame: standard deviation of an error common to each row, each column and all
+        pixels, in units of that of one pixel, `sigma`.
+        """
+        rows, columns = np.nonzero(counts)
+        count = len(rows)
+        groups = ((row, rows), (column, columns), (frame, np.zeros(count, dtype=int)))
+        parts = [
+            sparse.csr_array((np.full(count, ratio * sigma), (np.arange(count), number)))
+            for ratio, number in groups
+            if ratio > 0
+        ]
+        return CommonNoise(sparse.hstack(parts, format="csr")) if parts else None
+
+    def factor(self, w: np.ndarray) -> np.ndarray:
+        """Cholesky factor (G, G) of 1 + U^T w U, lower triangle."""
+        inner = (self.columns.T @ (sparse.diags_array(w) @ self.columns)).toarray()
+        return np.linalg.cholesky(np.eye(len(inner)) + inner)
+
+    def whitened(self, w: np.ndarray, values: list) -> list:
+        """What products of values, each (n, K), lose to the shared errors: (G, K) each.
+
+        a^T W b is a^T w b less the product of what a and b lose.
+        """
+        lower = self.factor(w)
+        return [
+            solve_triangular(lower, dense(self.columns.T @ weighted(of, w)), lower=True)
+            for of in values
+        ]
+
+    def removed(self, w: np.ndarray, values) -> np.ndarray:
+        """Values (n, K) without their best estimate of the shared errors."""
+        lower = self.factor(w)
+        (lost,) = self.whitened(w, [values])
+        return dense(values) - self.columns @ solve_triangular(lower, lost, lower=True, trans="T")
+
+    def expected(self, w: np.ndarray, variance: np.ndarray) -> float:
+        """What the shared errors add to the expectation of the weighted squared residuals.
+
+        variance: that which each value has for itself, (n,). Nothing if the weights are its
+        inverse.
+        """
+        columns, lower = self.columns, self.factor(w)
+        inner = (columns.T @ (sparse.diags_array(w - w**2 * variance) @ columns)).toarray()
+        return float(np.trace(cho_solve((lower, True), inner)))
+
+
+def weighted(columns, w: np.ndarray):
+    """diag(w) columns, dense or sparse."""
+    if sparse.issparse(columns):
+        return sparse.diags_array(w) @ columns
+    return w[:, None] * columns
+
+
+def dense(values) -> np.ndarray:
+    return values.toarray() if sparse.issparse(values) else values
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,7 @@ import numpy as np
 from scipy import sparse
 
 from mi_lcair.errors import InputError
-from mi_lcair.inversion.least_squares.curvature import bent
-from mi_lcair.inversion.least_squares.newton import Prior, minimiser
+from mi_lcair.inversion.least_squares.newton import Prior, bent, minimiser
 from mi_lcair.inversion.least_squares.prediction import DatumBlock, cost_of, equations
 from mi_lcair.physics.estimation.profiles import further, profile_ends, student_factor
 

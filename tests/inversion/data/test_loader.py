@@ -7,7 +7,6 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
-from mi_lcair.inversion.data.images import noise_of_netd
 from mi_lcair.inversion.data.loader import (
     Loader,
     check_noise,
@@ -17,6 +16,7 @@ from mi_lcair.inversion.data.loader import (
     noise_model,
 )
 from mi_lcair.inversion.data.measurement import Candidate, Observation
+from mi_lcair.inversion.data.readings import noise_of_netd
 from mi_lcair.inversion.tables import Goal, RenderSettings
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance

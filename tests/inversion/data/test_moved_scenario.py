@@ -9,9 +9,9 @@ import mi_lcair
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.errors import InputError
 from mi_lcair.inversion.data.camera_image import ROOM, CameraImage
-from mi_lcair.inversion.data.contrast import MeasuredContrast
 from mi_lcair.inversion.data.loader import Loader
-from mi_lcair.inversion.loaded import check_goal, unknowns_of
+from mi_lcair.inversion.data.readings import MeasuredContrast
+from mi_lcair.inversion.estimate import check_goal, unknowns_of
 from mi_lcair.inversion.problem import InverseProblem
 from mi_lcair.inversion.tables import Goal
 from mi_lcair.rendering.parameters.values import changed

@@ -13,8 +13,7 @@ from mi_lcair.inversion.least_squares.prediction import equations
 from mi_lcair.inversion.least_squares.profile import WIDTH, Profile, profile_intervals
 from mi_lcair.inversion.least_squares.solve import solve
 from mi_lcair.physics.blackbody import brightness_temperature
-from tests.inversion.blocks import block, kelvin, unknown
-from tests.inversion.least_squares.test_curvature import LWIR, SKY, VALUES, wall
+from tests.inversion.blocks import LWIR, SKY, VALUES, block, kelvin, unknown, wall
 
 RANDOM = np.random.default_rng(3)
 SIGMA, COUNT = 0.05, 30

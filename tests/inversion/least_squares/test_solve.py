@@ -1,28 +1,101 @@
-"""Solutions of linear problems against least squares in closed form."""
+"""Solutions of linear problems against least squares in closed form; bad pixels."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 from scipy.optimize import least_squares
 from scipy.sparse import csr_array
 
 from mi_lcair.errors import InputError
-from mi_lcair.inversion.least_squares.newton import Prior, is_informed, length
+from mi_lcair.inversion.least_squares.newton import Prior, is_informed, length, matern
 from mi_lcair.inversion.least_squares.newton import solved as damped
 from mi_lcair.inversion.least_squares.prediction import DatumBlock, Equations, equations
-from mi_lcair.inversion.least_squares.solve import covariances, feasible, solve, with_noise
-from mi_lcair.inversion.smoothness import matern
+from mi_lcair.inversion.least_squares.solve import (
+    ROUNDS,
+    BadPixelSearch,
+    bad_pixels,
+    covariances,
+    feasible,
+    solve,
+    with_noise,
+)
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance, in_band_slope
 from tests.inversion.blocks import block, kelvin, unknown
 
+N, PIXEL_SIGMA = 2000, 0.3
+NOISE = PIXEL_SIGMA * np.random.default_rng(3).normal(size=N)
+WEIGHT = np.full(N, PIXEL_SIGMA**-2.0)
 RANDOM = np.random.default_rng(7)
 J = RANDOM.normal(size=(20, 2))
 TRUE, SIGMA = np.array([0.4, 0.7]), 0.1
 MEASURED = 2 + J @ TRUE + SIGMA * RANDOM.normal(size=20)
 EXACT = block([np.full(20, 2.0)], [J], MEASURED, SIGMA)
 PAINTS = [unknown("a", prior=(0.5, 0.05)), unknown("b")]
+
+
+def found(measured, is_image=True):
+    image = block(np.zeros((2, N)), np.zeros((2, N, 1)), measured, PIXEL_SIGMA, is_image=is_image)
+    return bad_pixels(image, np.zeros(1), WEIGHT)
+
+
+def test_noise_alone_has_no_bad_pixels():
+    """In 200 draws about 5 % have one, as stated."""
+    random = np.random.default_rng(0)
+    alarms = sum(found(PIXEL_SIGMA * random.normal(size=N))[0].any() for _ in range(200))
+    assert stats.binomtest(alarms, 200, 0.05).pvalue > 1e-3
+
+
+def test_pixels_far_from_the_prediction_are_listed():
+    limit = PIXEL_SIGMA * stats.norm.isf(0.025 / N)
+    measured = np.clip(NOISE, -0.9 * limit, 0.9 * limit)
+    measured[[5, 700, 1999]] = 1.05 * limit, -1.05 * limit, 1e6
+    is_bad, are_many = found(measured)
+    assert np.flatnonzero(is_bad).tolist() == [5, 700, 1999] and not are_many
+    assert not found(measured, is_image=False)[0].any()
+
+
+def test_the_limit_follows_the_median_of_the_residuals():
+    """Residuals four times as large: the same pixels count as noise, and an outlier does not."""
+    limit = PIXEL_SIGMA * stats.norm.isf(0.025 / N)
+    measured = 4 * np.clip(NOISE, -0.9 * limit, 0.9 * limit)
+    measured[9] = 4.6 * limit
+    is_bad, are_many = found(measured)
+    assert np.flatnonzero(is_bad).tolist() == [9] and are_many
+
+
+def test_of_many_pixels_the_worst_are_listed():
+    measured = NOISE.copy()
+    measured[:400] = np.linspace(10, 50, 400)
+    is_bad, are_many = found(measured)
+    assert are_many and np.flatnonzero(is_bad).tolist() == list(range(300, 400))
+
+
+def test_a_search_ends_when_it_finds_the_same_pixels():
+    """Their weights are 0, those of others stay."""
+    measured = 0 * NOISE
+    measured[7] = 100.0
+    image = block(np.zeros((2, N)), np.zeros((2, N, 1)), measured, PIXEL_SIGMA, is_image=True)
+    search, x = BadPixelSearch([image]), np.zeros(1)
+    assert search.continues([image], x, [WEIGHT]) and not search.continues([image], x, [WEIGHT])
+    (weighed,) = search.weighed([image], [WEIGHT])
+    assert np.flatnonzero(weighed.weight != WEIGHT).tolist() == [7] and weighed.weight[7] == 0
+
+
+def test_a_search_gives_up_where_residuals_are_large_everywhere():
+    """Other pixels are bad in each round; after the last one none is."""
+    search, x, count = BadPixelSearch([block([NOISE], np.zeros((1, N, 1)), NOISE)]), np.zeros(1), 0
+    random = np.random.default_rng(1)
+    while True:
+        measured = 100 * PIXEL_SIGMA * random.normal(size=N)
+        measured[random.integers(N)] = 1e9
+        image = block(np.zeros((2, N)), np.zeros((2, N, 1)), measured, PIXEL_SIGMA, is_image=True)
+        count += 1
+        if not search.continues([image], x, [WEIGHT]):
+            break
+    assert count == ROUNDS + 1 and not search.bad[0].any()
 
 
 def solved(blocks, unknowns, is_exact=True, iterations=5, **options):

@@ -1,16 +1,29 @@
-"""First guesses for a goal, and its words."""
+"""What the first render of an estimate shows; first guesses, and how near a goal is."""
 
 from contextlib import contextmanager
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from mi_lcair.errors import InputError
-from mi_lcair.inversion.goal import achieved, best_of_starts, first_guesses
+from mi_lcair.inversion.estimate import achieved, best_of_starts, check_seen, first_guesses
 from mi_lcair.inversion.tables import Goal, RenderSettings
 from tests.inversion.blocks import block, kelvin, unknown
 
 UNKNOWNS = [unknown(start=0.2, lower=0.1, upper=0.9), kelvin()]
+
+
+def test_every_unknown_needs_data():
+    """Facets and unknowns with a prior may do without."""
+    columns = np.zeros((2, 3, 3))
+    columns[1, 2, 0] = 1e-9  # one value of one randomisation
+    seen = block(np.ones((2, 3)), columns, np.ones(3), gain=3)
+    facet = kelvin("f", kind="facet", facet=0)
+    gain = unknown("gain [a]", kind="gain")
+    check_seen([unknown("a"), facet, unknown("c", prior=(0.3, 0.1)), gain], [seen])
+    with pytest.raises(InputError, match="'c' is an unknown without any data"):
+        check_seen([unknown("a"), facet, unknown("c"), gain], [seen])
 
 
 class Picky:
@@ -66,8 +79,8 @@ def test_the_best_of_several_starts(monkeypatch):
         return SimpleNamespace(x=np.array([next(ends), 0.0]), blocks=[])
 
     starts = []
-    monkeypatch.setattr("mi_lcair.inversion.goal.estimate", estimate)
-    monkeypatch.setattr("mi_lcair.inversion.goal.cost_of", lambda blocks, x: x[0] ** 2)
+    monkeypatch.setattr("mi_lcair.inversion.estimate.estimate", estimate)
+    monkeypatch.setattr("mi_lcair.inversion.estimate.cost_of", lambda blocks, x: x[0] ** 2)
     goal = Goal("intensity", "cavity", starts=3)
     problem = SimpleNamespace(goal=goal, render=RenderSettings(seed=3))
     assert best_of_starts(UNKNOWNS, [Picky()], problem, None).x[0] == -0.3
@@ -82,8 +95,8 @@ def test_several_starts_for_measurements(monkeypatch):
         tries.append(tried)
         return SimpleNamespace(x=np.array([len(tries), 0.0]), blocks=[])
 
-    monkeypatch.setattr("mi_lcair.inversion.goal.estimate", estimate)
-    monkeypatch.setattr("mi_lcair.inversion.goal.cost_of", lambda blocks, x: -x[0])
+    monkeypatch.setattr("mi_lcair.inversion.estimate.estimate", estimate)
+    monkeypatch.setattr("mi_lcair.inversion.estimate.cost_of", lambda blocks, x: -x[0])
     problem = SimpleNamespace(goal=None, render=RenderSettings(seed=3, starts=3))
     assert best_of_starts(UNKNOWNS, [Picky()], problem, None).x[0] == 3
     assert [[one.start for one in tried] for tried in tries] == guesses(3).tolist()
