@@ -49,21 +49,29 @@ def traced(tracer, run):
     tracer.recorded.reason = reason
 
 
-for name in sys.argv[1:] or SCENES:
-    scene, times = load(name, **SCENES.get(name, {})), {}
-    pixels = int(np.prod(scene.sensor(0).film().crop_size()))
-    with scene.prepared() as tracer:
-        for seed, paths in ((seed, paths) for paths in PATHS for seed in range(REPETITIONS)):
-            points = paths // RANDOMISATIONS
-            launch = Launch(1, 1, seed, RANDOMISATIONS, points, aim=Aim.anywhere())
-            run = lambda: tracer.trace(scene.sensor(0), launch, Channels("target"))
-            anew = times.setdefault(f"{paths} paths, traced", [])
-            anew.append(timed(lambda: traced(tracer, run)))
-            times.setdefault(f"{paths} paths, recorded", []).append(timed(run))
-    for seed in range(REPETITIONS):
-        spp = max(1, PATHS[0] // pixels)
-        run = lambda: signature(scene, spp=spp, seed=seed)
-        times.setdefault(f"signature, {spp * pixels} paths", []).append(timed(run))
-    for what, found in times.items():
-        (least, _), (thread, wall) = np.min(found, axis=0), np.median(found[WARM_UP:], axis=0)
-        print(f"{name:18} {what:24} thread {thread:6.2f} ms ({least:5.2f}), in all {wall:6.2f} ms")
+def main(names: list[str]) -> None:
+    """Print the times of scenes, of all in SCENES if none is named."""
+    for name in names or SCENES:
+        scene, times = load(name, **SCENES.get(name, {})), {}
+        pixels = int(np.prod(scene.sensor(0).film().crop_size()))
+        with scene.prepared() as tracer:
+            for seed, paths in ((seed, paths) for paths in PATHS for seed in range(REPETITIONS)):
+                points = paths // RANDOMISATIONS
+                launch = Launch(1, 1, seed, RANDOMISATIONS, points, aim=Aim.anywhere())
+                run = lambda: tracer.trace(scene.sensor(0), launch, Channels("target"))
+                anew = times.setdefault(f"{paths} paths, traced", [])
+                anew.append(timed(lambda: traced(tracer, run)))
+                times.setdefault(f"{paths} paths, recorded", []).append(timed(run))
+        for seed in range(REPETITIONS):
+            spp = max(1, PATHS[0] // pixels)
+            run = lambda: signature(scene, spp=spp, seed=seed)
+            times.setdefault(f"signature, {spp * pixels} paths", []).append(timed(run))
+        for what, found in times.items():
+            (least, _), (thread, wall) = np.min(found, axis=0), np.median(found[WARM_UP:], axis=0)
+            print(
+                f"{name:18} {what:24} thread {thread:6.2f} ms ({least:5.2f}), in all {wall:6.2f} ms"
+            )
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -2,11 +2,14 @@
 
 import json
 from dataclasses import fields
+from importlib import import_module
 from pathlib import Path
+from pkgutil import walk_packages
 
 import numpy as np
 import pytest
 
+import benchmarks
 from benchmarks import errors, gpu, speed, timing, work
 from mi_lcair.fitting.report import Fit
 
@@ -16,6 +19,16 @@ ROOT = Path(__file__).parents[2]
 def test_configuration_names_the_folder():
     settings = json.loads((ROOT / "asv.conf.json").read_text())
     assert (ROOT / settings["benchmark_dir"] / "__init__.py").exists()
+
+
+def test_asv_finds_the_figures(capsys):
+    """It imports every module, of which none may measure anything by that."""
+    found = set()
+    for module in walk_packages(benchmarks.__path__, "benchmarks."):
+        found |= set(vars(import_module(module.name)))
+    assert {"track_fit", "track_bundled", "peakmem_image", "Throughput"} <= found
+    assert not any(name.startswith(("time_", "mem_")) for name in found)
+    assert capsys.readouterr().out == ""
 
 
 def test_ratio_is_one_of_times(monkeypatch):
