@@ -1,6 +1,7 @@
 """The frames and measures that `image` returns."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,11 +13,16 @@ from mi_lcair.camera.exposure import Exposure
 from mi_lcair.camera.quality import Measures
 from mi_lcair.camera.ranges.range_table import RangeRow
 from mi_lcair.camera.view import CameraView
+from mi_lcair.declared import percent
 from mi_lcair.detection.scenario import Scenario
+from mi_lcair.extras import named
 from mi_lcair.formats import tiff
 from mi_lcair.formats.channels import column_of, pixel_axes
 from mi_lcair.physics.bands import Band
-from mi_lcair.results import Result
+from mi_lcair.rendering.images.render_result import image_sections
+from mi_lcair.results import Result, entry
+from mi_lcair.results.cells import error_row
+from mi_lcair.results.sections import Facts, Lines, OwnPicture, Section, Table
 
 if TYPE_CHECKING:
     import xarray
@@ -64,23 +70,24 @@ class Image(Result):
     """
 
     scenario: Scenario
-    band: Band
-    counts: np.ndarray
-    channels: dict[str, np.ndarray]
-    header: dict
+    band: Band = entry("band", "label")
+    counts: np.ndarray = entry()
+    channels: dict[str, np.ndarray] = entry()
+    header: dict = entry()
     measures: Measures
     ranges: list[RangeRow]
     detected_to_m: float | None
     peak_detected_to_m: float | None
-    view: CameraView = field(repr=False)
-    mtf_parts: dict[str, np.ndarray] = field(repr=False)
-    exposure: Exposure = field(repr=False)
-    correction: Correction = field(repr=False)
+    view: CameraView = entry()
+    mtf_parts: dict[str, np.ndarray] = entry()
+    exposure: Exposure = entry()
+    correction: Correction = entry()
     remarks: list[str]
-    seconds: float
-    render_seconds: float
+    seconds: float = entry("time_s")
+    render_seconds: float = entry("render_time_s")
 
     kind = "image"
+    computed = {"mtf": "mtf"}
     saved_by = {
         ".exr": "mi_lcair.rendering.images.exr:write_render",
         ".tif": "mi_lcair.camera.image_result:write_counts",
@@ -107,24 +114,39 @@ class Image(Result):
 
     def entries(self) -> dict:
         """Entries for JSON: the scenario as it was read, the measures, and the ranges."""
-        return {
-            "scenario_name": self.scenario.name,
-            "scenario": self.scenario,
-            "band": self.band.label,
+        exposure, scenario = self.exposure, self.scenario
+        return super().entries() | {
+            "scenario_name": scenario.name,
             "frames": len(self.counts),
-            "measures": self.measures.as_dict(),
-            "mtf": self.mtf(),
-            "ranges": self.ranges,
-            "detected_to_m": self.detected_to_m,
-            "peak_detected_to_m": self.peak_detected_to_m,
-            "spp": self.exposure.spp,
-            "rms_error": self.exposure.rms_error,
-            "tolerance": self.scenario.render.tolerance,
-            "reached": self.exposure.reached,
-            "remarks": self.remarks,
-            "time_s": self.seconds,
-            "render_time_s": self.render_seconds,
+            "spp": exposure.spp,
+            "rms_error": exposure.rms_error,
+            "tolerance": scenario.render.tolerance,
+            "reached": exposure.reached,
         }
+
+    def facts(self):
+        """The frame of the camera, its measures, and the target over range."""
+        frame, made = image_sections(self.channels, self.header)
+        columns = self.columns()
+        verdicts = ("yes" if row.detected else f"no, too few: {row.lacks}" for row in self.ranges)
+        over_range = {
+            ("range", "m"): (columns["range_m"], ".6g"),
+            "pixels on target": (columns["pixels"], ".4g"),
+            "electrons": (columns["electrons"], ".4g"),
+            "signal to noise, matched filter": (columns["snr"], ".4g"),
+            "of the peak pixel": (columns["peak_snr"], ".4g"),
+            "detected by matched filter": (verdicts, ""),
+        }
+        yield from frame.parts
+        yield Section("Camera", [Facts(list(measured(self)))])
+        table = Table.of(over_range)
+        yield Section("Target over range", [table, Lines("", [detected(self)])])
+        yield made
+
+    def picture(self) -> OwnPicture:
+        """The first frame, the MTF, and the target over range."""
+        draw = named("mi_lcair.reports.pictures.image:figure")
+        return OwnPicture(self.page_title(), partial(draw, self))
 
     def mtf(self) -> dict[str, np.ndarray]:
         """MTF over frequency_cycles_per_mm: predicted, measured, and the parts of the product."""
@@ -163,3 +185,84 @@ def write_counts(path, image: Image) -> None:
         f"{camera.electrons_per_count:.9g} electrons in a count, {camera.pedestal:.9g} counts "
         f"without electrons, {camera.integration_time_ms:g} ms",
     )
+
+
+def measured(image: Image) -> list[tuple[str, str]]:
+    """Rows about the scenario, the camera, and its measures."""
+    scenario, measures, camera = image.scenario, image.measures, image.scenario.camera
+    mtf, last = measures.mtf, len(image.measures.mtf["frequency"]) - 1
+    uniform = (
+        "not measurable, as a uniform scene saturates or its noise is below a count"
+        if measures.netd_measured is None
+        else f"measured {millikelvin(measures.netd_measured)}"
+    )
+    return [
+        ("scenario", scenario.heading),
+        (
+            "camera",
+            f"{camera.width} x {camera.height} pixels of {camera.pitch_um:g} um, "
+            f"{camera.focal_length_mm:g} mm, f/{camera.f_number:g}, "
+            f"{1e6 * camera.pixel_angle:.4g} urad a pixel, {image.band.label}",
+        ),
+        (
+            "background",
+            f"{measures.temperature:.5g} K, {1e-6 * measures.background:.4g} Me of "
+            f"{camera.well_Me:g} Me in {camera.integration_time_ms:g} ms"
+            + (
+                f", of which {1e-6 * measures.glow:.4g} Me from the optics" if measures.glow else ""
+            ),
+        ),
+        ("count", f"{camera.electrons_per_count:.5g} electrons, {camera.bits} bits"),
+        (
+            "NETD",
+            f"predicted {millikelvin(measures.netd)}, {uniform}; of shot noise alone "
+            f"{millikelvin(measures.netd_shot)}",
+        ),
+        *(
+            (
+                f"MTF at {name}",
+                f"predicted {mtf['predicted'][k]:.3f}, measured {mtf['measured'][k]:.3f}, "
+                f"{mtf['frequency'][k]:.4g} cycles/mm",
+            )
+            for name, k in (("half of Nyquist", (last + 1) // 2), ("Nyquist", last))
+        ),
+        ("pixels on target", f"{measures.pixels:.4g}"),
+        (
+            "signal to noise",
+            f"{measures.peak_snr:.4g} in the strongest pixel, {measures.snr:.4g} of the target "
+            "with a matched filter",
+        ),
+        (
+            "rendering",
+            f"standard error {millikelvin(measures.render_error)} on the target, the same in all "
+            f"frames; {image.exposure.spp} paths through a pixel",
+        ),
+        error_row(
+            "the rms standard error over the pixels on the target is "
+            f"{percent(image.exposure.rms_error)} of its mean radiance",
+            scenario.render.tolerance,
+            image.exposure.reached,
+        ),
+    ]
+
+
+def millikelvin(kelvin: float) -> str:
+    """A temperature difference in mK, as text."""
+    return f"{1e3 * kelvin:.4g} mK"
+
+
+def detected(image: Image) -> str:
+    """Up to which range the target is detected, in words."""
+    scenario = image.scenario
+    needed = (
+        f"with a signal-to-noise ratio of {scenario.sensor.snr:g} and "
+        f"{scenario.camera.least_pixels:g} pixels on the target"
+    )
+    last = 0.999 * image.ranges[-1].range_m
+    by_filter, by_peak = (
+        "at none of these ranges"
+        if range_m is None
+        else f"up to {range_m:.5g} m{' at least' if range_m > last else ''}"
+        for range_m in (image.detected_to_m, image.peak_detected_to_m)
+    )
+    return f"detected by a matched filter {by_filter}, by the peak pixel {by_peak}, {needed}"

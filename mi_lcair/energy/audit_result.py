@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mi_lcair.results import Result, entry
-from mi_lcair.results.sections import Lines, Table
+from mi_lcair.results.sections import Lines, Remarks, Table
 
 SCENE = ("absorbed", "escaped", "behind", "created", "unfinished", "balance")
 MATERIAL = ("absorbed", "reflected", "behind", "created", "scaled")
@@ -115,6 +115,7 @@ class Audit(Result):
         yield Table(["reflection", "% of emitted", "standard error, %"], rows)
         nothing = ["nothing to remark: energy is conserved within the errors above"]
         yield Lines("", self.remarks or nothing)
+        yield Remarks([])  # they are among the facts
 
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each flux of the scene and of each material: in watts, and as a share.

@@ -87,7 +87,7 @@ class Model(Result):
         off = f"(at most {figures['non_planar_mm']:.3g} mm off)"
         yield "not planar", f"{figures['non_planar']} {off}"
         remarkable = named("mi_lcair.models3d.report:remarkable")
-        yield Remarks(list(remarkable(figures, materials)))
+        yield Remarks([*self.remarks, *remarkable(figures, materials)])
 
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each facet: its number, type, material, group, temperature and area."""

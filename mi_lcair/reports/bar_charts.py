@@ -50,9 +50,13 @@ def draw_beside(panel, chart: BarChart) -> None:
 
 def draw_stacked(panel, chart: BarChart) -> None:
     """Draw lying bars in Matplotlib's axes, those of one place one behind the other."""
+    from matplotlib import colormaps
+
     names, left = [plain(name) for name in chart.names], np.zeros(len(chart.names))
+    many = colormaps["tab20"].colors
+    colours = COLOURS if len(chart.bars) <= len(COLOURS) else many
     for number, (series, values) in enumerate(chart.bars.items()):
-        colour = COLOURS[number % len(COLOURS)]
+        colour = colours[number % len(colours)]
         panel.barh(names, values, left=left, color=colour, label=plain(series))
         left = left + values
     panel.set(xlabel=chart.label, ylabel=chart.places)

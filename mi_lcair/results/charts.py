@@ -5,10 +5,11 @@ A result names the columns, and `mi_lcair/reports` draws them, for files and for
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
+from mi_lcair.errors import check_known
 from mi_lcair.extras import named
 from mi_lcair.results.cells import quantity_of, typeset_unit, unit_of, words_of
 from mi_lcair.results.sections import Drawing, LongTable, Picture, Section
@@ -133,6 +134,57 @@ class BarCharts(Picture):
     def draw(self) -> Any:
         """The picture as a Matplotlib Figure."""
         return named("mi_lcair.reports.bar_charts:figure_of")(self.charts, self.title)
+
+
+class Scale(TypedDict, total=False):
+    """Options of the colour scales of a picture.
+
+    log: make the scales logarithmic, over `colour_scale.LOG_DECADES` at most. vmin, vmax: their
+    ends. cmap: name of a colour map of Matplotlib. common_scale: channels of one quantity have the
+    same scale, which is the default. part: rows and columns of the pixels that set the ends.
+    """
+
+    log: bool
+    vmin: float | None
+    vmax: float | None
+    cmap: str | None
+    common_scale: bool
+    part: tuple[slice, slice]
+
+
+@dataclass(frozen=True)
+class ChannelImages(Picture):
+    """Images of channels, each with its colour bar, with a title.
+
+    channels: (H, W) each, by name. window_m: width and height of an orthographic sensor's window.
+    shown: names of the channels that a page shows first. outlines: number of the facet in each
+    pixel. scale: options of the colour scales.
+    """
+
+    channels: Mapping[str, np.ndarray]
+    title: str
+    window_m: tuple[float, float] | None = None
+    shown: Sequence[str] = ()
+    outlines: np.ndarray | None = None
+    scale: Scale = field(default_factory=Scale)
+
+    def draw(self):
+        """The picture as a Matplotlib Figure."""
+        draw = named("mi_lcair.reports.pictures.image_channels:figure")
+        how = {"window_m": self.window_m, "outlines": self.outlines}
+        return draw(self.channels, self.title, **how, **self.scale)
+
+    def panel(self):
+        """The images for a page, which shows the values of a pixel."""
+        panel = named("mi_lcair.reports.page.image_panel:image_panel")
+        return panel(self.channels, self.shown, self.window_m)
+
+
+def named_channels(known: Mapping[str, np.ndarray], channels, scene_name: str) -> dict:
+    """The named channels of `known`; raises InputError for a name that it does not have."""
+    names = [channels] if isinstance(channels, str) else list(channels)
+    check_known(f"channel of the image of {scene_name}", known, *names)
+    return {name: known[name] for name in names}
 
 
 def lines_of(

@@ -108,7 +108,7 @@ class Result:
         """Yield what the console prints and a page shows of the result.
 
         Pairs (label, value) are facts; parts of a section may follow or precede them, and whole
-        sections come last. The remarks of the result follow by themselves.
+        sections come last. Without Remarks among them those of the result follow.
         """
         yield summary_of(self)
         yield LongTable(self.columns())
@@ -174,7 +174,8 @@ class Result:
                 first[-1].rows.append(part)
             elif not isinstance(part, Section):
                 first.append(part)
-        first.append(Remarks(list(getattr(self, "remarks", ()))))
+        if not any(isinstance(part, Remarks) for part in first):
+            first.append(Remarks(list(getattr(self, "remarks", ()))))
         title = self.heading or self.kind.replace("_", " ").capitalize()
         return [Section(title, first), *(part for part in parts if isinstance(part, Section))]
 
@@ -342,6 +343,10 @@ class Recorded(Result):
 
     def entries(self) -> dict[str, Any]:
         return self.given
+
+    @property
+    def remarks(self) -> list[str]:
+        return self.given.get("remarks", [])
 
     def facts(self, **options: Any) -> Iterator["tuple[str, Any] | Part | Section"]:
         return self.made_by.facts_of(self.given, **options)

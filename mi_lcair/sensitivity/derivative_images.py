@@ -2,7 +2,7 @@
 
 import json
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 import scipy
@@ -10,10 +10,13 @@ import scipy
 from mi_lcair.formats.channels import pixel_axes
 from mi_lcair.rendering.pixels.errors import around
 from mi_lcair.results import Result
+from mi_lcair.results.charts import ChannelImages, Scale, named_channels
 from mi_lcair.sensitivity.sensitivities import per_unit
 
 if TYPE_CHECKING:
     import xarray
+
+MOST_PANELS = 9  # the radiance and derivatives that are drawn without a choice
 
 
 @dataclass(frozen=True, repr=False)
@@ -119,6 +122,18 @@ class DerivativeImages(Result):
             "randomisations": randomisations,
             "images": [dict(zip(self.columns(), row)) for row in zip(*self.columns().values())],
         }
+
+    def picture(self, channels=None, **scale: Unpack[Scale]) -> ChannelImages:
+        """Channels of the images, each with its colour bar.
+
+        channels: names of channels; by default the radiance and the first derivatives. scale:
+        options of the colour scales.
+        """
+        known = self.channels
+        if channels is None:
+            channels = [name for name in known if not name.startswith("stderr.")][:MOST_PANELS]
+        drawn = named_channels(known, channels, self.scene_name)
+        return ChannelImages(drawn, f"{self.scene_name}, {self.band}", scale=scale)
 
     def columns(self) -> dict[str, np.ndarray]:
         """A row for the radiance and for each derivative: mean, least and greatest pixel."""

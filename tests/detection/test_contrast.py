@@ -26,7 +26,6 @@ from mi_lcair.physics.sky import spectrum
 from mi_lcair.plugins.emission.source import Source
 from mi_lcair.rendering.settings import changed
 from mi_lcair.rendering.views import Target, View, seen_from
-from mi_lcair.reports.pictures.contrast import figure
 from mi_lcair.signatures.effective_areas import EffectiveAreas
 from tests.detection.disc_scenario import AREA, disc, triangles, write_disc
 
@@ -679,7 +678,7 @@ def test_spectra_of_a_plot_are_times_the_response(folder, tmp_path):
     response.write_text("wavelength_um,response\n3,0.1\n4,1\n5,0.3\n")
     given = {"sensor__response": str(response), "atmosphere__table": "vacuum"}
     result = contrast(disc(folder, **given, render__resolution=8))
-    picture = figure(result)
+    picture = result.plot()
     assert "spectra times the response" in picture.get_suptitle()
     line = next(curve for curve in picture.axes[0].lines if curve.get_label() == "intensity")
     area = np.trapezoid(line.get_ydata(), line.get_xdata())
@@ -696,7 +695,7 @@ def test_titles_of_a_plot_fit_into_it(folder):
             render__resolution=8,
         )
     )
-    picture = figure(result)
+    picture = result.plot()
     for axes in picture.axes:
         box = axes.title.get_window_extent()
         assert picture.bbox.x0 <= box.x0 and box.x1 <= picture.bbox.x1, axes.get_title()

@@ -42,12 +42,12 @@ def image(what, output, channels, outlines, scene, parameters, sensor, **scale):
 def pixel_spectrum(what, output, pixel):
     """Draw the spectrum of a pixel of a spectral image."""
     from mi_lcair.rendering.images.exr import read_exr
-    from mi_lcair.reports.pictures.pixel_spectrum import figure
+    from mi_lcair.rendering.images.render_result import pixel_spectrum as spectrum_of
 
     file = Path(what)
     channels, header = read_exr(file)
     title = str(header.get("scene", file.stem))
-    drawn(figure(channels, pixel, title), output or named_after(file, "spectrum"))
+    drawn(spectrum_of(channels, pixel, title).draw(), output or named_after(file, "spectrum"))
 
 
 def comparison(what, output, channels, **scale):
@@ -149,11 +149,11 @@ def result(what, output):
 
 def contrast(what, output):
     """Draw the spectra of a contrast from its JSON."""
+    from mi_lcair.detection.contrast_result import picture_of_entries
     from mi_lcair.formats.kinds import CONTRAST, incomplete, read_json
-    from mi_lcair.reports.pictures.contrast import figure_of_entries
 
     try:
-        figure = figure_of_entries(read_json(what))
+        figure = picture_of_entries(read_json(what)).draw()
     except (KeyError, IndexError, TypeError, ValueError) as error:
         raise incomplete(what, CONTRAST, error) from None
     drawn(figure, output or named_after(Path(what), "contrast"))

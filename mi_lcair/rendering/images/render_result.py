@@ -1,19 +1,50 @@
 """The image that `render` returns."""
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
-from mi_lcair.errors import check_known
+from mi_lcair.declared import percent
+from mi_lcair.errors import InputError, check_known, option
 from mi_lcair.formats import envi, tiff
-from mi_lcair.formats.channels import column_of, or_nan, pixel_axes, spectral_channel
+from mi_lcair.formats.channels import (
+    column_of,
+    or_nan,
+    pixel_axes,
+    quantity_of,
+    spectral_channel,
+    wavelengths_of,
+)
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import spectral_temperature
-from mi_lcair.results import Result
+from mi_lcair.rendering.images.exr import window_of
+from mi_lcair.rendering.statistics import invalid_remark
+from mi_lcair.results import Result, entry
+from mi_lcair.results.cells import error_row, unpacked, words_of
+from mi_lcair.results.charts import (
+    ChannelImages,
+    Curve,
+    LineChart,
+    LineCharts,
+    Scale,
+    by_wavelength,
+    named_channels,
+)
+from mi_lcair.results.sections import Facts, Remarks, Section
 
 if TYPE_CHECKING:
     import xarray
+
+DEFAULT = ("Y", "temperature.Y")  # channels of a picture
+FIRST = ("apparent.Y", "Y", "temperature.Y")  # channels that are shown first, at most two
+FIRST_OF_CAMERA = ("temperature.Y", "apparent.Y")
+MEANINGS = {
+    "stderr.Y": "stderr.Y is the standard error of Y",
+    "apparent.Y": "apparent.Y is the radiance that arrives through the air",
+    "temperature.Y": "temperature.Y is the brightness temperature",
+    "range.Y": "range.Y is the distance to what is seen",
+}
 
 
 @dataclass(frozen=True, repr=False)
@@ -54,24 +85,26 @@ class Render(Result):
         Wavelengths of the channels of spectral radiance [um]; empty for none.
     """
 
-    channels: dict[str, np.ndarray]
+    channels: dict[str, np.ndarray] = entry()
     header: dict[str, str | int | float]
-    band: Band
+    band: Band = entry("band", "name")
     spp: int
-    mean: float
-    mean_error: float | None
+    mean: float = entry("mean_radiance_W_m2_sr")
+    mean_error: float | None = entry("standard_error_W_m2_sr")
     rms_error: float | None
     reached: bool | None
     invalid: int
     paths: int
-    closure_error: float | None
-    seconds: float
+    closure_error: float | None = entry("closure_error_W_m2_sr")
+    seconds: float = entry("time_s")
     scene_name: str
     window_m: tuple[float, float] | None
     tolerance: float | None
-    wavelengths_um: np.ndarray = field(default_factory=lambda: np.empty(0))
+    wavelengths_um: np.ndarray = entry(default_factory=lambda: np.empty(0))
 
     kind = "render"
+    heading = "Image"
+    computed = {"by_bounce_W_m2_sr": "by_bounce"}
     saved_by = {
         ".exr": "mi_lcair.rendering.images.exr:write_render",
         ".tif": "mi_lcair.rendering.images.render_result:write_tiff",
@@ -116,33 +149,43 @@ class Render(Result):
     def entries(self) -> dict:
         """Entries for JSON: the means, the errors and the channels, without their pixels."""
         height, width = self.channels["Y"].shape
-        return {
-            "scene_name": self.scene_name,
-            "band": self.band.name,
-            "width": width,
-            "height": height,
-            "window_m": self.window_m,
-            "mean_radiance_W_m2_sr": float(self.mean),
-            "standard_error_W_m2_sr": self.mean_error,
-            "rms_error": self.rms_error,
-            "by_bounce_W_m2_sr": self.by_bounce,
-            "spp": self.spp,
-            "tolerance": self.tolerance,
-            "reached": self.reached,
-            "invalid": self.invalid,
-            "closure_error_W_m2_sr": self.closure_error,
-            "paths": self.paths,
-            "time_s": self.seconds,
-            "header": self.header,
-            "channels": {
-                name: {
-                    "least": values.min(),
-                    "mean": values.mean(dtype=float),
-                    "greatest": values.max(),
-                }
-                for name, values in self.images().items()
-            },
+        of_pixels = {
+            name: {
+                "least": values.min(),
+                "mean": values.mean(dtype=float),
+                "greatest": values.max(),
+            }
+            for name, values in self.images().items()
         }
+        return super().entries() | {"width": width, "height": height, "channels": of_pixels}
+
+    def facts(self):
+        """The image with its mean radiance and error, and how it was made."""
+        height, width = self.channels["Y"].shape
+        error = "the rms standard error over the pixels is " + (
+            "unknown" if self.rms_error is None else f"{percent(self.rms_error)} of the mean"
+        )
+        yield "image", f"{width} x {height} pixels, {self.band.label}"
+        yield "mean radiance", f"{self.mean:.6g} W m^-2 sr^-1"
+        yield error_row(error, self.tolerance, self.reached)
+        yield "samples per pixel", self.spp
+        if self.closure_error is not None:
+            yield "closure error", f"{self.closure_error:.2g} W m^-2 sr^-1 (estimated)"
+        yield Remarks(invalid_remark(self.invalid, self.paths))
+        image, made = image_sections(self.channels, self.header)
+        yield from [*image.parts, made]
+
+    def picture(
+        self, channels=DEFAULT, *, outlines: np.ndarray | None = None, **scale: Unpack[Scale]
+    ) -> ChannelImages:
+        """Channels of the image, each with its colour bar.
+
+        channels: names of channels of the image. outlines: number of the facet in each pixel.
+        scale: options of the colour scales. Raises InputError if the image has no such channel.
+        """
+        drawn = named_channels(self.channels, channels, self.scene_name)
+        title = f"{self.scene_name}, {self.band.label}"
+        return ChannelImages(drawn, title, self.window_m, outlines=outlines, scale=scale)
 
     def images(self) -> dict[str, np.ndarray]:
         """The channels, (H, W) each, by the names of their columns, which end in the unit."""
@@ -198,3 +241,91 @@ def write_envi(path, render: Render) -> None:
     """Write the spectral radiance of a render as an ENVI file and its header."""
     what = f"spectral radiance of {render.scene_name} [W m^-2 sr^-1 um^-1]"
     envi.write(path, render.cube, render.wavelengths_um, what)
+
+
+def image_sections(channels: dict, header: dict) -> list[Section]:
+    """The images of an EXR, and its header as how it was made.
+
+    Axes are in metres if the header states the window of an orthographic sensor.
+    """
+    first = FIRST_OF_CAMERA if "counts.Y" in channels else FIRST
+    shown = [name for name in first if name in channels][:2]
+    height, width = next(iter(channels.values())).shape
+    words = f"{width} × {height} pixels, {len(channels)} channels. {meanings(channels)}"
+    drawing = ChannelImages(channels, words, window_of(header), shown)
+    rows = [(words_of(name), unpacked(value)) for name, value in header.items()]
+    parts = [words, drawing]
+    if spectral := wavelengths_of(channels):
+        brightest = sum(channels[name] for name in spectral).argmax()
+        row, column = map(int, np.unravel_index(brightest, (height, width)))
+        parts += [
+            f"The brightest pixel, in row {row} and column {column}, by wavelength:",
+            pixel_spectrum(channels, (row, column)),
+        ]
+    return [
+        Section("Image", parts),
+        Section("How the image was made", [Facts(rows)], is_detail=True),
+    ]
+
+
+def meanings(channels: dict) -> str:
+    """What the channels of an image are, in a sentence or two."""
+    words = [meaning for name, meaning in MEANINGS.items() if name in channels]
+    if any(name.startswith("seen.") for name in channels):
+        words.append(
+            "group.LABEL.Y is radiance by what emitted it, seen.LABEL.Y by what is seen first"
+        )
+    return "; ".join(words) + "." if words else ""
+
+
+def pixel_spectrum(
+    channels: dict[str, np.ndarray], pixel: tuple[int, int], title: str = ""
+) -> LineCharts:
+    """Picture of the spectrum of a pixel (row, column), both from 0, beside that of the image.
+
+    Raises InputError if the channels hold no spectrum, and for a pixel outside the image.
+    """
+    known = wavelengths_of(channels)
+    if not known:
+        raise InputError(
+            f"the image has no spectral radiance; render it with {option('bins', True)}"
+        )
+    rows, columns = channels[next(iter(known))].shape
+    row, column = pixel
+    if not (0 <= row < rows and 0 <= column < columns):
+        raise InputError(
+            f"pixel {row},{column} is outside the image; rows are 0 to {rows - 1}, and columns "
+            f"0 to {columns - 1}"
+        )
+    return LineCharts(
+        pixel_charts(channels, pixel), f"{title}, pixel in row {row}, column {column}"
+    )
+
+
+def pixel_charts(channels: dict[str, np.ndarray], pixel: tuple[int, int]) -> list[LineChart]:
+    """Spectral radiance and brightness temperature of a pixel, and of the mean of the image.
+
+    Error bars are standard errors, where the image has them.
+    """
+    known = wavelengths_of(channels)
+    x = np.array(list(known.values()))
+    cube = np.array([channels[name] for name in known], float)
+    errors = [
+        channels[f"stderr.{name}"][pixel] if f"stderr.{name}" in channels else np.nan
+        for name in known
+    ]
+    of_pixel, mean = cube[:, *pixel], cube.mean(axis=(1, 2))
+    quantity, unit = quantity_of(next(iter(known)))
+    names = f"row {pixel[0]}, column {pixel[1]}", "mean of the image"
+    radiances = (
+        Curve(names[0], of_pixel, unit, errors=np.array(errors)),
+        Curve(names[1], mean, unit, 0),
+    )
+    temperatures = [
+        Curve(curve.name, spectral_temperature(x, curve.values), "K", curve.colour)
+        for curve in radiances
+    ]
+    return [
+        by_wavelength("", x, quantity, unit, list(radiances)),
+        by_wavelength("", x, "brightness temperature", "K", temperatures, is_close=True),
+    ]

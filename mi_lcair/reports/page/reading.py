@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
+from mi_lcair.detection.contrast_result import Contrast
 from mi_lcair.errors import InputError, errors_of, option
 from mi_lcair.files import parse_json, read_bytes, read_text
 from mi_lcair.formats import kinds, netcdf, tables
 from mi_lcair.physics.bands import Band, known_band
+from mi_lcair.rendering.images.render_result import image_sections
 from mi_lcair.reports.page.model_panel import rows_by_facet
-from mi_lcair.reports.sections import contrast as contrast_sections
 from mi_lcair.reports.sections import fit as fit_sections
-from mi_lcair.reports.sections.render import image_sections
 from mi_lcair.results.cells import unpacked
 from mi_lcair.results.charts import facets_section
 from mi_lcair.results.reading import columns_of
@@ -102,8 +102,7 @@ def signature(what: str, entries: dict, model):
 
 def contrast(what: str, entries: dict, model):
     """A contrast's JSON: irradiances and spectra."""
-    sections = [*contrast_sections.sections_of_entries(entries), details(entries, MADE)]
-    return f"Contrast of {entries['scenario_name']}", sections
+    return f"Contrast of {entries['scenario_name']}", Contrast.of_entries(entries).page()
 
 
 def facet_model(what: str, model):

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from math import ceil, sqrt
-from typing import TypedDict, Unpack
+from typing import Unpack
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from mi_lcair.reports.pictures.colour_scale import (
     limits_of_channel,
 )
 from mi_lcair.results.cells import heading, typeset_unit
+from mi_lcair.results.charts import Scale
 
 # Colour maps by the beginning of a channel's name; OTHER_MAP for others
 MAPS = {
@@ -31,22 +32,6 @@ LARGEST = 1e37  # largest value that is drawn; differences and ratios of larger 
 SMALLEST = 1e-45  # smaller values are drawn as 0, as in Float32
 LEFT, RIGHT, BOTTOM, TOP = 0.75, 1.25, 0.55, 0.4  # margins of an image, inches
 BAR = 0.15  # width of the colour bar, and its distance from the image, inches
-
-
-class Scale(TypedDict, total=False):
-    """Options of the colour scales of a picture.
-
-    log: make the scales logarithmic, over `colour_scale.LOG_DECADES` at most. vmin, vmax: their
-    ends. cmap: name of a colour map of Matplotlib. common_scale: channels of one quantity have the
-    same scale, which is the default. part: rows and columns of the pixels that set the ends.
-    """
-
-    log: bool
-    vmin: float | None
-    vmax: float | None
-    cmap: str | None
-    common_scale: bool
-    part: tuple[slice, slice]
 
 
 @dataclass(frozen=True)

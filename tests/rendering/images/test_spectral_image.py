@@ -10,12 +10,13 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import spectral_radiance, spectral_temperature
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.images.exr import read_exr
+from mi_lcair.rendering.images.render_result import pixel_charts as charts
+from mi_lcair.rendering.images.render_result import pixel_spectrum
 from mi_lcair.rendering.images.spectral import even_wavelengths
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.window import Windows
-from mi_lcair.reports.pictures.pixel_spectrum import charts, figure
 from tests.plugins.bins.test_by_bin import SPECTRA, X, integrator, plate, surface, thermal, write
 from tests.plugins.small_scenes import blackbody, camera, scene
 
@@ -212,4 +213,4 @@ def test_the_spectrum_of_a_pixel_is_drawn(tmp_path, monkeypatch):
     (section,) = (section for section in image.sections() if section.title == "Image")
     assert any("row 0 and column 0" in part for part in section.parts if isinstance(part, str))
     with pytest.raises(InputError, match="no spectral radiance"):
-        figure(mi_lcair.render("two_plates", spp=4).channels, (0, 0), "")
+        pixel_spectrum(mi_lcair.render("two_plates", spp=4).channels, (0, 0), "")
