@@ -13,11 +13,12 @@ from math import pi
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from benchmarks import command
 from benchmarks.methods.propagation import exact
 from benchmarks.methods.propagation.exact import GREY
-from mi_lcair.cavities.gouffe import aperture_shares, cavity_emissivity, gouffe
+from mi_lcair.cavities.gouffe import cavity_emissivity, gouffe
 from mi_lcair.drawing import drawing
 from mi_lcair.formats import csv
 from mi_lcair.physics.blackbody import in_band_radiance
@@ -183,6 +184,19 @@ def draw_gouffe(path) -> None:
         for axes in (above, below):
             axes.grid(alpha=0.3)
         figure.suptitle("Method of Gouffé")
+
+
+def aperture_shares(l_over_r: ArrayLike) -> dict[str, np.ndarray]:
+    """s/S of cavities whose depth is l and whose aperture has the radius r, by shape (Fig 3.33).
+
+    That of a sphere is the share of the whole sphere that is missing, for which Eq 3.12 is exact.
+    """
+    depth = np.asarray(l_over_r, dtype=float)
+    return {
+        "sphere": 1 / (1 + depth**2),
+        "cone": 1 / (1 + np.sqrt(1 + depth**2)),
+        "cylinder": 1 / (2 * (1 + depth)),
+    }
 
 
 def measured(quick: bool, progress) -> list[Opening]:

@@ -1,8 +1,5 @@
 """Method of Gouffé for the emissivity of a cavity (thesis 3.6, Eqs 3.10-3.12, Table 3.3)."""
 
-import numpy as np
-from numpy.typing import ArrayLike
-
 
 def cavity_emissivity(emissivity: float, s: float, S: float) -> float:
     """Emissivity epsilon_0' of a cavity (Eq 3.12), exact for a diffuse sphere.
@@ -20,16 +17,3 @@ def shape_term(emissivity: float, s: float, S: float, S0: float) -> float:
 def gouffe(emissivity: float, s: float, S: float, S0: float) -> float:
     """Total emissivity epsilon_0 of a cavity (Eq 3.10)."""
     return cavity_emissivity(emissivity, s, S) * (1 + shape_term(emissivity, s, S, S0))
-
-
-def aperture_shares(l_over_r: ArrayLike) -> dict[str, np.ndarray]:
-    """s/S of cavities whose depth is l and whose aperture has the radius r, by shape (Fig 3.33).
-
-    That of a sphere is the share of the whole sphere that is missing, for which Eq 3.12 is exact.
-    """
-    depth = np.asarray(l_over_r, dtype=float)
-    return {
-        "sphere": 1 / (1 + depth**2),
-        "cone": 1 / (1 + np.sqrt(1 + depth**2)),
-        "cylinder": 1 / (2 * (1 + depth)),
-    }

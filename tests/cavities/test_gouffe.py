@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mi_lcair.cavities.gouffe import aperture_shares, cavity_emissivity, gouffe, shape_term
+from mi_lcair.cavities.gouffe import cavity_emissivity, gouffe, shape_term
 
 
 def test_worked_example():
@@ -26,22 +26,3 @@ def test_sphere_has_no_correction(seed):
     epsilon, f = np.random.default_rng(seed).uniform(0.1, 0.9, 2)
     series = epsilon * np.sum(((1 - epsilon) * (1 - f)) ** np.arange(2000))
     assert gouffe(epsilon, f, 1.0, 1.0) == pytest.approx(series, rel=1e-12)
-
-
-@pytest.mark.parametrize("ratio", [0.3, 1.0, 4.0, 30.0])
-def test_shares_of_the_aperture_follow_from_surfaces_of_revolution(ratio):
-    """Areas of walls by quadrature of their profiles, for an aperture of radius 1 (Fig 3.33)."""
-    R = (ratio**2 + 1) / (2 * ratio)  # of the sphere with this depth
-    profiles = {  # radius along the depth, and whether the area of the aperture is added
-        "cone": (lambda z: 1 - z / ratio, np.pi),
-        "cylinder": (lambda z: np.ones_like(z), 2 * np.pi),  # with its bottom
-    }
-    shares = aperture_shares(ratio)
-    z = np.linspace(0, ratio, 20001)
-    for shape, (radius, more) in profiles.items():
-        r = radius(z)
-        wall = np.sum(np.pi * (r[1:] + r[:-1]) * np.hypot(np.diff(r), np.diff(z)))
-        assert shares[shape] == pytest.approx(np.pi / (wall + more), rel=1e-6)
-    angle = np.arccos((R - ratio) / R)  # of the wall, from the bottom to the rim
-    wall = 2 * np.pi * R**2 * (1 - np.cos(angle))
-    assert shares["sphere"] == pytest.approx(1 - wall / (4 * np.pi * R**2), rel=1e-9)
