@@ -17,6 +17,7 @@ import numpy as np
 
 from docs.studies.page import write_page
 from docs.studies.real_data_tables import LOSS_FORM, LOSS_MODEL, LOSS_WIDTH, tables
+from mi_lcair.fitting.curves import directional, predicted
 from mi_lcair.fitting.data import COMPARED, SCALES
 from mi_lcair.fitting.estimation import emissivity_error, fit
 from mi_lcair.fitting.model import Hemispherical
@@ -24,7 +25,6 @@ from mi_lcair.fitting.report import Fit
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
 from mi_lcair.fitting.scatterometer.reading import read, read_directional
 from mi_lcair.physics.reflection.models import MODELS
-from mi_lcair.reports.fit_curves import directional, predicted
 from mi_lcair.reports.pictures.fit import save_plot
 
 TITLES = {

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from mi_lcair.fitting.curves import model_of
 from mi_lcair.fitting.report import Fit
 from mi_lcair.physics.reflection.models import MODELS
-from mi_lcair.reports.fit_curves import model_of
 
 # Model, form and lobe-width parameter of the fits that compare the losses.
 LOSS_MODEL, LOSS_FORM, LOSS_WIDTH = "sandford_robertson", "thesis", "e"

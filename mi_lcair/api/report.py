@@ -18,9 +18,9 @@ from mi_lcair.rendering.scene import Scene, SceneLike
 from mi_lcair.rendering.window import toward_sensor, window_size
 from mi_lcair.reports.page import reading
 from mi_lcair.reports.page.page import check_output, save
-from mi_lcair.reports.sections.scenario import scenario_section
 from mi_lcair.results import Result
 from mi_lcair.results.cells import remarks
+from mi_lcair.results.result import settings_section
 from mi_lcair.results.sections import Facts, Remarks, Section
 from mi_lcair.startup.threads import exclusively
 
@@ -253,7 +253,7 @@ def of_scenario(what: str, request: Request) -> tuple[str, list[Section]]:
         *([Section("Band of the intensities", remarks)] if remarks else []),
         *signature.sections(scene=view),
         *audit,
-        scenario_section(scenario),
+        settings_section("Scenario", scenario),
     ]
 
 

@@ -1,7 +1,6 @@
 """The frames and measures that `image` returns."""
 
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,14 +14,13 @@ from mi_lcair.camera.ranges.range_table import RangeRow
 from mi_lcair.camera.view import CameraView
 from mi_lcair.declared import percent
 from mi_lcair.detection.scenario import Scenario
-from mi_lcair.extras import named
 from mi_lcair.formats import tiff
 from mi_lcair.formats.channels import column_of, pixel_axes
 from mi_lcair.physics.bands import Band
 from mi_lcair.rendering.images.render_result import image_sections
 from mi_lcair.results import Result, entry
 from mi_lcair.results.cells import error_row
-from mi_lcair.results.sections import Facts, Lines, OwnPicture, Section, Table
+from mi_lcair.results.sections import Facts, Lines, Section, Table
 
 if TYPE_CHECKING:
     import xarray
@@ -87,6 +85,7 @@ class Image(Result):
     render_seconds: float = entry("render_time_s")
 
     kind = "image"
+    drawn_by = "mi_lcair.reports.pictures.image:figure"
     computed = {"mtf": "mtf"}
     saved_by = {
         ".exr": "mi_lcair.rendering.images.exr:write_render",
@@ -142,11 +141,6 @@ class Image(Result):
         table = Table.of(over_range)
         yield Section("Target over range", [table, Lines("", [detected(self)])])
         yield made
-
-    def picture(self) -> OwnPicture:
-        """The first frame, the MTF, and the target over range."""
-        draw = named("mi_lcair.reports.pictures.image:figure")
-        return OwnPicture(self.page_title(), partial(draw, self))
 
     def mtf(self) -> dict[str, np.ndarray]:
         """MTF over frequency_cycles_per_mm: predicted, measured, and the parts of the product."""

@@ -61,6 +61,7 @@ class Cavity(Result):
     remarks: tuple[str, ...] = ()
 
     kind = "cavity"
+    drawn_by = "mi_lcair.reports.pictures.cavity:figure"
     computed = {"view": "seen"}
 
     @property

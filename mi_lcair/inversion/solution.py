@@ -1,20 +1,25 @@
 """The solution of an inverse problem: what it holds, and what its file says."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from mi_lcair.errors import check_known
 from mi_lcair.inversion.advice import Advice
-from mi_lcair.inversion.answers import Answer, Direction
+from mi_lcair.inversion.answers import UNTESTED, Answer, Direction, in_words
 from mi_lcair.inversion.least_squares.solve import Step
 from mi_lcair.physics.estimation.profiles import correlation
 from mi_lcair.rendering.parameters.solution_file import KIND
 from mi_lcair.results import Result
 from mi_lcair.results.reading import built
+from mi_lcair.results.sections import Lines, Table
 
 SHOWN = 2  # unknowns in the summary
+MOST_ROWS = 40  # unknowns in the table; of more, the facets are summed up
+MOST_LINES = 5  # sentences of advice
 
 
 @dataclass(frozen=True)
@@ -66,6 +71,16 @@ class Fitted:
     aspects: list = field(default_factory=list)
     quantity: str = "radiance (W m^-2 sr^-1)"
     bad_pixels: list = field(default_factory=list)
+
+    @property
+    def residual_words(self) -> str:
+        """How well the datum is fitted, in words."""
+        size = f"{self.size} values"
+        count = f"{self.points} of {size}" if self.points < self.size else size
+        return (
+            f"{count}, rms residual {self.residual_rms_sigmas:.3g} standard deviations of "
+            "measurement and render together"
+        )
 
     @property
     def is_image(self) -> bool:
@@ -130,6 +145,8 @@ class Solution(Result):
     trace: list[Step] = field(default_factory=list)
 
     kind = KIND
+    heading = "Solution"
+    drawn_by = "mi_lcair.reports.pictures.solution:figure"
 
     def __getitem__(self, label: str) -> Answer:
         """The answer for the unknown with this label."""
@@ -152,6 +169,34 @@ class Solution(Result):
         rest = len(self.answers) - len(shown)
         more = f" and {rest} more" if rest else ""
         return f"solution of {Path(self.problem).name}: {', '.join(shown)}{more} (standard errors)"
+
+    def facts(self) -> Iterator[Any]:
+        """The fit, the unknowns, the directions that the data cannot tell apart, and advice."""
+        yield "problem", self.problem
+        for fitted in self.data:
+            state = f", {fitted.state}" if fitted.state else ""
+            yield fitted.name, f"{fitted.scene}, {fitted.band}{state}: {fitted.residual_words}"
+        if self.p_value is not None:
+            yield "chi-square", in_words(*(getattr(self, name) for name in UNTESTED))
+        yield "renders", f"{self.renders} of each"
+        sought = [answer for answer in self.answers if answer.is_sought]
+        facets = [answer for answer in sought if answer.kind == "facet"]
+        if summed := len(sought) > MOST_ROWS and facets:
+            sought = [answer for answer in sought if answer.kind != "facet"]
+        carried = [answer for answer in self.answers if not answer.is_sought]
+        columns = ["value", "standard error", "verdict"]
+        yield Table(["unknown", *columns], list(map(row, sought)))
+        if summed:
+            columns_of_facets = ["facets", "number", "temperatures", "standard errors"]
+            yield Table(columns_of_facets, list(rows_of_facets(facets)))
+        if carried:
+            yield Table(["carried along", *columns], list(map(row, carried)))
+        for title, sentences in (
+            ("the data cannot tell apart", self.directions),
+            ("what would help", self.advice),
+        ):
+            if sentences:
+                yield Lines(title, [sentence.words for sentence in sentences[:MOST_LINES]])
 
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each unknown; value, standard_error, lower and upper are in its `unit`."""
@@ -194,3 +239,28 @@ class Solution(Result):
             "seconds": entries["time_s"],
         }
         return built(cls, entries | more)
+
+
+def row(answer) -> list[str]:
+    """Cells of the table of unknowns."""
+    unit = answer.unit.removesuffix("1")
+    digits = f"{answer.value:.7g}" if answer.unit == "K" else f"{answer.value:.5g}"
+    return [
+        answer.label, f"{digits} {unit}".rstrip(), f"{answer.standard_error:.2g}", answer.verdict,
+    ]  # fmt: skip
+
+
+def rows_of_facets(facets):
+    """Yield rows that sum up many facets: number, temperatures and errors by verdict."""
+    by_verdict = {}
+    for answer in facets:
+        by_verdict.setdefault(answer.verdict.partition(":")[0], []).append(answer)
+    for verdict, answers in by_verdict.items():
+        values = [answer.value for answer in answers]
+        errors = [answer.standard_error for answer in answers]
+        yield [
+            verdict,
+            len(answers),
+            f"{min(values):.5g} to {max(values):.5g} K",
+            f"{min(errors):.2g} to {max(errors):.2g} K",
+        ]

@@ -54,6 +54,7 @@ class Model(Result):
     remarks: tuple[str, ...] = ()
 
     kind = "model"
+    drawn_by = "mi_lcair.reports.pictures.model:figure"
 
     def summary(self) -> str:
         """One line with the number of facets, the size and the temperatures."""

@@ -62,6 +62,7 @@ class BRDFView(Result):
     emissivity: float
 
     kind = "brdf"
+    drawn_by = "mi_lcair.reports.pictures.brdf:figure"
 
     def summary(self) -> str:
         """One line with the hemispherical reflectance and the emissivity."""

@@ -2,10 +2,9 @@
 
 import json
 from base64 import b64encode
-from collections.abc import Iterator
-from dataclasses import dataclass, field, fields, is_dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from functools import partial
-from importlib.util import find_spec
 from inspect import signature
 from os import PathLike
 from pathlib import Path
@@ -65,6 +64,8 @@ class Result:
         Heading of its first section; by default the kind.
     computed : dict of str to str
         Further entries of the JSON: their keys, and the attributes or methods that give them.
+    drawn_by : str
+        Function that draws its own picture, as "module:function", see `picture`.
     saved_by : dict of str to str
         Functions that write files of further suffixes, as "module:function": write(path, result,
         **options).
@@ -73,6 +74,7 @@ class Result:
     kind: ClassVar[str] = ""
     heading: ClassVar[str] = ""
     computed: ClassVar[dict[str, str]] = {}
+    drawn_by: ClassVar[str] = ""
     saved_by: ClassVar[dict[str, str]] = {}
 
     def summary(self) -> str:
@@ -115,10 +117,9 @@ class Result:
 
     def picture(self, **options: Any) -> Picture | None:
         """What `plot` draws: one of the pictures of `mi_lcair.results.charts`, or its own."""
-        module = self._module("pictures")
-        if not module:
+        if not self.drawn_by:
             return None
-        draw = named(f"{module}:figure")
+        draw = named(self.drawn_by)
         check_options(f"the picture of {self._named()}", draw, options)
         return OwnPicture(self.page_title(), partial(draw, self, **options))
 
@@ -154,11 +155,8 @@ class Result:
         InputError
             If that function has no such option.
         """
-        module = self._module("sections")
-        make = partial(named(f"{module}:sections"), self) if module else self.facts
-        check_options(f"the page of {self._named()}", make, options)
-        made = list(make(**options))
-        sections = made if module else self._sections(made)
+        check_options(f"the page of {self._named()}", self.facts, options)
+        sections = self._sections(list(self.facts(**options)))
         parts = [part for section in sections for part in section.parts]
         if self.has_picture and not any(isinstance(part, (Drawing, Picture)) for part in parts):
             sections[0].parts.append(self.picture())
@@ -296,12 +294,7 @@ class Result:
     @property
     def has_picture(self) -> bool:
         """Whether `plot` can draw the result."""
-        return type(self).picture is not Result.picture or bool(self._module("pictures"))
-
-    def _module(self, part: str) -> str:
-        """The module of mi_lcair/reports that makes a part of results of this kind, or ""."""
-        module = f"mi_lcair.reports.{part}.{self.kind.rpartition(' ')[2]}"
-        return module if find_spec(module) else ""
+        return type(self).picture is not Result.picture or bool(self.drawn_by)
 
     def _named(self) -> str:
         """The result as messages name it."""
@@ -442,3 +435,13 @@ def details(entries: dict, title: str = "How it was made") -> Section:
         and not name.endswith("time_s")
     ]
     return Section(title, [Facts(rows)], is_detail=True)
+
+
+def settings_section(title: str, settings: Any, first: Iterable[tuple[str, Any]] = ()) -> Section:
+    """The entries of tables that are given, below the rows `first`. settings: a dataclass."""
+    rows = list(first)
+    for table, entries in asdict(settings).items():
+        if isinstance(entries, dict):
+            given = [f"{key} = {x}" for key, x in entries.items() if x not in (None, {}, [], ())]
+            rows += [(f"[{table}]", ", ".join(given))] if given else []
+    return Section(title, [Facts(rows)])

@@ -61,6 +61,7 @@ class HemisphericalView(Result):
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     kind = "hemispherical_view"
+    drawn_by = "mi_lcair.reports.pictures.hemispherical_view:figure"
 
     def summary(self) -> str:
         """One line with the number of neighbours and the largest view factor."""

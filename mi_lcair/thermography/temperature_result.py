@@ -44,6 +44,7 @@ class Temperature(Result):
     remarks: tuple[str, ...] = ()
 
     kind = "temperature"
+    drawn_by = "mi_lcair.reports.pictures.temperature:figure"
     computed = {"estimate": "typical", "pixels": "pixels", "range_K": "range_K"}
     saved_by = {
         suffix: f"mi_lcair.thermography.temperature_result:write_{suffix[1:4]}"

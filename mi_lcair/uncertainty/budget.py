@@ -93,6 +93,7 @@ class Budget(Result):
     seconds: float = entry("time_s")
 
     kind = "budget"
+    drawn_by = "mi_lcair.reports.pictures.budget:figure"
     heading = "Uncertainty budget"
 
     @property

@@ -7,11 +7,11 @@ from drjit.llvm.ad import Array3f64, Float64
 from docs.studies.fit import intervals_hold
 from mi_lcair.errors import InputError
 from mi_lcair.fitting import fit
+from mi_lcair.fitting.curves import directional
 from mi_lcair.fitting.data import COMPARED, variants
 from mi_lcair.fitting.model import Scatterometer
 from mi_lcair.fitting.scatterometer.measurements import DirectionalData
 from mi_lcair.physics.reflection.models import MODELS
-from mi_lcair.reports.fit_curves import directional
 from tests.fitting.results import fit_of, measurements
 from tests.fitting.synthetic import ROUGH, relative_errors, scan_of
 

@@ -184,7 +184,7 @@ def scenario(what, output, parameters):
     from mi_lcair.detection.scenario import Scenario
     from mi_lcair.detection.setting import target_scene
     from mi_lcair.rendering.facets.model import model_of
-    from mi_lcair.reports.sections.scenario import scenario_section
+    from mi_lcair.results.result import settings_section
 
     stated = Scenario.read(what, **dict(parameters))
     output = output or named_after(Path(Path(what).name), "scenario")
@@ -196,7 +196,8 @@ def scenario(what, output, parameters):
         where += f", azimuth {observer.azimuth_deg:g}, elevation {observer.elevation_deg:g} degrees"
     name = ": ".join(filter(None, (stated.name, stated.title.rstrip("."))))
     model_of(loaded).plot(output, title=f"{name}; seen from {where}")
-    print_sections([scenario_section(stated, [("picture", str(output)), ("scenario", name)])])
+    first = [("picture", str(output)), ("scenario", name)]
+    print_sections([settings_section("Scenario", stated, first)])
 
 
 def facet_view(what, output, facet, parameters):

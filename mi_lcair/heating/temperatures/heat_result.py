@@ -74,6 +74,7 @@ class Heat(Result):
     remarks: tuple[str, ...] = ()
 
     kind = "heat"
+    drawn_by = "mi_lcair.reports.pictures.heat:figure"
     heading = "Temperatures"
     computed = {"hours": "hours", "groups": "by_group", "inputs": "by_input"}
     saved_by = {

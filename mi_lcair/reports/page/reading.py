@@ -9,11 +9,11 @@ import numpy as np
 from mi_lcair.detection.contrast_result import Contrast
 from mi_lcair.errors import InputError, errors_of, option
 from mi_lcair.files import parse_json, read_bytes, read_text
+from mi_lcair.fitting.report import fit_of_report, sections_of_report
 from mi_lcair.formats import kinds, netcdf, tables
 from mi_lcair.physics.bands import Band, known_band
 from mi_lcair.rendering.images.render_result import image_sections
 from mi_lcair.reports.page.model_panel import rows_by_facet
-from mi_lcair.reports.sections import fit as fit_sections
 from mi_lcair.results.cells import unpacked
 from mi_lcair.results.charts import facets_section
 from mi_lcair.results.reading import columns_of
@@ -120,8 +120,8 @@ def fit(what: str, entries: dict, model):
     reports, sections = list(entries.get("materials", {"": entries}).values()), []
     for report in reports:
         measurements, used = data_of(what, report)
-        fitted = fit_sections.fit_of_report(report, used)
-        of_band = fit_sections.sections_of_report(report, fitted, measurements)
+        fitted = fit_of_report(report, used)
+        of_band = sections_of_report(report, fitted, measurements)
         if len(reports) > 1:
             of_band = [
                 Section(f"{section.title}, {report['band']} µm", section.parts, section.is_detail)

@@ -5,9 +5,9 @@ from textwrap import wrap
 import numpy as np
 
 from mi_lcair.drawing import new_figure, plain, styled, write_figure
+from mi_lcair.fitting.curves import directional, model_of, scans_of
 from mi_lcair.fitting.scatterometer.measurements import Measurements
 from mi_lcair.physics import reflection
-from mi_lcair.reports.fit_curves import directional, model_of, scans_of
 
 ANGLES = {"theta_i": r"$\theta_i$", "theta_r": r"$\theta_r$"}
 TITLES = {

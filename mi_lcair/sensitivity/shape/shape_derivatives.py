@@ -60,6 +60,7 @@ class ShapeDerivatives(Result):
     axes: np.ndarray = entry()
 
     kind = "shape_derivatives"
+    drawn_by = "mi_lcair.reports.pictures.shape_derivatives:figure"
     heading = "Facets"
     computed = {"vertices": "vertices"}
     saved_by = WRITERS

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mi_lcair.reports.fit_curves import INCIDENCES, MOST_SCANS, POINTS, predicted, scans_of
+from mi_lcair.fitting.curves import INCIDENCES, MOST_SCANS, POINTS, predicted, scans_of
 from tests.fitting.results import fit_of, measurements
 
 
