@@ -24,6 +24,8 @@ UNSEEN = 2.5
 # Points of a randomisation from which on they divide a window evenly; fewer are like random ones.
 EVEN_POINTS = 8
 WHOLES = (None, "target")  # channels that have an interval; all others are parts of these
+# Name of a channel, or names of several, whose results have one more axis ahead; None: the radiance
+ChannelNames = str | None | list[str | None]
 
 
 def check_valid(invalid: int, paths: int, name: str) -> None:
@@ -48,7 +50,8 @@ class Totals:
     The points of one randomisation are not independent, so their scatter says nothing about the
     error of their mean. The randomisations of a window are independent: the scatter of their means
     gives the standard error. It has R - 1 degrees of freedom for R randomisations, so that an
-    interval is Student's factor times the standard error, see `student_factor`.
+    interval is Student's factor times the standard error, see `student_factor`. All numbers are
+    given for one channel, (windows,), or for a list of channels at once, (channels, windows).
 
     windows, randomisations: sizes of the arrays. traced: number of paths of each window.
     by_randomisation: whether channels are kept for each randomisation. Otherwise only their means
@@ -151,70 +154,75 @@ class Totals:
         """Number of valid paths of each window, (windows,)."""
         return self.valid.sum(axis=1)
 
-    def mean(self, name: str | None = None) -> np.ndarray:
-        """Mean of a channel over the paths of each window, (windows,); None is the radiance."""
-        sums = self.radiance if name is None else self.sums[name]
-        return sums.sum(axis=1) / np.maximum(self.paths, 1)
+    def sums_of(self, name: ChannelNames = None) -> np.ndarray:
+        """Sums of the randomisations, (..., windows, randomisations)."""
+        if isinstance(name, list):
+            return np.stack([self.sums_of(one) for one in name])
+        return self.radiance if name is None else self.sums[name]
 
-    def deviations(self, name: str | None = None) -> np.ndarray:
-        """Deviations of the randomisations from the mean, (windows, randomisations).
+    def mean(self, name: ChannelNames = None) -> np.ndarray:
+        """Mean of a channel over the paths of each window, (..., windows)."""
+        return self.sums_of(name).sum(axis=-1) / np.maximum(self.paths, 1)
+
+    def deviations(self, name: ChannelNames = None) -> np.ndarray:
+        """Deviations of the randomisations from the mean, (..., windows, randomisations).
 
         They are scaled so that the sum of their squares is the squared standard error of the mean,
         and the sum of the products of two channels their covariance. They are infinite for a single
         randomisation.
         """
-        R = self.randomisations
+        R, sums = self.randomisations, self.sums_of(name)
         if R < 2:
-            return np.full(self.valid.shape, np.inf)
-        sums = self.radiance if name is None else self.sums[name]
+            return np.full(sums.shape, np.inf)
         means = sums / np.maximum(self.valid, 1)
-        return (means - means.mean(axis=1, keepdims=True)) / np.sqrt(R * (R - 1))
+        return (means - means.mean(axis=-1, keepdims=True)) / np.sqrt(R * (R - 1))
 
-    def scatter_error(self, name: str | None = None) -> np.ndarray:
+    def scatter_error(self, name: ChannelNames = None) -> np.ndarray:
         """Standard error of each window's mean from the scatter of its randomisations."""
-        return np.sqrt(np.sum(self.deviations(name) ** 2, axis=1))
+        return np.sqrt(np.sum(self.deviations(name) ** 2, axis=-1))
 
-    def edge_error(self, name: str | None = None) -> np.ndarray:
-        """Standard error of each window's mean that edges may cause, below which none is stated.
+    def edge_error(self, name: ChannelNames = None) -> np.ndarray:
+        """Smallest standard error of each window's mean, because of edges.
 
         The points of a randomisation divide the window evenly. All randomisations may therefore
         agree on how many of them lie on one side of an edge, see `edge_share`. The edge is one
         between the darkest and the brightest path. The channels of the target and of the whole
         window have the same edge, in proportion to their means.
         """
-        of_target = "target" in self.highest and (name or "").startswith("target")
-        whole, points = "target" if of_target else "radiance", self.paths / self.randomisations
-        if whole not in self.highest:
-            return np.zeros(len(self.valid))
-        contrast = np.maximum(self.highest[whole] - self.lowest[whole], 0)
-        of_edges = edge_share(self.randomisations) * contrast / np.maximum(points, 1)
-        if name not in WHOLES:
-            mean = self.mean("target" if of_target else None)
-            of_edges *= np.abs(self.mean(name)) / np.where(mean > 0, mean, np.inf)
+        of_target, points = is_of_target(name), self.paths / self.randomisations
+        contrast = {key: np.maximum(self.highest[key] - self.lowest[key], 0) for key in self.lowest}
+        of_edges = contrast.get("radiance", 0.0)
+        of_edges = np.where(of_target, contrast.get("target", of_edges), of_edges)
+        of_edges = edge_share(self.randomisations) * of_edges / np.maximum(points, 1)
+        if np.any(is_part(name)):
+            of_model = self.mean("target" if "target" in contrast else None)
+            whole = np.where(of_target, of_model, self.mean())
+            share = np.abs(self.mean(name)) / np.where(whole > 0, whole, np.inf)
+            of_edges = of_edges * np.where(is_part(name), share, 1)
         return np.where(points >= EVEN_POINTS, of_edges, 0)
 
-    def random_error(self, name: str | None = None) -> np.ndarray:
+    def random_error(self, name: ChannelNames = None) -> np.ndarray:
         """Standard error of each window's mean without what more samples do not reduce."""
         return np.maximum(self.scatter_error(name), self.edge_error(name))
 
-    def standard_error(self, name: str | None = None) -> np.ndarray:
-        """Standard error of each window's mean, (windows,); infinite for one randomisation.
+    def standard_error(self, name: ChannelNames = None) -> np.ndarray:
+        """Standard error of each window's mean, (..., windows); infinite for one randomisation.
 
-        That of a channel which is a part of the whole, or which no path has met, includes what a
-        path may have missed.
+        For a part of the whole, and for a channel that no path has met, it includes sources that no
+        path has hit.
         """
         mean = self.mean(name)
         error = np.hypot(self.random_error(name), self.systematic * mean)
         if name is None:
             return error
-        has_missed = (mean == 0) | (name not in WHOLES)
+        has_missed = is_part(name) | ((mean == 0) & each(lambda one: one is not None, name))
         return np.where(has_missed, np.hypot(error, self.missed_error(name)), error)
 
-    def missed_error(self, name: str | None = None) -> np.ndarray:
+    def missed_error(self, name: ChannelNames = None) -> np.ndarray:
         """Standard error of each window's mean from sources that no path has hit."""
         return self.missed(name) / student_factor(np.inf)
 
-    def unscattered_error(self, name: str | None = None) -> np.ndarray:
+    def unscattered_error(self, name: ChannelNames = None) -> np.ndarray:
         """The part of each window's standard error that the scatter of the means does not show.
 
         These are edges, and sources that no path has hit.
@@ -222,7 +230,7 @@ class Totals:
         of_edges = np.maximum(self.edge_error(name) ** 2 - self.scatter_error(name) ** 2, 0)
         return np.sqrt(of_edges + self.missed_error(name) ** 2)
 
-    def missed(self, name: str | None = None) -> np.ndarray:
+    def missed(self, name: ChannelNames = None) -> np.ndarray:
         """What a source that no path has hit adds to a window's mean, at most, with 95 %.
 
         The scatter cannot see such a source. Without emitter sampling this is the radiance of the
@@ -232,38 +240,43 @@ class Totals:
         """
         return UNSEEN * self.largest_unmet(name) / np.maximum(self.paths, 1)
 
-    def largest_unmet(self, name: str | None = None, draws: np.ndarray | None = None) -> np.ndarray:
-        """Largest contribution of a path that meets what no path has met yet, (windows,).
+    def largest_unmet(self, name: ChannelNames = None, draws: np.ndarray | None = None):
+        """Largest contribution of a path to a source that no path has hit, (..., windows).
 
         A shadow that no path has met takes a path's radiance away.
 
         draws: numbers of draws of parts of the only window, in place of those of the windows.
         """
-        largest_weight, brightest, starts = 1.0, np.inf, None
-        if self.aim is not None:
-            on_model = (name or "").startswith("target")
-            largest_weight = self.aim.largest_on_model if on_model else self.aim.largest_weight
-            starts = self.aim.direct
-        if name is not None and self.emitters is not None:
-            label = name.rpartition("group.")[2]
-            brightest = self.emitters.brightest_of.get(label, np.inf)
+        recorded = dict(zip(self.sums, self.sums))
+        is_one = not isinstance(name, list)
+        mean = self.mean(recorded.get(name) if is_one else [*map(recorded.get, name)])
         if self.unmet is None:
-            return np.zeros(len(self.valid))
-        reflected = self.unmet.after_reflection(self.unmet_sums, largest_weight)
+            return np.zeros_like(mean)
+        weight, starts, aim = 1.0, None, self.aim
+        if aim is not None:
+            weight = np.where(is_of_target(name), aim.largest_on_model, aim.largest_weight)
+            starts = aim.direct
+        brightest = each(self.brightest_of, name)
+        reflected = self.unmet.after_reflection(self.unmet_sums, weight)
         if draws is not None:
             reflected = np.maximum(self.unmet.rare(draws), self.unmet_sums["largest"])
         # Where no facet is in view, the weights are 0, and the brightest source may be unknown
-        brightest_path = brightest * np.maximum(largest_weight, np.finfo(float).tiny)
-        bounds = [np.minimum(self.unmet.in_view * largest_weight, brightest_path)]
-        bounds.append(np.minimum(reflected, brightest_path))
-        bounds.append(self.mean(name if name in self.sums else None))
+        brightest_path = brightest * np.maximum(weight, np.finfo(float).tiny)
+        bounds = [np.minimum(np.maximum(self.unmet.in_view * weight, reflected), brightest_path)]
+        bounds.append(mean)
         if starts is not None:
             of_starts = np.minimum(starts.largest_direct, brightest * starts.largest_weight)
             bounds.append(starts.every * of_starts)
         return reduce(np.maximum, bounds)
 
-    def half_width(self, name: str | None = None) -> np.ndarray:
-        """Half of the 95 % interval of each window's mean, (windows,).
+    def brightest_of(self, name: str | None) -> float:
+        """Radiance of the brightest source of a channel's group; infinite without a group."""
+        if name is None or self.emitters is None:
+            return np.inf
+        return self.emitters.brightest_of.get(name.rpartition("group.")[2], np.inf)
+
+    def half_width(self, name: ChannelNames = None) -> np.ndarray:
+        """Half of the 95 % interval of each window's mean, (..., windows).
 
         It includes the contribution of sources that no path has hit.
         """
@@ -305,6 +318,21 @@ class Totals:
         if mean > 0:
             return float(rms / mean)
         return None if rms > 0 else 0.0
+
+
+def each(of, name: ChannelNames):
+    """A function of a channel's name; for several names an array (channels, 1)."""
+    return np.array([[of(one)] for one in name]) if isinstance(name, list) else of(name)
+
+
+def is_of_target(name: ChannelNames):
+    """Whether a channel holds the target, or a part of it."""
+    return each(lambda one: (one or "").startswith("target"), name)
+
+
+def is_part(name: ChannelNames):
+    """Whether a channel is a part of the whole radiance, or of the target's."""
+    return each(lambda one: one not in WHOLES, name)
 
 
 def edge_share(randomisations: int) -> float:

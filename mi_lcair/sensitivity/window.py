@@ -144,8 +144,8 @@ def rows_of_part(numbers: CommonNumbers, weights: Mapping | None):
 
 def mean_and_deviations(total, channels) -> np.ndarray:
     """Mean of the sum of some channels and its deviations, (1 + randomisations,)."""
-    mean = sum(total.mean(name)[0] for name in channels)
-    return np.append(mean, sum(total.deviations(name)[0] for name in channels))
+    mean, deviations = total.mean(channels)[:, 0], total.deviations(channels)[:, 0]
+    return np.append(sum(mean), sum(deviations))
 
 
 def unscattered(scene, total: Totals, names, part: str, weights: Mapping | None) -> np.ndarray:

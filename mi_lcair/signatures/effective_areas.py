@@ -372,19 +372,18 @@ def effective_areas(total: Totals, scene: Scene, window_area: float) -> Effectiv
     scales = window_area * scales
     prefixes = {"target": "target.", "scene": ""}
     names = [[*(prefixes[part] + name for name in channels), "target.hit"] for part in PARTS]
-    amounts = scales * [[total.mean(name)[0] for name in row] for row in names]
-    deviations = [scales[:, None] * [total.deviations(name)[0] for name in row] for row in names]
+    amounts = scales * [total.mean(row)[:, 0] for row in names]
+    deviations = [scales[:, None] * total.deviations(row)[:, 0] for row in names]
     covariance = np.array([of_part @ of_part.T for of_part in deviations])
     # The area of a source that no path has met is at most that of the few paths that may have
     # missed it, and its radiance at most that which the group may lack
     weight = 1.0 if total.aim is None else total.aim.largest_weight
     few = UNSEEN / student_factor(np.inf) * weight * window_area / max(total.paths[0], 1)
-    of_groups = [
-        [total.missed_error(f"{prefixes[part]}group.{source.group}")[0] for source in sources]
-        for part in PARTS
-    ]
     count = len(sources)
-    missed = np.minimum(np.reshape(of_groups, (2, -1)) * scales[:count], few)
+    groups = [f"{prefixes[part]}group.{source.group}" for part in PARTS for source in sources]
+    # None because a scene may have no source, and a list of channels must not be empty
+    of_groups = np.reshape(total.missed_error([None, *groups])[1:], (2, count))
+    missed = np.minimum(of_groups * scales[:count], few)
     # The systematic error is the same fraction of all sources, and is no error of positions
     emitted = amounts * np.append(np.ones(len(scales) - 1), 0)
     covariance += total.systematic**2 * emitted[:, :, None] * emitted[:, None, :]

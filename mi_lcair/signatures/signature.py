@@ -11,7 +11,7 @@ from mi_lcair.rendering.measurands import ExcessFunction, IntensityInterval, Mea
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
-from mi_lcair.rendering.statistics import Totals
+from mi_lcair.rendering.statistics import WHOLES, Totals
 from mi_lcair.rendering.window import Windows, window, window_area
 from mi_lcair.signatures.effective_areas import effective_areas
 from mi_lcair.signatures.facet_results import FacetSums
@@ -57,8 +57,7 @@ def measure_signature(
         return Signature(
             scene_name=scene.name,
             band=scene.band.name,
-            scene=intensity(total, "", area),
-            target=intensity(total, "target.", area),
+            **intensities(total, area),
             effective_areas=effective_areas(total, scene, area) if by_spectrum else None,
             facets=None,
             window_area=area,
@@ -95,46 +94,42 @@ def measure_signature(
     return replace(result(total), facets=sums.results(scene, total, area, -direction))
 
 
-def intensity(total: Totals, prefix: str, area: float) -> Intensity:
-    """The Intensity whose parts have channels with a common prefix.
+def intensities(total: Totals, area: float) -> dict[str, Intensity]:
+    """The Intensity of the scene and of the target.
 
     Parameters
     ----------
     total : Totals
         Sums over the paths of one window.
-    prefix : str
-        "" for the scene, "target." for the target.
     area : float
         Area of the sensor's window, m^2.
     """
-    whole = prefix.removesuffix(".") or None
+    channels = [None, *total.sums]
+    means, errors = (
+        dict(zip(channels, (numbers[:, 0] * area).tolist()))
+        for numbers in (total.mean(channels), total.standard_error(channels))
+    )
+    half_widths = (total.half_width(list(WHOLES))[:, 0] * area).tolist()
 
-    def mean(name):
-        return float(total.mean(name)[0] * area)
-
-    def error(name):
-        return float(total.standard_error(name)[0] * area)
-
-    def split(kind):
-        """Values and standard errors of the parts of one kind, by name."""
-        names = [name for name in total.sums if name.startswith(prefix + kind)]
-        label = len(prefix + kind)
-        return {name[label:]: mean(name) for name in names}, {
-            name[label:]: error(name) for name in names
+    def parts(numbers: dict, beginning: str) -> dict[str, float]:
+        return {
+            name.removeprefix(beginning): number
+            for name, number in numbers.items()
+            if name is not None and name.startswith(beginning)
         }
 
-    by_bounce, by_bounce_error = split("bounce.")
-    by_group, by_group_error = split("group.")
-    by_seen, by_seen_error = split("seen.")
-    return Intensity(
-        intensity=mean(whole),
-        standard_error=error(whole),
-        half_width=float(total.half_width(whole)[0] * area),
-        by_bounce=list(by_bounce.values()),
-        by_bounce_error=list(by_bounce_error.values()),
-        by_group=by_group,
-        by_group_error=by_group_error,
-        by_seen=by_seen,
-        by_seen_error=by_seen_error,
-        closure=mean(f"{prefix}closure"),
-    )
+    return {
+        prefix.removesuffix(".") or "scene": Intensity(
+            intensity=means[whole],
+            standard_error=errors[whole],
+            half_width=half_width,
+            by_bounce=list(parts(means, f"{prefix}bounce.").values()),
+            by_bounce_error=list(parts(errors, f"{prefix}bounce.").values()),
+            by_group=parts(means, f"{prefix}group."),
+            by_group_error=parts(errors, f"{prefix}group."),
+            by_seen=parts(means, f"{prefix}seen."),
+            by_seen_error=parts(errors, f"{prefix}seen."),
+            closure=means[f"{prefix}closure"],
+        )
+        for whole, prefix, half_width in zip(WHOLES, ("", "target."), half_widths)
+    }

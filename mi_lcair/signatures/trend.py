@@ -59,9 +59,6 @@ def measure_rows(scene: Scene, views: list[View], resolution: int, sampling: Sam
         "reached": total.reached_by_window,
         "invalid": np.full(len(views), total.invalid),
     }
-    parts = {
-        f"{name}_W_sr": total.mean(name) * areas
-        for name in total.sums
-        if name.startswith(("group.", "bounce.", "closure"))
-    }
+    names = [name for name in total.sums if name.startswith(("group.", "bounce.", "closure"))]
+    parts = {f"{name}_W_sr": mean for name, mean in zip(names, total.mean(names) * areas)}
     return TrendRows({name: np.array(v, dtype=float) for name, v in (columns | parts).items()})

@@ -353,8 +353,8 @@ def view_areas(total: Totals, scene: Scene, views: list[View], areas: np.ndarray
     sources, channels, scales = recorded_amounts(total)
     names = [*channels, "hit"]
     of_windows = scales * areas[:, None]
-    amounts = np.stack([total.mean(name) for name in names], axis=-1) * of_windows
-    deviations = np.stack([total.deviations(name) for name in names], axis=-1)
+    amounts = total.mean(names).T * of_windows
+    deviations = np.moveaxis(total.deviations(names), 0, -1)
     mean = total.mean("target")
     # What the deviations do not show: edges, which Student's interval may cover already
     covered = total.scatter_error("target") * student_factor(RANDOMISATIONS - 1)

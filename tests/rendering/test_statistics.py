@@ -117,3 +117,21 @@ def test_student_factors():
     assert student_factor(7) == pytest.approx(T7, rel=1e-6)
     assert student_factor(np.inf) == pytest.approx(NORMAL, rel=1e-6)
     assert student_factor(0) == np.inf
+
+
+def test_all_channels_at_once():
+    """Numbers of a list of channels are those of each channel, bit for bit."""
+    rng = np.random.default_rng(0)
+    names = ["target", "bounce.0", "group.wall", "target.group.lamp"]
+    channels = {name: 64 * rng.random((3, 8)) for name in names}
+    channels["target.group.lamp"][1] = 0
+    radiance = 1 + rng.random((3, 8))
+    total = totals(radiance, unmet=UnmetSources(9.0), highest=4.0, channels=channels)
+    total.lowest["target"], total.highest["target"] = np.zeros(3), np.full(3, 3.5)
+    total.emitters = SimpleNamespace(brightest_of={"wall": 7.0, "lamp": 0.1})
+    total.systematic = 1e-3
+    total.aim = SimpleNamespace(largest_on_model=np.ones(1), largest_weight=np.full(3, 2.0))
+    total.aim.direct = None
+    of = (total.mean, total.deviations, total.standard_error, total.half_width, total.missed)
+    for numbers in (*of, total.edge_error, total.unscattered_error):
+        np.testing.assert_array_equal(numbers([None, *names]), [*map(numbers, [None, *names])])

@@ -42,12 +42,13 @@ def test_they_give_the_intensities_of_a_render(cylinder, areas):
 def test_edges_widen_the_intervals():
     """Where the randomisations agree, an edge decides the error: 0.3 of a mean of 0.5 W/m^2/sr."""
     sources = [Source("self", "400 K", 0.5, 400.0), Source("dark", "4 K", 0.0, 4.0)]
+    means = {"source.0": 0.5, "source.1": 0.5, "hit": 1.0}
     total = SimpleNamespace(
         emitters=SimpleNamespace(
             sources=SimpleNamespace(list=sources, wavelengths_um=np.empty(0)), draws=False
         ),
-        mean=lambda name: np.array([1.0 if name == "hit" else 0.5]),
-        deviations=lambda name: np.zeros((1, 8)),
+        mean=lambda of: np.array([0.5] if of == "target" else [[means[name]] for name in of]),
+        deviations=lambda names: np.zeros((len(names), 1, 8)),
         scatter_error=lambda name: np.array([0.1]),
         edge_error=lambda name: np.array([0.3]),
         missed=lambda name: np.array([0.0]),

@@ -340,9 +340,9 @@ class Number(ABC):
     @property
     def by_reflections(self) -> np.ndarray:
         """Intensity of paths with 0, 1, ... reflections, W/sr."""
-        names = [f"{self.numbers.prefix}bounce.{k}" for k in range(MAX_BOUNCE_CHANNELS)]
-        means = [self.total.mean(name)[0] for name in names if name in self.total.sums]
-        return np.array(means) * self.numbers.area
+        beginning = f"{self.numbers.prefix}bounce."
+        names = [name for name in self.total.sums if name.startswith(beginning)]
+        return self.total.mean(names)[:, 0] * self.numbers.area
 
     def truncation(self) -> float:
         """Estimated part of the number that further reflections would add."""

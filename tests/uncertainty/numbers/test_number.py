@@ -237,9 +237,11 @@ def test_what_further_reflections_would_add():
     """8, 4, 2 W m^-2 sr^-1 on 10 m^2: another 2 beyond, of 14, less what a closure adds."""
     number, closure = Sum(), 0.0
     means = {"target.bounce.0": 8.0, "target.bounce.1": 4.0, "target.bounce.2": 2.0}
-    number.total = SimpleNamespace(
-        sums=dict(means), mean=lambda name: [means.get(name, closure)], factor=1.0
-    )
+
+    def mean(of):
+        return np.array([[means[name]] for name in of]) if isinstance(of, list) else [closure]
+
+    number.total = SimpleNamespace(sums=dict(means), mean=mean, factor=1.0)
     number.scene.mi = SimpleNamespace(integrator=lambda: SimpleNamespace(max_bounces=2))
     np.testing.assert_allclose(number.by_reflections, [80, 40, 20])
     assert number.truncation() == pytest.approx(2 / 14 * VALUE)
