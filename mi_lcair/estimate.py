@@ -19,7 +19,7 @@ from mi_lcair.errors import InputError, shown
 UNIT_NAMES = {"W/sr": "_W_sr", "W m^-2": "_W_m2", "K": "_K", "m": "_m"}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Contribution:
     """What a quantity, a group of correlated quantities or a noise adds to the error of a result.
 
@@ -80,7 +80,7 @@ class Contribution:
         return replace(self, contribution=linear(self.contribution), sensitivity=None, share=None)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Estimate:
     """A value with its error, and what contributes to the error.
 
@@ -143,6 +143,31 @@ class Estimate:
         if not self.standard_error:
             return in_unit(f"{self.value:.6g}", self.unit)
         return in_unit(with_error(self.value, self.standard_error), self.unit)
+
+    def through(self, linear: Callable[..., Any], *others: "Estimate") -> "Estimate":
+        """The same linear function, without an offset, of the values and of each of their errors.
+
+        others: further arguments, whose errors are fully correlated with those of this one.
+        """
+        names = ["value", "standard_error"]
+        names += ["half_width"] if self.half_width is not None else []
+        of_all = (self, *others)
+        return Estimate(**{name: linear(*(getattr(one, name) for one in of_all)) for name in names})
+
+    def as_dict(self) -> dict[str, Any]:
+        """The value, its standard error and what else is known, for JSON."""
+        more = {name: getattr(self, name) for name in ("unit", "half_width", "contributions")}
+        known = {
+            name: entry
+            for name, entry in more.items()
+            if isinstance(entry, (float, np.ndarray)) or entry
+        }
+        return {"value": self.value, "standard_error": self.standard_error, **known}
+
+    @property
+    def pair(self) -> tuple[Any, Any]:
+        """The value and its standard error."""
+        return self.value, self.standard_error
 
     @property
     def expanded(self) -> str:

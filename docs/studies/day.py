@@ -18,9 +18,10 @@ from docs.studies.landing import CASES, number
 from docs.studies.page import write_page
 from mi_lcair.camera.image_result import Image
 from mi_lcair.detection.contrast_result import Contrast
-from mi_lcair.detection.irradiance import TERMS, Estimate
+from mi_lcair.detection.irradiance import TERMS
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.drawing import drawing
+from mi_lcair.estimate import Estimate
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.sun.sunlight import sunlight
 
@@ -180,7 +181,7 @@ def contrast_rows(contrasts: dict) -> str:
     for position, band in CASES:
         night, day = (contrasts[position, band, light] for light in LIGHTS)
         sun, total = part(day, "sun"), night.rows[-1].total
-        change, error = (100 * value / abs(total.value) for value in sun)
+        change, error = (100 * value / abs(total.value) for value in sun.pair)
         without = day.rows[-1].total.value - sun.value
         lines.append(
             f"| {position} | {band} | {measured(total)} | {measured(day.rows[-1].total)} "

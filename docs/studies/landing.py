@@ -20,9 +20,10 @@ import mi_lcair
 from docs.studies.page import write_page
 from mi_lcair import models3d, scenes
 from mi_lcair.detection.contrast_result import Contrast
-from mi_lcair.detection.irradiance import Estimate, Irradiance
+from mi_lcair.detection.irradiance import Irradiance
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.drawing import drawing
+from mi_lcair.estimate import Estimate
 from mi_lcair.physics.atmosphere import atmosphere
 from mi_lcair.physics.sky import spectrum
 from mi_lcair.scenes.build.airliner import airliner

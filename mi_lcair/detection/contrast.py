@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from mi_lcair.detection.contrast_result import Contrast, ContrastRow
-from mi_lcair.detection.irradiance import Estimate, Irradiance, RenderError
+from mi_lcair.detection.irradiance import Irradiance, RenderError
 from mi_lcair.detection.remarks import averaged_plumes, multiplied_light
 from mi_lcair.detection.scenario import RenderTable, Scenario
 from mi_lcair.detection.setting import Setting, rendered_as, setting_of
@@ -240,7 +240,7 @@ def row(
     """
     terms = irradiance.at(path)
     total, area = terms["total"], irradiance.projected_area
-    nei_max = Estimate(*(float(detector.nei_max(value)) for value in total))
+    nei_max = total.through(lambda value: float(detector.nei_max(value)))
     empty = no_target(irradiance, detector, path)
     return ContrastRow(
         max_bounces,

@@ -6,9 +6,10 @@ from functools import cached_property
 import numpy as np
 
 from mi_lcair.detection.detection_range import DetectionRange, detection_range
-from mi_lcair.detection.irradiance import Estimate, Irradiance
+from mi_lcair.detection.irradiance import Irradiance
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.errors import option
+from mi_lcair.estimate import Estimate
 from mi_lcair.physics.air.atmosphere import Atmosphere, LineOfSight
 from mi_lcair.physics.detector import Detector
 from mi_lcair.results import Result, entry
@@ -102,7 +103,7 @@ class ContrastRow:
 
     def as_dict(self) -> dict:
         """The row as a dictionary, for JSON."""
-        estimates = {name: value._asdict() for name, value in self.estimates().items()}
+        estimates = {name: value.as_dict() for name, value in self.estimates().items()}
         return {"max_bounces": self.max_bounces, **estimates, **self.numbers()}
 
 
@@ -407,11 +408,12 @@ class Contrast(Result):
         """A row for each number of reflections, with values and standard errors."""
         columns = {"max_bounces": np.array([row.max_bounces for row in self.rows])}
         for name in self.rows[0].estimates():
-            estimates = np.array([row.estimates()[name] for row in self.rows])
+            estimates = [row.estimates()[name] for row in self.rows]
             quantity, unit = name.rsplit("_W_" if "_W_" in name else "_", 1)
             unit = f"W_{unit}" if "_W_" in name else unit
-            columns[name] = estimates[:, 0]
-            columns[f"{quantity}_standard_error_{unit}"] = estimates[:, 1]
+            columns[name] = np.array([estimate.value for estimate in estimates])
+            errors = np.array([estimate.standard_error for estimate in estimates])
+            columns[f"{quantity}_standard_error_{unit}"] = errors
         for name in self.rows[0].numbers():
             columns[name] = np.array([row.numbers()[name] for row in self.rows], dtype=float)
         return columns
@@ -424,7 +426,7 @@ class Contrast(Result):
         """
         return {
             group: {
-                f"{name}_{unit}": parts[name]._asdict()
+                f"{name}_{unit}": parts[name].as_dict()
                 for name, unit in (("intensity", "W_sr"), ("target", "W_m2"))
             }
             for group, parts in self.rows[number].irradiance.by_group(self.path).items()

@@ -95,7 +95,7 @@ def detection_range(
 
     def signal(range_m) -> tuple[float, float]:
         """Signal at a range, and its standard error."""
-        value, error = irradiance.at(air.path(range_m))["total"]
+        value, error = irradiance.at(air.path(range_m))["total"].pair
         return detector.signal(value), detector.signal(error)
 
     if air.is_vacuum:  # the signal falls as 1 / range^2
@@ -173,7 +173,7 @@ def largest_ranges(
     least = detector.snr * detector.nei / detector.optics_transmittance
     if air.is_vacuum:
         per_amount = line.per_amount(air.path(1.0))
-        value, error, _ = areas.estimates(per_amount[4], per_amount[1], 0.0)
+        value, error = areas.estimates(per_amount[4], per_amount[1], 0.0).pair
         ends = np.sqrt(np.abs(value) / least)
         seen = ends > nearest_m
         error = np.divide(

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mi_lcair.estimate import Estimate
 from mi_lcair.physics.air.atmosphere import Atmosphere, LineOfSight
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.spectrum import Spectrum
@@ -16,13 +17,6 @@ from mi_lcair.signatures.effective_areas import EffectiveAreas
 from mi_lcair.signatures.view_areas import ViewAreas
 
 TERMS = ("intensity", "target", "path", "background", "total")
-
-
-class Estimate(NamedTuple):
-    """A value and its standard error, which includes only the noise of the render."""
-
-    value: float
-    standard_error: float
 
 
 class Backdrop(NamedTuple):

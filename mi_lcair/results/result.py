@@ -14,6 +14,7 @@ import numpy as np
 
 from mi_lcair.drawing import PICTURES, notebook_png, write_figure
 from mi_lcair.errors import InputError, check_known, printable
+from mi_lcair.estimate import Estimate
 from mi_lcair.extras import named, optional
 from mi_lcair.files import check_writable, replacing
 from mi_lcair.results import html
@@ -388,6 +389,8 @@ def strict(value):
     too.
     """
     if hasattr(value, "as_dict"):
+        value = value.as_dict()
+    if isinstance(value, Estimate):
         value = value.as_dict()
     if is_dataclass(value):
         value = {entry.name: getattr(value, entry.name) for entry in fields(value)}

@@ -8,12 +8,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from os import PathLike
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mi_lcair.errors import InputError
+from mi_lcair.estimate import Estimate
 from mi_lcair.formats import netcdf
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
@@ -35,14 +36,6 @@ if TYPE_CHECKING:
 
 FEW_AMOUNTS = 32  # number of amounts whose pairs take less time than the randomisations
 NOT_HELD = "is no file of effective areas that mi_lcair wrote"
-
-
-class Estimates(NamedTuple):
-    """Values, their standard errors, and half of their 95 % intervals: arrays of one shape."""
-
-    value: np.ndarray
-    standard_error: np.ndarray
-    half_width: np.ndarray
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
@@ -99,13 +92,13 @@ class ViewAreas(SourcesInBand):
 
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each view: intensity, projected area, and the effective area of each source."""
-        value, error, half_width = self.intensity()
+        intensity = self.intensity()
         return {
             "azimuth_deg": np.array([view.azimuth_deg for view in self.views]),
             "elevation_deg": np.array([view.elevation_deg for view in self.views]),
-            "intensity_W_sr": value,
-            "standard_error_W_sr": error,
-            "half_width_W_sr": half_width,
+            "intensity_W_sr": intensity.value,
+            "standard_error_W_sr": intensity.standard_error,
+            "half_width_W_sr": intensity.half_width,
             "projected_area_m2": self.amounts[:, -1],
             "paths": self.paths,
             "reached": self.reached,
@@ -119,7 +112,7 @@ class ViewAreas(SourcesInBand):
         self,
         temperatures: Mapping[str, ArrayLike] | None = None,
         band: Band | str | PathLike[str] | None = None,
-    ) -> Estimates:
+    ) -> Estimate:
         """Intensities toward all views, W/sr, optionally at other temperatures.
 
         Parameters
@@ -132,7 +125,7 @@ class ViewAreas(SourcesInBand):
 
         Returns
         -------
-        Estimates
+        Estimate
             Arrays of shape (V,), or (n, V) for n sets of temperatures.
 
         Raises
@@ -159,7 +152,7 @@ class ViewAreas(SourcesInBand):
 
     def estimates(
         self, per_amount: np.ndarray, of_target: np.ndarray, per_missed: ArrayLike
-    ) -> Estimates:
+    ) -> Estimate:
         """Numbers that are linear in the amounts, for each view.
 
         Parameters
@@ -173,7 +166,7 @@ class ViewAreas(SourcesInBand):
 
         Returns
         -------
-        Estimates
+        Estimate
             Arrays of shape (..., V).
         """
         variance = self.variance(per_amount)
@@ -187,7 +180,7 @@ class ViewAreas(SourcesInBand):
             + student_factor(np.inf) ** 2 * systematic
             + missed**2
         )
-        return Estimates(value, np.sqrt(variance + systematic), half_width)
+        return Estimate(value, np.sqrt(variance + systematic), half_width=half_width)
 
     def variance(self, per_amount: np.ndarray) -> np.ndarray:
         """Variance of numbers that are linear in the amounts, from the deviations, (..., V)."""

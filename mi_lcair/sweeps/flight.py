@@ -10,12 +10,13 @@ from mi_lcair.detection.irradiance import LineOfSources
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import sun_over
 from mi_lcair.errors import InputError, errors_of
+from mi_lcair.estimate import Estimate
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.views import Target
 from mi_lcair.signatures.effective_areas import temperatures_of
 from mi_lcair.signatures.many_views import DEFAULT_TOLERANCE
-from mi_lcair.signatures.view_areas import Estimates, ViewAreas
+from mi_lcair.signatures.view_areas import ViewAreas
 from mi_lcair.sweeps.areas_folder import AreasFolder
 from mi_lcair.sweeps.flight_result import Flight
 from mi_lcair.sweeps.lines import TEMPERATURE, Line, sightline
@@ -135,14 +136,14 @@ class Aspects:
             areas = replace(of_lit[lit], sources=sources_of(*lit))
             self.areas[number] = areas.of_views([areas.views.index(line.views[0])])
 
-    def terms(self, number: int, traced: int) -> dict[str, Estimates]:
+    def terms(self, number: int, traced: int) -> dict[str, Estimate]:
         """The TERMS of a moment, if the target had the effective areas of another one."""
         line = self.line(number)
         areas, sight = self.areas[traced].at_temperatures(line.temperatures), line.sight
         amounts = LineOfSources(areas, sight.detector.band, sight.air, sight.backdrop)
         return terms_of(amounts, sight.path, amounts.per_amount(sight.path))
 
-    def between(self, number: int, pair: tuple[int, int]) -> dict[str, Estimates]:
+    def between(self, number: int, pair: tuple[int, int]) -> dict[str, Estimate]:
         """The TERMS of a moment between two that were traced.
 
         Errors are those of fully correlated renders, which is an upper bound.
@@ -151,9 +152,7 @@ class Aspects:
         share = (self.turned_deg[number] - low) / (high - low) if high > low else 0.0
         first, second = (self.terms(number, k) for k in pair)
         return {
-            name: Estimates(
-                *((1 - share) * a + share * b for a, b in zip(first[name], second[name]))
-            )
+            name: first[name].through(lambda a, b: (1 - share) * a + share * b, second[name])
             for name in first
         }
 
@@ -206,7 +205,7 @@ def table_of(
         terms = aspects.between(number, pair)
         error = errors.get(pair, 0.0) / moments.range_m[number] ** 2
         total = terms["total"]
-        terms["total"] = total._replace(half_width=total.half_width + error)
+        terms["total"] = replace(total, half_width=total.half_width + error)
         line = aspects.line(number)
         rows.append(
             {

@@ -6,11 +6,12 @@ import numpy as np
 
 from mi_lcair.detection.detection_range import largest_ranges
 from mi_lcair.detection.irradiance import LineOfSources
+from mi_lcair.estimate import Estimate
 from mi_lcair.physics.air.atmosphere import LineOfSight
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
 from mi_lcair.physics.detector import Detector
-from mi_lcair.signatures.view_areas import Estimates, ViewAreas
+from mi_lcair.signatures.view_areas import ViewAreas
 from mi_lcair.sweeps.lines import Line, Sightline
 
 SLOPE_STEP_K = 0.01  # step of temperature for the slope of Planck's law, K
@@ -50,7 +51,7 @@ def of_sight(sight: Sightline, areas: ViewAreas) -> dict[str, np.ndarray]:
 
 def terms_of(
     line: LineOfSources, along: LineOfSight, per_amount: np.ndarray
-) -> dict[str, Estimates]:
+) -> dict[str, Estimate]:
     """The TERMS of each view at the end of a path, from those per amount there.
 
     Those of path and background have the error of the projected area alone.
@@ -68,7 +69,7 @@ def terms_of(
     }
 
 
-def of_terms(terms: Mapping[str, Estimates]) -> dict[str, np.ndarray]:
+def of_terms(terms: Mapping[str, Estimate]) -> dict[str, np.ndarray]:
     """Columns of the TERMS."""
     return {
         **of_estimates("intensity", "W_sr", terms["intensity"]),
@@ -79,12 +80,12 @@ def of_terms(terms: Mapping[str, Estimates]) -> dict[str, np.ndarray]:
     }
 
 
-def beside_noise(detector: Detector, contrast: Estimates) -> dict[str, np.ndarray]:
+def beside_noise(detector: Detector, contrast: Estimate) -> dict[str, np.ndarray]:
     """Columns of a contrast and the noise of a detector."""
-    rows = of_estimates("nei_max", "W_m2", Estimates(*map(detector.nei_max, contrast)))
+    rows = of_estimates("nei_max", "W_m2", contrast.through(detector.nei_max))
     if detector.nei is None:
         return rows
-    snr = Estimates(*(np.abs(detector.signal(value)) / detector.nei for value in contrast))
+    snr = contrast.through(lambda value: np.abs(detector.signal(value)) / detector.nei)
     rows |= {"nei_ratio": detector.nei_max(contrast.value) / detector.nei}
     return rows | of_estimates("snr", "", snr)
 
@@ -124,7 +125,7 @@ def apparent_temperature(
     }
 
 
-def of_estimates(name: str, unit: str, estimates: Estimates) -> dict[str, np.ndarray]:
+def of_estimates(name: str, unit: str, estimates: Estimate) -> dict[str, np.ndarray]:
     """Columns of a value, its standard error and half of its 95 % interval."""
     end = f"_{unit}" if unit else ""
     return {

@@ -7,6 +7,7 @@ from scipy.optimize import brentq
 from mi_lcair.detection.detection_range import detection_range, largest_ranges
 from mi_lcair.detection.irradiance import Backdrop, Irradiance, LineOfSources, RenderError
 from mi_lcair.errors import InputError
+from mi_lcair.estimate import Estimate
 from mi_lcair.physics.atmosphere import AtmosphereTable, atmosphere
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
@@ -150,7 +151,7 @@ class Signal:
         self.function = function
 
     def at(self, path):
-        return {"total": (self.function(path.range_m), 0.01)}
+        return {"total": Estimate(self.function(path.range_m), 0.01)}
 
 
 def test_signals_of_both_signs():

@@ -64,9 +64,11 @@ def test_groups_are_parts_of_the_target():
     }
     for part, radiance, area, variance in zip(groups.values(), (L[HOT], L_COLD), (AREA, 4), (4, 9)):
         intensity, error = radiance * area, radiance * np.sqrt(variance / 100)
-        assert part["intensity"] == pytest.approx((intensity, error), rel=1e-6)
+        assert part["intensity"].pair == pytest.approx((intensity, error), rel=1e-6)
         at_sensor = TAU / RANGE**2
-        assert part["target"] == pytest.approx((at_sensor * intensity, at_sensor * error), rel=1e-5)
+        assert part["target"].pair == pytest.approx(
+            (at_sensor * intensity, at_sensor * error), rel=1e-5
+        )
 
 
 def test_errors_follow_from_the_covariance():
@@ -83,7 +85,7 @@ def test_errors_follow_from_the_covariance():
     ):
         expected = np.sqrt(gradient @ COVARIANCE @ gradient)
         assert terms[name].standard_error == pytest.approx(expected, rel=1e-4)
-    assert two_sources().projected_area == (15.0, pytest.approx(np.sqrt(0.05)))
+    assert two_sources().projected_area.pair == (15.0, pytest.approx(np.sqrt(0.05)))
 
 
 def test_half_widths():
@@ -125,10 +127,10 @@ def test_many_temperatures_as_one_spectrum():
     assert areas.intensity() == pytest.approx((L[HOT] * AREA, 0.02 * L[HOT] * AREA), rel=1e-5)
     terms = Irradiance(areas, RenderError(), LWIR, grey_air(), BACKDROP).at(grey_air().path(RANGE))
     target = TAU * L[HOT] * AREA / RANGE**2
-    assert terms["target"] == pytest.approx((target, 0.02 * target), rel=1e-4)
+    assert terms["target"].pair == pytest.approx((target, 0.02 * target), rel=1e-4)
     rest = ((1 - TAU) * L[AIR] - L[SKY]) / RANGE**2
     error = abs(0.02 * target - 0.2 * rest)
-    assert terms["total"] == pytest.approx((target + 15 * rest, error), rel=1e-3)
+    assert terms["total"].pair == pytest.approx((target + 15 * rest, error), rel=1e-3)
 
 
 @pytest.mark.parametrize("nodes", [[], [3.2, 4.0, 4.8]])

@@ -6,7 +6,7 @@ import pytest
 import mi_lcair
 from docs.studies import day
 from docs.studies.landing import CASES
-from mi_lcair.detection.irradiance import Estimate
+from mi_lcair.estimate import Estimate
 
 FEW = {"render.resolution": 32, "render.spp": 16, "render.max_bounces": 1}
 

@@ -7,12 +7,13 @@ from functools import partial
 
 import numpy as np
 
-from mi_lcair.detection.irradiance import TERMS, Backdrop, Estimate, Irradiance, RenderError
+from mi_lcair.detection.irradiance import TERMS, Backdrop, Irradiance, RenderError
 from mi_lcair.detection.line_of_sight import backdrop
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import Setting, holding
 from mi_lcair.detection.weather import QUANTITIES, in_weather, weather_quantities
 from mi_lcair.errors import InputError
+from mi_lcair.estimate import Estimate
 from mi_lcair.physics.air.atmosphere import LineOfSight
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import spectral_radiance
