@@ -16,9 +16,21 @@ from typing import NamedTuple
 from xml.etree import ElementTree
 
 from mi_lcair.errors import InputError, unknown
-from mi_lcair.formats import MODELS
 
 FOLDER = Path(__file__).resolve().parent
+MODELS = (".obj", ".glb", ".gltf", ".ply", ".stl")  # suffixes of models that `models3d` reads
+# Programs by the suffix of their files, which must be exported in one of these formats
+UNREAD = {
+    ".blend": "Blender",
+    ".fbx": "FBX",
+    ".dae": "COLLADA",
+    ".skp": "SketchUp",
+    ".x3d": "X3D",
+    **dict.fromkeys((".3ds", ".max"), "3ds Max"),
+    **dict.fromkeys((".usd", ".usdc", ".usdz"), "USD"),
+    **dict.fromkeys((".step", ".stp"), "STEP"),
+    **dict.fromkeys((".igs", ".iges"), "IGES"),
+}
 
 # Files that are named in place of a scene, by suffix, and what is done with them.
 NO_SCENES = {
@@ -71,6 +83,16 @@ def file_of(scene: str | PathLike[str]) -> Path:
     if file.suffix.lower() in NO_SCENES:
         raise InputError(f"'{scene}' is no scene: {NO_SCENES[file.suffix.lower()]}")
     return file
+
+
+def check_model(file: str | PathLike[str]) -> None:
+    """Raise InputError for the file of a modelling program that must be exported first."""
+    program = UNREAD.get(Path(file).suffix.lower())
+    if program:
+        raise InputError(
+            f"{file}: is a {program} file, which is not read; export the model as "
+            f"{', '.join(MODELS[:-1])} or {MODELS[-1]} (in Blender: File, Export, Wavefront)"
+        )
 
 
 def _hint(text: str) -> str:

@@ -8,7 +8,7 @@ from mi_lcair import scenes
 from mi_lcair.errors import InputError
 from mi_lcair.extras import named
 from mi_lcair.files import parse_json, read_text
-from mi_lcair.formats import MODELS, check_model, tables
+from mi_lcair.formats import tables
 from mi_lcair.formats.tables import FACETS, RESULTS, SPECTRUM, TREND
 from mi_lcair.results import Result
 
@@ -17,7 +17,7 @@ IMAGE, SIGNATURE, FIT, MODEL = "an image", "a signature", "a fit", "a model"
 SCENE, SCENARIO, MATERIAL = "a scene", "a scenario", "a material"
 BLACKBODIES, AIR, SKY = "blackbodies", "an atmosphere", "a sky"
 SOLUTION, BUDGET, AUDIT, CONTRAST = "a solution", "a budget", "an audit", "a contrast"
-BY_SUFFIX = {".exr": IMAGE, ".xml": SCENE, ".toml": SCENARIO, **dict.fromkeys(MODELS, MODEL)}
+BY_SUFFIX = {".exr": IMAGE, ".xml": SCENE, ".toml": SCENARIO, **dict.fromkeys(scenes.MODELS, MODEL)}
 TEMPERATURES = re.compile(r"\d+(\.\d+)?K(,\d+(\.\d+)?K)*")  # such as 260K,300K
 # By the entry `kind` of a result's JSON
 BY_RESULT = {
@@ -71,16 +71,16 @@ def kind_of(what: str | Path, materials: str | Path | None = None) -> str:
         return AIR
     if is_number(what) or what in names(materials):
         return MATERIAL
-    check_model(what)
+    scenes.check_model(what)
     bundled = [*scenes.names(), *names(materials), *sky_names(), *atmosphere_names()]
     hint = f"; the nearest are {', '.join(get_close_matches(what, bundled, 3, 0.0))}"
     if suffix:
         hint = "; TIFFs are for other programs, such as ImageJ" if suffix.startswith(".tif") else ""
     raise InputError(
         f"'{what}' is no image (.exr), no trend, spectrum or facets (.csv, .nc), no result "
-        f"(.json), no model ({', '.join(MODELS)} or the folder of an import), no scene (.xml), no "
-        "scenario (.toml), no temperatures (260K,300K), and no name of a scene, material, air or "
-        f"sky{hint}"
+        f"(.json), no model ({', '.join(scenes.MODELS)} or the folder of an import), no scene "
+        "(.xml), no scenario (.toml), no temperatures (260K,300K), and no name of a scene, "
+        f"material, air or sky{hint}"
     )
 
 

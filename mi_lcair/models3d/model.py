@@ -9,7 +9,6 @@ import numpy as np
 from mi_lcair.errors import InputError, errors_of, option, shown
 from mi_lcair.extras import named
 from mi_lcair.files import read_text
-from mi_lcair.formats import check_model
 from mi_lcair.models3d.coincident import weld
 from mi_lcair.models3d.label import TYPES, Label, find_material, kelvin
 from mi_lcair.models3d.modellers import axes, exchange, fem
@@ -19,6 +18,7 @@ from mi_lcair.models3d.polygons import MOST_CLIPPED, triangulate
 from mi_lcair.physics import materials as known_materials
 from mi_lcair.results import Result
 from mi_lcair.results.sections import Remarks
+from mi_lcair.scenes import check_model
 from mi_lcair.table import read_table
 
 FARTHEST = 1e9  # largest coordinate [m], whose square is far below the largest Float32 number
