@@ -317,7 +317,7 @@ def test_sunlit_ground(folder):
     of_air = AIR.emitted(along, setting.sight.sun).radiance
     (expected,) = on(x, bands().wavelengths_um, lights + of_air)
     np.testing.assert_allclose(ground.at_sensor(1000.0).at(x), expected, rtol=2e-3)
-    with pytest.raises(InputError, match="has sky and daytime_sky; give one of them"):
+    with pytest.raises(InputError, match="has sky and daytime_sky; give one of"):
         Background(sky="us_standard_clear", daytime_sky="us_standard")
 
 
@@ -561,7 +561,7 @@ def test_a_cloudy_sky_knows_no_height(folder):
         ),
         ({"atmosphere__table": "midlat"}, "unknown atmosphere 'midlat'"),
         ({"background__ground_temperature": -1}, "ground_temperature = -1 K; must be positive"),
-        ({"background__ground_emissivity": 0.5}, "ground_emissivity = 0.5 without sky"),
+        ({"background__ground_emissivity": 0.5}, "sky and temperature are missing; give one"),
         ({"background__ground_emissivity": 1.5} | GROUND, "emissivity = 1.5; must be positive"),
         ({"observer__height_m": -1}, "height_m = -1; must lie in 0..100000"),
     ],
