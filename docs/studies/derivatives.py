@@ -20,7 +20,7 @@ from docs.studies.differences import differences
 from docs.studies.page import label, write_page
 from mi_lcair.api.parameters import parameters
 from mi_lcair.api.sensitivities import sensitivities
-from mi_lcair.rendering.parameters.values import entries_named
+from mi_lcair.rendering.parameters.values import parameters_named
 
 SCENES = [
     ("cylinder_ir_range", {}),
@@ -54,9 +54,9 @@ class Replay:
 
     def __call__(self, name: str, paths: int, seed: int) -> float:
         """The derivative with respect to a parameter of a material [W/sr]."""
-        (entry,) = entries_named(self.scene, [name])
-        own = mi.traverse(entry.places[0].node)
-        key = entry.places[0].key
+        (entry,) = parameters_named(self.scene, [name])
+        own = mi.traverse(entry.stored[0].node)
+        key = entry.stored[0].key
         dr.enable_grad(own[key])
         own.update()
         image = mi.render(self.scene.mi, own, spp=paths // RESOLUTION**2, seed=seed)

@@ -34,7 +34,7 @@ def check_paths(pixels: int, **counts: int | None) -> None:
 def check_memory(pixels: int, channels: int = 0, sources: int = 0) -> None:
     """Raise InputError for an image that needs more memory than is free.
 
-    channels: recorded beside the radiance. sources: those of which means are kept in single
+    channels: recorded in addition to the radiance. sources: those of which means are kept in single
     precision.
     """
     needed = pixels * (BYTES_PER_PIXEL + BYTES_PER_CHANNEL * channels + BYTES_PER_SOURCE * sources)
@@ -52,7 +52,7 @@ def check_free(needed: float, what: str, remedy: str) -> None:
 
 
 def channel_count(tracer, split: str | None) -> int:
-    """Number of channels that a render records beside the radiance, see `Channels`."""
+    """Number of channels that a render records in addition to the radiance, see `Channels`."""
     if split is None:
         return 0
     count = min(tracer.max_bounces + 1, MAX_BOUNCE_CHANNELS) + 2 * len(tracer.emitters.labels) + 4
@@ -61,7 +61,7 @@ def channel_count(tracer, split: str | None) -> int:
 
 
 def source_count(tracer) -> int:
-    """Number of channels of the sources that are told apart by their spectra."""
+    """Number of channels of the sources that are recorded separately by spectrum."""
     sources = tracer.emitters.sources
     of_list = len(sources.list) if sources.by_spectrum else 0
     return of_list + (WAVELENGTHS if sources.share is not None else 0)

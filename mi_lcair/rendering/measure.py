@@ -1,4 +1,4 @@
-"""The sentence of this project: measure(scene, windows, sampling, measurands) gives totals.
+"""The loop that traces paths: measure(scene, windows, sampling, measurands) gives totals.
 
 Everything that renders chooses windows, measurands and a criterion, and calculates with the totals.
 """

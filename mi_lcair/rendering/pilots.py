@@ -22,9 +22,9 @@ from mi_lcair.rendering.views import model_shapes
 # up to twice as many reflections.
 DRAWN_RAYS = {"emitter_sampling": 2, "opening_sampling": 4}
 # Ratio of the error to the allowed error, after the first paths, from which on the paths of the
-# pilots are few beside those that are still needed
+# pilots are few compared with those that are still needed
 WORTH_ASKING = 3
-# Cost of a ray to a facet beside a path, in parts of the path's. Measured for an airliner.
+# Cost of a ray to a facet, as a part of that of a path. Measured for an airliner.
 FACET_RAY = 0.5
 PATHS_OF_A_START = 1, 8  # numbers of paths for each that begins on a facet, of which one is chosen
 # Randomisations of the pilots of one window. With 32, two equal variances differ by less than 1.8.

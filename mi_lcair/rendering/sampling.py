@@ -19,8 +19,8 @@ DEFAULT_MAX_SPP = 2**16  # largest number of samples per pixel for a tolerance
 class Sampling:
     """How a render is sampled. A public function makes it once and hands it on whole.
 
-    Raises InputError for numbers that are not positive, and for a number of samples beside a
-    tolerance.
+    Raises InputError for numbers that are not positive, and for both a number of
+    samples and a tolerance.
 
     Attributes
     ----------

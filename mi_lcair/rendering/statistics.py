@@ -18,8 +18,8 @@ from mi_lcair.plugins.recorders.unmet_source import LARGEST, SUMMED, in_all_wind
 # Largest fraction of NaN or infinite samples in a result. Such samples are left out or count as 0,
 # which changes a mean by about their fraction. The limit is a tenth of the usual tolerance of 1 %.
 MOST_INVALID = 1e-3
-# A source that is met by 2.5 paths on average is met by none with a probability of 8 %. Where no
-# path has met it, it adds at most as much as 2.5 paths, in 92 of 100 such scenes at worst.
+# Bound of the number of paths that hit a source in similar renders, if none has hit it in this one.
+# A source that 2.5 paths hit on average is missed by all paths with a probability of 8 %.
 UNSEEN = 2.5
 # Points of a randomisation from which on they divide a window evenly; fewer are like random ones.
 EVEN_POINTS = 8
@@ -243,7 +243,7 @@ class Totals:
     def largest_unmet(self, name: ChannelNames = None, draws: np.ndarray | None = None):
         """Largest contribution of a path to a source that no path has hit, (..., windows).
 
-        A shadow that no path has met takes a path's radiance away.
+        It is at least the mean, because a shadow that no path has hit removes a path's radiance.
 
         draws: numbers of draws of parts of the only window, in place of those of the windows.
         """

@@ -22,8 +22,8 @@ from mi_lcair.plugins.columns.tables import (
 )
 from mi_lcair.plugins.emission.sources import spectra
 from mi_lcair.rendering.measurands import Measurands
-from mi_lcair.rendering.parameters.entries import DIFFERENCED, SCALED, Entry
-from mi_lcair.rendering.parameters.values import entries_named
+from mi_lcair.rendering.parameters.entries import DIFFERENCED, SCALED, StoredParameter
+from mi_lcair.rendering.parameters.values import parameters_named
 
 MOST_COLUMNS = SIZES[-1]  # columns of one render
 
@@ -33,7 +33,7 @@ def columns_of(scene, names) -> dict[str, MaterialColumn | SourceColumn]:
 
     Raises InputError if a name is unknown, or if a column would have no derivative.
     """
-    entries = sorted(entries_named(scene, names), key=lambda entry: entry.kind != "material")
+    entries = sorted(parameters_named(scene, names), key=lambda entry: entry.kind != "material")
     return {entry.name: column_of(entry) for entry in entries}
 
 
@@ -54,13 +54,13 @@ def by_difference(scene, names) -> list[str]:
     """
     if has_spectral_materials(scene.mi):
         return list(names)
-    return [entry.name for entry in entries_named(scene, names) if entry.kind in DIFFERENCED]
+    return [entry.name for entry in parameters_named(scene, names) if entry.kind in DIFFERENCED]
 
 
 def of_plumes(scene, names) -> set[str]:
     """Parameters of plumes. What a plume hides of a background changes with them, too."""
-    entries = entries_named(scene, names)
-    return {e.name for e in entries if any(is_plume(place.node) for place in e.places)}
+    entries = parameters_named(scene, names)
+    return {e.name for e in entries if any(is_plume(stored.node) for stored in e.stored)}
 
 
 def without_column(scene, names) -> set[str]:
@@ -68,42 +68,42 @@ def without_column(scene, names) -> set[str]:
     return {*by_difference(scene, names), *of_plumes(scene, names)}
 
 
-def column_of(entry: Entry) -> MaterialColumn | SourceColumn:
+def column_of(entry: StoredParameter) -> MaterialColumn | SourceColumn:
     if entry.kind in DIFFERENCED:
         what = "a motion" if entry.kind == "motion" else "of a BSDF that is not of this project"
         raise InputError(f"{entry.name} is {what}, which has no derivative here")
     if entry.kind == "material":
-        nodes = tuple(place.node for place in entry.places)
-        return MaterialColumn(nodes, entry.places[0].key.removesuffix(".value"))
+        nodes = tuple(stored.node for stored in entry.stored)
+        return MaterialColumn(nodes, entry.stored[0].key.removesuffix(".value"))
     if entry.kind == "mode":
         return mode_column(entry)
     mean, relative = entry.mean(entry.numbers()), {}
     if not mean > 0:
         raise InputError(f"{entry.name} = {mean:g} has no derivative; give it a positive value")
-    for place in entry.places:
-        emitter = place.node.emitter() if isinstance(place.node, mi.Shape) else place.node
-        values = place.array().astype(float)
+    for stored in entry.stored:
+        emitter = stored.node.emitter() if isinstance(stored.node, mi.Shape) else stored.node
+        values = stored.array().astype(float)
         # The several numbers of a radiance or an emissivity change by a common factor
         slope = np.full(values.shape, 1 / mean)
-        if (of_parts := emitter.relative_slopes(place.key)) is not None:
+        if (of_parts := emitter.relative_slopes(stored.key)) is not None:
             slope = of_parts * (values[0] / mean if entry.kind in SCALED else 1.0)
         elif entry.kind == "temperature":
             slope = relative_slope(emitter.band, values)
-        if place.number is not None:
+        if stored.number is not None:
             others = np.ones(len(values), bool)
-            others[place.number] = False
+            others[stored.number] = False
             slope[others] = 0
         relative[emitter] = slope
     return SourceColumn(relative)
 
 
-def mode_column(entry: Entry) -> SourceColumn:
+def mode_column(entry: StoredParameter) -> SourceColumn:
     """The column of a mode: all temperatures change by their part of its pattern."""
     relative = {}
-    for place in entry.places:
-        emitter = place.node.emitter()
-        slope = relative_slope(emitter.band, place.array().astype(float))
-        relative[emitter] = slope * entry.changes[place.node]
+    for stored in entry.stored:
+        emitter = stored.node.emitter()
+        slope = relative_slope(emitter.band, stored.array().astype(float))
+        relative[emitter] = slope * entry.changes[stored.node]
     return SourceColumn(relative)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from mi_lcair.rendering.limits import check_memory
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
-from mi_lcair.rendering.parameters.values import entries_named, units
+from mi_lcair.rendering.parameters.values import parameters_named, units
 from mi_lcair.rendering.pixels.errors import missed_nearby
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
@@ -33,7 +33,7 @@ def differentiate_image(
     sampling = sampling.settled(camera)
     windows = Windows.of_image(camera, randomisations, by_randomisation=True)
     windows.check(sampling)
-    kinds = {entry.name: entry.kind for entry in entries_named(scene, names)}
+    kinds = {entry.name: entry.kind for entry in parameters_named(scene, names)}
     differenced = by_difference(scene, names)
     along_paths = [name for name in names if name not in differenced]
     explored = explored_by(columns_of(scene, along_paths).values())

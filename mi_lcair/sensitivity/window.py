@@ -8,7 +8,7 @@ import numpy as np
 
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
-from mi_lcair.rendering.parameters.values import entries_named, units
+from mi_lcair.rendering.parameters.values import parameters_named, units
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
@@ -53,7 +53,7 @@ def differentiate_intensity(
     numbers = CommonNumbers(scene, sampling, by_spectrum, part)
     if sampling.tolerance is not None:
         numbers.render()
-    motions = [entry.name for entry in entries_named(scene, names) if entry.kind == "motion"]
+    motions = [entry.name for entry in parameters_named(scene, names) if entry.kind == "motion"]
     differenced = by_difference(scene, names)
     along_paths = [name for name in names if name not in differenced]
     explored = explored_by(columns_of(scene, along_paths).values())
@@ -163,7 +163,7 @@ def missed_errors(scene, total: Totals, names, part: str = "scene") -> list[np.n
     as if the radiance were proportional to the parameter.
     """
     errors = []
-    for entry in entries_named(scene, names):
+    for entry in parameters_named(scene, names):
         numbers, channel = entry.numbers(), PARTS[part]
         relative = 1 / (abs(entry.mean(numbers)) or 1.0)
         if entry.kind not in ("material", "spectrum", "plugin", "mode"):

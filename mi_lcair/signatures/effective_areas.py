@@ -114,12 +114,12 @@ class SourcesInBand(Result):
             )
         return band
 
-    def check_told_apart(self) -> None:
-        """Raise InputError if the blackbodies were recorded by wavelength only."""
+    def check_resolved(self) -> None:
+        """Raise InputError if blackbodies have no effective areas of their own."""
         if self.nodes_um.size:
             raise InputError(
-                "the scene has too many temperatures to be told apart: its spectrum is known, "
-                "but not the effective area of each temperature"
+                "the scene has too many temperatures for an effective area of each; only its "
+                "spectrum is known"
             )
 
 
@@ -257,7 +257,7 @@ class EffectiveAreas(SourcesInBand):
             to change them.
         """
         if temperatures:
-            self.check_told_apart()
+            self.check_resolved()
         check_known("part", PARTS, part)
         wanted = self.band if band is None else self.within(band_of(band))
         p, per_amount = PARTS.index(part), self.in_band(wanted, temperatures or {})
@@ -286,7 +286,7 @@ class EffectiveAreas(SourcesInBand):
                 f"areas hold for the material parameters of band {self.band.label} only"
             )
         if temperatures:
-            self.check_told_apart()
+            self.check_resolved()
         by_source = self.area[:, :, None] * self.radiance(wavelengths_um, temperatures)
         if not self.nodes_um.size:
             return by_source
@@ -346,7 +346,7 @@ def resolved(band: Band, sources: list[Source]) -> np.ndarray:
 def recorded_amounts(total: Totals) -> tuple[list[Source], list[str], np.ndarray]:
     """Sources that a render recorded, and the channel of each amount but the last, "hit".
 
-    Behind them stand the factors by which all means become shares of the window's area.
+    The third result holds the factors that turn all means into shares of the window's area.
     """
     of_scene = total.emitters.sources
     named = {f"source.{k}": source for k, source in enumerate(of_scene.list) if source.name}
@@ -375,8 +375,8 @@ def effective_areas(total: Totals, scene: Scene, window_area: float) -> Effectiv
     amounts = scales * [total.mean(row)[:, 0] for row in names]
     deviations = [scales[:, None] * total.deviations(row)[:, 0] for row in names]
     covariance = np.array([of_part @ of_part.T for of_part in deviations])
-    # The area of a source that no path has met is at most that of the few paths that may have
-    # missed it, and its radiance at most that which the group may lack
+    # Sources that no path has hit: their area is at most that of UNSEEN paths, and their radiance
+    # at most the error of their group
     weight = 1.0 if total.aim is None else total.aim.largest_weight
     few = UNSEEN / student_factor(np.inf) * weight * window_area / max(total.paths[0], 1)
     count = len(sources)

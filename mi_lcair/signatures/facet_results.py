@@ -169,8 +169,8 @@ class FacetSums:
         scatter = np.sqrt(R) * self.by_randomisation.std(axis=0, ddof=1) * per_sample
         # All randomisations may agree on a facet's points, and miss a part of a point
         of_part = edge_share(R) * R * np.nan_to_num(radiance) * per_sample
-        # The few paths that meet a facet may have missed what it reflects most. A facet that no
-        # path has met is one that few paths would meet, as bright as the brightest path.
+        # The few paths that hit a facet may have missed the brightest source that it reflects. A
+        # facet that no path has hit is assumed to be as bright as the brightest path.
         draws = totals.unmet_sums["draws"][0] * self.hits / max(self.hits.sum(), 1)
         largest = totals.largest_unmet("target", draws)
         largest = np.where(
@@ -210,7 +210,7 @@ class FacetSums:
 
 
 def reflectances(table: FacetTable, scene, emitted: np.ndarray) -> np.ndarray:
-    """What facets can reflect at most: 1 less what they emit of a blackbody's radiance.
+    """Largest reflectance of each facet: 1 minus its emission as a share of a blackbody's.
 
     emitted: radiance that each facet emits, NaN for one that no path has met [W m^-2 sr^-1]. It is
     1 where this does not tell, as behind a plume or for a facet that is too cold.

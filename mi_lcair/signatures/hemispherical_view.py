@@ -18,7 +18,7 @@ from mi_lcair.results.sections import Table
 
 MAP_THETA, MAP_PHI = 360, 1440  # pixels of the map, a quarter of a degree each
 MOST_NEIGHBOURS = 20  # largest number of facets in the table; the others are summed
-NOTHING = -1  # number that stands for no facet, in directions in which there is no surface
+NOTHING = -1  # number of the facet in directions without a surface
 
 
 @dataclass(frozen=True, repr=False)
@@ -74,7 +74,7 @@ class HemisphericalView(Result):
         )
 
     def columns(self) -> dict[str, np.ndarray]:
-        """A row for each neighbour; facet -1 stands for directions without a surface."""
+        """A row for each neighbour; facet -1 means a direction without a surface."""
         table, seen = self.facets, self.neighbour
         return {
             "facet": seen,

@@ -52,7 +52,7 @@ class Trend(Result):
     tolerance : float or None
         Tolerance of the intensities; None if spp was fixed.
     made : dict of str to str
-        How the rows were made. A CSV has it in a file beside it, FILE.csv.json.
+        How the rows were made. For a CSV it is in the file FILE.csv.json.
     """
 
     scene_name: str
@@ -70,11 +70,11 @@ class Trend(Result):
     def read(path: str | PathLike[str]) -> "Trend":
         """The trend in a .csv or .nc file that `save` or the command `trend` wrote.
 
-        The scene's name and the band of a CSV are in the file beside it, if there is one. Raises
+        The scene's name and the band of a CSV come from its FILE.csv.json, if there is one. Raises
         InputError for a file of another kind.
         """
         path = Path(path)
-        made = stated(path)
+        made = settings_of(path)
         needed = tables.KNOWN_BY[tables.TREND]
         if path.suffix.lower() == ".nc":
             columns = netcdf.read_columns(path)
@@ -174,33 +174,33 @@ class Trend(Result):
         }
 
 
-def beside(path: Path) -> Path:
-    """The file beside a trend's CSV `path` that states how its rows were made."""
+def settings_file(path: Path) -> Path:
+    """The JSON file with the settings of a trend's CSV `path`, in the same folder."""
     return path.with_name(f"{path.name}.json")
 
 
 def write_csv(path: Path, trend: Trend) -> None:
-    """Write the table of a trend, and the file beside it."""
+    """Write the table of a trend, and the JSON file with its settings."""
     made = {"scene": trend.scene_name, "band": trend.band} | trend.made
     made = {key: escaped(value) for key, value in made.items()}
-    with replacing(beside(path)) as partial:
+    with replacing(settings_file(path)) as partial:
         partial.write_text(json.dumps({"made": made}, indent=2) + "\n", encoding="utf-8")
         csv.write(path, trend.table)
 
 
-def stated(path: Path) -> dict[str, str]:
-    """Scene's name and band of a trend in a .csv or .nc file, as far as they are stated."""
+def settings_of(path: Path) -> dict[str, str]:
+    """Scene's name and band of a trend in a .csv or .nc file, as far as they are known."""
     made = {}
     if path.suffix.lower() == ".nc":
         made = netcdf.read_attributes(path)
-    elif beside(path).exists():
+    elif settings_file(path).exists():
         try:
-            made = dict(json.loads(read_text(beside(path)))["made"])
+            made = dict(json.loads(read_text(settings_file(path)))["made"])
         except (ValueError, TypeError, KeyError, RecursionError) as error:
             if isinstance(error, InputError):
                 raise
             raise InputError(
-                f"{beside(path)}: does not state how the rows of a trend were made; remove it"
+                f"{settings_file(path)}: has no settings of a trend; remove it"
             ) from None
     return {name: str(made[name]) for name in ("scene", "band") if name in made}
 

@@ -135,7 +135,7 @@ class ViewAreas(SourcesInBand):
         """
         wanted = self.band if band is None else self.within(band_of(band))
         if temperatures:
-            self.check_told_apart()
+            self.check_resolved()
         changed = {group: np.asarray(T, dtype=float) for group, T in (temperatures or {}).items()}
         per_amount = self.in_band(wanted, changed)
         brightest = 1.0 if self.nodes_um.size else self.brighter(per_amount)
@@ -220,7 +220,7 @@ class ViewAreas(SourcesInBand):
         """
         if not temperatures:
             return self
-        self.check_told_apart()
+        self.check_resolved()
         sources = [
             source
             if source.temperature in (None, T)
@@ -335,7 +335,7 @@ def measure_view_areas(
         For settings out of bounds, for a tolerance that cannot be reached, and for band "total".
     """
     scene.band.check_limits(f"{scene.name}: effective areas")
-    # Numbers of reflections are not told apart, for which the fewest channels are enough
+    # Reflections need not be recorded by their number, which saves channels
     measurands = Measurands(Channels("model", counted=0), by_spectrum=True)
     total, areas = totals_of_views(scene, views, resolution, sampling, measurands)
     return view_areas(total, scene, views, areas)

@@ -9,7 +9,7 @@ import pytest
 import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.rendering.views import View, seen_from
-from mi_lcair.signatures.trend_result import Trend, beside
+from mi_lcair.signatures.trend_result import Trend, settings_file
 
 AZIMUTHS = np.arange(0, 360, 45.0)
 
@@ -115,9 +115,9 @@ def test_pandas_reads_it_without_options_or_a_path_of_this_machine(cylinder, tmp
     assert list(frame) == list(result.columns())
     for name, values in result.columns().items():
         np.testing.assert_allclose(frame[name], values, rtol=1e-8)
-    both = path.read_text() + beside(path).read_text()
+    both = path.read_text() + settings_file(path).read_text()
     assert str(tmp_path) not in both and "/" not in both.replace("W/sr", "")
-    made = json.loads(beside(path).read_text())["made"]
+    made = json.loads(settings_file(path).read_text())["made"]
     assert (made["scene"], made["samples"]) == ("cylinder_ir_range", "spp 4 over each view")
     again = Trend.read(path)
     assert (again.scene_name, again.band) == (result.scene_name, result.band)
@@ -127,8 +127,8 @@ def test_pandas_reads_it_without_options_or_a_path_of_this_machine(cylinder, tmp
 def test_a_file_beside_it_of_another_kind(tmp_path, made):
     path = tmp_path / "trend.csv"
     path.write_text("azimuth_deg,elevation_deg,intensity_W_sr\n0,0,1\n")
-    beside(path).write_bytes(made.encode("latin-1"))
-    with pytest.raises(InputError, match="does not state how|not a text file"):
+    settings_file(path).write_bytes(made.encode("latin-1"))
+    with pytest.raises(InputError, match="has no settings|not a text file"):
         Trend.read(path)
 
 

@@ -104,9 +104,9 @@ def _table(source, output, suffix):
     """A table of this project from CSV to netCDF or back."""
     from mi_lcair.formats import csv, netcdf
     from mi_lcair.formats.tables import KNOWN_BY, TREND, read_columns
-    from mi_lcair.signatures.trend_result import Trend, stated
+    from mi_lcair.signatures.trend_result import Trend, settings_of
 
-    columns, made = read_columns(source), stated(Path(source))
+    columns, made = read_columns(source), settings_of(Path(source))
     if suffix == ".nc":
         netcdf.write(output, netcdf.dataset(columns, **made))
     elif made and set(KNOWN_BY[TREND]) <= set(columns):

@@ -21,7 +21,7 @@ from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.motions.pose import known_motions, value_of
 from mi_lcair.rendering.parameters.entries import Parameter
-from mi_lcair.rendering.parameters.values import entries_named
+from mi_lcair.rendering.parameters.values import parameters_named
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
@@ -206,8 +206,8 @@ class MeasuredSpectrum:
 
         radiance, slopes = values(measure(scene, windows, sampling, measurands)), {}
         columns = []
-        for entry in entries_named(scene, names):
-            number = entry.places[0].number if entry.kind == "spectrum" else None
+        for entry in parameters_named(scene, names):
+            number = entry.stored[0].number if entry.kind == "spectrum" else None
             name = entry.name
             if number is not None:
                 name = f"{entry.name.rpartition('.')[0]}.offset"
@@ -215,7 +215,7 @@ class MeasuredSpectrum:
                 slopes[name] = slope(name)
             share = np.ones(self.bins.count)
             if number is not None:
-                unit = Change(entry.places[0].node.spectrum_change.band_um, scale=0.0)
+                unit = Change(entry.stored[0].node.spectrum_change.band_um, scale=0.0)
                 unit = unit.replaced(str(int(number[0])), 1.0)
                 share = unit.unclipped(self.bins.nodes_um, share)
             columns.append(slopes[name] * share)

@@ -9,7 +9,7 @@ from mi_lcair.formats import VTK, vtk
 
 # `saved_by` of results with facets, whose files `write_vtk` writes
 WRITERS = dict.fromkeys(VTK, f"{__name__}:write_vtk")
-PLANAR = 1e-7  # relative error of the area up to which an outline stands for its triangles
+PLANAR = 1e-7  # largest relative error of the area for which an outline replaces its triangles
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,7 @@ def render_image(
     sampling : Sampling
         Its tolerance is the rms standard error over the pixels, as a fraction of the mean.
     split : str or None
-        What is recorded beside the radiance, see `Channels`.
+        What is recorded in addition to the radiance, see `Channels`.
     atmosphere : Atmosphere or None
         Air for the apparent radiance.
     range_m : float or None

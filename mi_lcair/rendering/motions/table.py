@@ -4,7 +4,7 @@
     "exhaust.radius" = {groups = ["hot_parts"], scale = [0, 1, 1], each = true}
     "wing.flap" = {groups = ["self"], displaced = "flap_down.ply"}
 
-A file of motions has this table alone. Scenarios, problems and uncertainties have it beside others.
+A file of motions has this table alone. In scenarios, problems and uncertainties it is one of many.
 """
 
 from collections.abc import Mapping

@@ -58,7 +58,7 @@ class Parameter:
 
 
 @dataclass(frozen=True)
-class Place:
+class StoredNumbers:
     """Numbers of a Mitsuba object that belong to a parameter.
 
     node, key: the object, and the name of its array. number: index in the array of each number;
@@ -72,7 +72,7 @@ class Place:
 
     @property
     def owner(self) -> tuple[mi.Object, str]:
-        """The object and the array's name, which places of several parameters may share."""
+        """The object and the array's name, which several parameters may share."""
         return self.node, self.key
 
     def array(self) -> np.ndarray:
@@ -85,27 +85,27 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Entry:
-    """A parameter's name, kind, places, unit, and the bounds that are not those of a model."""
+class StoredParameter:
+    """A parameter of a scene with the numbers that hold its value."""
 
     name: str
     kind: str
-    places: list[Place]
+    stored: list[StoredNumbers]
     unit: str = "1"
     upper: float = 1.0
     lower: float = 0.0
 
     def numbers(self) -> list[np.ndarray]:
-        return [place.read() for place in self.places]
+        return [stored.read() for stored in self.stored]
 
     def mean(self, numbers: list[np.ndarray]) -> float:
-        values, weights = np.concatenate(numbers), np.concatenate([p.weight for p in self.places])
+        values, weights = np.concatenate(numbers), np.concatenate([p.weight for p in self.stored])
         if np.ptp(values) == 0:
             return float(values[0])
         return float(np.average(values, weights=weights if weights.sum() > 0 else None))
 
     def moved(self, value: float) -> list[np.ndarray]:
-        """The numbers of each place for a new value of the parameter."""
+        """The stored numbers for a new value of the parameter."""
         numbers = self.numbers()
         mean = self.mean(numbers)
         if np.ptp(np.concatenate(numbers)) == 0:
@@ -128,19 +128,19 @@ class Entry:
         elif self.model is None:
             upper = self.upper - (values.max() - value)
         else:
-            unit = next(p.unit for p in self.model.parameters if p.name == self.places[0].key)
+            unit = next(p.unit for p in self.model.parameters if p.name == self.stored[0].key)
             lower, upper = self.feasible_range(value)
         return Parameter(self.name, self.kind, value, unit, float(lower), float(upper))
 
     @property
     def model(self):
         """The reflection model of a material's surfaces; None for other parameters."""
-        node = self.places[0].node
+        node = self.stored[0].node
         return node.model if is_reflection_bsdf(node) and not node.change else None
 
     def feasible_range(self, value: float) -> tuple[float, float]:
         """Lowest and highest feasible value of a material's parameter, the others held."""
-        declared = next(p for p in self.model.parameters if p.name == self.places[0].key)
+        declared = next(p for p in self.model.parameters if p.name == self.stored[0].key)
         return self.last_feasible(value, declared.lower), self.last_feasible(value, declared.upper)
 
     def last_feasible(self, inside: float, end: float) -> float:
@@ -161,7 +161,7 @@ class Entry:
 
 
 @dataclass(frozen=True, kw_only=True)
-class OfNumber(Entry):
+class SingleNumber(StoredParameter):
     """An entry with one number of its own, such as a motion's: what it moves follows from it."""
 
     value: float
@@ -180,8 +180,8 @@ class OfNumber(Entry):
 # ---------------------------------------------------------------- Where the numbers are
 
 
-def entries(scene) -> dict[str, Entry]:
-    """All parameters of a scene with their places."""
+def stored_parameters(scene) -> dict[str, StoredParameter]:
+    """All parameters of a scene but modes, by name."""
     known = {}
 
     def add(emitter, shape, area):
@@ -189,8 +189,8 @@ def entries(scene) -> dict[str, Entry]:
         for of in emitter.parameters():
             name = f"{of.group or emitter.group}.{of.name}"
             node, weight = (shape, area) if of.is_by_facet else (emitter, area.sum(keepdims=True))
-            entry = known.setdefault(name, Entry(name, of.kind, [], of.unit, of.upper))
-            entry.places.append(Place(node, of.key, None, weight))
+            entry = known.setdefault(name, StoredParameter(name, of.kind, [], of.unit, of.upper))
+            entry.stored.append(StoredNumbers(node, of.key, None, weight))
 
     emitting = thermal_shapes(scene.mi)
     for shape in sorted(emitting, key=lambda shape: shape.emitter().group):
@@ -223,17 +223,17 @@ def entries(scene) -> dict[str, Entry]:
         for key in keys:
             name = f"{material}.{key.removesuffix('.value')}"
             upper = np.inf if kind == "plugin" else 1.0
-            entry = surfaces.setdefault(name, Entry(name, kind, [], upper=upper))
-            entry.places.append(Place(node, key, None, np.ones(1)))
+            entry = surfaces.setdefault(name, StoredParameter(name, kind, [], upper=upper))
+            entry.stored.append(StoredNumbers(node, key, None, np.ones(1)))
     known |= {name: surfaces[name] for name in surfaces if name not in known}
     motions = {
-        name: OfNumber(name, "motion", [], m.unit, m.upper, m.lower, value=value_of(scene, m))
+        name: SingleNumber(name, "motion", [], m.unit, m.upper, m.lower, value=value_of(scene, m))
         for name, m in known_motions(scene).items()
     }
     return known | {name: motions[name] for name in motions if name not in known}
 
 
-def add_changes(surfaces: dict[str, Entry], node, material: str) -> None:
+def add_changes(surfaces: dict[str, StoredParameter], node, material: str) -> None:
     """Add the numbers that change the spectrum of a surface.
 
     A surface that neither reflects nor transmits at any wavelength has none, since no path goes on
@@ -246,8 +246,10 @@ def add_changes(surfaces: dict[str, Entry], node, material: str) -> None:
     def add(name: str, key: str, number, unit: str):
         bounds = change_bounds(node.measured_spectrum, change, key, node.of_band)
         name, array = f"{material}.{name}", key if number is None else "nodes"
-        entry = surfaces.setdefault(name, Entry(name, "spectrum", [], unit, bounds[1], bounds[0]))
-        entry.places.append(Place(node, array, number, np.ones(1)))
+        entry = surfaces.setdefault(
+            name, StoredParameter(name, "spectrum", [], unit, bounds[1], bounds[0])
+        )
+        entry.stored.append(StoredNumbers(node, array, number, np.ones(1)))
 
     for key, (unit, _) in CHANGES.items():
         add(key, key, None, unit)
@@ -255,27 +257,29 @@ def add_changes(surfaces: dict[str, Entry], node, material: str) -> None:
         add(f"{AT}{1000 * wavelength:.0f}nm", str(number), np.array([number]), "1")
 
 
-def single_temperatures(entry: Entry, emitting) -> dict[str, Entry]:
+def single_temperatures(entry: StoredParameter, emitting) -> dict[str, StoredParameter]:
     """An entry for each temperature that a group had when it was loaded, if there are several."""
     group = entry.name.removesuffix(".temperature")
     first = {}
     for shape in emitting:
         first[shape] = first[shape.emitter()] = shape.emitter().first_temperatures
-    if any(place.node not in first for place in entry.places):
+    if any(stored.node not in first for stored in entry.stored):
         return {}  # an environment's
-    labels = [rounded(first[place.node]) for place in entry.places]
+    labels = [rounded(first[stored.node]) for stored in entry.stored]
     temperatures, inverse = np.unique(np.concatenate(labels), return_inverse=True)
     if len(temperatures) == 1:
         return {}
     parts = np.split(inverse.ravel(), np.cumsum([len(part) for part in labels])[:-1])
     singles = {}
-    for place, part in zip(entry.places, parts):
+    for stored, part in zip(entry.stored, parts):
         order = np.argsort(part, kind="stable")
         present, start = np.unique(part[order], return_index=True)
         for k, number in zip(present, np.split(order, start[1:])):
             name = f"{group}@{kelvin(temperatures[k])}.temperature"
-            single = singles.setdefault(name, replace(entry, name=name, places=[]))
-            single.places.append(Place(place.node, place.key, number, place.weight[number]))
+            single = singles.setdefault(name, replace(entry, name=name, stored=[]))
+            single.stored.append(
+                StoredNumbers(stored.node, stored.key, number, stored.weight[number])
+            )
     return singles
 
 
@@ -336,18 +340,18 @@ def set_arrays(arrays: Mapping[tuple[mi.Object, str], mi.Float]) -> None:
 # ---------------------------------------------------------------- Checks
 
 
-def check_apart(wanted: list[Entry]) -> None:
+def check_apart(wanted: list[StoredParameter]) -> None:
     """Raise InputError if two parameters share numbers, such as a group and its temperature."""
     owner = {}
     for entry in wanted:
-        for place in entry.places:
-            others = owner.setdefault(place.owner, [])
+        for stored in entry.stored:
+            others = owner.setdefault(stored.owner, [])
             for other, kind, number in others:
                 if kind == entry.kind == "mode":
                     continue
-                if number is None or place.number is None or np.isin(number, place.number).any():
+                if number is None or stored.number is None or np.isin(number, stored.number).any():
                     raise InputError(f"'{other}' and '{entry.name}' change the same numbers")
-            others.append((entry.name, entry.kind, place.number))
+            others.append((entry.name, entry.kind, stored.number))
 
 
 def check_emission(wanted) -> None:
@@ -370,11 +374,11 @@ def check_materials(wanted) -> None:
     for entry, value in wanted:
         if entry.model is None:
             continue
-        for place, number in zip(entry.places, entry.moved(value)):
+        for stored, number in zip(entry.stored, entry.moved(value)):
             new = surfaces.setdefault(
-                place.node, dict(zip(place.node.parameters, place.node.values))
+                stored.node, dict(zip(stored.node.parameters, stored.node.values))
             )
-            new[place.key] = float(number[0])
+            new[stored.key] = float(number[0])
     for node, new in surfaces.items():
         with errors_of(f"material {node.material}"):
             node.model.check_feasible(*new.values(), form=node.form)

@@ -13,7 +13,7 @@ from os import PathLike
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.rendering.parameters.entries import OfNumber, Place
+from mi_lcair.rendering.parameters.entries import SingleNumber, StoredNumbers
 from mi_lcair.rendering.parameters.facets import facets_of_shapes, set_facets
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.table import read_table
@@ -23,7 +23,7 @@ HEAT, BEFORE, AFTER = "heat", "by_", "_K"  # owner of the names, and the ends of
 
 
 @dataclass(frozen=True, kw_only=True)
-class Patterns:
+class TemperatureModes:
     """The modes of a scene.
 
     loaded: temperatures of the primitives of each shape without modes [K]. changes: {name: {shape:
@@ -36,13 +36,13 @@ class Patterns:
     def values(self) -> dict[str, float]:
         """The present amplitudes, which least squares give from the temperatures."""
         columns = [np.concatenate([*of.values()]) for of in self.changes.values()]
-        now = [place_of(shape).read() - kelvin for shape, kelvin in self.loaded.items()]
+        now = [temperatures_of(shape).read() - kelvin for shape, kelvin in self.loaded.items()]
         amplitudes = np.linalg.lstsq(np.stack(columns, axis=1), np.concatenate(now))[0]
         return dict(zip(self.changes, amplitudes.tolist()))
 
 
 @dataclass(frozen=True, kw_only=True)
-class OfMode(OfNumber):
+class ModeAmplitude(SingleNumber):
     """The amplitude of a mode. changes: of the primitives of each shape for a value of 1 [K]."""
 
     changes: dict
@@ -51,12 +51,12 @@ class OfMode(OfNumber):
 
     def moved(self, value: float) -> list[np.ndarray]:
         step = value - self.value
-        return [place.read() + step * self.changes[place.node] for place in self.places]
+        return [stored.read() + step * self.changes[stored.node] for stored in self.stored]
 
 
-def place_of(shape) -> Place:
+def temperatures_of(shape) -> StoredNumbers:
     """The temperatures of a shape's primitives."""
-    return Place(shape, shape.emitter().attribute, None, np.ones(1))
+    return StoredNumbers(shape, shape.emitter().attribute, None, np.ones(1))
 
 
 def declare_modes(scene: Scene, path: str | PathLike[str]) -> None:
@@ -87,17 +87,19 @@ def declare_modes(scene: Scene, path: str | PathLike[str]) -> None:
         }
         for name in columns
     }
-    loaded = {shape: place_of(shape).read() for shape in rows}
-    scene.moved[MODES] = Patterns(loaded=loaded, changes=changes)
+    loaded = {shape: temperatures_of(shape).read() for shape in rows}
+    scene.moved[MODES] = TemperatureModes(loaded=loaded, changes=changes)
 
 
-def modes_of(scene: Scene) -> Mapping[str, OfMode]:
+def modes_of(scene: Scene) -> Mapping[str, ModeAmplitude]:
     """The modes of a scene by name; none if it has none."""
     patterns = scene.moved.get(MODES)
     if patterns is None:
         return {}
     values = patterns.values()
     return {
-        name: OfMode(name, "mode", [place_of(s) for s in of], value=values[name], changes=of)
+        name: ModeAmplitude(
+            name, "mode", [temperatures_of(s) for s in of], value=values[name], changes=of
+        )
         for name, of in patterns.changes.items()
     }

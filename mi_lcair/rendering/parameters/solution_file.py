@@ -60,18 +60,18 @@ def applied(file: str, content: dict, scene: Scene, state: str | None) -> list[s
     for entry in data:
         if state is not None and entry["state"] != state:
             continue
-        stated = {
+        chosen = {
             name: value
             for name, value in entry["values"].items()
             if name in known
             and (entry["kinds"][name] in OF_ANY_BAND or entry["band"] == scene.band.name)
         }
-        stated |= {
+        chosen |= {
             (group, int(facet)): kelvin
             for group, temperatures in entry["facets"].items()
             for facet, kelvin in temperatures.items()
         }
-        for name, value in stated.items():
+        for name, value in chosen.items():
             if owner.setdefault(name, (value, entry))[0] != value:
                 other = owner[name][1]
                 raise InputError(

@@ -39,13 +39,13 @@ from mi_lcair.rendering.loading.plugin_files import RUN, run_plugin_files
 from mi_lcair.rendering.motions.pose import declare, set_motions
 from mi_lcair.rendering.motions.table import MOTIONS, Declared, read_motions
 from mi_lcair.rendering.parameters.entries import (
-    Entry,
     Parameter,
+    StoredParameter,
     check_apart,
     check_emission,
     check_materials,
-    entries,
     set_arrays,
+    stored_parameters,
 )
 from mi_lcair.rendering.parameters.modes import MODES, declare_modes, modes_of
 from mi_lcair.rendering.scene import LOBE_OF, Scene, SceneLike, load, load_file
@@ -76,7 +76,7 @@ def load_with_values(
     if MODES in parameters:
         declare_modes(loaded, str(parameters[MODES]))
     if values:
-        entries_named(loaded, list(values))  # names before numbers
+        parameters_named(loaded, list(values))  # names before numbers
         set_values(loaded, {name: number(name, value) for name, value in values.items()})
     loaded.parameters.update({n: str(v) for n, v in parameters.items() if n not in in_file})
     return loaded
@@ -149,22 +149,22 @@ def number(name: str, value: object) -> float:
 
 def parameters_of(scene: Scene) -> dict[str, Parameter]:
     """All parameters of a loaded scene that have derivatives or can be changed, by name."""
-    return {name: entry.described() for name, entry in known_entries(scene).items()}
+    return {name: entry.described() for name, entry in all_stored(scene).items()}
 
 
-def known_entries(scene) -> dict[str, Entry]:
-    """All parameters of a scene with their places, modes included."""
-    return entries(scene) | modes_of(scene)
+def all_stored(scene) -> dict[str, StoredParameter]:
+    """All parameters of a scene by name."""
+    return stored_parameters(scene) | modes_of(scene)
 
 
 def parameter(scene: Scene, name: str) -> Parameter:
     """The parameter of that name; raises InputError with the nearest names if there is none."""
-    return entries_named(scene, [name])[0].described()
+    return parameters_named(scene, [name])[0].described()
 
 
 def units(scene, names) -> tuple[str, ...]:
     """Units of parameters; "1" for dimensionless ones. Raises InputError for an unknown name."""
-    return tuple(entry.described().unit for entry in entries_named(scene, names))
+    return tuple(entry.described().unit for entry in parameters_named(scene, names))
 
 
 def set_values(scene: Scene, values: Mapping[str, float]) -> None:
@@ -185,11 +185,11 @@ def set_values(scene: Scene, values: Mapping[str, float]) -> None:
     wanted = checked(scene, values)
     arrays = {}
     for entry, value in wanted:
-        for place, numbers in zip(entry.places, entry.moved(value) if entry.places else ()):
-            array = arrays.setdefault(place.owner, place.array().copy())
-            number = ... if place.number is None else place.number
+        for stored, numbers in zip(entry.stored, entry.moved(value) if entry.stored else ()):
+            array = arrays.setdefault(stored.owner, stored.array().copy())
+            number = ... if stored.number is None else stored.number
             if entry.kind == "mode":  # several modes change the same temperatures
-                numbers = array[number] + (numbers - place.read())
+                numbers = array[number] + (numbers - stored.read())
             array[number] = numbers
     by_owner = {owner: mi.Float(array) for owner, array in arrays.items()}
     own_memory(by_owner.values())
@@ -198,9 +198,9 @@ def set_values(scene: Scene, values: Mapping[str, float]) -> None:
         set_motions(scene, motions)
 
 
-def checked(scene: Scene, values: Mapping[str, float]) -> list[tuple[Entry, float]]:
+def checked(scene: Scene, values: Mapping[str, float]) -> list[tuple[StoredParameter, float]]:
     """The parameters that `set_values` would change; raises InputError as `set_values`."""
-    wanted = list(zip(entries_named(scene, values), map(float, values.values())))
+    wanted = list(zip(parameters_named(scene, values), map(float, values.values())))
     check_apart([entry for entry, _ in wanted])
     check_emission(wanted)
     check_materials(wanted)
@@ -213,8 +213,8 @@ def changed(scene: Scene, values: Mapping[str, float]) -> Iterator[None]:
 
     At its end the parameters are exactly as before, bit for bit.
     """
-    changing = entries_named(scene, values)
-    owners = {place.owner for entry in changing for place in entry.places}
+    changing = parameters_named(scene, values)
+    owners = {stored.owner for entry in changing for stored in entry.stored}
     before = {(node, key): mi.Float(mi.traverse(node)[key]) for node, key in owners}
     pose = {entry.name: entry.value for entry in changing if entry.kind == "motion"}
     set_values(scene, values)
@@ -226,10 +226,10 @@ def changed(scene: Scene, values: Mapping[str, float]) -> Iterator[None]:
             set_motions(scene, pose)
 
 
-def entries_named(scene, names) -> list[Entry]:
+def parameters_named(scene, names) -> list[StoredParameter]:
     """The entries of parameters with these names, in their order."""
     if isinstance(names, str):
         raise InputError(f"names = '{names}' is one text; give a sequence of names: ['{names}']")
-    known = known_entries(scene)
+    known = all_stored(scene)
     check_known(f"parameter of {scene.name}", known, *names)
     return [known[name] for name in names]

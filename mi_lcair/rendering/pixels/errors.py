@@ -21,7 +21,7 @@ BY_CHANCE = 1.35
 # The small ones follow edges, the large ones hold enough paths to meet what is rare. They were
 # compared on images of a box, a cylinder and an airliner.
 SQUARES = (3, 9, 27)
-FAINTEST = 1e-100  # stands for 0 where a quotient or a logarithm is taken [W m^-2 sr^-1]
+FAINTEST = 1e-100  # replaces 0 in quotients and logarithms [W m^-2 sr^-1]
 SMALLEST = 1e-3  # variance around a pixel, as a fraction of that of the image, if none was measured
 
 
@@ -68,7 +68,7 @@ def missed_nearby(errors: np.ndarray, size: tuple[int, int]) -> np.ndarray:
 
 
 def averaged(values: np.ndarray, size: tuple[int, int], side: int) -> np.ndarray:
-    """Means of what is not negative over side x side pixels around each pixel, (P,)."""
+    """Means of nonnegative numbers over side x side pixels around each pixel, (P,)."""
     return np.maximum(uniform_filter(values.reshape(size), side, mode="nearest").ravel(), 0)
 
 

@@ -15,8 +15,9 @@ from mi_lcair.rendering.statistics import UNSEEN
 # Randomisations of a probe. In a window their number decides how well the noise is known.
 WINDOW_RANDOMISATIONS, PIXEL_RANDOMISATIONS = 64, 8
 WINDOW_POINTS, PIXEL_POINTS = 2**7, 2  # points of each randomisation
-# A probe of pixels takes one of 16, so that it costs little beside the image. They are spread over
-# the image. Their number lies between the limits, if the image has as many.
+# A probe of pixels takes one of 16, so that it costs little compared with the
+# image. They are spread over the image. Their number lies between the limits, if the image has as
+# many.
 PIXEL_SHARE, LEAST_PIXELS, MOST_PIXELS = 16, 2**6, 2**11
 
 

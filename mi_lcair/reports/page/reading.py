@@ -21,7 +21,7 @@ from mi_lcair.results.result import details, extremes
 from mi_lcair.results.sections import Facts, LongTable, Remarks, Section
 from mi_lcair.signatures.effective_areas import spectrum_section
 from mi_lcair.signatures.signature_result import Signature
-from mi_lcair.signatures.trend_result import Trend, beside
+from mi_lcair.signatures.trend_result import Trend, settings_file
 from mi_lcair.table import lines_of
 
 MADE = "How it was made"
@@ -219,7 +219,7 @@ def made_rows(what: str) -> list[tuple[str, object]]:
             rows.append((key, value) if colon else ("remark", key))
     if what.lower().endswith(".nc"):
         rows += netcdf.read_attributes(what).items()
-    file = beside(Path(what))
+    file = settings_file(Path(what))
     if file.is_file():
         try:
             rows += parse_json(read_text(file), str(file))["made"].items()

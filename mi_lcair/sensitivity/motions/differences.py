@@ -50,7 +50,7 @@ AGREEING = 2.5  # standard errors of the change to twice the step up to which it
 SIGNIFICANT = 5.0  # standard errors, with 7 degrees of freedom: noise exceeds it once in 600
 
 
-class Kind(NamedTuple):
+class DifferenceKind(NamedTuple):
     """A kind of differences: ATTACHED or ON_FILM, and a value of `emitter_sampling`."""
 
     method: str
@@ -174,7 +174,7 @@ class Differences:
         """Values of the motion at distances from its present value."""
         return [{self.name: self.value + offset} for offset in offsets]
 
-    def kinds(self) -> list[Kind]:
+    def kinds(self) -> list[DifferenceKind]:
         """The kinds of differences among which a pilot chooses.
 
         A reflected ray meets or misses an emitter that moves, whereas a drawn direction follows it.
@@ -186,7 +186,7 @@ class Differences:
         if integrator.max_bounces == 0:
             choices = choices[:1]
         methods = [ATTACHED, ON_FILM] if self.can_attach else [ON_FILM]
-        return [Kind(method, choice) for method in methods for choice in choices]
+        return [DifferenceKind(method, choice) for method in methods for choice in choices]
 
     def aim_on_film(self, *ends: float) -> Aim | None:
         """Where paths on the film begin, for poses between two ends."""
@@ -195,7 +195,7 @@ class Differences:
             self.aims[ends] = aim or self.aim
         return self.aims[ends]
 
-    def totals(self, offsets, kind: Kind, paths: int) -> list[Totals]:
+    def totals(self, offsets, kind: DifferenceKind, paths: int) -> list[Totals]:
         """Renders with the motion at distances from its present value."""
         poses = self.poses(offsets)
         if kind.method == ATTACHED:
@@ -253,7 +253,7 @@ class Differences:
             ends=tuple(ends[:2]),
         )
 
-    def differs_nearby(self, slope: float, h: float, kind: Kind) -> bool:
+    def differs_nearby(self, slope: float, h: float, kind: DifferenceKind) -> bool:
         """Whether the difference over a part of the step `h` is another one, as emission shows.
 
         slope: the difference over the step. Surfaces that lie on each other may come apart within
@@ -272,7 +272,7 @@ class Differences:
         change = abs(slopes[1][0] - slopes[0][0])
         return bool(change > max(SIGNIFICANT * hypot(*errors), UNLIKE * abs(slope)))
 
-    def smooth_step(self, h: float, pilot: "Pilot", kind: Kind) -> tuple[float, "Pilot"]:
+    def smooth_step(self, h: float, pilot: "Pilot", kind: DifferenceKind) -> tuple[float, "Pilot"]:
         """A step that does not reach a kink beside the present value, and its pilot.
 
         The step is halved until the differences within it agree. It stays as it is if a kink is at
@@ -289,7 +289,7 @@ class Differences:
                 return float(shorter), other
         return h, pilot
 
-    def better_step(self, h: float, pilot: "Pilot", kind: Kind) -> tuple[float, "Pilot"]:
+    def better_step(self, h: float, pilot: "Pilot", kind: DifferenceKind) -> tuple[float, "Pilot"]:
         """A step with less error than `h`, and its pilot.
 
         Where paths meet or miss what moves, the noise falls as the step grows. Where facets turn
@@ -313,7 +313,7 @@ class Differences:
             h, pilot = factor * h, other
         return h, pilot
 
-    def pilot(self, h: float, kind: Kind) -> "Pilot":
+    def pilot(self, h: float, kind: DifferenceKind) -> "Pilot":
         """Renders with few paths at five values, for one kind of differences."""
         offsets = np.array([-2, -1, 0, 1, 2]) * h
         totals = self.totals(offsets, kind, PILOT_PATHS)
@@ -332,7 +332,7 @@ class Differences:
         ratio = PILOT_PATHS / self.sampling.paths
         return hypot(np.sqrt(ratio) * pilot.noise, ratio * pilot.missed)
 
-    def missed(self, ends, kind: Kind, h: float) -> float:
+    def missed(self, ends, kind: DifferenceKind, h: float) -> float:
         """Standard error of a difference from sources that no path has met.
 
         A reflected ray may meet such a source in one of the two renders only. Drawn directions
@@ -342,7 +342,7 @@ class Differences:
         is_reflected = self.scene.mi.integrator().max_bounces > 0 and not kind.emitter_sampling
         return error / (2 * h if is_reflected else self.scale)
 
-    def floor(self, ends, kind: Kind, h: float) -> float:
+    def floor(self, ends, kind: DifferenceKind, h: float) -> float:
         """Standard error of a difference below which none is stated.
 
         All randomisations may agree on how many of their points lie on a facet, or on one side of

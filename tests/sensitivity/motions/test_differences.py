@@ -17,7 +17,7 @@ from mi_lcair.rendering.motions.motion import TURNS, turned
 from mi_lcair.rendering.parameters.values import changed
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.sensitivity.common_numbers import CommonNumbers
-from mi_lcair.sensitivity.motions.differences import ATTACHED, Kind
+from mi_lcair.sensitivity.motions.differences import ATTACHED, DifferenceKind
 from mi_lcair.sensitivity.window import differences_of
 
 L = 5.670374419e-8 * 300.0**4 / np.pi
@@ -157,7 +157,7 @@ def test_a_part_that_is_soon_uncovered(overlap, expected):
     numbers = CommonNumbers(scene_of(cover, behind), Sampling(paths=2**14))
     differences = differences_of(numbers, "cover.z_m")
     step, rate = 0.01, L * np.cos(np.radians(20)) / 16  # of the mean over the window [1/m]
-    assert differences.differs_nearby(rate, step, Kind(ATTACHED, False)) == expected
+    assert differences.differs_nearby(rate, step, DifferenceKind(ATTACHED, False)) == expected
 
 
 def test_a_panel_edge_on():
