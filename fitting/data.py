@@ -31,7 +31,7 @@ SIGMA_FLOOR = 0.01
 # The detector is assumed to have saturated if at least PLATEAU points have the same largest value,
 # and if they are less than the share RARE of all points.
 PLATEAU, RARE = 3, 0.2
-DIRECTIONAL_STD = 0.02  # standard deviation of an emissivity or DHR for which none is stated
+DIRECTIONAL_STD = 0.02  # standard deviation of an emissivity or DHR for which none is given
 
 
 def log10(f):
@@ -110,6 +110,12 @@ class Cauchy:
 
     def __init__(self, residuals, c: float):
         self.residuals, self.c, self.unit = residuals, c, residuals.unit
+
+    @staticmethod
+    def influence(rows: np.ndarray, c: float) -> tuple[np.ndarray, np.ndarray]:
+        """First and second derivative of the loss with respect to each row."""
+        ratio2 = np.square(rows / c)
+        return rows / (1 + ratio2), (1 - ratio2) / np.square(1 + ratio2)
 
     def __call__(self, u, lanes=None):
         rows, slopes = self.residuals(u)
@@ -336,10 +342,14 @@ class Data:
         """The same data with the tables' standard deviations multiplied by `factor`."""
         return replace(self, std_factor=factor)
 
-    def rms_dex(self, candidate) -> float:
-        """Root mean square of log10(model / data) over the BRDF points [decades], for any loss."""
+    def decades(self, candidate) -> np.ndarray:
+        """log10(model / data) of the BRDF points, (p,), for any loss."""
         f = self.residuals(candidate.variant).instrument(candidate.u[None])[0][0]
-        return float(np.sqrt(np.mean(np.square(np.log10(np.maximum(f, 1e-30) / self.brdf)))))
+        return np.log10(np.maximum(f, DARKEST) / self.brdf)
+
+    def rms_dex(self, candidate) -> float:
+        """Root mean square of `decades`."""
+        return float(np.sqrt(np.mean(np.square(self.decades(candidate)))))
 
 
 def select(

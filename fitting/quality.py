@@ -19,7 +19,8 @@ from scipy import stats
 from mi_lcair.errors import InputError, option
 from mi_lcair.fitting.data import Data, FitSettings, FittedVariant, Variant, select
 from mi_lcair.fitting.scatterometer.measurements import Measurements
-from mi_lcair.fitting.search import BY_CHANCE, FAR, compare, inner_deviation, neighbour_correlation
+from mi_lcair.fitting.search import BY_CHANCE, FAR, compare, neighbour_correlation
+from mi_lcair.physics.estimation.profiles import inner_deviation
 from mi_lcair.physics.estimation.verdicts import OVERSTATED, SIGNIFICANCE, chi_square_text
 
 # Largest reduced chi-square that is no lack of fit if the standard deviations come from repeats.
@@ -88,16 +89,13 @@ def quality(
         Whether outliers had little weight. They then do not count here.
     sigma_freedom
         Degrees of freedom from which the standard deviations were computed; infinite if they were
-        stated.
+        given.
     """
-    residuals = data.residuals(best.variant)
-    u = best.u[None]
-    rows = residuals(u)[0][0][: data.points]
-    f = residuals.instrument(u)[0][0]
-    dex = np.log10(np.maximum(f, 1e-30) / data.brdf)
+    rows = data.residuals(best.variant)(best.u[None])[0][0][: data.points]
+    dex = data.decades(best)
     kept = np.ones(len(rows), dtype=bool)
     if robust:
-        kept = np.abs(rows) <= FAR * inner_deviation(rows)
+        kept = np.abs(rows) <= FAR * inner_deviation(rows, 1e-12)
     noise_dex = None
     if data.has_sigma:
         per_decade = data.per_decade(data.brdf)[: data.points]

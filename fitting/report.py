@@ -210,8 +210,8 @@ def bands(report: dict) -> list[str]:
     file holds no fit.
     """
     reports = report.get("materials", {"": report})
-    stated = [entry.get("band") for entry in reports.values() if isinstance(entry, dict)]
-    return [band for band in stated if isinstance(band, str)]
+    names = [entry.get("band") for entry in reports.values() if isinstance(entry, dict)]
+    return [band for band in names if isinstance(band, str)]
 
 
 def to_json(report: dict) -> str:

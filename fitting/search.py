@@ -14,6 +14,7 @@ from mi_lcair.fitting.data import (
     criterion,
 )
 from mi_lcair.fitting.descent import ROUND_OFF, explore, levenberg_marquardt
+from mi_lcair.physics.estimation.profiles import inner_deviation
 
 # Relative gradient at which the descents from all starts stop. The best then continues to
 # round-off.
@@ -104,7 +105,7 @@ def compare(
         # The scale c of the loss depends on the residuals of the best fit, and these depend on c.
         for _ in range(ROBUST_ROUNDS):
             rows = data.residuals(best.variant)(best.u[None])[0][0]
-            c = CAUCHY * inner_deviation(rows)
+            c = CAUCHY * inner_deviation(rows, ROUND_OFF_DEX)
             best = descend(best, Cauchy(data.residuals(best.variant), c), COARSE)
         candidates = [
             descend(candidate, Cauchy(data.residuals(candidate.variant), c), COARSE)
@@ -179,10 +180,7 @@ def assess(data: Data, candidate: FittedVariant, c: float | None = None) -> Nois
     rows = residuals(candidate.u[None])[0][0]
     f = residuals.instrument(candidate.u[None])[0][0]
     per_decade = data.per_decade(f)
-    influence, slope = rows, np.ones_like(rows)
-    if c is not None:
-        ratio2 = np.square(rows / c)
-        influence, slope = rows / (1 + ratio2), (1 - ratio2) / np.square(1 + ratio2)
+    influence, slope = (rows, np.ones_like(rows)) if c is None else Cauchy.influence(rows, c)
     fewest = len(candidate.u) + 1
     effective, correlation = effective_count(
         influence[: data.points], data.theta_i, data.theta_r, fewest
@@ -200,17 +198,10 @@ def assess(data: Data, candidate: FittedVariant, c: float | None = None) -> Nois
     dex = np.sqrt(
         np.mean(np.square(influence[: data.points] / np.maximum(per_decade[: data.points], 1e-300)))
     )
-    outliers = int(np.sum(np.abs(rows[: data.points]) > FAR * inner_deviation(rows[: data.points])))
+    of_brdf = np.abs(rows[: data.points])
+    outliers = int(np.sum(of_brdf > FAR * inner_deviation(of_brdf, ROUND_OFF_DEX)))
     level_dex = float(np.sqrt(correlation) * dex)
     return Noise(variance, curvature, correlation, effective, brdf_effective, level_dex, outliers)
-
-
-def inner_deviation(rows) -> float:
-    """Standard deviation of the rows, estimated from their median absolute value.
-
-    Outliers do not affect it.
-    """
-    return max(1.4826 * float(np.median(np.abs(rows))), ROUND_OFF_DEX)
 
 
 def neighbour_correlation(rows, theta_i, theta_r) -> tuple[float, int]:

@@ -82,18 +82,14 @@ class Linearized:
 
         with_level: whether the error of the common scale is part of it.
         """
-        return self.covariance_of(parameters_at(self.model, self.u[None])[1][0], with_level)
-
-    def covariance_of(self, derivative: np.ndarray, with_level: bool = True) -> np.ndarray:
-        """Covariance (m, m) of numbers with derivatives (m, n) with respect to the coordinates."""
         cube = self.cube_covariance
         if with_level:
             cube = cube + np.outer(self.shift, self.shift)
-        derivative = derivative * self.free
+        derivative = parameters_at(self.model, self.u[None])[1][0] * self.free
         return derivative @ cube @ derivative.T
 
     def variance_of(self, derivative: np.ndarray) -> np.ndarray:
-        """Diagonal (m,) of `covariance_of`."""
+        """Variances (m,) of numbers with derivatives (m, n) with respect to the coordinates."""
         derivative = derivative * self.free
         level = (derivative @ self.shift) ** 2
         return np.sum(derivative @ self.cube_covariance * derivative, axis=1) + level

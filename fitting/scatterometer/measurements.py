@@ -21,7 +21,7 @@ class Measurements:
         Standard deviations of the BRDFs [1/sr], (p,), or None.
     sigma_freedom
         Degrees of freedom of the repeated scans from which sigma was computed; infinite if sigma
-        was stated.
+        was given.
     band_um
         Limits of the band [um], or None if unknown.
     source_half_angle

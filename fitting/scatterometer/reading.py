@@ -207,7 +207,7 @@ def check_first_line(file: str, text: str) -> None:
     number, line = lines[0]
     if named:
         raise InputError(
-            f"{file}, line {number}: {shown(line)} stands before the names of the columns in line "
+            f"{file}, line {number}: {shown(line)} comes before the names of the columns in line "
             f"{named[0][0]}; put # in front of each line before these"
         )
 
@@ -365,11 +365,11 @@ def _radians(table: TextTable, role: str, column: str, unit: str, values: np.nda
     return angles
 
 
-def _in_plane(table, columns, data, stated):
+def _in_plane(table, columns, data, given):
     """Find the rows in the plane of incidence, and give their angles this project's signs.
 
     Returns the mask of these rows, theta_i >= 0, theta_r that is positive on the specular side, and
-    a remark that says how this side was identified. stated: the side that the caller stated, or
+    a remark that says how this side was identified. given: the side that the caller gave, or
     None.
     """
     theta_i, theta_r = data["theta_i"], data["theta_r"]
@@ -393,27 +393,27 @@ def _in_plane(table, columns, data, stated):
     side, how = _side(
         table,
         azimuths,
-        stated or _choice(table, "theta_r_positive", SIDES),
+        given or _choice(table, "theta_r_positive", SIDES),
         columns["theta_r"][0] if is_named_so else None,
         (theta_i[rows], theta_r[rows], data.get("brdf", data.get("brdf_cos"))[rows]),
     )
     return rows, theta_i, theta_r if side == "specular" else -theta_r, f"{side} ({how})"
 
 
-def _side(table, azimuths, stated, name, points) -> tuple[str, str]:
+def _side(table, azimuths, given, name, points) -> tuple[str, str]:
     """The side on which theta_r is positive, and how it was identified.
 
-    azimuths: as in `_in_plane`. stated: the side that was stated, or None. name: name of the column
+    azimuths: as in `_in_plane`. given: the side that was given, or None. name: name of the column
     if it says specular, or None. points: theta_i, theta_r and BRDF in the plane.
     """
     brighter, signed = _brighter_side(*points), (points[1] < 0).any()
     if azimuths == "opposite":
-        if "source" not in (stated, brighter):
+        if "source" not in (given, brighter):
             return "specular", "by azimuth"
-        other = "statement" if stated else "brighter side"
+        other = "statement" if given else "brighter side"
         reason = f"the azimuths say specular, the {other} says source"
-    elif stated:
-        return stated, "stated"
+    elif given:
+        return given, "stated"
     elif name and azimuths != "alike":
         if brighter != "source":
             return "specular", "by the column's name"

@@ -150,9 +150,9 @@ class Starts:
 @kept
 def starts_of(problem: bytes) -> Starts:
     """The starts of a pickled problem, which a worker loads once."""
-    stated = pickle.loads(problem)
-    _, data, _, everything = loaded(stated)
-    return Starts(everything, data, stated)
+    read = pickle.loads(problem)
+    _, data, _, everything = loaded(read)
+    return Starts(everything, data, read)
 
 
 def first_guesses(everything: list[Unknown], data: list[Datum], problem: InverseProblem):

@@ -237,7 +237,7 @@ def remarks(state: State, answered: list[Answer], chi: dict) -> list[str]:
 
 
 def remarks_on_residuals(state: State, chi: dict) -> list[str]:
-    """What the size of the residuals says about the model and the stated noise."""
+    """What the size of the residuals says about the model and the given noise."""
     p = chi["p_value"]
     if p is None:
         return []

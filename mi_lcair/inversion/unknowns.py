@@ -289,10 +289,10 @@ def instances(
                     centre = tuple(data[numbers[0]].centres[facet].tolist())
                     length = entry.correlation_m
                     of_facet = replace(of_facet, centre=centre, correlation_m=length)
-                yield stated(of_facet, entry)
+                yield with_entry(of_facet, entry)
             continue
         parameters = [data[k].parameters[name] for k in numbers]
-        yield stated(
+        yield with_entry(
             replace(
                 plain,
                 unit=parameters[0].unit,
@@ -304,8 +304,8 @@ def instances(
         )
 
 
-def stated(plain: Unknown, entry: UnknownEntry) -> Unknown:
-    """An unknown with the first guess, the bounds and the prior that its entry states.
+def with_entry(plain: Unknown, entry: UnknownEntry) -> Unknown:
+    """An unknown with the first guess, the bounds and the prior of its entry.
 
     Raises InputError for bounds without a value between them, and for a start outside the bounds.
     """

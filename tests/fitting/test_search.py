@@ -12,7 +12,6 @@ from mi_lcair.fitting.search import (
     compare,
     descend,
     effective_count,
-    inner_deviation,
     neighbour_correlation,
     search,
 )
@@ -86,12 +85,6 @@ def test_outliers_of_a_robust_fit():
     influence = np.sum((rows / (1 + ratio2)) ** 2)
     assert noise.variance == pytest.approx(influence / curvature**2 / 397)
     assert noise.outliers == 4
-
-
-def test_inner_deviation_is_that_of_a_normal_distribution():
-    assert inner_deviation(WHITE) == pytest.approx(2, rel=0.1)
-    assert inner_deviation(np.append(WHITE, np.full(20, 1e9))) == pytest.approx(2, rel=0.15)
-    assert inner_deviation(np.zeros(5)) == 1e-9
 
 
 class Valleys:

@@ -9,7 +9,7 @@ import pytest
 from mi_lcair.errors import InputError
 from mi_lcair.inversion.data.measurement import Measurement
 from mi_lcair.inversion.tables import UnknownEntry
-from mi_lcair.inversion.unknowns import Where, instruments, stated, unknowns
+from mi_lcair.inversion.unknowns import Where, instruments, unknowns, with_entry
 from mi_lcair.rendering.parameters.entries import Parameter
 from tests.inversion.blocks import kelvin, unknown
 
@@ -131,18 +131,18 @@ def test_entries_that_cannot_be_used(sought, measured, message):
 def test_first_guesses_and_bounds():
     """An own start must lie within the bounds; the scene's value is moved there."""
     one = unknown()
-    assert stated(one, UnknownEntry()).start == 0.3
-    assert stated(one, UnknownEntry(lower=0.4)).start == 0.4
-    assert stated(one, UnknownEntry(upper=0.2)).start == 0.2
-    assert stated(one, UnknownEntry(prior=(0.6, 0.1))).start == 0.6
-    assert stated(one, UnknownEntry(prior=(0.6, 0.1), upper=0.5)).start == 0.5
-    assert stated(one, UnknownEntry(start=0.7, prior=(0.6, 0.1))).start == 0.7
-    wide = stated(one, UnknownEntry(lower=-1.0, upper=2.0))
+    assert with_entry(one, UnknownEntry()).start == 0.3
+    assert with_entry(one, UnknownEntry(lower=0.4)).start == 0.4
+    assert with_entry(one, UnknownEntry(upper=0.2)).start == 0.2
+    assert with_entry(one, UnknownEntry(prior=(0.6, 0.1))).start == 0.6
+    assert with_entry(one, UnknownEntry(prior=(0.6, 0.1), upper=0.5)).start == 0.5
+    assert with_entry(one, UnknownEntry(start=0.7, prior=(0.6, 0.1))).start == 0.7
+    wide = with_entry(one, UnknownEntry(lower=-1.0, upper=2.0))
     assert (wide.lower, wide.upper) == (0, 1)
     with pytest.raises(InputError, match="start = 0.7 is outside its bounds 0..0.5"):
-        stated(one, UnknownEntry(start=0.7, upper=0.5))
+        with_entry(one, UnknownEntry(start=0.7, upper=0.5))
     with pytest.raises(InputError, match="no value lies in its bounds 1.5..1"):
-        stated(one, UnknownEntry(lower=1.5))
+        with_entry(one, UnknownEntry(lower=1.5))
 
 
 @pytest.mark.parametrize(
@@ -203,7 +203,7 @@ def test_instruments():
 
 
 def test_errors_of_the_model():
-    """One for each group that the image shows, with the stated standard deviation as its prior."""
+    """One for each group that the image shows; the given standard deviation is its prior."""
     entry = Measurement("cavity", "camera", image="a.npy", netd_mK=50, model_sigma="2 %")
     datum = SimpleNamespace(entry=entry, number=4, shares={"lid": None, "ground": None})
     lid, ground = instruments([datum])

@@ -31,7 +31,7 @@ from mi_lcair.sensitivity.motions.differences import default_step
 from mi_lcair.table import read_table
 from mi_lcair.uncertainty.numbers.contrast_number import ContrastNumber, present
 
-NETD_K = 300.0  # temperature of the blackbody at which a NETD is stated, K
+NETD_K = 300.0  # temperature of the blackbody for which a NETD holds, K
 RADIANCE, SIGMA = "radiance_W_m2_sr_um", "sigma_W_m2_sr_um"
 UNEVEN = 1e-3  # largest error of a wavelength, in distances of two wavelengths
 WEATHER_SIGMA = 0.01  # standard deviation of the weather whose derivative is wanted, of its range
@@ -111,7 +111,7 @@ def check_counts(path, counts: np.ndarray) -> None:
 
 
 def noise_of_netd(band: Band, radiance, netd_mK: float) -> np.ndarray:
-    """Standard deviation of the radiance of pixels, for a NETD that is stated at NETD_K.
+    """Standard deviation of the radiance of pixels, for a NETD that holds at NETD_K.
 
     A camera's variance is a constant part (electronics, dark current, warm optics) and shot noise,
     which is proportional to the radiance. Their shares are not known. With L0 the radiance of

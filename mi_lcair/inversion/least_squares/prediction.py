@@ -427,8 +427,7 @@ def hidden(blocks: list[DatumBlock], count: int, judges_sparse: bool = False) ->
 
     The diagonal of J^T W J is found without one randomisation after the other. Its scatter gives
     its standard error (jackknife). An estimate with such a derivative would be biased, and its
-    error understated. Sparse columns are only judged
-    if `judges_sparse` says so.
+    error too small. Sparse columns are only judged if `judges_sparse` says so.
     """
     total, variance = np.zeros((2, count))
     judged = np.zeros(count, dtype=bool)

@@ -36,11 +36,12 @@ from mi_lcair.inversion.least_squares.prediction import (
 )
 from mi_lcair.inversion.least_squares.profile import profile_intervals
 from mi_lcair.inversion.unknowns import Unknown
+from mi_lcair.physics.estimation.profiles import inner_deviation
 
 FALSE_ALARM = 0.05  # probability that noise alone makes any pixel of an image a bad one
 # Share of an image above which large residuals are no bad pixels: the scene misses something.
 MOST_BAD = 0.05
-# Median of the residuals, relative to that of the stated noise, above which the same holds.
+# Median of the residuals, relative to that of the given noise, above which the same holds.
 LARGEST_SCALE = 1.5
 ROUNDS = 6  # largest number of solutions after which bad pixels are looked for
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-12, 1e8
@@ -106,7 +107,7 @@ def bad_pixels(block: DatumBlock, x: np.ndarray, weight: np.ndarray) -> tuple[np
     if block.common:
         residuals = block.common.removed(block.weight, residuals[:, None])[:, 0]
     sigmas = np.abs(residuals) * np.sqrt(weight)
-    scale = max(float(np.median(sigmas)) / stats.norm.ppf(0.75), 1.0)
+    scale = inner_deviation(sigmas, 1.0)
     is_bad = sigmas > scale * stats.norm.isf(FALSE_ALARM / 2 / len(weight))
     are_many = np.mean(is_bad) > MOST_BAD or scale > LARGEST_SCALE
     is_bad &= sigmas > np.quantile(sigmas, 1 - MOST_BAD) * (np.mean(is_bad) > MOST_BAD)
@@ -356,7 +357,7 @@ def state(blocks, x, prior: Prior, is_sparse: bool) -> State:
 
 
 def with_noise(state: State, factor: float) -> State:
-    """The State with errors for a measurement's noise of `factor` times the stated variance.
+    """The State with errors for a measurement's noise of `factor` times the given variance.
 
     The noise of the render stays as it is.
     """

@@ -26,6 +26,11 @@ def correlation(covariance: np.ndarray) -> np.ndarray:
     return np.where(np.eye(len(covariance), dtype=bool), 1.0, ratio)
 
 
+def inner_deviation(rows: np.ndarray, least: float = 0.0) -> float:
+    """Standard deviation of rows from their median absolute value, which outliers do not affect."""
+    return max(1.4826 * float(np.median(np.abs(rows))), least)
+
+
 def profile_ends(
     refit: Callable, best: np.ndarray, minimum: np.ndarray, first, bound, level: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -66,7 +66,7 @@ def test_lines_before_the_table_need_a_mark(file):
     with pytest.raises(InputError) as raised:
         read(file(PREAMBLE + TABLE))
     assert str(raised.value).endswith(
-        "scan.csv, line 1: 'Goniometer 3, detector A' stands before the names of the columns in "
+        "scan.csv, line 1: 'Goniometer 3, detector A' comes before the names of the columns in "
         "line 3; put # in front of each line before these"
     )
     marked = "".join(f"# {line}\n" for line in PREAMBLE.splitlines())

@@ -8,6 +8,7 @@ from mi_lcair.physics.estimation.profiles import (
     STEPS,
     correlation,
     further,
+    inner_deviation,
     profile_ends,
     student_factor,
 )
@@ -63,3 +64,10 @@ def test_student_factor():
 def test_correlation_of_values_that_do_not_vary():
     found = correlation(np.array([[4.0, 3.0, 0], [3.0, 9.0, 0], [0, 0, 0]]))
     np.testing.assert_allclose(found, [[1, 0.5, 0], [0.5, 1, 0], [0, 0, 1]])
+
+
+def test_inner_deviation_is_that_of_a_normal_distribution():
+    white = 2 * np.random.default_rng(0).standard_normal(400)
+    assert inner_deviation(white) == pytest.approx(2, rel=0.1)
+    assert inner_deviation(np.append(white, np.full(20, 1e9))) == pytest.approx(2, rel=0.15)
+    assert inner_deviation(np.zeros(5), 1e-9) == 1e-9
