@@ -163,7 +163,7 @@ def page_of(what: What, request: Request) -> tuple[str, list[Section]]:
         return of_scene(scene_of(what, request.parameters), request)
     if kind == kinds.SCENARIO:
         return of_scenario(str(what), request)
-    if kind not in reading.READERS:
+    if not kinds.KINDS[kind].page:
         raise InputError(f"'{what}' is {kind}, which no page shows; {TAKEN}")
     return reading.read(str(what), kind, model_of(request))
 

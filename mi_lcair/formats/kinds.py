@@ -1,6 +1,9 @@
 """What a file or a name is, by its suffix, its content, or what is bundled."""
 
 import re
+from collections.abc import Iterable
+from contextlib import contextmanager
+from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -8,38 +11,80 @@ from mi_lcair import scenes
 from mi_lcair.errors import InputError
 from mi_lcair.extras import named
 from mi_lcair.files import parse_json, read_text
-from mi_lcair.formats import tables
-from mi_lcair.formats.tables import FACETS, RESULTS, SPECTRUM, TREND
+from mi_lcair.formats import VTK
+from mi_lcair.formats.tables import read_columns
 from mi_lcair.results import Result
 
-# Kinds beside those of tables, as messages name them
+# Names of kinds, as messages have them
 IMAGE, SIGNATURE, FIT, MODEL = "an image", "a signature", "a fit", "a model"
 SCENE, SCENARIO, MATERIAL = "a scene", "a scenario", "a material"
 BLACKBODIES, AIR, SKY = "blackbodies", "an atmosphere", "a sky"
 SOLUTION, BUDGET, AUDIT, CONTRAST = "a solution", "a budget", "an audit", "a contrast"
-BY_SUFFIX = {".exr": IMAGE, ".xml": SCENE, ".toml": SCENARIO, **dict.fromkeys(scenes.MODELS, MODEL)}
+TREND, SPECTRUM, FACETS = "a trend", "a spectrum", "a table of facets"
+RESULTS = "a table of results"  # that of a sweep or a flight
 TEMPERATURES = re.compile(r"\d+(\.\d+)?K(,\d+(\.\d+)?K)*")  # such as 260K,300K
-# By the entry `kind` of a result's JSON
-BY_RESULT = {
-    "signature": SIGNATURE,
-    "fit": FIT,
-    "mi_lcair solution": SOLUTION,
-    "budget": BUDGET,
-    "audit": AUDIT,
-    "contrast": CONTRAST,
-}
-# Classes whose JSON holds all that they show; their method `of_entries` reads it
-CLASSES = {
-    SOLUTION: "mi_lcair.inversion.solution:Solution",
-    BUDGET: "mi_lcair.uncertainty.budget:Budget",
-    AUDIT: "mi_lcair.energy.audit_result:Audit",
-}
+INTERVALS = "_half_width"  # in the names of columns of RESULTS
+SCALE = ("log", "vmin", "vmax", "cmap", "common_scale", "outlines")  # options of images
+OF_MATERIAL = ("band", "theta_deg", "materials")
 
-__all__ = [
-    "AIR", "AUDIT", "BLACKBODIES", "BUDGET", "CONTRAST", "FACETS", "FIT", "IMAGE", "MATERIAL",
-    "MODEL", "RESULTS", "SCENARIO", "SCENE", "SIGNATURE", "SKY", "SOLUTION", "SPECTRUM", "TREND",
-    "kind_of", "read_json", "read_result",
-]  # fmt: skip
+
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """A kind of file or name, and what the commands do with it.
+
+    suffixes: of its files. json: entry `kind` of its JSON. made_by: class whose `of_entries` reads
+    that. columns: those by which its tables are known. page: function of
+    `mi_lcair/reports/page/reading.py`. drawn, options: function of
+    `mi_lcair/cli/files/pictures.py`, and its options beside the output. hint: what `show` says in
+    place of a picture. converted, to, settings: function of `mi_lcair/cli/files/convert.py`, the
+    suffixes that it writes, and its options.
+    """
+
+    suffixes: tuple[str, ...] = ()
+    json: str = ""
+    made_by: str = ""
+    columns: tuple[str, ...] = ()
+    page: str = ""
+    drawn: str = ""
+    options: tuple[str, ...] = ()
+    hint: str = "report shows it"
+    converted: str = ""
+    to: tuple[str, ...] = ()
+    settings: tuple[str, ...] = ()
+
+
+TABLE = {"page": "result", "converted": "result", "to": (".csv", ".nc")}
+KINDS = {
+    IMAGE: Kind(
+        suffixes=(".exr",), page="image", drawn="image", converted="image", to=(".tif", ".tiff"),
+        options=("channels", *SCALE, "scene", "parameters", "sensor"), settings=("channel",),
+    ),
+    SIGNATURE: Kind(json="signature", page="signature",
+        made_by="mi_lcair.signatures.signature_result:Signature"),
+    FIT: Kind(json="fit", page="fit", drawn="brdf", options=OF_MATERIAL,
+        converted="emissivity", to=(".csv",)),
+    SOLUTION: Kind(json="mi_lcair solution", drawn="result",
+        made_by="mi_lcair.inversion.solution:Solution", **TABLE),
+    BUDGET: Kind(json="budget", drawn="result",
+        made_by="mi_lcair.uncertainty.budget:Budget", **TABLE),
+    AUDIT: Kind(json="audit", made_by="mi_lcair.energy.audit_result:Audit", **TABLE),
+    CONTRAST: Kind(json="contrast", page="result", drawn="result",
+        made_by="mi_lcair.detection.contrast_result:Contrast"),
+    TREND: Kind(columns=("azimuth_deg", "elevation_deg", "intensity_W_sr"),
+        page="trend", drawn="trend"),
+    SPECTRUM: Kind(columns=("wavelength_um", "target_W_sr_um"), page="spectrum", drawn="spectrum"),
+    FACETS: Kind(columns=("facet",), page="facets",
+        hint="name its scene: mi-lcair show SCENE --facets {} -c COLUMN"),
+    RESULTS: Kind(page="results"),
+    MODEL: Kind(suffixes=scenes.MODELS, page="facet_model", drawn="model", options=("materials",),
+        converted="model", to=VTK),
+    SCENE: Kind(suffixes=(".xml",), drawn="scene", options=("parameters",),
+        converted="scene", to=VTK, settings=("parameters",)),
+    SCENARIO: Kind(suffixes=(".toml",), drawn="scenario", options=("parameters",)),
+    MATERIAL: Kind(drawn="brdf", options=OF_MATERIAL),
+    **dict.fromkeys((BLACKBODIES, AIR, SKY), Kind(drawn="curves", options=("band",))),
+}  # fmt: skip
+BY_RESULT = {kind.json: name for name, kind in KINDS.items() if kind.json}
 
 
 def kind_of(what: str | Path, materials: str | Path | None = None) -> str:
@@ -53,10 +98,11 @@ def kind_of(what: str | Path, materials: str | Path | None = None) -> str:
     from mi_lcair.physics.sky import sky_names
 
     what, suffix = str(what), Path(what).suffix.lower()
-    if suffix in BY_SUFFIX:
-        return BY_SUFFIX[suffix]
+    for name, kind in KINDS.items():
+        if suffix in kind.suffixes:
+            return name
     if suffix in (".csv", ".nc"):
-        return tables.kind_of(what, tables.read_columns(what))
+        return kind_of_table(what, read_columns(what))
     if suffix == ".json":
         return BY_RESULT[read_json(what)["kind"]]
     if what in scenes.names() or scenes.in_folder(what):
@@ -84,6 +130,24 @@ def kind_of(what: str | Path, materials: str | Path | None = None) -> str:
     )
 
 
+def kind_of_table(path: str | Path, names: Iterable[str]) -> str:
+    """TREND, SPECTRUM, FACETS or RESULTS, by the names of a table's columns.
+
+    Raises InputError for another table; `path` is that of its file in the message.
+    """
+    if any(INTERVALS in name for name in names):
+        return RESULTS
+    known = {name: kind.columns for name, kind in KINDS.items() if kind.columns}
+    for name, needed in known.items():
+        if set(needed) <= set(names):
+            return name
+    trend, spectrum, facets = (", ".join(needed) for needed in known.values())
+    raise InputError(
+        f"'{path}': neither a trend ({trend}), nor a spectrum ({spectrum}), nor facets ({facets}), "
+        f"nor the table of a sweep or a flight (with columns *{INTERVALS}*)"
+    )
+
+
 def read_json(path: str | Path) -> dict:
     """The entries of a result's JSON, one of BY_RESULT. Without `kind` it is that of a fit.
 
@@ -102,17 +166,21 @@ def read_json(path: str | Path) -> dict:
 
 
 def read_result(path: str | Path) -> Result:
-    """The result in a JSON file of one of CLASSES; raises InputError for an incomplete file."""
+    """The result in a JSON file; raises InputError for an incomplete file."""
     entries = read_json(path)
-    kind = BY_RESULT[entries["kind"]]
+    with whole(path):
+        return named(KINDS[BY_RESULT[entries["kind"]]].made_by).of_entries(entries)
+
+
+@contextmanager
+def whole(path: str | Path):
+    """Context manager: what the JSON of a result lacks is an InputError."""
     try:
-        return named(CLASSES[kind]).of_entries(entries)
+        yield
     except (KeyError, IndexError, TypeError, AttributeError, ValueError) as error:
-        raise incomplete(path, kind, error) from None
-
-
-def incomplete(path: str | Path, kind: str, error: Exception) -> InputError:
-    """The error for the JSON of a result that lacks entries."""
-    return InputError(
-        f"'{path}': {kind} that is incomplete ({type(error).__name__}: {error}); make it anew"
-    )
+        if isinstance(error, InputError):
+            raise
+        kind = BY_RESULT[read_json(path)["kind"]]
+        raise InputError(
+            f"'{path}': {kind} that is incomplete ({type(error).__name__}: {error}); make it anew"
+        ) from None

@@ -13,7 +13,7 @@ from mi_lcair.declared import percent
 from mi_lcair.errors import InputError, escaped
 from mi_lcair.extras import named
 from mi_lcair.files import read_text, replacing
-from mi_lcair.formats import csv, netcdf, tables
+from mi_lcair.formats import csv, kinds, netcdf
 from mi_lcair.results import Result, entry
 from mi_lcair.results.cells import error_row
 from mi_lcair.results.charts import Curve, LineChart, LineCharts, label
@@ -75,7 +75,7 @@ class Trend(Result):
         """
         path = Path(path)
         made = settings_of(path)
-        needed = tables.KNOWN_BY[tables.TREND]
+        needed = kinds.KINDS[kinds.TREND].columns
         if path.suffix.lower() == ".nc":
             columns = netcdf.read_columns(path)
         else:

@@ -8,6 +8,7 @@ import mi_lcair
 from mi_lcair.cli import options
 from mi_lcair.cli.output import print_written
 from mi_lcair.errors import InputError, check_known
+from mi_lcair.extras import named
 from mi_lcair.files import check_suffix, check_writable
 from mi_lcair.formats import VTK
 
@@ -70,20 +71,14 @@ def _way(source: str, scene):
         return _table, (".nc",) if suffix == ".csv" else (".csv",), ()
     from mi_lcair.formats import kinds
 
-    kind = kinds.kind_of(source)
-    ways = {
-        kinds.IMAGE: (_image, (".tif", ".tiff"), ("channel",)),
-        kinds.MODEL: (_model, VTK, ()),
-        kinds.SCENE: (_scene, VTK, ("parameters",)),
-        kinds.FIT: (_emissivity, (".csv",), ()),
-        **dict.fromkeys(kinds.CLASSES, (_result, (".csv", ".nc"), ())),
-    }
-    if kind not in ways:
+    name = kinds.kind_of(source)
+    kind = kinds.KINDS[name]
+    if not kind.converted:
         raise InputError(
-            f"'{source}' is {kind}, which is not converted; convert takes an image (.exr), a table "
+            f"'{source}' is {name}, which is not converted; convert takes an image (.exr), a table "
             "(.csv, .nc), a solution, budget, audit or fit (.json), a scene or a model"
         )
-    return ways[kind]
+    return named(f"{__name__}:_{kind.converted}"), kind.to, kind.settings
 
 
 def _image(source, output, suffix, channel):
@@ -103,13 +98,14 @@ def _image(source, output, suffix, channel):
 def _table(source, output, suffix):
     """A table of this project from CSV to netCDF or back."""
     from mi_lcair.formats import csv, netcdf
-    from mi_lcair.formats.tables import KNOWN_BY, TREND, read_columns
+    from mi_lcair.formats.kinds import KINDS, TREND
+    from mi_lcair.formats.tables import read_columns
     from mi_lcair.signatures.trend_result import Trend, settings_of
 
     columns, made = read_columns(source), settings_of(Path(source))
     if suffix == ".nc":
         netcdf.write(output, netcdf.dataset(columns, **made))
-    elif made and set(KNOWN_BY[TREND]) <= set(columns):
+    elif made and set(KINDS[TREND].columns) <= set(columns):
         Trend.read(source).save(output)
     else:
         csv.write(output, columns)

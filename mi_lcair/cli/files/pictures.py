@@ -141,22 +141,12 @@ def spectrum(what, output):
 
 def result(what, output):
     """Draw a result from its JSON."""
-    from mi_lcair.formats.kinds import read_result
+    from mi_lcair.formats.kinds import read_result, whole
 
     stated = read_result(what)
-    drawn(stated.plot(), output or named_after(Path(what), stated.kind.split()[-1]))
-
-
-def contrast(what, output):
-    """Draw the spectra of a contrast from its JSON."""
-    from mi_lcair.detection.contrast_result import picture_of_entries
-    from mi_lcair.formats.kinds import CONTRAST, incomplete, read_json
-
-    try:
-        figure = picture_of_entries(read_json(what)).draw()
-    except (KeyError, IndexError, TypeError, ValueError) as error:
-        raise incomplete(what, CONTRAST, error) from None
-    drawn(figure, output or named_after(Path(what), "contrast"))
+    with whole(what):
+        figure = stated.plot()
+    drawn(figure, output or named_after(Path(what), stated.kind.split()[-1]))
 
 
 def model(what, output, materials):

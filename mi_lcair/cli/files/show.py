@@ -7,34 +7,7 @@ from mi_lcair.cli.files import pictures
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 
-SCALE = ("log", "vmin", "vmax", "cmap", "common_scale", "outlines")
-SCENE = ("parameters", "sensor")
 FACET, COLUMNS, PIXEL, TWO = "--facet", "--facets", "--pixel", "two images"
-# The function that draws each kind of picture, and its options beside --output.
-DRAWN = {
-    FACET: (pictures.facet_view, ("facet", "parameters", "json")),
-    COLUMNS: (pictures.facet_columns, ("facets", "channels", *SCALE, *SCENE)),
-    PIXEL: (pictures.pixel_spectrum, ("pixel",)),
-    TWO: (pictures.comparison, ("channels", *SCALE[:-1])),
-    "an image": (pictures.image, ("channels", *SCALE, "scene", *SCENE)),
-    "a trend": (pictures.trend, ()),
-    "a spectrum": (pictures.spectrum, ()),
-    "a model": (pictures.model, ("materials",)),
-    "a scene": (pictures.scene, ("parameters",)),
-    "a scenario": (pictures.scenario, ("parameters",)),
-    "a material": (pictures.brdf, ("band", "theta_deg", "materials")),
-    "blackbodies": (pictures.curves, ("band",)),
-    "an atmosphere": (pictures.curves, ("band",)),
-    "a sky": (pictures.curves, ("band",)),
-    "a fit": (pictures.brdf, ("band", "theta_deg", "materials")),
-    "a solution": (pictures.result, ()),
-    "a budget": (pictures.result, ()),
-    "a contrast": (pictures.contrast, ()),
-}
-NOT_DRAWN = {
-    "a table of facets": "name its scene: mi-lcair show SCENE --facets {} -c COLUMN",
-    **dict.fromkeys(("a signature", "an audit", "a table of results"), "report shows it"),
-}
 
 
 @options.command(
@@ -124,7 +97,7 @@ def command(ctx, what, output, **settings):
     kind = _kind(
         what, **{name: settings[name] for name in ("facet", "facets", "materials", "pixel")}
     )
-    draw, names = DRAWN[kind]
+    draw, names = _drawn(kind)
     options.check_given(ctx, ("what", "output", *names), kind)
     if settings["scene"] and not settings["outlines"]:
         raise InputError("--scene names the scene whose facets --outlines draws; give that too")
@@ -132,8 +105,8 @@ def command(ctx, what, output, **settings):
 
 
 def _kind(what, facet, facets, materials, pixel) -> str:
-    """What is drawn, a key of DRAWN; raises InputError for what has no picture."""
-    from mi_lcair.formats.kinds import IMAGE, kind_of
+    """What is drawn, a kind or an option; raises InputError for what has no picture."""
+    from mi_lcair.formats.kinds import IMAGE, KINDS, kind_of
 
     if isinstance(what, tuple):
         if len(what) > 2 or {kind_of(file, materials) for file in what} != {IMAGE}:
@@ -144,6 +117,21 @@ def _kind(what, facet, facets, materials, pixel) -> str:
     kind = kind_of(what, materials)
     if kind == IMAGE and pixel is not None:
         return PIXEL
-    if kind in NOT_DRAWN:
-        raise InputError(f"'{what}' is {kind}; {NOT_DRAWN[kind].format(what)}")
+    if not KINDS[kind].drawn:
+        raise InputError(f"'{what}' is {kind}; {KINDS[kind].hint.format(what)}")
     return kind
+
+
+def _drawn(kind: str):
+    """The function that draws a kind, or for an option, and its options beside --output."""
+    from mi_lcair.formats.kinds import KINDS, SCALE
+
+    special = {
+        FACET: (pictures.facet_view, ("facet", "parameters", "json")),
+        COLUMNS: (pictures.facet_columns, ("facets", "channels", *SCALE, "parameters", "sensor")),
+        PIXEL: (pictures.pixel_spectrum, ("pixel",)),
+        TWO: (pictures.comparison, ("channels", *SCALE[:-1])),
+    }
+    if kind in special:
+        return special[kind]
+    return getattr(pictures, KINDS[kind].drawn), KINDS[kind].options

@@ -1,13 +1,14 @@
 """Titles and sections of files that the commands wrote."""
 
+from contextlib import nullcontext
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.detection.contrast_result import Contrast
 from mi_lcair.errors import InputError, errors_of, option
+from mi_lcair.extras import named
 from mi_lcair.files import parse_json, read_bytes, read_text
 from mi_lcair.fitting.report import fit_of_report, sections_of_report
 from mi_lcair.formats import kinds, netcdf, tables
@@ -17,10 +18,9 @@ from mi_lcair.reports.page.model_panel import rows_by_facet
 from mi_lcair.results.cells import unpacked
 from mi_lcair.results.charts import facets_section
 from mi_lcair.results.reading import columns_of
-from mi_lcair.results.result import details, extremes
+from mi_lcair.results.result import extremes
 from mi_lcair.results.sections import Facts, LongTable, Remarks, Section
 from mi_lcair.signatures.effective_areas import spectrum_section
-from mi_lcair.signatures.signature_result import Signature
 from mi_lcair.signatures.trend_result import Trend, settings_file
 from mi_lcair.table import lines_of
 
@@ -46,11 +46,13 @@ class SceneModel:
 def read(what: str, kind: str, model: SceneModel | None = None) -> tuple[str, list[Section]]:
     """Title and sections of a file.
 
-    what: its path. kind: its kind, one of READERS. model: on which facets are shown.
+    what: its path. kind: its kind, which has a page. model: on which facets are shown.
 
     Raises InputError if it cannot be used.
     """
-    title, sections = READERS[kind](what, model)
+    show = named(f"{__name__}:{kinds.KINDS[kind].page}")
+    with kinds.whole(what) if kinds.KINDS[kind].json else nullcontext():
+        title, sections = show(what, model)
     sections[-1].parts.insert(0, Facts(of_file(what)))
     return title, sections
 
@@ -71,38 +73,20 @@ def image(what: str, model):
     return f"{scene} ({name})" if scene else name, image_sections(channels, header)
 
 
-def result_json(what: str, model):
-    """The JSON of a signature, a fit or a contrast."""
-    entries = kinds.read_json(what)
-    read_entries = {"signature": signature, "fit": fit, "contrast": contrast}[entries["kind"]]
-    try:
-        return read_entries(what, entries, model)
-    except (KeyError, IndexError, TypeError, AttributeError) as error:
-        raise kinds.incomplete(what, kinds.BY_RESULT[entries["kind"]], error) from None
-
-
 def result(what: str, model):
-    """The JSON of a result that is read as a whole."""
+    """The JSON of a result."""
     read_result = kinds.read_result(what)
-    made = details(read_result.as_dict(), MADE)
-    return read_result.page_title(), [*read_result.sections(), made]
+    return read_result.page_title(), read_result.page()
 
 
-def signature(what: str, entries: dict, model):
+def signature(what: str, model):
     """A signature's JSON: tables, spectrum and facets."""
+    made = kinds.read_result(what)
     facets = []
-    if "facets" in entries:
-        band = known_band(entries["band"])
-        facets = [facets_on_model(what, columns_of(entries["facets"]), model, band)]
-    return (
-        f"Signature of {entries['scene_name']}",
-        Signature.of_entries(entries).sections(others=facets),
-    )
-
-
-def contrast(what: str, entries: dict, model):
-    """A contrast's JSON: irradiances and spectra."""
-    return f"Contrast of {entries['scenario_name']}", Contrast.of_entries(entries).page()
+    if "facets" in made.given:
+        band, columns = known_band(made.given["band"]), columns_of(made.given["facets"])
+        facets = [facets_on_model(what, columns, model, band)]
+    return made.page_title(), made.page(others=facets)
 
 
 def facet_model(what: str, model):
@@ -115,8 +99,9 @@ def facet_model(what: str, model):
     return f"Model ({Path(what).name})", [*sections, made_section([])]
 
 
-def fit(what: str, entries: dict, model):
+def fit(what: str, model):
     """Fits of one surface, one for each band, with their data where these lie beside the file."""
+    entries = kinds.read_json(what)
     reports, sections = list(entries.get("materials", {"": entries}).values()), []
     for report in reports:
         measurements, used = data_of(what, report)
@@ -172,7 +157,7 @@ def trend(what: str, model):
 
 def spectrum(what: str, model):
     """The table of a spectrum."""
-    columns = numeric(what, tables.read_columns(what), tables.KNOWN_BY[tables.SPECTRUM])
+    columns = numeric(what, tables.read_columns(what), kinds.KINDS[kinds.SPECTRUM].columns)
     sections = [spectrum_section(columns), made_section(made_rows(what))]
     return f"Spectrum ({Path(what).name})", sections
 
@@ -247,17 +232,3 @@ def of_file(what: str) -> list[tuple[str, str]]:
 def made_section(rows: list) -> Section:
     """The section about how a file was made."""
     return Section(MADE, [Facts(rows)], is_detail=True)
-
-
-READERS = {
-    kinds.IMAGE: image,
-    kinds.SIGNATURE: result_json,
-    kinds.FIT: result_json,
-    kinds.CONTRAST: result_json,
-    kinds.MODEL: facet_model,
-    **dict.fromkeys(kinds.CLASSES, result),
-    kinds.TREND: trend,
-    kinds.SPECTRUM: spectrum,
-    kinds.FACETS: facets,
-    kinds.RESULTS: results,
-}
