@@ -1,1 +1,1 @@
-"""Public functions: they resolve names, load and call."""
+"""Thin public functions: they find the scene and call the implementation."""

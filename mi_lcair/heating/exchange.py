@@ -50,7 +50,7 @@ def asymmetry_of(means: Means, facets: Facets, rays: int) -> Asymmetry:
     M = facets.membership
     one_way = np.array([(M @ G @ M.T).toarray() for G in means.between])
     difference = one_way - np.swapaxes(one_way, 1, 2)
-    # A large facet may have met a small one with no path, of which the scatter knows nothing
+    # The scatter cannot see pairs that no path connected, so one path's weight is added
     one_path = (M * facets.area).max(axis=1).toarray() / rays
     unmet = np.hypot(one_path[:, None], one_path)
     mean, error = difference.mean(axis=0), np.hypot(standard_error(difference), unmet)

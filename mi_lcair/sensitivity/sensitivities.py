@@ -93,7 +93,8 @@ class Sensitivities(Result):
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each parameter; derivative and standard error are in the row's unit.
 
-        With motions, also the steps of differences, the derivatives below and above, and verdicts.
+        With motions, also the steps of differences, the one-sided derivatives, and whether the
+        curve is smooth there.
         """
         table = {
             "parameter": np.array(self.names),

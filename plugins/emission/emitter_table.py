@@ -120,7 +120,7 @@ class EmitterTable:
     def parts(self, emitter, prim_index, d, active) -> list:
         """Numbers of the parts of an emitter that emit along `d`, and their shares of the radiance.
 
-        A part is the primitive that was hit, or one of the parts of an environment.
+        A part is the index of the triangle, or that of the sky's or ground's part.
         """
         if self.divided is None:
             return [(prim_index, mi.Float(1))]

@@ -118,7 +118,7 @@ class ThermalEmitter(mi.Emitter):
         """
         return None
 
-    # ---------------------------------------------------------------- What follows from that
+    # ---------------------------------------------------------------- Derived methods
 
     def radiance_bound(self) -> np.ndarray | None:
         """Upper bound of its radiance, one or one for each primitive; None if it has none."""

@@ -20,7 +20,7 @@ from mi_lcair.plugins.emission.samples import DrawnDirection
 from mi_lcair.plugins.paths.launch import DIRECT, OTHER_THAN_DIRECT, WHOLE
 from mi_lcair.plugins.recorders.recorder import Emission, Recorders, Reflection
 
-# Where no direction is drawn, it is not a number, and its slopes times 0 would not be 0.
+# Undrawn directions are NaN, and NaN * 0 is NaN. This valid direction replaces them.
 UPWARD = (0, 0, 1)
 # Largest weight of a reflection that counts as 0 where derivatives are explored. What it would add
 # to a radiance is below the rounding error of Float32.

@@ -125,7 +125,7 @@ class Profile:
     def crossing(self, blocks, side: int, bound: float) -> tuple[np.ndarray, float, float]:
         """Values (N,) within the interval near its end by the blocks, and their distance.
 
-        The third result is a value of the unknown that is outside, or the bound.
+        The third result is a value of the unknown outside the interval, or the bound itself.
         """
 
         def refit(_, values, starts):
