@@ -151,7 +151,7 @@ def temperature_of(
     return Temperature(
         name=name,
         band=band,
-        estimate=Estimate.of(kelvin, "K", rows),
+        estimate=Estimate.of(np.asarray(kelvin), "K", rows),
         conditions=conditions.quantities,
         transmittance=conditions.air(band, values).transmittance(float(np.nanmedian(kelvin))),
         remarks=tuple(remarks),

@@ -65,7 +65,7 @@ class Temperature(Result):
     def typical(self) -> Estimate:
         """Medians over the pixels that have a temperature."""
         known = np.isfinite(self.kelvin)
-        return self.estimate.reduced(lambda values: float(np.median(values[known])))
+        return self.estimate.reduced(lambda values: float(np.median(np.asarray(values)[known])))
 
     @property
     def pixels(self) -> int:

@@ -216,6 +216,17 @@ def test_images_are_read_and_written(tmp_path, suffix):
     np.testing.assert_allclose(written, result.kelvin, rtol=1e-6)
 
 
+def test_one_number_is_shown_with_its_error():
+    """The sum of both contributions in squares, and their table from the largest share on."""
+    result = mi_lcair.temperature(305.2, "LWIR", emissivity=(0.92, 0.02), reflected=(293, 2))
+    assert result.summary().endswith(f": {result.typical}") and " +- 0.3" in result.summary()
+    table = result.columns()
+    assert table["quantity"].tolist() == ["emissivity", "reflected"]
+    assert np.linalg.norm(table["contribution_K"]) == pytest.approx(float(result.sigma))
+    assert table["share"].sum() == pytest.approx(1)
+    assert result.sections() and result.as_dict()["estimate"]["unit"] == "K"
+
+
 @pytest.mark.parametrize("scale, offset", [(0.01, 0.0), (1.0, 273.15), (0.04, 250.0)])
 def test_counts_and_degrees_celsius(scale, offset):
     kelvin = np.array([[290.0, 300.0], [310.0, offset or np.nan]])  # 0 is a value with an offset
