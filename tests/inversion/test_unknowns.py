@@ -11,6 +11,7 @@ from mi_lcair.inversion.data.measurement import Measurement
 from mi_lcair.inversion.tables import UnknownEntry
 from mi_lcair.inversion.unknowns import Where, instruments, unknowns, with_entry
 from mi_lcair.rendering.parameters.entries import Parameter
+from mi_lcair.toml_table import filled
 from tests.inversion.blocks import kelvin, unknown
 
 
@@ -31,8 +32,8 @@ DATA = [
 
 
 def named(sought, nuisance=None, data=DATA, measured=None):
-    entries = {name: UnknownEntry(**entry) for name, entry in sought.items()}
-    others = {name: UnknownEntry(**entry) for name, entry in (nuisance or {}).items()}
+    entries = {name: filled(UnknownEntry, entry, name) for name, entry in sought.items()}
+    others = {name: filled(UnknownEntry, entry, name) for name, entry in (nuisance or {}).items()}
     return unknowns(entries, others, data, len(data) if measured is None else measured)
 
 
@@ -68,7 +69,7 @@ def test_what_they_are():
         True,
         None,
     )
-    facets = named({"body.facets": {"prior": (300.0, 5.0)}}, data=DATA[:1])
+    facets = named({"body.facets": {"prior": [300.0, 5.0]}}, data=DATA[:1])
     assert [one.label for one in facets] == ["body.facets[2]", "body.facets[5]"]
     assert [(one.name, one.kind, one.facet, one.start) for one in facets] == [
         ("body", "facet", 2, 300.0),
