@@ -1,5 +1,8 @@
 """What `mkdocs build` does beside its plugins: manuals of plugins, MathML, links of tutorials.
 
+A line `::: keys MODULE.CLASS` becomes the keys of a table of a TOML file: defaults and bounds from
+its fields, and meanings from the docstring of its class.
+
 Manuals and equations are made by docutils, without JavaScript and without a network. A line
 `::: plugin NAME` on a page becomes the manual of the plugin in plugins/KINDs/NAME.py. The manual is
 the docstring of the class that has the plugin's name in CamelCase. The file is parsed and not
@@ -9,8 +12,12 @@ their source files, as Markdown does, and mkdocs-jupyter leaves these links as t
 
 import ast
 import html
+import inspect
+import json
 import posixpath
 import re
+from dataclasses import MISSING, fields
+from importlib import import_module
 from pathlib import Path
 
 from docutils.core import publish_parts
@@ -18,13 +25,43 @@ from mkdocs.exceptions import PluginError
 
 PLUGINS = Path(__file__).parents[1] / "plugins"
 MANUAL = re.compile(r"^::: plugin (\w+)$", re.MULTILINE)
+KEYS = re.compile(r"^::: keys ([\w.]+)$", re.MULTILINE)
+MEANING = re.compile(r"^(\w+(?:, \w+)*)(?: : .+)?\n((?: {4}.+(?:\n|$))+)", re.MULTILINE)
 LINK = re.compile(r'href="(?!\w+:)([^"#]+\.(?:md|py))(?=["#])')  # to a source file on this site
 EQUATION = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 
 
 def on_page_markdown(markdown: str, **_) -> str:
-    """Return the page with the manuals that it names."""
+    """Return the page with the manuals and the tables of keys that it names."""
+    markdown = KEYS.sub(lambda line: keys(line[1]), markdown)
     return MANUAL.sub(lambda line: manual(line[1]), markdown)
+
+
+def keys(place: str) -> str:
+    """Return the keys of the table that the class MODULE.CLASS declares, as Markdown."""
+    module, _, name = place.rpartition(".")
+    table = getattr(import_module(module), name)
+    text = "\n".join(inspect.getdoc(kind) or "" for kind in reversed(table.__mro__[:-1]))
+    meanings = {
+        key: " ".join(words.split())
+        for names, words in MEANING.findall(text)
+        for key in names.split(", ")
+    }
+    lines = ["| key | default | what it is |", "|---|---|---|"]
+    for entry in fields(table):
+        default = "" if entry.default is None else shown(entry)
+        bounds, meaning = entry.metadata.get("bounds"), meanings[entry.name]
+        limits = f" It must {bounds}." if bounds and str(bounds) != "be finite" else ""
+        lines.append(f"| `{entry.name}` | {default} | {meaning}{limits} |")
+    return "\n".join(lines)
+
+
+def shown(entry) -> str:
+    """Return the default of a field as TOML has it; "needed" if there is none."""
+    if entry.default is MISSING:
+        return "needed" if entry.default_factory is MISSING else ""
+    value = list(entry.default) if isinstance(entry.default, tuple) else entry.default
+    return f"`{str(value).lower() if isinstance(value, bool) else json.dumps(value)}`"
 
 
 def on_page_content(content: str, page=None, files=None, **_) -> str:

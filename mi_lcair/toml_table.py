@@ -35,7 +35,8 @@ def read(source, of, kind: str):
     InputError names the file.
     """
     if isinstance(source, Mapping):
-        return of(plain(source), Path(), kind)
+        with errors_of(kind):
+            return of(plain(source), Path(), kind)
     path, what = Path(source), f"{kind} '{source}'"
     tables = parse_toml(read_text(path, what), what)
     with errors_of(what):

@@ -1,16 +1,16 @@
 """Effective emissivity of a cavity and its uncertainty, by the method that its walls allow."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 
 from mi_lcair.cavities import paths, rings
 from mi_lcair.cavities.cavity_result import Cavity
-from mi_lcair.cavities.description import Description
+from mi_lcair.cavities.description import SIGMA, Description
 from mi_lcair.cavities.gouffe import gouffe
 from mi_lcair.cavities.walls import PROFILE_RINGS, OwnMesh, Wall
 from mi_lcair.errors import errors_of
-from mi_lcair.estimate import Contribution, Estimate, slope
+from mi_lcair.estimate import Contribution, Estimate, deviation, slope
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.materials import hemispherical_emissivity
@@ -37,22 +37,20 @@ def measured(cavity: Description, sampling: Sampling) -> Cavity:
             f"{traced} paths end with half an interval of {half:.2g}, more than the tolerance of "
             f"{sampling.tolerance:g}"
         )
-    for entry in fields(cavity.sigma):
-        sigma = getattr(cavity.sigma, entry.name)
-        if not sigma:
+    for quantity in SIGMA:
+        if quantity not in cavity.sigma:
             continue
-        known = cavity.value_of(entry.name)
-        limits = np.array(LIMITS.get(entry.name, (-np.inf, np.inf)))
+        known = cavity.value_of(quantity)
+        sigma = deviation(quantity, cavity.sigma[quantity], known or 0.0)
+        limits = np.array(LIMITS.get(quantity, (-np.inf, np.inf)))
 
-        def changed(change, name=entry.name):
+        def changed(change, name=quantity):
             return effective_emissivity(cavity.changed(name, change), method, repeated)[0]
 
-        with errors_of(f"sigma: {entry.name} = {sigma:g}"):
+        with errors_of(f"sigma: {quantity} = {sigma:g}"):
             of_quantity = slope(changed, 0.0, sigma, limits - (known or 0.0))
-        unit = UNITS.get(entry.name, entry.name.rpartition("_")[2])
-        contributions.append(
-            Contribution.of(entry.name, sigma, of_quantity, value=known, unit=unit)
-        )
+        unit = UNITS.get(quantity, quantity.rpartition("_")[2])
+        contributions.append(Contribution.of(quantity, sigma, of_quantity, value=known, unit=unit))
     return Cavity(
         name=cavity.name,
         shape=cavity.shape,

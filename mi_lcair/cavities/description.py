@@ -1,7 +1,7 @@
 """What a cavity's TOML file says: its shape, wall, view and uncertainties."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from math import radians
 from os import PathLike
 from pathlib import Path
@@ -15,6 +15,7 @@ from mi_lcair.cavities.view import Beam, Cone, Hemisphere, View
 from mi_lcair.cavities.walls import OwnMesh
 from mi_lcair.declared import Bounds, Table, entry, excludes, one_of, rule
 from mi_lcair.errors import InputError, check_known
+from mi_lcair.estimate import Stated, sigmas
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.materials import Material, bands_of, material
 from mi_lcair.physics.spectra.files import spectrum_of
@@ -24,6 +25,10 @@ from mi_lcair.toml_table import filled
 KELVIN = {"lower": 10, "upper": 6000, "unit": "K"}
 WAVELENGTHS = {"lower": 0.2, "upper": 100, "unit": "um"}
 TABLES = ("shape", "wall", "view", "sigma")
+# What may have an uncertainty. temperature_K: common to the whole wall. gradient_K: of the
+# temperature of the aperture's edge against the deepest point, linear in depth.
+SIZES = ("radius_m", "length_m", "angle_deg", "aperture_radius_m")
+SIGMA = ("emissivity", "specular", "temperature_K", "gradient_K", *SIZES)
 OF_A_WALL = (
     one_of("emissivity", "spectrum", "material"),
     excludes("specular", "material", why="it goes with emissivity or spectrum"),
@@ -81,6 +86,7 @@ class ViewTable(Table, where="[view]", rules=OF_A_VIEW):
     spot_m : float or None
         Diameter of the circle in the aperture that is viewed; None: the whole aperture.
     wavelengths_um : tuple of float
+        Wavelengths of the results.
     reference_K : float or None
         Temperature of the blackbody to which the radiance is compared; None: that of the deepest
         point.
@@ -108,37 +114,20 @@ class ViewTable(Table, where="[view]", rules=OF_A_VIEW):
         return Hemisphere(spot)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Sigma(Table, where="[sigma]"):
-    """[sigma]: standard uncertainties, in the units of the quantities.
-
-    temperature_K: common to the whole wall. gradient_K: of the temperature of the aperture's edge
-    against the deepest point, linear in depth.
-    """
-
-    emissivity: float = entry(0.0, lower=0)
-    specular: float = entry(0.0, lower=0)
-    temperature_K: float = entry(0.0, lower=0)
-    gradient_K: float = entry(0.0, lower=0)
-    radius_m: float = entry(0.0, lower=0)
-    length_m: float = entry(0.0, lower=0)
-    angle_deg: float = entry(0.0, lower=0)
-    aperture_radius_m: float = entry(0.0, lower=0)
-
-
 @dataclass(frozen=True)
 class Description:
     """A cavity: shape, wall, view and uncertainties.
 
-    shift, gradient: change of the wall's temperature [K], see `Sigma`. folder: that of the files
-    that it names.
+    sigma: standard uncertainty of each of the quantities SIGMA. shift, gradient: change of the
+    wall's temperature [K], and of that of the aperture's edge against the deepest point. folder:
+    that of the files that it names.
     """
 
     name: str
     shape: Shape | OwnMesh
     wall: WallTable
     seen: ViewTable
-    sigma: Sigma
+    sigma: dict[str, Stated]
     folder: Path
     shift: float = 0.0
     gradient: float = 0.0
@@ -168,10 +157,13 @@ class Description:
             shape=shape,
             wall=filled(WallTable, tables["wall"], "[wall]"),
             seen=filled(ViewTable, view, "[view]"),
-            sigma=filled(Sigma, tables.get("sigma", {}), "[sigma]"),
+            sigma=sigmas(tables),
             folder=folder,
         )
-        described.check_sigma()
+        check_known("quantity of [sigma]", SIGMA, *described.sigma)
+        for quantity in described.sigma:
+            if not described.has(quantity):
+                raise InputError(f"sigma: {quantity}: the cavity has no such number")
         if described.wall.profile is not None:
             described.check_profile()
         return described
@@ -253,17 +245,12 @@ class Description:
             f"not at {wavelength:g} um"
         )
 
-    def check_sigma(self) -> None:
-        """Raise InputError for an uncertainty of a quantity that the cavity does not have."""
-        for declared in fields(self.sigma):
-            name = declared.name
-            if not getattr(self.sigma, name) or name in ("temperature_K", "gradient_K"):
-                continue
-            has = name in vars(self.shape) and getattr(self.shape, name) is not None
-            if name in ("emissivity", "specular"):
-                has = self.wall.material is None
-            if not has:
-                raise InputError(f"sigma: {name}: the cavity has no such number")
+    def has(self, quantity: str) -> bool:
+        """Whether the cavity has a quantity of [sigma]."""
+        if quantity in ("emissivity", "specular"):
+            return self.wall.material is None
+        of_the_wall = quantity in ("temperature_K", "gradient_K")
+        return of_the_wall or getattr(self.shape, quantity, None) is not None
 
     def value_of(self, quantity: str) -> float | None:
         """Value of a quantity of [sigma]; None for the wall's emissivity by wavelength."""

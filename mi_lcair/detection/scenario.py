@@ -95,16 +95,25 @@ class TargetModel(Table, where="[target]", rules=(Rule(stated_elsewhere),)):
 
 @dataclass(frozen=True)
 class PluginFiles(Table):
-    """Table [plugins]. files: Python files that register BSDFs or emitters with Mitsuba."""
+    """Table [plugins].
+
+    Attributes
+    ----------
+    files : tuple of str
+        Python files that register BSDFs or emitters with Mitsuba.
+    """
 
     files: tuple[str, ...] = entry((), is_file=True)
 
 
 @dataclass(frozen=True)
 class Pose(Table):
-    """Table [pose]: rotation of the target, degrees.
+    """Table [pose]: rotation of the target.
 
-    The values are passed to the scene's parameters of the same names.
+    Attributes
+    ----------
+    yaw_deg, pitch_deg, roll_deg : float, optional
+        Angle, degrees, which the scene's parameter of the same name gets.
     """
 
     yaw_deg: float | None = None
@@ -183,7 +192,7 @@ OF_AIR = (
 
 @dataclass(frozen=True, kw_only=True)
 class Air(Weather, rules=OF_AIR):
-    """Table [atmosphere].
+    """Table [atmosphere], with the weather of a clear air.
 
     Attributes
     ----------
@@ -194,8 +203,6 @@ class Air(Weather, rules=OF_AIR):
         Whether ranges beyond a table are allowed.
     ranges_m : tuple of float, optional
         Ranges, m, of the blocks of a tape7 that does not state them.
-    temperature, humidity, pressure, visibility, co2 : float, optional
-        `Weather` of a clear air.
     cn2 : float
         Turbulence that blurs a camera's image, the same along the path: structure parameter of the
         refractive index, m^(-2/3). 0 for none.
@@ -300,8 +307,14 @@ class Sensor(Table, where="[sensor]"):
         Band in which the scene is rendered.
     response : str, optional
         CSV with the response of the detector, within the band. By default it is that of the band.
-    optics_transmittance, field_of_view_deg, nei, snr
-        As for `Detector`.
+    optics_transmittance : float
+        Transmittance of the optics, in (0, 1].
+    field_of_view_deg : float, optional
+        Full angle of the conical field of view, in (0, 180] degrees; by default it is not limited.
+    nei : float, optional
+        Noise-equivalent irradiance behind the optics, W m^-2.
+    snr : float
+        Signal-to-noise ratio that a detection needs.
     """
 
     band: str

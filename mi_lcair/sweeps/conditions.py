@@ -59,7 +59,10 @@ class SamplingTable(Table, where="[sampling]"):
     spp, max_spp : int, optional
         A fixed number of paths of a view instead, or the largest one, divided by resolution x
         resolution.
-    resolution, seed : int
+    resolution : int
+        See spp.
+    seed : int
+        Seed of the random numbers.
     """
 
     tolerance: float | str | None = None

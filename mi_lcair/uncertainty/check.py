@@ -9,8 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from mi_lcair.estimate import in_unit
-from mi_lcair.uncertainty.distributions import Distribution
+from mi_lcair.estimate import Distribution, in_unit
 from mi_lcair.uncertainty.inputs import Inputs
 from mi_lcair.uncertainty.numbers.number import Number
 

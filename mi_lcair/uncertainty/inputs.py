@@ -6,9 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mi_lcair.errors import InputError, errors_of, unknown
-from mi_lcair.estimate import Contribution
+from mi_lcair.estimate import Contribution, Distribution, deviation
 from mi_lcair.rendering.parameters.entries import Parameter
-from mi_lcair.uncertainty.distributions import Distribution, in_unit
 from mi_lcair.uncertainty.uncertainties import Uncertainties, of_material
 
 
@@ -147,9 +146,7 @@ def gathered(uncertainties: Uncertainties, known: dict[str, Parameter], what: st
         if isinstance(stated, Mapping)
     }
     sigma = {
-        name: float(distributions[name].law.std())
-        if name in distributions
-        else deviation(quantity(name), stated)
+        name: deviation(name, stated, quantity(name).value)
         for name, stated in uncertainties.sigma.items()
     }
     together = set()
@@ -175,10 +172,3 @@ def gathered(uncertainties: Uncertainties, known: dict[str, Parameter], what: st
         groups.append(Group(label, index))
         first += len(entries)
     return Inputs(quantities, covariance, groups, distributions)
-
-
-def deviation(quantity: Parameter, stated: float | str) -> float:
-    """A standard deviation in the unit of the quantity."""
-    if isinstance(stated, str):
-        return in_unit(quantity.name, stated, quantity.value)
-    return float(stated)

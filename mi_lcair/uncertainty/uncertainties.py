@@ -5,7 +5,7 @@
     [sigma]                             # standard deviations: in the quantity's unit, or relative
     "self.temperature" = 2.0
     "sky.radiance" = "5 %"
-    "lid.temperature" = {uniform = 2}   # another distribution, see `distributions`
+    "lid.temperature" = {uniform = 2}   # another distribution, see `mi_lcair.estimate`
 
     [scenario]                          # the same for quantities of a contrast scenario
     transmittance = "3 %"
@@ -33,11 +33,11 @@ from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.errors import InputError, check_known, errors_of
-from mi_lcair.files import parse_toml, read_text
+from mi_lcair.errors import InputError, check_known
+from mi_lcair.estimate import Stated, check_sigma, sigmas
+from mi_lcair.files import read_text
 from mi_lcair.rendering.motions.table import MOTIONS, Declared, motions_of
-from mi_lcair.toml_table import dotted, plain, table_of, tables_of
-from mi_lcair.uncertainty.distributions import KINDS, check_sigma
+from mi_lcair.toml_table import read, table_of, tables_of
 
 TABLES = ("sigma", "scenario", "fits", "facets", "correlated", MOTIONS)
 OF_A_FIT = ("model", "parameters", "standard_error", "correlation")
@@ -74,7 +74,7 @@ class Uncertainties:
         Name of the file, for messages.
     sigma : dict
         Standard deviation of each quantity by name: a number, or a text such as "5 %". A table is
-        another distribution, see `mi_lcair.uncertainty.distributions`.
+        another distribution, see `mi_lcair.estimate`.
     correlated : list of Correlated
     fits : dict
         List of the fits in a report (one for each band) by the name of the material.
@@ -85,7 +85,7 @@ class Uncertainties:
     """
 
     source: str
-    sigma: dict[str, float | str | Mapping]
+    sigma: dict[str, Stated]
     correlated: list[Correlated]
     fits: dict[str, list[FittedMaterial]]
     facets: dict[str, float | Path]
@@ -100,21 +100,16 @@ class Uncertainties:
         """
         if isinstance(source, Uncertainties):
             return source
-        if isinstance(source, Mapping):
-            tree, name, folder = plain(source), "uncertainties", Path()
-        else:
-            name, folder = str(source), Path(source).parent
-            tree = parse_toml(read_text(source, f"uncertainties '{name}'"), name)
-        with errors_of(name):
-            return parsed(tree, name, folder)
+        name = "uncertainties" if isinstance(source, Mapping) else str(source)
+        return read(source, lambda tree, folder, _: parsed(tree, name, folder), "uncertainties")
 
 
 def parsed(tree: Mapping, name: str, folder: Path) -> Uncertainties:
     check_known("table", TABLES, *tree)
-    tables = {table: table_of(tree, table) for table in ("sigma", "scenario", "fits", "facets")}
-    sigma = dotted(tables["sigma"], KINDS)
-    sigma |= {f"scenario.{key}": value for key, value in tables["scenario"].items()}
-    for key, value in sigma.items():
+    tables = {table: table_of(tree, table) for table in ("scenario", "fits", "facets")}
+    scenario = {f"scenario.{key}": value for key, value in tables["scenario"].items()}
+    sigma = sigmas(tree) | scenario
+    for key, value in scenario.items():
         check_sigma(key, value)
     correlated = [read_correlated(group, sigma) for group in tables_of(tree, "correlated")]
     fits = {key: read_fit(folder, value, key) for key, value in tables["fits"].items()}

@@ -63,6 +63,19 @@ def test_reference_and_common_temperature():
     assert result.estimate["temperature_K"].sensitivity[0] == pytest.approx(slope, rel=1e-4)
 
 
+def test_uncertainties_are_numbers_shares_or_distributions():
+    """A share of a value, and the standard deviation of a uniform distribution, by hand."""
+    described = {"shape": SPHERE, "wall": {"emissivity": 0.7}}
+    by_hand, stated = (
+        mi_lcair.cavity(described | {"sigma": sigma}).sigma
+        for sigma in (
+            {"radius_m": 0.005, "emissivity": 0.03 / np.sqrt(3)},
+            {"radius_m": "1 %", "emissivity": {"uniform": 0.03}},
+        )
+    )
+    assert stated == pytest.approx(by_hand, rel=1e-9)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_own_mesh_is_the_shape(seed):
     """A mesh in any place, turned and with unordered triangles, has the shape's areas."""
@@ -151,7 +164,11 @@ BAD = {
     "direction": ({"view": {"from": "above"}}, "'above'"),
     "angle": ({"view": {"angle_deg": 10}}, "angle_deg goes with"),
     "sigma": ({"sigma": {"length_m": 0.1}}, "the cavity has no such number"),
-    "negative sigma": ({"sigma": {"radius_m": -0.1}}, "radius_m = -0.1"),
+    "negative sigma": ({"sigma": {"radius_m": -0.1}}, "'radius_m' = -0.1; must be positive"),
+    "no distribution": (
+        {"sigma": {"radius_m": {"uniform": 0.1, "normal": 0.1}}},
+        "must have one of uniform",
+    ),
     "too large": ({"sigma": {"radius_m": 0.4}}, "sigma: radius_m = 0.4"),
     "profile": ({"wall": {"emissivity": 0.5, "profile": "none.csv"}}, "none.csv"),
     "table": ({"walls": {}}, "unknown table of a cavity 'walls'"),

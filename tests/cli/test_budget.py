@@ -93,7 +93,7 @@ def test_scenario_and_a_note_where_the_linear_answer_fails(run):
     [
         (["plate.xml"], "Missing option"),
         (["plate.xml", "-u", "no.toml"], "uncertainties 'no.toml': cannot be read"),
-        (["plate.xml", "-u", "plate.xml"], "plate.xml: "),
+        (["plate.xml", "-u", "plate.xml"], "uncertainties 'plate.xml': "),
         (["plate.xml", "-u", "disc_sigma.toml"], "unknown quantity of plate 'self.temperature'"),
         (["plate.xml", "-u", "sigma.toml", "--plot", "b.jpg"], "does not end in .png"),
         (["plate.xml", "-u", "sigma.toml", "--image", "b.png"], "does not end in .exr"),

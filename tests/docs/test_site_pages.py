@@ -7,7 +7,7 @@ from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
 
 import mi_lcair
-from docs.site_pages import manual, mathml, on_page_content, on_page_markdown
+from docs.site_pages import keys, manual, mathml, on_page_content, on_page_markdown
 from mi_lcair.plugins import PLUGINS
 from tests.docs.fences import ROOT
 
@@ -50,3 +50,24 @@ def test_links_of_a_tutorial_lead_to_pages():
     assert linked == content.replace("fit.md", "fit.html")
     with pytest.raises(PluginError, match=r"cavity.py: links to '../howto/fitt.md'"):
         on_page_content(content.replace("fit.md", "fitt.md"), page=page, files=files)
+
+
+def test_the_page_of_keys_has_every_table_that_a_user_writes():
+    """Each class on the base of tables, but for those whose entries are in another table."""
+    page = (ROOT / "docs/reference/keys.md").read_text(encoding="utf-8")
+    places = re.findall(r"^::: keys (\S+)$", page, re.MULTILINE)
+    declared = {
+        name
+        for file in (ROOT / "mi_lcair").rglob("*.py")
+        for name in re.findall(
+            r"^class (\w+)\(\s*(?:Table|Weather|Observation)\b", file.read_text(), re.MULTILINE
+        )
+    }
+    in_others = {"Weather", "Detector", "Observation", "InverseProblem"}
+    missing = declared - {place.rpartition(".")[2] for place in places}
+    assert missing == in_others and len(places) >= 25
+    text = on_page_markdown(page)
+    assert ":::" not in text
+    assert "| `focal_length_mm` | needed | Focal length, mm, and its ratio" in text
+    assert "| `cos4` | `false` | Whether the light falls as cos^4 of the angle" in text
+    assert "must lie in 230..320." in keys("mi_lcair.detection.scenario.Air")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mi_lcair.errors import InputError
-from mi_lcair.rendering.parameters.entries import Parameter
+from mi_lcair.estimate import deviation
 from mi_lcair.uncertainty.inputs import deviation
 from tests.uncertainty.statements import REPORT, inputs
 
@@ -75,6 +75,5 @@ def test_two_statements_on_one_quantity(tmp_path):
 
 def test_deviations():
     """A number in the unit of the quantity, or a fraction of its magnitude."""
-    cold = Parameter("a", "radiance", -20.0, "1", -1e9, 1e9)
-    assert deviation(cold, 3) == 3 and deviation(cold, "5 %") == 1
-    assert deviation(cold, " 0.5e1% ") == 1
+    assert deviation("a", 3, -20.0) == 3 and deviation("a", "5 %", -20.0) == 1
+    assert deviation("a", " 0.5e1% ", -20.0) == 1

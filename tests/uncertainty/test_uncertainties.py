@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mi_lcair.errors import InputError
+from mi_lcair.estimate import relative
 from mi_lcair.toml_table import dotted
-from mi_lcair.uncertainty.distributions import relative
 from mi_lcair.uncertainty.uncertainties import (
     FittedMaterial,
     Uncertainties,

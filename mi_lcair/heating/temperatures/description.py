@@ -11,10 +11,10 @@ import numpy as np
 
 from mi_lcair import toml_table
 from mi_lcair.declared import Table, entry, excludes, needs, rule, together
-from mi_lcair.errors import check_known, errors_of
+from mi_lcair.errors import check_known
+from mi_lcair.estimate import Stated, sigmas
 from mi_lcair.heating.temperatures.wall import Wall
-from mi_lcair.toml_table import dotted, filled, table_of
-from mi_lcair.uncertainty.distributions import check_sigma
+from mi_lcair.toml_table import filled, table_of
 
 KELVIN = {"lower": 10, "upper": 6000, "unit": "K"}
 # More than any surface takes up or gives off; numbers beyond are of another unit
@@ -24,7 +24,15 @@ FLUX, CONVECTION = {"lower": 0, "upper": 1e8}, {"lower": 0, "upper": 1e6}
 
 @dataclass(frozen=True, kw_only=True)
 class TargetTable(Table, where="[target]"):
-    """[target]: the scene, and parameters as `mi_lcair.load` takes them in [target.parameters]."""
+    """[target].
+
+    Attributes
+    ----------
+    scene : str
+        Bundled scene or Mitsuba XML file.
+    parameters : dict
+        Parameters as `mi_lcair.load` takes them.
+    """
 
     scene: str = entry(is_file=True)
     parameters: dict = entry(dict, is_file=True)
@@ -145,6 +153,7 @@ class RunTable(Table, where="[run]"):
     rays : int
         Paths from each side of a facet, for conductors and sunlight.
     seed : int
+        Seed of the random numbers.
     start_K : float or None
         Temperature at which a series of rows begins; without it the day is repeated until it is
         periodic.
@@ -190,7 +199,7 @@ class Description:
     target: TargetTable
     weather: WeatherTable
     groups: dict[str, GroupTable] = field(default_factory=dict)
-    sigma: dict[str, float | str] = field(default_factory=dict)
+    sigma: dict[str, Stated] = field(default_factory=dict)
     run: RunTable = RunTable()
     signature: SignatureTable | None = None
     folder: Path = Path()
@@ -217,14 +226,10 @@ def described(tree: Mapping, folder: Path, _name: str) -> Description:
         group: filled(GroupTable, values, f"[groups.{group}]")
         for group, values in table_of(tree, "groups").items()
     }
-    sigma = dotted(table_of(tree, "sigma"))
-    with errors_of("[sigma]"):
-        for name, value in sigma.items():
-            check_sigma(name, value)
     return Description(
         target=target,
         groups=groups,
-        sigma=sigma,
+        sigma=sigmas(tree),
         folder=folder,
         **tables,
     )

@@ -4,7 +4,7 @@ Derivatives with respect to the inputs are taken by complex steps: the imaginary
 an input that is larger by i times a tiny number is exact to rounding [Squire and Trapp 1998].
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -14,6 +14,7 @@ from scipy.linalg import hadamard
 from scipy.sparse.csgraph import connected_components
 
 from mi_lcair.errors import InputError, check_known
+from mi_lcair.estimate import Stated, deviation, relative
 from mi_lcair.heating.conductors import Facets, Traced, standard_error
 from mi_lcair.heating.sunlight import SolarAreas
 from mi_lcair.heating.temperatures.balance import Balance
@@ -21,7 +22,6 @@ from mi_lcair.heating.temperatures.description import WALL, GroupTable
 from mi_lcair.heating.temperatures.wall import Wall
 from mi_lcair.heating.temperatures.weather import Weather
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
-from mi_lcair.uncertainty.distributions import relative
 
 STEP = 1e-30  # of complex steps, in standard uncertainties
 OF_WEATHER = ("air_K", "sky_K", "ground_K", "sun_W_m2", "diffuse_W_m2", "albedo")
@@ -156,7 +156,7 @@ class Network:
         light[:, weather.shines] += (sun.direct + sun.reflected) * beam
         return light
 
-    def column(self, name: str, sigma: float | str) -> Column:
+    def column(self, name: str, sigma: Stated) -> Column:
         """The derivatives with respect to an input; raises InputError for an unknown one."""
         group, dot, bare = name.rpartition(".")
         check_known("input of [sigma]", (*OF_WEATHER, *OF_GROUP), bare)
@@ -174,7 +174,7 @@ class Network:
         walls = changed.walls if bare in OF_WALL else None
         return Column(name, lambda kelvin, k: power[k] - conductance[k] * kelvin, walls)
 
-    def changed(self, name: str, sigma: float | str) -> "Network":
+    def changed(self, name: str, sigma: Stated) -> "Network":
         """The network with an input that is larger by a complex step of a standard uncertainty."""
         group, _, bare = name.rpartition(".")
         entry = "h_W_m2_K" if bare == "h" else bare
@@ -190,13 +190,13 @@ class Network:
         groups = {key: larger(table) if group in ("", key) else table for key, table in tables}
         return replace(self, groups=groups)
 
-    def relative(self, group: str, sigma: float | str, values: np.ndarray) -> np.ndarray:
+    def relative(self, group: str, sigma: Stated, values: np.ndarray) -> np.ndarray:
         """A standard uncertainty in parts of the facets' values, of one group or of all, (n,)."""
         values = np.maximum(values, 1e-9)
         is_changed = np.array([group in ("", name) for name in self.facets.groups])
         return is_changed[self.facets.group] * size(sigma, values) / values
 
-    def of_absorptance(self, group: str, sigma: float | str) -> np.ndarray:
+    def of_absorptance(self, group: str, sigma: Stated) -> np.ndarray:
         """Derivative of the absorbed sunlight with respect to absorptances, (m, n) [W]."""
         light = self.light.mean(axis=0)
         if self.sun is None:
@@ -205,7 +205,7 @@ class Network:
         # What is absorbed in addition is not reflected on others
         return self.is_free * (more - more @ self.sun.onward)
 
-    def of_emissivity(self, group: str, sigma: float | str, is_whole: bool = True) -> Callable:
+    def of_emissivity(self, group: str, sigma: Stated, is_whole: bool = True) -> Callable:
         """Derivative of the radiative gains with respect to emissivities, for diffuse surfaces.
 
         With the conductors GR of the surfaces and of the surroundings, including those to itself,
@@ -248,6 +248,8 @@ class Network:
         return np.array([*(column.gained(kelvin, k) for column in columns), *scatter])
 
 
-def size(sigma: float | str, value: float | np.ndarray) -> float | np.ndarray:
-    """A standard uncertainty of a value in its unit, from a number or a text such as "30 %"."""
+def size(sigma: Stated, value: float | np.ndarray) -> float | np.ndarray:
+    """A standard uncertainty of a value in its unit, from what [sigma] states."""
+    if isinstance(sigma, Mapping):
+        return np.vectorize(lambda one: deviation("[sigma]", sigma, one))(value)
     return relative(sigma) * value if isinstance(sigma, str) else sigma + 0 * value

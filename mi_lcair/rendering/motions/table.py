@@ -23,8 +23,16 @@ MOTIONS = "motions"  # the table; among the values of a scene's parameters, a fi
 class Declared(Table, rules=(one_of("scale", "displaced"),)):
     """A motion that a user declares, see `mi_lcair.rendering.motions.declared`.
 
-    groups: names of the groups that move. scale: factors of the displacement along each axis. each:
-    whether each connected part has a middle of its own. displaced: PLY file, in place of scale.
+    Attributes
+    ----------
+    groups : tuple of str
+        Names of the groups that move.
+    scale : tuple of float, optional
+        Factors of the displacement along each axis.
+    each : bool
+        Whether each connected part has a middle of its own.
+    displaced : str, optional
+        PLY file, in place of scale.
     """
 
     groups: tuple[str, ...]

@@ -6,8 +6,8 @@ from scipy import stats
 
 import mi_lcair
 from mi_lcair.errors import InputError
+from mi_lcair.estimate import Distribution, check_distribution
 from mi_lcair.uncertainty.check import check, second_order
-from mi_lcair.uncertainty.distributions import Distribution, check_distribution
 from mi_lcair.uncertainty.inputs import Inputs
 from mi_lcair.uncertainty.monte_carlo import monte_carlo
 from mi_lcair.uncertainty.uncertainties import Uncertainties
