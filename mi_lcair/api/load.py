@@ -11,7 +11,6 @@ from mi_lcair.rendering.motions.table import MOTIONS
 from mi_lcair.rendering.parameters.values import load_with_values
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene, SceneLike, parameters_of_loaded
-from mi_lcair.rendering.scene import load as load_plain
 from mi_lcair.startup.threads import exclusively
 
 
@@ -50,7 +49,7 @@ def load(
         surface is not known, the integrator is not bounce_path, there is no thermal emitter.
     """
     given = parameters if motions is None else parameters | {MOTIONS: motions}
-    return load_with_values(scene, given) if given else load_plain(scene)
+    return load_with_values(scene, given)
 
 
 def scene_of(scene: SceneLike, parameters: Mapping[str, object] | None = None) -> Scene:

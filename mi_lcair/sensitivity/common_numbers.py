@@ -112,9 +112,8 @@ class CommonNumbers:
 
     def by_reflections(self, total: Totals) -> np.ndarray:
         """Intensity of the part by number of reflections [W/sr]."""
-        count = self.scene.mi.integrator().max_bounces + 1
-        names = [f"{self.prefix}bounce.{k}" for k in range(count)]
-        return np.array([total.mean(n)[0] for n in names if n in total.sums]) * self.area
+        names = [name for name in total.sums if name.startswith(f"{self.prefix}bounce.")]
+        return total.mean(names)[:, 0] * self.area
 
     def take_aim(self) -> None:
         """Choose where the paths begin, if their number is known and large enough for a pilot."""

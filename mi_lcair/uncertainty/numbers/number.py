@@ -337,16 +337,9 @@ class Number(ABC):
 
     # ------------------------------------------------------------------ Reflections
 
-    @property
-    def by_reflections(self) -> np.ndarray:
-        """Intensity of paths with 0, 1, ... reflections, W/sr."""
-        beginning = f"{self.numbers.prefix}bounce."
-        names = [name for name in self.total.sums if name.startswith(beginning)]
-        return self.total.mean(names)[:, 0] * self.numbers.area
-
     def truncation(self) -> float:
         """Estimated part of the number that further reflections would add."""
-        means = self.by_reflections
+        means = self.numbers.by_reflections(self.total)
         summed = max(0, self.scene.mi.integrator().max_bounces - (MAX_BOUNCE_CHANNELS - 1))
         if not means.sum() > 0:
             return 0.0

@@ -1,6 +1,7 @@
 """A number that is linear in the radiances of its sources, without a render."""
 
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,6 +13,7 @@ from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.spectrum import Spectrum
 from mi_lcair.plugins.emission.source import Source
 from mi_lcair.rendering.parameters.entries import NEAREST, Parameter
+from mi_lcair.sensitivity.common_numbers import CommonNumbers
 from mi_lcair.signatures.effective_areas import EffectiveAreas
 from mi_lcair.uncertainty.numbers.number import Linear, Number
 
@@ -243,7 +245,8 @@ def test_what_further_reflections_would_add():
 
     number.total = SimpleNamespace(sums=dict(means), mean=mean, factor=1.0)
     number.scene.mi = SimpleNamespace(integrator=lambda: SimpleNamespace(max_bounces=2))
-    np.testing.assert_allclose(number.by_reflections, [80, 40, 20])
+    number.numbers.by_reflections = partial(CommonNumbers.by_reflections, number.numbers)
+    np.testing.assert_allclose(number.numbers.by_reflections(number.total), [80, 40, 20])
     assert number.truncation() == pytest.approx(2 / 14 * VALUE)
     means = {name: mean / 1000 for name, mean in means.items()}  # less than 1 W/sr
     assert number.truncation() == pytest.approx(2 / 14 * VALUE)
