@@ -16,9 +16,9 @@ from mi_lcair.rendering.window import window_axes
 
 POINTS = 2  # paths of the pilot in each cell
 CELLS_OF_MANY = 128  # cells along each side of one of many windows, which get fewer paths each
-# Share of the paths that begin anywhere on the model in one of many windows, and beside paths that
-# begin on facets. It bounds the weight of a path that meets what no other has met, which often
-# decides on the number of paths.
+# Share of the paths that begin anywhere on the model, in one of many windows and where other paths
+# begin on facets. It bounds the weight of a path that hits a source that no other path has hit.
+# This weight often decides how many paths are needed.
 ON_MODEL_OF_MANY = 0.7
 MOST_PATHS = 2**21  # of a launch of the pilot
 EDGE = 1e-3  # cells by which a rectangle is enlarged, for rounding of positions

@@ -26,7 +26,7 @@ DRAWN_RAYS = {"emitter_sampling": 2, "opening_sampling": 4}
 WORTH_ASKING = 3
 # Cost of a ray to a facet, as a part of that of a path. Measured for an airliner.
 FACET_RAY = 0.5
-PATHS_OF_A_START = 1, 8  # numbers of paths for each that begins on a facet, of which one is chosen
+PATHS_OF_A_START = 1, 8  # choices of the number of paths for each one that begins on a facet
 # Randomisations of the pilots of one window. With 32, two equal variances differ by less than 1.8.
 RANDOMISATIONS = 32
 

@@ -1,4 +1,4 @@
-"""Repeated renders of one scene with the same paths, to compare parameters without their noise.
+"""Repeated renders of one scene with the same paths, whose noise cancels in differences.
 
 Derivatives in scenes with materials by wavelength are differences of such renders. The mean of the
 band decides where paths go, so that a change of a spectrum keeps all paths.

@@ -43,7 +43,7 @@ class FacetMatrix:
         One for each randomisation, (pixels, facets), pixels row by row. An entry is the radiance of
         a pixel for a blackbody radiance of 1 of the facet.
     rest : ndarray, shape (R, pixels)
-        Radiance from everything that is no facet of the chosen groups [W m^-2 sr^-1].
+        Radiance from everything but the facets of the chosen groups [W m^-2 sr^-1].
     facets : ndarray, shape (F,)
         Facets of the columns, numbered as in `FacetTable`.
     temperature : ndarray, shape (F,)
@@ -89,9 +89,9 @@ def facet_matrix(
     """Trace a scene once, for the images of all temperatures of its facets.
 
     The paths are those of `mi_lcair.render` if the seed and the numbers of samples and of
-    randomisations are the same. With
-    `emitter_sampling`, the emitters are drawn by their radiances at the scene's own temperatures:
-    the matrix is right for other temperatures, but its paths differ from those of their render.
+    randomisations are the same. With `emitter_sampling`, the emitters are drawn by their radiances
+    at the scene's own temperatures. The matrix then also holds for other temperatures, but a render
+    at these has other paths.
 
     Parameters
     ----------

@@ -158,9 +158,9 @@ def unscattered(scene, total: Totals, names, part: str, weights: Mapping | None)
 def missed_errors(scene, total: Totals, names, part: str = "scene") -> list[np.ndarray]:
     """Standard errors of derivatives from sources that no path has met, (windows,) each.
 
-    Such a source adds its share of the error of the radiance to the derivative with respect to its
-    own temperature or radiance. To that with respect to a material's parameter it is taken to add
-    as if the radiance were proportional to the parameter.
+    The error of the radiance from such a source, times the relative derivative, is the error of the
+    derivative with respect to its temperature or radiance. For the parameter of a material, the
+    radiance is assumed to be proportional to the parameter.
     """
     errors = []
     for entry in parameters_named(scene, names):

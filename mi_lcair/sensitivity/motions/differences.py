@@ -36,7 +36,7 @@ PILOT_PATHS = 2**12  # paths of each render that chooses the kind of differences
 PIXELS = 25.0  # shift of an image that changes it by about as much as it is; a step is half a pixel
 # Default step: a turn [deg], a shift as a fraction of what moves, and a change of the size
 TURN_STEP_DEG, SHIFT_STEP, SIZE_STEP = 0.5, 0.005, 0.02
-# A kink is a jump of the one-sided derivatives of which half the step leaves at least this share
+# In a kink the one-sided derivatives differ, and half the step leaves at least this share of it
 LASTING = 0.75
 # Smallest change of a derivative, as a fraction of it, that is a kink or depends on the step
 NOTICED = 0.05
@@ -46,8 +46,8 @@ WORTH = 0.7  # ratio of the errors of two steps from which on the better one is 
 # What is uncovered over less than the step shows in the emission over a part of the step
 NEAR, NEAR_PATHS = 1 / 4, 2**16  # that part, and the paths of its renders without reflections
 UNLIKE = 0.3  # change of the difference by then, as a fraction of it, from which on it is told
-AGREEING = 2.5  # standard errors of the change to twice the step up to which it may be noise
-SIGNIFICANT = 5.0  # standard errors, with 7 degrees of freedom: noise exceeds it once in 600
+AGREEING = 2.5  # standard errors; a smaller change to twice the step may be noise
+SIGNIFICANT = 5.0  # standard errors; with 7 degrees of freedom noise exceeds it once in 600
 
 
 class DifferenceKind(NamedTuple):
@@ -343,7 +343,7 @@ class Differences:
         return error / (2 * h if is_reflected else self.scale)
 
     def floor(self, ends, kind: DifferenceKind, h: float) -> float:
-        """Standard error of a difference below which none is stated.
+        """Smallest standard error of a difference.
 
         All randomisations may agree on how many of their points lie on a facet, or on one side of
         an edge that moves over the film. Their scatter is then 0, see `Totals.edge_error`.
@@ -368,7 +368,7 @@ class Pilot:
     """A number at five values of a motion, around the present one.
 
     offsets: distances from the present value, (5,). rows: mean and deviations there, (5, 1 + R).
-    floor: standard error below which none is stated. missed: that from sources that are not met.
+    floor: smallest standard error. missed: standard error from sources that no path has hit.
     """
 
     offsets: np.ndarray
@@ -405,7 +405,7 @@ class Pilot:
 
     @property
     def jump(self) -> float:
-        """The same; 0 if it may be noise."""
+        """The difference `bend`; 0 if it is not significant."""
         bend = self.bend
         return float(bend[0]) if abs(bend[0]) > SIGNIFICANT * self.error(bend) else 0.0
 
