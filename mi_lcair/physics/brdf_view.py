@@ -12,7 +12,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.materials import Material, material
-from mi_lcair.results import Result
+from mi_lcair.results import Result, entry
 
 if TYPE_CHECKING:
     import xarray
@@ -50,18 +50,19 @@ class BRDFView(Result):
         Directional emissivity for an observer at theta_i: 1 - HDR (Kirchhoff).
     """
 
-    material: Material
-    band: Band
-    theta_i: float
-    theta_r: np.ndarray
-    azimuth: np.ndarray
-    brdf: np.ndarray
-    cut_theta_r: np.ndarray
-    cut: np.ndarray
+    material: Material = entry("material", "name")
+    band: Band = entry("band", "label")
+    theta_i: float = entry("theta_i_deg")
+    theta_r: np.ndarray = entry()
+    azimuth: np.ndarray = entry()
+    brdf: np.ndarray = entry()
+    cut_theta_r: np.ndarray = entry()
+    cut: np.ndarray = entry()
     dhr: float
     emissivity: float
 
     kind = "brdf"
+    computed = {"columns": "columns"}
     drawn_by = "mi_lcair.reports.pictures.brdf:figure"
 
     def summary(self) -> str:
@@ -70,17 +71,6 @@ class BRDFView(Result):
             f"BRDF of {self.material.name}, {self.band.label}, incidence {self.theta_i:g} degrees: "
             f"DHR {self.dhr:.4f}, emissivity {self.emissivity:.4f}"
         )
-
-    def entries(self) -> dict:
-        """Entries for JSON: the hemispherical values, and the cut of `columns`."""
-        return {
-            "material": self.material.name,
-            "band": self.band.label,
-            "theta_i_deg": self.theta_i,
-            "dhr": self.dhr,
-            "emissivity": self.emissivity,
-            "columns": self.columns(),
-        }
 
     def columns(self) -> dict[str, np.ndarray]:
         """BRDF in the plane of incidence over the signed angle, positive at the mirror's side."""

@@ -191,6 +191,11 @@ class Result:
         """
         return strict({"kind": self.kind, **self.entries()})
 
+    def as_rows(self) -> list[dict[str, Any]]:
+        """The table of `columns` as a dictionary for each row."""
+        columns = self.columns()
+        return [dict(zip(columns, row)) for row in zip(*columns.values())]
+
     def to_dataframe(self) -> "pandas.DataFrame":
         """The table of `columns` as a pandas DataFrame.
 

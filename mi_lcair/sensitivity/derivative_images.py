@@ -9,7 +9,7 @@ import scipy
 
 from mi_lcair.formats.channels import pixel_axes
 from mi_lcair.rendering.pixels.errors import around
-from mi_lcair.results import Result
+from mi_lcair.results import Result, entry
 from mi_lcair.results.charts import ChannelImages, Scale, named_channels
 from mi_lcair.sensitivity.sensitivities import per_unit
 
@@ -41,16 +41,17 @@ class DerivativeImages(Result):
         Units of the parameters; "1" for a dimensionless one.
     """
 
-    names: tuple[str, ...]
-    radiance: np.ndarray
-    derivatives: np.ndarray
-    missed: np.ndarray
-    method: tuple[str, ...]
+    names: tuple[str, ...] = entry()
+    radiance: np.ndarray = entry()
+    derivatives: np.ndarray = entry()
+    missed: np.ndarray = entry()
+    method: tuple[str, ...] = entry()
     scene_name: str
     band: str
-    units: tuple[str, ...]
+    units: tuple[str, ...] = entry()
 
     kind = "derivative_images"
+    computed = {"images": "as_rows"}
     saved_by = {".exr": "mi_lcair.rendering.images.exr:write_render"}
 
     @property
@@ -114,14 +115,8 @@ class DerivativeImages(Result):
     def entries(self) -> dict:
         """Entries for JSON: the table of `columns`, without the pixels."""
         randomisations, height, width = self.radiance.shape
-        return {
-            "scene_name": self.scene_name,
-            "band": self.band,
-            "width": width,
-            "height": height,
-            "randomisations": randomisations,
-            "images": [dict(zip(self.columns(), row)) for row in zip(*self.columns().values())],
-        }
+        of_size = {"width": width, "height": height, "randomisations": randomisations}
+        return super().entries() | of_size
 
     def picture(self, channels=None, **scale: Unpack[Scale]) -> ChannelImages:
         """Channels of the images, each with its colour bar.

@@ -1,10 +1,10 @@
 """Derivatives of one number, an intensity, with respect to parameters of a scene."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from mi_lcair.results import Result
+from mi_lcair.results import Result, entry
 from mi_lcair.sensitivity.motions.differences import Difference
 
 
@@ -42,25 +42,35 @@ class Sensitivities(Result):
         The differences with respect to motions, with their steps and verdicts.
     """
 
-    names: tuple[str, ...]
-    value: float
-    derivative: np.ndarray
-    deviations: np.ndarray
-    unscattered: np.ndarray
-    method: tuple[str, ...]
-    by_bounce: np.ndarray
+    names: tuple[str, ...] = entry()
+    value: float = entry("intensity_W_sr")
+    derivative: np.ndarray = entry()
+    deviations: np.ndarray = entry()
+    unscattered: np.ndarray = entry()
+    method: tuple[str, ...] = entry()
+    by_bounce: np.ndarray = entry("by_bounce_W_sr")
     paths: int
     scene_name: str
     band: str
-    units: tuple[str, ...]
-    differences: dict[str, Difference] = field(default_factory=dict)
+    units: tuple[str, ...] = entry()
+    differences: dict[str, Difference] = entry(default_factory=dict)
 
     kind = "sensitivities"
+    computed = {
+        "standard_error_W_sr": "standard_error",
+        "derivatives": "as_rows",
+        "covariance": "covariance",
+    }
 
     @property
     def error(self) -> np.ndarray:
         """Standard errors of the value and of the derivatives, (1 + K,)."""
         return np.hypot(np.sqrt(np.sum(self.deviations**2, axis=1)), self.unscattered)
+
+    @property
+    def standard_error(self) -> float:
+        """Standard error of the value, W/sr."""
+        return float(self.error[0])
 
     @property
     def covariance(self) -> np.ndarray:
@@ -74,21 +84,6 @@ class Sensitivities(Result):
             f"{self.error[0]:.2g} W/sr (standard error) and its derivatives with respect to "
             f"{len(self.names)} parameters"
         )
-
-    def entries(self) -> dict:
-        """Entries for JSON."""
-        return {
-            "scene_name": self.scene_name,
-            "band": self.band,
-            "intensity_W_sr": self.value,
-            "standard_error_W_sr": self.error[0],
-            "by_bounce_W_sr": self.by_bounce,
-            "paths": self.paths,
-            "derivatives": [
-                dict(zip(self.columns(), row)) for row in zip(*self.columns().values())
-            ],
-            "covariance": self.covariance,
-        }
 
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each parameter; derivative and standard error are in the row's unit.
