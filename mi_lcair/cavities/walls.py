@@ -12,7 +12,7 @@ from mi_lcair.errors import InputError, mitsuba_error
 from mi_lcair.files import check_file, check_suffix
 from mi_lcair.plugins.emission.triangles import loops, triangle_vertices, vertex_positions
 
-SIDES = 720  # sides of the polygon that stands for a circle
+SIDES = 720  # sides of the polygon in place of a circle
 ARC_RINGS = 360  # rings of a sphere
 PROFILE_RINGS = 120  # rings of each straight part of a wall whose temperature changes with depth
 SAME = 1e-6  # corners this close are one, as a share of the mesh's size
@@ -38,7 +38,7 @@ class Wall:
     def of_shape(shape: Shape, rings: int) -> "Wall":
         """A shape, with a number of rings for each straight part of the wall.
 
-        A polygon of the area of the circle stands for each circle.
+        Each circle becomes a polygon of the same area.
         """
         r, z = shape.nodes(ARC_RINGS if shape.kind == "sphere" else rings)
         angle = 2 * np.pi * np.arange(SIDES) / SIDES

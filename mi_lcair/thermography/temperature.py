@@ -39,12 +39,12 @@ STEP = 0.01  # half of a difference that gives a sensitivity, in standard uncert
 
 @dataclass(frozen=True)
 class Conditions:
-    """What is known of a measurement. quantities: the stated ones of QUANTITIES, by name."""
+    """The quantities of a measurement. quantities: the given ones of QUANTITIES, by name."""
 
     quantities: dict[str, Estimate]
 
     def checked(self) -> tuple["Conditions", list[str]]:
-        """The conditions with what is not stated, and remarks about that.
+        """The conditions with default values for the other quantities, and remarks about these.
 
         Raises InputError for quantities that are missing or exclude each other.
         """

@@ -60,7 +60,7 @@ def facet_contribution(number: Number, group: str, stated: float | Path) -> floa
 def slopes_per_area(number: Number, group: str, matrix, area: np.ndarray) -> np.ndarray:
     """Derivative of the number with respect to each temperature, per effective area of the facet.
 
-    A number whose sources are told apart knows the derivative for each source exactly. It is
+    If the render resolves the sources separately, the derivative for each source is exact. It is
     divided among the facets of the source. Otherwise the facets radiate to the sensor directly.
     """
     if not number.is_linear:

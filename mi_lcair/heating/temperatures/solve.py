@@ -79,7 +79,7 @@ def temperatures(scene: Scene, description: Description) -> Heat:
 def remarks_on_emissivities(
     network: Network, sigmas: dict, kelvin: np.ndarray, has_intensity: bool
 ) -> list[str]:
-    """What is not known of the effect of emissivities. kelvin: (n,), at the first time."""
+    """Remarks on neglected effects of emissivities. kelvin: (n,), at the first time."""
     facets, remarks = network.facets, []
     for name, sigma in sigmas.items():
         group, _, bare = name.rpartition(".")

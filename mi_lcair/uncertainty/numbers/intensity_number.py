@@ -46,7 +46,7 @@ class IntensityNumber(Number):
 
 
 def has_spectra(scene) -> bool:
-    """Whether all sources of a scene have a spectrum, so that their emission can be told apart."""
+    """Whether all sources of a scene have a spectrum, so that a render can resolve them."""
     if scene.band.is_total:
         return False
     return all(is_thermal(emitter) and emitter.has_spectrum for emitter in scene.mi.emitters())

@@ -100,7 +100,7 @@ class Number(ABC):
         """Render the scene once, and prepare everything that follows from that."""
         self.total = self.numbers.render()
         self.areas = areas = self.areas_of(self.total)
-        # Whether all temperatures and radiances are told apart, so that they need no render
+        # Whether the render resolves all sources separately: other temperatures need no render
         self.is_linear = areas is not None and not areas.nodes_um.size
         self.base = self.linear(self.total, areas, {})
 
