@@ -1,7 +1,8 @@
 """The frames and measures that `image` returns."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -123,7 +124,7 @@ class Image(Result):
             "reached": exposure.reached,
         }
 
-    def facts(self):
+    def facts(self) -> Iterator[Any]:
         """The frame of the camera, its measures, and the target over range."""
         frame, made = image_sections(self.channels, self.header)
         columns = self.columns()

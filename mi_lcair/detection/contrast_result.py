@@ -1,7 +1,9 @@
 """What `contrast` returns: values with errors for each number of reflections."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -107,7 +109,7 @@ class ContrastRow:
         return {"max_bounces": self.max_bounces, **estimates, **self.numbers()}
 
 
-def facts_of_entries(entries: dict):
+def facts_of_entries(entries: dict) -> Iterator[Any]:
     """Yield irradiances and spectra of a contrast from the entries of its JSON."""
     yield from setting(entries)
     yield irradiances(entries["rows"])
@@ -385,7 +387,7 @@ class Contrast(Result):
             "tolerance_W_m2": render.tolerance_W_m2,
         }
 
-    def facts(self, ranges: bool = True):
+    def facts(self, ranges: bool = True) -> Iterator[Any]:
         """Irradiances, detection ranges and spectra.
 
         ranges: whether to find the detection ranges; they need a sensor with a nei.

@@ -1,10 +1,10 @@
 """The exchange of heat between facets, as a result."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy import sparse
@@ -154,7 +154,7 @@ class Exchange(Result):
         """Entries for JSON: groups, their conductors, and the table of facets."""
         return super().entries() | self.group_areas()
 
-    def facts(self):
+    def facts(self) -> Iterator[Any]:
         """Shares of the groups, the conductors between them, their sky by elevation, and facets."""
         M, names = self.facets.membership, self.facets.groups
         emitted = M @ self.facets.emitting_area

@@ -240,7 +240,9 @@ class Totals:
         """
         return UNSEEN * self.largest_unmet(name) / np.maximum(self.paths, 1)
 
-    def largest_unmet(self, name: ChannelNames = None, draws: np.ndarray | None = None):
+    def largest_unmet(
+        self, name: ChannelNames = None, draws: np.ndarray | None = None
+    ) -> np.ndarray:
         """Largest contribution of a path to a source that no path has hit, (..., windows).
 
         It is at least the mean, because a shadow that no path has hit removes a path's radiance.

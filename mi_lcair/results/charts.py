@@ -168,13 +168,13 @@ class ChannelImages(Picture):
     outlines: np.ndarray | None = None
     scale: Scale = field(default_factory=Scale)
 
-    def draw(self):
+    def draw(self) -> Any:
         """The picture as a Matplotlib Figure."""
         draw = named("mi_lcair.reports.pictures.image_channels:figure")
         how = {"window_m": self.window_m, "outlines": self.outlines}
         return draw(self.channels, self.title, **how, **self.scale)
 
-    def panel(self):
+    def panel(self) -> Any:
         """The images for a page, which shows the values of a pixel."""
         panel = named("mi_lcair.reports.page.image_panel:image_panel")
         return panel(self.channels, self.shown, self.window_m)

@@ -1,6 +1,7 @@
 """Images of the radiance and of its derivatives with respect to parameters of a scene."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Unpack
 
@@ -118,7 +119,9 @@ class DerivativeImages(Result):
         of_size = {"width": width, "height": height, "randomisations": randomisations}
         return super().entries() | of_size
 
-    def picture(self, channels=None, **scale: Unpack[Scale]) -> ChannelImages:
+    def picture(
+        self, channels: Sequence[str] | None = None, **scale: Unpack[Scale]
+    ) -> ChannelImages:
         """Channels of the images, each with its colour bar.
 
         channels: names of channels; by default the radiance and the first derivatives. scale:

@@ -5,8 +5,9 @@ adds W S to the spectral intensity, with the same effective area W, m^2, at all 
 the in-band intensity that comes from the source, divided by the in-band radiance of S.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -168,7 +169,7 @@ class EffectiveAreas(SourcesInBand):
             "(standard error)"
         )
 
-    def facts(self):
+    def facts(self) -> Iterator[Any]:
         """The areas in one line, and the spectral intensity."""
         yield summary_of(self)
         yield from spectrum_section(self.columns()).parts

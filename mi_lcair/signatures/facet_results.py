@@ -1,7 +1,8 @@
 """Radiance and intensity of each facet of the model, from the same paths as the image."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -64,7 +65,7 @@ class FacetResults(Result):
             f"{error[k]:.2g} W/sr (standard error)"
         )
 
-    def facts(self, scene: "Scene | None" = None, sensor: int = 0):
+    def facts(self, scene: "Scene | None" = None, sensor: int = 0) -> Iterator[Any]:
         """The facets in one line, and on their model.
 
         scene: the loaded scene they were made from. The model is seen at first from its sensor with

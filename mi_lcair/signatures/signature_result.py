@@ -1,9 +1,9 @@
 """The intensities that `signature` returns."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from itertools import count
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from mi_lcair.results.cells import error_row, heading, interval
 from mi_lcair.results.charts import BarChart, BarCharts, label
 from mi_lcair.results.reading import columns_of
 from mi_lcair.results.result import Recorded, details
-from mi_lcair.results.sections import Remarks, Section, Table
+from mi_lcair.results.sections import Part, Remarks, Section, Table
 from mi_lcair.signatures.effective_areas import PARTS, EffectiveAreas, spectrum_section
 from mi_lcair.signatures.facet_results import FacetResults
 
@@ -86,7 +86,7 @@ class Intensity:
         return {f"{name}_W_sr": value for name, value in entries.items()}
 
 
-def facts_of_entries(entries: dict, others=()):
+def facts_of_entries(entries: dict, others: Sequence[Part | Section] = ()) -> Iterator[Any]:
     """Yield the facts of a signature from the dictionary of its JSON. `others`: its facets."""
     parts = [entries[name] for name in PARTS]
     main = entries[entries["main_part"]]
@@ -265,7 +265,7 @@ class Signature(Result):
         """The signature with these entries of its JSON."""
         return Recorded(cls, entries)
 
-    def facts(self, scene: "MiScene | None" = None, sensor: int = 0):
+    def facts(self, scene: "MiScene | None" = None, sensor: int = 0) -> Iterator[Any]:
         """All that a signature holds.
 
         scene: the scene it was made from, from whose sensor the model is seen at first.

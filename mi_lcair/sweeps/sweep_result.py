@@ -1,7 +1,8 @@
 """The table of signatures that `sweep` returns."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -66,7 +67,7 @@ class Sweep(Result):
         base = {"name": self.conditions.name, "conditions": self.conditions.values}
         return base | {"product": self.conditions.base.product} | super().entries()
 
-    def facts(self):
+    def facts(self) -> Iterator[Any]:
         """The conditions in one line, the extremes of the quantities, and the table."""
         yield summary_of(self)
         yield extremes(self.table)

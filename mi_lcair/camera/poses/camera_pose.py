@@ -1,8 +1,10 @@
 """The pose of a camera from points, as a result, and as a scenario with this camera."""
 
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import mitsuba as mi
 import numpy as np
@@ -88,7 +90,7 @@ class CameraPose(Result):
         """The observer's position in both forms, for JSON."""
         return {name: getattr(self.observer, name) for name in ("position_m", *POLAR)}
 
-    def facts(self):
+    def facts(self) -> Iterator[Any]:
         """The pose with its errors, and the residuals of the points."""
         observer, half = self.observer, self.factor * self.turn_error_deg
         sides = zip(half, ("right", "up", "axis"))

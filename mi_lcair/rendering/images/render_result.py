@@ -1,7 +1,8 @@
 """The image that `render` returns."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
@@ -159,7 +160,7 @@ class Render(Result):
         }
         return super().entries() | {"width": width, "height": height, "channels": of_pixels}
 
-    def facts(self):
+    def facts(self) -> Iterator[Any]:
         """The image with its mean radiance and error, and how it was made."""
         height, width = self.channels["Y"].shape
         error = "the rms standard error over the pixels is " + (
@@ -176,7 +177,11 @@ class Render(Result):
         yield from [*image.parts, made]
 
     def picture(
-        self, channels=DEFAULT, *, outlines: np.ndarray | None = None, **scale: Unpack[Scale]
+        self,
+        channels: Sequence[str] = DEFAULT,
+        *,
+        outlines: np.ndarray | None = None,
+        **scale: Unpack[Scale],
     ) -> ChannelImages:
         """Channels of the image, each with its colour bar.
 

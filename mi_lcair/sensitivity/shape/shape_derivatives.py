@@ -1,6 +1,8 @@
 """Derivatives of an intensity with respect to the shape of a group, by vertex and by facet."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -82,7 +84,7 @@ class ShapeDerivatives(Result):
             "standard_error_W_sr_m": self.standard_error,
         }
 
-    def facts(self):
+    def facts(self) -> Iterator[Any]:
         """The growth in one line, and the facets in space."""
         yield summary_of(self)
         model = self.triangles, self.triangle_facet
