@@ -13,7 +13,7 @@ from mi_lcair.declared import percent
 from mi_lcair.errors import InputError, escaped
 from mi_lcair.extras import named
 from mi_lcair.files import read_text, replacing
-from mi_lcair.formats import csv, kinds, netcdf
+from mi_lcair.formats import csv, netcdf
 from mi_lcair.results import Result, entry
 from mi_lcair.results.cells import error_row
 from mi_lcair.results.charts import Curve, LineChart, LineCharts, label
@@ -31,6 +31,8 @@ COLUMNS = [
     "elevation", "views", ("least", UNIT), "at azimuth", ("mean", UNIT), ("greatest", UNIT),
     "at azimuth",
 ]  # fmt: skip
+
+KNOWN_BY = "azimuth_deg", "elevation_deg", "intensity_W_sr"  # columns of every trend
 
 
 @dataclass(frozen=True, repr=False)
@@ -75,7 +77,7 @@ class Trend(Result):
         """
         path = Path(path)
         made = settings_of(path)
-        needed = kinds.KINDS[kinds.TREND].columns
+        needed = KNOWN_BY
         if path.suffix.lower() == ".nc":
             columns = netcdf.read_columns(path)
         else:
