@@ -24,7 +24,7 @@ FUNCTIONS = {
     "trend": lambda scene, **p: mi_lcair.trend(scene, [0], [90], spp=4, **p).columns()[
         "intensity_W_sr"
     ][0],
-    "audit": lambda scene, **p: mi_lcair.audit(scene, photons=64, **p).total["emitted"],
+    "audit": lambda scene, **p: mi_lcair.audit(scene, paths=64, **p).total["emitted"],
     "parameters": lambda scene, **p: mi_lcair.parameters(scene, **p)[TEMPERATURE],
     "sensitivities": lambda scene, **p: mi_lcair.sensitivities(
         scene, [TEMPERATURE], **p

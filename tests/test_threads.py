@@ -27,7 +27,7 @@ CALLS = {
     "render": lambda scene: mi_lcair.render(scene, spp=1),
     "signature": lambda scene: mi_lcair.signature(scene, spp=1, facets=True),
     "parameters": mi_lcair.parameters,
-    "audit": lambda scene: mi_lcair.audit(scene, photons=64),
+    "audit": lambda scene: mi_lcair.audit(scene, paths=64),
     "trend": lambda scene: mi_lcair.trend(scene, [0], resolution=4, spp=4),
     "sweep": lambda scene: mi_lcair.sweep(CONDITIONS),
     "sensitivities": lambda scene: mi_lcair.sensitivities(scene, ["plate.temperature"], spp=4),

@@ -73,12 +73,12 @@ def pairs_of(conductors) -> np.ndarray:
 def row(name: str, scene, exact) -> str:
     """The largest difference from the exact conductors, and the coverage of the intervals."""
     rays = next(rays for kind, rays in RAYS.items() if kind in name)
-    traced = mi_lcair.exchange(scene, rays=rays).traced
+    traced = mi_lcair.exchange(scene, paths=rays).traced
     difference = np.abs(pairs_of(traced.mean) / exact - 1).max()
     error = (traced.standard_error(pairs_of) / exact).max()
     covers = []
     for seed in range(1, SEEDS + 1):
-        traced = mi_lcair.exchange(scene, rays=RAYS_OF_INTERVALS, seed=seed).traced
+        traced = mi_lcair.exchange(scene, paths=RAYS_OF_INTERVALS, seed=seed).traced
         half = student_factor(RUNS - 1) * traced.standard_error(pairs_of)
         covers.append(np.abs(pairs_of(traced.mean) - exact) <= half)
     share = f"{np.mean(covers):.1%} of {np.size(covers)}"
@@ -101,7 +101,7 @@ def through_a_plate(surface: dict):
 
 def asymmetry_row(name: str, surface: dict) -> str:
     """The difference of the two directions through a plate."""
-    result = mi_lcair.exchange(through_a_plate(surface), rays=2**18)
+    result = mi_lcair.exchange(through_a_plate(surface), paths=2**18)
     a, b = (result.facets.groups.index(group) for group in ("near", "far"))
     asymmetry = result.asymmetry
     return f"| {name} | {abs(asymmetry.relative[a, b]):.2%} | {abs(asymmetry.z[a, b]):.1f} |"
@@ -110,7 +110,7 @@ def asymmetry_row(name: str, surface: dict) -> str:
 def airliner() -> dict:
     """Processor time and size of the exchange of the airliner, at 1024 paths of each facet."""
     scene = mi_lcair.load("a340_landing")
-    mi_lcair.exchange(scene, rays=8)  # compiles the kernels
+    mi_lcair.exchange(scene, paths=8)  # compiles the kernels
     began = process_time()
     result = mi_lcair.exchange(scene)
     seconds = process_time() - began
@@ -132,7 +132,7 @@ def slope() -> str:
     """Relative error of dGR/d(emissivity) of plates from two runs with one seed."""
     step = 1e-3
     low, high = (
-        mi_lcair.exchange(scene_of(**mirror_box(e, 0.2)), rays=4096).conductors.between[0, 1]
+        mi_lcair.exchange(scene_of(**mirror_box(e, 0.2)), paths=4096).conductors.between[0, 1]
         for e in (0.5 - step, 0.5 + step)
     )
     exact = plates(0.5, 0.2) ** 2 / (4 * 0.5**2)
@@ -160,7 +160,7 @@ def bowl(paths: int = 64, rings: int = 100, sectors: int = 500) -> str:
     values["vertex_positions"], values["faces"] = mi.Float(points.ravel()), mi.UInt32(faces.ravel())
     values.update()
     scene, began = scene_of(bowl=mesh), process_time()
-    result = mi_lcair.exchange(scene, rays=paths)
+    result = mi_lcair.exchange(scene, paths=paths)
     gib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     return (
         f"{result.facets.area.size} facets, {paths} paths of each: {process_time() - began:.1f} s "

@@ -13,7 +13,7 @@ from mi_lcair.startup.threads import exclusively
 @exclusively
 def audit(
     scene: SceneLike,
-    photons: int = 2**18,
+    paths: int = 2**18,
     seed: int = 0,
     progress: Progress | None = None,
     *,
@@ -26,8 +26,8 @@ def audit(
     scene : Scene, str, Path or mi.Scene
         A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
         Its emitters must all be thermal, or the sun.
-    photons : int
-        Photons from each emitter.
+    paths : int
+        Paths of photons from each emitter.
     seed : int
         Seed of the random numbers.
     progress : callable, optional
@@ -45,4 +45,4 @@ def audit(
         If the scene has an emitter that is not thermal, or a surface without an emitter whose
         absorption is unknown.
     """
-    return audit_flux(scene_of(scene, parameters), photons, seed, progress)
+    return audit_flux(scene_of(scene, parameters), paths, seed, progress)

@@ -16,7 +16,7 @@ POSITIVE, KELVIN, ELEVATION = Bounds(lower=1), Bounds(lower=0), Bounds(lower=-90
 @exclusively
 def exchange(
     scene: SceneLike,
-    rays: int = heating.RAYS,
+    paths: int = heating.RAYS,
     seed: int = 0,
     sky_K: float | None = None,
     ground_K: float | None = None,
@@ -34,7 +34,7 @@ def exchange(
     scene : Scene, str, Path or mi.Scene
         A loaded scene, or what `mi_lcair.load` takes. It needs no sun and no sky: what escapes
         upward goes to the sky, and what escapes downward to the ground.
-    rays : int
+    paths : int
         Number of paths of each side of a facet.
     seed : int
         The same seed gives the same result.
@@ -58,7 +58,7 @@ def exchange(
         surfaces that do not emit, for a plume that transmits, and for a material without an entry
         for the total band or LWIR.
     """
-    POSITIVE.check(rays, "rays")
+    POSITIVE.check(paths, "paths")
     for name, kelvin in (("sky_K", sky_K), ("ground_K", ground_K)):
         if kelvin is not None:
             KELVIN.check(kelvin, name)
@@ -67,7 +67,7 @@ def exchange(
         ELEVATION.check(elevation_deg, "elevation of the sun")
     return heating.exchange(
         scene_of(scene, parameters),
-        rays,
+        paths,
         seed,
         sky_K=sky_K,
         ground_K=ground_K,

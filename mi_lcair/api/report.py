@@ -210,7 +210,7 @@ def of_scene(scene: Scene, request: Request) -> tuple[str, list[Section]]:
 def audit_of(scene: Scene, seed: int) -> list[Section]:
     """The sections of a scene's audit; a remark for a scene whose flux cannot be followed."""
     try:
-        return mi_lcair.audit(scene, photons=PHOTONS, seed=seed).sections()
+        return mi_lcair.audit(scene, paths=PHOTONS, seed=seed).sections()
     except InputError as error:
         return [Section("Energy audit", [Remarks([f"no audit: {error}"])])]
 

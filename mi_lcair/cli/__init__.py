@@ -53,6 +53,8 @@ PURPOSES = {
     },
 }
 COMMANDS = {name: module for group in PURPOSES.values() for name, module in group.items()}
+# Options by their names of earlier versions
+RENAMED = {"--photons": "--paths", "--rays": "--paths", "--resume": "--overwrite"}
 FAILED, UNUSABLE = 1, 2
 
 
@@ -105,6 +107,8 @@ def _verdict(error: BaseException) -> tuple[int, str]:
     """Exit status and message for an exception that ended a command."""
     if isinstance(error, (click.Abort, KeyboardInterrupt)):
         return INTERRUPTED, "interrupted"
+    if isinstance(error, click.NoSuchOption) and error.option_name in RENAMED:
+        error.possibilities = [RENAMED[error.option_name]]
     if isinstance(error, click.UsageError):
         command = error.ctx.command_path if error.ctx else "mi-lcair"
         return UNUSABLE, f"{error.format_message().rstrip('.')}; see '{command} --help'"

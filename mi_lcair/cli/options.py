@@ -227,7 +227,7 @@ def workers(command):
     return on_workers
 
 
-overwrite = option("--overwrite --resume overwrite", "Replace an output that exists.", is_flag=True)
+overwrite = option("--overwrite", "Replace an output that exists.", is_flag=True)
 
 
 @contextmanager

@@ -106,6 +106,16 @@ def test_short_options_of_every_command(run, command):
     assert "-q, --quiet" in run(*command, "-h").stdout
 
 
+@pytest.mark.parametrize(
+    "command, old, new",
+    [("audit", "--photons", "--paths"), ("exchange", "--rays", "--paths")]
+    + [(command, "--resume", "--overwrite") for command in ("sweep", "trend")],
+)
+def test_a_former_option_names_the_present_one(refused, command, old, new):
+    message = refused(command, "x", old, 8)
+    assert f"Did you mean {new}?" in message.replace("'", "")
+
+
 @pytest.mark.parametrize("args", [["-q", "render"], ["render", "-q"]])
 def test_quiet_prints_no_notes_and_no_progress(run, refused, renderer, args, monkeypatch):
     renderer.remarks = ["material gloss: scaled down beyond 88 degrees"]

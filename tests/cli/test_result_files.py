@@ -31,7 +31,7 @@ def result_of(kind, folder):
     if kind == "budget":
         group = [{"names": list(SIGMA["sigma"]), "correlation": 0.5}]
         return mi_lcair.budget(scene, SIGMA | {"correlated": group}, spp=16, draws=10)
-    return mi_lcair.audit(scene, photons=64)
+    return mi_lcair.audit(scene, paths=64)
 
 
 @pytest.mark.parametrize("kind", ["solution", "budget", "audit"])
@@ -91,7 +91,7 @@ def test_a_page_of_a_model(folder, run):
 
 @pytest.mark.parametrize("command", ["convert", "report"])
 def test_refuses_an_incomplete_file(folder, refused, command):
-    entries = mi_lcair.audit(plate_scene(folder), photons=64).as_dict()
+    entries = mi_lcair.audit(plate_scene(folder), paths=64).as_dict()
     del entries["shares"]
     (folder / "audit.json").write_text(json.dumps(entries))
     output = {"convert": ("t.csv",), "report": ("-o", "p.html")}[command]

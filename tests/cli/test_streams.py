@@ -25,7 +25,7 @@ def test_mitsubas_warnings_go_to_stderr(run, monkeypatch, capfd):
         return original(scene, **sampling)
 
     monkeypatch.setitem(vars(mi_lcair), "audit", audit)
-    result = run("audit", "two_plates", "--photons", 64, "--json")
+    result = run("audit", "two_plates", "--paths", 64, "--json")
     assert json.loads(result.stdout)["band"]
     assert result.stderr == "mi-lcair: note: audit(): a mesh has no normals\\x1b[31m\n"
     assert capfd.readouterr().out == ""

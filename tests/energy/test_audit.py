@@ -308,7 +308,7 @@ def test_a_perfect_closed_reflector_is_unfinished(monkeypatch):
 
 
 def test_command(run_audit):
-    text = run_audit("two_plates", "--photons", "4096")
+    text = run_audit("two_plates", "--paths", "4096")
     assert "emitted" in text and "balance" in text and "nothing to remark" in text
 
 

@@ -22,7 +22,7 @@ def result():
     plate = square({"type": "twosided", "bsdf": grey(0.5)}, emitter=emits("plate", 350.0))
     plate["to_world"] = plate["to_world"] @ plate["to_world"].scale([0.5, 0.5, 1])
     scene = scene_of(box=box(grey(0.8), emitter=emits("box")), plate=plate)
-    return mi_lcair.exchange(scene, rays=512, sun_deg=(40, 30))
+    return mi_lcair.exchange(scene, paths=512, sun_deg=(40, 30))
 
 
 def test_the_irradiance_is_that_of_both_temperatures(result):
@@ -61,7 +61,7 @@ def test_pairs_that_few_paths_meet_are_within_their_errors():
     # Two equal squares of side 2 at the distance 2
     exact = 4 * 0.199825
     for seed in range(60):
-        pairs = mi_lcair.exchange(scene, rays=64, seed=seed).pairs()
+        pairs = mi_lcair.exchange(scene, paths=64, seed=seed).pairs()
         (value,), (error,) = pairs["conductor_m2"], pairs["conductor_error_m2"]
         held.append(abs(value - exact) < student_factor(7) * error)
     assert np.mean(held) >= 0.9
@@ -92,7 +92,7 @@ def test_the_console_shows_groups_conductors_and_sunlight(result):
 def test_a_group_that_emits_nothing_has_tables_and_a_picture(tmp_path):
     shapes = mirror_box(0.9, 0.9)
     shapes["mirror0"]["emitter"] = emits("mirror")
-    result = mi_lcair.exchange(scene_of(**shapes), rays=64, sky_K=300, ground_K=300)
+    result = mi_lcair.exchange(scene_of(**shapes), paths=64, sky_K=300, ground_K=300)
     result.save(tmp_path / "e.html")
     result.save(tmp_path / "e.png")
     mirror = result.facets.groups.index("mirror")
@@ -102,15 +102,15 @@ def test_a_group_that_emits_nothing_has_tables_and_a_picture(tmp_path):
 
 def test_the_irradiance_needs_all_temperatures():
     scene = scene_of(plate=square(grey(0.8), emitter=emits()))
-    assert mi_lcair.exchange(scene, rays=64).irradiance is None
-    result = mi_lcair.exchange(scene, rays=64, sky_K=250.0)
+    assert mi_lcair.exchange(scene, paths=64).irradiance is None
+    result = mi_lcair.exchange(scene, paths=64, sky_K=250.0)
     np.testing.assert_allclose(result.columns()["environment_K"], 250.0)
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"rays": 0}, "rays = 0"),
+        ({"paths": 0}, "paths = 0"),
         ({"sky_K": -1.0}, "sky_K = -1"),
         ({"sun_deg": (91, 0)}, "elevation of the sun = 91"),
     ],
@@ -126,7 +126,7 @@ def test_intervals_of_conductors_cover_the_truth():
     exact = 4 * np.pi / (1 / 0.5 + (1 / 0.3 - 1) / 4)
     covers = 0
     for seed in range(40):
-        traced = mi_lcair.exchange(scene, rays=256, seed=seed).traced
+        traced = mi_lcair.exchange(scene, paths=256, seed=seed).traced
         error = traced.standard_error(lambda C: C.between[[0], [1]])[0]
         covers += abs(traced.mean.between[0, 1] - exact) < student_factor(7) * error
     assert covers >= 34
@@ -136,7 +136,7 @@ def test_derivatives_follow_from_common_random_numbers():
     """The conductor of grey plates for two emissivities with the same seed."""
     step = 1e-3
     low, high = (
-        mi_lcair.exchange(scene_of(**mirror_box(e, 0.2)), rays=512).conductors.between[0, 1]
+        mi_lcair.exchange(scene_of(**mirror_box(e, 0.2)), paths=512).conductors.between[0, 1]
         for e in (0.5 - step, 0.5 + step)
     )
     exact = 4 / (1 / 0.5 + 1 / 0.2 - 1) ** 2 / 0.5**2
@@ -155,7 +155,7 @@ def test_shares_that_few_paths_meet_are_within_their_errors():
     )
     met, held = set(), 0
     for seed in range(40):
-        columns = mi_lcair.exchange(scene, rays=rays, seed=seed).columns()
+        columns = mi_lcair.exchange(scene, paths=rays, seed=seed).columns()
         (k,) = np.flatnonzero(columns["group"] == "plate")
         to_sky, error = columns["sky"][k], columns["sky_error"][k]
         assert error > 0 and columns["ground_error"][k] == pytest.approx(1.5 / rays)

@@ -26,6 +26,6 @@ def test_models_of_the_documentation(path, tmp_path):
         assert figures[flaw] == 0, flaw
     assert figures["back_to_back"]["count"] == figures["one_on_the_other"]["count"] == 0
     export(model, tmp_path / "model")
-    result = audit(mi_lcair.load(tmp_path / "model" / "scene.xml"), photons=2**14)
+    result = audit(mi_lcair.load(tmp_path / "model" / "scene.xml"), paths=2**14)
     assert result.total["behind"][0] == 0
     assert all("comes from nothing (0 K)" in remark for remark in result.remarks)

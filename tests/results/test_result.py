@@ -107,7 +107,7 @@ RESULTS = {
     "effective_areas": lambda folder: spectral().effective_areas,
     "facets": lambda folder: spectral().facets,
     "trend": lambda folder: mi_lcair.trend(cylinder(), [0, 90, 180, 270], [0, 30], spp=2),
-    "audit": lambda folder: mi_lcair.audit(cylinder(), photons=2**10),
+    "audit": lambda folder: mi_lcair.audit(cylinder(), paths=2**10),
     "contrast": lambda folder: mi_lcair.contrast(disc(folder, sensor__nei=1e-9)),
     "detection_range": lambda folder: mi_lcair.contrast(
         disc(folder, sensor__nei=1e-9)

@@ -54,7 +54,7 @@ def grown(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
 def conductors(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
     """Conductors from the groups of a convex body to the sky."""
     result = mi_lcair.exchange(
-        scene, rays=int(2 ** rng.integers(6, 11)), seed=int(rng.integers(1000))
+        scene, paths=int(2 ** rng.integers(6, 11)), seed=int(rng.integers(1000))
     )
     vectors = case.body.areas
     emissivity = 1 - case.materials.get("paint.reflectance", 0.0)

@@ -7,18 +7,20 @@ from mi_lcair.cli import options
 from mi_lcair.cli.output import print_result, print_written
 
 
-@options.command("audit", "mi-lcair audit open_box --photons 4096")
+@options.command("audit", "mi-lcair audit open_box --paths 4096")
 @options.loading
-@options.option("--photons", "Photons from each emitter.", click.IntRange(min=8), default=2**18)
+@options.option(
+    "--paths", "Paths of photons from each emitter.", click.IntRange(min=8), default=2**18
+)
 @options.file("--facets", "Write irradiance and exitance of each facet, FILE.csv.", (".csv",))
-def command(scene, photons, facets):
+def command(scene, paths, facets):
     """Follow the flux that SCENE emits.
 
     SCENE is a Mitsuba XML file or the name of a bundled scene. Photons are followed from the
     emitters until they are absorbed or escape. Printed is their flux by material, in W and in
     percent.
     """
-    result = scene.run(mi_lcair.audit, photons=photons)
+    result = scene.run(mi_lcair.audit, paths=paths)
     if facets:
         from mi_lcair.formats import csv
 

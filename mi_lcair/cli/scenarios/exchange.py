@@ -16,7 +16,7 @@ SUFFIXES = (".csv", ".json", ".html", ".nc", *PICTURES, *VTK)
 )
 @options.loading
 @options.option(
-    "--rays", "Number of paths of each side of a facet (default: 1024).", options.POSITIVE
+    "--paths", "Number of paths of each side of a facet (default: 1024).", options.POSITIVE
 )
 @options.option("--sky-K sky_K", "Temperature of the sky, for irradiances [K].", float)
 @options.option("--ground-K ground_K", "Temperature of the ground [K].", float)
@@ -32,14 +32,14 @@ SUFFIXES = (".csv", ".json", ".html", ".nc", *PICTURES, *VTK)
     "conductors (.nc), or a picture (.png, .svg, .pdf)",
     SUFFIXES,
 )
-def command(scene, rays, sky_K, ground_K, sun_deg, output):
+def command(scene, paths, sky_K, ground_K, sun_deg, output):
     """Heat that the facets of SCENE exchange by radiation.
 
     Printed are for each group the shares of what it emits that reach sky, ground, itself and other
     groups, and the conductors GR in m^2 between groups: the heat flow is GR sigma (T1^4 - T2^4).
     All values have standard errors.
     """
-    arguments = {"rays": rays, "sky_K": sky_K, "ground_K": ground_K, "sun_deg": sun_deg}
+    arguments = {"paths": paths, "sky_K": sky_K, "ground_K": ground_K, "sun_deg": sun_deg}
     loaded = scene.load(with_sensors=False, with_nothing=False)  # what escapes has its place
     result = mi_lcair.exchange(loaded, **scene.sampling, **options.given(arguments))
     write_and_print(result, {output: result.save}, [time_row(result)])

@@ -135,5 +135,5 @@ def test_all_calls_state_active(tmp_path):
         intensity.append(signature.intensity)
         mi_lcair.derivative_images(scene, ["room.temperature"], spp=4)
         mi_lcair.sensitivities(scene, ["room.temperature"], spp=4)
-        mi_lcair.audit(scene, photons=256)
+        mi_lcair.audit(scene, paths=256)
     assert intensity[0] == pytest.approx(intensity[1], rel=1e-3)

@@ -171,7 +171,7 @@ def test_bound_of_radiance(scene):
 def test_audit(scene):
     """What is emitted is absorbed or escapes; or the emitter is named as one without photons."""
     try:
-        audit = mi_lcair.audit(scene, photons=2**14)
+        audit = mi_lcair.audit(scene, paths=2**14)
     except InputError as error:
         assert "can be followed" in str(error)
         return
