@@ -229,17 +229,9 @@ BEHIND = (
         lambda t: given(t, ("temperature", "sky", "daytime_sky", "ground_temperature")),
         "sky and temperature are missing; give one of them",
     ),
-    needs(
-        "ground_emissivity",
-        "ground_temperature",
-        why="ground that is not black reflects the sky, so give sky and ground_temperature",
-    ),
-    needs(
-        "ground_emissivity",
-        "sky",
-        "daytime_sky",
-        any_of=True,
-        why="ground that is not black reflects the sky",
+    rule(
+        lambda t: t.ground_emissivity == 1 or t.ground_temperature and (t.sky or t.daytime_sky),
+        "ground_emissivity needs ground_temperature and sky: ground that is not black reflects it",
     ),
 )
 

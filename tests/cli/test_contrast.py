@@ -212,7 +212,7 @@ def test_notes_on_stderr(run):
         (["-D", "sensor"], "key=value"),
         (["--spp", "4", "--tolerance", "1%"], "do not go with it"),
         (["--spp", "4", "--max-spp", "8"], "do not go with it"),
-        (["--max-spp", "8"], "max_spp goes with a tolerance"),
+        (["--max-spp", "8"], "max_spp needs tolerance, tolerance_W_m2 or to_noise"),
         (["--tolerance", "0"], "not a fraction"),
         (["--tolerance-W-m2", "-1"], "--tolerance-W-m2"),
     ],
