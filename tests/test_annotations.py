@@ -7,6 +7,7 @@ import sys
 import typing
 from pathlib import Path
 
+import mypy.api
 import pandas
 import pytest
 import xarray
@@ -109,7 +110,6 @@ def test_the_stub_is_the_registry_of_public_names():
 
 @pytest.mark.slow
 def test_a_users_script_under_mypy(tmp_path, monkeypatch):
-    mypy = pytest.importorskip("mypy.api")
     script = tmp_path / "script.py"
     script.write_text(
         "import mi_lcair\n"
@@ -123,7 +123,7 @@ def test_a_users_script_under_mypy(tmp_path, monkeypatch):
     monkeypatch.setenv("MYPYPATH", str(ROOT))
     cache = ROOT / ".pytest_cache" / "mypy"
     options = ["--follow-imports=silent", "--no-error-summary", f"--cache-dir={cache}"]
-    out, _, _ = mypy.run([*options, str(script)])
+    out, _, _ = mypy.api.run([*options, str(script)])
     lines = [line.partition(".py:")[2] for line in out.splitlines()]
     assert [line.partition(":")[0] for line in lines] == ["5", "6", "7"], out
     assert 'Revealed type is "mi_lcair.rendering.images.render_result.Render"' in lines[0]

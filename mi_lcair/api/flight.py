@@ -56,12 +56,12 @@ def flight(
         If the scenario or its path cannot be used, or if the path leads into the ground.
     """
     scenario = scenario_of(scenario)
-    outputs = [None if path is None else Path(path) for path in (frames, video)]
+    outputs = (None if frames is None else Path(frames), None if video is None else Path(video))
     with errors_of(f"scenario '{scenario.name}'"), together():
-        if outputs != [None, None]:
+        if any(outputs):
             check_film(scenario, *outputs)
         folder = None if areas is None else AreasFolder(areas)
         made = measure_flight(scenario, folder, progress=progress)
-        if outputs == [None, None]:
+        if not any(outputs):
             return made
         return replace(made, rendered=film(scenario, *outputs, seed, progress))

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from os import PathLike
+from typing import Any
 
 import mitsuba as mi
 
@@ -74,6 +75,6 @@ def scene_of(scene: SceneLike, parameters: Mapping[str, object] | None = None) -
     return scene
 
 
-def sampling_of(tolerance: float | str | None, **settings) -> Sampling:
+def sampling_of(tolerance: float | str | None, **settings: Any) -> Sampling:
     """The Sampling of a public function, whose tolerance may be a text such as "1%"."""
     return Sampling(tolerance=fraction(tolerance), **settings)

@@ -61,7 +61,7 @@ def pose(
         return camera_pose(read, tables, values_of(points), sigma_px)
 
 
-def values_of(points) -> np.ndarray:
+def values_of(points: str | PathLike[str] | ArrayLike) -> np.ndarray:
     """Values of points, (n, 5), Float64; raises InputError for a file or an array of others."""
     if isinstance(points, (str, PathLike)):
         return np.column_stack(list(read_table(points, COLUMNS).numbers(COLUMNS).values()))

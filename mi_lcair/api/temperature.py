@@ -16,6 +16,7 @@ from mi_lcair.rendering.images.measured import TEMPERATURE, check_kelvin, read_v
 from mi_lcair.thermography.temperature import QUANTITIES, Conditions, temperature_of
 from mi_lcair.thermography.temperature_result import Temperature
 
+ApparentTemperatures = str | PathLike[str] | float | np.ndarray
 Number = float | str | tuple[float, float] | Estimate
 CHANNEL = "temperature.Y"  # channel of an EXR with apparent temperatures
 
@@ -31,7 +32,7 @@ class Measurement(TypedDict, total=False):
 
 
 def temperature(
-    image: str | PathLike[str] | float | np.ndarray,
+    image: ApparentTemperatures,
     band: str | PathLike[str] | Band | None = None,
     *,
     emissivity: Number,
@@ -93,8 +94,10 @@ def temperature(
         _, header = read_exr(Path(image))
         band = header.get("band")
     if band is None:
-        given = option("band", "LWIR")
-        raise InputError(f"{name}: its band is not known; give that of the camera, such as {given}")
+        example = option("band", "LWIR")
+        raise InputError(
+            f"{name}: its band is not known; give that of the camera, such as {example}"
+        )
     band = band_of(band)
     Bounds(is_positive=True).check(scale, "scale")
     kelvin = apparent(image, band, name, scale, offset)
@@ -108,7 +111,7 @@ def temperature(
     return temperature_of(kelvin, sigma, band, Conditions(quantities), name)
 
 
-def named_image(image, sigma: float) -> tuple:
+def named_image(image: ApparentTemperatures, sigma: float) -> tuple:
     """Name of an image, the image or its number, and the uncertainty of its temperatures [K]."""
     Bounds(lower=0, unit="K").check(sigma, "sigma")
     if np.ndim(image):
@@ -122,7 +125,9 @@ def named_image(image, sigma: float) -> tuple:
     return f"{number:g} K", np.array(number), error or sigma
 
 
-def apparent(image, band: Band, name: str, scale: float, offset: float) -> np.ndarray:
+def apparent(
+    image: ApparentTemperatures, band: Band, name: str, scale: float, offset: float
+) -> np.ndarray:
     """Apparent temperatures [K] of an image, with NaN for nothing."""
     kelvin = image
     if not isinstance(image, np.ndarray):
