@@ -15,7 +15,7 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.energy.audit_result import Audit, FluxAndError
-from mi_lcair.energy.photons import BATCHES, MAX_REFLECTIONS, Flux, Tally, World, follow
+from mi_lcair.energy.photons import BATCHES, MAX_REFLECTIONS, Flux, PhotonTracer, Tally, follow
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.bsdfs.reflection_bsdf import reflection_layers
 from mi_lcair.plugins.emission.triangles import pointer_id
@@ -51,10 +51,10 @@ def audit_flux(scene: Scene, photons: int, seed: int, progress: Progress | None)
         )
     photons = -(-photons // BATCHES) * BATCHES
     tally = Tally.of(table.count)
-    with scene.prepared() as tracer, dr.suspend_grad():
-        world = World.of(scene, tracer.emitters, table)
+    with scene.prepared(), dr.suspend_grad():
+        tracer = PhotonTracer(scene, table)
         for number, emitter in enumerate(emitters):
-            follow(world, emitter, photons, seed * len(emitters) + number, tally)
+            follow(tracer, emitter, photons, seed * len(emitters) + number, tally)
             if progress:
                 progress(number + 1, len(emitters))
     return account(scene, table, tally, photons * len(emitters))

@@ -1,6 +1,7 @@
 """Photons that are followed from the emitters of a scene, for its energy audit."""
 
 from dataclasses import dataclass, fields
+from functools import partial
 
 import drjit as dr
 import mitsuba as mi
@@ -8,9 +9,10 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.emissivity import emissivity_of
-from mi_lcair.plugins.emission.emitter_table import EmitterTable
+from mi_lcair.plugins.emission.triangles import pointer_id
 from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of
 from mi_lcair.rendering.facets.table import FacetTable
+from mi_lcair.rendering.facets.tracer import FacetTracer, Surface
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import corners
 
@@ -94,64 +96,33 @@ class Tally:
         self.ends[how] += np.bincount(batch, values, BATCHES)
 
 
-@dataclass(frozen=True)
-class World:
-    """The surfaces of a scene as photons meet them.
+class PhotonTracer(FacetTracer):
+    """Traces photons through a scene.
 
-    Attributes
-    ----------
-    scene : Scene
-    leaving : EmitterTable
-        Spawns rays that leave a surface.
-    emitters : list of mitsuba.Emitter
-        All emitters of the scene.
-    passive : list of (mitsuba.Shape, emissivity)
-        Shapes without an emitter; see `passive_emissivity`.
-    table : FacetTable
-        Facets of the scene.
-    grazing : ndarray, shape (facets,)
-        Cosines below which BRDFs are scaled down; see `scaling_cosines`.
+    By Kirchhoff's law a surface absorbs its emissivity toward the origin of the flux. A surface
+    without an emitter absorbs what its BSDF does not reflect. grazing: cosines below which the
+    BRDFs of facets are scaled down, see `scaling_cosines`.
+
+    Raises InputError for a shape without an emitter whose absorption is not known.
     """
 
-    scene: Scene
-    leaving: EmitterTable
-    emitters: list
-    passive: list
-    table: FacetTable
-    grazing: np.ndarray
-
-    @staticmethod
-    def of(scene: Scene, leaving: EmitterTable, table: FacetTable) -> "World":
-        """Raises InputError for a shape without an emitter whose absorption is not known."""
-        passive = [
-            (shape, passive_emissivity(index, shape))
-            for index, shape in enumerate(scene.mi.shapes())
-            if shape.emitter() is None
-        ]
-        emitters = list(scene.mi.emitters())
-        return World(scene, leaving, emitters, passive, table, scaling_cosines(scene, table))
-
-    def absorptance(self, si, active):
-        """Share of the arriving flux that is absorbed: by Kirchhoff's law, the emissivity.
-
-        The emissivity is that toward the origin of the flux. A surface without an emitter absorbs
-        what its BSDF does not reflect. si: where the flux arrives. active: points that are
-        evaluated; the others get 0.
-        """
-        absorbed = mi.Float(0)
-        for emitter in self.emitters:
-            if emitter.get_shape() is None:
-                continue
-            on_shape = active & (si.shape == mi.ShapePtr(emitter.get_shape()))
-            absorbed = dr.select(on_shape, emitter.emissivity(si, on_shape), absorbed)
-        for shape, emissivity in self.passive:
-            on_shape = active & (si.shape == mi.ShapePtr(shape))
-            absorbed = dr.select(on_shape, emissivity.eval(shape.bsdf(), si, on_shape), absorbed)
-        return absorbed
+    def __init__(self, scene: Scene, table: FacetTable):
+        surfaces, of_shape = {}, []
+        for index, shape in enumerate(scene.mi.shapes()):
+            bsdf, emitter = shape.bsdf(), shape.emitter()
+            given = None if emitter is None else emitter.given_emissivity
+            value = None if given is None else float(given[0])
+            key = pointer_id(mi.BSDFPtr(bsdf)), emitter is None, value
+            if key not in surfaces:
+                emissivity = emitter.emissivity if emitter else passive_emissivity(index, shape)
+                surfaces[key] = Surface(bsdf, emissivity, mi.TransportMode.Importance)
+            of_shape.append(list(surfaces).index(key))
+        super().__init__(scene, table, list(surfaces.values()), of_shape)
+        self.grazing = scaling_cosines(scene, table)
 
 
-def follow(world: World, source, photons: int, seed: int, tally: Tally) -> None:
-    """Follow photons from one emitter of a world, and add their fluxes to the tally.
+def follow(tracer: PhotonTracer, source, photons: int, seed: int, tally: Tally) -> None:
+    """Follow photons from one emitter of a scene, and add their fluxes to the tally.
 
     photons: their number, a multiple of BATCHES. seed: seed of the random numbers.
     """
@@ -164,7 +135,7 @@ def follow(world: World, source, photons: int, seed: int, tally: Tally) -> None:
 
     reseed(photons)
     batch = np.arange(photons) % BATCHES
-    ray, flux = emitted(world, source, photons, sampler, batch, tally)
+    ray, flux = emitted(tracer, source, photons, sampler, batch, tally)
     batch, active = mi.UInt32(batch), flux > 0
     throughput = mi.Float(1)
     for number in range(MAX_REFLECTIONS):
@@ -175,19 +146,17 @@ def follow(world: World, source, photons: int, seed: int, tally: Tally) -> None:
         ray, flux, throughput, batch = (
             dr.gather(type(value), value, kept) for value in (ray, flux, throughput, batch)
         )
-        si = world.scene.mi.ray_intersect(ray)
+        si, facet = tracer.meet(ray)
         hit, lane = si.is_valid(), batch.numpy()
         reseed(len(kept))
         # Split the arriving flux into what is absorbed, reflected, and lost behind a surface.
-        absorbed = dr.select(hit, world.absorptance(si, hit), 0)
-        ctx = mi.BSDFContext(mi.TransportMode.Importance)
-        bs, weight = si.bsdf().sample(ctx, si, sampler.next_1d(), sampler.next_2d(), hit)
-        reflected = dr.select(hit, weight[0], 0)
+        u, v = sampler.next_1d(), sampler.next_2d()
+        _, absorbed, to, reflected = tracer.respond(si, hit, u, v)
+        absorbed, reflected = (dr.select(hit, share, 0) for share in (absorbed, reflected))
         behind = hit & (absorbed == 0) & (reflected == 0) & (si.wi.z < 0)
 
         # Record it by batch and facet. A photon that hits nothing has escaped.
-        facet = world.table.number(si.shape, si.prim_index, hit).numpy()
-        on, arriving = hit.numpy(), flux.numpy().astype(float)
+        on, facet, arriving = hit.numpy(), facet.numpy(), flux.numpy().astype(float)
         tally.end("escaped", lane[~on], arriving[~on])
         facet, lane, arriving = facet[on], lane[on], arriving[on]
         for name, share in (
@@ -195,7 +164,7 @@ def follow(world: World, source, photons: int, seed: int, tally: Tally) -> None:
             ("absorbed", absorbed.numpy()[on]),
             ("reflected", reflected.numpy()[on]),
             ("behind", behind.numpy()[on]),
-            ("scaled", dr.abs(si.wi.z).numpy()[on] < world.grazing[facet]),
+            ("scaled", dr.abs(si.wi.z).numpy()[on] < tracer.grazing[facet]),
         ):
             tally.add(name, lane, facet, arriving * share)
         if number < SHOWN:
@@ -207,14 +176,14 @@ def follow(world: World, source, photons: int, seed: int, tally: Tally) -> None:
         survival = dr.clip(throughput, SURVIVAL, 1)
         active = hit & (reflected > 0) & (sampler.next_1d() < survival)
         flux, throughput = flux * reflected / survival, throughput / survival
-        ray = world.leaving.spawn_ray(si, si.to_world(bs.wo))
+        ray = tracer.leave(si, si.to_world(to))
     tally.end("unfinished", batch.numpy(), dr.select(active, flux, 0).numpy())
 
 
-def emitted(world: World, source, photons: int, sampler, batch, tally: Tally) -> tuple:
+def emitted(tracer: PhotonTracer, source, photons: int, sampler, batch, tally: Tally) -> tuple:
     """Rays of photons that leave an emitter, and their fluxes [W], which are added to the tally."""
     if source.get_shape() is None:
-        ray, flux = from_afar(world.scene, world.leaving, source, photons, sampler)
+        ray, flux = from_afar(tracer, source, photons, sampler)
         tally.end("from_afar", batch, flux.numpy())
         return ray, flux
     # Start at a random point on a random side of the emitter, in a cosine-weighted direction. The
@@ -223,25 +192,24 @@ def emitted(world: World, source, photons: int, sampler, batch, tally: Tally) ->
     si.wi = mi.warp.square_to_cosine_hemisphere(sampler.next_2d())
     si.wi.z = dr.mulsign(si.wi.z, sampler.next_1d() - 0.5)
     flux = source.eval(si)[0] * dr.two_pi / (density * photons)
-    ray = world.leaving.spawn_ray(si, si.to_world(si.wi))
-    facet = world.table.number(mi.ShapePtr(source.get_shape()), si.prim_index).numpy()
+    facet = tracer.table.number(mi.ShapePtr(source.get_shape()), si.prim_index).numpy()
     tally.add("emitted", batch, facet, flux.numpy())
-    return ray, flux
+    return tracer.leave(si, si.to_world(si.wi)), flux
 
 
-def from_afar(scene, leaving, source, photons, sampler) -> tuple:
+def from_afar(tracer, source, photons, sampler) -> tuple:
     """Rays of photons from the sun or the sky, and their fluxes [W].
 
     In each direction they pass through a disc that covers everything but the sky, and begin where
     they have passed the sky. Their sum is the mean irradiance on such a disc, times its area.
 
-    leaving: spawns rays that leave a surface. source: the emitter. sampler: gives random numbers.
+    tracer: finds the sky. source: the emitter. sampler: gives random numbers.
     """
     points = [
-        corners(shape) for shape in scene.mi.shapes() if facet_type_of(shape.emitter()) != "sky"
+        corners(shape) for shape in tracer.scene.shapes() if facet_type_of(shape.emitter()) != "sky"
     ]
     if not points:
-        raise InputError(f"{scene.name}: has nothing but sky that light from afar could fall on")
+        raise InputError(f"{tracer.name}: has nothing but sky that light from afar could fall on")
     points = np.concatenate(points)
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     # A margin for directions from the edge of the sun's disc, which are tilted
@@ -252,12 +220,13 @@ def from_afar(scene, leaving, source, photons, sampler) -> tuple:
     across = mi.Frame3f(ds.d).to_world(mi.Vector3f(place.x, place.y, 0))
     flux = dr.full(mi.Float, np.pi * radius**2 / photons, photons) * value[0]
     ray = mi.Ray3f(mi.Point3f(middle) + radius * ds.d + across, -ds.d)
-    for _ in range(len(scene.mi.shapes())):
-        si = scene.mi.ray_intersect(ray)
-        in_sky = si.is_valid() & leaving.shows_sun(si, si.emitter(scene.mi))
+    is_sky = mi.Bool(tracer.table.type == "sky")
+    for _ in tracer.ids:
+        si, facet = tracer.meet(ray)
+        in_sky = dr.gather(mi.Bool, is_sky, facet, si.is_valid())
         if not dr.any(in_sky):
             break
-        ray.o = dr.select(in_sky, leaving.offsets.leave(si, ray.d), ray.o)
+        ray.o = dr.select(in_sky, tracer.leave(si, ray.d).o, ray.o)
     return ray, flux
 
 
@@ -267,7 +236,7 @@ def passive_emissivity(index: int, shape):
     `index` is the number of the shape in the scene. Raises InputError if it is not known.
     """
     try:
-        return emissivity_of(shape.bsdf())
+        return partial(emissivity_of(shape.bsdf()).eval, shape.bsdf())
     except InputError as error:
         raise InputError(
             f"shape {shape.id() or index} has no emitter, and what it absorbs is not known "

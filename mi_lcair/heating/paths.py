@@ -21,11 +21,10 @@ from mi_lcair.errors import InputError
 from mi_lcair.heating.conductors import RINGS_DEG
 from mi_lcair.heating.parts import Parts, closed_shapes
 from mi_lcair.heating.surfaces import Surfaces
-from mi_lcair.plugins.emission.triangles import pointer_id
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
-from mi_lcair.plugins.paths.offsets import Offsets
 from mi_lcair.plugins.samplers.lattice import VECTOR, Lattice
 from mi_lcair.rendering.facets.table import FacetTable
+from mi_lcair.rendering.facets.tracer import FacetTracer
 from mi_lcair.rendering.limits import check_free
 from mi_lcair.rendering.scene import Scene
 
@@ -90,10 +89,9 @@ class FacetPaths:
     """
 
     def __init__(self, scene: Scene, surfaces: Surfaces, reflected: bool = False):
-        self.scene, self.surfaces, self.table = scene, surfaces, FacetTable(scene)
-        self.reflected, self.offsets = reflected, Offsets(scene.mi)
-        self.shapes = list(scene.mi.shapes())
-        table = self.table
+        self.table = table = FacetTable(scene)
+        self.surfaces, self.reflected, self.shapes = surfaces, reflected, list(scene.mi.shapes())
+        self.tracer = FacetTracer(scene, table, surfaces.different, surfaces.of_shape)
         self.number = emitting_facets(table, self.shapes, scene.name)
         n, index = len(self.number), np.arange(len(self.number))
         self.parts = Parts.of(table, self.number, self.shapes)
@@ -109,15 +107,12 @@ class FacetPaths:
         column[table.type == "sky"] = n
         column[self.number] = index
         self.column = mi.UInt32(column.astype(np.uint32))
-        ids = [pointer_id(mi.ShapePtr(shape)) for shape in self.shapes]
         count = np.array([len(surface.sides) for surface in surfaces.different])[of_shape]
         is_closed = closed_shapes(table, self.shapes, count == 1)
-        backs = np.where(is_closed, self.end("buried"), self.end("lost") + np.arange(len(ids)))
-        by_pointer = np.zeros((2, max(ids) + 1), dtype=np.uint32)
-        by_pointer[:, ids] = of_shape, backs
-        self.surface_of, self.back_of = map(mi.UInt32, by_pointer)
-        self.vector = mi.UInt32(VECTOR)
-        dr.eval(self.surface_of, self.back_of, self.column, self.row_facet, self.row_side)
+        lost = self.end("lost") + np.arange(len(self.shapes))
+        backs = np.where(is_closed, self.end("buried"), lost)[table.shape_index]
+        self.back_of, self.vector = mi.UInt32(backs.astype(np.uint32)), mi.UInt32(VECTOR)
+        dr.eval(self.column, self.back_of, self.row_facet, self.row_side)
 
     def end(self, name: str) -> int:
         """The column of one of ENDS. What is lost has one for each shape, from there on."""
@@ -133,30 +128,11 @@ class FacetPaths:
         values = [function(surface) for surface in self.surfaces.different]
         return np.concatenate([values[k] for k in self.surface_of_facet])
 
-    def respond(self, si, active, u=0.5, v=0.5):
-        """Emissivity of the surfaces at hits toward `si.wi`, and a direction with its weight.
-
-        Before them comes whether the surface has this side. u, v: random numbers for the direction,
-        from which light arrives.
-        """
-
-        targets = [surface.respond for surface in self.surfaces.different]
-        arguments = si, mi.Float(u), mi.Point2f(v), active
-        if len(targets) == 1:
-            return targets[0](*arguments)
-        return dr.switch(self.at(self.surface_of, si), targets, *arguments)
-
     def sees_sky(self, si, to, active) -> mi.Bool:
         """Whether nothing but the sky is in the directions `to` from the active points."""
-        ray = mi.Ray3f(self.offsets.leave(si, to), to)
-        pi = self.scene.mi.ray_intersect_preliminary(ray, coherent=False, active=active)
-        facet = self.table.number(pi.shape, pi.prim_index, pi.is_valid())
-        column = dr.gather(mi.UInt32, self.column, facet, pi.is_valid())
-        return active & (~pi.is_valid() | (column == len(self.number)))
-
-    def at(self, table: mi.UInt32, si, active=True) -> mi.UInt32:
-        """The number of each hit's shape in a table by the pointer to it."""
-        return dr.gather(mi.UInt32, table, dr.reinterpret_array(mi.UInt32, si.shape), active)
+        met, facet = self.tracer.meet(self.tracer.leave(si, to), active)
+        column = dr.gather(mi.UInt32, self.column, facet, met.is_valid())
+        return active & (~met.is_valid() | (column == len(self.number)))
 
     def starts(self, place: mi.UInt32, point: mi.UInt32, seed) -> tuple:
         """Even points on the facets of rows, the sides of the rows, and the paths' samplers.
@@ -227,13 +203,12 @@ class FacetPaths:
         si, side, sampler = self.starts(place, lane % points, seed)
         si.wi = mi.warp.square_to_cosine_hemisphere(sampler.next_2d())
         si.wi.z = dr.mulsign(si.wi.z, side)
-        _, absorbed, _, _ = self.respond(si, mi.Bool(True))
+        _, absorbed, _, _ = self.tracer.respond(si, mi.Bool(True))
         # What is absorbed of the sky's light is the same for light that arrives. Light that a side
         # has reflected begins with the weight 1.
         weight = mi.Float(1) if self.reflected else absorbed
         of_escape = absorbed if self.reflected else mi.Float(1)
-        to = si.to_world(si.wi)
-        ray = mi.Ray3f(self.offsets.leave(si, to), to)
+        ray = self.tracer.leave(si, si.to_world(si.wi))
         slots = dr.empty(mi.UInt32, SLOTS), dr.empty(mi.UInt32, SLOTS), dr.empty(mi.Float, SLOTS)
         hits = dr.zeros(mi.UInt32, 1), *slots
         self._follow(ray, weight, of_escape, sampler, place, hits)
@@ -247,23 +222,22 @@ class FacetPaths:
         of_escape: factor of what escapes. place: of the paths' row and randomisation. hits: see
         `_launch`.
         """
-        n, scene = len(self.number), self.scene.mi
+        n, tracer = len(self.number), self.tracer
         weight, faint, active = mi.Float(weight), FAINT * weight, weight > 0
         reflections = mi.UInt32(0)
         while dr.hint(active, label="exchange"):
-            pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active)
-            si = pi.compute_surface_interaction(ray, mi.RayFlags.All, active)
+            si, facet = tracer.meet(ray, active)
             ends = reflections == MOST_REFLECTIONS
             meets = active & ~ends & si.is_valid()
-            facet = self.table.number(si.shape, si.prim_index, meets)
             column = dr.gather(mi.UInt32, self.column, facet, meets)
             # The sky is what escapes, or a shape of that type
             escapes = active & ~ends & (~meets | (column == n))
             meets &= ~escapes
             u, v = sampler.next_1d(), sampler.next_2d()
-            has_side, emissivity, to, factor = self.respond(si, meets, u, v)
+            has_side, emissivity, to, factor = tracer.respond(si, meets, u, v)
             is_back = meets & ~has_side
-            column = dr.select(is_back, self.at(self.back_of, si, meets), column)
+            back = dr.gather(mi.UInt32, self.back_of, facet, meets)
+            column = dr.select(is_back, back, column)
             column = dr.select(escapes, n + self.ring(ray.d), column)
             column = dr.select(ends, self.end("truncated"), column)
             part = weight * dr.select(meets & ~is_back, emissivity, 1)
@@ -275,8 +249,7 @@ class FacetPaths:
             weight *= dr.select(weight < faint, dr.select(sampler.next_1d() < 0.5, 2, 0), 1)
             reflections += 1
             active = meets & ~is_back & (weight > 0)
-            d = si.to_world(to)
-            ray = mi.Ray3f(self.offsets.leave(si, d), d)
+            ray = tracer.leave(si, si.to_world(to))
 
     def ring(self, d) -> mi.UInt32:
         """The ring of the sky in a direction, counted from the horizon; RINGS below it."""

@@ -102,7 +102,7 @@ def lit_shares(paths: FacetPaths, toward_sun: np.ndarray, where, side, points: i
     si.wi = si.to_local(to)
     lit = paths.sees_sky(si, to, si.wi.z * dr.gather(mi.Float, side, lane % count) > 0)
     cos = dr.select(lit, dr.abs(si.wi.z), 0)
-    values = [cos, cos * paths.respond(si, lit)[1]]
+    values = [cos, cos * paths.tracer.respond(si, lit)[1]]
     dr.eval(values)  # in one kernel; a sum alone would trace the rays again
     sums = [dr.block_sum(value, points).numpy() / points for value in values]
     shares = np.reshape(sums, (2, m, RANDOMISATIONS, len(paths.rows)))

@@ -6,6 +6,7 @@ that is asked for. A surface that is given by numbers, or a BSDF of Mitsuba's, s
 
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 
 import drjit as dr
 import mitsuba as mi
@@ -18,8 +19,9 @@ from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
 from mi_lcair.plugins.derivatives import children
-from mi_lcair.plugins.emission.emissivity import SIDES, Emissivity, Table, emissivity_of, reflects
+from mi_lcair.plugins.emission.emissivity import emissivity_of
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
+from mi_lcair.rendering.facets.tracer import Surface
 from mi_lcair.rendering.scene import Scene
 
 TOTAL, SOLAR = "total", "0.3-2.5"  # bands of the exchanged heat and of sunlight, um
@@ -27,25 +29,6 @@ STAND_IN = "LWIR"  # band that stands in for the total band
 # What the radiation of a band is, and the temperature of its spectrum [K]
 RADIATION = {TOTAL: ("heat", 300.0), SOLAR: ("sunlight", 5772.0)}
 UNUSED = "its emissivity is not used; a surface emits and absorbs what its BSDF does not reflect"
-
-
-@dataclass(frozen=True, eq=False)
-class Surface:
-    """A BSDF and its emissivity; equal BSDFs of a scene share one."""
-
-    bsdf: mi.BSDF
-    emissivity: Emissivity | Table
-
-    @property
-    def sides(self) -> tuple[int, ...]:
-        """The sides that emit: 1 in front, -1 behind."""
-        return tuple(side for side, flag in SIDES if self.emissivity.flags & flag)
-
-    def respond(self, si, u, v, active):
-        """What `FacetPaths.respond` returns, for hits of this surface."""
-        bs, weight = self.bsdf.sample(mi.BSDFContext(), si, u, v, active)
-        emissivity = mi.Float(self.emissivity.eval(self.bsdf, si, active))
-        return reflects(self.emissivity.flags, si.wi.z), emissivity, bs.wo, weight[0]
 
 
 @dataclass
@@ -83,7 +66,7 @@ class Surfaces:
             if key not in index:
                 index[key] = len(surfaces.different)
                 made = make()
-                surfaces.different.append(Surface(made, emissivity_of(made)))
+                surfaces.different.append(Surface(made, partial(emissivity_of(made).eval, made)))
             surfaces.of_shape.append(index[key])
         surfaces.remarks = list(dict.fromkeys(surfaces.remarks))
         return surfaces
@@ -154,5 +137,5 @@ def hemispherical_emissivity(surface: Surface, nodes: int = 64) -> np.ndarray:
     si.n, si.sh_frame = mi.Normal3f(0, 0, 1), mi.Frame3f(mi.Normal3f(0, 0, 1))
     si.wi = mi.Vector3f(mi.Float(np.sqrt(sin2)), 0, mi.Float(side * np.sqrt(1 - sin2)))
     si.uv = mi.Point2f(np.random.default_rng(0).random((2, len(side))))
-    emitted = surface.emissivity.eval(surface.bsdf, si, mi.Bool(True))
+    emitted = surface.emissivity(si, mi.Bool(True))
     return np.broadcast_to(emitted.numpy(), len(side)).reshape(-1, nodes).astype(float) @ w / 2

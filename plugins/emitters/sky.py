@@ -24,6 +24,7 @@ from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST, Property, beside_sce
 # distance of the direction's z from that of the horizon; and over the square root of the angle from
 # the sun above the horizon, and over the azimuth from the sun below it
 ROWS, COLUMNS = 128, 90
+NODES = np.linspace(0, 1, ROWS + 1) ** 2
 NEAREST_DEG = 1e-6  # angle below the horizon of the first row of the ground's tables
 MOST_KEPT = 32  # results that are kept for other values of the parameters
 STEP = 0.1  # of a temperature, for its derivative [K]
@@ -205,9 +206,7 @@ class Sky(DistantEmitter):
         return self.keep(("table", around, *halves), self._tabulated, around, halves)
 
     def _tabulated(self, around, halves):
-        nodes, azimuth = np.linspace(0, 1, ROWS + 1) ** 2, np.linspace(0, 180, self.columns + 1)
-        z = self.sin_horizon + np.outer([1 - self.sin_horizon, -1 - self.sin_horizon], nodes)
-        elevation = np.degrees(np.arcsin(np.clip(z, -1, 1)))
+        azimuth, elevation = np.linspace(0, 180, self.columns + 1), self.elevations()
         elevation[0, 0] = around.horizon_deg
         elevation[1] = np.minimum(elevation[1], around.horizon_deg - NEAREST_DEG)
         directions = np.broadcast_arrays(elevation[list(halves), :, None], azimuth)
@@ -218,14 +217,18 @@ class Sky(DistantEmitter):
             other[0] = around.sky.in_band_by_angle(self.band, *angles)[1]
         return emitted, other, emitted + mean
 
+    def elevations(self) -> np.ndarray:
+        """Elevations of the nodes of the tables [degrees], (2, ROWS + 1)."""
+        z = self.sin_horizon + np.outer([1 - self.sin_horizon, -1 - self.sin_horizon], NODES)
+        return np.degrees(np.arcsin(np.clip(z, -1, 1)))
+
     def set_density(self, radiance: np.ndarray) -> None:
         """Set the density of drawn directions, which is even in cells of z.
 
         radiance: at the nodes, (2, ROWS + 1).
         """
-        nodes = np.linspace(0, 1, ROWS + 1) ** 2
-        below = self.sin_horizon - (1 + self.sin_horizon) * nodes[:0:-1]
-        edges = np.append(below, self.sin_horizon + (1 - self.sin_horizon) * nodes)
+        below = self.sin_horizon - (1 + self.sin_horizon) * NODES[:0:-1]
+        edges = np.append(below, self.sin_horizon + (1 - self.sin_horizon) * NODES)
         of_cells = (radiance[:, 1:] + radiance[:, :-1]) / 2
         weights = np.concatenate([of_cells[1, ::-1], of_cells[0]]) * np.diff(edges)
         weights /= weights.sum()
@@ -264,15 +267,14 @@ class Sky(DistantEmitter):
             near = np.flatnonzero(from_sun <= max(ASIDE_DEG / 2, from_sun.min()))
             self.near = int(near[0]), int(near[-1])
             self.parts += [(0, TOWARD_SUN, float(e)) for e in elevations[0][near]]
-        nodes, places = np.linspace(0, 1, ROWS + 1) ** 2, []
-        for sign, of_half in zip((1, -1), elevations):
-            z = self.sin_horizon + sign * (1 - sign * self.sin_horizon) * nodes
-            away = np.degrees(np.arcsin(np.clip(z, -1, 1))) - horizon
 
-            def at(angle):
-                return -np.log(air_mass(np.abs(angle)))
+        def at(angle):
+            return -np.log(air_mass(np.abs(angle)))
 
-            places.append(np.interp(at(away), at(of_half - horizon), np.arange(len(of_half))))
+        places = [
+            np.interp(at(nodes - horizon), at(of_half - horizon), np.arange(len(of_half)))
+            for nodes, of_half in zip(self.elevations(), elevations)
+        ]
         self.places = mi.Float(np.concatenate(places))
 
     def set_mixture(self, sky) -> None:
@@ -395,8 +397,7 @@ class Sky(DistantEmitter):
         """
         met = np.ones((2, ROWS + 1, self.columns + 1), bool)
         if self.near is not None:
-            z = self.sin_horizon + (1 - self.sin_horizon) * np.linspace(0, 1, ROWS + 1) ** 2
-            elevation = np.degrees(np.arcsin(np.clip(z, -1, 1)))
+            elevation = self.elevations()[0]
             least = abs(elevation - self.sun_elevation_deg) - np.diff(elevation).max()
             angles = 180 * np.linspace(0, 1, self.columns + 1) ** 2
             met[0] = np.append(angles[1:], 180) >= least[:, None]
@@ -443,10 +444,8 @@ class Sky(DistantEmitter):
 
     def _spectra(self, around, scale):
         sources = []
-        for (half, component, elevation), group, light in zip(
-            self.parts, self.groups, self.lights(around)
-        ):
-            from_sky = half == 0 or component == 1
+        of_parts = zip(self.parts, self.groups, self.lights(around), self.is_scaled)
+        for (_, _, elevation), group, light, from_sky in of_parts:
             if isinstance(light, Blackbody):
                 (source,) = Source.of_blackbodies(group, self.band, [light.temperature])
             elif light is None:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import mi_lcair
-from mi_lcair.energy.photons import BATCHES, Tally, World, follow, scaling_cosines
+from mi_lcair.energy.photons import BATCHES, PhotonTracer, Tally, follow, scaling_cosines
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.rendering.facets.table import FacetTable
@@ -35,14 +35,13 @@ def test_a_plate_emits_and_loses_all(tmp_path):
     scene = plate_scene(tmp_path)
     table = FacetTable(scene)
     tally = Tally.of(table.count)
-    with scene.prepared() as tracer:
-        world = World.of(scene, tracer.emitters, table)
-        follow(world, scene.mi.emitters()[0], 2**14, 0, tally)
+    with scene.prepared():
+        follow(PhotonTracer(scene, table), scene.mi.emitters()[0], 2**14, 0, tally)
     expected = EMISSIVITY * AREA * np.pi * float(in_band_radiance(band("LWIR"), 310.0))
     emitted = tally.by_facet.emitted.sum()
     assert emitted == pytest.approx(expected, rel=0.02)  # half of the photons are at the back
     assert tally.ends["escaped"].sum() == pytest.approx(emitted, rel=1e-6)
-    assert not tally.by_facet.incident.any() and not world.passive
+    assert not tally.by_facet.incident.any()
 
 
 def test_angles_of_scaled_brdfs():
