@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mi_lcair import formats
 from mi_lcair.drawing import drawing, plain
-from mi_lcair.formats import csv
 
 # Relative errors for which a table names the cheapest method
 TOLERANCES = 0.05, 0.01, 0.001, 0.0001
@@ -161,7 +161,9 @@ def cheapest(points, case: str, tolerance: float) -> Point | None:
 
 def write_csv(path, points) -> None:
     """Write a CSV file with a row for each point; its columns are the fields of `Point`."""
-    csv.write(path, {of.name: [getattr(p, of.name) for p in points] for of in fields(Point)})
+    formats.write_csv(
+        path, {of.name: [getattr(p, of.name) for p in points] for of in fields(Point)}
+    )
 
 
 # ---- Text

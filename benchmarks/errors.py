@@ -4,7 +4,7 @@ import numpy as np
 
 import mi_lcair
 from benchmarks.timing import ratio, seconds
-from mi_lcair.rendering.settings import changed
+from mi_lcair.rendering.scene import changed
 
 # Half of the 95 % interval. The rms error is then about 0.1 %.
 TOLERANCE = 0.002

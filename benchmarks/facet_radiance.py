@@ -17,11 +17,11 @@ from benchmarks import command
 from benchmarks.methods.propagation.hemisphere_grid import Hemisphere
 from benchmarks.methods.propagation.problem import emitted
 from benchmarks.methods.propagation.quadrature import reflected, stratified, summed
+from mi_lcair import formats
 from mi_lcair.drawing import drawing, plain
 from mi_lcair.errors import InputError
-from mi_lcair.formats import csv
 from mi_lcair.progress import Progress, stepper
-from mi_lcair.rendering.facets.table import FacetTable
+from mi_lcair.rendering.facets import FacetTable
 from mi_lcair.rendering.scene import load
 from mi_lcair.rendering.window import window
 
@@ -88,7 +88,9 @@ def write(folder: Path, result: FacetRadiance) -> None:
     """Write facet_radiance.csv and facet_radiance.png to a folder."""
     names = ("even", "stratified")
     columns = {f"{name}_W_m2_sr": getattr(result, name) for name in names}
-    csv.write(folder / "facet_radiance.csv", {"samples_per_dimension": result.samples} | columns)
+    formats.write_csv(
+        folder / "facet_radiance.csv", {"samples_per_dimension": result.samples} | columns
+    )
     with drawing(folder / "facet_radiance.png", (7, 4), dpi=120, layout="constrained") as figure:
         axes = figure.subplots()
         for name, label in zip(

@@ -18,17 +18,16 @@ from numpy.typing import ArrayLike
 from benchmarks import command
 from benchmarks.methods.propagation import exact
 from benchmarks.methods.propagation.exact import GREY
-from mi_lcair.cavities.gouffe import cavity_emissivity, gouffe
+from mi_lcair import formats
 from mi_lcair.drawing import drawing
-from mi_lcair.formats import csv
+from mi_lcair.laboratory.cavities.rings import cavity_emissivity, gouffe
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.progress import stepper
-from mi_lcair.rendering.measurands import Measurands
+from mi_lcair.rendering.measurands import Measurands, Sampling
 from mi_lcair.rendering.measure import measure
-from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import load
 from mi_lcair.rendering.window import Windows
-from mi_lcair.startup.tasks import in_order
+from mi_lcair.tasks import in_order
 
 WALL_M2, SPHERE_M2 = 3.106, pi  # S and S0 of Table B.1
 # Facets removed -> s [m^2] and s/S, as Table B.1 prints them
@@ -116,7 +115,7 @@ def opening(facets: int, paths: int, seed: int) -> Opening:
 
 def write(folder: Path, rows: list[Opening]) -> None:
     """Write openings.csv, openings.png and gouffe.png to a folder."""
-    csv.write(folder / "openings.csv", columns(rows))
+    formats.write_csv(folder / "openings.csv", columns(rows))
     draw_gouffe(folder / "gouffe.png")
     draw(folder / "openings.png", rows)
 
@@ -216,6 +215,4 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    from benchmarks import openings as module  # worker processes import its functions by this name
-
-    module.main()
+    main()

@@ -19,10 +19,10 @@ from benchmarks import chart, command
 from benchmarks.memory import peak_memory
 from benchmarks.methods.propagation import AMBIENT, GROUPS, METHODS, exact, path_tracing, problems
 from benchmarks.methods.propagation.problem import Method, Problem
+from mi_lcair import formats
 from mi_lcair.drawing import drawing
-from mi_lcair.formats import csv
 from mi_lcair.progress import stepper
-from mi_lcair.startup.tasks import in_order
+from mi_lcair.tasks import in_order
 
 MOST_SECONDS, LEAST_REPETITIONS = 1.5, 5
 # Pairs of the number of bounces and the closure.
@@ -236,7 +236,7 @@ def write_closures(path, closures) -> None:
         "error": [c.error for c in closures],
         "standard_error": [c.standard_error for c in closures],
     }
-    csv.write(path, columns)
+    formats.write_csv(path, columns)
 
 
 def sizes(closures) -> np.ndarray:
@@ -310,6 +310,4 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    from benchmarks import propagation  # worker processes import its functions by this name
-
-    propagation.main()
+    main()

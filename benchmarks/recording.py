@@ -16,9 +16,8 @@ import mi_lcair  # noqa: F401  before drjit, so that it finds the right LLVM
 import drjit as dr  # isort: skip
 import numpy as np
 
-from mi_lcair.api.signature import signature
-from mi_lcair.plugins.paths.aim import Aim
-from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.api.intensities import signature
+from mi_lcair.plugins.paths.launch import Aim, Launch
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.scene import load
 

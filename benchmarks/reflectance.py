@@ -20,7 +20,7 @@ from benchmarks.chart import Point
 from benchmarks.methods.reflectance import METHODS, ReflectanceProblem, problem
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.materials import material
-from mi_lcair.startup.tasks import in_order
+from mi_lcair.tasks import in_order
 
 THETA_DEG = 30  # angle of incidence in the main charts [degrees]
 MATERIALS = [
@@ -154,6 +154,4 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    from benchmarks import reflectance  # worker processes import its functions by this name
-
-    reflectance.main()
+    main()

@@ -16,8 +16,7 @@ import mitsuba as mi
 import numpy as np
 
 from benchmarks import command
-from mi_lcair import scenes
-from mi_lcair.formats import csv
+from mi_lcair import formats, scenes
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.materials import material
 from mi_lcair.plugins.paths.launch import Launch
@@ -297,7 +296,7 @@ def write(folder: Path, result: Throughput) -> None:
     """Write throughput.csv to a folder; a ratio is NaN where nothing is compared."""
     table = columns(result)
     table["ratio"] = [np.nan if ratio is None else ratio for ratio in table["ratio"]]
-    csv.write(folder / "throughput.csv", table)
+    formats.write_csv(folder / "throughput.csv", table)
 
 
 def printed(result: Throughput) -> tuple:

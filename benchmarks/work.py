@@ -55,7 +55,7 @@ def measurements(step_deg=2.0):
     """In-plane scans of a surface with a broad lobe, with 5 % noise."""
     from drjit.llvm.ad import Array3f64, Float64
 
-    from mi_lcair.fitting.scatterometer.measurements import Measurements
+    from mi_lcair.fitting.scatterometer.reading import Measurements
     from mi_lcair.physics.reflection.models import MODELS
 
     model = MODELS["sandford_robertson"]

@@ -13,7 +13,7 @@ import numpy as np
 from mi_lcair.declared import Table, entry
 from mi_lcair.errors import InputError
 from mi_lcair.fitting.model import Hemispherical, Scatterometer
-from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
+from mi_lcair.fitting.scatterometer.reading import DirectionalData, Measurements
 from mi_lcair.physics.reflection import model
 from mi_lcair.physics.reflection.interface import ReflectionModel, Restriction
 from mi_lcair.physics.reflection.models import MODELS

@@ -21,12 +21,16 @@ from mi_lcair.fitting.data import (
 from mi_lcair.fitting.model import Hemispherical, parameters_at
 from mi_lcair.fitting.quality import likely_cause, quality
 from mi_lcair.fitting.report import Fit
-from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
-from mi_lcair.fitting.scatterometer.reading import read, read_directional
+from mi_lcair.fitting.scatterometer.reading import (
+    DirectionalData,
+    Measurements,
+    read,
+    read_directional,
+)
 from mi_lcair.fitting.search import COARSE, Noise, compare, descend
 from mi_lcair.fitting.uncertainty import judge
 from mi_lcair.progress import Progress, stepper
-from mi_lcair.startup.threads import exclusively
+from mi_lcair.tasks import exclusively
 
 CONVERGED = 1e-9  # relative gradient below which a fit is called converged
 JOINT_STARTS = 16  # largest number of starts of a fit with an emissivity or DHR

@@ -18,10 +18,14 @@ from scipy import stats
 
 from mi_lcair.errors import InputError, option
 from mi_lcair.fitting.data import Data, FitSettings, FittedVariant, Variant, select
-from mi_lcair.fitting.scatterometer.measurements import Measurements
+from mi_lcair.fitting.scatterometer.reading import Measurements
 from mi_lcair.fitting.search import BY_CHANCE, FAR, compare, neighbour_correlation
-from mi_lcair.physics.estimation.profiles import inner_deviation
-from mi_lcair.physics.estimation.verdicts import OVERSTATED, SIGNIFICANCE, chi_square_text
+from mi_lcair.physics.estimation.verdicts import (
+    OVERSTATED,
+    SIGNIFICANCE,
+    chi_square_text,
+    inner_deviation,
+)
 
 # Largest reduced chi-square that is no lack of fit if the standard deviations come from repeats.
 # Few repeats leave them uncertain, and a pooled value does not follow how they vary from point to

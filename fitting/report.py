@@ -12,14 +12,13 @@ import numpy as np
 import mi_lcair
 from mi_lcair.errors import InputError, option
 from mi_lcair.extras import named
-from mi_lcair.fitting.curves import model_of
+from mi_lcair.fitting.model import model_of
 from mi_lcair.fitting.quality import Quality
-from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
+from mi_lcair.fitting.scatterometer.reading import DirectionalData, Measurements
 from mi_lcair.physics import reflection
 from mi_lcair.physics.reflection.models import MODELS
 from mi_lcair.results import Result
-from mi_lcair.results.cells import unpacked, words_of
-from mi_lcair.results.sections import Facts, OwnPicture, Section, Table
+from mi_lcair.sections import Facts, OwnPicture, Section, Table, unpacked, words_of
 
 KIND = "fit"  # value of the key `kind` in a fit's JSON file
 UNKNOWN_BAND = "unknown: scenes need it; give {}, or '# band_um: 3 5' in the data"
@@ -117,7 +116,7 @@ class Fit(Result):
 
     kind = KIND
     heading = "Fit"
-    drawn_by = "mi_lcair.reports.pictures.fit:figure"
+    drawn_by = "mi_lcair.show.pictures.fit:figure"
 
     def summary(self) -> str:
         """One line: model, surface, parameters with standard errors, misfit."""
@@ -255,7 +254,7 @@ def sections_of_report(report: dict, fit, measurements=None, directional=None) -
     directional = measured_emissivity(report) if directional is None else directional
     note = "The measured data are not beside the report. Only the fitted curves are shown."
     data = [note] if measurements is None else []
-    draw = named("mi_lcair.reports.pictures.fit:curves")
+    draw = named("mi_lcair.show.pictures.fit:curves")
     words = "Measured and fitted BRDF, residuals, and emissivity"
     picture = OwnPicture(words, partial(draw, fit, measurements, directional))
     compared = [

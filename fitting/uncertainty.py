@@ -6,10 +6,15 @@ from functools import cached_property
 import numpy as np
 
 from mi_lcair.errors import option
-from mi_lcair.fitting.descent import levenberg_marquardt
 from mi_lcair.fitting.model import Hemispherical, parameters_at
-from mi_lcair.physics.estimation.profiles import correlation, further, profile_ends, student_factor
-from mi_lcair.physics.estimation.verdicts import Verdict
+from mi_lcair.fitting.search import levenberg_marquardt
+from mi_lcair.physics.estimation.verdicts import (
+    Verdict,
+    correlation,
+    further,
+    profile_ends,
+    student_factor,
+)
 from mi_lcair.physics.reflection.interface import ModelParameter, ReflectionModel
 
 # An interval that begins below this multiple of the lower bound is said to reach the bound.

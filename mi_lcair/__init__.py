@@ -2,7 +2,7 @@
 
 `import mi_lcair` is fast. It installs an import hook. The hook chooses an LLVM that Dr.Jit can use
 before `drjit` is imported, and registers the plugins when `mitsuba` is imported. Where these were
-imported before mi_lcair, both are done afterwards, see `mi_lcair.startup.llvm.prepare_loaded`.
+imported before mi_lcair, both are done afterwards, see `mi_lcair.startup.prepare_loaded`.
 """
 
 import importlib
@@ -39,10 +39,10 @@ def __dir__() -> list[str]:
 def _prepare_mitsuba():
     """Prepare the imported Mitsuba: plugins, functions that take scenes, log, threads."""
     importlib.import_module(".plugins", __name__)
-    renderer = importlib.import_module(".startup.renderer", __name__)
-    renderer.take_loaded_scenes()
-    renderer.log_to_python()
-    renderer.avoid_one_thread()
+    startup = importlib.import_module(".startup", __name__)
+    startup.take_loaded_scenes()
+    startup.log_to_python()
+    startup.avoid_one_thread()
 
 
 class _OnImport:
@@ -57,8 +57,9 @@ class _OnImport:
     @classmethod
     def find_spec(cls, name, path=None, target=None):
         if name == "drjit":
-            importlib.import_module(".startup.llvm", __name__).prepare()
-            importlib.import_module(".startup.kernel_cache", __name__).prepare()
+            startup = importlib.import_module(".startup", __name__)
+            startup.prepare_llvm()
+            startup.prepare_kernel_cache()
         if name != "mitsuba":
             return None
         others = (
@@ -78,6 +79,6 @@ class _OnImport:
 
 sys.meta_path.insert(0, _OnImport)
 if "drjit" in sys.modules:
-    importlib.import_module(".startup.llvm", __name__).prepare_loaded()
+    importlib.import_module(".startup", __name__).prepare_loaded()
 if "mitsuba" in sys.modules:
     _prepare_mitsuba()

@@ -15,7 +15,7 @@ from contextlib import contextmanager
 import drjit as dr
 import mitsuba as mi
 
-from mi_lcair.startup.threads import exclusive, is_traced
+from mi_lcair.tasks import exclusive, is_traced
 
 
 class Deriving(ABC):
@@ -52,7 +52,7 @@ def unrecorded(function, *arguments):
     runs in another one. Example: Mitsuba's integrators meet a plugin first while they record.
 
     That thread must not collect garbage: a scene in it would wait for its turn, see
-    `mi_lcair.startup.threads`, which the thread has that waits for the result.
+    `mi_lcair.tasks`, which the thread has that waits for the result.
     """
     if not dr.flag(dr.JitFlag.SymbolicScope):
         return function(*arguments)

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 import mi_lcair
 from mi_lcair.physics.reflection.interface import ReflectionModel
-from mi_lcair.plugins.paths.aim import Aim
+from mi_lcair.plugins.paths.launch import Aim
 from mi_lcair.rendering.views import View
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -126,5 +126,5 @@ def test_a_users_script_under_mypy(tmp_path, monkeypatch):
     out, _, _ = mypy.api.run([*options, str(script)])
     lines = [line.partition(".py:")[2] for line in out.splitlines()]
     assert [line.partition(":")[0] for line in lines] == ["5", "6", "7"], out
-    assert 'Revealed type is "mi_lcair.rendering.images.render_result.Render"' in lines[0]
+    assert 'Revealed type is "mi_lcair.rendering.images.render.Render"' in lines[0]
     assert 'Module has no attribute "rendre"' in lines[2]

@@ -6,16 +6,7 @@ from typing import Literal
 
 import pytest
 
-from mi_lcair.declared import (
-    Bounds,
-    Table,
-    entry,
-    excludes,
-    needs,
-    one_of,
-    rule,
-    together,
-)
+from mi_lcair.declared import Bounds, Table, entry, excludes, needs, one_of, rule, together
 from mi_lcair.errors import InputError
 
 

@@ -7,12 +7,12 @@ from scipy import stats
 import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.estimate import Distribution, check_distribution
-from mi_lcair.uncertainty.check import check, second_order
-from mi_lcair.uncertainty.inputs import Inputs
-from mi_lcair.uncertainty.monte_carlo import monte_carlo
-from mi_lcair.uncertainty.uncertainties import Uncertainties
-from tests.uncertainty.formula import Formula, quantity
-from tests.uncertainty.plate_scene import plate_scene
+from mi_lcair.knowing.budgets.budget import check, second_order
+from mi_lcair.knowing.budgets.inputs import Inputs
+from mi_lcair.knowing.budgets.monte_carlo import monte_carlo
+from mi_lcair.knowing.budgets.uncertainties import Uncertainties
+from tests.knowing.budgets.formula import Formula, quantity
+from tests.knowing.budgets.plate_scene import plate_scene
 
 
 def stated(entries, **values) -> Inputs:

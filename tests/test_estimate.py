@@ -5,7 +5,7 @@ import pytest
 
 from mi_lcair.errors import InputError
 from mi_lcair.estimate import Contribution, Estimate, slope, with_error
-from tests.uncertainty.formula import inputs
+from tests.knowing.budgets.formula import inputs
 
 VALUES = {"a": 10.0, "b": 20.0, "c": 30.0}
 COVARIANCE = [[4.0, 1.8, 0], [1.8, 1.0, 0], [0, 0, 0.25]]

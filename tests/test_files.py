@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import mi_lcair
+from mi_lcair import formats
 from mi_lcair.drawing import drawing
 from mi_lcair.errors import InputError
 from mi_lcair.files import (
@@ -26,9 +27,8 @@ from mi_lcair.files import (
     replacing,
     together,
 )
-from mi_lcair.formats import tiff
-from mi_lcair.rendering.images.exr import write_exr
-from mi_lcair.signatures.trend_result import Trend, write_csv
+from mi_lcair.rendering.images.files import write_exr
+from mi_lcair.signatures.trend import Trend, write_csv
 
 CHECKOUT = Path(mi_lcair.__file__).parents[1]
 LIMIT = 4096  # bytes that a file may have, as on a disk that is nearly full
@@ -49,7 +49,9 @@ def png(path):
 
 
 def tif(path):
-    tiff.write(path, np.random.default_rng(0).integers(0, 60000, (256, 256)).astype(np.uint16))
+    formats.write_tiff(
+        path, np.random.default_rng(0).integers(0, 60000, (256, 256)).astype(np.uint16)
+    )
 
 
 def trend(path):

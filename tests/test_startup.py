@@ -17,7 +17,7 @@ from types import SimpleNamespace
 import pytest
 
 import mi_lcair
-from mi_lcair.startup import kernel_cache, llvm
+from mi_lcair import startup
 
 ROOT = Path(__file__).resolve().parents[1]
 LLVM_14 = Path("/usr/lib/x86_64-linux-gnu/libLLVM-14.so.1")
@@ -43,10 +43,10 @@ def python(code, *path, variable=None):
     """Run `code` in a fresh Python that searches the folders `path` (default: the checkout) before
     its own.
     """
-    environment = {key: value for key, value in os.environ.items() if key != llvm.VARIABLE}
+    environment = {key: value for key, value in os.environ.items() if key != startup.LLVM_VARIABLE}
     environment["PYTHONPATH"] = os.pathsep.join(map(str, path or (ROOT,)))
     if variable is not None:
-        environment[llvm.VARIABLE] = str(variable)
+        environment[startup.LLVM_VARIABLE] = str(variable)
     return subprocess.run(
         [sys.executable, "-P", "-c", code],
         env=environment,
@@ -58,9 +58,9 @@ def python(code, *path, variable=None):
 @pytest.fixture
 def usable_llvm(monkeypatch):
     """Path of the LLVM that is chosen when the user names none."""
-    monkeypatch.setenv(llvm.VARIABLE, "")
-    llvm.prepare()
-    return os.environ[llvm.VARIABLE]
+    monkeypatch.setenv(startup.LLVM_VARIABLE, "")
+    startup.prepare_llvm()
+    return os.environ[startup.LLVM_VARIABLE]
 
 
 # LLVM
@@ -81,7 +81,7 @@ def test_unusable_variable_is_passed_over_with_one_line(variable):
     done = python("import mi_lcair\n" + COMPUTE, variable=variable)
     assert done.returncode == 0, done.stderr
     (line,) = done.stderr.splitlines()
-    assert line.startswith(f"{llvm.VARIABLE}={variable} is passed over: ")
+    assert line.startswith(f"{startup.LLVM_VARIABLE}={variable} is passed over: ")
 
 
 @pytest.mark.slow
@@ -89,7 +89,7 @@ def test_usable_variable_comes_first(usable_llvm, tmp_path):
     link = tmp_path / "libLLVM.so"
     link.symlink_to(usable_llvm)
     done = python(
-        f"import mi_lcair, os\n{COMPUTE}print(os.environ['{llvm.VARIABLE}'])", variable=link
+        f"import mi_lcair, os\n{COMPUTE}print(os.environ['{startup.LLVM_VARIABLE}'])", variable=link
     )
     assert (done.stdout.strip(), done.stderr) == (str(link), "")
 
@@ -111,24 +111,24 @@ def test_no_usable_llvm_is_one_line_that_says_what_to_install(variable):
 
 def test_version_is_asked_of_the_library(usable_llvm, monkeypatch):
     """LLVM 16 answers with its version too; here what answers is too old because more is asked."""
-    monkeypatch.setattr(llvm, "OLDEST", 99)
-    monkeypatch.setattr(llvm, "SYSTEM", ())
+    monkeypatch.setattr(startup, "OLDEST", 99)
+    monkeypatch.setattr(startup, "SYSTEM", ())
     with pytest.raises(
         ImportError, match=r"^no LLVM 99 or newer found \(tried .*: LLVM \d\d, older than 99"
     ):
-        llvm.prepare()
+        startup.prepare_llvm()
 
 
 def test_missing_libatomic_is_one_line_that_says_what_to_install(monkeypatch):
     def load(name):
         raise OSError(f"{name}: cannot open shared object file")
 
-    monkeypatch.setattr(llvm.sys, "platform", "linux")
-    monkeypatch.setattr(llvm.ctypes, "CDLL", load)
+    monkeypatch.setattr(startup.sys, "platform", "linux")
+    monkeypatch.setattr(startup.ctypes, "CDLL", load)
     with pytest.raises(
         ImportError, match=r"^libatomic.so.1 is missing.* apt-get install libatomic1$"
     ):
-        llvm.prepare()
+        startup.prepare_llvm()
 
 
 RENDER = "assert mi_lcair.render(mi_lcair.load('two_plates', resolution=4), spp=4).mean > 0\n"
@@ -147,7 +147,7 @@ def test_old_llvm_of_an_imported_drjit_is_replaced(first):
     if not variable.exists():
         pytest.skip(f"no {variable.name}")
     done = python(
-        f"{first}\nimport os; del os.environ['{llvm.VARIABLE}']\nimport mi_lcair\n"
+        f"{first}\nimport os; del os.environ['{startup.LLVM_VARIABLE}']\nimport mi_lcair\n"
         "import mitsuba; mitsuba.set_variant('llvm_ad_mono')\n" + COMPUTE + RENDER,
         variable=variable,
     )
@@ -162,7 +162,7 @@ def test_arrays_outlive_a_replaced_llvm():
     done = python(
         "import drjit as dr\nx = dr.llvm.ad.Float([1, 2, 3]); dr.enable_grad(x); y = x * x\n"
         "stored = dr.llvm.Float([4, 5]) * 2; dr.eval(stored)\n"
-        f"import os; del os.environ['{llvm.VARIABLE}']\nimport mi_lcair\n"
+        f"import os; del os.environ['{startup.LLVM_VARIABLE}']\nimport mi_lcair\n"
         "dr.backward(y); print(dr.grad(x), dr.minimum(stored, 9))",
         variable=LLVM_15,
     )
@@ -182,7 +182,7 @@ def test_an_llvm_that_cannot_be_replaced(variable, found):
     assert done.returncode == 1  # an exception; an abort would be negative
     last = done.stderr.splitlines()[-1]
     assert last.startswith(f"ImportError: drjit was imported before mi_lcair and found {found}, ")
-    assert last.endswith(f": import mi_lcair first, or set {llvm.VARIABLE}")
+    assert last.endswith(f": import mi_lcair first, or set {startup.LLVM_VARIABLE}")
     assert ("has created objects" in last) == bool(created)
 
 
@@ -202,7 +202,7 @@ def test_read_only_site_packages(tmp_path):
     try:
         installed = [
             file
-            for file in files(llvm.WHEEL)
+            for file in files(startup.WHEEL)
             if not file.locate().is_symlink() and file.locate().exists()
         ]
     except PackageNotFoundError:
@@ -213,7 +213,9 @@ def test_read_only_site_packages(tmp_path):
             target = site / file
             Path(os.path.normpath(target)).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(file.locate(), os.path.normpath(target))
-    done = python(f"import mi_lcair, os\n{COMPUTE}print(os.environ['{llvm.VARIABLE}'])", ROOT, site)
+    done = python(
+        f"import mi_lcair, os\n{COMPUTE}print(os.environ['{startup.LLVM_VARIABLE}'])", ROOT, site
+    )
     assert (done.returncode, done.stderr) == (0, "")
     assert Path(done.stdout.strip()).is_relative_to(tmp_path)
 
@@ -243,7 +245,7 @@ LIMITED = (
 @pytest.mark.slow
 def test_kernels_that_cannot_be_written(tmp_path, monkeypatch):
     """Dr.Jit would try again for ever; here the cache is off, and a line says so."""
-    monkeypatch.setenv(kernel_cache.VARIABLE, str(tmp_path))
+    monkeypatch.setenv(startup.CACHE_VARIABLE, str(tmp_path))
     render = "mi_lcair.render(mi_lcair.load('two_plates', resolution=4), spp=2)\n"
     done = python(LIMITED + render)
     assert done.returncode == 0, done.stderr
@@ -257,18 +259,18 @@ def test_a_disk_without_room(tmp_path, monkeypatch, caplog):
     other.mkdir()
     free = {"own": 2**20, "tmp": 2**40}
     usage = lambda folder: SimpleNamespace(free=free[Path(folder).relative_to(tmp_path).parts[0]])
-    monkeypatch.setattr(kernel_cache.shutil, "disk_usage", usage)
-    monkeypatch.setattr(kernel_cache.tempfile, "gettempdir", lambda: str(other))
-    monkeypatch.setenv(kernel_cache.VARIABLE, str(own))
-    kernel_cache.prepare()
-    assert Path(os.environ[kernel_cache.VARIABLE]).parent == other
+    monkeypatch.setattr(startup.shutil, "disk_usage", usage)
+    monkeypatch.setattr(startup.tempfile, "gettempdir", lambda: str(other))
+    monkeypatch.setenv(startup.CACHE_VARIABLE, str(own))
+    startup.prepare_kernel_cache()
+    assert Path(os.environ[startup.CACHE_VARIABLE]).parent == other
     assert caplog.messages[-1].startswith(
         f"kernel cache {own}: only 1 MB are free, 64 MB are needed; {other}"
     )
-    monkeypatch.setenv(kernel_cache.VARIABLE, str(own))
+    monkeypatch.setenv(startup.CACHE_VARIABLE, str(own))
     free["tmp"] = 0
-    kernel_cache.prepare()
-    assert os.environ[kernel_cache.VARIABLE] == os.devnull
+    startup.prepare_kernel_cache()
+    assert os.environ[startup.CACHE_VARIABLE] == os.devnull
     assert caplog.messages[-1].endswith("kernels are compiled anew in each run")
 
 
@@ -277,15 +279,15 @@ def temporary_cache(tmp_path, monkeypatch):
     """The predictable folder that takes the place of a cache that cannot be written."""
     no_folder = tmp_path / "file"
     no_folder.touch()
-    monkeypatch.setenv(kernel_cache.VARIABLE, str(no_folder))
-    monkeypatch.setattr(kernel_cache.tempfile, "tempdir", str(tmp_path))
-    monkeypatch.setattr(kernel_cache.atexit, "register", lambda *call, **options: None)
+    monkeypatch.setenv(startup.CACHE_VARIABLE, str(no_folder))
+    monkeypatch.setattr(startup.tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(startup.atexit, "register", lambda *call, **options: None)
     return tmp_path / f"drjit-{os.getuid()}"
 
 
 def prepared() -> Path:
-    kernel_cache.prepare()
-    return Path(os.environ[kernel_cache.VARIABLE])
+    startup.prepare_kernel_cache()
+    return Path(os.environ[startup.CACHE_VARIABLE])
 
 
 def test_a_cache_among_the_temporary_files_is_private(temporary_cache):
@@ -324,20 +326,20 @@ def test_a_cache_of_another_user(temporary_cache, monkeypatch):
 def test_a_cache_that_all_users_may_write(tmp_path):
     (tmp_path / "open").mkdir()
     (tmp_path / "open").chmod(0o777)
-    assert "all users may write there" in kernel_cache.trouble(tmp_path / "open")
+    assert "all users may write there" in startup.trouble(tmp_path / "open")
 
 
 @pytest.mark.skipif(os.getuid() == 0, reason="root may write anywhere")
 def test_a_cache_that_is_read_only(tmp_path, monkeypatch):
     tmp_path.chmod(0o500)
-    monkeypatch.setenv(kernel_cache.VARIABLE, str(tmp_path))
-    assert kernel_cache.trouble(tmp_path) == "Permission denied"
+    monkeypatch.setenv(startup.CACHE_VARIABLE, str(tmp_path))
+    assert startup.trouble(tmp_path) == "Permission denied"
 
 
 def test_a_cache_with_room_is_left_alone(tmp_path, monkeypatch, caplog):
-    monkeypatch.setenv(kernel_cache.VARIABLE, str(tmp_path / "new"))
-    kernel_cache.prepare()
-    assert os.environ[kernel_cache.VARIABLE] == str(tmp_path / "new") and not caplog.messages
+    monkeypatch.setenv(startup.CACHE_VARIABLE, str(tmp_path / "new"))
+    startup.prepare_kernel_cache()
+    assert os.environ[startup.CACHE_VARIABLE] == str(tmp_path / "new") and not caplog.messages
     assert list((tmp_path / "new").iterdir()) == []
 
 
@@ -382,7 +384,7 @@ def test_derivatives_after_another_variant(first, other, usable_llvm):
     """A scene that was loaded before keeps its surfaces and its derivatives."""
     done = python(
         f"import mitsuba as mi; mi.set_variant('{first}')\n"
-        "from mi_lcair.api.sensitivities import sensitivities\n"
+        "from mi_lcair.api.estimates import sensitivities\n"
         "import mi_lcair; mi.set_variant('llvm_ad_mono')\n"
         "scene = mi_lcair.load('two_plates', resolution=4)\n"
         "names = [name for name in mi_lcair.parameters(scene) if 'blackbody' in name]\n"

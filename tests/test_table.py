@@ -14,10 +14,10 @@ from mi_lcair.fitting.scatterometer.reading import read as scatterometer
 from mi_lcair.models3d import read as read_model
 from mi_lcair.physics.atmosphere import atmosphere
 from mi_lcair.physics.bands import band
-from mi_lcair.physics.directional_table import over_the_hemisphere, read_directional_table
 from mi_lcair.physics.materials import names
 from mi_lcair.physics.sky import spectrum
-from mi_lcair.rendering.images.exr import read_exr
+from mi_lcair.physics.spectral_table import over_the_hemisphere, read_directional_table
+from mi_lcair.rendering.images.files import read_exr
 from mi_lcair.table import read_table, safe_cell
 
 

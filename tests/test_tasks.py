@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import mi_lcair
+from mi_lcair import tasks
 from mi_lcair.errors import InputError
-from mi_lcair.startup import tasks
-from mi_lcair.startup.tasks import check_scheduler, computed, in_order, kept, on_workers
+from mi_lcair.tasks import check_scheduler, computed, in_order, kept, on_workers
 
 distributed = pytest.importorskip("dask.distributed")
 
@@ -84,7 +84,7 @@ def test_a_worker_that_dies_is_replaced(address, tmp_path):
 @pytest.mark.slow
 def test_trends_are_the_same_to_the_bit(address, monkeypatch):
     """A scene with settings, and scenes that a worker cannot load, or loads as another one."""
-    monkeypatch.setattr("mi_lcair.sweeps.subject.VIEWS_AT_ONCE", 2)
+    monkeypatch.setattr("mi_lcair.detection.sweeps.subject.VIEWS_AT_ONCE", 2)
     scene = mi_lcair.load("two_plates", resolution=8)
     views = {"azimuths_deg": [0, 45, 90], "resolution": 8, "spp": 4, "max_bounces": 1}
     here = mi_lcair.trend(scene, **views).table

@@ -30,7 +30,7 @@ import drjit as dr, mitsuba as mi, numpy as np
 from mi_lcair import scenes
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.fitting import fit
-from mi_lcair.fitting.scatterometer.measurements import Measurements
+from mi_lcair.fitting.scatterometer.reading import Measurements
 
 model, surface = sys.argv[1], json.loads(sys.argv[2])
 plugin = {"type": model, **surface}

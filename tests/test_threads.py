@@ -11,7 +11,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair.plugins.derivatives import unrecorded
-from mi_lcair.startup.threads import exclusive, exclusively
+from mi_lcair.tasks import exclusive, exclusively
 
 # Modules that use Dr.Jit, beside all plugins
 ROOMS = ("mi_lcair.plugins.", "mi_lcair.rendering.facets.", "mi_lcair.rendering.window")

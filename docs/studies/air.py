@@ -15,10 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from docs.studies.page import write_page
-from mi_lcair.physics.air.bands import bands
+from mi_lcair.physics.air.atmosphere import AirLight
 from mi_lcair.physics.air.clear_air import SunDirection, clear_air
-from mi_lcair.physics.air.levels import Weather, model_names
-from mi_lcair.physics.air.light import AirLight
+from mi_lcair.physics.air.levels import Weather, bands, model_names
 from mi_lcair.physics.bands import band
 
 LOWTRAN7 = Path(__file__).parents[2] / "tests/physics/air/lowtran7.csv"

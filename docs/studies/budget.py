@@ -11,9 +11,9 @@ from pathlib import Path
 
 import mi_lcair
 from docs.studies.page import label, write_page
-from mi_lcair.api.parameters import parameters
+from mi_lcair.api.scenes import parameters
 from mi_lcair.detection.scenario import Scenario
-from mi_lcair.uncertainty.budget import Budget
+from mi_lcair.knowing.budgets.budget import Budget
 
 STATED = Path(__file__).parents[1] / "validation" / "budget" / "landing.toml"
 LANDING = Path(__file__).parents[1] / "validation" / "landing.md"

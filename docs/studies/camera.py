@@ -13,7 +13,7 @@ import mi_lcair
 from mi_lcair.cli.output import print_columns
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.drawing import new_figure, styled, write_figure
-from mi_lcair.reports.pictures.image import draw_frame
+from mi_lcair.show.pictures.image import draw_frame
 
 RANGES_M = (500.0, 2000.0, 5000.0)
 CAMERA = {

@@ -16,14 +16,14 @@ from tqdm import tqdm
 import mi_lcair
 from docs.studies.landing import CASES, number
 from docs.studies.page import write_page
-from mi_lcair.camera.image_result import Image
-from mi_lcair.detection.contrast_result import Contrast
+from mi_lcair.detection.camera.image_result import Image
+from mi_lcair.detection.contrast import Contrast
 from mi_lcair.detection.irradiance import TERMS
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.drawing import drawing
 from mi_lcair.estimate import Estimate
 from mi_lcair.physics.bands import band as band_of
-from mi_lcair.physics.sun.sunlight import sunlight
+from mi_lcair.physics.sun import sunlight
 
 BOUNCES, SPP, IMAGE_SPP, AZIMUTH_SPP = 4, 128, 64, 16
 SUN_ELEVATION_DEG, SUN_AZIMUTH_DEG = 45, 60

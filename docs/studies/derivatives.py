@@ -18,8 +18,8 @@ from tqdm import tqdm
 import mi_lcair
 from docs.studies.differences import differences
 from docs.studies.page import label, write_page
-from mi_lcair.api.parameters import parameters
-from mi_lcair.api.sensitivities import sensitivities
+from mi_lcair.api.estimates import sensitivities
+from mi_lcair.api.scenes import parameters
 from mi_lcair.rendering.parameters.values import parameters_named
 
 SCENES = [

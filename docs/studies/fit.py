@@ -13,13 +13,11 @@ from scipy.optimize import least_squares
 
 import mi_lcair  # noqa: F401  it chooses the LLVM and must precede the import of Dr.Jit
 from mi_lcair.fitting import fit, read
-from mi_lcair.fitting.curves import directional, model_of
 from mi_lcair.fitting.data import COMPARED, Variant, select
-from mi_lcair.fitting.descent import ROUND_OFF, explore, levenberg_marquardt
 from mi_lcair.fitting.estimation import emissivity_error
-from mi_lcair.fitting.model import Hemispherical
+from mi_lcair.fitting.model import Hemispherical, directional, model_of
 from mi_lcair.fitting.scatterometer.reading import read_directional
-from mi_lcair.fitting.search import COARSE
+from mi_lcair.fitting.search import COARSE, ROUND_OFF, explore, levenberg_marquardt
 from mi_lcair.physics.reflection.models import MODELS
 from tests.fitting.synthetic import ROUGH, THESIS_SETS, relative_errors, scan_of
 

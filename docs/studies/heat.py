@@ -19,7 +19,7 @@ import mi_lcair
 from docs.studies.page import write_page
 from mi_lcair import models3d, scenes
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
-from mi_lcair.rendering.facets.table import FacetTable
+from mi_lcair.rendering.facets import FacetTable
 
 EXAMPLES = scenes.FOLDER / "examples"
 SUN_W_M2, ELEVATION_DEG, EPSILON, ABSORPTANCE = 1361.0, 10.0, 0.95, 0.88

@@ -18,15 +18,15 @@ import numpy as np
 import mi_lcair
 from docs.studies.lobe import width_deg
 from docs.studies.page import write_page
-from mi_lcair.api.parameters import parameters
+from mi_lcair.api.scenes import parameters
 from mi_lcair.files import replacing
 from mi_lcair.fitting import fit
-from mi_lcair.inversion.data.readings import noise_of_netd
+from mi_lcair.knowing.inversion.data.readings import noise_of_netd
 from mi_lcair.physics.reflection.models import MODELS
 from mi_lcair.rendering.parameters.values import changed
 from mi_lcair.rendering.views import View, seen_from
 from tests.fitting.synthetic import THESIS_SETS, scan_of
-from tests.inversion.plate import XML
+from tests.knowing.inversion.plate import XML
 
 FOLDER = Path(__file__).parents[1] / "validation" / "inversion"
 STRIPES, GLOSS_BLACK, PLATE, TWO_SKIES, PAINT = (

@@ -21,12 +21,12 @@ from scipy import stats
 import mi_lcair
 from docs.studies.page import write_page
 from mi_lcair.files import replacing
-from mi_lcair.inversion.data.readings import noise_of_netd
-from mi_lcair.inversion.least_squares.newton import matern
-from mi_lcair.rendering.facets.table import FacetTable
-from mi_lcair.startup.tasks import in_order
-from tests.inversion import ball, corner, plate
-from tests.sensitivity import waist
+from mi_lcair.knowing.inversion.data.readings import noise_of_netd
+from mi_lcair.knowing.inversion.least_squares.newton import matern
+from mi_lcair.rendering.facets import FacetTable
+from mi_lcair.tasks import in_order
+from tests.derivatives import waist
+from tests.knowing.inversion import ball, corner, plate
 
 PAGE = Path("docs/validation/inversion_coverage.md")
 MEASURED = Path("docs/validation/inversion/coverage.json")

@@ -22,8 +22,7 @@ from mi_lcair.drawing import drawing
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.materials import material
-from mi_lcair.rendering.facets.image import pixel_rays
-from mi_lcair.rendering.facets.table import FacetTable
+from mi_lcair.rendering.facets import FacetTable, pixel_rays
 
 BOUNCES, RESOLUTION, SPP, FACET_SPP = 10, 192, 128, 512
 CASES = [

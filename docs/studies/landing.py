@@ -19,7 +19,7 @@ from tqdm import tqdm
 import mi_lcair
 from docs.studies.page import write_page
 from mi_lcair import models3d, scenes
-from mi_lcair.detection.contrast_result import Contrast
+from mi_lcair.detection.contrast import Contrast
 from mi_lcair.detection.irradiance import Irradiance
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.drawing import drawing

@@ -20,10 +20,10 @@ from tqdm import tqdm
 import mi_lcair
 from benchmarks.chart import digits
 from docs.studies.page import label, write_page
-from mi_lcair.plugins.emission.drawing.light_tree import LightTree
-from mi_lcair.plugins.emission.drawing.spherical_polygon import Receiver
+from mi_lcair.plugins.emission.panels import LightTree
+from mi_lcair.plugins.emission.spherical_polygons import Receiver
 from mi_lcair.plugins.emission.triangles import Choice, random_integer
-from mi_lcair.rendering.settings import changed
+from mi_lcair.rendering.scene import changed
 from mi_lcair.rendering.views import meets_model
 
 SCENES = [

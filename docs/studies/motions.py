@@ -17,21 +17,18 @@ from tqdm import tqdm
 
 import mi_lcair
 from docs.studies.page import label, write_page
-from mi_lcair.rendering.measurands import Measurands
+from mi_lcair.derivatives.common_numbers import CommonNumbers
+from mi_lcair.derivatives.motions.differences import ATTACHED, ON_FILM, Difference, starts_in
+from mi_lcair.derivatives.shape import Surface, standard_errors
+from mi_lcair.derivatives.window import differences_of, mean_and_deviations
+from mi_lcair.rendering.measurands import Measurands, Sampling
 from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.motions.motion import motions_of
 from mi_lcair.rendering.motions.pose import declare, moved, set_motions
-from mi_lcair.rendering.motions.table import motions_of
 from mi_lcair.rendering.parameters.values import changed
-from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.statistics import student_factor
 from mi_lcair.rendering.window import Windows, window_area
-from mi_lcair.sensitivity.common_numbers import CommonNumbers
-from mi_lcair.sensitivity.motions.differences import ATTACHED, ON_FILM, Difference
-from mi_lcair.sensitivity.motions.starts import starts_in
-from mi_lcair.sensitivity.shape.estimation import standard_errors
-from mi_lcair.sensitivity.shape.surface import Surface
-from mi_lcair.sensitivity.window import differences_of, mean_and_deviations
-from tests.sensitivity.motions.test_differences import (
+from tests.derivatives.motions.test_differences import (
     CUBE,
     GAP,
     HOT,
@@ -47,8 +44,8 @@ from tests.sensitivity.motions.test_differences import (
     tall_wall,
     view_of_wall,
 )
-from tests.sensitivity.motions.test_registration import NOISE, SCENE, TRUTH, problem
-from tests.sensitivity.shape.test_shape_derivatives import bodies, derivatives
+from tests.derivatives.motions.test_registration import NOISE, SCENE, TRUTH, problem
+from tests.derivatives.test_shape import bodies, derivatives
 
 PAGE = Path(__file__).parents[1] / "validation" / "motions.md"
 FEW, MANY = 2**12, 2**16  # paths of each of the two renders

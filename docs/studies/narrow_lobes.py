@@ -13,13 +13,12 @@ from pathlib import Path
 
 import mi_lcair
 from docs.studies.page import label, write_page
-from mi_lcair.rendering.measurands import Measurands
+from mi_lcair.derivatives.images import images_of
+from mi_lcair.derivatives.window import columns_of, explored_by, recordings
+from mi_lcair.rendering.measurands import Measurands, Sampling
 from mi_lcair.rendering.measure import measure
-from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.window import Windows
-from mi_lcair.sensitivity.columns import columns_of, explored_by, recordings
-from mi_lcair.sensitivity.images import images_of
-from tests.inversion import ball
+from tests.knowing.inversion import ball
 
 RESOLUTION = 64
 SPP, IMAGES = 1024, 8  # paths of each pixel, and independent images

@@ -18,7 +18,7 @@ import mi_lcair
 from docs.studies.page import label, write_page
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.recorders.channels import Channels
-from mi_lcair.plugins.recorders.first_hit import FirstHit
+from mi_lcair.plugins.recorders.radiance import FirstHit
 from mi_lcair.plugins.recorders.recorder import Recorders
 from mi_lcair.plugins.samplers.lattice import Lattice, hashed
 from mi_lcair.rendering import window

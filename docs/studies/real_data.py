@@ -17,15 +17,18 @@ import numpy as np
 
 from docs.studies.page import write_page
 from docs.studies.real_data_tables import LOSS_FORM, LOSS_MODEL, LOSS_WIDTH, tables
-from mi_lcair.fitting.curves import directional, predicted
 from mi_lcair.fitting.data import COMPARED, SCALES
 from mi_lcair.fitting.estimation import emissivity_error, fit
-from mi_lcair.fitting.model import Hemispherical
+from mi_lcair.fitting.model import Hemispherical, directional, predicted
 from mi_lcair.fitting.report import Fit
-from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
-from mi_lcair.fitting.scatterometer.reading import read, read_directional
+from mi_lcair.fitting.scatterometer.reading import (
+    DirectionalData,
+    Measurements,
+    read,
+    read_directional,
+)
 from mi_lcair.physics.reflection.models import MODELS
-from mi_lcair.reports.pictures.fit import save_plot
+from mi_lcair.show.pictures.fit import save_plot
 
 TITLES = {
     "aluminium": "Aluminium",

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mi_lcair.fitting.curves import model_of
+from mi_lcair.fitting.model import model_of
 from mi_lcair.fitting.report import Fit
 from mi_lcair.physics.reflection.models import MODELS
 

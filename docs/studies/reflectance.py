@@ -24,14 +24,7 @@ from benchmarks.methods.reflectance import (
     stratified_quadrature,
     uniform_quadrature,
 )
-from benchmarks.reflectance import (
-    FULL,
-    MATERIALS,
-    QUICK,
-    THETA_DEG,
-    named_problem,
-    timed,
-)
+from benchmarks.reflectance import FULL, MATERIALS, QUICK, THETA_DEG, named_problem, timed
 from docs.studies.method_tables import factors, fastest, table, times_faster
 from docs.studies.page import write_page
 

@@ -13,7 +13,7 @@ from PIL import Image
 from playwright.sync_api import sync_playwright
 
 import mi_lcair
-from tests.reports.page.conftest import COMPLETE, FLAGS, PATIENCE, browser_path
+from tests.show.page.conftest import COMPLETE, FLAGS, PATIENCE, browser_path
 
 PICTURE = Path(__file__).parents[1] / "pictures" / "report.png"
 WIDTH, HEIGHT = 1200, 1000  # pixels of the window

@@ -21,7 +21,7 @@ import mi_lcair
 from benchmarks.chart import digits
 from benchmarks.errors import SCENES
 from docs.studies.page import write_page
-from mi_lcair.rendering.settings import changed
+from mi_lcair.rendering.scene import changed
 
 GOAL = 0.001  # relative rms error
 SIDE = 32  # pixels along each side of Mitsuba's film

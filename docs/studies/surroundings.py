@@ -18,7 +18,7 @@ import numpy as np
 import mi_lcair
 from mi_lcair import models3d, scenes
 from mi_lcair.cli.output import print_columns
-from mi_lcair.physics.surroundings.words import Words
+from mi_lcair.physics.surroundings import Words
 
 GROUND = "288,0.95"
 AROUND = {

@@ -27,7 +27,7 @@ import numpy as np
 
 import mi_lcair
 from docs.studies.page import write_page
-from mi_lcair.startup import tasks
+from mi_lcair import tasks
 
 PAGE = Path("docs/validation/workers.md")
 COUNTS = (2, 1, 4)  # workers

@@ -21,35 +21,35 @@ from mi_lcair.interrupts import INTERRUPTED
 # Module of each command, by what the commands are for.
 PURPOSES = {
     "Images and intensities": {
-        "render": "render",
-        "signature": "signature",
-        "trend": "trend",
-        "contrast": "scenarios.contrast",
-        "image": "scenarios.image",
-        "sweep": "scenarios.sweep",
-        "flight": "scenarios.flight",
-        "temperature": "files.temperature",
-        "cavity": "scenarios.cavity",
-        "exchange": "scenarios.exchange",
-        "heat": "scenarios.heat",
-        "pose": "scenarios.pose",
+        "render": "radiometry",
+        "signature": "radiometry",
+        "trend": "radiometry",
+        "contrast": "radiometry",
+        "image": "radiometry",
+        "sweep": "radiometry",
+        "flight": "radiometry",
+        "temperature": "laboratory",
+        "cavity": "laboratory",
+        "exchange": "laboratory",
+        "heat": "laboratory",
+        "pose": "laboratory",
     },
     "Scenes and materials": {
-        "scenes": "scenes",
+        "scenes": "materials",
         "materials": "materials",
-        "import": "import_model",  # a module cannot be named `import`
-        "fit": "fit",
+        "import": "materials",
+        "fit": "materials",
     },
     "Pictures, pages and files": {
-        "show": "files.show",
-        "report": "report",
-        "convert": "files.convert",
+        "show": "files",
+        "report": "files",
+        "convert": "files",
     },
     "Errors, and what they depend on": {
-        "audit": "estimates.audit",
-        "budget": "estimates.budget",
-        "invert": "estimates.invert",
-        "shape-derivatives": "estimates.shape_derivatives",
+        "audit": "estimates",
+        "budget": "estimates",
+        "invert": "estimates",
+        "shape-derivatives": "estimates",
     },
 }
 COMMANDS = {name: module for group in PURPOSES.values() for name, module in group.items()}
@@ -59,7 +59,7 @@ FAILED, UNUSABLE = 1, 2
 
 
 class Main(click.Group):
-    """Group of commands. Each is named `command` in its module, which is imported on use."""
+    """Group of commands. `NAME_command` stands in its module, which is imported on use."""
 
     def list_commands(self, ctx):
         return list(COMMANDS)
@@ -69,7 +69,8 @@ class Main(click.Group):
             if ctx.resilient_parsing:  # the shell completes a line
                 return None
             raise unknown("command", name, COMMANDS)
-        command = importlib.import_module(f"{__name__}.{COMMANDS[name]}").command
+        module = importlib.import_module(f"{__name__}.{COMMANDS[name]}")
+        command = vars(module)[f"{name.replace('-', '_')}_command"]
         add_quiet(command)
         return command
 

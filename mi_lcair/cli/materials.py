@@ -1,18 +1,88 @@
-"""mi-lcair materials: list the known materials."""
+"""Commands about scenes, models and materials."""
 
+import shlex
+from functools import partial
+from itertools import zip_longest
 from pathlib import Path
 
 import click
 
 import mi_lcair
-from mi_lcair.cli import options
-from mi_lcair.cli.output import print_result
+from mi_lcair.cli import completion, options
+from mi_lcair.cli.output import (
+    JSON,
+    Called,
+    is_set,
+    note,
+    print_columns,
+    print_json,
+    print_next,
+    print_result,
+    print_sections,
+    print_written,
+)
+from mi_lcair.errors import InputError
+from mi_lcair.files import replacing, together
+from mi_lcair.physics.reflection import NAMES
+
+# mi-lcair scenes: list the bundled scenes
+# ----------------------------------------
+
+
+@options.command("scenes", "mi-lcair scenes", "mi-lcair scenes --json")
+@options.json
+def scenes_command():
+    """List the bundled scenes.
+
+    Each scene is printed with its parameters, their defaults, meanings and units, and with its
+    scenarios. Nothing is written.
+    """
+    from mi_lcair import scenes
+
+    if is_set(JSON):
+        print_json(
+            {
+                name: {
+                    "title": scenes.title(name),
+                    "path": str(scenes.path(name)),
+                    "parameters": {
+                        key: parameter._asdict()
+                        for key, parameter in scenes.parameters(name).items()
+                    },
+                    "scenarios": {
+                        scenario: scenes.scenario_title(scenario)
+                        for scenario in scenes.scenarios(name)
+                    },
+                }
+                for name in scenes.names()
+            }
+        )
+        return
+    for name in scenes.names():
+        click.echo(f"{name}: {scenes.title(name)}")
+        print_columns(
+            [
+                (f"    {key}={parameter.default}", parameter.description)
+                for key, parameter in scenes.parameters(name).items()
+            ]
+        )
+        for scenario in scenes.scenarios(name):
+            click.echo(f"    scenario {scenario}: {scenes.scenario_title(scenario)}")
+        click.echo()
+    click.echo(
+        "Set a parameter with -D: mi-lcair render SCENE -D key=value -o FILE.exr. Measure a "
+        "scenario: mi-lcair contrast SCENARIO"
+    )
+
+
+# mi-lcair materials: list the known materials
+# --------------------------------------------
 
 
 @options.command("materials", "mi-lcair materials", "mi-lcair materials own.toml --json")
 @click.argument("files", nargs=-1, type=click.Path(path_type=Path), metavar="[FILE|FOLDER]...")
 @options.json
-def command(files):
+def materials_command(files):
     """List the known materials.
 
     Printed are the name, the reflection model and the band in um of each material, its emissivity
@@ -22,3 +92,344 @@ def command(files):
     is written.
     """
     print_result(mi_lcair.materials(*files))
+
+
+# mi-lcair import: convert a model of a modelling program to meshes and a scene
+# -----------------------------------------------------------------------------
+
+FIRST = 0.02  # tolerance of the first intensity of a model
+AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
+
+
+@options.command(
+    "import",
+    "mi-lcair import box.obj -o box",
+    "mi-lcair import box.obj --check",
+    "mi-lcair import drone.obj --names drone.csv --forward -Z --up Y -o drone",
+    cls=Called,
+)
+@click.argument("file", type=options.FILE, metavar="MODEL")
+@options.output(
+    "meshes, model.xml, scene.xml and the picture model.png to FOLDER", metavar="FOLDER"
+)
+@options.option("--check", "Only report; write nothing.", is_flag=True)
+@options.option(
+    "--overwrite", "Replace files in FOLDER that were edited since the last import.", is_flag=True
+)
+@options.option(
+    "--forward",
+    "Forward Axis in the export dialogue of Blender, which has -Z unless it is changed. "
+    "Without --forward and --up, x, y and z are those of Blender; glTF is turned by itself.",
+    AXIS,
+)
+@options.option(
+    "--up", "Up Axis in the export dialogue of Blender, which has Y unless it is changed.", AXIS
+)
+@options.option("--nose", "Axis along which the nose points in Blender.", AXIS, default="X")
+@options.option(
+    "--names",
+    "Table that says what the faces of an object, group or Blender material are: name and "
+    "type, material or emissivity, kelvin, group, elevation_deg.",
+    options.FILE,
+    metavar="CSV",
+)
+@options.option(
+    "--temperature",
+    "Temperature of all model facets, instead of the labels' temperatures.",
+    float,
+    metavar="K",
+)
+@options.option(
+    "--temperatures",
+    "Table facet,kelvin with each facet once, instead of the labels' temperatures; a mesh of "
+    "a FEM program (.vtu, .med); or the solution of an inversion, for the facets that were unknown "
+    "in it.",
+    options.FILE,
+    metavar="CSV|VTU|JSON",
+)
+@options.option(
+    "--material",
+    "Material of all model facets, instead of the labels' materials: a name, the emissivity "
+    "of a grey surface, or the JSON of a fit.",
+    metavar="NAME|NUMBER|JSON",
+    shell_complete=completion.materials,
+)
+@options.option(
+    "--materials",
+    "Your own materials, or the JSON of a fit or of an inversion; copied to FOLDER.",
+    options.FILE,
+    metavar="TOML|JSON",
+)
+@options.option("--scale", "Length of the file's unit, in metres.", float, default=1)
+@options.option(
+    "--sky",
+    "Sky around the model: clear, overcast, a temperature, a bundled table, or a CSV that is "
+    "copied to FOLDER. A model with sky facets that have elevation_deg=... in their label takes "
+    "their spectra from the TABLE.",
+    metavar="clear|overcast|KELVIN|TABLE",
+)
+@options.option(
+    "--ground",
+    "Ground below the model: its temperature, and its emissivity (1) or material.",
+    metavar="KELVIN[,EMISSIVITY|MATERIAL]",
+)
+@options.option(
+    "--sun",
+    "Sun by day, in degrees; azimuth 0 is the nose, 90 the left side. FILE is a CSV of its "
+    "irradiance.",
+    metavar="ELEVATION[,AZIMUTH[,FILE]]",
+)
+@options.option(
+    "--atmosphere",
+    "Clear air of sky and sun: us_standard (the default) or midlat_summer.",
+    metavar="NAME",
+)
+@options.option(
+    "--band",
+    "Also print the intensity of the model in this band, toward the scene's sensor.",
+    metavar="MWIR|LWIR|A-B",
+)
+@options.json
+@click.pass_context
+def import_command(ctx, file, output, check, overwrite, materials, band, **settings):
+    """Import a facet model or a scene of Mitsuba.
+
+    MODEL is a Wavefront OBJ, glTF (.glb, .gltf), PLY or STL file whose objects or groups are named
+    {f|s|t}*{material}*{kelvin}*{anything}, such as f*bare_aluminum*300*. The first letter stands
+    for model (f), sky (s) or terrain (t). A model without such names takes --material and
+    --temperature, or a table --names. Written are the meshes, in m and with the temperature of each
+    facet in K, and a picture. Look at FOLDER/model.png: the nose must be at +x and the top at +z.
+    FOLDER/scene.xml is then ready for render and signature.
+
+    A Mitsuba scene, MODEL.xml, becomes thermal with --temperature: all its shapes emit.
+    """
+    if file.suffix.lower() == ".xml":
+        _import_scene(ctx, file, output, settings["temperature"], band or "LWIR", overwrite)
+        return
+    if bool(output) == check:
+        raise click.UsageError("give either -o FOLDER or --check", click.get_current_context())
+    words = {name: settings.pop(name) for name in ("sky", "ground", "sun", "atmosphere")}
+    written = [(f"--{name}", word) for name, word in words.items()]
+    for option, given in (*written, ("--overwrite", overwrite), ("--band", band)):
+        if check and given:
+            raise click.UsageError(
+                f"{option} goes into what -o FOLDER writes; --check writes nothing",
+                click.get_current_context(),
+            )
+    from mi_lcair import models3d
+
+    model = models3d.read(file, materials=materials, **settings)
+    files = _write(model, output, materials, words, overwrite) if output else []
+    rows, more = [], {"files": files}
+    if band:
+        first = mi_lcair.signature(output, tolerance=FIRST, parameters={"band": band})
+        rows.append(("intensity", first.summary()))
+        more["signature"] = first.as_dict()
+    if output:
+        of_band = f" -D {shlex.quote(f'band={band}')}" if band else ""
+        after = f"next: mi-lcair signature {shlex.quote(str(output / 'scene.xml'))}{of_band}"
+        rows.append(("written to", f"{output}, {len(files)} files; {after}"))
+    print_result(model, rows, more, materials=materials)
+    if check:
+        words = [word for word in ctx.obj if word != "--check"]
+        print_next([*words, "-o", file.stem])
+
+
+def _import_scene(ctx, file, output, temperature, band, overwrite) -> None:
+    """Write a thermal version of a scene that was written for Mitsuba."""
+    from mi_lcair.models3d.export import thermal_scene
+
+    options.check_given(
+        ctx, ("file", "output", "temperature", "band", "overwrite"), "a scene of Mitsuba"
+    )
+    if output is None or temperature is None:
+        raise click.UsageError("a scene of Mitsuba needs -o FOLDER and --temperature K", ctx)
+    for remark in thermal_scene(file, output, temperature, band, overwrite):
+        note(remark)
+    print_written(output / "scene.xml")
+    print_next(["render", output / "scene.xml", "-o", f"{output.name}.exr"])
+
+
+def _write(model, output, materials, words, overwrite):
+    """Write a model and its picture into a folder; returns the paths.
+
+    words: those of the surroundings.
+    """
+    from mi_lcair import models3d
+    from mi_lcair.physics.surroundings import Words
+    from mi_lcair.show.pictures.model import TITLE, png
+
+    picture = {"model.png": partial(png, model, f"{output.resolve().name}: {TITLE}")}
+    given, sky, around = {name: word for name, word in words.items() if word}, None, None
+    if given.keys() == {"sky"} and any(label.elevation_deg is not None for label in model.labels):
+        sky = words["sky"]
+    elif given:
+        around = Words(**given)
+    paths = models3d.export(model, output, materials, sky, overwrite, picture, around)
+    return [str(path) for path in paths]
+
+
+# mi-lcair fit: fit a reflection model to scatterometer files
+# -----------------------------------------------------------
+
+
+def known_form(ctx, param, value):
+    """The form, if any model has it; the models are loaded for a form that is given alone."""
+    if value != "auto":
+        from mi_lcair.physics.reflection.models import MODELS
+
+        forms = dict.fromkeys(form for model in MODELS.values() for form in model.forms)
+        if value not in forms:
+            raise click.BadParameter(f"'{value}' is not one of auto, {', '.join(forms)}")
+    return value
+
+
+@options.command(
+    "fit", "mi-lcair fit paint.csv --model microfacet --starts 8 -o paint.json --plot paint.png"
+)
+@click.argument("files", nargs=-1, required=True, type=options.FILE, metavar="DATA...")
+@options.output("the report, which is a material for scenes, FILE.json", (".json",))
+@options.plot("data, fitted curves and parameters")
+@options.option(
+    "--band bands",
+    "Band of the measurement: 3-5 (um), MWIR, or the CSV of a response; one for each DATA "
+    "(default: band_um in the file).",
+    multiple=True,
+    metavar="BAND",
+)
+@options.option(
+    "--emissivity emissivities",
+    "Measured emissivity to fit as well; one file for each DATA.",
+    options.FILE,
+    multiple=True,
+)
+@options.option(
+    "--dhr dhrs",
+    "Measured directional-hemispherical reflectance to fit as well; one file for each DATA.",
+    options.FILE,
+    multiple=True,
+)
+@options.option(
+    "--quantity",
+    "Quantity of the values: BRDF, or BRDF x cos theta_r (default: as the file states).",
+    click.Choice(["brdf", "brdf_cos"]),
+)
+@options.option(
+    "--theta-r-positive",
+    "Side on which theta_r is positive (default: as the file states).",
+    click.Choice(["specular", "source"]),
+)
+@options.option(
+    "--model",
+    "Reflection model; auto takes the simplest one that describes the data.",
+    click.Choice(["auto", *NAMES]),
+    default="auto",
+)
+@options.option(
+    "--form",
+    "Form of the model, if it has several, such as thesis or normalized.",
+    metavar="FORM",
+    callback=known_form,
+    default="auto",
+)
+@options.option(
+    "--loss",
+    "Scale on which BRDFs are compared.",
+    click.Choice(["log", "cube_root", "linear"]),
+    default="log",
+)
+@options.option("--robust", "Give outliers little weight.", is_flag=True)
+@options.option("--starts", "Number of starting points.", click.IntRange(min=1), default=64)
+@options.seed("Seed of the starting points.")
+@options.option(
+    "--max-angle-deg",
+    "Leave out points at larger angles.",
+    click.FloatRange(0, 90, min_open=True),
+    default=80,
+)
+@options.option(
+    "--min-brdf", "Leave out smaller values, in 1/sr.", click.FloatRange(0), default=1e-4
+)
+@options.option(
+    "--source-half-angle-deg",
+    "Half the angle of the source seen from the sample; 0 for a point source (default: as the "
+    "file states).",
+    click.FloatRange(0, 90, max_open=True),
+)
+@options.json
+def fit_command(files, output, plot, bands, **settings):
+    """Fit a reflection model to measured BRDFs.
+
+    DATA are CSV or ASTM E1392/E2387 files with in-plane measurements of one surface in 1/sr, one
+    file for each band. FILE.json is a material for scenes. Printed and written are the parameters
+    (without unit) with their errors, how well each is known, and whether the model describes the
+    data: misfit in decades, reduced chi-square, correlation of the residuals.
+    """
+    from mi_lcair.fitting import report
+    from mi_lcair.fitting.scatterometer import reading
+
+    _check_count("--band", bands, files)
+    companions = _companions(files, settings.pop("emissivities"), settings.pop("dhrs"))
+    quantity, side = settings.pop("quantity"), settings.pop("theta_r_positive")
+    measurements = [
+        reading.read(file, quantity, side, band) for file, band in zip_longest(files, bands)
+    ]
+    report.check_bands(measurements)
+    joint = [
+        {kind: reading.read_directional(file, kind) for kind, file in of_file.items() if file}
+        for of_file in companions
+    ]
+
+    from mi_lcair.fitting.estimation import fit
+
+    with options.progress_bar("step") as progress:
+        fits = [
+            fit(data, **directional, **settings, progress=progress)
+            for data, directional in zip(measurements, joint)
+        ]
+    content = report.as_dict(fits)
+    with together():
+        if plot:
+            from mi_lcair.show.pictures.fit import save_plot
+
+            save_plot(plot, list(zip(measurements, fits, joint)))
+        if output:
+            with replacing(output) as partial:
+                partial.write_text(report.to_json(content), encoding="utf-8")
+
+    for data, fitted in zip(measurements, fits):
+        if fitted.quality.lack_of_fit:
+            note(f"{data.source[0]['file']}: {fitted.quality.verdict}")
+    if is_set(JSON):
+        timing = [{"seconds": f.seconds, "compile_seconds": f.compile_seconds} for f in fits]
+        print_json({**content, "timing": timing})
+    else:
+        for number, fitted in enumerate(fits):
+            if number:
+                click.echo()
+            compiled = f"{fitted.compile_seconds:.2f} s to compile"
+            time = ("time", f"{fitted.seconds:.2f} s, of which {compiled}")
+            print_sections(fitted.sections(), [time])
+    print_written(output, plot)
+    if output and (band := content.get("band")):
+        given = ["-D", f"material={output}", "-D", f"band={band}"]
+        print_next(["render", "furnace", *given, "-o", f"{output.stem}_furnace.exr"])
+
+
+def _companions(files, emissivities, dhrs):
+    """Files of emissivity and DHR of each data file, as {quantity: file or None}."""
+    _check_count("--emissivity", emissivities, files)
+    _check_count("--dhr", dhrs, files)
+    return [
+        {"emissivity": emissivity, "dhr": dhr}
+        for _, emissivity, dhr in zip_longest(files, emissivities, dhrs)
+    ]
+
+
+def _check_count(option, values, files):
+    """Raise InputError for an option that is neither absent nor given once for each file."""
+    if len(values) not in (0, len(files)):
+        raise InputError(
+            f"{option} is given {len(values)} times for {len(files)} data files; "
+            f"give it once for each, in their order"
+        )

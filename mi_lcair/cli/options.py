@@ -80,7 +80,7 @@ class SceneOptions:
 
     def apply_solution(self, scene) -> None:
         """Set the scene's parameters to those of the solution's file, and print their names."""
-        from mi_lcair.rendering.parameters.solution_file import apply_solution
+        from mi_lcair.rendering.parameters.values import apply_solution
 
         note(f"{self.solution}: sets {', '.join(apply_solution(scene, self.solution))}")
 
@@ -120,7 +120,7 @@ def prepare_renderer(variant: str | None, threads: int | None, plugins: tuple[Pa
 
         drjit.set_thread_count(threads)
     if plugins:
-        from mi_lcair.rendering.loading.plugin_files import run_plugin_files
+        from mi_lcair.rendering.loading.parsing import run_plugin_files
 
         run_plugin_files(plugins)
 
@@ -242,7 +242,7 @@ def kept_areas(output: Path, areas: Path | None, overwrite: bool) -> Iterator[Pa
     if areas is not None or find_spec("xarray") is None:
         yield areas
         return
-    from mi_lcair.sweeps.areas_folder import AreasFolder
+    from mi_lcair.detection.sweeps.subject import AreasFolder
 
     yield (folder := Path(f"{output}.areas"))
     AreasFolder(folder).clear()

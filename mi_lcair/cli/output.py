@@ -70,7 +70,7 @@ def print_result(result, rows=(), more=None, **options) -> None:
     **options
         Options of `Result.sections`.
     """
-    from mi_lcair.results.cells import remarks
+    from mi_lcair.sections import remarks
 
     sections = result.sections(**options)
     for remark in remarks(sections):
@@ -100,7 +100,7 @@ def print_sections(sections, rows=()) -> None:
 
     rows: further facts (label, value), printed below the first ones.
     """
-    from mi_lcair.results.cells import blocks
+    from mi_lcair.sections import blocks
 
     for number, block in enumerate(blocks(sections, rows)):
         if number:

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 from mi_lcair.detection.irradiance import Irradiance, LineOfSources
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.atmosphere import Atmosphere
-from mi_lcair.physics.detector import Detector
+from mi_lcair.physics.imager import Detector
 from mi_lcair.results import Result
 from mi_lcair.signatures.view_areas import ViewAreas
 

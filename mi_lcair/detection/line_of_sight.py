@@ -14,17 +14,14 @@ from mi_lcair.detection.irradiance import Backdrop
 from mi_lcair.detection.scenario import HIGHEST_M, Scenario
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.atmosphere import PAST_GROUND, Atmosphere, LineOfSight
-from mi_lcair.physics.air.clear_air import SunDirection, clear_air
-from mi_lcair.physics.air.clear_paths import ClearPaths
-from mi_lcair.physics.air.geometry import height_along, length_between, lower_end
-from mi_lcair.physics.air.levels import HEIGHT_M, Weather
+from mi_lcair.physics.air.clear_air import ClearPaths, SunDirection, clear_air
+from mi_lcair.physics.air.levels import HEIGHT_M, Weather, height_along, length_between, lower_end
 from mi_lcair.physics.atmosphere import atmosphere, clear_air_name
 from mi_lcair.physics.blackbody import spectral_radiance
-from mi_lcair.physics.detector import Detector
+from mi_lcair.physics.imager import Detector
 from mi_lcair.physics.sky import clear_name
-from mi_lcair.physics.sun.daytime_sky import SUN_ELEVATION_DEG, ClearSky
-from mi_lcair.physics.surroundings.skies import CLEAR, TableSky, sky_of
-from mi_lcair.physics.surroundings.surroundings import ATMOSPHERE, Ground, Surroundings
+from mi_lcair.physics.sun import SUN_ELEVATION_DEG, ClearSky
+from mi_lcair.physics.surroundings import ATMOSPHERE, CLEAR, Ground, Surroundings, TableSky, sky_of
 
 CLOSE_M = 0.5  # difference of two ranges that is rounding of a table in km
 

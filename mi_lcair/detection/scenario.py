@@ -34,15 +34,13 @@ from mi_lcair.physics.air.atmosphere import VACUUM
 from mi_lcair.physics.air.levels import Weather
 from mi_lcair.physics.atmosphere import clear_air_name
 from mi_lcair.physics.bands import band as band_of
-from mi_lcair.physics.detector import LOCK_ON, Detector
-from mi_lcair.physics.imager import Imager
+from mi_lcair.physics.imager import LOCK_ON, Detector, Imager
 from mi_lcair.physics.materials import hemispherical_emissivity
 from mi_lcair.physics.sky import clear_name, has_azimuths
-from mi_lcair.physics.surroundings.skies import sky_name
-from mi_lcair.physics.surroundings.words import Words
+from mi_lcair.physics.surroundings import Words, sky_name
 from mi_lcair.progress import Progress
-from mi_lcair.rendering.motions.table import MOTIONS, Declared, motions_of
-from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.rendering.measurands import Sampling
+from mi_lcair.rendering.motions.motion import MOTIONS, Declared, motions_of
 from mi_lcair.toml_table import filled, located, located_files, plain
 
 if TYPE_CHECKING:

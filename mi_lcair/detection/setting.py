@@ -7,26 +7,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mi_lcair import scenes
-from mi_lcair.detection.irradiance import Backdrop
+from mi_lcair.detection.irradiance import AirOfLight, Backdrop
 from mi_lcair.detection.line_of_sight import Sight, backdrop, background_sun
 from mi_lcair.detection.scenario import RenderTable, Scenario
-from mi_lcair.detection.weather import AirOfLight
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.atmosphere import Atmosphere, LineOfSight
-from mi_lcair.physics.detector import Detector
+from mi_lcair.physics.imager import Detector
 from mi_lcair.physics.spectra.bins import filter_of
-from mi_lcair.physics.sun.daytime_sky import SUN_ELEVATION_DEG
+from mi_lcair.physics.sun import SUN_ELEVATION_DEG
 from mi_lcair.plugins.emitters.distant_emitter import check_fits
 from mi_lcair.plugins.emitters.thermal_emitter import one_sun
 from mi_lcair.rendering.loading.files import survey
-from mi_lcair.rendering.loading.plugin_files import run_plugin_files
+from mi_lcair.rendering.loading.parsing import run_plugin_files
+from mi_lcair.rendering.measurands import Sampling
 from mi_lcair.rendering.motions.pose import moved
-from mi_lcair.rendering.parameters.solution_file import apply_solution
-from mi_lcair.rendering.parameters.values import load_with_values
-from mi_lcair.rendering.reflections.number import bounce_settings
-from mi_lcair.rendering.sampling import Sampling
-from mi_lcair.rendering.scene import Scene
-from mi_lcair.rendering.settings import changed
+from mi_lcair.rendering.parameters.values import apply_solution, load_with_values
+from mi_lcair.rendering.reflections import bounce_settings
+from mi_lcair.rendering.scene import Scene, changed
 from mi_lcair.rendering.views import Target, seen_from
 
 

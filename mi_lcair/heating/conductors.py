@@ -16,7 +16,7 @@ import numpy as np
 from scipy import sparse
 
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
-from mi_lcair.plugins.paths.offsets import UNIT
+from mi_lcair.plugins.paths.launch import UNIT
 
 RINGS_DEG = np.linspace(0, 90, 10)  # elevations between the rings of the sky [degrees]
 

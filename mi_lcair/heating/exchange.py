@@ -9,17 +9,19 @@ from scipy import sparse
 from mi_lcair.errors import InputError
 from mi_lcair.heating.conductors import Conductors, Facets, Traced, standard_error
 from mi_lcair.heating.exchange_result import Asymmetry, Exchange
-from mi_lcair.heating.paths import (
+from mi_lcair.heating.surfaces import (
     ENDS,
     MOST_REFLECTIONS,
     RANDOMISATIONS,
     RINGS,
+    TOTAL,
     FacetPaths,
     Means,
+    Surfaces,
+    hemispherical_emissivity,
     points_of,
+    solar_areas,
 )
-from mi_lcair.heating.sunlight import solar_areas
-from mi_lcair.heating.surfaces import TOTAL, Surfaces, hemispherical_emissivity
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 from mi_lcair.rendering.scene import Scene
 

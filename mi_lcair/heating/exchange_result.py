@@ -9,15 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import sparse
 
+from mi_lcair.charts import BarChart, BarCharts, facets_section
 from mi_lcair.declared import percent
 from mi_lcair.heating.conductors import RINGS_DEG, UNMET, Conductors, Facets, Traced, standard_error
-from mi_lcair.heating.sunlight import SolarAreas
+from mi_lcair.heating.surfaces import SolarAreas
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
-from mi_lcair.rendering.facets.polygons import WRITERS
-from mi_lcair.results import Result, entry
-from mi_lcair.results.charts import BarChart, BarCharts, facets_section
-from mi_lcair.results.result import summary_of
-from mi_lcair.results.sections import Table
+from mi_lcair.rendering.facets import WRITERS
+from mi_lcair.results import Result, entry, summary_of
+from mi_lcair.sections import Table
 
 if TYPE_CHECKING:
     import xarray

@@ -5,8 +5,8 @@ scene files. A facet is one face of an OBJ or PLY file, or one triangle of the o
 numbered from 0 in the file's order. Source of the labels: Harkiss 2007, section 3.2.
 """
 
+from mi_lcair.models3d.checks import report
 from mi_lcair.models3d.export import export
 from mi_lcair.models3d.model import Model, read
-from mi_lcair.models3d.report import report
 
 __all__ = ["Model", "export", "read", "report"]

@@ -1,23 +1,198 @@
 """Writes a facet model: meshes, model.xml for inclusion in scenes, scene.xml for rendering."""
 
+import json
+import os
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
+from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING
+from xml.etree import ElementTree
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from mi_lcair.errors import InputError
-from mi_lcair.files import LARGEST, filling, read_bytes
-from mi_lcair.models3d.label import GROUPS
+from mi_lcair.errors import InputError, option
+from mi_lcair.files import LARGEST, filling, parse_json, read_bytes, read_text, replacing
 from mi_lcair.models3d.model import Model
-from mi_lcair.models3d.record import RECORD, check_unedited, record_of
-from mi_lcair.models3d.scene_xml import fragment, scene
+from mi_lcair.models3d.modellers.naming import GROUPS, TYPES, kelvin
 from mi_lcair.physics.materials import is_json
 
 if TYPE_CHECKING:
-    from mi_lcair.physics.surroundings.words import Words
+    from mi_lcair.physics.surroundings import Words
+
+
+# Record of what an import wrote, from which the next import sees which files were edited
+# ---------------------------------------------------------------------------------------
+
+RECORD = ".import.json"  # file with the checksum of each other file, by its name
+
+
+def record_of(contents: dict[str, bytes]) -> bytes:
+    """Content of the RECORD of files, by name."""
+    checksums = {name: _checksum(contents[name]) for name in sorted(contents)}
+    return f"{json.dumps(checksums, indent=2)}\n".encode()
+
+
+def check_unedited(folder: Path, contents: dict[str, bytes]) -> None:
+    """Raise InputError if files in a folder would be lost that an import has not written, or that
+    were edited since.
+
+    contents: what is to be written, by file name. A file with just this content is no loss.
+    """
+    record, known = folder / RECORD, {}
+    if record.is_file():
+        known = parse_json(read_text(record), str(record))
+    known = known if isinstance(known, dict) else {}
+    edited = [
+        str(folder / name)
+        for name, content in sorted(contents.items())
+        if (folder / name).is_file()
+        and _checksum(read_bytes(folder / name)) not in (known.get(name), _checksum(content))
+    ]
+    if edited:
+        raise InputError(
+            f"{', '.join(edited)}: {'was' if len(edited) == 1 else 'were'} written by somebody "
+            "else or edited since the import; move away what you need, name another folder, or "
+            f"give {option('overwrite', True)}"
+        )
+
+
+def _checksum(content: bytes) -> str:
+    return sha256(content).hexdigest()[:16]
+
+
+# The scene files of a facet model: the fragment that places it, and a scene that looks at it
+# -------------------------------------------------------------------------------------------
+# Model axes: x forward, y left, z up. Yaw turns the nose to the left, pitch lifts it, roll lowers
+# the
+# right wing.
+
+TURN = """        <transform name="to_world"> <rotate x="1" angle="$roll_deg"/> \
+<rotate y="-1" angle="$pitch_deg"/> <rotate z="1" angle="$yaw_deg"/> </transform>
+"""
+TEMPERATURES = (
+    '<texture type="mesh_attribute" name="temperature"> '
+    '<string name="name" value="face_temperature"/> </texture>'
+)
+AROUND = """
+    <default name="{name}" value={value}/>   <!-- {what} -->"""
+# $-parameters of surroundings: name, meaning
+WORDS = {
+    "sky": "clear, overcast, a temperature in K, a bundled sky or a CSV of spectra",
+    "ground_temperature": "of the ground, K",
+    "ground_material": "emissivity of the ground, or a material that has it",
+    "sun_elevation_deg": "of the sun",
+    "sun_azimuth_deg": "of the sun: 0 is +x, the nose, and 90 is +y, the left side",
+    "atmosphere": "of sky and sun: us_standard or midlat_summer",
+}
+# Parameters that properties of the emitter `sun` have in scenes with a sky
+OF_SUN = {
+    "elevation_deg": "sun_elevation_deg",
+    "azimuth_deg": "sun_azimuth_deg",
+    "air": "atmosphere",
+}
+SKY = """
+    <default name="sky" value={sky}/>   \
+<!-- table of the sky's spectral radiance: a bundled name or a CSV -->"""
+MARGIN = 1.02  # ratio of half the sensor's window to the radius of the sphere around the model
+# Ratio of the sensor's distance to half its window. The sensor is outside the model, but inside a
+# room around it.
+DISTANCE = 1.1
+
+
+@cache
+def template(name: str) -> str:
+    """The text of a template, with fields in braces."""
+    return (Path(__file__).parent / "templates" / f"{name}.xml").read_text(encoding="utf-8")
+
+
+def fragment(name: str, labels: dict, short: dict, materials: str | None, sky: str | None) -> str:
+    """The text of model.xml.
+
+    labels: stem of a mesh's file -> Label. short: material -> its name in ids and the value of the
+    property `material`. materials, sky: file names of the tables of materials and of the sky's
+    spectra.
+    """
+    turns = any(label.type == "f" for label in labels.values())
+    defaults = (
+        {"band": "LWIR", "allow_band": "false", "lobe": "brdf"}
+        | ({"yaw_deg": 0, "pitch_deg": 0, "roll_deg": 0} if turns else {})
+        | ({"sky": sky} if sky else {})
+    )
+    table = f'        <string name="materials" value={quoteattr(materials or "")}/>\n'
+    ids = {material: quoteattr(f"{name}_{stem}") for material, (stem, _) in short.items()}
+    lines = [f'    <default name="{k}" value={quoteattr(str(v))}/>' for k, v in defaults.items()]
+    materials_used = [
+        template("material").format(
+            id=ids[material],
+            material=quoteattr(short[material][1]),
+            table=table if materials else "",
+        )
+        for material in dict.fromkeys(label.material for label in labels.values())
+    ]
+    shapes = [
+        template("shape").format(
+            name=name,
+            stem=stem,
+            turn=TURN if label.type == "f" else "",
+            material=ids[label.material],
+            source=_source(label, sky),
+            group=label.group,
+            type=TYPES[label.type],
+        )
+        for stem, label in labels.items()
+    ]
+    meshes = "\n".join([*materials_used, *shapes]).rstrip()
+    return template("model").format(name=name, defaults="\n".join(lines), meshes=meshes)
+
+
+def _source(label, sky):
+    """What a mesh radiates: the temperatures of its facets, or a spectrum of the sky."""
+    if not sky or label.elevation_deg is None:
+        return TEMPERATURES
+    return (
+        '<string name="spectrum" value="$sky"/> '
+        f'<float name="elevation_deg" value="{label.elevation_deg:g}"/>'
+    )
+
+
+def scene(name: str, centre, radius: float, sky: str | None, around: list[dict]) -> str:
+    """The text of scene.xml: an orthographic sensor around the model. centre (3,) and radius of the
+    model's sphere [m]. around: properties of the emitters sky and sun, see `Words.emitters`.
+    """
+    window = MARGIN * radius
+    given = {key: value for emitter in around[:1] for key, value in emitter.items() if key in WORDS}
+    defaults = "".join(
+        AROUND.format(name=key, value=quoteattr(str(value)), what=WORDS[key])
+        for key, value in given.items()
+    )
+    if sky:
+        defaults += SKY.format(sky=quoteattr(sky))
+    return template("scene").format(
+        name=name,
+        centre=centre,
+        window=window,
+        width=2 * window,
+        near_clip=0.01 * window,
+        far_clip=max(1e4, 1e3 * window),
+        distance=DISTANCE * window,
+        sky=defaults,
+        emitters="".join(_emitter(emitter) for emitter in around),
+    )
+
+
+def _emitter(properties):
+    """The element of an emitter whose properties in WORDS are $-parameters, as is the band."""
+    lines = []
+    for key, value in properties.items():
+        if key != "type":
+            kind = "float" if isinstance(value, float) else "string"
+            name = OF_SUN.get(key, key)
+            lines.append(f'        <{kind} name="{key}" value="${name}"/>')
+    return "\n".join([f'    <emitter type="{properties["type"]}">', *lines, "    </emitter>\n"])
 
 
 def export(
@@ -207,3 +382,120 @@ def _is_same(path, other):
 
 def _plain(name):
     return re.sub(r"[^A-Za-z0-9_-]", "_", name)
+
+
+# A scene that was written for Mitsuba as a thermal one: its surfaces emit by their temperature
+# ---------------------------------------------------------------------------------------------
+
+REFLECTIONS = 4  # of a scene whose integrator states no max_depth
+UNSUITED = ("instance", "shapegroup", "merge")  # shapes that hold others; none of them can emit
+VISIBLE = (
+    "reflectances are those of the scene, which are meant for visible light; put materials that "
+    'were measured in the infrared in their place: <bsdf type="material">'
+)
+
+
+def thermal_scene(
+    path: str | Path,
+    folder: str | Path,
+    temperature: float,
+    band: str = "LWIR",
+    overwrite: bool = False,
+) -> list[str]:
+    """Write FOLDER/scene.xml, a thermal version of a scene in Mitsuba's XML.
+
+    The integrator becomes `bounce_path`. Every shape gets an emitter `thermal` in place of its
+    own, the other emitters are left out, and samplers become `lattice`. `temperature` and `band`
+    are $-parameters of the new scene. Files stay where they are.
+
+    Parameters
+    ----------
+    path : str or Path
+        The scene, an XML file.
+    folder : str or Path
+        It is created if it does not exist.
+    temperature : float
+        Temperature of all surfaces [K].
+    band : str
+        Band of the radiances.
+    overwrite : bool
+        Replace a scene.xml that is there.
+
+    Returns
+    -------
+    list of str
+        What a user should know about the new scene, one line each.
+
+    Raises
+    ------
+    InputError
+        If the file is no scene, has shapes that cannot emit, or if scene.xml cannot be written.
+    """
+    path, written = Path(path), Path(folder) / "scene.xml"
+    checked = kelvin(f"{temperature:.9g}")
+    if written.exists() and (written.samefile(path) or not overwrite):
+        instead = f"name another folder or give {option('overwrite', True)}"
+        raise InputError(f"{written}: exists; {instead}")
+    try:
+        root = ElementTree.fromstring(read_text(path))
+    except ElementTree.ParseError as error:
+        raise InputError(f"{path}: is no XML: {error}") from None
+    shapes = list(root.iter("shape"))
+    if root.tag != "scene" or not shapes:
+        raise InputError(f"{path}: must be a scene of Mitsuba with at least one shape")
+    for shape in shapes:
+        if shape.get("type") in UNSUITED:
+            raise InputError(
+                f"{path}: a shape {shape.get('type')} cannot emit; write its shapes one by one"
+            )
+    for name in ("temperature", "band"):
+        if root.find(f"default[@name='{name}']") is not None:
+            raise InputError(f"{path}: has a parameter {name} of its own; give it another name")
+    depth = root.find(".//integrator/integer[@name='max_depth']")
+    depth = "" if depth is None else depth.get("value", "")
+    bounces = max(int(depth) - 1, 0) if depth.isdigit() else REFLECTIONS
+    others = [emitter.get("type", "") for emitter in root.findall("emitter")]
+    for child in [*root.findall("emitter"), *root.findall("integrator")]:
+        root.remove(child)
+    for sampler in root.iter("sampler"):
+        sampler.set("type", "lattice")
+        for entry in list(sampler):
+            if entry.get("name") not in ("sample_count", "seed"):
+                sampler.remove(entry)
+    lamps = sum(_heat(shape) for shape in shapes)
+    _point(root, path.parent, written.parent)
+    for name, value in (("temperature", f"{checked:g}"), ("band", band)):
+        root.insert(0, ElementTree.Element("default", name=name, value=value))
+    integrator = ElementTree.SubElement(root, "integrator", type="bounce_path")
+    ElementTree.SubElement(integrator, "integer", name="max_bounces", value=str(bounces))
+    ElementTree.indent(root, "    ")
+    written.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(written) as partial:
+        partial.write_text(ElementTree.tostring(root, encoding="unicode") + "\n", encoding="utf-8")
+    remarks = [VISIBLE]
+    if lamps:
+        remarks.append(f"lamps ({lamps}) have the temperature of all shapes; change theirs")
+    if others:
+        remarks.append(f"left out: {', '.join(others)}; an emitter `sky` surrounds the scene")
+    return remarks
+
+
+def _heat(shape: ElementTree.Element) -> bool:
+    """Give a shape an emitter `thermal`; returns whether it had another one."""
+    emitters = shape.findall("emitter")
+    for emitter in emitters:
+        shape.remove(emitter)
+    thermal = ElementTree.SubElement(shape, "emitter", type="thermal")
+    ElementTree.SubElement(thermal, "string", name="band", value="$band")
+    ElementTree.SubElement(thermal, "float", name="temperature", value="$temperature")
+    return bool(emitters)
+
+
+def _point(root: ElementTree.Element, old: Path, new: Path) -> None:
+    """Make relative paths of files, which begin in the folder `old`, begin in `new`."""
+    for element in root.iter():
+        is_file = element.tag == "string" and element.get("name") == "filename"
+        key = "value" if is_file or element.tag == "path" else "filename"
+        name = element.get(key) if is_file or element.tag in ("path", "include") else None
+        if name and not os.path.isabs(name) and "$" not in name:
+            element.set(key, os.path.relpath(old / name, new))

@@ -10,15 +10,23 @@ from mi_lcair.errors import InputError, errors_of, option, shown
 from mi_lcair.extras import named
 from mi_lcair.files import read_text
 from mi_lcair.models3d.coincident import weld
-from mi_lcair.models3d.label import TYPES, Label, find_material, kelvin
-from mi_lcair.models3d.modellers import axes, exchange, fem
-from mi_lcair.models3d.modellers.naming import NameTable, labels_of
+from mi_lcair.models3d.modellers import exchange
+from mi_lcair.models3d.modellers import exchange as axes
+from mi_lcair.models3d.modellers import exchange as fem
+from mi_lcair.models3d.modellers.naming import (
+    TYPES,
+    Label,
+    NameTable,
+    find_material,
+    kelvin,
+    labels_of,
+)
 from mi_lcair.models3d.modellers.obj import Obj, read_obj
 from mi_lcair.models3d.polygons import MOST_CLIPPED, triangulate
 from mi_lcair.physics import materials as known_materials
 from mi_lcair.results import Result
-from mi_lcair.results.sections import Remarks
 from mi_lcair.scenes import check_model
+from mi_lcair.sections import Remarks
 from mi_lcair.table import read_table
 
 FARTHEST = 1e9  # largest coordinate [m], whose square is far below the largest Float32 number
@@ -54,7 +62,7 @@ class Model(Result):
     remarks: tuple[str, ...] = ()
 
     kind = "model"
-    drawn_by = "mi_lcair.reports.pictures.model:figure"
+    drawn_by = "mi_lcair.show.pictures.model:figure"
 
     def summary(self) -> str:
         """One line with the number of facets, the size and the temperatures."""
@@ -67,7 +75,7 @@ class Model(Result):
 
     def entries(self) -> dict:
         """Entries for JSON: the figures of `report`."""
-        return named("mi_lcair.models3d.report:report")(self)
+        return named("mi_lcair.models3d.checks:report")(self)
 
     def facts(self, materials: str | Path | None = None):
         """The figures of the model, and what is remarkable about it.
@@ -87,7 +95,7 @@ class Model(Result):
             yield WORDS.get(name, name), figures[name.replace(" ", "_")]
         off = f"(at most {figures['non_planar_mm']:.3g} mm off)"
         yield "not planar", f"{figures['non_planar']} {off}"
-        remarkable = named("mi_lcair.models3d.report:remarkable")
+        remarkable = named("mi_lcair.models3d.checks:remarkable")
         yield Remarks([*self.remarks, *remarkable(figures, materials)])
 
     def columns(self) -> dict[str, np.ndarray]:

@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.physics.air import tape7
 from mi_lcair.physics.air.atmosphere import VACUUM, Atmosphere
-from mi_lcair.physics.air.clear_air import clear_air
-from mi_lcair.physics.air.clear_paths import ClearPaths
+from mi_lcair.physics.air.clear_air import ClearPaths, clear_air
 from mi_lcair.physics.air.levels import HEIGHT_M, model_names
 from mi_lcair.physics.spectral_table import spectral_table
 from mi_lcair.table import LARGEST

@@ -5,7 +5,7 @@ A band is a set of wavelengths with quadrature weights.
 
 import os.path
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from pathlib import Path
 
@@ -340,3 +340,37 @@ def _read_response(path):
     if not table.columns[0].max() >= SMALLEST_RESPONSE:
         raise InputError(f"band file {path}: needs a response above 0")
     return table.wavelengths_um, table.columns[0]
+
+
+# Spectra of sources other than blackbodies
+# -----------------------------------------
+
+BUNDLED = Path(__file__).with_name("lowtran7")
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum:
+    """Spectral radiance over wavelength, linear between the rows.
+
+    wavelengths_um: rising wavelengths [um], (n,). radiance: [W m^-2 sr^-1 um^-1], (n,).
+    """
+
+    name: str
+    wavelengths_um: np.ndarray
+    radiance: np.ndarray
+
+    def at(self, wavelengths_um: ArrayLike) -> np.ndarray:
+        """Spectral radiance [W m^-2 sr^-1 um^-1] at these wavelengths [um]."""
+        return np.interp(wavelengths_um, self.wavelengths_um, self.radiance)
+
+    def scaled(self, factor: float) -> "Spectrum":
+        """The spectrum times a factor."""
+        return replace(self, radiance=self.radiance * factor)
+
+    def in_band_radiance(self, band: Band) -> float:
+        """In-band radiance [W m^-2 sr^-1], weighted by the band's response.
+
+        Raises InputError if the table does not cover the band.
+        """
+        band.check_covered(self.wavelengths_um, f"spectrum '{self.name}'")
+        return float(band.integral(self.wavelengths_um, self.radiance))

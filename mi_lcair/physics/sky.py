@@ -11,9 +11,9 @@ from mi_lcair.errors import InputError, unknown
 from mi_lcair.physics.air import tape7
 from mi_lcair.physics.air.clear_air import clear_air
 from mi_lcair.physics.air.levels import HEIGHT_M, Weather, model_names
+from mi_lcair.physics.bands import BUNDLED, Spectrum
 from mi_lcair.physics.blackbody import C1, C2, spectral_radiance
 from mi_lcair.physics.spectral_table import SpectralTable, spectral_table
-from mi_lcair.physics.spectrum import BUNDLED, Spectrum
 from mi_lcair.table import LARGEST, rows_at
 
 RADIANCE, ELEVATION, AZIMUTH = "radiance_W_m2_sr_um", "elevation_deg", "azimuth_deg"

@@ -3,23 +3,306 @@
 Everything that renders chooses windows, measurands and a criterion, and calculates with the totals.
 """
 
+from dataclasses import replace
+from functools import reduce
+
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.paths.aim import Aim
-from mi_lcair.plugins.paths.launch import ParallelRays
-from mi_lcair.rendering.limits import channel_count, check_memory, source_count
-from mi_lcair.rendering.measurands import Criterion, Measurands
-from mi_lcair.rendering.pilots import WORTH_ASKING, best_aim, cheapest, open_settings
-from mi_lcair.rendering.pixels.allocation import Allocation, allocate
-from mi_lcair.rendering.pixels.errors import PixelCriterion
-from mi_lcair.rendering.pixels.passes import may_be_sent, on_workers
-from mi_lcair.rendering.sampling import TWO_CHOICES, Sampling
-from mi_lcair.rendering.scene import Scene
-from mi_lcair.rendering.settings import changed
-from mi_lcair.rendering.statistics import Totals, check_valid
-from mi_lcair.rendering.window import Windows
-from mi_lcair.startup.tasks import has_workers
+from mi_lcair.plugins.emission.emitter_table import hulls
+from mi_lcair.plugins.emission.panels import Openings
+from mi_lcair.plugins.integrators.bounce_path import AUTO
+from mi_lcair.plugins.paths.launch import (
+    ANYWHERE,
+    CELLS,
+    ON_MODEL,
+    OTHER_THAN_DIRECT,
+    WHOLE,
+    Aim,
+    Launch,
+    ParallelRays,
+    shared_out,
+    views_of,
+)
+from mi_lcair.rendering.facets import starts_on_facets
+from mi_lcair.rendering.measurands import (
+    TWO_CHOICES,
+    Criterion,
+    Measurands,
+    Sampling,
+    channel_count,
+    check_memory,
+    source_count,
+)
+from mi_lcair.rendering.pixels import Allocation, PixelCriterion, allocate, may_be_sent, on_workers
+from mi_lcair.rendering.scene import Scene, changed
+from mi_lcair.rendering.statistics import Totals, check_valid, student_factor
+from mi_lcair.rendering.views import model_shapes
+from mi_lcair.rendering.window import Windows, window_axes
+from mi_lcair.tasks import has_workers
+
+# Where in a window to begin paths, so that the mean radiance of the model has little noise
+# -----------------------------------------------------------------------------------------
+
+POINTS = 2  # paths of the pilot in each cell
+CELLS_OF_MANY = 128  # cells along each side of one of many windows, which get fewer paths each
+# Share of the paths that begin anywhere on the model, in one of many windows and where other paths
+# begin on facets. It bounds the weight of a path that hits a source that no other path has hit.
+# This weight often decides how many paths are needed.
+ON_MODEL_OF_MANY = 0.7
+MOST_PATHS = 2**21  # of a launch of the pilot
+EDGE = 1e-3  # cells by which a rectangle is enlarged, for rounding of positions
+
+
+def aim_at_model(
+    scene, tracer, sensor, seed: int, measurands: Measurands, over: Aim | None = None
+) -> Aim:
+    """An aim at the model's facets in each view, and more at those that radiate more.
+
+    A pilot with a few paths in each cell of the window gives the mean radiance of the model there,
+    that of its brightest path, and the share of the cell that the model covers. A third of the
+    density follows each of them. Averages over neighbouring cells are used, because a few paths may
+    miss a thin part. Whatever the pilot misses adds noise, but no error: some paths begin anywhere.
+    In a view where it meets no radiance, they begin evenly where the model may be, so that none has
+    a large weight.
+
+    Parameters
+    ----------
+    scene : Scene
+    tracer : PathTracer
+    sensor : mitsuba.Sensor
+        An orthographic sensor, or a batch of them.
+    seed : int
+    measurands : Measurands
+        The same as later, so that one kernel serves both.
+    over : Aim or None
+        That of `aim_over_model`, if it is known. Its `direct` is that of the aim.
+    """
+    over = over or aim_over_model(scene, sensor)
+    views, cells = views_of(sensor), cells_of(sensor)
+    columns, recorded = cells * len(views), measurands.with_columns(None)
+    hit = "hit" if measurands.channels.split == "model" else "target.hit"
+    part = WHOLE if over.direct is None else OTHER_THAN_DIRECT
+    # A row of the film is one of all windows
+    seen = np.flatnonzero(over.may_be_model.swapaxes(0, 1)).astype(np.uint32)
+    noted = np.zeros((3, cells * columns))
+    for first in range(0, len(seen), MOST_PATHS // POINTS):
+        some = seen[first : first + MOST_PATHS // POINTS]
+        of_cells = {"windows": len(some), "listed": some, "aim": Aim.anywhere(cells), "part": part}
+        sums = recorded.trace(tracer, sensor, Launch(columns, cells, seed, 1, POINTS, **of_cells))
+        values = sums.channels[hit], sums.highest["target"], sums.channels["target"]
+        noted[:, some] = [np.ravel(of_some) for of_some in values]
+    importance = np.zeros((len(views), cells, cells))
+    for values in noted.reshape(3, cells, len(views), cells).swapaxes(1, 2):
+        importance += shared_out(blurred(values))
+    importance[~values.any(axis=(1, 2))] = 0  # of the radiance
+    on_model = ON_MODEL if len(views) == 1 and over.direct is None else ON_MODEL_OF_MANY
+    on_model += ANYWHERE - over.anywhere
+    aim = Aim.at(importance, over.may_be_model, on_model, over.anywhere)
+    return replace(aim, direct=over.direct)
+
+
+def aim_over_model(scene, sensor, model_alone: bool = False) -> Aim:
+    """An even aim at all cells of each view's window in which the model may be.
+
+    model_alone: whether paths that do not begin there bring nothing, so that none are needed.
+    """
+    model, cells = [hulls(shape) for shape in model_shapes(scene)], cells_of(sensor)
+    may_be = cells_of_model(model, views_of(sensor), cells)
+    anywhere = 0.0 if model_alone and may_be.any(axis=(1, 2)).all() else ANYWHERE
+    return Aim.at(np.zeros(may_be.shape), may_be, 1 - anywhere, anywhere)
+
+
+def cells_of(sensor) -> int:
+    """Number of cells along each side of a window."""
+    return CELLS if len(views_of(sensor)) == 1 else CELLS_OF_MANY
+
+
+def pilot_paths(sensor) -> int:
+    """Number of paths of the pilot of `aim_at_model` in each window."""
+    return POINTS * cells_of(sensor) ** 2
+
+
+def cells_of_model(model: list[np.ndarray], views: list, cells: int) -> np.ndarray:
+    """Whether the model can be in a cell of orthographic sensors' windows, (views, cells, cells).
+
+    It is so in all cells that the bounding rectangle of a projected triangle touches. A triangle
+    that is long and lies across the rows is therefore counted in more cells than it covers. model:
+    `hulls` of its shapes.
+    """
+    centre = model[0][0, 0]  # near which single precision is enough
+    corner, axes = (np.array(part) for part in zip(*map(window_axes, views)))
+    axes *= cells
+    begin = mi.Point2f(np.einsum("va,vak->kv", corner - centre, axes))
+    axes = [mi.Vector3f(axes[:, :, k].T) for k in range(2)]
+    # Number of rectangles over each cell: each adds 1 at its first corner and, for the cumulative
+    # sums below to end there, subtracts 1 beyond its last row and column
+    size, change = cells + 1, dr.zeros(mi.Int32, len(views) * (cells + 1) ** 2)
+    for points in model:
+        count = dr.opaque(mi.UInt32, len(points))
+        lane = dr.arange(mi.UInt32, len(views) * len(points))
+        view, triangle, places = lane // count, lane % count, []
+        right, up = (dr.gather(mi.Vector3f, axis, view) for axis in axes)
+        for corners in np.moveaxis(points - centre, 1, 0):
+            p = dr.gather(mi.Vector3f, mi.Vector3f(corners.T), triangle)
+            places.append(mi.Point2f(dr.dot(right, p), dr.dot(up, p)))
+        first = dr.gather(mi.Point2f, begin, view)
+        low = dr.floor(reduce(dr.minimum, places) - first - EDGE)
+        high = dr.floor(reduce(dr.maximum, places) - first + EDGE)
+        seen = dr.all((high >= 0) & (low < cells))
+        start, end = (mi.Point2u(dr.clip(bound, 0, cells - 1)) for bound in (low, high))
+        end += 1
+        for x, y, sign in ((start, start, 1), (end, start, -1), (start, end, -1), (end, end, 1)):
+            cell = (view * size + y.y) * size + x.x
+            dr.scatter_add(change, mi.Int32(sign), cell, seen)
+    rectangles = change.numpy().reshape(len(views), size, size)
+    return rectangles.cumsum(axis=1).cumsum(axis=2)[:, :cells, :cells] > 0
+
+
+def blurred(cells: np.ndarray) -> np.ndarray:
+    """Averages over each cell and its eight neighbours, (windows, cells, cells)."""
+    padded = np.pad(cells, ((0, 0), (1, 1), (1, 1)), mode="edge")
+    size = cells.shape[-1]
+    return sum(padded[:, i : i + size, j : j + size] for i in range(3) for j in range(3)) / 9
+
+
+# How paths are drawn, decided by pilots where the scene leaves it open
+# ---------------------------------------------------------------------
+# Paths may draw emitters (`emitter_sampling`), or keep away from openings (`opening_sampling`).
+
+# Cost of a reflection at which directions are drawn, in rays. For emitters it was measured between
+# 0.6 and 2.7 in the bundled scenes. For openings it is 1.3 to 2.5, and paths that do not leave have
+# up to twice as many reflections.
+DRAWN_RAYS = {"emitter_sampling": 2, "opening_sampling": 4}
+# Ratio of the error to the allowed error, after the first paths, from which on the paths of the
+# pilots are few compared with those that are still needed
+WORTH_ASKING = 3
+# Cost of a ray to a facet, as a part of that of a path. Measured for an airliner.
+FACET_RAY = 0.5
+PATHS_OF_A_START = 1, 8  # choices of the number of paths for each one that begins on a facet
+# Randomisations of the pilots of one window. With 32, two equal variances differ by less than 1.8.
+RANDOMISATIONS = 32
+
+
+def cost(segments: float, drawn_rays: float = 0) -> float:
+    """Cost of a path, in rays.
+
+    It is counted and not timed, so that the load of the machine does not decide which settings are
+    chosen.
+
+    Parameters
+    ----------
+    segments : float
+        Mean number of rays of a path.
+    drawn_rays : float
+        Cost of what is drawn at each reflection, in rays.
+    """
+    return segments + drawn_rays * max(segments - 1, 0)
+
+
+def open_settings(scene, measurands, criterion) -> list[str]:
+    """The settings about which a pilot decides.
+
+    There are none where the scene says them, and for a fixed number of paths, derivatives and
+    facets.
+    """
+    integrator = scene.mi.integrator()
+    special = measurands.facets, measurands.channels.tables, measurands.reduced
+    is_plain = not measurands.explored and all(entry is None for entry in special)
+    if criterion is None or not is_plain or integrator.max_bounces == 0:
+        return []
+    return [name for name in DRAWN_RAYS if vars(integrator)[name] == AUTO]
+
+
+def cheapest(scene, settings: list, windows, sampling, measurands, criterion) -> dict[str, bool]:
+    """Values of open settings, of which at most one is True, that meet a criterion soonest.
+
+    The cost is that of a path times the number of paths that a pilot finds to be needed. settings:
+    from `open_settings`. The other arguments are those of `measure`.
+    """
+    drawn = [
+        name for name in settings if name != "opening_sampling" or Openings.of(scene.mi) is not None
+    ]
+    # About the same paths are reflected, so that one count of their rays serves all
+    counting = replace(measurands, channels=replace(measurands.channels, counts_segments=True))
+    with changed(scene, **dict.fromkeys(settings, False)):
+        needed, total = pilot(scene, windows, sampling, counting, criterion)
+        segments = float(total.mean("segments").mean())
+        costs = {None: cost(segments) * needed}
+        for name in drawn:
+            with changed(scene, **{name: True}):
+                needed, _ = pilot(scene, windows, sampling, measurands, criterion)
+            costs[name] = cost(segments, DRAWN_RAYS[name]) * needed
+    best = min(costs, key=costs.get)
+    return {name: name == best for name in settings}
+
+
+def best_aim(scene, tracer, windows, sampling, measurands, criterion) -> Aim:
+    """An aim at the model, with paths for its own emission that begin on facets, if these pay.
+
+    That part has hardly any noise then. Where emission and reflections add up to a constant, as in
+    a closed isothermal scene, paths that bring both have none. Important parts of the windows are
+    looked for if more paths are needed than that takes. Without a model, paths begin anywhere. The
+    arguments are those of `measure`.
+    """
+    if not model_shapes(scene):
+        return Aim.anywhere()
+
+    def needed(aim: Aim) -> float:
+        return pilot(scene, windows, sampling, measurands, criterion, aim)[0]
+
+    model_alone = measurands.channels.split == "model"
+    best, starts = aim_over_model(scene, windows.sensor, model_alone), None
+    paths = needed(best)
+    if windows.may_follow_facets and tracer.closure == "none":
+        starts = starts_on_facets(scene, windows.sensor, tracer.emitters.brightest)
+    for every in PATHS_OF_A_START if starts is not None else ():
+        split = replace(best, direct=replace(starts, every=every))
+        paths_of_split = needed(split) * (1 + FACET_RAY / every)
+        if paths_of_split < paths:
+            best, paths = split, paths_of_split
+    if paths < pilot_paths(windows.sensor):
+        return best
+    return aim_at_model(scene, tracer, windows.sensor, sampling.seed, measurands, best)
+
+
+def pilot(scene, windows, sampling, measurands, criterion, aim: Aim | None = None) -> tuple:
+    """Number of paths that a window needs, and the totals of the first paths."""
+    if not windows.are_pixels:
+        windows = replace(windows, randomisations=RANDOMISATIONS)
+    points = min(windows.first_points(), windows.points(sampling.limit))
+    active, rays = np.arange(windows.count), ParallelRays.of(windows.sensor)
+    binning = measurands.binning(sampling.tolerance)
+    with scene.prepared(measurands.by_spectrum, binning=binning) as tracer:
+        criterion.check(tracer, scene.name)
+        total = windows.totals(tracer, aim)
+        most_rows = tracer.most_rows(measurands.channels)
+        for launch in windows.launches(active, 0, points, sampling.seed, total.aim, most_rows):
+            total.add(launch, measurands.trace(tracer, windows.sensor, launch, rays))
+    return needed_paths(total, criterion.excess(total)), total
+
+
+def needed_paths(total: Totals, excess: float | np.ndarray) -> float:
+    """Mean number of paths of a window after which the error is the allowed one.
+
+    The part of the interval that comes from scatter falls as the root of this number, and the rest
+    as its inverse.
+
+    excess: ratio of the error to the allowed error, of each window or of all.
+    """
+    scatter = 1.0
+    if total.by_randomisation:
+        channel = "target" if "target" in total.sums else None
+        random = student_factor(total.randomisations - 1) * total.scatter_error(channel)
+        whole = total.half_width(channel)
+        scatter = np.divide(random, whole, out=np.ones_like(whole), where=whole > 0) ** 2
+    square = np.minimum(excess, 1e60) ** 2
+    of_scatter, of_rest = square * scatter, square * (1 - scatter)
+    ratio = (of_scatter + np.sqrt(of_scatter**2 + 4 * of_rest)) / 2
+    return float(np.mean(ratio * total.traced))
+
 
 # Ratio of the error to the allowed error, after the first paths, from which on the paths are aimed
 # at the model. The pilots for that take up to 2^17 paths.

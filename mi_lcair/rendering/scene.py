@@ -1,7 +1,7 @@
 """Loading of a thermal scene, with all checks that are possible before rendering."""
 
-from collections.abc import Collection, Mapping, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
@@ -17,31 +17,40 @@ from mi_lcair.physics.spectra.bins import Binning
 from mi_lcair.plugins import PLUGINS
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
 from mi_lcair.plugins.derivatives import deriving, nodes
+from mi_lcair.plugins.integrators.bounce_path import BouncePath
 from mi_lcair.plugins.paths.launch import numbers
-from mi_lcair.plugins.paths.recording import SceneState
-from mi_lcair.rendering.loading.files import survey
-from mi_lcair.rendering.loading.fingerprint import described_digest, fingerprint, source_digest
-from mi_lcair.rendering.loading.meshes import check_mesh_files, check_shapes
-from mi_lcair.rendering.loading.nodes import check_nodes
-from mi_lcair.rendering.loading.origin import check_meshes_near, far_origin, move
+from mi_lcair.plugins.paths.path_tracer import SceneState
+from mi_lcair.rendering.loading.files import (
+    check_mesh_files,
+    check_shapes,
+    described_digest,
+    fingerprint,
+    source_digest,
+    survey,
+)
 from mi_lcair.rendering.loading.parsing import (
+    check_meshes_near,
+    check_nodes,
+    far_origin,
     instantiated,
+    move,
     parsed,
     remarks_on_samplers,
     searching,
     with_known_plugins,
 )
-from mi_lcair.rendering.loading.remarks.flat_parts import remarks_on_triangles
-from mi_lcair.rendering.loading.remarks.loaded import (
+from mi_lcair.rendering.loading.remarks import (
     clipped,
+    reflections_of_nothing,
     remarks_on_loaded,
     remarks_on_materials,
+    remarks_on_triangles,
+    seen_from_behind,
     shapes_without_bsdf,
     suns_below_the_horizon,
     turned_inside_out,
 )
-from mi_lcair.rendering.loading.remarks.nothing import reflections_of_nothing, seen_from_behind
-from mi_lcair.startup.threads import discarded, exclusive, exclusively
+from mi_lcair.tasks import discarded, exclusive, exclusively
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
 # Largest number of moves of a scene to the origin. One move may not be enough, because the position
@@ -111,7 +120,7 @@ class Scene:
             turn.release()
 
     def __repr__(self) -> str:
-        from mi_lcair.rendering.loading.description import line
+        from mi_lcair.rendering.loading.files import line
 
         return line(self)
 
@@ -344,3 +353,45 @@ def checked(loaded: mi.Scene, path: Path | None, parameters: dict[str, str]) -> 
         path=path,
         of_nothing=tuple(of_nothing),
     )
+
+
+# Settings of a loaded scene that may change between renders, and how to change them
+# ----------------------------------------------------------------------------------
+
+INTEGRATOR = tuple(entry.name for entry in BouncePath.PROPERTIES)
+
+
+@contextmanager
+def changed(
+    scene: Scene, lobe: str | dict[str, str] | None = None, **settings: object
+) -> Iterator[None]:
+    """Context manager in which a scene has other settings; they are restored at the end.
+
+    lobe: lobe of all reflection models, or of some materials as a dictionary (brdf, mirror or
+    diffuse). settings: properties of bounce_path. Raises InputError for an unknown name, material
+    or lobe, and for values that contradict each other.
+    """
+    integrator = scene.mi.integrator()
+    check_known("setting", INTEGRATOR, *settings)
+    values = {name: getattr(integrator, name) for name in settings}
+    with exclusive:
+        # Recorded by surface, because two surfaces with the same material may have different lobes
+        lobes = [(surface, surface.lobe) for surface in scene.surfaces()]
+    try:
+        with exclusive:
+            for material, rung in (lobe if isinstance(lobe, dict) else {None: lobe}).items():
+                if rung is not None:
+                    scene.set_lobe(rung, material)
+            set_all(integrator, settings)
+            integrator.check()
+        yield
+    finally:
+        with exclusive:
+            set_all(integrator, values)
+            for surface, rung in lobes:
+                surface.set_lobe(rung)
+
+
+def set_all(integrator, values: dict) -> None:
+    for name, value in values.items():
+        setattr(integrator, name, value)

@@ -7,13 +7,11 @@ from math import hypot
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.physics.estimation.profiles import student_factor
+from mi_lcair.physics.estimation.verdicts import student_factor
 from mi_lcair.plugins.emission.draw_table import UnmetSources
-from mi_lcair.plugins.paths.aim import Aim
-from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.plugins.paths.launch import Aim, Launch
 from mi_lcair.plugins.paths.sums import Sums
-from mi_lcair.plugins.recorders.by_source import up_to_prefix
-from mi_lcair.plugins.recorders.unmet_source import LARGEST, SUMMED, in_all_windows
+from mi_lcair.plugins.recorders.radiance import LARGEST, SUMMED, in_all_windows, up_to_prefix
 
 # Largest fraction of NaN or infinite samples in a result. Such samples are left out or count as 0,
 # which changes a mean by about their fraction. The limit is a tenth of the usual tolerance of 1 %.

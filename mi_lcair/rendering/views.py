@@ -12,9 +12,9 @@ from mi_lcair.declared import percent
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.triangles import is_faceted, vertex_positions
 from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of
-from mi_lcair.rendering.loading.origin import extent
+from mi_lcair.rendering.loading.parsing import extent
 from mi_lcair.rendering.scene import Scene
-from mi_lcair.startup.threads import exclusively
+from mi_lcair.tasks import exclusively
 
 # Ratio of the window to the model's size, and of the camera's distance to the model's radius.
 MARGIN = 1.01

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mi_lcair.charts import Curve, LineChart, LineCharts, by_wavelength
 from mi_lcair.errors import InputError, check_known, unknown
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
@@ -20,10 +21,8 @@ from mi_lcair.plugins.emission.source import Source
 from mi_lcair.plugins.properties import HOTTEST
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import UNSEEN, Totals, student_factor
-from mi_lcair.results import Result, entry
-from mi_lcair.results.charts import Curve, LineChart, LineCharts, by_wavelength
-from mi_lcair.results.result import summary_of
-from mi_lcair.results.sections import Section
+from mi_lcair.results import Result, entry, summary_of
+from mi_lcair.sections import Section
 
 PARTS = ("target", "scene")
 SPECTRUM, UNIT = "Spectral intensity", "W sr-1 um-1"

@@ -1,21 +1,328 @@
 """Intensity of a scene toward an orthographic sensor, with and without the background."""
 
 import time
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import count
+from typing import TYPE_CHECKING, Any
 
-from mi_lcair.plugins.paths.aim import Aim
+import numpy as np
+
+from mi_lcair.charts import BarChart, BarCharts, label
+from mi_lcair.formats import VTK
+from mi_lcair.plugins.paths.launch import Aim
 from mi_lcair.plugins.recorders.channels import Channels
-from mi_lcair.rendering.facets.table import FacetTable
-from mi_lcair.rendering.measurands import ExcessFunction, IntensityInterval, Measurands
+from mi_lcair.rendering import facets as polygons
+from mi_lcair.rendering.facets import FacetTable
+from mi_lcair.rendering.measurands import ExcessFunction, IntensityInterval, Measurands, Sampling
 from mi_lcair.rendering.measure import measure
-from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
-from mi_lcair.rendering.statistics import WHOLES, Totals
+from mi_lcair.rendering.statistics import WHOLES, Totals, invalid_remark
 from mi_lcair.rendering.window import Windows, window, window_area
-from mi_lcair.signatures.effective_areas import effective_areas
-from mi_lcair.signatures.facet_results import FacetSums
-from mi_lcair.signatures.signature_result import Intensity, Signature
+from mi_lcair.results import Recorded, Result, columns_of, details, entry
+from mi_lcair.sections import Part, Remarks, Section, Table, error_row, heading, interval
+from mi_lcair.signatures.effective_areas import (
+    PARTS,
+    EffectiveAreas,
+    effective_areas,
+    spectrum_section,
+)
+from mi_lcair.signatures.facets import FacetResults, FacetSums
+
+if TYPE_CHECKING:
+    from mi_lcair.rendering.scene import Scene as MiScene
+
+
+# The intensities that `signature` returns
+# ----------------------------------------
+
+WATTS = "W sr-1"
+# Parts of an intensity: their names, titles and axes
+KINDS = (
+    ("bounce", "by number of reflections", "number of reflections"),
+    ("group", "by what emitted it", "group that emits"),
+    ("seen", "by what the sensor sees first", "group that is seen"),
+)
+
+
+@dataclass(frozen=True)
+class Intensity:
+    """Intensity toward the sensor, W/sr, and its parts.
+
+    Attributes
+    ----------
+    intensity, standard_error : float
+        Intensity and its standard error, W/sr.
+    half_width : float
+        Half of the 95 % interval of the intensity, W/sr.
+    by_bounce, by_bounce_error : list of float
+        Part of the paths with 0, 1, ... max_bounces reflections, W/sr, and its standard error. The
+        last entry holds all reflections from the 64th on. With `closure` they add up to the
+        intensity.
+    by_group, by_group_error : dict of str to float
+        Part that each group emitted, W/sr, and its standard error.
+    by_seen, by_seen_error : dict of str to float
+        Part of the pixels that show each group, W/sr, and its standard error.
+    closure : float
+        Estimate of the reflections beyond max_bounces, W/sr. It is included in `intensity`.
+    """
+
+    intensity: float
+    standard_error: float
+    half_width: float
+    by_bounce: list[float]
+    by_bounce_error: list[float]
+    by_group: dict[str, float]
+    by_group_error: dict[str, float]
+    by_seen: dict[str, float]
+    by_seen_error: dict[str, float]
+    closure: float
+
+    @property
+    def up_to_bounce(self) -> list[float]:
+        """Intensity of the paths with at most 0, 1, ... reflections, W/sr: sums of `by_bounce`."""
+        return np.cumsum(self.by_bounce).tolist()
+
+    def rows(self) -> dict[tuple[str, str], tuple[float, float]]:
+        """Values and standard errors, W/sr, of the whole and of each part by what and name."""
+        parts = {
+            "bounce": zip(map(str, count()), self.by_bounce, self.by_bounce_error),
+            "group": zip(self.by_group, self.by_group.values(), self.by_group_error.values()),
+            "seen": zip(self.by_seen, self.by_seen.values(), self.by_seen_error.values()),
+        }
+        rows = {(of, name): pair for of, part in parts.items() for name, *pair in part}
+        return {("all", ""): (self.intensity, self.standard_error)} | rows
+
+    def as_dict(self) -> dict:
+        """The entries for JSON, all in W/sr."""
+        entries = asdict(self) | {"up_to_bounce": self.up_to_bounce}
+        return {f"{name}_W_sr": value for name, value in entries.items()}
+
+
+def facts_of_entries(entries: dict, others: Sequence[Part | Section] = ()) -> Iterator[Any]:
+    """Yield the facts of a signature from the dictionary of its JSON. `others`: its facets."""
+    parts = [entries[name] for name in PARTS]
+    main = entries[entries["main_part"]]
+    yield (
+        "The target is what comes from the model's facets, the scene is all that lies in the "
+        "sensor's window. Errors in the tables are standard errors."
+    )
+    error = interval(
+        main["half_width_W_sr"],
+        main["intensity_W_sr"],
+        "W/sr",
+        f"the {entries['main_part']}'s intensity",
+    )
+    yield "band", entries["band"]
+    for name, part in zip(PARTS, parts):
+        yield (
+            name,
+            f"{part['intensity_W_sr']:.6g} W/sr +- {part['half_width_W_sr']:.2g} (95 %), "
+            f"standard error {part['standard_error_W_sr']:.2g}",
+        )
+    yield error_row(error, entries["tolerance"], entries["reached"])
+    yield "paths", entries["paths"]
+    if entries.get("bins"):
+        yield "wavelengths", entries["bins"]
+    bounces = zip(*(column for part in parts for column in by_bounce(part)))
+    both = [("target", WATTS), ("scene", WATTS)]
+    yield Table(
+        ["reflections", both[0], "up to these", both[1], "up to these"],
+        [[str(number), *cells] for number, cells in enumerate(bounces)],
+    )
+    for key, title in (("by_group", "emitted by"), ("by_seen", "seen first")):
+        values = [(part[f"{key}_W_sr"], part[f"{key}_error_W_sr"]) for part in parts]
+        labels = entries["scene"][f"{key}_W_sr"]
+        rows = (
+            [label, *((value[label], error[label]) for value, error in values)] for label in labels
+        )
+        yield Table([title, *both], list(rows))
+    yield Remarks(invalid_remark(entries["invalid"], entries["paths"]))
+    if "spectrum" in entries:
+        yield spectrum_section(columns_of(entries["spectrum"]))
+        rows = entries["effective_areas"]
+        heads = [heading(name) for name in rows[0]] if rows else []
+        yield Section("Effective areas", [Table(heads, [list(row.values()) for row in rows])])
+    yield from others
+    yield details(entries, "How the signature was made")
+
+
+def by_bounce(part: dict) -> tuple[list, list]:
+    """Two columns of a part of the signature: by number of reflections, and their sums."""
+    values, errors = part["by_bounce_W_sr"], part["by_bounce_error_W_sr"]
+    return list(zip(values, errors)), part["up_to_bounce_W_sr"]
+
+
+@dataclass(frozen=True, repr=False)
+class Signature(Result):
+    """Intensity of a scene toward an orthographic sensor.
+
+    Attributes
+    ----------
+    scene_name : str
+        Name of the scene.
+    band : str
+        Name of the band.
+    scene : Intensity
+        Intensity of all that lies in the sensor's window.
+    target : Intensity
+        Intensity of the model's facets. It includes sky and terrain that they reflect, but not sky
+        and terrain that the sensor sees directly.
+    effective_areas : EffectiveAreas or None
+        Effective area of each source, if it was asked for.
+    facets : FacetResults or None
+        Results of each facet, if they were asked for.
+    window_area : float
+        Area of the sensor's window, m^2.
+    seconds : float
+        Time of the render, s.
+    paths : int
+        Number of paths.
+    invalid : int
+        Number of samples that were NaN or infinite, and count as 0.
+    degrees_of_freedom : int
+        Degrees of freedom of all standard errors, see `student_factor`.
+    missed : float
+        Intensity that a source which no path has hit may add to the target, W/sr.
+    systematic : float
+        Relative error of every intensity that more paths do not reduce.
+    tolerance : float or None
+        Tolerance that was asked for.
+    reached : bool or None
+        Whether the tolerance was reached, or the criterion `excess` was met; None without them.
+    aim : Aim or None
+        Where in the window the paths began. Renders with one aim and one number share their paths.
+    remarks : sequence of str
+        Remarks on the scene, one line each.
+    bins : str
+        Bins of wavelength and their error, in words; empty without spectral materials.
+    fewer : tuple of Signature
+        The same with fewer reflections, if they were asked for, from the same paths.
+    """
+
+    scene_name: str
+    band: str
+    scene: Intensity
+    target: Intensity
+    effective_areas: EffectiveAreas | None = entry()
+    facets: FacetResults | None = entry()
+    window_area: float = entry("window_area_m2")
+    seconds: float = entry("time_s")
+    paths: int
+    invalid: int
+    degrees_of_freedom: int
+    missed: float = entry("missed_W_sr")
+    systematic: float
+    tolerance: float | None
+    reached: bool | None = None
+    aim: "Aim | None" = entry(default=None)
+    remarks: Sequence[str] = ()
+    bins: str = ""
+    fewer: "tuple[Signature, ...]" = entry(default=())
+
+    kind = "signature"
+    heading = "Intensity"
+    computed = {"main_part": "main_part"}
+    facts_of = staticmethod(facts_of_entries)
+    saved_by = dict.fromkeys(VTK, f"{__name__}:write_vtk")
+
+    def suffixes(self) -> list[str]:
+        """Suffixes of the files that `save` can write; those of ParaView need `facets=True`."""
+        known = super().suffixes()
+        return [suffix for suffix in known if suffix not in VTK or self.facets is not None]
+
+    @property
+    def main_part(self) -> str:
+        """Part that a tolerance refers to: "target", or "scene" if the target is dark."""
+        return "target" if self.target.intensity > 0 else "scene"
+
+    @property
+    def main(self) -> Intensity:
+        """The Intensity of `main_part`."""
+        return getattr(self, self.main_part)
+
+    @property
+    def intensity(self) -> float:
+        """Intensity of `main_part`, W/sr: of the target, or of the scene if the target is dark."""
+        return self.main.intensity
+
+    @property
+    def standard_error(self) -> float:
+        """Standard error of `intensity`, W/sr."""
+        return self.main.standard_error
+
+    @property
+    def half_width(self) -> float:
+        """Half of the 95 % interval of `intensity`, W/sr."""
+        return self.main.half_width
+
+    def summary(self) -> str:
+        """One line with the intensity of `main_part` and its 95 % interval."""
+        return (
+            f"signature of {self.scene_name}, {self.band}: {self.main_part} "
+            f"{self.intensity:.6g} +- {self.half_width:.2g} W/sr (95 %), {self.paths} paths"
+        )
+
+    def entries(self) -> dict:
+        """Entries for JSON, with the spectrum and the facets if there are any."""
+        entries = super().entries()
+        if self.effective_areas is not None:
+            entries["effective_areas"] = self.effective_areas.as_list()
+            entries["spectrum"] = self.effective_areas.columns()
+        if self.facets is not None:
+            entries["facets"] = self.facets.columns()
+        return entries
+
+    @classmethod
+    def of_entries(cls, entries: dict) -> Recorded:
+        """The signature with these entries of its JSON."""
+        return Recorded(cls, entries)
+
+    def facts(self, scene: "MiScene | None" = None, sensor: int = 0) -> Iterator[Any]:
+        """All that a signature holds.
+
+        scene: the scene it was made from, from whose sensor the model is seen at first.
+        """
+        others = [] if self.facets is None else self.facets.sections(scene=scene, sensor=sensor)
+        return facts_of_entries(self.as_dict(), others)
+
+    def picture(self) -> BarCharts:
+        """Intensities by number of reflections, by emitter, and by what is seen."""
+        parts = {part: getattr(self, part) for part in PARTS}
+        charts = []
+        for kind, title, places in KINDS:
+            of = {part: getattr(value, f"by_{kind}") for part, value in parts.items()}
+            errors = {part: getattr(value, f"by_{kind}_error") for part, value in parts.items()}
+            if kind != "bounce":
+                names = list(of["scene"])
+                of, errors = (
+                    {part: [values[name] for name in names] for part, values in table.items()}
+                    for table in (of, errors)
+                )
+            else:
+                names = list(map(str, range(len(of["scene"]))))
+            charts.append(BarChart(title, names, label("intensity", WATTS), of, errors, places))
+        value = f"{self.intensity:.6g} ± {self.half_width:.2g} W/sr (95 %)"
+        return BarCharts(charts, f"{self.scene_name}, {self.band}: {self.main_part} {value}")
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """Intensity of target and scene: all of it, by reflections, by emitter, by what is seen."""
+        rows = self.target.rows(), self.scene.rows()
+        of, names = zip(*rows[1])
+        values = np.array([[part[row] for part in rows] for row in rows[1]], dtype=float)
+        return {
+            "part": np.array(of),
+            "name": np.array(names),
+            "target_W_sr": values[:, 0, 0],
+            "target_standard_error_W_sr": values[:, 0, 1],
+            "scene_W_sr": values[:, 1, 0],
+            "scene_standard_error_W_sr": values[:, 1, 1],
+        }
+
+
+def write_vtk(path, signature: Signature) -> None:
+    """Write the facets of a signature as a .vtp or .vtu file."""
+    polygons.write_vtk(path, signature.facets)
 
 
 def measure_signature(

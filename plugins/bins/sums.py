@@ -6,8 +6,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.plugins.bins.blocks import SIZE, gathered, in_blocks
-from mi_lcair.plugins.bins.by_bin import NEIGHBOURS, ByBin
+from mi_lcair.plugins.bins.by_bin import NEIGHBOURS, SIZE, ByBin, gathered, in_blocks
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
 from mi_lcair.plugins.paths.launch import Launch, Paths
 from mi_lcair.plugins.recorders.recorder import Emission, Recorder, zeros

@@ -7,7 +7,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.spectra.files import columns_of
 from mi_lcair.physics.spectra.parameters import spectrum
-from mi_lcair.plugins.bsdfs.spectral_bsdf import SpectralBSDF
+from mi_lcair.plugins.bsdfs.reflection_bsdf import SpectralBSDF
 from mi_lcair.plugins.properties import Property, beside_scene, read
 
 # What a BSDF may do with a ray. A surface whose flags hold only `Null` of these is passed.

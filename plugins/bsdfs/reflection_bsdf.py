@@ -3,6 +3,7 @@
 It provides the tables of HDR, the simplified lobes, the emissivity and the derivatives.
 """
 
+from dataclasses import replace
 from functools import lru_cache
 
 import drjit as dr
@@ -11,12 +12,16 @@ import numpy as np
 
 from mi_lcair.errors import InputError, check_known, errors_of
 from mi_lcair.physics import materials
-from mi_lcair.physics.bands import band
-from mi_lcair.physics.directional_table import over_the_hemisphere, read_directional_table
-from mi_lcair.physics.reflection.directions import SMALLEST, cos_theta, sample_cosine, sin2_theta
-from mi_lcair.physics.reflection.interface import ReflectionModel
-from mi_lcair.plugins.bsdfs.spectral_bsdf import SpectralBSDF
-from mi_lcair.plugins.bsdfs.uniform_table import gather, interpolate, refine
+from mi_lcair.physics.bands import Band, band
+from mi_lcair.physics.reflection.interface import (
+    SMALLEST,
+    ReflectionModel,
+    cos_theta,
+    sample_cosine,
+    sin2_theta,
+)
+from mi_lcair.physics.spectra.parameters import CHANGES, NODES, Change, SpectralParameters
+from mi_lcair.physics.spectral_table import over_the_hemisphere, read_directional_table
 from mi_lcair.plugins.derivatives import (
     Deriving,
     attached,
@@ -27,6 +32,125 @@ from mi_lcair.plugins.derivatives import (
     unrecorded,
 )
 from mi_lcair.plugins.properties import HOTTEST, Property, beside_scene, read
+
+# Tables over 0..1 with evenly spaced nodes: linear interpolation and cubic refinement
+# ------------------------------------------------------------------------------------
+
+
+def interpolate(table, x):
+    """Linear interpolation at `x` in a table with evenly spaced nodes over 0 <= x <= 1."""
+    return interpolate_row(table, mi.UInt32(0), dr.width(table) - 1, x)
+
+
+def interpolate_row(tables, row, steps: int, x):
+    """Linear interpolation at `x` in one of several tables, which follow each other.
+
+    row: number of the table. steps: steps of each table.
+    """
+    node, way = between_nodes(row, x, steps)
+    return dr.lerp(dr.gather(mi.Float, tables, node), dr.gather(mi.Float, tables, node + 1), way)
+
+
+def between_nodes(row, x, steps: int) -> tuple[mi.UInt32, mi.Float]:
+    """The node at or before `x` among the even nodes over 0..1 of a row, and the way to the next.
+
+    Nodes are counted over all rows, of which each has steps + 1.
+    """
+    x = x * steps
+    index = dr.minimum(mi.UInt32(x), steps - 1)
+    return row * (steps + 1) + index, x - mi.Float(index)
+
+
+def gather(table, index):
+    """Entries of a table, with derivatives that hold if the table is itself a result of `gather`.
+
+    In its default mode Dr.Jit 1.5 sums the gradients of a gather in one copy of the table for each
+    thread. Where the table was gathered too, that sum is now and then lost (LLVM).
+    """
+    return dr.gather(type(table), table, index, mode=dr.ReduceMode.Local)
+
+
+def refine(table, factor: int):
+    """The table with each step divided into `factor` steps; derivatives are kept.
+
+    New nodes lie on the cubic through the four old nodes nearest to them. At the ends the cubic of
+    the neighbouring step is used. The table must have at least four nodes.
+    """
+    Float, steps = type(table), dr.width(table) - 1
+    node = dr.arange(mi.UInt32, steps * factor + 1)
+    first = dr.clip(mi.Int32(node // factor) - 1, 0, steps - 3)
+    x = Float(node) / factor - Float(first)
+    # Lagrange's weights for nodes at 0, 1, 2 and 3
+    weights = (
+        (x - 1) * (x - 2) * (3 - x) / 6,
+        x * (x - 2) * (x - 3) / 2,
+        x * (x - 1) * (3 - x) / 2,
+        x * (x - 1) * (x - 2) / 6,
+    )
+
+    def neighbour(k):
+        return gather(table, mi.UInt32(first + k))
+
+    return sum(weight * neighbour(k) for k, weight in enumerate(weights))
+
+
+# Base class of BSDFs whose parameters may depend on wavelength
+# -------------------------------------------------------------
+
+
+class SpectralBSDF(mi.BSDF):
+    """A BSDF that may have a spectrum, with numbers that change it.
+
+    measured_spectrum: parameters over wavelength; None without. spectrum: the same with the change.
+    of_band: band in which the scene is rendered. change: numbers of the change, see `Change`; they
+    are the parameters of the scene then, since the mean of the spectrum only decides where paths
+    go.
+    """
+
+    spectrum: SpectralParameters | None = None
+    measured_spectrum: SpectralParameters | None = None
+    of_band: Band | None = None
+    change: dict[str, mi.Float] = {}
+
+    def take_spectrum(self, spectrum: SpectralParameters, of_band: Band) -> None:
+        """Depend on wavelength."""
+        self.spectrum = self.measured_spectrum = spectrum
+        self.of_band = of_band
+        self.change = {name: mi.Float(value) for name, (_, value) in CHANGES.items()}
+        self.change["nodes"] = mi.Float(np.zeros(NODES))
+
+    @property
+    def spectrum_change(self) -> Change:
+        """The change of the spectrum, from its numbers."""
+        numbers = {name: float(self.change[name][0]) for name in CHANGES}
+        nodes = tuple(self.change["nodes"].numpy().tolist())
+        return Change((self.of_band.lower_um, self.of_band.upper_um), **numbers, nodes=nodes)
+
+    def follow_change(self) -> None:
+        """Set `spectrum` for the present numbers of the change."""
+        self.spectrum = changed_spectrum(self.measured_spectrum, self.spectrum_change)
+
+
+@lru_cache(maxsize=128)
+def changed_spectrum(spectrum: SpectralParameters, change: Change) -> SpectralParameters:
+    """A spectrum with a change, the same object for all surfaces that have it."""
+    return spectrum if change.is_none else replace(spectrum, change=change)
+
+
+def has_spectrum(plugin) -> bool:
+    """Whether a plugin is a BSDF that depends on wavelength; None is not."""
+    return isinstance(plugin, SpectralBSDF) and plugin.spectrum is not None
+
+
+def is_spectral(bsdf) -> bool:
+    """Whether a BSDF, or what it wraps, has a spectral material."""
+    return any(map(has_spectrum, (bsdf, *children(bsdf))))
+
+
+def has_spectral_materials(scene) -> bool:
+    """Whether a surface of a scene has a spectral material."""
+    return any(is_spectral(shape.bsdf()) for shape in scene.shapes())
+
 
 LOBES = ("brdf", "mirror", "diffuse")
 OF_MATERIALS = (

@@ -14,9 +14,14 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.plugins.bsdfs.plume import is_plume
-from mi_lcair.plugins.columns.exploring import differentiated
-from mi_lcair.plugins.columns.surface_slopes import kind_of
-from mi_lcair.plugins.columns.tables import CELLS, ColumnTables, incoming_radiance, pilot_launch
+from mi_lcair.plugins.columns.tables import (
+    CELLS,
+    ColumnTables,
+    differentiated,
+    incoming_radiance,
+    kind_of,
+    pilot_launch,
+)
 from mi_lcair.plugins.derivatives import nodes
 from mi_lcair.plugins.recorders.channels import Channels
 

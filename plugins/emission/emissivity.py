@@ -12,7 +12,7 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.bsdfs.uniform_table import interpolate
+from mi_lcair.plugins.bsdfs.reflection_bsdf import interpolate
 from mi_lcair.plugins.derivatives import (
     Deriving,
     attached,

@@ -4,8 +4,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from mi_lcair.physics.bands import Spectrum
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
-from mi_lcair.physics.spectrum import Spectrum
 
 OTHER = "other"  # group of everything without a thermal emitter
 

@@ -11,9 +11,8 @@ from mi_lcair.physics.air.levels import Weather, model_names
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.materials import hemispherical_emissivity
 from mi_lcair.physics.sky import air_mass
-from mi_lcair.physics.sun.daytime_sky import ClearSky
-from mi_lcair.physics.surroundings.skies import Blackbody
-from mi_lcair.physics.surroundings.surroundings import ATMOSPHERE, Ground, surroundings
+from mi_lcair.physics.sun import ClearSky
+from mi_lcair.physics.surroundings import ATMOSPHERE, Blackbody, Ground, surroundings
 from mi_lcair.plugins.derivatives import attached, held, same_variables
 from mi_lcair.plugins.emission.source import Source
 from mi_lcair.plugins.emitters.distant_emitter import DistantEmitter, check_fits

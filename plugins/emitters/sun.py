@@ -6,9 +6,8 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.levels import HEIGHT_M, Weather, model_names
-from mi_lcair.physics.spectrum import Spectrum
-from mi_lcair.physics.sun.position import sun_position
-from mi_lcair.physics.sun.sunlight import NO_AIR, air_names, sunlight
+from mi_lcair.physics.bands import Spectrum
+from mi_lcair.physics.sun import NO_AIR, air_names, sun_position, sunlight
 from mi_lcair.plugins.emission.source import Source
 from mi_lcair.plugins.emitters.distant_emitter import DistantEmitter
 from mi_lcair.plugins.properties import Property

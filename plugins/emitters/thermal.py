@@ -12,8 +12,8 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.derivatives import check_attached, held, members, same_variables, unrecorded
+from mi_lcair.plugins.emission.draw_table import largest, texture_bound
 from mi_lcair.plugins.emission.emissivity import Table, emissivity_of, reflects
-from mi_lcair.plugins.emission.radiance_bound import largest, texture_bound
 from mi_lcair.plugins.emission.triangles import (
     Choice,
     TriangleTable,
@@ -23,7 +23,7 @@ from mi_lcair.plugins.emission.triangles import (
 )
 from mi_lcair.plugins.emitters.thermal_emitter import EmitterParameter, ThermalEmitter
 from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST, RADIANCE_UNIT, Property
-from mi_lcair.startup.threads import is_traced
+from mi_lcair.tasks import is_traced
 
 
 class Thermal(ThermalEmitter):

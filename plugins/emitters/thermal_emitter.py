@@ -7,8 +7,7 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.physics.bands import Band, band
-from mi_lcair.physics.spectrum import Spectrum
+from mi_lcair.physics.bands import Band, Spectrum, band
 from mi_lcair.plugins.derivatives import Deriving
 from mi_lcair.plugins.emission.source import OTHER, Source
 from mi_lcair.plugins.properties import Property, read

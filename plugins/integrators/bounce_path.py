@@ -12,17 +12,14 @@ from mitsuba.python.ad.integrators.common import RBIntegrator
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.spectra.bins import Binning
-from mi_lcair.plugins.bsdfs.spectral_bsdf import SpectralBSDF, has_spectrum
-from mi_lcair.plugins.columns.exploring import explored_by_gradients
-from mi_lcair.plugins.columns.surface_slopes import places_of
-from mi_lcair.plugins.columns.tables import surface_numbers
+from mi_lcair.plugins.bsdfs.reflection_bsdf import SpectralBSDF, has_spectrum
+from mi_lcair.plugins.columns.tables import explored_by_gradients, places_of, surface_numbers
 from mi_lcair.plugins.derivatives import deriving, leaves, nodes
 from mi_lcair.plugins.emission.draw_table import PREFERRED
 from mi_lcair.plugins.emission.triangles import refresh_geometry
-from mi_lcair.plugins.paths.path_tracer import PathTracer
-from mi_lcair.plugins.paths.recording import SceneState
+from mi_lcair.plugins.paths.path_tracer import PathTracer, SceneState
 from mi_lcair.plugins.properties import HOTTEST, Property, read
-from mi_lcair.startup.threads import exclusive, tracing
+from mi_lcair.tasks import exclusive, tracing
 
 AUTO = "auto"  # emitter_sampling: decided by a measurement
 LEAST_SHARE = 0.125  # least probability of the floor and of the lobe of an explored surface

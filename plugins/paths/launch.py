@@ -2,15 +2,277 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
+from math import sqrt
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from mi_lcair.plugins.derivatives import children, own_memory
-from mi_lcair.plugins.paths.aim import Aim, CellTable
-from mi_lcair.plugins.paths.facet_starts import FacetStarts, FacetTable
+from mi_lcair.plugins.emission.triangles import (
+    Choice,
+    is_faceted,
+    point_on,
+    pointer_id,
+    triangle_corners,
+    triangle_vertices,
+)
 from mi_lcair.plugins.samplers.lattice import VECTOR, Lattice, hashed
+
+# Starts on facets: paths that begin where the sensor sees a drawn point of a facet
+# ---------------------------------------------------------------------------------
+# They follow the facets when these move. Two poses of a scene with the same random numbers are then
+# compared point by point, and hardly any noise is left in their difference.
+
+
+@dataclass
+class FacetTable:
+    """The triangles on which paths may begin, as Dr.Jit arrays.
+
+    ends: those of `Choice`, with a row for each window. rows: corner of each triangle and its two
+    sides, as those of `TriangleTable` [m]. extent: diagonal of the box around all [m]. weight:
+    weight of each triangle's paths in each window. shape, primitive: the triangle. windows: number
+    of windows that have tables of their own; if it is 1, all share one. count: number of triangles.
+    """
+
+    ends: mi.UInt32
+    rows: mi.Float
+    extent: mi.Float
+    weight: mi.Float
+    shape: mi.UInt32
+    primitive: mi.UInt32
+    windows: mi.UInt32
+    count: int
+
+    def place(self, sample: mi.Point2f, window: mi.UInt32) -> tuple[mi.Float, "FacetPoint"]:
+        """The weight of a path in a window, and the point that it has to hit first."""
+        first = (window % self.windows) * self.count
+        choice = Choice.of_ends(self.ends, self.count)
+        index, sample = choice.pick_and_rest(sample, first=first)
+        _, p, _ = point_on(self.rows, index, sample)
+        shape, primitive = (
+            dr.gather(mi.UInt32, numbers, index) for numbers in (self.shape, self.primitive)
+        )
+        weight = dr.gather(mi.Float, self.weight, first + index)
+        return weight, FacetPoint(p, shape, primitive, self.extent)
+
+
+@dataclass
+class FacetPoint:
+    """The point of a triangle on which a path begins.
+
+    p: the point [m]. shape: number of the pointer to its shape. primitive: the triangle. extent:
+    see `FacetTable`.
+    """
+
+    p: mi.Point3f
+    shape: mi.UInt32
+    primitive: mi.UInt32
+    extent: mi.Float
+
+    def first_hit(self, scene, ray) -> tuple[mi.PreliminaryIntersection3f, mi.Bool]:
+        """What a sensor's ray toward the point hits first, and whether that is the triangle.
+
+        The start of the ray is known to a rounding of its coordinates, which may be more than the
+        facet of a distant sensor is wide. The ray is therefore traced from the near side of the
+        model, and another one from there back to the sensor.
+        """
+        distance = dr.dot(self.p - ray.o, ray.d)
+        near = dr.minimum(distance, self.extent)
+        start, before = self.p - near * ray.d, distance - near
+        hit = scene.ray_intersect_preliminary(
+            mi.Ray3f(start, ray.d, ray.maxt - before, 0, []), coherent=False
+        )
+        hidden = scene.ray_test(mi.Ray3f(start, -ray.d, before, 0, []), before > 0)
+        same = dr.reinterpret_array(mi.UInt32, hit.shape) == self.shape
+        same &= hit.is_valid() & (hit.prim_index == self.primitive)
+        hit.t += before
+        return hit, same & ~hidden
+
+
+@dataclass(frozen=True)
+class FacetStarts:
+    """A density of starts over the facets of a scene in one pose; in place of an `Aim`.
+
+    tables: for `Paths`. largest_weight, largest_on_model: largest weight of a path of each window,
+    (windows,), or (1,) if all have the same density. largest_direct: the largest of weight times
+    radiance that is seen without a reflection, the same shape [W m^-2 sr^-1]. every: beside other
+    paths, the number of these for each that begins on a facet. direct: see `Aim`.
+    """
+
+    tables: FacetTable
+    largest_weight: np.ndarray
+    largest_on_model: np.ndarray
+    largest_direct: np.ndarray
+    every: int = 1
+    direct: "FacetStarts | None" = None
+
+    @staticmethod
+    def at(meshes, corners, area, choice: Choice, direct=0.0) -> "FacetStarts":
+        """Starts on the n triangles of meshes.
+
+        Parameters
+        ----------
+        meshes : list of mi.Shape
+        corners : ndarray, shape (n, 3, 3)
+            Corners of the triangles [m].
+        area : ndarray, shape (..., n)
+            Their visible areas in parts of the window's area.
+        choice : Choice
+            Draws a triangle; with a row for each window.
+        direct : ndarray, shape (n,), or float
+            Upper bound of their radiance without reflections [W m^-2 sr^-1].
+        """
+        counts = [len(triangle_vertices(mesh)) for mesh in meshes]
+        ids = [pointer_id(mi.ShapePtr(mesh)) for mesh in meshes]
+        rows = np.zeros((choice.count, 3, 4))
+        rows[..., :3] = corners
+        rows[:, 1:] -= rows[:, :1]
+        extent = float(np.linalg.norm(np.ptp(corners.reshape(-1, 3), axis=0)))
+        drawn = choice.probability > 0
+        weight = np.divide(area, choice.probability, out=np.zeros_like(area), where=drawn)
+        weight = np.atleast_2d(weight)
+        table = FacetTable(
+            mi.UInt32(choice.ends),
+            mi.Float(rows.ravel()),
+            dr.opaque(mi.Float, extent),
+            mi.Float(weight.ravel()),
+            mi.UInt32(np.repeat(ids, counts).astype(np.uint32)),
+            mi.UInt32(np.concatenate([np.arange(n) for n in counts]).astype(np.uint32)),
+            dr.opaque(mi.UInt32, len(weight)),
+            choice.count,
+        )
+        own_memory([table.rows, table.weight, table.shape, table.primitive])
+        largest = weight.max(axis=1)
+        return FacetStarts(table, largest, largest, (weight * direct).max(axis=1))
+
+
+# Aim: a density of the positions in a window at which paths begin
+# ----------------------------------------------------------------
+
+CELLS = 256  # cells along each side of a single window; a power of two
+# Shares of the paths that begin anywhere in the window, and anywhere where the model may be. They
+# bound the weights of the paths.
+ANYWHERE, ON_MODEL = 0.1, 0.3
+
+
+@dataclass
+class CellTable:
+    """Cumulative probabilities of the cells of windows, as Dr.Jit arrays.
+
+    rows: those of the rows of each window. columns: those of the columns, for each row separately.
+    windows: number of windows that have tables of their own; if it is 1, all share one. cells:
+    number of cells along each side, a power of two.
+    """
+
+    rows: mi.Float
+    columns: mi.Float
+    windows: mi.UInt32
+    cells: int
+
+    def place(self, sample: mi.Point2f, window: mi.UInt32) -> tuple[mi.Point2f, mi.Float]:
+        """A position in a window, in 0..1, and the weight of a path that begins there.
+
+        The inverse of the cumulative density keeps the order of the numbers, and so the uniformity
+        of a lattice. sample: uniform numbers. window: number of the window.
+        """
+        first = (window % self.windows) * self.cells
+        row, y, of_row = pick(self.rows, first, sample.y, self.cells)
+        column, x, of_column = pick(self.columns, (first + row) * self.cells, sample.x, self.cells)
+        position = (mi.Point2f(column, row) + mi.Point2f(x, y)) / self.cells
+        return position, 1 / (of_row * of_column * self.cells**2)
+
+
+@dataclass(frozen=True)
+class Aim:
+    """A density over the cells of windows, constant in each cell.
+
+    tables: for `Paths`. largest_weight: largest weight of a path of each window, (windows,), or
+    (1,) if all have the same density. largest_on_model: the same for paths that begin where the
+    model may be. may_be_model: whether the model can be in a cell, (windows, cells, cells).
+    anywhere: share of the paths that begin anywhere in the window. direct: where paths begin that
+    bring what the model shows without a reflection; None: all paths bring it.
+    """
+
+    tables: CellTable
+    largest_weight: np.ndarray
+    largest_on_model: np.ndarray
+    may_be_model: np.ndarray
+    anywhere: float
+    direct: FacetStarts | None = None
+
+    @staticmethod
+    def at(
+        importance: np.ndarray,
+        may_be_model: np.ndarray,
+        on_model: float = ON_MODEL,
+        anywhere: float = ANYWHERE,
+    ) -> "Aim":
+        """Aim at the important cells of one window, or of several.
+
+        importance: numbers that are not negative, (..., cells, cells). may_be_model: whether the
+        model can be in a cell, in the same shape. on_model, anywhere: share of the paths that begin
+        anywhere where the model may be, and anywhere in the window.
+        """
+        cells = importance.shape[-1]
+        may_be_model = may_be_model.reshape(-1, cells, cells)
+        parts = [
+            np.ones(may_be_model.shape),
+            may_be_model.astype(float),
+            importance.reshape(may_be_model.shape) * may_be_model,
+        ]
+        shares = [anywhere, on_model, 1 - anywhere - on_model]
+        density = sum(share * shared_out(part) for share, part in zip(shares, parts))
+        density = shared_out(density)
+        of_rows = density.sum(axis=-1)
+        # Where no path begins, there is no weight
+        columns = divided(np.cumsum(density, axis=-1), of_rows[..., None])
+        weight = divided(np.full_like(density, cells**-2.0), density)
+        tables = CellTable(
+            mi.Float(np.cumsum(of_rows, axis=-1).ravel()),
+            mi.Float(columns.ravel()),
+            dr.opaque(mi.UInt32, len(density)),
+            cells,
+        )
+        own_memory([tables.rows, tables.columns])
+        on_model = np.where(may_be_model, weight, 0.0)
+        largest = weight.max(axis=(1, 2)), on_model.max(axis=(1, 2))
+        return Aim(tables, *largest, may_be_model, anywhere)
+
+    @staticmethod
+    @cache
+    def anywhere(cells: int = CELLS) -> "Aim":
+        """The constant density."""
+        return Aim.at(np.ones((cells, cells)), np.ones((cells, cells), bool))
+
+
+def shared_out(part: np.ndarray) -> np.ndarray:
+    """Numbers for the cells of windows, divided by their sum in each window; 0 if that is 0."""
+    return divided(part, part.sum(axis=(1, 2), keepdims=True))
+
+
+def divided(numbers: np.ndarray, by: np.ndarray) -> np.ndarray:
+    """Quotients of numbers; 0 where the divisor is 0."""
+    return np.divide(numbers, by, out=np.zeros_like(numbers), where=by > 0)
+
+
+def pick(cumulative: mi.Float, first: mi.UInt32, number: mi.Float, cells: int) -> tuple:
+    """The entry that a uniform number picks from `cells` cumulative probabilities.
+
+    Returns the entry, the position of the number within it in 0..1, and its probability. `first` is
+    the index at which the probabilities begin.
+    """
+    entry = mi.UInt32(0)
+    step = cells // 2
+    while step:
+        below = dr.gather(mi.Float, cumulative, first + entry + (step - 1)) <= number
+        entry = dr.select(below, entry + step, entry)
+        step //= 2
+    start = dr.gather(mi.Float, cumulative, first + entry - 1, entry > 0)
+    probability = dr.gather(mi.Float, cumulative, first + entry) - start
+    return entry, dr.clip((number - start) / probability, 0, 1), probability
+
 
 # Positions in the film of a sensor at which rays are taken. Those of a batch must lie inside the
 # film, because the edge belongs to the next sensor.
@@ -258,3 +520,77 @@ class ParallelRays:
         )
         direction = take(mi.Vector3f, self.direction)
         return mi.Ray3f(start, direction, take(mi.Float, self.length), 0, [])
+
+
+# Rounding in Float32: where a ray starts beside a surface, and the error of a radiance
+# -------------------------------------------------------------------------------------
+# A ray starts so far from a surface that it does not hit the surface itself. More samples do not
+# reduce the error of a radiance.
+
+UNIT = 2.0**-24  # the largest relative error of one rounding
+OPERATIONS = 8  # roundings at each reflection of a path: in weights, in products and in a sum
+# Distances in roundings: of the coordinates of a hit, which follow from those of three corners, and
+# of lengths along the surface, which enter the distance of the next hit.
+OF_POSITION, OF_SIZE = 3, 64
+
+
+class Offsets:
+    """Offsets of the starts of rays from the surfaces of a scene.
+
+    of_size: part of the offset that depends on the size of a shape's triangles, by the pointer to
+    the shape [m].
+    """
+
+    def __init__(self, scene):
+        shapes = list(scene.shapes())
+        ids = [pointer_id(mi.ShapePtr(shape)) for shape in shapes]
+        of_size = np.zeros(max(ids, default=0) + 1)
+        of_size[ids] = [OF_SIZE * UNIT * extent(shape) for shape in shapes]
+        self.of_size = mi.Float(of_size)
+        dr.make_opaque(self.of_size)
+
+    def at(self, si) -> mi.Float:
+        """Offset at a hit [m]."""
+        of_size = dr.gather(mi.Float, self.of_size, dr.reinterpret_array(mi.UInt32, si.shape))
+        return OF_POSITION * UNIT * dr.max(dr.abs(si.p)) + of_size
+
+    def leave(self, si, d) -> mi.Point3f:
+        """Start of a ray from the hit `si` in the direction `d`, just off the surface [m].
+
+        Mitsuba's offset, (1 + |p|) 9e-5 m, is too large for a small part. Float32 needs an offset
+        of only a few rounding errors of the coordinates and of the triangle. The start of a
+        reflected ray is also moved toward the observer by the same distance. A hit on the edge
+        between two walls lies on both walls, and the offset from one wall would leave the start on
+        the other.
+        """
+        mitsuba = (1 + dr.max(dr.abs(si.p))) * mi.math.RayEpsilon
+        offset = dr.minimum(mitsuba, self.at(si))
+        cos = dr.dot(si.n, d)
+        observer = si.to_world(si.wi)
+        back = dr.select(cos * dr.dot(si.n, observer) > 0, dr.minimum(offset, 0.5 * si.t), 0)
+        return dr.fma(observer, back, dr.fma(si.n, dr.mulsign(offset, cos), si.p))
+
+
+def extent(shape) -> float:
+    """Longest side of a shape's triangles, or a part of the diagonal of another shape's box [m].
+
+    A hit on a sphere is computed from its radius, and has a smaller error than one on a triangle.
+    An offset that is larger by d lets the part 2 d / radius of its rays, which graze it, pass by.
+    """
+    if not is_faceted(shape):
+        box, part = shape.bbox(), 16 if shape.class_name() == "Sphere" else 4
+        return float(np.linalg.norm(np.array(box.max) - np.array(box.min))) / part
+    a, b, c = triangle_corners(shape)
+    return max(
+        float(np.linalg.norm(p - q, axis=1).max(initial=0.0)) for p, q in ((a, b), (b, c), (c, a))
+    )
+
+
+def rounding_error(reflections: int) -> float:
+    """Relative rms error of a radiance after this number of reflections.
+
+    The error of each rounding is assumed to be uniform up to UNIT and independent of the others. In
+    an isothermal room all paths are alike and round in the same way. The mean over many paths then
+    has the same error as one path.
+    """
+    return UNIT * sqrt(OPERATIONS * (reflections + 1) / 3)

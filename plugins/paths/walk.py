@@ -13,10 +13,9 @@ from mitsuba.python.ad.integrators.common import mis_weight
 from mi_lcair.plugins.bins.by_bin import ByBin
 from mi_lcair.plugins.bsdfs.plume import is_passed
 from mi_lcair.plugins.derivatives import value_along
-from mi_lcair.plugins.emission.drawing.openings import Openings
-from mi_lcair.plugins.emission.drawing.spherical_polygon import Receiver
-from mi_lcair.plugins.emission.emitter_table import MOST_PASSED, EmitterTable
-from mi_lcair.plugins.emission.samples import DrawnDirection
+from mi_lcair.plugins.emission.emitter_table import MOST_PASSED, DrawnDirection, EmitterTable
+from mi_lcair.plugins.emission.panels import Openings
+from mi_lcair.plugins.emission.spherical_polygons import Receiver
 from mi_lcair.plugins.paths.launch import DIRECT, OTHER_THAN_DIRECT, WHOLE
 from mi_lcair.plugins.recorders.recorder import Emission, Recorders, Reflection
 

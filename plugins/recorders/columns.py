@@ -28,12 +28,17 @@ from dataclasses import dataclass
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 
 from mi_lcair.plugins.columns.tables import CELLS, ColumnTables
+from mi_lcair.plugins.emission.triangles import PrimitiveTable
+from mi_lcair.plugins.paths.launch import Launch, ParallelRays
 from mi_lcair.plugins.recorders.recorder import (
     Emission,
     Recorder,
+    Recorders,
     Reflection,
+    Store,
     add_to,
     entries,
     zeros,
@@ -161,3 +166,141 @@ class Columns(Recorder):
         channels |= {f"control.{k}": Z[k] for k in materials}
         channels |= {f"mirror.{k}": value for k, value in zip(materials, M)}
         return channels | {"weighted": mi.Float(self.radiance)}
+
+
+# Recorder of the mean incoming radiance of reflections, for the control variate of `Columns`
+# -------------------------------------------------------------------------------------------
+
+
+@dataclass
+class Incoming(Recorder):
+    """Sums from which the mean incoming radiance of reflections follows.
+
+    The reflections are counted separately for the first one of each path and, after that, for each
+    surface. A drawn direction has no part in the incoming radiance of sampled directions. radiance:
+    weighted radiance so far [W m^-2 sr^-1]. number: number of reflections. before: radiance before
+    them, summed. throughput: throughput after them, summed. latent: where a latent path began.
+    mirrored: radiance emitted along their mirror directions, times the throughput, summed; None
+    where no surface has a narrow lobe.
+
+    Its channels are reflected.N, throughput.N and mirrored.N: N = 0 for the first reflection, then
+    surfaces.
+    """
+
+    tables: ColumnTables
+    radiance: mi.Float
+    number: dr.Local
+    before: dr.Local
+    throughput: dr.Local
+    latent: mi.UInt32
+    mirrored: dr.Local | None
+
+    @property
+    def needs_mirrored(self) -> bool:
+        return self.tables.has_mirrors
+
+    @staticmethod
+    def of(tables: ColumnTables) -> "Incoming":
+        size = tables.surfaces + 1
+        sums, mirrored = (zeros(size) for _ in range(3)), zeros(size if tables.has_mirrors else 0)
+        return Incoming(tables, mi.Float(0), *sums, mi.UInt32(0), mirrored)
+
+    def emission(self, emission: Emission) -> None:
+        tables, factor = self.tables, mi.Float(1)
+        if tables.weight is not None:
+            factor = tables.weight_of(emission)
+        self.radiance += emission.radiance * factor
+        if emission.latent is not None:
+            # It is what the surface there receives, and reached the sensor after no other one
+            add_to(self.before, self.latent, -emission.latent * factor)
+
+    def reflect(self, reflection: Reflection) -> None:
+        place = self.tables.surface_number(reflection.bsdf)
+        is_first = reflection.bounce == 0
+        counts = reflection.active & (is_first | (place > 0))
+        place, weight = dr.select(is_first, 0, place), reflection.weight
+        if reflection.becomes_latent is not None:
+            weight = dr.select(reflection.becomes_latent, 1, weight)
+            self.latent = dr.select(reflection.becomes_latent, place, self.latent)
+            counts &= reflection.throughput != 0
+        throughput = reflection.throughput * weight
+        parts = [(self.number, mi.Float(1)), (self.before, self.radiance)]
+        parts.append((self.throughput, throughput))
+        if self.mirrored is not None:
+            parts.append((self.mirrored, throughput * reflection.mirrored))
+        for sums, value in parts:
+            add_to(sums, place, dr.select(counts, value, 0))
+
+    def samples(self, L) -> dict:
+        number, before, throughput = map(entries, (self.number, self.before, self.throughput))
+        channels = {f"mirrored.{k}": value for k, value in enumerate(entries(self.mirrored))}
+        for k in range(len(number)):
+            channels[f"reflected.{k}"] = number[k] * self.radiance - before[k]
+            channels[f"throughput.{k}"] = throughput[k]
+        return channels
+
+
+# Recorder of the triangles that a path meets, for derivatives with respect to their vertices
+# -------------------------------------------------------------------------------------------
+
+PASSED = 8  # further triangles of a path that are kept in a scene with surfaces that rays pass
+
+
+@dataclass
+class MetTriangles(Recorder):
+    """Triangles that each path meets: with its rays, and with those toward drawn emitters.
+
+    count: number of hits of each path so far. store: the triangles.
+    """
+
+    count: mi.UInt32
+    store: Store
+
+    def note(self, hit) -> None:
+        """Note the triangle of a hit, an interaction of any kind."""
+        store = self.store
+        number = store.table.at(hit.shape, hit.prim_index, hit.is_valid())
+        store.note(self.count, self.count < store.slots, number=number)
+        self.count += 1
+
+    def begin(self, first, ray, active) -> mi.Bool:
+        self.note(first)
+        return active
+
+    def emission(self, emission: Emission) -> None:
+        if emission.toward is not None:
+            self.note(emission.toward)
+        elif emission.hit is not None:
+            self.note(emission.hit)
+
+
+def met_triangles(tracer, sensor, launch: Launch, triangles: PrimitiveTable) -> tuple:
+    """Trace the paths of a launch that begins on facets, see `FacetStarts`.
+
+    Call it inside the context `BouncePath.prepared`. triangles: their numbers, from 1 on, and 0 for
+    everything else.
+
+    Returns
+    -------
+    L : ndarray, shape (paths,)
+        Radiance of each path; 0 if it does not see the triangle on which it began, or NaN
+        [W m^-2 sr^-1].
+    start : ndarray, shape (paths,)
+        That triangle.
+    met : ndarray, shape (paths, slots)
+        Triangles that it meets, -1 for what is no triangle of these meshes.
+    """
+    hits = 2 + tracer.max_bounces * (1 + len(tracer.emitters.tables))
+    slots = 1 + hits + (PASSED if tracer.emitters.passes else 0)
+    with dr.suspend_grad():
+        paths = launch.paths_from(sensor.sampler())
+        store = Store(triangles, paths.lane, slots, number=(mi.UInt32, 0))
+        met, rays = MetTriangles(mi.UInt32(0), store), ParallelRays.of(sensor) or sensor
+        L, _, weight, facet = tracer.follow(paths, rays, lambda cell: Recorders([met]))
+        start, L = triangles.at(facet.shape, facet.primitive), dr.select(weight > 0, L, 0)
+        # One kernel traces the paths and fills the store
+        dr.eval(L, start, store.arrays)
+    (met,) = store.of_paths()
+    # The number of the only triangle of a scene is a constant of the kernel
+    start = np.broadcast_to(start.numpy().astype(np.int64) - 1, launch.paths)
+    return L.numpy().astype(float), start, met.astype(np.int64) - 1

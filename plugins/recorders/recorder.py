@@ -17,7 +17,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.plugins.emission.samples import BinnedRadiance, DrawnDirection
+from mi_lcair.plugins.emission.emitter_table import BinnedRadiance, DrawnDirection
 from mi_lcair.plugins.emission.triangles import PrimitiveTable
 
 

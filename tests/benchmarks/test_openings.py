@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.methods.propagation.exact import cavity_emissivity
 from benchmarks.openings import REFLECTIONS, aperture_shares, main, openings
-from mi_lcair.formats.tables import read_columns
+from mi_lcair.formats import read_columns
 
 FACETTING = 3e-4  # difference between the facetted sphere and a sphere, see scenes/cavity.xml
 

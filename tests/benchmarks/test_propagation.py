@@ -13,14 +13,7 @@ from benchmarks import propagation
 from benchmarks.chart import Point
 from benchmarks.methods.propagation import AMBIENT, METHODS
 from benchmarks.methods.propagation.problem import Method, Problem
-from benchmarks.propagation import (
-    CLOSURES,
-    Chart,
-    Closure,
-    Effort,
-    curves,
-    wanted,
-)
+from benchmarks.propagation import CLOSURES, Chart, Closure, Effort, curves, wanted
 
 EFFORT = Effort(seconds=1.0, most=100, repetitions=5, same=2, paths=1, seeds=2)
 

@@ -20,7 +20,7 @@ from benchmarks.methods.reflectance import (
     stratified_quadrature,
     uniform_quadrature,
 )
-from mi_lcair.physics.reflection import sandford_robertson_hemispherical as hemispherical
+from mi_lcair.physics.reflection import sandford_robertson_equations
 from tests.physics.reflection.surfaces import MATERIALS, random_parameters
 
 BROAD = (0.3, 0.1, 0.4, 0.3)  # epsilon, rho_d, b, e of a surface with a floor and a 20 degree lobe
@@ -88,7 +88,7 @@ def test_random_methods_are_unbiased(method, parameters, theta_deg):
     errors = np.concatenate([relative_error(method, p, 64, 1024, seed) for seed in range(4)])
     standard_error = errors.std() / np.sqrt(len(errors))
     assert abs(errors.mean()) < 4 * standard_error
-    HDR_error = hemispherical.HDR(p.surface, p.theta_i)[0] / p.exact() - 1
+    HDR_error = sandford_robertson_equations.HDR(p.surface, p.theta_i)[0] / p.exact() - 1
     if method in (half_vector.method, sobol.method):
         assert abs(errors.mean() - HDR_error) > 4 * standard_error
 

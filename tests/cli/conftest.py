@@ -59,7 +59,7 @@ class Renderer:
     def render(self, scene, **sampling):
         self.asked(scene, **sampling)
         from mi_lcair.physics.bands import band
-        from mi_lcair.rendering.images.render_result import Render
+        from mi_lcair.rendering.images.render import Render
 
         return Render(
             **{
@@ -83,7 +83,7 @@ class Renderer:
         )
 
     def signature(self, scene, by_spectrum, facets, **sampling):
-        from mi_lcair.signatures.signature_result import Intensity, Signature
+        from mi_lcair.signatures.signature import Intensity, Signature
 
         self.asked(scene, **sampling)
         scene = {

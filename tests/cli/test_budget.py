@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from mi_lcair.formats.kinds import read_result
-from mi_lcair.rendering.images.exr import read_exr
+from mi_lcair.rendering.images.files import read_exr
+from mi_lcair.show.kinds import read_result
 from tests.detection.disc_scenario import write_disc
-from tests.uncertainty.plate_scene import plate_scene
+from tests.knowing.budgets.plate_scene import plate_scene
 
 SIGMA = """[sigma]
 "plate.temperature" = 2

@@ -15,7 +15,7 @@ import mi_lcair
 from mi_lcair.cli import COMMANDS, PURPOSES
 from mi_lcair.cli.options import progress_bar
 from mi_lcair.errors import InputError, unknown
-from mi_lcair.rendering.images.exr import read_exr
+from mi_lcair.rendering.images.files import read_exr
 from tests.detection.disc_scenario import write_disc
 
 CHECKOUT = Path(mi_lcair.__file__).parents[1]

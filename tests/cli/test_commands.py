@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import mi_lcair
-from mi_lcair.rendering.images.exr import write_exr
+from mi_lcair.rendering.images.files import write_exr
 
 # ---- signature, scenes
 
@@ -138,7 +138,7 @@ def test_signature_files(run, folder):
 @pytest.mark.slow
 def test_the_files_of_one_run_appear_together(run, folder, monkeypatch):
     """None appears if the last one cannot be written."""
-    from mi_lcair.signatures.facet_results import FacetResults
+    from mi_lcair.signatures.facets import FacetResults
 
     def full(self, path):
         raise OSError(28, "No space left on device", str(path))
@@ -217,11 +217,11 @@ def pictures(monkeypatch):
     """List of the pictures that show draws."""
     drawn = []
     monkeypatch.setattr(
-        "mi_lcair.reports.pictures.image_channels.figure",
+        "mi_lcair.show.pictures.image_channels.figure",
         lambda channels, title, log, **_: (list(channels), title, log),
     )
     monkeypatch.setattr(
-        "mi_lcair.cli.files.pictures.write_figure",
+        "mi_lcair.cli.pictures.write_figure",
         lambda figure, path: drawn.append((str(path), *figure)),
     )
     return drawn

@@ -12,8 +12,8 @@ from PIL import Image
 
 from mi_lcair.fitting.report import to_json
 from mi_lcair.fitting.scatterometer.reading import read_directional
-from mi_lcair.rendering.images.exr import read_exr, write_exr
-from mi_lcair.signatures.trend_result import Trend
+from mi_lcair.rendering.images.files import read_exr, write_exr
+from mi_lcair.signatures.trend import Trend
 from tests.fitting.results import fit_of, measurements
 
 BOX = Path(__file__).parents[2] / "scenes" / "examples" / "box.obj"

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
+from mi_lcair import formats
 from mi_lcair.errors import InputError
-from mi_lcair.formats import tiff
-from mi_lcair.rendering.images.exr import read_exr
+from mi_lcair.rendering.images.files import read_exr
 from tests.detection.disc_scenario import write_disc
 
 CAMERA = """
@@ -115,7 +115,7 @@ def test_output_is_an_exr(refused):
 
 def test_tiff_that_cannot_be_written(tmp_path):
     with pytest.raises(InputError, match="does not exist"):
-        tiff.write(tmp_path / "no" / "frames.tif", np.zeros((1, 2, 2), dtype=np.uint16))
+        formats.write_tiff(tmp_path / "no" / "frames.tif", np.zeros((1, 2, 2), dtype=np.uint16))
 
 
 def test_a_solution_sets_the_target(run, folder):

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import mi_lcair
-from mi_lcair.reports.pictures import model
+from mi_lcair.show.pictures import model
 from tests.models3d.shapes import SIDES, SKY, cube, obj
 
 CHECKOUT = Path(mi_lcair.__file__).parents[1]

@@ -7,7 +7,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
-from mi_lcair.rendering.loading.plugin_files import run_plugin_files
+from mi_lcair.rendering.loading.parsing import run_plugin_files
 
 DATA = Path(__file__).parents[1] / "data"
 TINTED, GLOW = DATA / "tinted.py", DATA / "glow.py"

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import mi_lcair
-from mi_lcair.formats.kinds import read_result
+from mi_lcair.show.kinds import read_result
 from tests.detection.disc_scenario import disc, write_disc
-from tests.inversion.plate import UNKNOWNS, datum, write_scene
-from tests.uncertainty.plate_scene import plate_scene
+from tests.knowing.budgets.plate_scene import plate_scene
+from tests.knowing.inversion.plate import UNKNOWNS, datum, write_scene
 
 mi.set_variant("llvm_ad_mono")
 BOX = Path(__file__).parents[2] / "scenes" / "examples" / "box.obj"

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mi_lcair.rendering.images.exr import write_exr
+from mi_lcair.rendering.images.files import write_exr
 
 
 def written(folder):

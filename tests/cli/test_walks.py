@@ -11,10 +11,10 @@ import shutil
 import numpy as np
 import pytest
 
-from mi_lcair.formats import tiff
+from mi_lcair import formats
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.rendering.images.exr import read_exr
+from mi_lcair.rendering.images.files import read_exr
 from mi_lcair.scenes import FOLDER
 
 NEXT = re.compile(r"next: mi-lcair (.*)")
@@ -90,7 +90,7 @@ def test_a_scene_of_mitsuba(walk, refused, folder):
 
 def test_the_image_of_a_thermograph(walk, refused, folder):
     counts = np.array([[30000, 31000], [32000, 33000]], np.uint16)  # of 0.01 K
-    tiff.write(folder / "seen.tif", counts)
+    formats.write_tiff(folder / "seen.tif", counts)
     command = "temperature seen.tif --band LWIR --emissivity .92+-.02 --reflected 293+-2"
     assert "--scale 0.01 for counts of 0.01 K" in refused(*shlex.split(command))
     names, output = walk(f"{command} --scale .01")

@@ -11,7 +11,7 @@ from mi_lcair.estimate import Estimate
 from mi_lcair.physics.atmosphere import AtmosphereTable, atmosphere
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
-from mi_lcair.physics.detector import Detector
+from mi_lcair.physics.imager import Detector
 from mi_lcair.plugins.emission.source import Source
 from mi_lcair.rendering.views import View
 from mi_lcair.signatures.effective_areas import EffectiveAreas

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mi_lcair.api.contrast import contrast
+from mi_lcair.api.intensities import contrast
 from mi_lcair.detection.contrast import unlit_sky
 from mi_lcair.detection.detection_range import detection_range
 from mi_lcair.detection.line_of_sight import (
@@ -19,13 +19,12 @@ from mi_lcair.detection.line_of_sight import (
 from mi_lcair.detection.scenario import Background, Observer
 from mi_lcair.detection.setting import setting_of
 from mi_lcair.errors import InputError
-from mi_lcair.physics.air.bands import bands
 from mi_lcair.physics.air.clear_air import SunDirection, clear_air
-from mi_lcair.physics.air.levels import Weather
+from mi_lcair.physics.air.levels import Weather, bands
 from mi_lcair.physics.atmosphere import atmosphere
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.sky import spectrum
-from mi_lcair.physics.sun.daytime_sky import clear_sky
+from mi_lcair.physics.sun import clear_sky
 from tests.detection.disc_scenario import AREA, disc, write_disc
 from tests.physics.air.test_tape7 import block
 

@@ -8,7 +8,7 @@ import pytest
 import mi_lcair
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
-from tests.camera.plate_scenario import CAMERA
+from tests.detection.camera.plate_scenario import CAMERA
 
 RADIUS, RANGE, TRANSMITTANCE, BEHIND_K = 0.5, 1000.0, 0.8, 280.0
 SCENE = """<scene version="3.0.0"> <integrator type="bounce_path"/>

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from mi_lcair.api.contrast import contrast
+from mi_lcair.api.intensities import contrast
 from mi_lcair.detection.contrast import unlit_sky
 from mi_lcair.detection.setting import setting_of
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.physics.surroundings.skies import SunlitTable
+from mi_lcair.physics.surroundings import SunlitTable
 from tests.detection.disc_scenario import AREA, disc, write_disc
 from tests.physics.surroundings.test_sunlit_table import SUN, WAVELENGTHS, write
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from mi_lcair.fitting.quality import Quality
 from mi_lcair.fitting.report import Fit
-from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
+from mi_lcair.fitting.scatterometer.reading import DirectionalData, Measurements
 from mi_lcair.physics.reflection.models import MODELS
 
 PARAMETERS = {"epsilon": 0.1 + 0.2, "rho_d": 1 / 3, "b": 0.05, "e": 0.1}  # two have 17 digits

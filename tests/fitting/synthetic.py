@@ -6,7 +6,7 @@ import numpy as np
 from drjit.llvm.ad import Array3f64, Float64
 
 from mi_lcair import fitting
-from mi_lcair.fitting.scatterometer.measurements import Measurements
+from mi_lcair.fitting.scatterometer.reading import Measurements
 from mi_lcair.physics.reflection.models import MODELS
 from tests.fitting.numpy_model import brdf
 

@@ -7,10 +7,9 @@ from drjit.llvm.ad import Array3f64, Float64
 from docs.studies.fit import intervals_hold
 from mi_lcair.errors import InputError
 from mi_lcair.fitting import fit
-from mi_lcair.fitting.curves import directional
 from mi_lcair.fitting.data import COMPARED, variants
-from mi_lcair.fitting.model import Scatterometer
-from mi_lcair.fitting.scatterometer.measurements import DirectionalData
+from mi_lcair.fitting.model import Scatterometer, directional
+from mi_lcair.fitting.scatterometer.reading import DirectionalData
 from mi_lcair.physics.reflection.models import MODELS
 from tests.fitting.results import fit_of, measurements
 from tests.fitting.synthetic import ROUGH, relative_errors, scan_of

@@ -18,7 +18,7 @@ from mi_lcair.fitting.data import (
     variants,
     with_std,
 )
-from mi_lcair.fitting.scatterometer.measurements import DirectionalData, Measurements
+from mi_lcair.fitting.scatterometer.reading import DirectionalData, Measurements
 from tests.fitting.synthetic import MODEL
 
 F = np.array([[1e-4, 0.02, 3.0], [2e-4, 0.5, 80.0]])  # two surfaces, three points

@@ -8,8 +8,7 @@ import pytest
 from mi_lcair.errors import InputError
 from mi_lcair.fitting import read
 from mi_lcair.fitting.model import Hemispherical
-from mi_lcair.fitting.scatterometer.measurements import DirectionalData
-from mi_lcair.fitting.scatterometer.reading import read_directional
+from mi_lcair.fitting.scatterometer.reading import DirectionalData, read_directional
 from tests.fitting.synthetic import MODEL, ROUGH, THESIS_SETS, fit, relative_errors, scan, without
 
 SURFACES = Path(__file__).parents[2].parent / "shared" / "data" / "mwir_brdf"

@@ -9,8 +9,7 @@ from scipy import stats
 
 from mi_lcair import fitting
 from mi_lcair.fitting.quality import NEGLIGIBLE_DEX, judged, shift_of_log, size
-from mi_lcair.fitting.scatterometer.measurements import Measurements
-from mi_lcair.fitting.scatterometer.reading import pool
+from mi_lcair.fitting.scatterometer.reading import Measurements, pool
 from mi_lcair.physics.reflection.models import MODELS
 from tests.fitting.synthetic import ROUGH, fit, scan, scan_of
 

@@ -9,16 +9,10 @@ from matplotlib.figure import Figure
 
 from mi_lcair.errors import InputError
 from mi_lcair.fitting.report import as_dict, bands, check_bands, to_json
-from mi_lcair.fitting.scatterometer.measurements import DirectionalData
+from mi_lcair.fitting.scatterometer.reading import DirectionalData
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.materials import material
-from mi_lcair.reports.pictures.fit import (
-    draw_brdf,
-    draw_directional,
-    draw_fit,
-    draw_table,
-    save_plot,
-)
+from mi_lcair.show.pictures.fit import draw_brdf, draw_directional, draw_fit, draw_table, save_plot
 from tests.fitting.numpy_model import brdf as numpy_brdf
 from tests.fitting.results import PARAMETERS, QUALITY, emissivity, fit_of, measurements
 

@@ -10,7 +10,7 @@ from scipy.optimize import curve_fit
 
 from mi_lcair import fitting
 from mi_lcair.fitting.model import Scatterometer, parameters_at
-from mi_lcair.fitting.scatterometer.measurements import DirectionalData
+from mi_lcair.fitting.scatterometer.reading import DirectionalData
 from mi_lcair.fitting.uncertainty import (
     Doubt,
     Linearized,

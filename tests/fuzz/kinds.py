@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import mi_lcair
-from mi_lcair.formats import netcdf
+from mi_lcair import formats
 from mi_lcair.models3d import export, read, report
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
@@ -230,7 +230,7 @@ def areas_bytes() -> bytes:
     dataset = AREAS.to_xarray()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "areas.nc"
-        netcdf.write(path, dataset.assign_attrs(checksum=netcdf.checksum(dataset)))
+        formats.write_netcdf(path, dataset.assign_attrs(checksum=formats.checksum(dataset)))
         return path.read_bytes()
 
 

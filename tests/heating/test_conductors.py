@@ -6,7 +6,7 @@ from scipy import sparse
 
 from mi_lcair.heating.conductors import RINGS_DEG, Conductors, Facets, Traced
 from mi_lcair.heating.exchange import asymmetry_of
-from mi_lcair.heating.paths import Means
+from mi_lcair.heating.surfaces import Means
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 
 RINGS = len(RINGS_DEG) - 1

@@ -8,7 +8,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.heating.conductors import RINGS_DEG
 from mi_lcair.heating.exchange import exchange
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
-from mi_lcair.rendering.facets.table import FacetTable
+from mi_lcair.rendering.facets import FacetTable
 from tests.heating.radiosity import extrapolated_cube
 from tests.heating.scenes import (
     between,
@@ -74,7 +74,7 @@ def test_an_enclosure_keeps_what_it_emits():
 
 def test_paths_that_end_at_random_keep_the_means(monkeypatch):
     scene = scene_of(box=box(grey(0.3), emitter=emits()))
-    monkeypatch.setattr("mi_lcair.heating.paths.FAINT", 1.0)  # at each reflection
+    monkeypatch.setattr("mi_lcair.heating.surfaces.FAINT", 1.0)  # at each reflection
     result = exchange(scene, rays=4096)
     (error,) = result.traced.standard_error(lambda C: np.array([C.total.sum()]))
     total = result.conductors.total.sum()
@@ -92,21 +92,21 @@ def test_what_is_left_after_the_last_reflection_is_told():
 def test_conductors_are_the_same_however_many_paths_a_launch_has(monkeypatch):
     scene = scene_of(box=box(grey(0.3), emitter=emits()))
     whole = exchange(scene, rays=64).conductors
-    monkeypatch.setattr("mi_lcair.heating.paths.LANES", 100)
-    monkeypatch.setattr("mi_lcair.heating.paths.PILOT", 100)
-    monkeypatch.setattr("mi_lcair.heating.paths.SLOTS", 1000)
+    monkeypatch.setattr("mi_lcair.heating.surfaces.LANES", 100)
+    monkeypatch.setattr("mi_lcair.heating.surfaces.PILOT", 100)
+    monkeypatch.setattr("mi_lcair.heating.surfaces.SLOTS", 1000)
     parts = exchange(scene, rays=64).conductors
     np.testing.assert_allclose(parts.between.toarray(), whole.between.toarray(), rtol=1e-12)
 
 
 def test_a_scene_that_does_not_fit_into_memory_is_refused_early(monkeypatch):
     scene = scene_of(box=box(grey(0.3), emitter=emits()))
-    monkeypatch.setattr("mi_lcair.heating.paths.PILOT", 512)
-    monkeypatch.setattr("mi_lcair.heating.paths.LANES", 512)
+    monkeypatch.setattr("mi_lcair.heating.surfaces.PILOT", 512)
+    monkeypatch.setattr("mi_lcair.heating.surfaces.LANES", 512)
     needed = 150 * 8 * 12 * 11  # numbers between 12 facets, of which 2 lie in each plane
-    monkeypatch.setattr("mi_lcair.rendering.limits.available_memory", lambda: 1.1 * needed)
+    monkeypatch.setattr("mi_lcair.rendering.measurands.available_memory", lambda: 1.1 * needed)
     exchange(scene, rays=512)
-    monkeypatch.setattr("mi_lcair.rendering.limits.available_memory", lambda: 0.5 * needed)
+    monkeypatch.setattr("mi_lcair.rendering.measurands.available_memory", lambda: 0.5 * needed)
     with pytest.raises(InputError, match="exchange of 12 facets with 512 paths each needs 0.0 GiB"):
         exchange(scene, rays=512)
 

@@ -12,7 +12,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.heating.conductors import RINGS_DEG
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 from mi_lcair.rendering.statistics import student_factor
-from mi_lcair.results.sections import Table
+from mi_lcair.sections import Table
 from tests.heating.scenes import box, emits, grey, mirror_box, scene_of, spheres, square
 
 

@@ -8,7 +8,7 @@ from mi_lcair import models3d
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.physics.surroundings.words import Words
+from mi_lcair.physics.surroundings import Words
 from tests.plugins.emitters.test_sky import reflected_by
 
 EMISSIVITY, KELVIN = 0.6, 300.0

@@ -7,12 +7,18 @@ import pytest
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.atmosphere import AtmosphereTable, atmosphere, atmosphere_names
-from mi_lcair.physics.bands import band
+from mi_lcair.physics.bands import BUNDLED, band
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.physics.sky import spectrum
 from mi_lcair.physics.spectral_table import spectral_table
-from mi_lcair.physics.spectrum import BUNDLED
-from tests.physics.air.test_tape7 import LWIR, MWIR, block, file, planck, slant  # noqa: F401
+from tests.physics.air.test_tape7 import (
+    LWIR,
+    MWIR,
+    block,
+    file,  # noqa: F401
+    planck,
+    slant,  # noqa: F401
+)
 
 BANDS = {"3-5": "MWIR", "8-12": "LWIR"}
 AIR = {"midlat_summer": 293.975, "us_standard": 287.875}  # K, on the bundled paths

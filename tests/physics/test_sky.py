@@ -8,7 +8,7 @@ import pytest
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.levels import Weather
-from mi_lcair.physics.bands import band
+from mi_lcair.physics.bands import BUNDLED, band
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.physics.sky import (
     air_mass,
@@ -18,8 +18,13 @@ from mi_lcair.physics.sky import (
     sky_names,
     spectrum,
 )
-from mi_lcair.physics.spectrum import BUNDLED
-from tests.physics.air.test_tape7 import LWIR, MWIR, block, file, planck  # noqa: F401
+from tests.physics.air.test_tape7 import (
+    LWIR,
+    MWIR,
+    block,
+    file,  # noqa: F401
+    planck,  # noqa: F401
+)
 
 LWIR_AT_3_KM = 4.33269  # LOWTRAN7, W m^-2 sr^-1
 BANDS = {"3-5": "MWIR", "8-12": "LWIR"}

@@ -7,7 +7,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair.plugins.paths import path_tracer
-from tests.sensitivity.dark_scenes import plate
+from tests.derivatives.dark_scenes import plate
 
 mi.set_variant("llvm_ad_mono")
 SEEDS = 8

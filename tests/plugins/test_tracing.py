@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from mi_lcair.startup.threads import is_traced, tracing
+from mi_lcair.tasks import is_traced, tracing
 
 THREADS = """
 import sys

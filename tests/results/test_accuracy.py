@@ -2,7 +2,7 @@
 
 import pytest
 
-from mi_lcair.results.cells import error_row, interval
+from mi_lcair.sections import error_row, interval
 
 
 def test_the_interval_is_a_fraction_of_what_is_not_zero():

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from mi_lcair.charts import BarChart, BarCharts, LineCharts, lines_of
 from mi_lcair.results import Result, entry
-from mi_lcair.results.cells import blocks, remarks
-from mi_lcair.results.charts import BarChart, BarCharts, LineCharts, lines_of
-from mi_lcair.results.sections import LongTable, Section
+from mi_lcair.sections import LongTable, Section, blocks, remarks
 
 
 @dataclass(frozen=True, repr=False)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import mi_lcair
-from mi_lcair.api.signature import signature
+from mi_lcair.api.intensities import signature
 from mi_lcair.physics.bands import band
-from mi_lcair.physics.sun.sunlight import sunlight
+from mi_lcair.physics.sun import sunlight
 
 SUN = {"light": "day", "sun_azimuth_deg": 60, "sun_elevation_deg": 45}
 

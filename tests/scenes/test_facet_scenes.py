@@ -13,7 +13,7 @@ from mi_lcair import scenes
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.sky import spectrum
-from mi_lcair.rendering.facets.table import FacetTable
+from mi_lcair.rendering.facets import FacetTable
 from mi_lcair.rendering.window import window
 from mi_lcair.scenes.build.__main__ import main
 

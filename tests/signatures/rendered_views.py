@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from mi_lcair.rendering.measurands import Measurands
-from mi_lcair.signatures.many_views import totals_of_views
+from mi_lcair.signatures.view_areas import totals_of_views
 
 
 def render_views(scene, views, resolution, sampling):

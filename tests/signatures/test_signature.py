@@ -9,8 +9,8 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.paths.offsets import rounding_error
-from mi_lcair.rendering.settings import changed
+from mi_lcair.plugins.paths.launch import rounding_error
+from mi_lcair.rendering.scene import changed
 
 SCENE = """<scene version="3.0.0">
     <default name="sensor" value="orthographic"/>

@@ -4,15 +4,14 @@ import numpy as np
 import pytest
 
 from mi_lcair import scenes
-from mi_lcair.api.parameters import parameters
-from mi_lcair.api.sensitivities import sensitivities
-from mi_lcair.api.signature import signature
-from mi_lcair.api.trend import trend
+from mi_lcair.api.estimates import sensitivities
+from mi_lcair.api.intensities import signature, trend
+from mi_lcair.api.scenes import parameters
 from mi_lcair.physics.bands import band
-from mi_lcair.physics.sun.sunlight import sunlight
+from mi_lcair.physics.sun import sunlight
 from mi_lcair.rendering.parameters.values import set_values
 from mi_lcair.rendering.scene import load
-from tests.plugins.paths.test_recording import check
+from tests.plugins.paths.test_path_tracer import check
 
 E = sunlight().in_band_radiance(band("MWIR"))
 SUN = """<emitter type="sun" id="sun">

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from drjit.llvm.ad import Array3f, Array3f64, Float, Float64
 
+from mi_lcair.physics.reflection import sandford_robertson_equations
 from mi_lcair.physics.reflection import sandford_robertson_equations as sr
-from mi_lcair.physics.reflection import sandford_robertson_hemispherical as hemispherical
 from tests.physics.reflection.surfaces import direction
 
 G_05 = float(sr.G(Float64(0.05))[0])
@@ -118,14 +118,16 @@ def test_of_the_emissivity(corner, form):
     theta = Float64(np.radians([0, 30, 80, 89, 89.9, 89.99, 90 - 1e-6]))
 
     def HDR(at):
-        return hemispherical.HDR(
+        return sandford_robertson_equations.HDR(
             sr.surface(*(dr.opaque(Float64, float(number)) for number in at), form=form), theta
         ).numpy()
 
     for k, side in enumerate(sides):
         numbers = [dr.opaque(Float64, number) for number in parameters]
         dr.enable_grad(numbers[k])
-        result = 1 - dr.minimum(hemispherical.HDR(sr.surface(*numbers, form=form), theta), 1)
+        result = 1 - dr.minimum(
+            sandford_robertson_equations.HDR(sr.surface(*numbers, form=form), theta), 1
+        )
         dr.set_grad(numbers[k], 1)
         dr.forward_to(result)
         slope = dr.grad(result).numpy()

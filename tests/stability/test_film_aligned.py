@@ -7,7 +7,10 @@ import pytest
 import mi_lcair
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
-from tests.plugins.conftest import FILM, plate  # noqa: F401, a fixture
+from tests.plugins.conftest import (
+    FILM,
+    plate,  # noqa: F401, a fixture
+)
 
 HOT = float(in_band_radiance(band("LWIR"), 300.0))
 POINTS = 512  # of each of the 8 randomisations

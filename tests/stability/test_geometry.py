@@ -16,7 +16,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
-from mi_lcair.rendering.loading.remarks.loaded import clipped
+from mi_lcair.rendering.loading.remarks import clipped
 
 SCENE = """<scene version="3.0.0">
     <integrator type="bounce_path">

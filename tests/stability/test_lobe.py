@@ -10,8 +10,8 @@ import pytest
 from drjit.llvm.ad import Float64
 
 from docs.studies.float32_map import errors, feasible, load
+from mi_lcair.physics.reflection import sandford_robertson_equations
 from mi_lcair.physics.reflection import sandford_robertson_equations as sr
-from mi_lcair.physics.reflection import sandford_robertson_hemispherical as hemispherical
 from tests.physics.reflection.surfaces import direction, surface
 from tests.plugins.bsdfs.test_precision import theta_of
 from tests.plugins.reflection_models import exact_HDR, seen_at, uniform
@@ -87,7 +87,9 @@ def test_largest_weight_of_a_sample(parameters, bound):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("form", sr.FORMS)
-@pytest.mark.parametrize("quantity", [hemispherical.HDR, hemispherical.DHR])
+@pytest.mark.parametrize(
+    "quantity", [sandford_robertson_equations.HDR, sandford_robertson_equations.DHR]
+)
 def test_quadrature_to_the_horizon(monkeypatch, quantity, form):
     """The quadrature agrees with one of 400 nodes per panel.
 
@@ -99,7 +101,7 @@ def test_quadrature_to_the_horizon(monkeypatch, quantity, form):
             S = surface(*feasible(*corner, e), form)
             value = quantity(S, theta).numpy()
             with monkeypatch.context() as patch:
-                patch.setattr(hemispherical, "NODES", 400)
+                patch.setattr(sandford_robertson_equations, "NODES", 400)
                 exact = quantity(S, theta).numpy()
             error = np.abs(value - exact) / np.maximum(exact, 1)
             assert error[ANGLES_DEG <= 89.9].max() <= 1e-10 and error.max() <= 2e-6, (e, corner)

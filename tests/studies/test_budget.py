@@ -3,9 +3,9 @@
 import mitsuba as mi
 
 from docs.studies import budget
-from mi_lcair.uncertainty.budget import result_of
-from mi_lcair.uncertainty.inputs import Inputs
-from mi_lcair.uncertainty.uncertainties import Uncertainties
+from mi_lcair.knowing.budgets.budget import result_of
+from mi_lcair.knowing.budgets.inputs import Inputs
+from mi_lcair.knowing.budgets.uncertainties import Uncertainties
 
 mi.set_variant("llvm_ad_mono")
 

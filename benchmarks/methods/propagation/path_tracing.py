@@ -5,8 +5,8 @@ beyond the last one, and the sampler.
 """
 
 from benchmarks.methods.propagation.problem import Method, Problem
-from mi_lcair.rendering.sampling import Sampling
-from mi_lcair.rendering.settings import changed
+from mi_lcair.rendering.measurands import Sampling
+from mi_lcair.rendering.scene import changed
 from mi_lcair.signatures.signature import measure_signature
 
 EFFORTS = [4**k for k in range(3, 13)]  # numbers of paths that are tried

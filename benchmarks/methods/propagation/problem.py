@@ -12,7 +12,7 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.plugins.emission.triangles import TriangleTable, is_faceted
-from mi_lcair.rendering.facets.table import FacetTable
+from mi_lcair.rendering.facets import FacetTable
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.window import window_area
 

@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.methods.propagation import exact, path_tracing
 from benchmarks.methods.propagation.problem import Problem
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.rendering.facets.table import FacetTable
+from mi_lcair.rendering.facets import FacetTable
 from mi_lcair.rendering.scene import Scene, load
 from mi_lcair.rendering.window import window
 

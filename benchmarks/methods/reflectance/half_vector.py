@@ -13,7 +13,7 @@ from drjit.llvm import Array3f64, Float64
 
 from benchmarks.methods.reflectance.method import ReflectanceMethod, mean
 from mi_lcair.physics.reflection import sandford_robertson_equations as sr
-from mi_lcair.physics.reflection.directions import SMALLEST, cos_theta, sample_cosine, sin2_theta
+from mi_lcair.physics.reflection.interface import SMALLEST, cos_theta, sample_cosine, sin2_theta
 
 
 def run(problem, samples, repetitions, seed):

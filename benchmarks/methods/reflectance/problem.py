@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import drjit as dr
 from drjit.llvm import Array3f64, Float64
 
+from mi_lcair.physics.reflection import sandford_robertson_equations
 from mi_lcair.physics.reflection import sandford_robertson_equations as sr
-from mi_lcair.physics.reflection import sandford_robertson_hemispherical as hemispherical
-from mi_lcair.physics.reflection.directions import cos_theta
+from mi_lcair.physics.reflection.interface import cos_theta
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class ReflectanceProblem:
         The integral over phi is a closed form. That over theta is a quadrature that resolves the
         lobe.
         """
-        return hemispherical.DHR(self.surface, self.theta_i)[0]
+        return sandford_robertson_equations.DHR(self.surface, self.theta_i)[0]
 
 
 def problem(

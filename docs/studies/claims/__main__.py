@@ -28,7 +28,7 @@ from docs.studies.claims.coverage import FALSE, defects, is_tolerance, rows
 from docs.studies.claims.page import write
 from docs.studies.claims.scenes import case
 from docs.studies.claims.witness import MOST_PATHS
-from mi_lcair.startup.tasks import in_order
+from mi_lcair.tasks import in_order
 
 
 def parsed(arguments=None) -> argparse.Namespace:

@@ -6,14 +6,7 @@ import numpy as np
 
 from docs.studies.claims.case import Case, Draw, converged
 from docs.studies.claims.lit import Lamps, X, Y, rectangles_above, turned_to_front
-from docs.studies.claims.scene_file import (
-    PIXELS,
-    UP,
-    SceneFile,
-    diffuse,
-    plume,
-    thermal,
-)
+from docs.studies.claims.scene_file import PIXELS, UP, SceneFile, diffuse, plume, thermal
 from docs.studies.claims.seen import clipped_area
 from docs.studies.claims.sources import add_spotted, corners
 from docs.studies.claims.view_factors import on_rectangle, parallel_rectangles, to_polygon

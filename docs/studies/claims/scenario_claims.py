@@ -14,7 +14,7 @@ from docs.studies.claims import planck
 from docs.studies.claims.case import Case
 from docs.studies.claims.scene_file import PIXELS
 from docs.studies.claims.witness import Claim, Witness, student
-from mi_lcair.camera.optics import OVERSAMPLING
+from mi_lcair.detection.camera.optics import OVERSAMPLING
 
 RANGE = 1e4  # of a contrast, in sizes of the scene
 PARALLEL = 1e-3  # relative error of the assumption that the rays of a frame are parallel

@@ -14,7 +14,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.polynomial import legendre
 from scipy import sparse
+from scipy.optimize import brentq
+from scipy.special import roots_jacobi
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
@@ -95,3 +98,126 @@ class Balance:
             direction = preconditioned + after / np.maximum(before, 1e-300) * direction
             before = after
         return solution / slope[:, None]
+
+
+# Conduction through a plane wall of one material, as one spectral element over its depth
+# ---------------------------------------------------------------------------------------
+# The temperature over the depth is a polynomial of degree `CELLS`, given by its values at the
+# Gauss-Lobatto nodes. Node 0 lies on the surface that faces the scene. Below the depth of a day's
+# waves the nodes are apart as the points of an exponential, for waves of longer series. With the
+# mass
+# matrix M, the stiffness K, and the flux q into the surface [W m^-2],
+#
+#     M dU/dt + K U = b + q e_0,
+#
+# where K and b have what goes through the back. In the modes U = Phi V with Phi^T M Phi = 1 and
+# Phi^T K Phi = diag(rates), each amplitude follows alone.
+
+CELLS = 10  # intervals between the nodes of a wall
+DAY = 86400.0  # [s]
+# Depth in penetration depths of the day, or of a longer series. A wave that has gone there and back
+# is smaller by exp(-12). Whatever lies deeper conducts the mean flux only.
+DEEPEST = 6.0
+
+
+def gauss_lobatto(degree: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Nodes in -1..1, weights, and the matrix of the derivative at the nodes."""
+    last = np.eye(degree + 1)[degree]
+    # The zeros of the derivative of a Legendre polynomial are those of a Jacobi polynomial
+    x = np.concatenate([[-1.0], roots_jacobi(degree - 1, 1, 1)[0], [1.0]])
+    value = legendre.legval(x, last)
+    apart = x[:, None] - x + np.eye(degree + 1)
+    derivative = value[:, None] / (value * apart)
+    np.fill_diagonal(derivative, 0)
+    np.fill_diagonal(derivative, -derivative.sum(axis=1))
+    return x, 2 / (degree * (degree + 1) * value**2), derivative
+
+
+NODES, WEIGHTS, DERIVATIVE = gauss_lobatto(CELLS)
+INTERVAL = (NODES + 1) / 2  # the nodes in 0..1
+LAST = np.arange(CELLS + 1) == CELLS  # whether a node is the deepest
+SLOWEST = 1e-30  # rate in place of 0 [1/s]
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A wall, or nothing behind the surface if its thickness is 0.
+
+    thickness [m], conductivity [W m^-1 K^-1], density [kg m^-3], heat_capacity [J kg^-1 K^-1].
+    back: coefficient of heat transfer at the back [W m^-2 K^-1]; 0 for an insulated back, infinite
+    for a back at a temperature. back_temperature: of the back or of the air behind it [K]. The
+    numbers may be complex, for derivatives by complex steps. duration: of the weather [s].
+    """
+
+    thickness: complex = 0.0
+    conductivity: complex = 1.0
+    density: complex = 0.0
+    heat_capacity: complex = 0.0
+    back: complex = 0.0
+    back_temperature: complex = 0.0
+    duration: float = DAY
+
+    @property
+    def diffusion(self) -> float:
+        """Time in which heat diffuses through the wall [s]."""
+        return self.thickness**2 * self.density * self.heat_capacity / self.conductivity
+
+    def penetration(self, seconds: float) -> complex:
+        """Penetration depth of waves of a period [m]."""
+        stored = self.density * self.heat_capacity
+        return np.sqrt(self.conductivity * seconds / (np.pi * stored))
+
+    @property
+    def depth(self) -> complex:
+        """Depth down to which heat is stored [m]."""
+        deepest = DEEPEST * self.penetration(max(self.duration, DAY))
+        return deepest if np.real(self.thickness) > np.real(deepest) else self.thickness
+
+    @cached_property
+    def stretch(self) -> np.ndarray:
+        """Derivative of the depths of the nodes with respect to `INTERVAL` [m], (nodes,)."""
+        longer = np.real(self.depth / (DEEPEST * self.penetration(DAY)))
+        if longer <= 1.001:
+            return self.depth * np.ones(CELLS + 1)
+        # The nodes at the surface are as close as those of a day
+        growth = brentq(lambda g: np.expm1(g) / g - longer, 1e-4, 40.0)
+        return self.depth * growth / np.expm1(growth) * np.exp(growth * INTERVAL)
+
+    @property
+    def along(self) -> np.ndarray:
+        """Weights of the squared gradients in K [W m^-2 K^-1], (nodes,)."""
+        return 2 * self.conductivity * WEIGHTS / self.stretch
+
+    @property
+    def outward(self) -> complex:
+        """Conductance from the deepest node to the back [W m^-2 K^-1]; infinite at the back."""
+        if self.back == 0:
+            return 0.0
+        resistance = (self.thickness - self.depth) / self.conductivity
+        resistance += 0.0 if np.isinf(self.back) else 1 / self.back
+        return 1 / resistance if resistance else np.inf
+
+    @property
+    def mass(self) -> np.ndarray:
+        """Diagonal of M [J m^-2 K^-1], (nodes,); infinite for a node that keeps its temperature."""
+        mass = WEIGHTS / 2 * self.density * self.heat_capacity * self.stretch
+        return np.where(LAST & np.isinf(self.outward), np.inf, mass)
+
+    @property
+    def conduction(self) -> tuple[np.ndarray, np.ndarray]:
+        """K [W m^-2 K^-1] and b [W m^-2], (nodes, nodes) and (nodes,)."""
+        matrix = DERIVATIVE.T @ (self.along[:, None] * DERIVATIVE)
+        if np.isinf(self.outward):
+            return matrix, -matrix[:, -1] * self.back_temperature
+        outward = LAST * self.outward
+        return matrix + np.diag(outward), outward * self.back_temperature
+
+    @cached_property
+    def modes(self) -> tuple[np.ndarray, np.ndarray]:
+        """The rates [1/s] and Phi, (modes,) and (nodes, modes)."""
+        root = 1 / np.sqrt(self.mass)
+        outward = 0.0 if np.isinf(self.outward) else self.outward
+        # Singular values have the small rates that the eigenvalues of K lose to rounding
+        halves = np.vstack([np.sqrt(self.along)[:, None] * DERIVATIVE, np.sqrt(outward) * LAST])
+        _, values, shapes = np.linalg.svd(halves * root, full_matrices=False)
+        return np.maximum(values**2, SLOWEST), root[:, None] * shapes.T

@@ -13,7 +13,7 @@ from mi_lcair import toml_table
 from mi_lcair.declared import Table, entry, excludes, needs, rule, together
 from mi_lcair.errors import check_known
 from mi_lcair.estimate import Stated, sigmas
-from mi_lcair.heating.temperatures.wall import Wall
+from mi_lcair.heating.temperatures.balance import Wall
 from mi_lcair.toml_table import filled, table_of
 
 KELVIN = {"lower": 10, "upper": 6000, "unit": "K"}

@@ -9,16 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mi_lcair import formats
 from mi_lcair.declared import Bounds, percent
 from mi_lcair.estimate import Contribution, Estimate, with_error
 from mi_lcair.files import replacing
-from mi_lcair.formats import csv
 from mi_lcair.heating.conductors import Facets
-from mi_lcair.rendering.facets.polygons import FacetPolygons
+from mi_lcair.rendering.facets import FacetPolygons
 from mi_lcair.rendering.parameters.modes import AFTER, BEFORE
-from mi_lcair.results import Result, entry
-from mi_lcair.results.result import summary_of
-from mi_lcair.results.sections import LongTable, Table
+from mi_lcair.results import Result, entry, summary_of
+from mi_lcair.sections import LongTable, Table
 
 if TYPE_CHECKING:
     import xarray
@@ -74,7 +73,7 @@ class Heat(Result):
     remarks: tuple[str, ...] = ()
 
     kind = "heat"
-    drawn_by = "mi_lcair.reports.pictures.heat:figure"
+    drawn_by = "mi_lcair.show.pictures.heat:figure"
     heading = "Temperatures"
     computed = {"hours": "hours", "groups": "by_group", "inputs": "by_input"}
     saved_by = {
@@ -265,7 +264,7 @@ def write_csv(path: str | PathLike[str], heat: Heat, hour: float | None = None) 
     kelvin = np.where(np.isnan(kelvin), np.nanmean(kelvin), kelvin)
     columns = {"facet": np.arange(len(kelvin)), "kelvin": kelvin}
     del values["facet"], values["group"]
-    csv.write(path, columns | {name: heat.of_scene(rows) for name, rows in values.items()})
+    formats.write_csv(path, columns | {name: heat.of_scene(rows) for name, rows in values.items()})
 
 
 def write_vtk(path: str | PathLike[str], heat: Heat, hour: float | None = None) -> None:

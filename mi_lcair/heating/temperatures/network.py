@@ -16,10 +16,9 @@ from scipy.sparse.csgraph import connected_components
 from mi_lcair.errors import InputError, check_known
 from mi_lcair.estimate import Stated, deviation, relative
 from mi_lcair.heating.conductors import Facets, Traced, standard_error
-from mi_lcair.heating.sunlight import SolarAreas
-from mi_lcair.heating.temperatures.balance import Balance
+from mi_lcair.heating.surfaces import SolarAreas
+from mi_lcair.heating.temperatures.balance import Balance, Wall
 from mi_lcair.heating.temperatures.description import WALL, GroupTable
-from mi_lcair.heating.temperatures.wall import Wall
 from mi_lcair.heating.temperatures.weather import Weather
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 

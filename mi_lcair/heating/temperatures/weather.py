@@ -8,11 +8,11 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.files import read_text
+from mi_lcair.heating.temperatures.balance import DAY
 from mi_lcair.heating.temperatures.description import WeatherTable
-from mi_lcair.heating.temperatures.wall import DAY
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
-from mi_lcair.physics.sun.position import sun_position
-from mi_lcair.rendering.motions.observer import toward
+from mi_lcair.physics.sun import sun_position
+from mi_lcair.rendering.motions.motion import toward
 from mi_lcair.table import LARGEST, TextTable, read_table
 
 HOUR = 3600.0

@@ -4,13 +4,172 @@ import re
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, check_known, option
 from mi_lcair.extras import optional
 from mi_lcair.files import check_file
-from mi_lcair.models3d.modellers.axes import AS_BLENDER, EXPORTED
 from mi_lcair.models3d.modellers.obj import Obj
 from mi_lcair.models3d.modellers.ply import read_ply
+
+# Temperatures of facets from a mesh of another program, such as a FEM model
+# --------------------------------------------------------------------------
+
+SUFFIXES = (".vtu", ".vtk", ".med", ".inp", ".msh", ".xdmf", ".e")  # that meshio reads
+WORDS = ("temp", "kelvin", "nt11")  # in the names of temperatures; NT11 is that of Abaqus
+
+
+def temperatures_of_mesh(
+    path: Path, polygons: list[np.ndarray]
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Temperatures of facets from the cells or the nodes of a mesh [K], (F,).
+
+    A facet has the temperature of the nearest cell, or the mean over its corners of the nearest
+    nodes.
+
+    Parameters
+    ----------
+    path : Path
+        File that meshio reads, in metres, with one temperature of each cell or node.
+    polygons : list of ndarray
+        Corners of each facet [m], (corners, 3).
+
+    Returns
+    -------
+    kelvin : ndarray
+    remarks : tuple of str
+        A line if a facet is farther from the mesh than it is large.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or has no temperatures or several.
+    """
+    meshio = optional("meshio", f"temperatures {path}")
+    check_file(path)
+    try:
+        mesh = meshio.read(path)
+    except (SystemExit, Exception) as error:  # meshio ends the program for some files
+        raise InputError(f"temperatures {path}: cannot be read: {error}") from None
+    cells = {name: np.concatenate([*map(np.ravel, of)]) for name, of in mesh.cell_data.items()}
+    nodes = {name: np.ravel(values) for name, values in mesh.point_data.items()}
+    named = [
+        (values, is_node)
+        for is_node, data in ((False, cells), (True, nodes))
+        for name, values in data.items()
+        if any(word in name.lower() for word in WORDS)
+    ]
+    if len(named) != 1:
+        names = ", ".join([*cells, *nodes]) or "none"
+        raise InputError(
+            f"temperatures {path}: needs one field of cells or nodes whose name has "
+            f"{' or '.join(WORDS)}; its fields are {names}"
+        )
+    ((values, of_nodes),) = named
+    points = mesh.points @ np.eye(mesh.points.shape[1], 3)
+    if of_nodes:
+        places, count = np.concatenate(polygons), [len(polygon) for polygon in polygons]
+    else:
+        points = np.concatenate([points[block.data].mean(axis=1) for block in mesh.cells])
+        places, count = np.array([polygon.mean(axis=0) for polygon in polygons]), 1
+    apart, nearest = cKDTree(points).query(places)
+    facet = np.repeat(np.arange(len(polygons)), count)
+    kelvin = np.bincount(facet, values[nearest]) / np.bincount(facet)
+    size = np.array([np.ptp(polygon, axis=0).max() for polygon in polygons])
+    worst = int(np.argmax(apart - size[facet]))
+    if apart[worst] <= size[facet[worst]]:
+        return kelvin, ()
+    return kelvin, (
+        f"{path}: facet {facet[worst]} takes the temperature of a place {apart[worst]:.3g} m away, "
+        "farther than its size; check the units and the axes of the mesh",
+    )
+
+
+# Axes of other programs: how a file's coordinates become x forward (nose), y left, z up
+# --------------------------------------------------------------------------------------
+# An exporter of Blender writes Blender's +Y along the file's axis `forward` and Blender's +Z along
+# the axis `up`. The same two names undo it here, as they do in Blender's importer. In Blender's own
+# coordinates, z then points up, and the nose points along the axis `nose`.
+
+AXES = ("X", "Y", "Z", "-X", "-Y", "-Z")
+AS_BLENDER = ("Y", "Z")  # forward and up of a file whose coordinates are those of Blender
+EXPORTED = ("-Z", "Y")  # forward and up that Blender's OBJ exporter uses if nothing else is chosen
+# Largest distance of a mirrored corner from the nearest corner, as a fraction of the extent, and
+# the fraction of the corners that must have such a partner, in a model that counts as symmetric.
+TOLERANCE, PARTNERS = 1e-3, 0.99
+MOST_MIRRORED = 20_000  # corners that are mirrored; of more, every n-th
+
+
+def rotation(forward: str = "Y", up: str = "Z", nose: str = "X") -> np.ndarray:
+    """The matrix (3, 3) that turns a file's coordinates into those of a model.
+
+    forward, up: axes of the file along which Blender's +Y and +Z were written. nose: axis of
+    Blender's coordinates along which the nose points. Each is one of AXES. Raises InputError for
+    other names, and for axes that exclude each other.
+    """
+    for name, axis in (("forward", forward), ("up", up), ("nose", nose)):
+        check_known(f"axis in {option(name)}", AXES, axis)
+    if forward[-1] == up[-1]:
+        raise InputError(
+            f"{_given(forward, up)} lie on one line; Blender's OBJ exporter has "
+            f"{_given(*EXPORTED)} unless it is set otherwise"
+        )
+    if nose[-1] == "Z":
+        raise InputError(f"{option('nose', nose)} is vertical in Blender; give X, Y, -X or -Y")
+    y, z, x = _vector(forward), _vector(up), _vector(nose)
+    to_blender = np.stack([np.cross(y, z), y, z])
+    to_model = np.stack([x, np.cross([0, 0, 1], x), [0, 0, 1]])
+    return to_model @ to_blender
+
+
+def remark(points: np.ndarray, blender: str) -> str | None:
+    """A line about a file that was probably exported with y up; None if nothing tells so.
+
+    Vehicles are symmetric about the plane y = 0. If the model is symmetric about z = 0 instead, its
+    y axis may point up. A file of Blender is remarked unless its symmetry shows that z points up,
+    because Blender's default is y up and its header does not name the axes.
+
+    points: corners (N, 3) of the model in the file's coordinates. blender: version of Blender that
+    wrote the file, or "".
+    """
+    undo, keep = _given(*EXPORTED), _given(*AS_BLENDER)
+    about_y, about_z = _is_symmetric(points, 1), _is_symmetric(points, 2)
+    if about_z and not about_y:
+        writer = f"Blender {blender} wrote the file, and the" if blender else "the"
+        return (
+            f"{writer} model is symmetric about z = 0 and not about y = 0, as one that was "
+            f"exported with y up; if so, give {undo}, otherwise {keep}"
+        )
+    if blender and not (about_y and not about_z):
+        return (
+            f"Blender {blender} wrote the file, and its OBJ exporter turns y up by default; give "
+            f"{undo} if the export dialogue said so, or {keep} if it said that"
+        )
+    return None
+
+
+def _given(forward: str, up: str) -> str:
+    """The options forward and up with their values, as the caller writes them."""
+    return f"{option('forward', forward)} {option('up', up)}"
+
+
+def _is_symmetric(points, axis):
+    """Whether points (N, 3) are symmetric about the plane where their coordinate `axis` is 0."""
+    from scipy.spatial import cKDTree
+
+    extent = np.ptp(points, axis=0)
+    if extent[axis] <= TOLERANCE * extent.max():
+        return False  # it is flat
+    mirrored = points[:: -(-len(points) // MOST_MIRRORED)].copy()
+    mirrored[:, axis] *= -1
+    distance, _ = cKDTree(points).query(mirrored)
+    return np.mean(distance <= TOLERANCE * extent.max()) >= PARTNERS
+
+
+def _vector(name):
+    """The unit vector (3,) of an axis, in whole numbers."""
+    return np.eye(3, dtype=int)["XYZ".index(name[-1])] * (-1 if name[0] == "-" else 1)
+
 
 # Kinds of file by suffix, and the axes `forward` and `up` of their coordinates. glTF has y up by
 # its specification; Blender writes the others in its own axes.

@@ -14,7 +14,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError, shown
 from mi_lcair.files import read_text
-from mi_lcair.physics.air.geometry import length_between
+from mi_lcair.physics.air.levels import length_between
 
 END = "-9999."
 FREQUENCY, TRANSMITTANCE = "FREQ", "TOT_TRANS"

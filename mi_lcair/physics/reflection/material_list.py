@@ -10,7 +10,7 @@ from drjit.llvm.ad import Float64
 from mi_lcair.errors import InputError
 from mi_lcair.physics import materials
 from mi_lcair.results import Result
-from mi_lcair.results.sections import Lines, Remarks, Table
+from mi_lcair.sections import Lines, Remarks, Table
 
 ANGLES_DEG = (0, 60)  # angles to the normal at which emissivities are listed
 

@@ -1,4 +1,4 @@
-r"""The microfacet model: generalised Trowbridge-Reitz facets with Fresnel reflection and a floor.
+"""The microfacet model: generalised Trowbridge-Reitz facets with Fresnel reflection and a floor.
 
 With c_i, c_r the cosines of source and observer, m = (i + r) / |i + r| the half-vector, m_z its
 cosine and p = i.m = r.m,
@@ -46,17 +46,95 @@ EGSR 2014; M. Ribardiere et al., STD: Student's t-distribution of slopes, Comput
 """
 
 from dataclasses import dataclass
+from math import log
 from typing import Any
 
 import drjit as dr
+import numpy as np
 from drjit.llvm.ad import Float64
 
-from mi_lcair.physics.reflection import interface
-from mi_lcair.physics.reflection import microfacet_distribution as distribution
-from mi_lcair.physics.reflection import microfacet_fresnel as fresnel
-from mi_lcair.physics.reflection import microfacet_hemispherical as hemispherical
-from mi_lcair.physics.reflection.directions import SMALLEST, cos_theta
-from mi_lcair.physics.reflection.microfacet_cube import MicrofacetCube
+from mi_lcair.physics.reflection import interface, microfacet_equations
+from mi_lcair.physics.reflection.interface import (
+    SMALLEST,
+    ReflectionModel,
+    Restriction,
+    bundled_parameters,
+    cos_theta,
+)
+
+# The parameters of the microfacet model, mapped to the unit cube on which searches run
+# -------------------------------------------------------------------------------------
+# The coordinates of alpha, gamma and n are linear in their logarithms between the bounds. That of
+# rho_d is rho_d itself. k enters the BRDF as k^2 only. With k as a coordinate, the face k = 0
+# (dielectrics) would be stationary for all data. The coordinate u of k is therefore defined by
+# k^2 = K^2 (exp(L u) - 1), where L is chosen such that u = 1 is the upper bound.
+
+KNEE2 = 0.01  # K^2: the coordinate of k is linear in k^2 below it and in log k above it
+SMALLEST_K2 = 1e-24  # added to k^2, so that the derivative of its root is finite at k = 0
+# Relative excess over a bound that is accepted, for parameters that were rounded to Float32.
+ROUNDING = 1e-6
+
+PARAMETERS = bundled_parameters("microfacet")
+LOWER, UPPER = (
+    np.array(bounds, dtype=float) for bounds in zip(*((p.lower, p.upper) for p in PARAMETERS))
+)
+K2_RANGE = float(np.log1p(UPPER[3] ** 2 / KNEE2))
+
+
+class MicrofacetCube(ReflectionModel):
+    """The microfacet model's parameters and search coordinates."""
+
+    name = "microfacet"
+    title = "Microfacet"
+    parameters = PARAMETERS
+
+    def check_feasible(self, *values: float, form: str = "standard") -> None:
+        for parameter, value in zip(self.parameters, values):
+            parameter.check(value, f"{self.name}: {parameter.name}", ROUNDING)
+
+    def from_cube(self, u) -> tuple:
+        alpha, gamma, n = (
+            p.lower * dr.exp(place * log(p.upper / p.lower)) for p, place in zip(PARAMETERS, u[:3])
+        )
+        k2 = KNEE2 * (dr.exp(K2_RANGE * u[3]) - 1)
+        return alpha, gamma, n, dr.sqrt(k2 + SMALLEST_K2), u[4]
+
+    def to_cube(self, values) -> np.ndarray:
+        values = np.clip(np.asarray(values, dtype=float), LOWER, UPPER)
+        u = values.copy()
+        for number in range(3):
+            low, high = LOWER[number], UPPER[number]
+            u[..., number] = np.log(values[..., number] / low) / np.log(high / low)
+        u[..., 3] = np.log1p(values[..., 3] ** 2 / KNEE2) / K2_RANGE
+        return np.clip(u, 0, 1)
+
+    def starting_points(self, count: int, seed: int) -> np.ndarray:
+        """Random points (count, 5) of the cube; the same seed gives the same points.
+
+        Real surfaces have lobes of width 0.001..1, exponents 0.7..3 and refractive indices 1.2..12.
+        Half of the points are metals with k of 1..50. The floor's reflectance is spread evenly in
+        its logarithm over 1e-4..1.
+        """
+        from scipy.stats import qmc  # takes a second to import, and only searches need it
+
+        u = qmc.LatinHypercube(5, rng=np.random.default_rng(seed)).random(count)
+
+        def decades(low, high, place):
+            return low * (high / low) ** place
+
+        k = np.where(u[:, 3] < 0.5, decades(1e-3, 1, 2 * u[:, 3]), decades(1, 50, 2 * u[:, 3] - 1))
+        alpha, gamma, n = (
+            decades(low, high, place)
+            for (low, high), place in zip(((1e-3, 1), (0.7, 3), (1.2, 12)), u.T)
+        )
+        return self.to_cube(np.column_stack([alpha, gamma, n, k, decades(1e-4, 1, u[:, 4])]))
+
+
+MicrofacetCube.restrictions = (
+    Restriction("rho_d = 0", 4),
+    Restriction("gamma = 2", 1, float(np.log(2 / LOWER[1]) / np.log(UPPER[1] / LOWER[1]))),
+    Restriction("k = 0", 3),
+)
 
 NEGLIGIBLE = 1e-6  # largest n - 1 and k of facets that reflect nothing
 WORTH_A_REMARK = 0.05  # share of the radiation lost between facets above which the user is told
@@ -107,21 +185,21 @@ class Microfacet(MicrofacetCube):
 
         Use `Surface.cast` for another float type: Float64 is needed to derive the numbers.
         """
-        spread = distribution.spread(alpha)
+        spread = microfacet_equations.spread(alpha)
         contrast = (n - 1) * (n + 1) - dr.square(k)
-        q, inverse_exponent = distribution.quantile_terms(gamma, spread)
+        q, inverse_exponent = microfacet_equations.quantile_terms(gamma, spread)
         return MicrofacetSurface(
             alpha,
             gamma,
             n,
             k,
             rho_d,
-            peak=distribution.peak(alpha, gamma),
+            peak=microfacet_equations.peak(alpha, gamma),
             spread=spread,
             contrast=contrast,
             nk=n * k,
-            refracted=hemispherical.mean_transmittance(contrast, n * k),
-            tilt=dr.detach(alpha + distribution.mean_sin2(alpha, gamma)),
+            refracted=microfacet_equations.mean_transmittance(contrast, n * k),
+            tilt=dr.detach(alpha + microfacet_equations.mean_sin2(alpha, gamma)),
             q=q,
             inverse_exponent=inverse_exponent,
         )
@@ -131,28 +209,28 @@ class Microfacet(MicrofacetCube):
     def f(self, S, i, r):
         above = (i.z > 0) & (r.z > 0)
         c_i, c_r = cos_theta(i), cos_theta(r)
-        sin2, p2 = distribution.half_vector(i, r)
-        D = distribution.density(sin2, S.peak, S.spread, S.gamma)
-        F = fresnel.reflectance(dr.sqrt(p2), S.contrast, S.nk)
-        lobe = 0.25 * F * D * distribution.visibility(c_i, c_r, p2)
-        refracted = [fresnel.transmittance(c, S.contrast, S.nk) for c in (c_i, c_r)]
+        sin2, p2 = microfacet_equations.half_vector(i, r)
+        D = microfacet_equations.density(sin2, S.peak, S.spread, S.gamma)
+        F = microfacet_equations.reflectance(dr.sqrt(p2), S.contrast, S.nk)
+        lobe = 0.25 * F * D * microfacet_equations.visibility(c_i, c_r, p2)
+        refracted = [microfacet_equations.transmittance(c, S.contrast, S.nk) for c in (c_i, c_r)]
         floor = dr.inv_pi * S.rho_d * (refracted[0] * refracted[1])
         return dr.select(above, lobe + floor, 0)
 
     def HDR(self, S, theta_r):
         sin, cos = dr.sincos(theta_r)
-        lobe = hemispherical.lobe_reflectance(S, theta_r, facet_reflectance)
+        lobe = microfacet_equations.lobe_reflectance(S, theta_r, facet_reflectance)
         return self.floor_HDR(S, cos, dr.square(sin)) + lobe
 
     def DHR(self, S, theta_i):
         return self.HDR(S, theta_i)
 
     def floor_HDR(self, S, cos, sin2):
-        return S.rho_d * S.refracted * fresnel.transmittance(cos, S.contrast, S.nk)
+        return S.rho_d * S.refracted * microfacet_equations.transmittance(cos, S.contrast, S.nk)
 
     def lobe_HDR(self, S, theta_r):
         sin, cos = dr.sincos(theta_r)
-        lobe = hemispherical.lobe_reflectance(S, theta_r, facet_reflectance)
+        lobe = microfacet_equations.lobe_reflectance(S, theta_r, facet_reflectance)
         return lobe / dr.maximum(self.lobe_scale(S, cos, dr.square(sin)), SMALLEST)
 
     def lobe_scale(self, S, cos, sin2):
@@ -163,7 +241,7 @@ class Microfacet(MicrofacetCube):
         lobe's HDR itself has an error of 1.2e-5, for strong metals near their Brewster angle.
         """
         p = 0.5 * (cos + dr.sqrt(dr.square(cos) + dr.square(S.tilt) * sin2))
-        return fresnel.reflectance(p, S.contrast, S.nk)
+        return microfacet_equations.reflectance(p, S.contrast, S.nk)
 
     # ------------------------------------------------------------------ Drawing directions
 
@@ -173,7 +251,7 @@ class Microfacet(MicrofacetCube):
         `lobe_pdf` is the density of the result.
         """
         # Elevation and azimuth of the normal of a facet, visible or not.
-        sin2 = distribution.sample_sin2(u2, S.spread, S.q, S.inverse_exponent)
+        sin2 = microfacet_equations.sample_sin2(u2, S.spread, S.q, S.inverse_exponent)
         sin, cos = dr.sqrt(sin2), dr.sqrt(1 - sin2)
         sin_phi, cos_phi = dr.sincos(dr.two_pi * u1)
         # The facet and its mirror image across the normal are the two sides of a V-shaped cavity.
@@ -185,8 +263,8 @@ class Microfacet(MicrofacetCube):
 
     def lobe_pdf(self, S, i, r):
         """G_1(r) D / (4 c_r), with G_1 = min(1, 2 m_z c_r / p) [1/sr]."""
-        sin2, p2 = distribution.half_vector(i, r)
-        D = distribution.density(sin2, S.peak, S.spread, S.gamma)
+        sin2, p2 = microfacet_equations.half_vector(i, r)
+        D = microfacet_equations.density(sin2, S.peak, S.spread, S.gamma)
         m_z_over_p = dr.maximum(i.z + r.z, 0) / dr.maximum(2 * p2, SMALLEST)
         return 0.25 * D * dr.minimum(1 / dr.maximum(cos_theta(r), SMALLEST), 2 * m_z_over_p)
 
@@ -195,7 +273,7 @@ class Microfacet(MicrofacetCube):
 
         It is 1 also if D does not fall to a quarter at any angle.
         """
-        return distribution.width(S.gamma, S.spread)
+        return microfacet_equations.width(S.gamma, S.spread)
 
     # ------------------------------------------------------------------ Remarks
 
@@ -204,7 +282,7 @@ class Microfacet(MicrofacetCube):
         if n - 1 <= NEGLIGIBLE and k <= NEGLIGIBLE:  # F = 0: facets reflect nothing
             return []
         S = self.surface_of(values, form)
-        lost = 1 - hemispherical.lobe_reflectance(S, Float64(0), lambda S, p: Float64(1))[0]
+        lost = 1 - microfacet_equations.lobe_reflectance(S, Float64(0), lambda S, p: Float64(1))[0]
         if lost <= WORTH_A_REMARK:
             return []
         return [
@@ -215,7 +293,7 @@ class Microfacet(MicrofacetCube):
 
 def facet_reflectance(S, p):
     """Fresnel reflectance F of a facet at the cosine p."""
-    return fresnel.reflectance(p, S.contrast, S.nk)
+    return microfacet_equations.reflectance(p, S.contrast, S.nk)
 
 
 MODEL = Microfacet()

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 from drjit.llvm.ad import Float64
+from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
 from mi_lcair.declared import Bounds
@@ -20,14 +21,77 @@ from mi_lcair.errors import InputError, errors_of
 from mi_lcair.physics import reflection
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import spectral_radiance
-from mi_lcair.physics.reflection import microfacet_fresnel as fresnel
+from mi_lcair.physics.reflection import microfacet_equations
 from mi_lcair.physics.reflection import sandford_robertson_equations as sr
 from mi_lcair.physics.reflection.interface import ReflectionModel
-from mi_lcair.physics.spectra.change import Change
-from mi_lcair.physics.spectra.files import by_angle, columns_of, spectrum_of
-from mi_lcair.physics.spectra.refractive_index import refractive_index
+from mi_lcair.physics.spectra.files import by_angle, columns_of, refractive_index, spectrum_of
 from mi_lcair.table import rows_at
 from mi_lcair.toml_table import typed
+
+# Change of the spectrum of a material, by a scale, an offset, a slope and values at nodes
+# ----------------------------------------------------------------------------------------
+
+CHANGES = {"scale": ("1", 1.0), "offset": ("1", 0.0), "slope": ("1/um", 0.0)}  # unit, unchanged
+NODES = 9  # even wavelengths of a band at which a spectrum can be changed
+
+
+@dataclass(frozen=True)
+class Change:
+    """What a surface absorbs, a, becomes scale a + offset + slope (lambda - centre) + c(lambda).
+
+    It is the emissivity of a grey surface, epsilon of Sandford and Robertson, and 1 - F of the
+    facets of a rough surface. Results are clipped to what the surface can absorb.
+
+    band_um: limits of the band [um], of which `centre` is the middle. scale, offset: dimensionless.
+    slope: 1/um. nodes: values of c, a cubic spline, at `nodes_um`, (NODES,).
+    """
+
+    band_um: tuple[float, float] = (0.0, 1.0)
+    scale: float = 1.0
+    offset: float = 0.0
+    slope: float = 0.0
+    nodes: tuple[float, ...] = (0.0,) * NODES
+
+    @property
+    def is_none(self) -> bool:
+        return self == Change(self.band_um)
+
+    @property
+    def nodes_um(self) -> np.ndarray:
+        """Even wavelengths [um], (NODES,)."""
+        return np.linspace(*self.band_um, NODES)
+
+    def of(self, wavelengths_um: np.ndarray, absorbed: np.ndarray, most) -> np.ndarray:
+        """The changed values (n, ...) of `absorbed` at wavelengths (n,), clipped to 0..most."""
+        if self.is_none:
+            return absorbed
+        return np.clip(self.unclipped(wavelengths_um, absorbed), 0, most)
+
+    def unclipped(self, wavelengths_um: np.ndarray, absorbed: np.ndarray) -> np.ndarray:
+        added = self.offset + self.slope * (wavelengths_um - np.mean(self.band_um))
+        if any(self.nodes):
+            added += CubicSpline(self.nodes_um, self.nodes)(wavelengths_um)
+        return self.scale * absorbed + added.reshape(-1, *[1] * (absorbed.ndim - 1))
+
+    def replaced(self, name: str, value: float) -> "Change":
+        """The change with another value of one of CHANGES, or of a node by its number."""
+        if name in CHANGES:
+            return replace(self, **{name: value})
+        nodes = list(self.nodes)
+        nodes[int(name)] = value
+        return replace(self, nodes=tuple(nodes))
+
+    def bounds(self, name: str, wavelengths_um, absorbed, most) -> tuple[float, float]:
+        """Range of one number, see `replaced`, in which nothing is clipped, the others held.
+
+        The other arguments are those of `of`, before the change.
+        """
+        base = self.replaced(name, 0.0).unclipped(wavelengths_um, absorbed)
+        rate = self.replaced(name, 1.0).unclipped(wavelengths_um, absorbed) - base
+        moves = abs(rate) > 1e-12
+        ends = np.sort([(end - base)[moves] / rate[moves] for end in (0.0, most)], axis=0)
+        return float(ends[0].max(initial=-np.inf)), float(ends[1].min(initial=np.inf))
+
 
 SAMPLES = 4001  # even wavelengths of a band at which a spectral material is evaluated
 ROOM_K, HOT_K = 300.0, 800.0  # the average is compared with that for the farther temperature
@@ -242,7 +306,7 @@ def fresnel_reflectance(n: np.ndarray, k: np.ndarray, cos: np.ndarray) -> np.nda
     n, k, cos = np.broadcast_arrays(n, k, cos)
     contrast, nk = (n - 1) * (n + 1) - k**2, n * k
     arrays = [Float64(np.ascontiguousarray(values).ravel()) for values in (cos, contrast, nk)]
-    return fresnel.reflectance(*arrays).numpy().reshape(n.shape)
+    return microfacet_equations.reflectance(*arrays).numpy().reshape(n.shape)
 
 
 def fitted_index(target: np.ndarray, n: float, k: float) -> tuple[float, float]:

@@ -2,33 +2,362 @@
 
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Unpack
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 import mi_lcair
+from mi_lcair import formats
+from mi_lcair.charts import (
+    ChannelImages,
+    Curve,
+    LineChart,
+    LineCharts,
+    Scale,
+    by_wavelength,
+    named_channels,
+)
+from mi_lcair.declared import percent
+from mi_lcair.errors import InputError, check_known, option
+from mi_lcair.formats import (
+    column_of,
+    or_nan,
+    pixel_axes,
+    quantity_of_channel,
+    spectral_channel,
+    wavelengths_of,
+)
 from mi_lcair.physics.air.atmosphere import Atmosphere
 from mi_lcair.physics.bands import Band
-from mi_lcair.physics.blackbody import brightness_temperature
+from mi_lcair.physics.blackbody import brightness_temperature, spectral_temperature
 from mi_lcair.physics.spectra.bins import Bins
-from mi_lcair.plugins.recorders.by_bounce import BOUNCE_CHANNELS
-from mi_lcair.rendering.images.apparent import apparent, through
-from mi_lcair.rendering.images.render_result import Render
+from mi_lcair.plugins.recorders.radiance import BOUNCE_CHANNELS
+from mi_lcair.rendering.images.files import window_of
 from mi_lcair.rendering.images.spectral import (
     LAYOUT,
+    apparent,
     check_bins,
     spectral_channels,
     spectral_measurands,
+    through,
 )
-from mi_lcair.rendering.measurands import Measurands
+from mi_lcair.rendering.measurands import Measurands, Sampling
 from mi_lcair.rendering.measure import measure
-from mi_lcair.rendering.pixels.errors import PixelError, pixel_errors
-from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.rendering.pixels import PixelError, pixel_errors
 from mi_lcair.rendering.scene import Scene
-from mi_lcair.rendering.statistics import Totals
+from mi_lcair.rendering.statistics import Totals, invalid_remark
 from mi_lcair.rendering.window import PILOT_SPP, PIXEL_RANDOMISATIONS, Windows, window_size
+from mi_lcair.results import Result, entry
+from mi_lcair.sections import Facts, Remarks, Section, error_row, unpacked, words_of
+
+if TYPE_CHECKING:
+    import xarray
+
+
+# The image that `render` returns
+# -------------------------------
+
+DEFAULT = ("Y", "temperature.Y")  # channels of a picture
+FIRST = ("apparent.Y", "Y", "temperature.Y")  # channels that are shown first, at most two
+FIRST_OF_CAMERA = ("temperature.Y", "apparent.Y")
+MEANINGS = {
+    "stderr.Y": "stderr.Y is the standard error of Y",
+    "apparent.Y": "apparent.Y is the radiance that arrives through the air",
+    "temperature.Y": "temperature.Y is the brightness temperature",
+    "range.Y": "range.Y is the distance to what is seen",
+}
+
+
+@dataclass(frozen=True, repr=False)
+class Render(Result):
+    """A rendered scene.
+
+    Attributes
+    ----------
+    channels : dict
+        Channels of the radiance EXR by name, float32 (H, W) [W m^-2 sr^-1; temperature.Y: K;
+        range.Y: m].
+    header : dict
+        Header of the radiance EXR.
+    band : Band
+    spp : int
+        Samples per pixel.
+    mean, mean_error : float
+        Mean radiance and its standard error [W m^-2 sr^-1].
+    rms_error : float or None
+        Rms standard error over the pixels, as a fraction of the mean, see `Totals.rms_error`.
+        None for one sample per pixel.
+    reached : bool or None
+        Whether the tolerance was reached. None if none was given.
+    invalid : int
+        Number of NaN or infinite samples, which are left out.
+    paths : int
+    closure_error : float or None
+        Estimated error of closure = tail [W m^-2 sr^-1]. None for another closure.
+    seconds : float
+        Duration of the render.
+    scene_name : str
+        Name of the scene.
+    window_m : tuple of float or None
+        Width and height of an orthographic sensor's window [m]. None for another sensor.
+    tolerance : float or None
+        Tolerance that was asked for.
+    wavelengths_um : ndarray
+        Wavelengths of the channels of spectral radiance [um]; empty for none.
+    """
+
+    channels: dict[str, np.ndarray] = entry()
+    header: dict[str, str | int | float]
+    band: Band = entry("band", "name")
+    spp: int
+    mean: float = entry("mean_radiance_W_m2_sr")
+    mean_error: float | None = entry("standard_error_W_m2_sr")
+    rms_error: float | None
+    reached: bool | None
+    invalid: int
+    paths: int
+    closure_error: float | None = entry("closure_error_W_m2_sr")
+    seconds: float = entry("time_s")
+    scene_name: str
+    window_m: tuple[float, float] | None
+    tolerance: float | None
+    wavelengths_um: np.ndarray = entry(default_factory=lambda: np.empty(0))
+
+    kind = "render"
+    heading = "Image"
+    computed = {"by_bounce_W_m2_sr": "by_bounce"}
+    saved_by = {
+        ".exr": "mi_lcair.rendering.images.files:write_render",
+        ".tif": "mi_lcair.rendering.images.render:write_tiff",
+        ".hdr": "mi_lcair.rendering.images.render:write_envi",
+    }
+
+    @property
+    def cube(self) -> np.ndarray:
+        """Spectral radiance [W m^-2 sr^-1 um^-1], (wavelengths, H, W); none without `bins`."""
+        names = [spectral_channel(wavelength) for wavelength in self.wavelengths_um]
+        return np.reshape([self.channels[name] for name in names], (-1, *self.channels["Y"].shape))
+
+    @property
+    def cube_temperature(self) -> np.ndarray:
+        """Brightness temperatures [K], (wavelengths, H, W), of `cube`."""
+        return spectral_temperature(self.wavelengths_um[:, None, None], self.cube)
+
+    def suffixes(self) -> list[str]:
+        """Suffixes of the files that `save` can write; an ENVI file needs `bins`."""
+        known = super().suffixes()
+        return [suffix for suffix in known if suffix != ".hdr" or self.wavelengths_um.size]
+
+    @property
+    def by_bounce(self) -> list[float]:
+        """Mean radiance of the paths with 0, 1, ... reflections [W m^-2 sr^-1].
+
+        The last entry holds all from the 16th on. It is empty without the channels bounceNN.Y.
+        """
+        names = sorted(name for name in self.channels if name.startswith("bounce"))
+        return [float(self.channels[name].mean(dtype=float)) for name in names]
+
+    def summary(self) -> str:
+        """One line with the size of the image and its mean radiance."""
+        height, width = self.channels["Y"].shape
+        error = "" if self.mean_error is None else f" +- {self.mean_error:.2g}"
+        return (
+            f"render of {self.scene_name}, {self.band.label}: {width} x {height} pixels, mean "
+            f"radiance {self.mean:.6g}{error} W m^-2 sr^-1 (standard error), "
+            f"{self.spp} samples per pixel"
+        )
+
+    def entries(self) -> dict:
+        """Entries for JSON: the means, the errors and the channels, without their pixels."""
+        height, width = self.channels["Y"].shape
+        of_pixels = {
+            name: {
+                "least": values.min(),
+                "mean": values.mean(dtype=float),
+                "greatest": values.max(),
+            }
+            for name, values in self.images().items()
+        }
+        return super().entries() | {"width": width, "height": height, "channels": of_pixels}
+
+    def facts(self) -> Iterator[Any]:
+        """The image with its mean radiance and error, and how it was made."""
+        height, width = self.channels["Y"].shape
+        error = "the rms standard error over the pixels is " + (
+            "unknown" if self.rms_error is None else f"{percent(self.rms_error)} of the mean"
+        )
+        yield "image", f"{width} x {height} pixels, {self.band.label}"
+        yield "mean radiance", f"{self.mean:.6g} W m^-2 sr^-1"
+        yield error_row(error, self.tolerance, self.reached)
+        yield "samples per pixel", self.spp
+        if self.closure_error is not None:
+            yield "closure error", f"{self.closure_error:.2g} W m^-2 sr^-1 (estimated)"
+        yield Remarks(invalid_remark(self.invalid, self.paths))
+        image, made = image_sections(self.channels, self.header)
+        yield from [*image.parts, made]
+
+    def picture(
+        self,
+        channels: Sequence[str] = DEFAULT,
+        *,
+        outlines: np.ndarray | None = None,
+        **scale: Unpack[Scale],
+    ) -> ChannelImages:
+        """Channels of the image, each with its colour bar.
+
+        channels: names of channels of the image. outlines: number of the facet in each pixel.
+        scale: options of the colour scales. Raises InputError if the image has no such channel.
+        """
+        drawn = named_channels(self.channels, channels, self.scene_name)
+        title = f"{self.scene_name}, {self.band.label}"
+        return ChannelImages(drawn, title, self.window_m, outlines=outlines, scale=scale)
+
+    def images(self) -> dict[str, np.ndarray]:
+        """The channels, (H, W) each, by the names of their columns, which end in the unit."""
+        return {column_of(name): values for name, values in self.channels.items()}
+
+    @property
+    def axes(self) -> dict[str, tuple[str, np.ndarray]]:
+        """The `pixel_axes` of the image, with centres in metres if the sensor is orthographic."""
+        return pixel_axes(self.channels["Y"].shape, self.window_m)
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """A row for each pixel: its place and its channels."""
+        images, shape = self.images(), self.channels["Y"].shape
+        places = {
+            name: np.broadcast_to(values[:, None] if along == "row" else values, shape)
+            for name, (along, values) in self.axes.items()
+        }
+        return {name: values.ravel() for name, values in (places | images).items()}
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """The channels as an xarray Dataset over (row, column), with x_m and y_m [m] if known.
+
+        The spectral radiance and its brightness temperature are over wavelength_um, too. Raises
+        InputError if xarray is not installed.
+        """
+        axes = self.axes
+        by_wavelength = {spectral_channel(wavelength) for wavelength in self.wavelengths_um}
+        variables = {
+            column_of(name): (("row", "column"), values)
+            for name, values in self.channels.items()
+            if name not in by_wavelength
+        }
+        if by_wavelength:
+            over = ("wavelength_um", "row", "column")
+            axes["wavelength_um"] = ("wavelength_um", self.wavelengths_um)
+            variables["spectral_radiance_W_m2_sr_um"] = over, self.cube
+            variables["brightness_temperature_K"] = over, self.cube_temperature
+        return self.dataset(variables, axes)
+
+
+def write_tiff(path, render: Render, channel: str = "Y") -> None:
+    """Write a channel of a render as a 32-bit floating point TIFF.
+
+    It is the radiance [W m^-2 sr^-1], or another channel such as "temperature.Y" [K], with
+    NaN where a pixel has no value. Raises InputError if the render has no such channel.
+    """
+    check_known(f"channel of the render of {render.scene_name}", render.channels, channel)
+    values = or_nan(channel, render.channels[channel])
+    formats.write_tiff(path, values, f"{column_of(channel)} of {render.scene_name}")
+
+
+def write_envi(path, render: Render) -> None:
+    """Write the spectral radiance of a render as an ENVI file and its header."""
+    what = f"spectral radiance of {render.scene_name} [W m^-2 sr^-1 um^-1]"
+    formats.write_envi(path, render.cube, render.wavelengths_um, what)
+
+
+def image_sections(channels: dict, header: dict) -> list[Section]:
+    """The images of an EXR, and its header as how it was made.
+
+    Axes are in metres if the header states the window of an orthographic sensor.
+    """
+    first = FIRST_OF_CAMERA if "counts.Y" in channels else FIRST
+    shown = [name for name in first if name in channels][:2]
+    height, width = next(iter(channels.values())).shape
+    words = f"{width} × {height} pixels, {len(channels)} channels. {meanings(channels)}"
+    drawing = ChannelImages(channels, words, window_of(header), shown)
+    rows = [(words_of(name), unpacked(value)) for name, value in header.items()]
+    parts = [words, drawing]
+    if spectral := wavelengths_of(channels):
+        brightest = sum(channels[name] for name in spectral).argmax()
+        row, column = map(int, np.unravel_index(brightest, (height, width)))
+        parts += [
+            f"The brightest pixel, in row {row} and column {column}, by wavelength:",
+            pixel_spectrum(channels, (row, column)),
+        ]
+    return [
+        Section("Image", parts),
+        Section("How the image was made", [Facts(rows)], is_detail=True),
+    ]
+
+
+def meanings(channels: dict) -> str:
+    """What the channels of an image are, in a sentence or two."""
+    words = [meaning for name, meaning in MEANINGS.items() if name in channels]
+    if any(name.startswith("seen.") for name in channels):
+        words.append(
+            "group.LABEL.Y is radiance by what emitted it, seen.LABEL.Y by what is seen first"
+        )
+    return "; ".join(words) + "." if words else ""
+
+
+def pixel_spectrum(
+    channels: dict[str, np.ndarray], pixel: tuple[int, int], title: str = ""
+) -> LineCharts:
+    """Picture of the spectrum of a pixel (row, column), both from 0, beside that of the image.
+
+    Raises InputError if the channels hold no spectrum, and for a pixel outside the image.
+    """
+    known = wavelengths_of(channels)
+    if not known:
+        raise InputError(
+            f"the image has no spectral radiance; render it with {option('bins', True)}"
+        )
+    rows, columns = channels[next(iter(known))].shape
+    row, column = pixel
+    if not (0 <= row < rows and 0 <= column < columns):
+        raise InputError(
+            f"pixel {row},{column} is outside the image; rows are 0 to {rows - 1}, and columns "
+            f"0 to {columns - 1}"
+        )
+    return LineCharts(
+        pixel_charts(channels, pixel), f"{title}, pixel in row {row}, column {column}"
+    )
+
+
+def pixel_charts(channels: dict[str, np.ndarray], pixel: tuple[int, int]) -> list[LineChart]:
+    """Spectral radiance and brightness temperature of a pixel, and of the mean of the image.
+
+    Error bars are standard errors, where the image has them.
+    """
+    known = wavelengths_of(channels)
+    x = np.array(list(known.values()))
+    cube = np.array([channels[name] for name in known], float)
+    errors = [
+        channels[f"stderr.{name}"][pixel] if f"stderr.{name}" in channels else np.nan
+        for name in known
+    ]
+    of_pixel, mean = cube[:, *pixel], cube.mean(axis=(1, 2))
+    quantity, unit = quantity_of_channel(next(iter(known)))
+    names = f"row {pixel[0]}, column {pixel[1]}", "mean of the image"
+    radiances = (
+        Curve(names[0], of_pixel, unit, errors=np.array(errors)),
+        Curve(names[1], mean, unit, 0),
+    )
+    temperatures = [
+        Curve(curve.name, spectral_temperature(x, curve.values), "K", curve.colour)
+        for curve in radiances
+    ]
+    return [
+        by_wavelength("", x, quantity, unit, list(radiances)),
+        by_wavelength("", x, "brightness temperature", "K", temperatures, is_close=True),
+    ]
 
 
 def render_image(

@@ -6,8 +6,8 @@ model.yaw_deg, .pitch_deg, .roll_deg    attitude of the model: turns about the a
 GROUP.size                              factor of the size of a group, about its middle
 GROUP.yaw_deg, .pitch_deg, .roll_deg    the same turns of one group, about its middle [deg]
 GROUP.x_m, .y_m, .z_m                   shift of a group [m]
-own names                               see `mi_lcair.rendering.motions.declared`
-observer.NAME                           see `mi_lcair.rendering.motions.observer`
+own names                               see `mi_lcair.rendering.motions.motion`
+observer.NAME                           see `mi_lcair.rendering.motions.motion`
 ======================================= ===========================================================
 
 The motions of a group act in the axes of the model: x toward the nose, y to the left, z up. They
@@ -15,17 +15,25 @@ act in the order of the table, own ones first, and the attitude of the model act
 of a group is that of its bounding box in these axes.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 
 import mitsuba as mi
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from mi_lcair.plugins.emission.triangles import is_faceted
-from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
+from mi_lcair.declared import Table, entry, one_of
+from mi_lcair.errors import InputError, check_known
+from mi_lcair.files import check_file, parse_toml, read_text
+from mi_lcair.models3d.coincident import weld
+from mi_lcair.plugins.emission.triangles import is_faceted, triangle_vertices, vertex_positions
+from mi_lcair.plugins.emitters.thermal_emitter import is_thermal, one_sun
 from mi_lcair.rendering.loading.files import survey_values
 from mi_lcair.rendering.views import model_shapes
+from mi_lcair.rendering.window import window
+from mi_lcair.toml_table import filled
 
 MODEL = "model"
 # Axis and sign of each turn in the order in which they act, as the attitude of a scene's XML
@@ -145,3 +153,266 @@ def in_axes_of_model(vertices: np.ndarray, attitude: list[Motion]) -> np.ndarray
     for motion in reversed(attitude):
         vertices = motion.moved(vertices, -motion.rest)
     return vertices
+
+
+# Motions of a scene's sensors and of its sun: where the observer is, and how the image lies
+# ------------------------------------------------------------------------------------------
+# =======================================
+# ===========================================================
+# observer.azimuth_deg, .elevation_deg    direction from the origin of the scene's file to the
+#                                         observer: azimuth 0 is +x, 90 +y [deg]
+# observer.range_m                        distance of a perspective sensor from that origin [m]
+# observer.x_px, .y_px                    shift of the image to the right and down [pixels]
+# observer.roll_deg                       turn of the sensor about its axis, to the right [deg]
+# sun.azimuth_deg, .elevation_deg         direction of the emitter `sun`, with its light there [deg]
+# =======================================
+# ===========================================================
+#
+# All sensors of a scene move together. The values of the direction are those of the first one.
+
+OBSERVER, SUN = "observer", "sun"
+ANGLES = ("azimuth_deg", "elevation_deg")
+KINDS = ("OrthographicCamera", "PerspectiveCamera")
+LARGEST_PX, LARGEST_RANGE_M = 1e6, 1e7
+
+
+def observer_motions(scene) -> list[Motion]:
+    """The motions of the sensors that a scene was loaded with; none for other kinds of sensors."""
+    sensors = scene.mi.sensors()
+    if any(sensor.class_name() not in KINDS for sensor in sensors):
+        return []
+    azimuth, elevation, range_m = direction_of(matrix_of(sensors[0]), np.array(scene.origin))
+
+    def motion(name: str, unit: str, rest: float, lower: float, upper: float) -> Motion:
+        return Motion(f"{OBSERVER}.{name}", unit, rest, lower, upper, ())
+
+    motions = [
+        motion("azimuth_deg", "deg", azimuth, -FULL_TURN_DEG, FULL_TURN_DEG),
+        motion("elevation_deg", "deg", elevation, -90.0, 90.0),
+        motion("roll_deg", "deg", 0.0, -FULL_TURN_DEG, FULL_TURN_DEG),
+        motion("x_px", "pixel", 0.0, -LARGEST_PX, LARGEST_PX),
+        motion("y_px", "pixel", 0.0, -LARGEST_PX, LARGEST_PX),
+    ]
+    if sensors[0].class_name() == "PerspectiveCamera":
+        motions.append(motion("range_m", "m", range_m, 1e-3 * range_m, LARGEST_RANGE_M))
+    return motions
+
+
+def sun_motions(scene) -> list[Motion]:
+    """The motions of the emitter `sun`; none without one.
+
+    A sun that a sky fits cannot leave it, see `one_sun`.
+    """
+    sun = one_sun(scene.mi.emitters())
+    if sun is None:
+        return []
+    rests = zip(ANGLES, (sun.azimuth_deg, sun.elevation_deg), (FULL_TURN_DEG, 90.0))
+    return [Motion(f"{SUN}.{n}", "deg", float(rest), -most, most, ()) for n, rest, most in rests]
+
+
+def matrix_of(sensor) -> np.ndarray:
+    """The transformation of a sensor to the scene, (4, 4), Float64."""
+    return np.array(mi.traverse(sensor)["to_world"].matrix, dtype=float).reshape(4, 4)
+
+
+def direction_of(matrix: np.ndarray, origin: np.ndarray) -> tuple[float, float, float]:
+    """Azimuth and elevation [deg] and range [m] of a sensor from the origin of its file."""
+    backward = -matrix[:3, 2] / np.linalg.norm(matrix[:3, 2])
+    azimuth = np.degrees(np.arctan2(backward[1], backward[0]))
+    elevation = np.degrees(np.arcsin(np.clip(backward[2], -1, 1)))
+    return float(azimuth), float(elevation) + 0.0, float((matrix[:3, 3] + origin) @ backward)
+
+
+def settings_of(sensor) -> dict:
+    """The parameters of a sensor that motions change, by Mitsuba's names."""
+    parameters = mi.traverse(sensor)
+    names = ("to_world", "principal_point_offset_x", "principal_point_offset_y")
+    return {name: type(parameters[name])(parameters[name]) for name in names if name in parameters}
+
+
+def set_sensor(sensor, settings: dict) -> None:
+    parameters = mi.traverse(sensor)
+    for name, value in settings.items():
+        parameters[name] = value
+    parameters.update()
+
+
+def placed(sensor, loaded: dict, change: dict[str, float], rest: dict, origin) -> dict:
+    """The parameters of a sensor for values of the motions.
+
+    Parameters
+    ----------
+    sensor : mi.Sensor
+    loaded : dict
+        Its `settings_of` in the loaded scene.
+    change : dict of str to float
+        Differences of all motions from their values at rest, by the names behind `observer.`
+    rest : dict of str to float
+        The values at rest.
+    origin : ndarray, shape (3,)
+        Position of the scene's origin in the file's coordinates.
+    """
+    matrix = np.array(loaded["to_world"].matrix, dtype=float).reshape(4, 4)
+    settings = dict(loaded)
+    width, height = sensor.film().size()
+    if sensor.class_name() == "OrthographicCamera":
+        set_sensor(sensor, loaded)
+        _, right, down, _ = window(sensor)
+        columns, rows = sensor.film().crop_size()
+        matrix[:3, 3] -= change["x_px"] * right / columns + change["y_px"] * down / rows
+    else:
+        for name, pixels in (("x", change["x_px"] / width), ("y", change["y_px"] / height)):
+            key = f"principal_point_offset_{name}"
+            settings[key] = loaded[key] - pixels
+    axis = matrix[:3, 2] / np.linalg.norm(matrix[:3, 2])
+    matrix[:3, 3] -= change.get("range_m", 0.0) * axis
+    roll = Rotation.from_rotvec(np.radians(change["roll_deg"]) * axis).as_matrix()
+    matrix[:3, :3] = roll @ matrix[:3, :3]
+    azimuth, elevation = rest["azimuth_deg"], rest["elevation_deg"]
+    ends = azimuth + change["azimuth_deg"], elevation + change["elevation_deg"]
+    turn = toward(*ends) @ toward(azimuth, elevation).T
+    matrix[:3, :3] = turn @ matrix[:3, :3]
+    matrix[:3, 3] = turn @ (matrix[:3, 3] + origin) - origin
+    settings["to_world"] = type(loaded["to_world"])(mi.Matrix4f(matrix.tolist()))
+    return settings
+
+
+def toward(azimuth_deg: float, elevation_deg: float) -> np.ndarray:
+    """The rotation of +x to a direction, (3, 3)."""
+    return Rotation.from_euler("yz", [-elevation_deg, azimuth_deg], degrees=True).as_matrix()
+
+
+# The table [motions] of a TOML file, in which a user declares motions
+# --------------------------------------------------------------------
+# [motions]
+#     "exhaust.radius" = {groups = ["hot_parts"], scale = [0, 1, 1], each = true}
+#     "wing.flap" = {groups = ["self"], displaced = "flap_down.ply"}
+#
+# A file of motions has this table alone. In scenarios, problems and uncertainties it is one of
+# many.
+
+MOTIONS = "motions"  # the table; among the values of a scene's parameters, a file that has it
+
+
+@dataclass(frozen=True)
+class Declared(Table, rules=(one_of("scale", "displaced"),)):
+    """A motion that a user declares, see `mi_lcair.rendering.motions.motion`.
+
+    Attributes
+    ----------
+    groups : tuple of str
+        Names of the groups that move.
+    scale : tuple of float, optional
+        Factors of the displacement along each axis.
+    each : bool
+        Whether each connected part has a middle of its own.
+    displaced : str, optional
+        PLY file, in place of scale.
+    """
+
+    groups: tuple[str, ...]
+    scale: tuple[float, float, float] | None = None
+    each: bool = False
+    displaced: str | None = entry(None, is_file=True)
+
+
+def read_motions(file: str | Path) -> dict[str, Declared]:
+    """The motions of a TOML file by name; raises InputError for what cannot be used."""
+    where = f"motions {file}"
+    tables = parse_toml(read_text(file, where), where)
+    if list(tables) != [MOTIONS]:
+        raise InputError(f"{where}: must have one table, [motions]")
+    return motions_of(tables[MOTIONS], Path(file).parent, where)
+
+
+def motions_of(
+    table: Mapping, folder: str | Path = ".", where: str = f"[{MOTIONS}]"
+) -> dict[str, Declared]:
+    """The motions of a table by name; raises InputError for what cannot be used.
+
+    folder: to which the names of files are relative. where: name of the table in messages.
+    """
+    if not isinstance(table, Mapping):
+        raise InputError(f"{where}: must have one table, [motions]")
+    declared = {}
+    for name, values in table.items():
+        of_name = f"{where}: '{name}'"
+        if "." not in name:
+            raise InputError(
+                f'{of_name} must be of the form "OWNER.NAME" in quotes, such as "exhaust.radius"'
+            )
+        declared[name] = filled(Declared, values, of_name, Path(folder))
+    return declared
+
+
+# Motions that a user declares, see `mi_lcair.rendering.motions.motion`
+# --------------------------------------------------------------------
+# With `scale`, a vertex moves by value x scale x (vertex - middle), component by component. The
+# middle is that of the groups or, with `each`, of each connected part. With `displaced`, it moves
+# by
+# value x (vertex of that file - vertex). Both are in the axes of the model.
+
+LARGEST = 1e3  # bound of the value of a declared motion, which is 0 in the loaded scene
+
+
+def declared_motions(scene, declared: dict[str, Declared], points: dict) -> list[Motion]:
+    """The declared motions of a scene.
+
+    points: vertices (n, 3) of each mesh in the axes of the model [m]. Raises InputError for unknown
+    groups, for a file with other triangles, and for a motion that moves nothing.
+    """
+    groups, motions = groups_of_meshes(scene), []
+    for name, motion in declared.items():
+        check_known(f"group of meshes of {scene.name}", groups, *motion.groups)
+        shapes = [shape for group in motion.groups for shape in groups[group]]
+        if motion.displaced:
+            displacement = displaced(name, motion.displaced, shapes, points)
+        else:
+            displacement = stretched(motion, shapes, points)
+        if not any(moved.any() for moved in displacement.values()):
+            raise InputError(f"motion '{name}' moves no vertex; check its groups and its scale")
+        bounds = 0.0, -LARGEST, LARGEST
+        motions.append(Motion(name, "1", *bounds, tuple(shapes), displacement=displacement))
+    return motions
+
+
+def stretched(motion: Declared, shapes, points: dict) -> dict:
+    """Displacements scale x (vertex - middle) of the vertices of each mesh, (n, 3) [m]."""
+    whole, displacement = np.concatenate([points[shape] for shape in shapes]), {}
+    for shape in shapes:
+        vertices, middle = points[shape], (whole.min(axis=0) + whole.max(axis=0)) / 2
+        if motion.each:
+            middle = middles_of_parts(vertices, triangle_vertices(shape))
+        displacement[shape] = np.array(motion.scale) * (vertices - middle)
+    return displacement
+
+
+def middles_of_parts(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """For each vertex (n, 3), the middle of the bounding box of its connected part, (n, 3)."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    welded = weld(vertices)
+    ends = np.concatenate([welded[triangles[:, [0, 1]]], welded[triangles[:, [1, 2]]]])
+    links = coo_array((np.ones(len(ends), bool), ends.T), shape=(len(vertices),) * 2)
+    _, part = connected_components(links, directed=False)
+    _, part = np.unique(part[welded], return_inverse=True)
+    count = part.max() + 1
+    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    np.minimum.at(low, part, vertices)
+    np.maximum.at(high, part, vertices)
+    return ((low + high) / 2)[part]
+
+
+def displaced(name: str, file: str, shapes, points: dict) -> dict:
+    """Displacements of the vertices of a mesh to those of a PLY file, (n, 3) [m]."""
+    check_file(Path(file))
+    if not Path(file).is_file():
+        raise InputError(f"motion '{name}': there is no file {file}")
+    other = mi.load_dict({"type": "ply", "filename": file, "face_normals": True}, parallel=False)
+    if len(shapes) != 1 or not np.array_equal(*map(triangle_vertices, (other, shapes[0]))):
+        raise InputError(
+            f"motion '{name}': {file} must have the triangles of the one mesh that it moves, with "
+            "other vertices"
+        )
+    return {shapes[0]: vertex_positions(other).astype(float) - points[shapes[0]]}

@@ -10,24 +10,22 @@ from mi_lcair.errors import InputError
 from mi_lcair.plugins.derivatives import held, own_memory, same_variables
 from mi_lcair.plugins.emission.triangles import is_faceted, points, set_vertices, vertex_buffer
 from mi_lcair.plugins.emitters.thermal_emitter import one_sun
-from mi_lcair.rendering.motions.declared import declared_motions
 from mi_lcair.rendering.motions.motion import (
-    Motion,
-    attitude_of,
-    in_axes_of_model,
-    motions_of_groups,
-)
-from mi_lcair.rendering.motions.observer import (
     ANGLES,
     OBSERVER,
     SUN,
+    Declared,
+    Motion,
+    attitude_of,
+    declared_motions,
+    in_axes_of_model,
+    motions_of_groups,
     observer_motions,
     placed,
     set_sensor,
     settings_of,
     sun_motions,
 )
-from mi_lcair.rendering.motions.table import Declared
 from mi_lcair.rendering.views import model_shapes
 
 POSE, DECLARED = "pose", "declared"  # keys of `Scene.moved`

@@ -8,17 +8,15 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError, errors_of
-from mi_lcair.physics.spectra.change import CHANGES
-from mi_lcair.physics.spectra.parameters import change_bounds
+from mi_lcair.physics.spectra.parameters import CHANGES, change_bounds
 from mi_lcair.plugins import PLUGINS
 from mi_lcair.plugins.bsdfs.plume import is_plume
-from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
-from mi_lcair.plugins.bsdfs.spectral_bsdf import has_spectrum
+from mi_lcair.plugins.bsdfs.reflection_bsdf import has_spectrum, is_reflection_bsdf
 from mi_lcair.plugins.derivatives import children, nodes
 from mi_lcair.plugins.emission.source import kelvin, rounded
 from mi_lcair.plugins.emission.triangles import is_faceted, triangle_corners
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal, thermal_shapes
-from mi_lcair.rendering.facets.table import area_of
+from mi_lcair.rendering.facets import area_of
 from mi_lcair.rendering.motions.pose import known_motions, value_of
 
 SCALED = ("radiance", "emissivity")  # kinds whose several numbers change by a common factor

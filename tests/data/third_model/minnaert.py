@@ -13,7 +13,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from mi_lcair.physics.reflection import interface
-from mi_lcair.physics.reflection.directions import SMALLEST, cos_theta
+from mi_lcair.physics.reflection.interface import SMALLEST, cos_theta
 
 
 @dataclass

@@ -16,7 +16,7 @@ from drjit.llvm.ad import Float64
 from scipy.stats import qmc
 
 from mi_lcair.physics.reflection import interface
-from mi_lcair.physics.reflection.directions import SMALLEST
+from mi_lcair.physics.reflection.interface import SMALLEST
 
 NODES = 48  # of the quadrature over the part of the lobe that the horizon cuts
 NARROWEST = 1e5  # largest exponent; the lobe is then .2 degrees wide

@@ -4,7 +4,7 @@ import numpy as np
 from scipy import sparse
 
 from mi_lcair.heating.conductors import Conductors, Facets, Traced
-from mi_lcair.heating.sunlight import SolarAreas
+from mi_lcair.heating.surfaces import SolarAreas
 from mi_lcair.heating.temperatures.description import GroupTable
 from mi_lcair.heating.temperatures.network import Network
 from mi_lcair.heating.temperatures.weather import Weather

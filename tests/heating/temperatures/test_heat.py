@@ -12,7 +12,7 @@ from mi_lcair.cli import main
 from mi_lcair.errors import InputError
 from mi_lcair.heating.temperatures.description import Description
 from mi_lcair.heating.temperatures.solve import temperatures
-from mi_lcair.rendering.parameters.facets import set_facets
+from mi_lcair.rendering.parameters.modes import set_facets
 from tests.heating.scenes import grey, scene_of, square
 
 EXAMPLES = scenes.FOLDER / "examples"
@@ -153,8 +153,8 @@ def test_what_cannot_be_is_refused_before_the_paths(folder, monkeypatch):
     tree["weather"]["file"] = str(folder / "day.csv")
     with pytest.raises(InputError, match="sensor"):
         mi_lcair.heat(tree | {"signature": {"sensor": 7}})
-    monkeypatch.setattr("mi_lcair.rendering.limits.available_memory", lambda: 10_000)
-    monkeypatch.setattr("mi_lcair.heating.paths.BYTES", 0)
+    monkeypatch.setattr("mi_lcair.rendering.measurands.available_memory", lambda: 10_000)
+    monkeypatch.setattr("mi_lcair.heating.surfaces.BYTES", 0)
     with pytest.raises(InputError, match="sunlight on 7 facets at . times needs 0.0 GiB"):
         mi_lcair.heat(tree)
 

@@ -10,7 +10,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.heating.temperatures.description import Description, WeatherTable
 from mi_lcair.heating.temperatures.weather import convection, weather
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
-from mi_lcair.physics.sun.position import sun_position
+from mi_lcair.physics.sun import sun_position
 
 FOIL = {"thickness_mm": 1e-5, "conductivity": 200.0, "density": 2700.0, "heat_capacity": 900.0}
 CONSTANT = {"air_K": 290.0, "h_W_m2_K": 8.0, "sky_K": 260.0}

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from docs.studies.air import IN_WEATHER, in_weather, rows_of, spectrum
 from mi_lcair.errors import InputError
-from mi_lcair.physics.air.bands import bands
-from mi_lcair.physics.air.clear_air import SunDirection, clear_air
+from mi_lcair.physics.air.clear_air import ClearPaths, SunDirection, clear_air, ray, ray_end
+from mi_lcair.physics.air.levels import bands, levels
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import spectral_radiance
 
@@ -187,3 +188,176 @@ def test_speed_of_a_scenario():
         scenario()
         durations.append(time.process_time() - start)
     assert min(durations) < 0.5
+
+
+# Clear air along one line of sight: between the computed ranges, and on to the ground
+# ------------------------------------------------------------------------------------
+
+AIR, CLEAR_PATHS_X = clear_air("us_standard"), bands().wavelengths_um
+BANDS = [band(name) for name in ("MWIR", "LWIR")]
+
+
+def line(elevation, looks_up, stated_m=None):
+    return ClearPaths("air", AIR, 300.0, elevation, looks_up, stated_m)
+
+
+@pytest.mark.parametrize("looks_up", [True, False])
+@pytest.mark.parametrize("elevation", [0.0, 20.0])
+def test_between_the_computed_ranges(looks_up, elevation):
+    """In band within 0.2 % of a path that is computed itself, from 1 m to 30 km."""
+    air = line(elevation, looks_up)
+    for range_m in (1.0, 140.0, 2500.0, 30_000.0):
+        path, exact = air.path(range_m), line(elevation, looks_up, range_m).path(range_m)
+        ray = line(elevation, looks_up).ray(range_m)
+        np.testing.assert_allclose(exact.amounts, ray.amounts[-1])
+        for rule in BANDS:
+            for name in ("transmittance", "radiance"):
+                computed, expected = (
+                    rule.integral(CLEAR_PATHS_X, getattr(p, name)) for p in (path, exact)
+                )
+                assert computed == pytest.approx(expected, rel=2e-3)
+
+
+def test_the_stated_range_is_met_everywhere():
+    air = line(20.0, False, 3210.0)
+    path = air.path(3210.0)
+    transmittance, radiance = air.along(np.array([3210.0, 3300.0]), slice(None))
+    np.testing.assert_allclose(transmittance[0], path.transmittance, rtol=1e-9)
+    np.testing.assert_allclose(radiance[0], path.radiance, rtol=1e-9)
+    (mean,) = air.band_transmittance(BANDS[0], [np.ones_like(CLEAR_PATHS_X)], [3210.0])
+    assert mean[0] == pytest.approx(
+        BANDS[0].integral(CLEAR_PATHS_X, path.transmittance) / 2, rel=1e-6
+    )
+
+
+@pytest.mark.parametrize("ranges", [[500.0, 4000.0], list(np.geomspace(100, 20_000, 200))])
+def test_light_that_has_crossed_air(ranges):
+    """Its mean transmittance at each range is that of summed amounts, also of many ranges."""
+    air, light = line(5.0, True), AIR.sky(300.0, 45.0)
+    for rule in BANDS:
+        with_light, plain = air.band_transmittance(rule, [light, light.radiance], ranges)
+        for k in (0, len(ranges) // 2, -1):
+            rest = light.through(air.path(ranges[k]).amounts)
+            expected = rule.integral(CLEAR_PATHS_X, rest) / rule.integral(
+                CLEAR_PATHS_X, light.radiance
+            )
+            assert with_light[k] == pytest.approx(expected, rel=3e-3)
+        assert np.all(with_light < plain)
+
+
+@pytest.mark.parametrize("to_ground", [False, True])
+def test_share_of_a_light_between_ranges(to_ground):
+    """Within 0.2 % of summed amounts in band, and at the stated range exactly."""
+    air, light = line(20.0, False, 3000.0), AIR.sky(0.0, 45.0)
+    for range_m, tolerance in ((777.0, 2e-3), (3000.0, 1e-9), (12_345.0, 2e-3)):
+        path = air.to_ground(range_m) if to_ground else air.path(range_m)
+        for rule in BANDS:
+            computed = rule.integral(
+                CLEAR_PATHS_X, path.share(light, CLEAR_PATHS_X) * light.radiance
+            )
+            expected = rule.integral(CLEAR_PATHS_X, light.through(path.amounts))
+            assert computed == pytest.approx(expected, rel=tolerance)
+
+
+def test_on_to_the_ground():
+    """From the sensor past the target; the path to the target is a part of it."""
+    air = line(20.0, False, 3000.0)
+    for range_m in (3000.0, 2222.0):
+        whole, exact = air.to_ground(range_m), line(20.0, False, range_m).to_ground(range_m)
+        height = AIR.ray(300.0, 20.0, range_m).heights_km[-1] * 1000
+        assert whole.range_m == pytest.approx(height / np.sin(np.radians(20)), rel=2e-3)
+        for rule in BANDS:
+            for name in ("transmittance", "radiance"):
+                computed, expected = (
+                    rule.integral(CLEAR_PATHS_X, getattr(p, name)) for p in (whole, exact)
+                )
+                assert computed == pytest.approx(expected, rel=2e-3)
+        assert np.all(whole.transmittance <= air.path(range_m).transmittance + 1e-9)
+    with pytest.raises(InputError, match="goes past the ground"):
+        line(20.0, True).to_ground(3000.0)
+    with pytest.raises(InputError, match="goes past the ground"):
+        line(0.0, False).to_ground(3000.0)
+
+
+def test_ranges():
+    air = line(20.0, True)
+    with pytest.raises(InputError, match="range 300000 m is beyond its last one, 200000 m"):
+        air.path(300_000.0)
+    with pytest.warns(UserWarning, match="is beyond its last one"):
+        beyond = air.path(300_000.0, extrapolate=True)
+    np.testing.assert_allclose(beyond.amounts, AIR.ray(300.0, 20.0).amounts[-1], rtol=1e-6)
+
+
+# Rays through the air against the differential equation of a ray, solved apart
+# -----------------------------------------------------------------------------
+
+RAY_AIR = levels("us_standard")
+
+
+def solved(height_km, elevation_deg, length_km):
+    """Height [km] and elevation [degrees] at a ray's end, and amounts along it."""
+
+    def slope(_, y):
+        index, rate = RAY_AIR.refraction(np.array(y[0]))
+        turn = np.cos(y[1]) * (1 / (6371.23 + y[0]) + rate / (1 + index))
+        return [np.sin(y[1]), turn, *RAY_AIR.at(np.array(y[0]))[0]]
+
+    start = [height_km, np.radians(elevation_deg), *np.zeros(RAY_AIR.densities.shape[1])]
+    y = solve_ivp(slope, (0, length_km), start, rtol=1e-8, max_step=0.2).y[:, -1]
+    return y[0], np.degrees(y[1]), y[2:]
+
+
+@pytest.mark.parametrize(
+    ("height", "elevation", "length"),
+    [(0.05, 1, 50), (0.05, 30, 20), (8, -2, 120), (3, -30, 3), (0.5, 0, 10)],
+)
+def test_ray_of_the_differential_equation(height, elevation, length):
+    along = ray(RAY_AIR, height, elevation, length)
+    end, turned, amounts = solved(height, elevation, length)
+    assert along.lengths_km[-1] == pytest.approx(length, rel=4e-4)
+    assert along.heights_km[-1] == pytest.approx(end, abs=1e-3)
+    assert along.elevations_deg[-1] == pytest.approx(turned, abs=0.03)
+    ends = ray_end(RAY_AIR, height, elevation, length)
+    last = along.lengths_km[-1], along.heights_km[-1], along.elevations_deg[-1]
+    assert ends == pytest.approx(last, rel=4e-4, abs=1e-6)
+    gases = [not name.startswith("aerosol") for name in bands().columns]
+    np.testing.assert_allclose(along.amounts[-1][gases], amounts[gases], rtol=1e-3)
+    # The aerosols change their class within layers. Their sum counts.
+    aerosols = np.logical_not(gases)
+    assert along.amounts[-1][aerosols].sum() == pytest.approx(amounts[aerosols].sum(), rel=2e-3)
+
+
+def test_layers_grow_from_the_viewer():
+    along = ray(RAY_AIR, 0.05, 90.0)
+    thickness = np.diff(along.lengths_km)
+    assert along.heights_km[-1] == pytest.approx(100) and thickness[0] < 0.0061
+    assert (thickness < 0.21 * along.lengths_km[1:] + 0.006).all()
+    low = along.heights_km[1:] < 30
+    assert thickness[low].max() < 0.51 and thickness.max() < 2.1
+    assert along.temperatures[0] == pytest.approx(287.86, abs=0.02)
+
+
+def test_temperature_of_a_layer():
+    """The mean by mass, which lies low in a thick layer: 0.1 K below the middle's."""
+    along = ray(RAY_AIR, 0.05, 90.0)
+    for low, high, temperature in zip(along.heights_km, along.heights_km[1:], along.temperatures):
+        heights = np.linspace(low, high, 200)
+        _, at_heights, pressure = RAY_AIR.at(heights)
+        mean = np.average(at_heights, weights=pressure / at_heights)
+        assert temperature == pytest.approx(mean, abs=0.02)
+
+
+def test_ends_at_the_ground_and_at_the_top():
+    down = ray(RAY_AIR, 3.0, -30.0)
+    assert down.heights_km[-1] == pytest.approx(0, abs=1e-6)
+    assert down.lengths_km[-1] == pytest.approx(6.0, rel=2e-3)
+    grazing = ray(RAY_AIR, 10.0, -1.0)
+    assert grazing.heights_km[-1] == pytest.approx(100) and 8 < grazing.heights_km.min() < 10
+    assert ray(RAY_AIR, 100.0, 10.0).lengths_km[-1] < 1e-9
+
+
+def test_angle_at_the_centre_of_the_earth():
+    """Without refraction it would be atan(L cos / (R + h + L sin))."""
+    along = ray(RAY_AIR, 0.05, 10.0, 40.0)
+    cos, sin = 40 * np.cos(np.radians(10)), 40 * np.sin(np.radians(10))
+    assert along.turned_deg[-1] == pytest.approx(np.degrees(cos / (6371.28 + sin)), rel=1e-3)

@@ -6,7 +6,7 @@ import pytest
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.sky import mean_nodes, spectrum
-from mi_lcair.physics.surroundings.surroundings import Ground, surroundings
+from mi_lcair.physics.surroundings import Ground, surroundings
 
 MWIR = band("MWIR")
 SUN = 40.0  # elevation of the sun [degrees]

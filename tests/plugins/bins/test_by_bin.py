@@ -9,6 +9,8 @@ from scipy.constants import c, h, k
 import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.physics.materials import material
+from mi_lcair.plugins.bins import by_bin
+from mi_lcair.plugins.bsdfs.reflection_bsdf import between_nodes
 from tests.plugins.small_scenes import blackbody, camera, scene
 
 T = mi.ScalarTransform4f
@@ -357,3 +359,37 @@ def test_sources_of_small_plates(tmp_path):
     assert result.target.intensity == pytest.approx(expected, rel=0.004)
     np.testing.assert_allclose(hot / 4, cold / 1, rtol=0.02)
     assert hot.mean() / 4 == pytest.approx(emissivity.mean(), rel=0.01)
+
+
+# Tables by blocks of bins against NumPy's interpolation
+# ------------------------------------------------------
+
+
+@pytest.mark.parametrize("count", [1, 4, 7])
+def test_interpolation_in_rows(count):
+    random, rows, steps = np.random.default_rng(count), 3, 6
+    values = random.uniform(size=(rows, steps + 1, count))
+    table, number = by_bin.in_blocks(values), by_bin.blocks_of(count)
+    row, x = random.integers(0, rows, 50), np.append(random.uniform(size=48), [0, 1])
+    place = between_nodes(mi.UInt32(row), mi.Float(x), steps)
+    found = [by_bin.interpolated(table, place, number, mi.UInt32(k)) for k in range(number)]
+    nodes = np.linspace(0, 1, steps + 1)
+    expected = [
+        [np.interp(a, nodes, values[r, :, k]) for r, a in zip(row, x)] for k in range(count)
+    ]
+    # The last block is filled with the last bin
+    expected += [expected[-1]] * (number * by_bin.SIZE - count)
+    assert np.concatenate(found) == pytest.approx(np.array(expected), abs=1e-6)
+
+
+def test_shares_beyond_the_last_bin_are_zero():
+    assert by_bin.in_blocks([[1, 2], [3, 4]], "constant").numpy().tolist() == [
+        1,
+        2,
+        0,
+        0,
+        3,
+        4,
+        0,
+        0,
+    ]

@@ -8,15 +8,7 @@ import pytest
 from mi_lcair.errors import InputError, mitsuba_error
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.recorders.channels import Channels
-from tests.plugins.small_scenes import (
-    GREY,
-    INTEGRATORS,
-    SQUARE,
-    blackbody,
-    camera,
-    runs,
-    scene,
-)
+from tests.plugins.small_scenes import GREY, INTEGRATORS, SQUARE, blackbody, camera, runs, scene
 
 BLACK = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}
 HOT, COLD = blackbody(600.0), blackbody(300.0)  # W m^-2 sr^-1

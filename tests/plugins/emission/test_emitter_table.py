@@ -7,8 +7,8 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from mi_lcair.plugins.emission.drawing.spherical_polygon import Receiver
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
+from mi_lcair.plugins.emission.spherical_polygons import Receiver
 from mi_lcair.plugins.emission.triangles import Choice, TriangleTable, random_integer, set_triangles
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.recorders.channels import Channels

@@ -5,9 +5,8 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from mi_lcair.plugins.emission.drawing.light_tree import ANYWHERE, LightTree
-from mi_lcair.plugins.emission.drawing.panels import Panels
-from mi_lcair.plugins.emission.drawing.spherical_polygon import Receiver
+from mi_lcair.plugins.emission.panels import ANYWHERE, LightTree, Panels
+from mi_lcair.plugins.emission.spherical_polygons import Receiver
 from mi_lcair.plugins.emission.triangles import TriangleTable
 
 

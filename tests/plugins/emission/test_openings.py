@@ -8,8 +8,8 @@ import pytest
 import mi_lcair
 from benchmarks.methods.propagation import exact
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.plugins.emission.drawing.openings import Openings, area, lid, outlines
-from mi_lcair.rendering.settings import changed
+from mi_lcair.plugins.emission.panels import Openings, area, lid, outlines
+from mi_lcair.rendering.scene import changed
 from mi_lcair.rendering.window import window_area
 
 CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32)

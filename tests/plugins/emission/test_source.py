@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from mi_lcair.physics.bands import band
+from mi_lcair.physics.bands import Spectrum, band
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.physics.spectrum import Spectrum
 from mi_lcair.plugins.emission.source import Source
 
 LWIR = band("LWIR")

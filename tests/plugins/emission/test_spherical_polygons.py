@@ -7,9 +7,9 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from mi_lcair.plugins.emission.drawing.spherical_polygon import Receiver
-from mi_lcair.plugins.emission.drawing.spherical_rectangle import SphericalRectangle
-from mi_lcair.plugins.emission.drawing.spherical_triangle import (
+from mi_lcair.plugins.emission.spherical_polygons import (
+    Receiver,
+    SphericalRectangle,
     SphericalTriangle,
     linear_from_apex,
 )

@@ -12,10 +12,10 @@ import pytest
 import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.plugins import PLUGINS
-from mi_lcair.plugins.emission.radiance_bound import can_be_hit, radiance_bound
+from mi_lcair.plugins.emission.draw_table import can_be_hit, radiance_bound
 from mi_lcair.plugins.emitters.distant_emitter import DistantEmitter
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
-from mi_lcair.rendering.images.exr import read_exr
+from mi_lcair.rendering.images.files import read_exr
 from mi_lcair.rendering.parameters.values import set_values
 from tests.plugins.small_scenes import GREY, camera
 

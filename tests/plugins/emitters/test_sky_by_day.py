@@ -8,7 +8,7 @@ import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.levels import Weather
 from mi_lcair.physics.bands import band
-from tests.physics.sun.test_daytime_sky import daytime_sky, in_band
+from tests.physics.test_sun import daytime_sky, in_band
 from tests.plugins.emitters.test_sun import BOTH, IDS, E, direction, path, sun
 from tests.plugins.small_scenes import GREY, SQUARE, camera, runs, scene
 

@@ -8,8 +8,7 @@ import pytest
 from mi_lcair.errors import InputError, mitsuba_error
 from mi_lcair.physics import reflection
 from mi_lcair.physics.bands import band
-from mi_lcair.physics.sun.position import SunPosition
-from mi_lcair.physics.sun.sunlight import sunlight
+from mi_lcair.physics.sun import SunPosition, sunlight
 from mi_lcair.plugins.emitters import sun as sun_plugin
 from tests.plugins.small_scenes import GREY, SQUARE, camera, runs, scene
 

@@ -7,8 +7,8 @@ import mi_lcair
 from docs.studies.leaks import cube
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.plugins.paths.offsets import rounding_error
-from mi_lcair.rendering.settings import changed
+from mi_lcair.plugins.paths.launch import rounding_error
+from mi_lcair.rendering.scene import changed
 
 
 @pytest.mark.slow

@@ -4,9 +4,9 @@ import drjit as dr
 import mitsuba as mi
 import pytest
 
-from mi_lcair.api.signature import signature
+from mi_lcair.api.intensities import signature
 from mi_lcair.plugins.derivatives import nodes
-from mi_lcair.plugins.paths.recording import SceneState
+from mi_lcair.plugins.paths.path_tracer import SceneState
 from mi_lcair.rendering.scene import load
 from tests.plugins.small_scenes import SCENES
 

@@ -3,8 +3,7 @@
 import mitsuba as mi
 import pytest
 
-from mi_lcair.rendering.loading.nodes import properties, references
-from mi_lcair.rendering.loading.parsing import add_samplers
+from mi_lcair.rendering.loading.parsing import add_samplers, properties, references
 
 
 @pytest.mark.parametrize("after", range(40))

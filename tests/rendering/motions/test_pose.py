@@ -13,8 +13,8 @@ from mi_lcair.plugins.emission.triangles import vertex_positions
 from mi_lcair.rendering.motions.motion import scaled, shifted, turned
 from mi_lcair.rendering.motions.pose import set_motions
 from mi_lcair.rendering.parameters.values import changed
-from tests.sensitivity.motions.test_differences import CUBE, convex_hull, scene_of
-from tests.sensitivity.motions.test_registration import SCENE as IMAGE
+from tests.derivatives.motions.test_differences import CUBE, convex_hull, scene_of
+from tests.derivatives.motions.test_registration import SCENE as IMAGE
 
 ATTITUDE = {"yaw_deg": 30.0, "pitch_deg": 20.0, "roll_deg": 11.0}
 SCENE = "cylinder_ir_range"

@@ -5,10 +5,10 @@ import pytest
 
 import mi_lcair
 from mi_lcair import models3d, scenes
+from mi_lcair.derivatives.images import facet_matrix
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.rendering.parameters.values import changed, parameters_of
-from mi_lcair.sensitivity.facets import facet_matrix
 
 KELVIN = np.array([302.0, 299.0, 300.0, 301.0, 300.0, 332.0, 294.0])
 PATTERNS = {"h": [-1.0, 0, 0, -0.5, -0.3, -6.6, 0.9], "sky_K": [0.2, 0.2, 0.1, 0, 0, 1.9, 2.2]}

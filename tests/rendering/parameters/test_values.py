@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import mi_lcair
-from mi_lcair.api.parameters import parameters
+from mi_lcair.api.scenes import parameters
 from mi_lcair.errors import InputError
 from mi_lcair.rendering.parameters.values import changed, parameter, set_values
 

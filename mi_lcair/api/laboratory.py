@@ -1,0 +1,243 @@
+"""Public functions of the laboratory: temperatures, cavities and the audit of energy."""
+
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+from typing import TypedDict, Unpack
+
+import numpy as np
+
+from mi_lcair.api.scenes import scene_of
+from mi_lcair.declared import Bounds
+from mi_lcair.errors import InputError, check_known, option
+from mi_lcair.estimate import Estimate, parsed, uncertain
+from mi_lcair.laboratory.audit import Audit, audit_flux
+from mi_lcair.laboratory.cavities.cavity import Cavity, measured
+from mi_lcair.laboratory.cavities.description import Description
+from mi_lcair.laboratory.thermography import QUANTITIES, Conditions, Temperature, temperature_of
+from mi_lcair.physics.bands import Band
+from mi_lcair.physics.bands import band as band_of
+from mi_lcair.progress import Progress
+from mi_lcair.rendering.images.files import TEMPERATURE, check_kelvin, read_exr, read_values
+from mi_lcair.rendering.measurands import Sampling
+from mi_lcair.rendering.scene import SceneLike
+from mi_lcair.tasks import exclusively
+
+# `temperature`, the temperature of an object from an image of a thermographic camera
+# -----------------------------------------------------------------------------------
+
+ApparentTemperatures = str | PathLike[str] | float | np.ndarray
+Number = float | str | tuple[float, float] | Estimate
+CHANNEL = "temperature.Y"  # channel of an EXR with apparent temperatures
+
+
+class Measurement(TypedDict, total=False):
+    """Quantities of a measurement, see `temperature`."""
+
+    reflected: Number
+    transmittance: Number
+    air_temperature: Number
+    distance: Number
+    humidity: Number
+
+
+def temperature(
+    image: ApparentTemperatures,
+    band: str | PathLike[str] | Band | None = None,
+    *,
+    emissivity: Number,
+    sigma: float = 0.0,
+    scale: float = 1.0,
+    offset: float = 0.0,
+    **measurement: Unpack[Measurement],
+) -> Temperature:
+    """Temperature of an object from apparent temperatures, with its uncertainty.
+
+    Solves the measurement formula of thermographic cameras with Planck's law integrated over the
+    band. Numbers are given as 0.92, "0.92+-0.02", "0.92+-2%" or (0.92, 0.02), with a standard
+    uncertainty.
+
+    Parameters
+    ----------
+    image : str, Path, float or ndarray
+        Apparent temperatures [K], as a camera shows them for an emissivity of 1: a TIFF, CSV or NPY
+        file, an EXR with the channel temperature.Y, an array, or one number such as 305.2 or
+        "305.2+-0.5". NaN and 0 stand for nothing.
+    band : str, Path or Band, optional
+        Band of the camera: a name, limits such as "7.5-14", or a CSV of its response. An EXR states
+        its own.
+    emissivity : number
+        Emissivity of the object in the band, above 0 and at most 1.
+    sigma : float
+        Standard uncertainty of the apparent temperatures [K], common to all pixels.
+    scale, offset : float
+        Apparent temperature [K] = offset + scale x value of the image: 0.01 and 0 for counts of
+        0.01 K, 1 and 273.15 for degrees Celsius. With an offset, 0 is a value.
+
+    Other Parameters
+    ----------------
+    reflected : number, optional
+        Apparent temperature [K] of what the object reflects. It may be left out for an emissivity
+        of 1.
+    transmittance : number, optional
+        Transmittance of the air, above 0 and at most 1; 1 if neither it nor a distance is given.
+    air_temperature : number, optional
+        Temperature of the air [K]. With a transmittance it is that of `reflected` if it is left
+        out; with a distance, that of the atmosphere.
+    distance : number, optional
+        Distance of the object [m], instead of a transmittance: the air is computed.
+    humidity : number, optional
+        Relative humidity 0..0.98, with a distance.
+
+    Returns
+    -------
+    Temperature
+
+    Raises
+    ------
+    InputError
+        If a number is out of bounds, if the image cannot be read, if something is missing or given
+        twice, and if no object can have any of the apparent temperatures.
+    """
+    name, image, sigma = named_image(image, sigma)
+    if band is None and str(image).lower().endswith(".exr"):
+        _, header = read_exr(Path(image))
+        band = header.get("band")
+    if band is None:
+        example = option("band", "LWIR")
+        raise InputError(
+            f"{name}: its band is not known; give that of the camera, such as {example}"
+        )
+    band = band_of(band)
+    Bounds(is_positive=True).check(scale, "scale")
+    kelvin = apparent(image, band, name, scale, offset)
+    given = {"emissivity": emissivity, **measurement}
+    check_known("quantity", QUANTITIES, *given)
+    quantities = {
+        key: uncertain(given[key], key, bounds)
+        for key, bounds in QUANTITIES.items()
+        if given.get(key) is not None
+    }
+    return temperature_of(kelvin, sigma, band, Conditions(quantities), name)
+
+
+def named_image(image: ApparentTemperatures, sigma: float) -> tuple:
+    """Name of an image, the image or its number, and the uncertainty of its temperatures [K]."""
+    Bounds(lower=0, unit="K").check(sigma, "sigma")
+    if np.ndim(image):
+        return "an array", np.asarray(image), sigma
+    try:
+        number, error = parsed(str(image))
+    except ValueError:
+        return Path(image).name, image, sigma
+    if error and sigma:
+        raise InputError(f"'{image}' states its uncertainty; leave sigma out")
+    return f"{number:g} K", np.array(number), error or sigma
+
+
+def apparent(
+    image: ApparentTemperatures, band: Band, name: str, scale: float, offset: float
+) -> np.ndarray:
+    """Apparent temperatures [K] of an image, with NaN for nothing."""
+    kelvin = image
+    if not isinstance(image, np.ndarray):
+        is_exr = str(image).lower().endswith(".exr")
+        kelvin, _ = read_values(str(image), CHANNEL if is_exr else None, TEMPERATURE, band)
+    is_nothing = np.equal(kelvin, 0) & (offset == 0)
+    kelvin = np.where(is_nothing, np.nan, np.asarray(kelvin, float) * scale + offset)
+    known = np.isfinite(kelvin)
+    if not known.any():
+        raise InputError(f"{name}: holds no temperature")
+    counts, celsius = option("scale", 0.01), option("offset", 273.15)
+    check_kelvin(
+        name, kelvin[known], f"{counts} for counts of 0.01 K, {celsius} for degrees Celsius"
+    )
+    return np.where(known, kelvin, np.nan)
+
+
+# `cavity`, the effective emissivity of a cavity
+# ----------------------------------------------
+
+TOLERANCE = 2e-4  # half of the 95 % interval, where the renderer traces the cavity
+MOST_PATHS = 2**27  # after which the paths end without the tolerance
+
+
+@exclusively
+def cavity(
+    description: str | PathLike[str] | Mapping,
+    *,
+    tolerance: float = TOLERANCE,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Cavity:
+    """Effective emissivity of a cavity by wavelength, with its uncertainty.
+
+    Diffuse walls of a cylinder, a cone, a cylinder with a cone and a sphere are divided into rings,
+    whose radiosity is solved (thesis 3.5.2). All other walls are traced by the renderer.
+
+    Parameters
+    ----------
+    description : str, path-like or dict
+        TOML file with the tables [shape], [wall], [view] and [sigma], or these tables; see
+        `mi_lcair.laboratory.cavities.description`.
+    tolerance : float
+        Half of the 95 % interval of the effective emissivity, where the renderer traces it. Rings
+        have an error below 2e-5, which is stated.
+    seed : int
+        The same seed gives the same result.
+    progress : callable or None
+        Called with (paths done, expected).
+
+    Returns
+    -------
+    Cavity
+
+    Raises
+    ------
+    InputError
+        If the description cannot be used.
+    """
+    sampling = Sampling(tolerance=tolerance, max_spp=MOST_PATHS, seed=seed, progress=progress)
+    return measured(Description.read(description), sampling)
+
+
+# `audit`, the energy audit of a scene
+# ------------------------------------
+
+
+@exclusively
+def audit(
+    scene: SceneLike,
+    paths: int = 2**18,
+    seed: int = 0,
+    progress: Progress | None = None,
+    *,
+    parameters: Mapping[str, object] | None = None,
+) -> Audit:
+    """Follow photons from the emitters of a scene until they are absorbed or escape.
+
+    Parameters
+    ----------
+    scene : Scene, str, Path or mi.Scene
+        A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
+        Its emitters must all be thermal, or the sun.
+    paths : int
+        Paths of photons from each emitter.
+    seed : int
+        Seed of the random numbers.
+    progress : callable, optional
+        Called with (emitters done, all emitters).
+    parameters : mapping of str to object, optional
+        Values of the scene's $-parameters, for a name or a file.
+
+    Returns
+    -------
+    Audit
+
+    Raises
+    ------
+    InputError
+        If the scene has an emitter that is not thermal, or a surface without an emitter whose
+        absorption is unknown.
+    """
+    return audit_flux(scene_of(scene, parameters), paths, seed, progress)

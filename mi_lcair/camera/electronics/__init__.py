@@ -1,1 +1,0 @@
-"""What a detector array makes of radiance: electrons, noise, frames and their correction."""

@@ -1,1 +1,0 @@
-"""Where a camera is: its pose from points whose pixels are known."""

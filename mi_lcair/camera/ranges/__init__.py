@@ -1,1 +1,0 @@
-"""A target that a camera has seen once, put at other ranges."""

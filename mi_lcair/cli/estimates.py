@@ -1,0 +1,212 @@
+"""Commands that state how certain a result is, and what it depends on."""
+
+from functools import partial
+
+import click
+
+import mi_lcair
+from mi_lcair.cli import completion, options
+from mi_lcair.cli.output import print_next, print_result, print_written, time_row, write_and_print
+from mi_lcair.drawing import PICTURES
+from mi_lcair.errors import InputError
+from mi_lcair.formats import VTK
+
+# mi-lcair audit: check whether a scene conserves energy
+# ------------------------------------------------------
+
+
+@options.command("audit", "mi-lcair audit open_box --paths 4096")
+@options.loading
+@options.option(
+    "--paths", "Paths of photons from each emitter.", click.IntRange(min=8), default=2**18
+)
+@options.file("--facets", "Write irradiance and exitance of each facet, FILE.csv.", (".csv",))
+def audit_command(scene, paths, facets):
+    """Follow the flux that SCENE emits.
+
+    SCENE is a Mitsuba XML file or the name of a bundled scene. Photons are followed from the
+    emitters until they are absorbed or escape. Printed is their flux by material, in W and in
+    percent.
+    """
+    result = scene.run(mi_lcair.audit, paths=paths)
+    if facets:
+        from mi_lcair import formats
+
+        formats.write_csv(facets, result.facets)
+    print_result(result)
+    print_written(facets)
+
+
+# mi-lcair budget: how certain an intensity or a contrast is, and what that depends on
+# ------------------------------------------------------------------------------------
+
+
+@options.command(
+    "budget", "mi-lcair budget box.toml -u sigma.toml -D render.max_bounces=1 --spp 16"
+)
+@click.argument("what", shell_complete=completion.scenes_and_scenarios)
+@options.option(
+    "-u --uncertainties",
+    "The uncertainties, FILE.toml: standard deviations, covariances, reports of fits.",
+    options.FILE,
+    required=True,
+)
+@options.option(
+    "--of",
+    "Of a scenario: contrast (default), apparent_temperature, detection_range, snr or netd.",
+    metavar="RESULT",
+)
+@options.changes("Set a $-parameter of the scene, or an entry of the scenario")
+@options.output("the budget, FILE.json, for show, report and convert", (".json",))
+@options.plot("a tornado chart")
+@options.file(
+    "--image",
+    "Write the image of a scene with the derivatives d.NAME.Y and the uncertainty sigma.Y of each "
+    "pixel, FILE.exr.",
+    (".exr",),
+)
+@options.option(
+    "--monte-carlo draws",
+    "Also compute the distribution of the result from this number of random draws.",
+    options.POSITIVE,
+)
+@options.sampling(
+    spp="Number of paths, divided by the number of pixels (default: that of the scene or the "
+    "scenario).",
+    tolerance="Trace paths until half of the 95 % interval of the result is at most this fraction "
+    "of it. It is the error of the rendering alone.",
+)
+@options.seed()
+@options.solution
+@options.motions
+@options.sensor
+@options.workers
+@options.renderer
+def budget_command(what, uncertainties, output, plot, image, draws, of, **settings):
+    """Uncertainty budget of WHAT.
+
+    WHAT is a Mitsuba XML file or the name of a bundled scene, or a TOML file or the name of a
+    bundled contrast scenario. The result is the intensity of the scene's target in W/sr, or the
+    contrast in W/m^2, or with --of another result of the scenario: a temperature in K, a range in
+    m, or a signal-to-noise ratio. The command lists, in the same unit, what contributes to the
+    standard uncertainty of the result, the largest share of the variance first. It checks the
+    contributions that matter with renders at plus and minus one standard deviation.
+    """
+    from mi_lcair.api.estimates import is_scenario
+    from mi_lcair.knowing.budgets.uncertainties import Uncertainties
+
+    stated = Uncertainties.read(uncertainties)
+    sampling = options.given({name: settings[name] for name in ("spp", "tolerance")})
+    measured = _scenario if is_scenario(what) else _scene
+    subject, arguments = measured(what, sampling, image, **settings)
+    with options.progress_bar("draws") as progress:
+        result = mi_lcair.budget(
+            subject, stated, draws=draws, of=of, progress=progress, **arguments
+        )
+    files = {
+        output: result.save,
+        plot: result.plot,
+        image: partial(_write_image, subject, result, arguments),
+    }
+    write_and_print(result, files, [time_row(result)])
+
+
+def _scenario(what, sampling, image, **settings):
+    """The scenario, and the keyword arguments of `mi_lcair.budget` for it."""
+    if image:
+        raise InputError("--image needs a scene; a contrast is a single number")
+    changes = dict(settings["changes"]) | options.given(sampling, "render.")
+    changes |= options.given(
+        {
+            "render.seed": settings["seed"] or None,
+            "target.solution": settings["solution"] or None,
+            "target.parameters.motions": settings["motions"] and str(settings["motions"]),
+        }
+    )
+    return options.read_scenario(what, changes), {"sensor": settings["sensor"]}
+
+
+def _scene(what, sampling, image, **settings):
+    """The scene, and the keyword arguments of `mi_lcair.budget` for it."""
+    sampling |= {name: settings[name] for name in ("seed", "sensor")}
+    common = {name: settings[name] for name in ("solution", "motions")}
+    return options.SceneOptions(
+        what, dict(settings["changes"]), sampling, **common
+    ).load(), sampling
+
+
+def _write_image(scene, result, arguments, path):
+    """Write the image of a scene with its derivatives."""
+    from mi_lcair.knowing.budgets.budget import budget_image
+    from mi_lcair.rendering.images.files import write_exr
+    from mi_lcair.rendering.measurands import Sampling
+
+    numbers = {name: arguments[name] for name in ("sensor", "seed", "spp") if name in arguments}
+    with options.progress_bar() as progress:
+        sampling = Sampling(progress=progress, **numbers)
+        write_exr(path, *budget_image(scene, result.inputs, sampling))
+
+
+# mi-lcair invert: unknown parameters of scenes from measurements
+# ---------------------------------------------------------------
+
+
+@options.command(
+    "invert",
+    "mi-lcair render box/scene.xml -D azimuth_deg=30 -D elevation_deg=30 -D resolution=64 "
+    "-o camera.exr",
+    "mi-lcair invert problem.toml --no-advice -o solution.json",
+)
+@click.argument("problem", type=options.FILE)
+@options.output("the solution, FILE.json, for --solution of commands with a SCENE", (".json",))
+@options.plot("measured, predicted and their difference in standard deviations")
+@options.option("--no-advice", "Do not compute what to measure next.", is_flag=True)
+@options.workers
+@options.renderer
+def invert_command(problem, output, plot, no_advice):
+    """Estimate unknown parameters from measurements.
+
+    PROBLEM is a TOML file. It names the measurements with their scenes and their noise, and the
+    unknowns: temperatures of groups or facets, parameters of materials, radiances. The command
+    prints the values with their standard errors (temperatures in K, radiances in W m^-2 sr^-1),
+    what the data do not determine, and which further measurement would help most. With [goal] in
+    place of measurements, it looks for the values that give a wanted intensity or contrast.
+    """
+    with options.progress_bar("renders") as progress:
+        solution = mi_lcair.invert(problem, advise=not no_advice, progress=progress)
+    files = {output: solution.save, plot: solution.plot}
+    write_and_print(solution, files, [time_row(solution)])
+    if output:
+        print_next(["report", output, "-o", f"{output.stem}.html"])
+
+
+# mi-lcair shape-derivatives: which part of a surface to move
+# -----------------------------------------------------------
+
+
+@options.command(
+    "shape-derivatives",
+    "mi-lcair shape-derivatives cylinder_ir_range --group self --spp 4 -o shape.png",
+)
+@options.loading
+@options.sensor
+@options.option("--group", "Group of the model whose surface moves.", required=True)
+@options.option(
+    "--spp",
+    "Number of paths, divided by the number of pixels of the film (default: the scene's own).",
+    options.POSITIVE,
+)
+@options.output(
+    "the derivatives by facet, FILE.csv or .json, for ParaView, FILE.vtp or .vtu, as a picture, "
+    "FILE.png, or as a page, FILE.html",
+    (".csv", ".json", ".html", *VTK, *PICTURES),
+)
+def shape_derivatives_command(scene, sensor, group, spp, output):
+    """Show where moving a surface changes the intensity.
+
+    SCENE is a Mitsuba XML file or the name of a bundled scene with an orthographic sensor. Printed
+    is the derivative of the target's intensity in W/sr with respect to an outward displacement of
+    each facet, per m and m^2, and the change if the whole surface moves.
+    """
+    result = scene.run(mi_lcair.shape_derivatives, group=group, sensor=sensor, spp=spp)
+    write_and_print(result, {output: result.save})

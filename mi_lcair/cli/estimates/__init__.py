@@ -1,1 +1,0 @@
-"""Commands that state how certain a result is."""

@@ -1,0 +1,351 @@
+"""Commands on files: pictures, pages, and files of other programs."""
+
+from pathlib import Path
+
+import click
+
+import mi_lcair
+from mi_lcair.cli import completion, options, pictures
+from mi_lcair.cli.output import Called, line_of, note, print_written
+from mi_lcair.drawing import PICTURES
+from mi_lcair.errors import InputError, check_known
+from mi_lcair.extras import named
+from mi_lcair.files import check_suffix, check_writable
+from mi_lcair.formats import VTK
+
+# mi-lcair convert: files of this project as files that other programs read
+# -------------------------------------------------------------------------
+
+CURVE = "theta_deg", "predicted", "standard_error"  # of the emissivity in a fit's report
+
+
+@options.command(
+    "convert",
+    "mi-lcair convert open_box.exr open_box.tif -c temperature.Y",
+    "mi-lcair convert box.obj box.vtp",
+)
+@click.argument("source", metavar="IN")
+@click.argument("output", metavar="OUT", type=options.FILE)
+@options.option(
+    "-c --channel", "Channel of FILE.exr for a TIFF, such as temperature.Y.", default="Y"
+)
+@options.option("--scene", "Scene of a table of facets.")
+@options.changes("Set a $-parameter of the scene", "parameters")
+@click.pass_context
+def convert_command(ctx, source, output, channel, scene, parameters):
+    """Write the content of IN as OUT.
+
+    The suffix of OUT chooses the format:
+
+    \b
+    FILE.exr -> FILE.tif          a channel as 32-bit numbers, in kelvin for
+                                  temperature.Y, else in W m^-2 sr^-1 (or m)
+    FILE.csv -> FILE.nc           a trend, spectrum or other table
+    FILE.nc -> FILE.csv           and back
+    FILE.json -> FILE.csv, .nc    the table of a solution, budget or audit
+    fit.json -> FILE.csv          the emissivity by angle with its standard
+                                  error, which a BSDF takes as `emissivity`
+    facets.csv -> FILE.vtp, .vtu  facets with all columns, for ParaView; with
+                                  --scene SCENE
+    SCENE, MODEL.obj, FOLDER -> FILE.vtp, .vtu
+                                  the facets of a model
+
+    Pictures are made by show.
+    """
+    convert, suffixes, names = _way(source, scene)
+    options.check_given(ctx, ("source", "output", *names), f"'{source}'")
+    suffix = check_suffix(output, suffixes, f"'{source}' becomes {', '.join(suffixes)}; output")
+    check_writable(output)
+    if Path(source).exists() and output.exists() and output.samefile(source):
+        raise InputError(f"'{source}' and the output are the same file")
+    settings = {"channel": channel, "scene": scene, "parameters": dict(parameters)}
+    convert(source, output, suffix, **{name: settings[name] for name in names})
+    print_written(output)
+
+
+def _way(source: str, scene):
+    """Function that converts `source`, the suffixes that it writes, and the options that it takes.
+
+    Raises InputError for a source that cannot be converted.
+    """
+    suffix = Path(source).suffix.lower()
+    if suffix == ".csv" and scene:
+        return _facets, VTK, ("scene", "parameters")
+    if suffix in (".csv", ".nc"):
+        return _table, (".nc",) if suffix == ".csv" else (".csv",), ()
+    from mi_lcair.show import kinds
+
+    name = kinds.kind_of(source)
+    kind = kinds.KINDS[name]
+    if not kind.converted:
+        raise InputError(
+            f"'{source}' is {name}, which is not converted; convert takes an image (.exr), a table "
+            "(.csv, .nc), a solution, budget, audit or fit (.json), a scene or a model"
+        )
+    return named(f"{__name__}:_{kind.converted}"), kind.to, kind.settings
+
+
+def _image(source, output, suffix, channel):
+    """A channel of an EXR image as a TIFF."""
+    from mi_lcair import formats
+    from mi_lcair.formats import or_nan, quantity_of_channel
+    from mi_lcair.rendering.images.files import read_exr
+
+    channels, header = read_exr(source)
+    check_known("channel", channels, channel)
+    is_radiance = "units" in header or "band" in header
+    unit = quantity_of_channel(channel)[1] if is_radiance else "units of the image"
+    values = or_nan(channel, channels[channel])
+    formats.write_tiff(output, values, ", ".join(filter(None, (channel, unit))))
+
+
+def _table(source, output, suffix):
+    """A table of this project from CSV to netCDF or back."""
+    from mi_lcair import formats
+    from mi_lcair.formats import read_columns
+    from mi_lcair.show.kinds import KINDS, TREND
+    from mi_lcair.signatures.trend import Trend, settings_of
+
+    columns, made = read_columns(source), settings_of(Path(source))
+    if suffix == ".nc":
+        formats.write_netcdf(output, formats.dataset(columns, **made))
+    elif made and set(KINDS[TREND].columns) <= set(columns):
+        Trend.read(source).save(output)
+    else:
+        formats.write_csv(output, columns)
+
+
+def _result(source, output, suffix):
+    """The main table of a result from its JSON."""
+    from mi_lcair.show.kinds import read_result
+
+    read_result(source).save(output)
+
+
+def _emissivity(source, output, suffix):
+    """The predicted emissivity of a fit by angle, with its standard error."""
+    from mi_lcair import formats
+    from mi_lcair.show.kinds import read_json
+
+    report = read_json(source)
+    if "emissivity" not in report:
+        bands = len(report.get("materials", ()))
+        raise InputError(f"'{source}': has fits of {bands} bands; convert a whole fit of one")
+    angles, curve, errors = map(report["emissivity"].get, CURVE)
+    formats.write_csv(output, {"theta_deg": angles, "emissivity": curve, "emissivity_std": errors})
+
+
+def _facets(source, output, suffix, scene, parameters):
+    """A table of facets and their polygons."""
+    from mi_lcair.formats import read_columns
+    from mi_lcair.rendering.facets import FACET, FacetPolygons, FacetTable, by_facet
+    from mi_lcair.table import read_table
+
+    facets = FacetTable(mi_lcair.load(scene, **parameters))
+    by_facet(read_table(source, (FACET,)), FACET, facets.count)  # checks the numbers
+    columns = read_columns(source)
+    columns[FACET] = columns[FACET].astype(int)
+    FacetPolygons.of(facets.triangles, facets.triangle_facet).write(output, columns)
+
+
+def _model(source, output, suffix):
+    """The facets of a model file with their labels."""
+    import numpy as np
+
+    from mi_lcair import formats, models3d
+
+    model = models3d.read(Path(source))
+    used, corners = np.unique(model.corners, return_inverse=True)
+    faces = np.split(corners, model.first[1:-1])
+    formats.write_facets(output, model.vertices[used], faces, model.columns())
+
+
+def _scene(source, output, suffix, parameters):
+    """The facets of a scene with their groups, materials and temperatures."""
+    from mi_lcair.rendering.facets import FacetTable, write_vtk
+
+    write_vtk(output, FacetTable(mi_lcair.load(source, **parameters)))
+
+
+# mi-lcair show: pictures of what the commands read and write
+# -----------------------------------------------------------
+
+FACET, COLUMNS, PIXEL, TWO = "--facet", "--facets", "--pixel", "two images"
+
+
+@options.command(
+    "show",
+    "mi-lcair show open_box.exr -o open_box.png",
+    "mi-lcair show gloss_black --band LWIR -o brdf.png",
+)
+@click.argument("what", nargs=-1, required=True, metavar="WHAT", shell_complete=completion.pictured)
+@options.output("the picture, FILE.png, .svg or .pdf (default: named after WHAT)", PICTURES)
+@options.option(
+    "-c --channel channels",
+    "Channel of FILE.exr (default: Y or temperature.Y) or column of FILE.csv, or a pattern "
+    "such as 'bounce*'; may be repeated.",
+    multiple=True,
+)
+@options.option("--log", "Logarithmic colours.", is_flag=True)
+@options.option("--vmin", "Value at the lower end of the colour scale.", float)
+@options.option("--vmax", "Value at the upper end of the colour scale.", float)
+@options.option("--cmap", "Colour map of Matplotlib, such as gray or viridis.", metavar="NAME")
+@options.option(
+    "--common-scale/--own-scales",
+    "One scale for all panels of a quantity (default), or one for each panel.",
+    default=True,
+    show_default=False,
+)
+@options.option("--outlines", "Draw lines between the facets.", is_flag=True)
+@options.option("--scene", "With --outlines: the scene of FILE.exr, if it is not a bundled one.")
+@options.option(
+    "--facet",
+    "Number of the facet whose view is shown, from 0.",
+    click.IntRange(min=0),
+    metavar="N",
+)
+@options.option(
+    "--facets",
+    "Table with a column `facet` and others to colour the facets by.",
+    options.FILE,
+    metavar="FILE.csv",
+)
+@options.option(
+    "--pixel",
+    "Pixel of a spectral image whose spectrum is drawn, from 0 at the upper left.",
+    (int, int),
+    metavar="ROW COLUMN",
+)
+@options.changes("Set a $-parameter of the scene, or change an entry of the scenario", "parameters")
+@options.sensor
+@options.option("--band", "Band (default: that of a fit of one band, or MWIR).")
+@options.option("--materials", "Your own materials.", options.FILE, metavar="TOML")
+@options.option(
+    "--theta-deg",
+    "Angle of incidence in degrees.",
+    click.FloatRange(0, 90, max_open=True),
+    default=30,
+)
+@options.json
+@click.pass_context
+def show_command(ctx, what, output, **settings):
+    """Write a picture of WHAT.
+
+    WHAT is one of these, with its options:
+
+    \b
+    FILE.exr                            channels of an image
+    FILE.exr FILE.exr                   two images with one scale, and their
+                                        difference
+    FILE.exr --pixel ROW COLUMN         the spectrum of a pixel of an image
+                                        that render --bins has written
+    FILE.csv, FILE.nc                   a trend, or a spectrum of a signature
+    FILE.json                           a solution of invert, a budget, or a
+                                        contrast
+    SCENE, MODEL.obj, FOLDER            three views of a model; FOLDER is
+                                        what import wrote
+    SCENE --facet N                     what a facet sees, its neighbours'
+                                        solid angles and view factors
+    SCENE --facets FILE.csv -c COLUMN   the facets, coloured by a table
+    SCENARIO.toml                       what it states, and its target
+    MATERIAL --band BAND                the BRDF over the hemisphere
+    260K,300K --band BAND               spectra of blackbodies
+    AIR --band BAND                     transmittance and path radiance of
+                                        clear air, such as us_standard
+    SKY --band BAND                     a sky by wavelength and elevation,
+                                        such as us_standard_clear
+    """
+    if len(what) == 1:
+        (what,) = what
+    kind = _kind(
+        what, **{name: settings[name] for name in ("facet", "facets", "materials", "pixel")}
+    )
+    draw, names = _drawn(kind)
+    options.check_given(ctx, ("what", "output", *names), kind)
+    if settings["scene"] and not settings["outlines"]:
+        raise InputError("--scene names the scene whose facets --outlines draws; give that too")
+    draw(what, output, **{name: settings[name] for name in names if name in settings})
+
+
+def _kind(what, facet, facets, materials, pixel) -> str:
+    """What is drawn, a kind or an option; raises InputError for what has no picture."""
+    from mi_lcair.show.kinds import IMAGE, KINDS, kind_of
+
+    if isinstance(what, tuple):
+        if len(what) > 2 or {kind_of(file, materials) for file in what} != {IMAGE}:
+            raise InputError("show takes one WHAT, or two images (.exr) to compare")
+        return TWO
+    if facet is not None or facets is not None:
+        return COLUMNS if facet is None else FACET
+    kind = kind_of(what, materials)
+    if kind == IMAGE and pixel is not None:
+        return PIXEL
+    if not KINDS[kind].drawn:
+        raise InputError(f"'{what}' is {kind}; {KINDS[kind].hint.format(what)}")
+    return kind
+
+
+def _drawn(kind: str):
+    """The function that draws a kind, or for an option, and its options beside --output."""
+    from mi_lcair.show.kinds import KINDS, SCALE
+
+    special = {
+        FACET: (pictures.facet_view, ("facet", "parameters", "json")),
+        COLUMNS: (pictures.facet_columns, ("facets", "channels", *SCALE, "parameters", "sensor")),
+        PIXEL: (pictures.pixel_spectrum, ("pixel",)),
+        TWO: (pictures.comparison, ("channels", *SCALE[:-1])),
+    }
+    if kind in special:
+        return special[kind]
+    return getattr(pictures, KINDS[kind].drawn), KINDS[kind].options
+
+
+# mi-lcair report: a page in HTML of results, scenes and scenarios
+# ----------------------------------------------------------------
+
+
+@options.command("report", "mi-lcair report two_plates --spp 16 -o two_plates.html", cls=Called)
+@click.argument("what", nargs=-1, required=True, shell_complete=completion.scenes_and_scenarios)
+@options.output("the page, FILE.html", required=True)
+@options.option("--scene", "Scene whose model shows the facets of a FILE.csv.", metavar="SCENE")
+@options.changes("Set a $-parameter of the scene, or an entry of the scenario", "parameters")
+@options.option("-s --sensor", "Number of the scene's sensor (default: 0).", click.IntRange(min=0))
+@options.sampling(
+    "Samples per pixel (default: the scene's or scenario's own).",
+    "Trace paths until half of the 95 % interval of the signature's intensity, or of the "
+    "scenario's contrast, is at most this fraction of it.",
+    options.MAX_SPP,
+)
+@options.option("--seed", "Seed of the random numbers.", click.IntRange(0, 2**32 - 1))
+@options.renderer
+@click.pass_obj
+def report_command(call, what, output, parameters, **settings):
+    """Write a page of WHAT, to hover and to turn.
+
+    \b
+    FILE.exr             images with the values of every channel
+    FILE.json            tables of a signature, contrast, solution, budget or
+                         audit; data and curves of a fit
+    MODEL.obj            the facets of a model
+    FILE.csv, FILE.nc    polar curves of a trend; facets; spectra; the table
+                         of a sweep or a flight
+    SCENE                image, signature, facets, spectrum, audit
+    SCENARIO             image through the air, contrast, ranges, and the rest
+
+    SCENE is an XML file or a bundled name, SCENARIO a TOML file or a bundled name. Several WHAT
+    share one page. The page is one file that needs no network. Radiances are in W m^-2 sr^-1,
+    temperatures in K, intensities in W/sr, contrasts in W/m^2.
+    """
+    options.check_max_spp(**settings)
+    with options.progress_bar() as progress:
+        notes = mi_lcair.report(
+            what,
+            output,
+            parameters=dict(parameters),
+            command=line_of(call),
+            progress=progress,
+            **settings,
+        )
+    for remark in notes:
+        note(remark)
+    click.echo(output)

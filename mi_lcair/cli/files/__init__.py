@@ -1,1 +1,0 @@
-"""Commands on files: pictures of them, and conversions to files of other programs."""

@@ -1,0 +1,415 @@
+"""Electrons of the model and its background in the samples of a frame, before optics and noise."""
+
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from mi_lcair.detection.camera.optics import OVERSAMPLING
+from mi_lcair.detection.camera.view import CameraView
+from mi_lcair.detection.irradiance import Backdrop
+from mi_lcair.detection.setting import Setting
+from mi_lcair.errors import InputError
+from mi_lcair.physics.bands import Band
+from mi_lcair.plugins.emission.sources import Sources
+from mi_lcair.plugins.paths.sums import Sums
+from mi_lcair.plugins.recorders.channels import Channels
+from mi_lcair.rendering.images.spectral import Arrival
+from mi_lcair.rendering.measurands import Measurands, Sampling
+from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.pixels import PixelCriterion, averaged, surroundings
+from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.statistics import UNSEEN, Totals, student_factor
+from mi_lcair.rendering.window import Windows
+
+# Most ranges at which the air is computed, and the ratio of neighbouring ones less 1, if these are
+# fewer. Values at other ranges are interpolated linearly.
+RANGES, STEP = 129, 0.005
+# Independent randomisations of a part's points. The error of a pixel averages over many parts, so
+# that two of each are enough.
+RANDOMISATIONS = 2
+MOST_NOISY = 1e-3  # largest share of the frame with a larger error than the camera's noise
+
+
+@dataclass(frozen=True)
+class Exposure:
+    """The model in the samples of a camera's window, through the air, less the background.
+
+    Arrays have the shape (rows, columns) of the samples.
+
+    Attributes
+    ----------
+    contrast, radiance : ndarray
+        Electrons of a pixel, and in-band radiance at the aperture with the detector's response, W
+        m^-2 sr^-1, of each sample, less those of the background that the model hides.
+    error : ndarray
+        Standard error of `contrast` from the rendering, electrons.
+    share : ndarray
+        Share of each sample that the model fills.
+    intensities : dict of str to float
+        Intensity of the model before the air by channel, see `Arrival`; W/sr for a unit of it. It
+        and `area` are those of the part in the frame.
+    area : float
+        Projected area of the model, m^2.
+    sources : Sources
+        Sources of the channels.
+    spp : int
+        Paths through a pixel, or through the model where it is smaller.
+    rms_error : float
+        Rms standard error over the pixels on the model, as a fraction of its mean radiance.
+    reached : bool or None
+        Whether a tolerance was reached; None without one.
+    invalid, paths : int
+        Number of samples that do not count, and of all.
+    variants : tuple of mapping of str to ndarray
+        Electrons that arrive from the model with other temperatures of the sources, by channel.
+    """
+
+    contrast: np.ndarray
+    radiance: np.ndarray
+    error: np.ndarray
+    share: np.ndarray
+    intensities: dict[str, float]
+    area: float
+    sources: Sources
+    spp: int
+    rms_error: float
+    reached: bool | None
+    invalid: int
+    paths: int
+    variants: tuple[Mapping[str, np.ndarray], ...] = ()
+
+
+def windows_of(view: CameraView, scene: Scene) -> Windows:
+    """The samples of a camera's window as pixels."""
+    columns, rows = view.size
+    return Windows(
+        view.sensor(scene),
+        columns,
+        rows,
+        RANDOMISATIONS,
+        parts=min(view.parts**2, columns * rows),
+        are_pixels=True,
+        by_randomisation=False,
+    )
+
+
+def exposure(
+    setting: Setting,
+    view: CameraView,
+    sampling: Sampling,
+    detector: Band,
+    behind: Callable[[Band], np.ndarray],
+    variants: Callable[[Sources], Iterable[Sources]] = lambda sources: (),
+) -> Exposure:
+    """Render the model into the samples of a camera's window.
+
+    Every source has its own spectrum, and its electrons are the integral of this spectrum, of the
+    air's transmittance at the sample's own range and of the camera's response. Radiance of unknown
+    spectrum (of `closure`, or of an emitter that is not thermal) is taken as constant over the
+    band.
+
+    Parameters
+    ----------
+    setting : Setting
+        Scene, air, background and range.
+    view : CameraView
+    sampling : Sampling
+        Its spp and max_spp are paths through a pixel, or through the model where it is smaller. Its
+        tolerance is the `rms_error`. Without both, the camera's noise decides. Its progress is in
+        paths through a pixel.
+    detector : Band
+        Band whose values are electrons.
+    behind : callable
+        Gives the in-band values of the background behind the parts of the window, (rows, columns).
+    variants : callable
+        Gives the sources with other temperatures for which what arrives is computed too, by
+        channel, from the same paths.
+
+    Raises
+    ------
+    InputError
+        For settings out of bounds, and if no ray meets the model.
+    """
+    scene, air, range_m = setting.view, setting.air, setting.path.range_m
+    extrapolate = setting.sight.extrapolate
+    columns, rows = view.size
+    hidden = detector_mean(setting.backdrop.at_sensor(range_m), scene.band)
+
+    def electrons(total: Totals) -> float:
+        """Electrons at the aperture for a unit of the model's mean radiance, from `range_m`.
+
+        A model that sends none still hides the background, of whose radiance a unit counts then.
+        """
+        sources, sums = total.emitters.sources, total.sums
+        arrival = Arrival.of(sources, scene.band, detector, air, np.array([range_m]), extrapolate)
+        of_frame = {name: values.sum(keepdims=True, dtype=float) for name, values in sums.items()}
+        model = arrival.of_parts(of_frame)
+        if sums["target"].any():
+            return model.item() / sums["target"].sum()
+        return float(np.mean(behind(detector))) / max(hidden, 1e-300)
+
+    windows = windows_of(view, scene)
+    measurands = Measurands(
+        Channels("model"), by_spectrum=True, reduced=partial(of_model, hidden=hidden)
+    )
+    criterion = None
+    if sampling.tolerance is not None:
+        criterion = ModelError(sampling.tolerance, windows.parts)
+    elif sampling.spp is None:
+        criterion = NoiseError(view, electrons, behind(detector))
+    total = measure(scene, windows, sampling, measurands, criterion)
+    sources = total.emitters.sources
+    on = total.mean("target.hit") > 0
+    if not on.any():
+        raise InputError("no ray met the target; raise spp of [render]")
+    # Errors are those of the radiance, in the unit of electrons at the aperture
+    unit, variance = electrons(total), total.standard_error() ** 2 + missed(total)
+    squares = model_squares(total, windows.parts, variance)
+    seen = means_in_place_of_sums(total, on)
+    share = seen["target.hit"]
+    ranges = seen["target.range"] / share + view.near_range().ravel()[on]
+    through = ranges
+    if not (air.is_vacuum or extrapolate):
+        # The middle of the model is within the table, but parts of it may be beyond its end
+        through = np.minimum(ranges, air.ranges_m[-1])
+
+    def arrival(rule: Band, emitting: Sources) -> Arrival:
+        return interpolated(
+            lambda at: Arrival.of(emitting, scene.band, rule, air, at, extrapolate), through
+        )
+
+    def arriving(rule: Band) -> np.ndarray:
+        """In-band values of the samples at a detector, less those of the hidden background."""
+        arrival_at = arrival(rule, sources)
+        return arrival_at.of_parts(seen) + share * (arrival_at.path - behind(rule).ravel()[on])
+
+    def by_channel(emitting: Sources) -> Mapping[str, np.ndarray]:
+        """Electrons of the samples from each source, if it had another temperature."""
+        at_detector = arrival(detector, emitting)
+        ratios = {
+            name: other.in_band / source.in_band
+            for k, (source, other) in enumerate(zip(sources.list, emitting.list))
+            if (name := f"target.source.{k}") in at_detector.in_band and source.in_band
+        }
+        return OnReading(
+            ratios, lambda name: image(at_detector.arrives[name] * seen[name] * ratios[name])
+        )
+
+    areas = part_areas(view, on, ranges) * view.inside.ravel()[on]
+    intensities = {
+        name: float(values @ areas) for name, values in seen.items() if name != "target.range"
+    }
+
+    def image(values: np.ndarray) -> np.ndarray:
+        return view.samples(placed(values, on, (rows, columns)))
+
+    return Exposure(
+        contrast=image(arriving(detector)),
+        radiance=image(arriving(setting.detector.band)),
+        error=unit * np.sqrt(image(variance[on])) * OVERSAMPLING / view.parts,
+        share=image(share),
+        intensities=intensities,
+        area=intensities["target.hit"],
+        sources=sources,
+        spp=windows.parts * round(total.traced.mean()),
+        rms_error=float(np.sqrt(squares.mean())),
+        reached=total.reached,
+        invalid=total.invalid,
+        paths=int(total.traced.sum()),
+        variants=tuple(by_channel(emitting) for emitting in variants(sources)),
+    )
+
+
+def means_in_place_of_sums(total: Totals, on: np.ndarray) -> dict[str, np.ndarray]:
+    """Means of all channels in the parts that are `on`. The sums, which take much memory, go."""
+    means = {}
+    for name in list(total.sums):
+        means[name] = total.mean(name)[on].astype(total.sums[name].dtype)
+        del total.sums[name]
+    return means
+
+
+def of_model(sums: Sums, hidden: float) -> Sums:
+    """The channels of the model; as radiance, its difference from the `hidden` background.
+
+    Those by source, which may be hundreds, are in single precision.
+    """
+    channels = {"target": sums.channels["target"]}
+    for name, values in sums.channels.items():
+        if name in ("hit", "range"):
+            channels[f"target.{name}"] = values
+        elif name.startswith(("source.", "wavelength.")):
+            channels[f"target.{name}"] = values.astype(np.float32)
+    contrast = channels["target"] - hidden * channels["target.hit"]
+    return replace(sums, channels=channels, radiance=contrast)
+
+
+@dataclass(frozen=True)
+class OnReading(Mapping):
+    """Arrays by name that `of` a name are made when they are read, since all take much memory."""
+
+    names: Collection[str]
+    of: Callable[[str], np.ndarray]
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self.of(name)
+
+    def __iter__(self):
+        return iter(self.names)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+def interpolated(arrival_from: Callable[[np.ndarray], Arrival], ranges: np.ndarray) -> Arrival:
+    """What arrives from many ranges, m, linear between RANGES of them or fewer.
+
+    arrival_from: gives what arrives from an array of ranges.
+    """
+    steps = np.log(ranges.max() / ranges.min()) / STEP
+    count = min(int(np.ceil(steps)) + 2, RANGES)
+    if len(ranges) <= count:
+        return arrival_from(ranges)
+    at = np.geomspace(ranges.min(), ranges.max(), count)
+    arrival = arrival_from(at)
+    return Arrival(
+        arrival.in_band,
+        OnReading(arrival.arrives, lambda name: np.interp(ranges, at, arrival.arrives[name])),
+        np.interp(ranges, at, arrival.path),
+    )
+
+
+def detector_mean(backdrop: Backdrop, detector: Band) -> float:
+    """In-band value of the background at a detector."""
+    if len(backdrop.rows_um):
+        detector.check_covered(backdrop.rows_um, f"background {backdrop.name}")
+        return float(detector.integral(backdrop.rows_um, backdrop.at(backdrop.rows_um)))
+    return float(detector.weights_um @ backdrop.at(detector.wavelengths_um))
+
+
+@dataclass(frozen=True)
+class ModelError(PixelCriterion):
+    """The rms standard error over the pixels on the model is below a fraction of its mean."""
+
+    tolerance: float
+    in_pixel: int
+
+    def check(self, tracer, name):
+        """Nothing is refused: a tolerance that is not reached is reported."""
+
+    def squares(self, total):
+        return model_squares(total, self.in_pixel, total.standard_error() ** 2) / self.tolerance**2
+
+    def unmet(self, total):
+        squares = model_squares(total, self.in_pixel, missed(total))
+        return float(np.sqrt(squares.mean())) / self.tolerance
+
+    def expected(self, squares, more):
+        return float(np.sqrt(np.mean(squares / more)))
+
+    def weight(self, total, size):
+        return np.sqrt(surroundings(total.scatter_error() ** 2, size))
+
+
+@dataclass(frozen=True)
+class NoiseError(PixelCriterion):
+    """The standard error of a pixel is below the camera's noise, in all but few of the frame.
+
+    It is that of a square of the size of a pixel around each part, without the optics, which make
+    it smaller.
+
+    Attributes
+    ----------
+    view : CameraView
+    electrons : callable
+        Electrons for a unit of the model's radiance, from the totals.
+    behind : ndarray, shape (rows, columns)
+        Electrons of the background behind the parts.
+    """
+
+    view: CameraView
+    electrons: Callable[[Totals], float]
+    behind: np.ndarray
+
+    def check(self, tracer, name):
+        """Nothing is refused: pixels with a larger error are marked."""
+
+    @property
+    def size(self) -> tuple[int, int]:
+        return self.view.size[::-1]
+
+    def ratio(self, variance: np.ndarray, contrast: np.ndarray, total: Totals) -> np.ndarray:
+        """Squared ratio of the error of pixels to their noise, from those of the parts, (P,)."""
+        unit = self.electrons(total)
+        noise = self.view.imager.noise(self.behind.ravel() + unit * contrast)
+        return variance * (unit / self.view.parts / noise) ** 2
+
+    def squares(self, total):
+        contrast = averaged(total.mean(), self.size, self.view.parts)
+        return self.ratio(total.standard_error() ** 2, contrast, total)
+
+    def expected(self, squares, more):
+        return float(np.sqrt(self.largest(averaged(squares / more, self.size, self.view.parts))))
+
+    def weight(self, total, size):
+        variance, contrast = (
+            surroundings(np.maximum(values, 0), size)
+            for values in (total.scatter_error() ** 2, total.mean())
+        )
+        weight = self.ratio(variance, contrast, total)
+        return np.minimum(weight, self.largest(weight))
+
+    def largest(self, squares) -> float:
+        """The largest square without those of MOST_NOISY of the frame."""
+        imager, parts = self.view.imager, self.view.parts
+        above = MOST_NOISY * imager.width * imager.height * parts**2 / len(squares)
+        return float(np.quantile(squares, max(1 - above, 0)))
+
+
+def missed(total: Totals) -> np.ndarray:
+    """Squared errors of the parts, (P,), if one on the model missed a source that no path has met.
+
+    Which of them has done so is not known, so that they share the squared error. What a source adds
+    that paths have met elsewhere shows in the scatter.
+    """
+    on, unmet = total.mean("target.hit") > 0, [0.0]
+    for k, source in enumerate(total.emitters.sources.list):
+        sums = total.sums.get(f"target.source.{k}")
+        if sums is not None and not sums.any():
+            unmet.append(source.in_band)
+    largest = UNSEEN * max(unmet) / student_factor(np.inf) / np.maximum(total.paths, 1)
+    error = np.minimum(total.missed_error(), largest)
+    return np.where(on, np.sum(error**2 * on) / max(on.sum(), 1) ** 2, 0)
+
+
+def model_squares(total: Totals, in_pixel: int, variance: np.ndarray) -> np.ndarray:
+    """Squared ratios of the errors of parts to the model's mean radiance, (P,).
+
+    variance: squared errors of the parts, (P,), in the unit of the radiance.
+
+    Their mean over all parts is that of the pixels on the model. A pixel is the mean of `in_pixel`
+    parts with independent errors. A model that is smaller has fewer parts.
+    """
+    on = total.mean("target.hit") > 0
+    mean = total.mean("target")[on].mean() if on.any() else 0.0
+    if not mean > 0:
+        return np.zeros(len(on))
+    share = on.mean() * min(in_pixel, on.sum())
+    return np.where(on, variance, 0) / (mean**2 * share)
+
+
+def part_areas(view: CameraView, on, ranges) -> np.ndarray:
+    """Areas across the optical axis that the parts `on` cover at their ranges, m^2."""
+    if view.imager.projection == "orthographic":
+        return np.full(len(ranges), (view.pixel_m / view.parts) ** 2)
+    distance = ranges * (view.near_m / view.near_range()).ravel()[on]  # along the axis
+    return (distance * view.imager.pixel_angle / view.parts) ** 2
+
+
+def placed(values, on, shape) -> np.ndarray:
+    """The values at the places `on` of an image of zeros."""
+    image = np.zeros(on.size)
+    image[on] = values
+    return image.reshape(shape)

@@ -1,0 +1,209 @@
+"""The image of a scenario's target as its camera records it."""
+
+import time
+from dataclasses import asdict
+
+import numpy as np
+
+import mi_lcair
+from mi_lcair.detection.camera.electronics import AVERAGED, Camera
+from mi_lcair.detection.camera.exposure import Exposure, exposure
+from mi_lcair.detection.camera.image_result import Image
+from mi_lcair.detection.camera.measures import Measures, measured
+from mi_lcair.detection.camera.ranges import RangedTarget, Silhouette, at_ranges, table_ranges
+from mi_lcair.detection.camera.scenery import Scenery
+from mi_lcair.detection.camera.view import CameraView
+from mi_lcair.detection.contrast import averaged_plumes, multiplied_light
+from mi_lcair.detection.scenario import Scenario
+from mi_lcair.detection.setting import rendered_as, setting_of
+from mi_lcair.errors import InputError
+from mi_lcair.physics.imager import Imager
+from mi_lcair.rendering.measurands import check_free
+from mi_lcair.rendering.statistics import invalid_remark
+from mi_lcair.rendering.views import terrain_remark
+
+# What is noted beside an image: the header of its file, and remarks on its limits
+# --------------------------------------------------------------------------------
+
+# What makes the rendering more certain, by whether a tolerance was reached; None without one.
+REMEDIES = {None: "raise spp", True: "lower the tolerance", False: "raise max_spp"}
+
+
+def remarks(
+    imager: Imager, view: CameraView, channels: dict, measures: Measures, reached
+) -> list[str]:
+    """Remarks on the limits of an image, one line each.
+
+    `reached` says whether a tolerance was reached; None without one.
+    """
+    lines = []
+    if measures.saturated:
+        share = float(f"{100 * measures.saturated:.2g}")
+        most = 1e-6 * (channels["electrons.Y"].max() + imager.dark)
+        lines.append(
+            f"the detector is saturated in {share:g} % of the pixels, which collect up to "
+            f"{most:.4g} Me in a well of {imager.well_Me:g} Me: "
+            "their temperature is at least the stated one; shorten integration_time_ms"
+        )
+    if view.is_cut:
+        lines.append(
+            "a part of the target is outside the frame; signal, pixels and ranges are those of the "
+            "part inside"
+        )
+    if (speckle := channels["speckle.Y"]).any():
+        most, share = channels["stderr_K.Y"].max(), f"{100 * speckle.mean():.2g} %"
+        lines.append(
+            f"the rendering's error, up to {most:.2g} K, is larger than the camera's noise in "
+            f"{share} of the pixels, which speckle.Y marks, and is the same in all frames; "
+            f"{REMEDIES[reached]} of [render]"
+        )
+    return lines
+
+
+def header(
+    scenario: Scenario, scene, exposed: Exposure, measures: Measures, bounces: int, frames, seed
+) -> dict:
+    """Header of the EXR: the scenario, the camera, its measures and the versions."""
+    given = {name: value for name, value in asdict(scenario.camera).items() if value is not None}
+    camera = {f"camera_{name}": value for name, value in given.items()}
+    return {
+        "scenario": scenario.name,
+        "scene": scene.name,
+        "band": scenario.sensor.detector().band.name,
+        "units": "apparent.Y: W m^-2 sr^-1; electrons, counts.Y: 1; others: K",
+        "max_bounces": bounces,
+        "spp": exposed.spp,
+        "rms_error": exposed.rms_error,
+        "range_m": scenario.observer.range_m,
+        "frames": frames,
+        "noise_seed": str(seed),
+        "seed": str(scenario.render.seed),
+        "netd_K": measures.netd,
+        "electrons_per_count": scenario.camera.electrons_per_count,
+        "pedestal_counts": scenario.camera.pedestal,
+        "nuc_frames": AVERAGED if scenario.camera.nuc else 0,
+        "versions": f"mi_lcair {mi_lcair.__version__}",
+        **camera,
+    }
+
+
+BYTES_PER_PIXEL = 400  # memory for a pixel of the frame beside its counts [bytes]
+
+
+def record_image(scenario: Scenario, frames: int, seed: int, progress) -> Image:
+    """Render the target of a scenario, and record frames of it with the scenario's camera."""
+    start = time.perf_counter()
+    imager, observer = scenario.camera, scenario.observer
+    if imager is None:
+        raise InputError(
+            "has no table [camera]; give focal_length_mm, f_number, pitch_um, width, height, "
+            "integration_time_ms and well_Me in it"
+        )
+    setting = setting_of(scenario)
+    scene, target = setting.view, setting.target
+    behind = setting.backdrop.at_sensor(observer.range_m)
+    setting.air.check_covers(scene.band)
+    check_frames(imager, frames)
+    camera = Camera.of(scenario, setting.detector, behind, seed)
+    view = CameraView.of(target, observer.view, observer.range_m, imager)
+    scenery = Scenery.of(scenario, setting, view)
+
+    rendering = time.perf_counter()
+    with rendered_as(scene, scenario.render, each_pixel=True):
+        bounces = scene.mi.integrator().max_bounces
+        exposed = exposure(
+            setting, view, scenario.render.of_image(progress), camera.band, scenery.of_parts
+        )
+    render_seconds = time.perf_counter() - rendering
+
+    background, radiance = (
+        scenery.image(rule, camera.optics) for rule in (camera.band, setting.detector.band)
+    )
+    frame_counts, channels, share = developed(camera, view, exposed, background, radiance, frames)
+    measures = measured(
+        camera,
+        channels["electrons.Y"],
+        camera.design.undone(background),
+        share,
+        channels["stderr_K.Y"],
+        exposed.area / view.pixel_m**2,
+    )
+    silhouette = Silhouette.of(scene, view, observer.range_m)
+    ranged = (scene.band, setting.air, measures.noise, scenario.sensor.snr)
+    ranges, detected_to_m, peak_detected_to_m = at_ranges(
+        RangedTarget(camera, exposed, silhouette, *ranged),
+        setting.backdrop,
+        table_ranges(setting.air, target.radius, observer.range_m),
+    )
+    return Image(
+        scenario=scenario,
+        band=camera.band,
+        counts=frame_counts,
+        channels={
+            name: np.ascontiguousarray(values, dtype=np.float32)
+            for name, values in channels.items()
+        },
+        header=header(scenario, scene, exposed, measures, bounces, frames, seed),
+        measures=measures,
+        ranges=ranges,
+        detected_to_m=detected_to_m,
+        peak_detected_to_m=peak_detected_to_m,
+        view=view,
+        mtf_parts=camera.optics.parts(measures.mtf["frequency"]),
+        exposure=exposed,
+        correction=camera.correction,
+        remarks=[
+            *scene.remarks,
+            *scenery.missing(),
+            *multiplied_light(setting, exposed.sources.list),
+            *averaged_plumes(scene, [setting]),
+            *invalid_remark(exposed.invalid, exposed.paths),
+            *terrain_remark(scene, [observer.view], observer.range_m),
+            *remarks(imager, view, channels, measures, exposed.reached),
+        ],
+        seconds=time.perf_counter() - start,
+        render_seconds=render_seconds,
+    )
+
+
+def developed(
+    camera: Camera, view: CameraView, exposed: Exposure, background, radiance, frames: int
+) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]:
+    """What the optics and the electronics make of an exposure.
+
+    Parameters
+    ----------
+    camera, view, exposed : Camera, CameraView, Exposure
+    background, radiance : ndarray, shape (H, W), or float
+        Electrons of the background, and its in-band radiance, W m^-2 sr^-1.
+    frames : int
+        Number of frames.
+
+    Returns
+    -------
+    tuple
+        Counts (frames, H, W), the channels of `Image` in double precision, and the share of each
+        pixel that the target fills (H, W).
+    """
+    optics = camera.optics
+    scene = np.maximum(background + optics.seen(exposed.contrast, view.around), 0)
+    signal = camera.design.undone(scene)
+    error = np.sqrt(optics.variance(exposed.error**2, view.around))
+    frame_counts = camera.frames(signal, frames)
+    channels = {
+        "apparent.Y": radiance + optics.seen(exposed.radiance, view.around),
+        "electrons.Y": signal,
+        "electrons.background.Y": camera.design.undone(np.broadcast_to(background, signal.shape)),
+        "counts.Y": frame_counts[0],
+        "temperature.Y": camera.temperatures(frame_counts[0]),
+        **camera.mean_temperatures(scene, error),
+    }
+    channels["speckle.Y"] = channels["stderr_K.Y"] > channels["noise_K.Y"]
+    return frame_counts, channels, optics.seen(exposed.share, view.around)
+
+
+def check_frames(imager: Imager, frames: int) -> None:
+    """Raise InputError for frames that need more memory than is free."""
+    needed = imager.width * imager.height * (BYTES_PER_PIXEL + 4 * frames)
+    what = f"an image of {frames} frames of {imager.width} x {imager.height} pixels"
+    check_free(needed, what, "ask for fewer frames")

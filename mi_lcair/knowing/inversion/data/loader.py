@@ -1,0 +1,241 @@
+"""The data of a problem: measured images, numbers and trends, each with its scene."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+import numpy as np
+
+from mi_lcair.errors import InputError, errors_of
+from mi_lcair.knowing.inversion.data.camera_image import COUNTS, CameraImage
+from mi_lcair.knowing.inversion.data.datum import SPP_OF_VIEWS, Datum
+from mi_lcair.knowing.inversion.data.readings import (
+    Candidate,
+    MeasuredContrast,
+    MeasuredSpectrum,
+    Measurement,
+    Observation,
+    check_radiance,
+    measured_radiance,
+    noise_of_netd,
+)
+from mi_lcair.knowing.inversion.least_squares.prediction import CommonNoise, DatumBlock
+from mi_lcair.knowing.inversion.tables import Goal, RenderSettings
+from mi_lcair.knowing.inversion.unknowns import Where
+from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.plugins.bsdfs.reflection_bsdf import has_spectral_materials
+from mi_lcair.plugins.paths.launch import UNIT
+from mi_lcair.rendering.facets import FacetTable
+from mi_lcair.rendering.images.render import render_image
+from mi_lcair.rendering.measurands import Sampling
+from mi_lcair.rendering.motions.motion import Declared
+from mi_lcair.rendering.parameters.modes import facet_temperatures
+from mi_lcair.rendering.parameters.values import load_with_values, parameters_of
+from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.views import View, seen_from
+from mi_lcair.signatures.signature import measure_signature
+from mi_lcair.table import read_table
+
+SPP_OF_SHARES = 16  # samples per pixel that tell which groups a pixel shows
+DETAIL = 1e-3  # deviation from a goal that counts as one standard deviation, relative
+RESOLUTION = 64  # pixels along each side of an aspect's view, which `spp` counts by
+ASPECT, INTENSITY, ERROR = (
+    ("azimuth_deg", "elevation_deg"),
+    "intensity_W_sr",
+    "standard_error_W_sr",
+)
+
+
+@dataclass
+class Loader:
+    """Loads the scenes of the data, each once for each set of parameters.
+
+    motions: those that all scenes get.
+    """
+
+    motions: dict[str, Declared] = field(default_factory=dict)
+    scenes: dict = field(default_factory=dict)
+
+    def scene(self, entry: Observation) -> Scene:
+        key = entry.scene, tuple(sorted(entry.scene_parameters().items()))
+        if key not in self.scenes:
+            parameters = entry.scene_parameters()
+            self.scenes[key] = load_with_values(entry.scene, parameters, motions=self.motions)
+        return self.scenes[key]
+
+    def datum(self, entry: Observation, number: int, facet_groups: set[str]) -> Datum:
+        """The datum of an entry; raises InputError with its name in front."""
+        with errors_of(entry.name):
+            return self._datum(entry, number, facet_groups)
+
+    def _datum(self, entry: Observation, number: int, facet_groups: set[str]) -> Datum:
+        sight = None
+        if isinstance(entry, Measurement) and entry.contrast is not None:
+            sight = MeasuredContrast.of(entry.scene, entry.parameters, self.motions)
+        camera = None
+        if isinstance(entry, Measurement) and entry.is_of_camera:
+            camera = CameraImage.of(entry.scene, entry.parameters, self.motions)
+        seen = sight or camera
+        scene = seen.setting.view if seen else self.scene(entry)
+        width, height = scene.sensor(entry.sensor).film().crop_size()
+        scene.mi.integrator().check_differentiable()
+        counts, views, aspects, sigma, common, spectrum = None, (), (), None, None, None
+        if isinstance(entry, Candidate):
+            counts = np.ones((height, width), dtype=bool)
+            measured = np.full(height * width, np.nan)
+        elif camera:
+            values, counts = camera.measured(entry)
+            measured = values[counts]
+        elif entry.image is not None:
+            values, sigma, counts = measured_radiance(entry, scene.band, (height, width))
+            measured = values[counts]
+            sigma = None if sigma is None else sigma[counts]
+        elif entry.trend is not None:
+            measured, sigma, views, aspects = from_trend(entry, scene)
+        elif entry.spectrum is not None:
+            spectrum = MeasuredSpectrum.read(entry.spectrum, entry.sigma, scene)
+            measured, sigma = spectrum.radiance, spectrum.sigma
+        elif sight:
+            measured = np.array([entry.contrast])
+        else:
+            measured, views = np.array([entry.intensity]), (scene,)
+        noise, shares = noise_model(entry, scene.band, sigma), {}
+        if camera:
+            is_corrected = camera.scenario.camera.nuc and entry.quantity != COUNTS
+            noise = camera.noise(is_corrected, counts)
+        if not isinstance(entry, Candidate):
+            check_noise(noise(measured), measured)
+            if entry.model_error:
+                shares = shares_of_groups(scene, entry.sensor, counts)
+            if counts is not None:
+                ratios = entry.row_noise, entry.column_noise, entry.frame_noise
+                common = CommonNoise.of_image(counts, float(np.mean(noise(measured))), *ratios)
+        where = Where(
+            entry.name,
+            scene.band.name,
+            entry.state,
+            parameters_of(scene) | (seen.known() if seen else {}),
+            facet_temperatures(scene, facet_groups),
+            FacetTable(scene).centre if facet_groups else None,
+        )
+        if counts is None and where.facets:
+            raise InputError(
+                f"the facets of {min(where.facets)} are unknown, which needs images; this is a "
+                "number"
+            )
+        return Datum(
+            entry,
+            number,
+            scene,
+            where,
+            measured,
+            noise,
+            counts,
+            views,
+            aspects,
+            sight=sight,
+            shares=shares,
+            camera=camera,
+            common=common,
+            is_spectral=has_spectral_materials(scene.mi),
+            spectrum=spectrum,
+        )
+
+
+def goal_datum(
+    goal: Goal, sampling: RenderSettings, motions: Mapping[str, Declared] = MappingProxyType({})
+) -> Datum:
+    """The datum of a goal: wanted intensities, all with the same small standard deviation."""
+    entry = Observation(goal.scene, "goal", dict(goal.parameters))
+    scene = load_with_values(entry.scene, entry.scene_parameters(), motions=motions)
+    scene.mi.integrator().check_differentiable()
+    views = views_of(scene, goal.aspects)
+    is_contrast = goal.background_K is not None
+    of_view = Sampling(spp=sampling.spp or SPP_OF_VIEWS, seed=sampling.seed)
+    signatures = [measure_signature(view, of_view, by_spectrum=is_contrast) for view in views]
+    background = np.zeros(len(views))
+    if is_contrast:
+        area = np.array([result.effective_areas.projected_area for result in signatures])
+        background = in_band_radiance(scene.band, goal.background_K) * area
+    sigma = DETAIL * np.sqrt(np.mean([result.target.intensity**2 for result in signatures]))
+    return Datum(
+        entry=entry,
+        number=0,
+        scene=scene,
+        where=Where(entry.name, scene.band.name, "", parameters_of(scene), {}),
+        measured=(0.0 if goal.at_most else goal.value) + background,
+        noise=lambda predicted: np.full(len(predicted), sigma),
+        counts=None,
+        views=views,
+        aspects=goal.aspects,
+        goal=goal,
+        background=background,
+        is_spectral=has_spectral_materials(scene.mi),
+    )
+
+
+def noise_model(entry: Observation, band, sigma) -> Callable:
+    """Function that gives the standard deviation of a measurement for predicted values.
+
+    It contains the error of each pixel's prediction that `model_sigma` states.
+    """
+    if isinstance(entry, Measurement) and entry.model_error:
+        measured = noise_model(replace(entry, model_sigma=None), band, sigma)
+        return lambda predicted: np.hypot(measured(predicted), entry.model_error * predicted)
+    if sigma is not None:
+        return lambda predicted: sigma
+    if entry.netd_mK is not None:
+        return lambda predicted: noise_of_netd(band, predicted, entry.netd_mK)
+    return lambda predicted: np.full(len(predicted), entry.sigma)
+
+
+def shares_of_groups(scene: Scene, sensor: int, counts) -> dict[str, np.ndarray]:
+    """Share of the radiance of each pixel that counts, (n,), which leaves each group toward it."""
+    sampling = Sampling(spp=SPP_OF_SHARES, sensor=sensor)
+    channels = render_image(scene, sampling).channels
+    total = np.maximum(channels["Y"][counts], np.finfo(np.float32).tiny)
+    return {
+        name.removeprefix("seen.").removesuffix(".Y"): values[counts] / total
+        for name, values in channels.items()
+        if name.startswith("seen.") and values[counts].any()
+    }
+
+
+def check_noise(noise: np.ndarray, measured: np.ndarray) -> None:
+    """Raise InputError for a standard deviation that the render's single precision cannot resolve.
+
+    Rounding would then count as a difference of many standard deviations.
+    """
+    resolved = UNIT * np.sqrt(np.mean(np.square(measured)))
+    if np.max(noise) < resolved:
+        raise InputError(
+            f"the noise {np.max(noise):.2g} is below the single precision of the renderer, "
+            f"{resolved:.2g}; give a standard deviation that an instrument can have"
+        )
+
+
+def from_trend(entry, scene: Scene):
+    """Intensities, standard deviations, views and aspects of a trend's CSV."""
+    needed = (*ASPECT, INTENSITY, *(() if entry.sigma else (ERROR,)))
+    table = read_table(entry.trend, needed)
+    columns = table.numbers(needed)
+    sigma = np.full(len(table.rows), entry.sigma) if entry.sigma else columns[ERROR]
+    if not (sigma > 0).all():
+        line = table.rows[int(np.argmin(sigma > 0))][0]
+        raise InputError(f"{entry.trend}, line {line}: {ERROR} is not positive; give sigma instead")
+    aspects = tuple(zip(*(columns[name].tolist() for name in ASPECT)))
+    return columns[INTENSITY], sigma, views_of(scene, aspects), aspects
+
+
+def views_of(scene: Scene, aspects) -> tuple[Scene, ...]:
+    """The scene as seen from each (azimuth, elevation), degrees."""
+    return tuple(seen_from(scene, View(*aspect), RESOLUTION) for aspect in aspects)
+
+
+def check_units(data: list[Datum], blocks: list[DatumBlock]) -> None:
+    """Raise InputError for measured images whose unit is not that of the predicted radiance."""
+    for datum, block in zip(data, blocks):
+        if datum.is_image and datum.camera is None:
+            check_radiance(
+                datum.entry.image, datum.measured, block.radiance.mean(axis=0), datum.scene.band
+            )

@@ -1,0 +1,310 @@
+"""Inversion: the unknowns of a scene from measurements, with errors, verdicts and advice."""
+
+import time
+
+import numpy as np
+from scipy import sparse
+
+from mi_lcair.declared import percent
+from mi_lcair.knowing.inversion.advice import (
+    MOST_UNKNOWNS,
+    Advice,
+    advice,
+    listed,
+    measurements,
+    other_bands,
+    other_states,
+    priors,
+)
+from mi_lcair.knowing.inversion.answers import (
+    UNTESTED,
+    Answer,
+    answers,
+    chi_square,
+    directions,
+    in_words,
+    misfit,
+    withdrawn,
+)
+from mi_lcair.knowing.inversion.data.datum import Datum
+from mi_lcair.knowing.inversion.estimate import achieved, best_of_starts, loaded, unknowns_of
+from mi_lcair.knowing.inversion.least_squares.newton import is_informed
+from mi_lcair.knowing.inversion.least_squares.prediction import DatumBlock
+from mi_lcair.knowing.inversion.least_squares.solve import State, with_noise
+from mi_lcair.knowing.inversion.solution import Fitted, Solution
+from mi_lcair.knowing.inversion.unknowns import INSTRUMENT, InverseProblem, Unknown
+from mi_lcair.physics.estimation.verdicts import OVERSTATED, SIGNIFICANCE, Verdict, correlation
+from mi_lcair.progress import Progress
+
+NOISY = 0.75  # share of a variance from which the noise of the render is said to dominate
+SCALED = (
+    "the errors are those of {:.3g} times the stated noise, as scale_errors asks; chi-square then "
+    "does not test the model"
+)
+LARGEST_MODEL_ERROR = 0.1  # relative error of a model above which it is not proposed to state it
+
+
+def fitted(datum: Datum, block: DatumBlock, everything: list[Unknown], x: np.ndarray) -> Fitted:
+    """A datum after the solution."""
+    prediction = block.at(x)
+    predicted = prediction.mean
+    weight = np.where(block.weight > 0, block.weight, np.nan)  # bad pixels have no residual
+    residual = prediction.residuals.mean(axis=0) * np.sqrt(weight)
+    image = datum.image if datum.is_image else lambda values: values
+    own_unknowns = [everything[k] for k in datum.numbers(everything)]
+    facets = {}
+    for k in datum.numbers(everything):
+        if (unknown := everything[k]).kind == "facet":
+            facets.setdefault(unknown.name, {})[unknown.facet] = float(x[k])
+    return Fitted(
+        name=datum.label,
+        scene=datum.scene.name,
+        band=datum.scene.band.name,
+        state=datum.entry.state,
+        parameters=dict(datum.scene.parameters),
+        values=datum.settings(everything, x),
+        kinds={
+            unknown.name: unknown.kind
+            for unknown in own_unknowns
+            if unknown.name in datum.where.parameters
+        },
+        facets=facets,
+        points=int(np.isfinite(residual).sum()),
+        size=image(residual).size,
+        residual_rms_sigmas=float(np.sqrt(np.nanmean(residual**2))),
+        measured=image(datum.measured - datum.background),
+        predicted=image(predicted - datum.background),
+        residual=image(residual),
+        aspects=list(datum.aspects),
+        quantity=datum.quantity,
+        bad_pixels=datum.bad_pixels(block),
+    )
+
+
+def materials(data: list[Datum], everything: list[Unknown], x, covariance) -> dict:
+    """Estimated materials by name and band, in the form of a fit's report.
+
+    Parameters that were not estimated have an error of 0.
+
+    A material that is not the same in all data of a band is left out.
+    """
+    result, ambiguous = {}, set()
+    for datum in data:
+        number_of = {
+            everything[k].name: k
+            for k in datum.numbers(everything)
+            if everything[k].kind == "material"
+        }
+        names = {name.rpartition(".")[0] for name in number_of}
+        with datum.at(everything, x):
+            for surface in datum.scene.surfaces():
+                material = surface.material
+                if material not in names:
+                    continue
+                entry = {
+                    "model": surface.model.name,
+                    "form": surface.form,
+                    "band": datum.scene.band.name,
+                    "parameters": dict(zip(surface.model.names, surface.values)),
+                    **spread(material, surface.model.names, number_of, covariance),
+                }
+                key = material, datum.scene.band.name
+                of_material = result.setdefault(key[0], {})
+                if of_material.setdefault(key[1], entry) != entry:
+                    ambiguous.add(key)
+    for name, band in ambiguous:
+        del result[name][band]
+    return {name: bands for name, bands in result.items() if bands}
+
+
+def spread(material: str, names, number_of: dict[str, int], covariance: np.ndarray) -> dict:
+    """Standard errors and correlations of a material's parameters, as in a fit's report."""
+    columns = [number_of.get(f"{material}.{name}") for name in names]
+    estimated = [k for k in columns if k is not None]
+    total = np.zeros((len(names),) * 2)
+    is_estimated = np.array([k is not None for k in columns])
+    total[np.ix_(is_estimated, is_estimated)] = covariance[np.ix_(estimated, estimated)]
+    return {
+        "standard_error": dict(zip(names, np.sqrt(np.diag(total)).tolist())),
+        "correlation": correlation(total).tolist(),
+    }
+
+
+def solve_problem(problem: InverseProblem, advise: bool, progress: Progress | None) -> Solution:
+    """Load the scenes of a problem, and estimate its unknowns.
+
+    Parameters
+    ----------
+    problem : InverseProblem
+    advise : bool
+        Whether to compute what further measurements would bring, if something is not determined.
+    progress : callable or None
+        Called with (renders of each datum done, largest number).
+    """
+    start = time.perf_counter()
+    loader, data, proposed, everything = loaded(problem)
+    state = best_of_starts(everything, data, problem, progress)
+    if problem.goal is not None:
+        answered, chi, pairs, advised = answers(everything, state, True), UNTESTED, [], []
+        reached = achieved(data[0], state, everything, problem.render)
+        notes = [reached, *remarks(state, answered, chi)]
+    else:
+        chi = chi_square(state.blocks, state.x, determined(state))
+        tested, scaling = chi, []
+        if problem.render.scale_errors and chi["chi_square"] > 0 and chi["p_value"] is not None:
+            factor = chi["chi_square"] / chi["degrees_of_freedom"]
+            state, tested = with_noise(state, factor), UNTESTED
+            scaling = [SCALED.format(np.sqrt(factor))]
+        answered = answers(everything, state)
+        if not state.converged:
+            answered = withdrawn(answered, Verdict.UNFINISHED)
+        notes = [*scaling, *remarks(state, answered, tested), *remarks_on_pixels(data, state)]
+        pairs, advised = directions(answered, state.covariance, reasons(everything, data)), []
+        if advise and any(answer.is_sought and not answer.is_determined for answer in answered):
+            advised = advice_for(problem, everything, state, answered, data, proposed, loader)
+        if words := misfit(tested["p_value"]):
+            answered = withdrawn(answered, words)
+    return Solution(
+        problem=problem.name,
+        answers=answered,
+        covariance=state.covariance,
+        directions=pairs,
+        advice=advised,
+        **chi,
+        render_share=state.render_share,
+        data=[
+            fitted(datum, block, everything, state.x) for datum, block in zip(data, state.blocks)
+        ],
+        materials=materials(data, everything, state.x, state.covariance),
+        remarks=notes,
+        renders=state.renders,
+        converged=state.converged,
+        trace=state.trace,
+        seconds=time.perf_counter() - start,
+    )
+
+
+def determined(state: State) -> float:
+    """Number of combinations of unknowns that the data determine, rather than the priors."""
+    normal = state.equations
+    if sparse.issparse(normal.matrix):
+        return float(np.count_nonzero(is_informed(normal, state.prior)))
+    return float(np.sum(state.covariance * normal.information))
+
+
+def reasons(everything: list[Unknown], data: list[Datum]):
+    """Function of two unknowns' numbers that says why the data cannot separate them."""
+
+    def why(first: int, second: int) -> str:
+        used = [data[k] for k in {*everything[first].data, *everything[second].data}]
+        bands = len({datum.where.band for datum in used})
+        states = len({datum.where.state for datum in used})
+        what = "one band" if bands == 1 else f"{bands} bands with a value each"
+        if states > 1:
+            what += f" and {states} states with a value each"
+        return f"{what} cannot separate them"
+
+    return why
+
+
+def remarks(state: State, answered: list[Answer], chi: dict) -> list[str]:
+    """What a user should know about a solution, one line each."""
+    lines = []
+    if not state.converged:
+        lines.append(
+            "the iteration has not converged; raise spp or iterations of [render], or start closer"
+        )
+    unseen = unseen_facets(state, answered)
+    if unseen:
+        names = listed([str(facet) for facet in unseen])
+        consequence = "they follow those that do, as correlation_m says"
+        if state.prior.ndim == 1:
+            consequence = "they keep their first guess; give them a prior, or add views"
+        lines.append(f"{len(unseen)} facets reach no pixel ({names}): {consequence}")
+    noisy = [
+        answer.label
+        for answer, part in zip(answered, state.render_share)
+        if part > NOISY and answer.is_sought
+    ]
+    if noisy:
+        lines.append(
+            f"the noise of the render dominates the error of {len(noisy)} unknowns, such as "
+            f"{noisy[0]}; raise spp of [render]"
+        )
+    return [*lines, *remarks_on_residuals(state, chi)]
+
+
+def remarks_on_residuals(state: State, chi: dict) -> list[str]:
+    """What the size of the residuals says about the model and the given noise."""
+    p = chi["p_value"]
+    if p is None:
+        return []
+    sums = f"(chi-square {in_words(**chi)})"
+    if p < SIGNIFICANCE:
+        size = model_error(state)
+        remedy = "check its geometry and materials"
+        if size <= LARGEST_MODEL_ERROR:
+            remedy += f'; if they are slightly wrong, state model_sigma, at least "{percent(size)}"'
+        return [
+            f"the residuals are larger than the noise explains {sums}: the scene misses something, "
+            f"or the noise is understated; {remedy}"
+        ]
+    if p > 1 - SIGNIFICANCE and not any(len(b.model) for b in state.blocks):
+        return [f"{OVERSTATED} {sums}: the noise is overstated, and so are the errors"]
+    return []
+
+
+def remarks_on_pixels(data: list[Datum], state: State) -> list[str]:
+    """Which pixels of the images were left out, one line for each image."""
+    lines = []
+    for datum, block in zip(data, state.blocks):
+        places = [f"({row}, {column})" for row, column in datum.bad_pixels(block)]
+        if places:
+            what = "1 pixel is" if len(places) == 1 else f"{len(places)} pixels are"
+            lines.append(
+                f"{datum.label}: {what} left out as dead, hot or saturated (row, column): "
+                f"{listed(places)}; the JSON lists all"
+            )
+    return lines
+
+
+def model_error(state: State) -> float:
+    """Rms relative error of the prediction that makes the residuals as large as they are."""
+    excess = power = 0.0
+    for block in state.blocks:
+        prediction = block.at(state.x)
+        r, is_good = prediction.residuals.mean(axis=0), block.weight > 0
+        excess += float(np.sum((r**2 - prediction.noise**2 - prediction.variance)[is_good]))
+        power += float(np.sum(prediction.mean[is_good] ** 2))
+    return float(np.sqrt(max(excess, 0) / power))
+
+
+def unseen_facets(state: State, answered: list[Answer]) -> list[int]:
+    """Unknown facets on which no measured value depends."""
+    is_seen = np.zeros(len(answered), dtype=bool)
+    for block in state.blocks:
+        is_seen[block.unknown] |= sum(abs(columns).sum(axis=0) for columns in block.columns) > 0
+    return [
+        answer.facet
+        for answer, seen in zip(answered, is_seen)
+        if answer.kind == "facet" and not seen
+    ]
+
+
+def advice_for(
+    problem: InverseProblem, everything, state: State, answered, data: list[Datum], proposed, loader
+) -> list[Advice]:
+    """What further measurements would bring: those of [[candidates]] and some others."""
+    if len(everything) > MOST_UNKNOWNS:
+        return []
+    by_name = {datum.label: [datum] for datum in proposed}
+    by_name |= other_bands(data, loader, len(data) + len(proposed))
+    more = [datum for made in by_name.values() for datum in made]
+    instrument = [unknown for unknown in everything if unknown.kind in INSTRUMENT]
+    everywhere = [*unknowns_of(problem, data, more), *instrument]
+    proposals = [
+        *priors(everything),
+        *measurements(everything, state.x, everywhere, by_name, problem.render),
+        *other_states(everything, state.x, data, problem.render),
+    ]
+    return advice(everything, state, answered, proposals)

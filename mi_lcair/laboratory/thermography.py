@@ -1,0 +1,366 @@
+"""The air between an object and a thermographic camera."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from mi_lcair import formats
+from mi_lcair.declared import Bounds
+from mi_lcair.errors import InputError
+from mi_lcair.estimate import Contribution, Estimate, slope
+from mi_lcair.files import replacing
+from mi_lcair.physics.air.clear_air import ClearPaths, clear_air
+from mi_lcair.physics.air.levels import HEIGHT_M, Weather
+from mi_lcair.physics.bands import Band
+from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
+from mi_lcair.rendering.images.files import write_exr as write_channels
+from mi_lcair.results import Result, contributions, entry, summary_of
+
+ATMOSPHERE = "us_standard"  # model atmosphere whose weather a measurement may change
+REFINEMENTS = 2  # corrections of the quadrature over an air's wavelengths when it is inverted
+
+
+@dataclass(frozen=True, eq=False)
+class Air:
+    """Air between an object and a camera.
+
+    Attributes
+    ----------
+    band : Band
+        Band of the camera.
+    nodes : Band
+        A quadrature of the band over the wavelengths at which the transmittance is known.
+    through : Band
+        The same, with its weights times the transmittance.
+    path : float
+        In-band path radiance [W m^-2 sr^-1].
+    """
+
+    band: Band
+    nodes: Band
+    through: Band
+    path: float
+
+    @staticmethod
+    def given(band: Band, transmittance: float, temperature: float) -> "Air":
+        """Grey air of one transmittance and temperature [K]."""
+        through = replace(band, weights_um=transmittance * band.weights_um)
+        path = (1 - transmittance) * float(in_band_radiance(band, temperature))
+        return Air(band, band, through, path)
+
+    @staticmethod
+    def computed(band: Band, distance: float, weather: Weather) -> "Air":
+        """Clear air in some weather along a horizontal path of a length [m].
+
+        Raises InputError for a band that it does not cover.
+        """
+        clear = clear_air(ATMOSPHERE, weather)
+        air = ClearPaths(ATMOSPHERE, clear, HEIGHT_M, 0.0, True, stated_m=distance)
+        air.check_covers(band)
+        line = air.path(distance)
+        weights = band.row_weights(line.wavelengths_um)
+        rows = np.flatnonzero(weights)
+        nodes = replace(band, wavelengths_um=line.wavelengths_um[rows], weights_um=weights[rows])
+        through = replace(nodes, weights_um=nodes.weights_um * line.transmittance[rows])
+        return Air(band, nodes, through, float(weights @ line.radiance))
+
+    def transmitted(self, temperature) -> np.ndarray:
+        """In-band radiance that arrives from a blackbody, without the path radiance."""
+        return in_band_radiance(self.through, temperature) / self.excess(temperature)
+
+    def source_temperature(self, arriving: np.ndarray) -> np.ndarray:
+        """Temperature [K] of the blackbody of which this in-band radiance arrives; NaN if it is not
+        positive.
+        """
+        arriving = np.where(arriving > 0, arriving, np.nan)
+        temperature = brightness_temperature(self.through, arriving)
+        for _ in range(REFINEMENTS if self.nodes is not self.band else 0):
+            temperature = brightness_temperature(self.through, arriving * self.excess(temperature))
+        return temperature
+
+    def excess(self, temperature) -> np.ndarray:
+        """Radiance of a blackbody by the quadrature over the air's wavelengths, divided by the
+        radiance. It differs from 1 by the curvature of Planck's law between the wavelengths.
+        """
+        if self.nodes is self.band:
+            return np.ones(np.shape(temperature))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return in_band_radiance(self.nodes, temperature) / in_band_radiance(
+                self.band, temperature
+            )
+
+    def transmittance(self, temperature: float) -> float:
+        """Mean transmittance in the band for the radiance of a blackbody of a temperature [K]."""
+        return float(self.transmitted(temperature) / in_band_radiance(self.band, temperature))
+
+
+# The temperature of an object, as a result
+# -----------------------------------------
+
+
+@dataclass(frozen=True, repr=False)
+class Temperature(Result):
+    """The temperature of an object, or of each pixel of an image.
+
+    Attributes
+    ----------
+    name : str
+        Name of the image.
+    band : Band
+        Band of the camera.
+    estimate : Estimate
+        Temperatures [K], of the image's shape, with their errors; NaN for nothing. The errors of
+        the quantities are independent, and each is the same in all pixels.
+    conditions : dict of str to Estimate
+        The quantities of the measurement.
+    transmittance : float
+        Mean transmittance of the air in the band, for the median temperature.
+    remarks : tuple of str
+    """
+
+    name: str = entry("image")
+    band: Band = entry("band", "label")
+    estimate: Estimate = entry()
+    conditions: dict[str, Estimate]
+    transmittance: float
+    remarks: tuple[str, ...] = ()
+
+    kind = "temperature"
+    drawn_by = "mi_lcair.show.pictures.temperature:figure"
+    computed = {"estimate": "typical", "pixels": "pixels", "range_K": "range_K"}
+    saved_by = {
+        suffix: f"mi_lcair.laboratory.thermography:write_{suffix[1:4]}"
+        for suffix in (".tif", ".tiff", ".exr", ".csv")
+    }
+
+    @property
+    def kelvin(self) -> np.ndarray:
+        """Temperatures [K], of the image's shape; NaN for nothing."""
+        return self.estimate.value
+
+    @property
+    def sigma(self) -> np.ndarray:
+        """Standard uncertainty of each temperature [K]."""
+        return self.estimate.standard_error
+
+    @property
+    def typical(self) -> Estimate:
+        """Medians over the pixels that have a temperature."""
+        known = np.isfinite(self.kelvin)
+        return self.estimate.reduced(lambda values: float(np.median(np.asarray(values)[known])))
+
+    @property
+    def pixels(self) -> int:
+        """Number of pixels that have a temperature."""
+        return int(np.isfinite(self.kelvin).sum())
+
+    @property
+    def range_K(self) -> tuple[float, float]:
+        """Lowest and highest temperature [K]."""
+        return float(np.nanmin(self.kelvin)), float(np.nanmax(self.kelvin))
+
+    def summary(self) -> str:
+        """One line with the temperature or its range, and its uncertainty."""
+        head = f"temperature of {self.name}, {self.band.label}: {self.typical}"
+        if self.kelvin.size == 1:
+            return head
+        low, high = self.range_K
+        return f"{head} (median), {low:.5g} to {high:.5g} K"
+
+    def facts(self) -> Iterator[Any]:
+        """The temperature, the air, and the budget of the uncertainty."""
+        typical = self.typical
+        yield summary_of(self)
+        if not typical.contributions:
+            yield "uncertainty", "none is stated; 0.92+-0.02 states one"
+        else:
+            yield "expanded", typical.expanded
+        yield "transmittance", f"{self.transmittance:.4f}, mean in the band"
+        if self.kelvin.size > 1:
+            yield "pixels", f"{self.pixels} of {self.kelvin.size} have a temperature"
+        if typical.contributions:
+            yield contributions(typical)
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """The budget: a row for each uncertain quantity, with medians over the pixels."""
+        return self.typical.columns()
+
+
+def write_tif(path, temperature: Temperature) -> None:
+    """Write the temperatures [K] as a TIFF of 32-bit floats, NaN for nothing."""
+    text = f"object temperature (K) of {temperature.name}"
+    formats.write_tiff(path, np.atleast_2d(temperature.kelvin), text)
+
+
+def write_exr(path, temperature: Temperature) -> None:
+    """Write the temperatures and their standard uncertainties [K] as an EXR, 0 for nothing."""
+    images = {"temperature.Y": temperature.kelvin, "sigma_K.Y": temperature.sigma}
+    channels = {name: np.nan_to_num(np.atleast_2d(values)) for name, values in images.items()}
+    write_channels(path, channels, {"band": temperature.band.name, "scene": temperature.name})
+
+
+def write_csv(path, temperature: Temperature) -> None:
+    """Write the temperatures [K] as text, a row of pixels a line, nan for nothing."""
+    with replacing(path) as partial, partial.open("w", encoding="utf-8") as file:
+        for row in np.atleast_2d(temperature.kelvin):
+            file.write(",".join(f"{value:.9g}" for value in row) + "\n")
+
+
+# Temperature of an object from its apparent temperature, and the budget of its uncertainty
+# -----------------------------------------------------------------------------------------
+# A camera receives the in-band radiance
+#
+#     W(T_app) = epsilon tau W(T_obj) + (1 - epsilon) tau W(T_refl) + W_path              (1)
+#
+# of an object of emissivity epsilon and temperature T_obj in surroundings of temperature T_refl,
+# through air of transmittance tau that radiates W_path = (1 - tau) W(T_air). W(T) is the integral
+# of
+# Planck's law over the band. Source: the measurement formula in FLIR, Photon user's manual, chapter
+# History and Theory of Infrared Technology, Equations 2 to 4. For air by wavelength, tau W(T) is
+# the
+# integral of transmittance and Planck's law together.
+
+KELVIN = Bounds(lower=60, upper=6000, unit="K")
+# The quantities in their order in a budget
+QUANTITIES = {
+    "emissivity": Bounds(upper=1, is_positive=True),
+    "reflected": KELVIN,
+    "transmittance": Bounds(upper=1, is_positive=True),
+    "air_temperature": KELVIN,
+    "distance": Bounds(is_positive=True, upper=200_000, unit="m"),
+    "humidity": Bounds(lower=0, upper=0.98),
+}
+STEP = 0.01  # half of a difference that gives a sensitivity, in standard uncertainties
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """The quantities of a measurement. quantities: the given ones of QUANTITIES, by name."""
+
+    quantities: dict[str, Estimate]
+
+    def checked(self) -> tuple["Conditions", list[str]]:
+        """The conditions with default values for the other quantities, and remarks about these.
+
+        Raises InputError for quantities that are missing or exclude each other.
+        """
+        known, remarks = dict(self.quantities), []
+        if "reflected" not in known:
+            if not is_one(known["emissivity"]):
+                raise InputError(
+                    "reflected is missing: an object of an emissivity below 1 reflects its "
+                    "surroundings; give their temperature in K"
+                )
+            known["reflected"] = Estimate(KELVIN.lower)  # does not count
+        if "distance" in known:
+            if "transmittance" in known:
+                raise InputError("transmittance and distance exclude each other; give one of them")
+            return Conditions(known), remarks
+        if "humidity" in known:
+            raise InputError("humidity needs the distance; with a transmittance it does not count")
+        known.setdefault("transmittance", Estimate(1.0))
+        if "air_temperature" not in known:
+            known["air_temperature"] = Estimate(known["reflected"].value)
+            if not is_one(known["transmittance"]):
+                remarks.append(
+                    f"the air is taken to have the reflected temperature, "
+                    f"{known['reflected'].value:g} K; air_temperature states another"
+                )
+        return Conditions(known), remarks
+
+    def air(self, band: Band, values: dict[str, float]) -> Air:
+        """The air for values of the quantities."""
+        if "distance" not in values:
+            return Air.given(band, values["transmittance"], values["air_temperature"])
+        weather = Weather(values.get("air_temperature"), values.get("humidity"))
+        return Air.computed(band, values["distance"], weather)
+
+
+def object_temperature(apparent, emissivity: float, reflected: float, air: Air) -> np.ndarray:
+    """Temperature of the object by (1), [K]; NaN where no object can have the apparent temperature.
+
+    apparent: apparent temperatures [K]. reflected: temperature of the surroundings [K].
+    """
+    arriving = in_band_radiance(air.band, apparent) - air.path
+    emitted = arriving - (1 - emissivity) * air.transmitted(reflected)
+    return air.source_temperature(emitted / emissivity)
+
+
+def temperature_of(
+    apparent: np.ndarray, sigma: float, band: Band, conditions: Conditions, name: str
+) -> Temperature:
+    """The temperature of an object with its budget.
+
+    Parameters
+    ----------
+    apparent : ndarray
+        Apparent temperatures [K], of any shape; NaN for nothing.
+    sigma : float
+        Their standard uncertainty [K], common to all pixels.
+    band : Band
+    conditions : Conditions
+    name : str
+        Name of the image in the result.
+
+    Raises
+    ------
+    InputError
+        For conditions that are incomplete, and if no object can have any of the temperatures.
+    """
+    band.check_limits("camera")
+    conditions, remarks = conditions.checked()
+    stated = {"apparent": Estimate(0.0, sigma, "K"), **conditions.quantities}
+    values = {quantity: number.value for quantity, number in stated.items()}
+
+    def solved(changes: dict[str, float]) -> np.ndarray:
+        new = values | changes
+        air = conditions.air(band, new)
+        return object_temperature(
+            apparent + new["apparent"], new["emissivity"], new["reflected"], air
+        )
+
+    kelvin = solved({})
+    impossible = int(np.sum(np.isnan(kelvin) & np.isfinite(apparent)))
+    if impossible:
+        low, high = np.nanmin(apparent), np.nanmax(apparent)
+        text = (
+            f"{impossible} of {np.sum(np.isfinite(apparent))} pixels are colder than what "
+            f"reflection and air alone give, in an image of {low:.4g} to {high:.4g} K"
+        )
+        if not np.isfinite(kelvin).any():
+            raise InputError(f"{name}: {text}; check emissivity, reflected and the air")
+        remarks.append(f"{text}; they have no temperature (NaN)")
+    rows = []
+    for quantity, number in stated.items():
+        if sigma := number.standard_error:
+            known = quantity in QUANTITIES
+            of_quantity = slope(
+                lambda value, quantity=quantity: solved({quantity: value}),
+                number.value,
+                STEP * sigma,
+                limits(QUANTITIES[quantity] if known else Bounds()),
+            )
+            value = number.value if known else None  # `apparent` differs from pixel to pixel
+            rows.append(
+                Contribution.of(quantity, sigma, of_quantity, value=value, unit=number.unit)
+            )
+    return Temperature(
+        name=name,
+        band=band,
+        estimate=Estimate.of(np.asarray(kelvin), "K", rows),
+        conditions=conditions.quantities,
+        transmittance=conditions.air(band, values).transmittance(float(np.nanmedian(kelvin))),
+        remarks=tuple(remarks),
+    )
+
+
+def is_one(number: Estimate) -> bool:
+    """Whether a number is exactly 1."""
+    return (number.value, number.standard_error) == (1, 0)
+
+
+def limits(bounds: Bounds) -> tuple[float, float]:
+    """Smallest and largest value of a quantity in a difference."""
+    return max(bounds.lower, 1e-9 if bounds.is_positive else -np.inf), bounds.upper

@@ -1,1 +1,0 @@
-"""The sun: its position, its light through the air, and the sky that it lights."""

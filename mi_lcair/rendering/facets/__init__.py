@@ -1,1 +1,0 @@
-"""Facets of a loaded scene as polygons and as a model."""

@@ -1,1 +1,0 @@
-"""Remarks on a loaded scene that point out possible errors of its image."""

@@ -1,1 +1,0 @@
-"""Pixels of an image: their errors, and how paths are shared among them."""

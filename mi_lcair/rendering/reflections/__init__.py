@@ -1,1 +1,0 @@
-"""How many reflections a tolerance needs."""

@@ -1,1 +1,0 @@
-"""Derivatives of an intensity with respect to all vertices of a group at once."""

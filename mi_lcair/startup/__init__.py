@@ -1,1 +1,0 @@
-"""What must be ready before Dr.Jit and Mitsuba are imported: LLVM, kernel cache, messages."""

@@ -1,1 +1,0 @@
-"""Temperatures of objects from the apparent temperatures that a camera shows."""

@@ -1,1 +1,0 @@
-"""Directions drawn toward emitting panels: by what they send, and by solid angle."""

@@ -1,0 +1,198 @@
+"""Derivatives by all vertices of a group against closed forms, identities and attached differences.
+
+A convex blackbody of the band `total` emits L = sigma T^4 / pi, so that its intensity is L times
+its projected area. A scene whose temperatures stay has the intensity s^2 I when it is scaled by s.
+"""
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.spatial import ConvexHull
+
+import mi_lcair
+from mi_lcair.cli import main
+from mi_lcair.derivatives.shape import Estimation, Surface
+from mi_lcair.errors import InputError
+from mi_lcair.rendering.measurands import Sampling
+from mi_lcair.rendering.parameters.values import changed
+from tests.derivatives.motions.test_differences import CUBE, VIEW, L, convex_hull, mesh, scene_of
+
+
+def derivatives(scene, group: str, along=None, paths: int = 2**14, seed: int = 0):
+    """Surface of a group, and the derivatives by its vertices."""
+    surface = Surface(scene, group)
+    along = surface.outward if along is None else along(surface.positions)
+    return surface, Estimation(surface, along, Sampling(paths=paths, seed=seed)).run()
+
+
+@pytest.mark.parametrize(("yaw_deg", "tolerance"), [(0.0, 0.3), (30.0, 0.1)])
+def test_vertices_of_a_cube(yaw_deg, tolerance):
+    """At yaw 0 two faces are edge-on. The derivative is then the mean of the one-sided ones."""
+    scene = scene_of(convex_hull("cube", CUBE))
+    with changed(scene, {"cube.yaw_deg": yaw_deg}):
+        surface, result = derivatives(scene, "cube", paths=2**12)
+        assert mi_lcair.parameters(scene)["cube.yaw_deg"].value == yaw_deg
+
+    def intensity(positions):
+        a, b, c = np.moveaxis(positions[surface.corners], 1, 0)
+        return L * np.maximum(np.cross(b - a, c - a) @ VIEW, 0).sum() / 2
+
+    h = 1e-5
+    for k, normal in enumerate(surface.outward):
+        step = h * np.outer(np.arange(8) == k, normal)
+        ends = [intensity(surface.positions + side * step) for side in (1, -1)]
+        assert result.mean[k] == pytest.approx((ends[0] - ends[1]) / (2 * h), abs=tolerance)
+    assert (result.error > 0).all() and (result.error < 5).all()
+
+
+def test_a_single_facet():
+    """A facet that grows from its first corner has the intensity (1 + t)^2 I: derivative 2 I."""
+    corners = np.array([[0.0, -0.5, -0.4], [0.0, 0.5, -0.4], [0.0, -0.5, 0.6]])
+    scene = scene_of(mesh("sheet", corners, [[0, 1, 2]]))
+    _, result = derivatives(scene, "sheet", lambda positions: positions - corners[0], 2**10)
+    sides = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    assert result.total[0] == pytest.approx(L * abs(sides @ VIEW), rel=1e-3)
+
+
+def bodies(seed: int, reflectance: float):
+    """Corners and triangles of two closed bodies with bumps, which hide and light each other."""
+    rng, points, triangles = np.random.default_rng(seed), [], []
+    for centre in ([0, 0, 0], [0.6, 0.2, 0.1]):
+        sphere = rng.normal(size=(14, 3))
+        sphere /= np.linalg.norm(sphere, axis=1, keepdims=True)
+        hull = ConvexHull(sphere)
+        corners = sphere[hull.simplices]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        inward = np.sum(normals * hull.equations[:, :3], axis=1) < 0
+        turned = np.where(inward[:, None], hull.simplices[:, ::-1], hull.simplices)
+        triangles.append(turned + 14 * len(points))
+        points.append(0.35 * np.exp(0.3 * rng.normal(size=(14, 1))) * sphere + centre)
+    body = mesh("body", np.concatenate(points), np.concatenate(triangles), reflectance)
+    return scene_of(body, window=3.0, max_bounces=3)
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_size_and_shift(seed):
+    """The sum of derivative times position is 2 I, and that of equal shifts is 0."""
+    scene = bodies(seed, 0.5)
+    intensity = mi_lcair.signature(scene, spp=2**8).target
+    sum_, error = derivatives(scene, "body", lambda p: p, 2**15, seed)[1].total
+    assert error < 0.5 * intensity.intensity
+    assert abs(sum_ - 2 * intensity.intensity) < 3.5 * error
+    sum_, error = derivatives(scene, "body", lambda p: 0 * p + [1.0, 2, 3], seed=seed)[1].total
+    assert abs(sum_) < 3.5 * error
+
+
+@pytest.mark.parametrize("thickness", [0.02, 0.1])
+def test_corners_of_a_slab_move_by_a_part_of_its_thickness(thickness):
+    """Its front and one side move outward, of which each hides nothing."""
+    turn = np.linalg.qr([[1.0, 0.5, 0.3], [-0.2, 1.0, -0.4], [0.1, 0.4, 1.0]])[0]
+    scene = scene_of(convex_hull("slab", (CUBE * [thickness, 1.0, 1.0]) @ turn))
+
+    def outward(positions):
+        front, side = (positions @ turn[:2].T > 0).T[..., None]
+        return np.where(front, turn[0], 0) + np.where(side, turn[1], 0)
+
+    surface, result = derivatives(scene, "slab", outward)
+    sum_, error = result.total
+    areas = np.abs(turn @ VIEW) * [1.0, thickness, thickness]
+    exact = L * (areas[2] / thickness + areas[1] / thickness + areas[0] + areas[2])
+    assert abs(sum_ - exact) < 2.5 * error
+    assert (surface.reach() <= 3.01 * thickness).all()
+
+
+def panel(name: str, middle, kelvin: float = 300.0, reflectance: float = 0.0):
+    """A square of 0.5 m that faces +x, of two triangles."""
+    corners = 0.25 * np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1.0]]) + middle
+    return mesh(name, corners, [[0, 1, 2], [0, 2, 3]], reflectance, kelvin)
+
+
+@pytest.mark.parametrize("max_bounces", [0, 2])
+def test_equal_to_attached_differences(max_bounces):
+    """A cold square before a hot one, which it hides and lights, moves across the view."""
+    cold = panel("cold", [0.3, 0.2, 0], 250.0, 0.5)
+    scene = scene_of(cold, panel("hot", [0, 0, 0], 500.0, 0.5), max_bounces=max_bounces)
+    _, result = derivatives(scene, "cold", lambda p: 0 * p + [0, 1.0, 0], 2**15)
+    sum_, error = result.total
+    expected = mi_lcair.sensitivities(scene, ["cold.y_m"], paths=2**15).differences["cold.y_m"]
+    assert expected.derivative > 100
+    assert error < 0.2 * expected.derivative
+    assert abs(sum_ - expected.derivative) < 3.5 * np.hypot(error, expected.error)
+
+
+def test_shade_of_the_sun(tmp_path):
+    """A panel that the sensor does not see moves its shade over a sunlit one."""
+    parts = [{"type": "sun", "azimuth_deg": 0.0, "elevation_deg": 70.0, "band": "MWIR"}]
+    for name, middle, reflectance in [("lit", [0, 0, 0], 0.9), ("shade", [0.3, 0.1, 0.8], 0.0)]:
+        panel(name, middle).write_ply(str(tmp_path / f"{name}.ply"))
+        emitter = {"type": "thermal", "band": "MWIR", "temperature": 100.0, "group": name}
+        bsdf = {"type": "diffuse", "reflectance": reflectance}
+        file = {"type": "ply", "filename": str(tmp_path / f"{name}.ply"), "face_normals": True}
+        parts.append(file | {"bsdf": bsdf, "emitter": emitter})
+    scene = scene_of(*parts, max_bounces=1)
+    _, result = derivatives(scene, "shade", lambda p: 0 * p + [0, 1.0, 0], 2**13)
+    sum_, error = result.total
+    expected = mi_lcair.sensitivities(scene, ["shade.y_m"], paths=2**13).differences["shade.y_m"]
+    assert sum_ > 5 * error
+    assert abs(sum_ - expected.derivative) < 3.5 * np.hypot(error, expected.error)
+
+
+def test_vertices_at_one_position_move_together():
+    """The halves of a cube, of two groups, share the vertices of the cut."""
+    left, right = CUBE - [0.5, 0, 0], CUBE + [0.5, 0, 0]
+    scene = scene_of(convex_hull("left", left), convex_hull("right", right))
+    surface = Surface(scene, "left")
+    moved = surface.displaced(0 * surface.positions + [0, 0, 1.0]) - surface.vertices
+    at_cut = surface.vertices[:, 0] == 0
+    assert len(surface.positions) == 8 and at_cut.sum() == 8
+    assert (moved[at_cut, 2] == 1).all() and moved[:, 2].sum() == 12
+
+
+def test_colours_differ_in_each_triangle():
+    scene = bodies(5, 0.0)
+    surface = Surface(scene, "body")
+    colours = surface.colours()[surface.corners]
+    assert (np.diff(np.sort(colours, axis=1), axis=1) > 0).all()
+    assert colours.max() < 8
+
+
+def test_result(tmp_path):
+    """The integral of the facets' derivatives is the growth; a cube grows by its projected area."""
+    shape = mi_lcair.shape_derivatives(scene_of(convex_hull("cube", CUBE)), "cube", paths=2**12)
+    table = shape.table
+    assert np.sum(table["area_m2"] * table["derivative_W_sr_m3"]) == pytest.approx(shape.growth)
+    assert shape.growth == pytest.approx(np.sum(shape.derivative))
+    # Corners move by 1 along the diagonal, and faces by 1 / sqrt(3)
+    exact = 4 / np.sqrt(3) * L * (VIEW[0] + VIEW[2])
+    assert shape.growth == pytest.approx(exact, rel=1e-3)
+    assert 0 < shape.growth_error < 0.02 * exact
+    assert (table["standard_error_W_sr_m3"] > 0).all()
+    np.testing.assert_allclose(shape.axes @ shape.axes.T, np.eye(3), atol=1e-6)
+    np.testing.assert_allclose(shape.axes[2], VIEW, atol=1e-6)
+    assert shape.axes[1, 2] > 0.9
+    for suffix in (".csv", ".vtp", ".png", ".json", ".html"):
+        shape.save(tmp_path / f"shape{suffix}")
+        assert (tmp_path / f"shape{suffix}").stat().st_size > 300
+
+
+def test_inputs_that_cannot_be_used():
+    scene = scene_of(convex_hull("cube", CUBE))
+    with pytest.raises(InputError, match="unknown group of meshes of .* 'cub'; known: cube"):
+        mi_lcair.shape_derivatives(scene, "cub")
+    flat = mesh("sheet", np.eye(3), [[0, 1, 2], [0, 0, 1]])
+    with pytest.raises(InputError, match="triangle 1 of shape '.*' has no area; remove it"):
+        mi_lcair.shape_derivatives(scene_of(flat), "sheet")
+    scene.mi.integrator().closure = "tail"
+    with pytest.raises(InputError, match="closure = tail has no derivatives by vertex"):
+        mi_lcair.shape_derivatives(scene, "cube", paths=64)
+
+
+def test_command(tmp_path):
+    output = tmp_path / "shape.csv"
+    result = CliRunner().invoke(
+        main,
+        ["shape-derivatives", "two_plates", "--group", "plate", "--spp", "1", "-o", str(output)],
+    )
+    assert result.exit_code == 0, result.output
+    assert "moved outward by 1 mm" in result.output
+    assert output.read_text().startswith("facet,area_m2,derivative_W_sr_m3,standard_error_W_sr_m3")
