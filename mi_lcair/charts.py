@@ -1,6 +1,6 @@
 """Pictures that many kinds of results have, as data: line charts, polar ones among them, and bars.
 
-A result names the columns, and `mi_lcair/reports` draws them, for files and for pages.
+A result names the columns, and `mi_lcair/show` draws them, for files and for pages.
 """
 
 from collections.abc import Mapping, Sequence

@@ -15,6 +15,7 @@ from mi_lcair.interrupts import held_back, remove, temporary
 LARGEST = 2**28  # largest size of a text file [bytes]
 LARGEST_MESH = 2**34  # largest size of a mesh, an image or another file of numbers [bytes]
 DEEPEST = 64  # largest number of dots in a key of a TOML file, whose time grows with its square
+VTK = ".vtp", ".vtu"  # suffixes of facets as VTK's XML files
 PART = ".part"  # suffix of temporary files and folders
 # Characters of Latin-1 that do not occur in a text file.
 NO_TEXT = re.compile(r"[\x00-\x08\x0e-\x1f\x7f-\x9f]")

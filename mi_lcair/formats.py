@@ -14,12 +14,9 @@ import numpy as np
 
 from mi_lcair.errors import InputError, escaped
 from mi_lcair.extras import optional
-from mi_lcair.files import check_suffix, replacing, together, write_bytes
+from mi_lcair.files import VTK, check_suffix, replacing, together, write_bytes
 from mi_lcair.sections import UNITS, quantity_of, unit_of
 from mi_lcair.table import read_table, safe_cell
-
-VTK = (".vtp", ".vtu")  # suffixes of the files that `formats.vtk` writes
-
 
 # Channels of radiance images: what they hold, in which unit, and where they have no value
 # ----------------------------------------------------------------------------------------

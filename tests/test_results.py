@@ -16,7 +16,7 @@ from mi_lcair.cli.output import print_sections
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
-from mi_lcair.physics.materials import brdf_view
+from mi_lcair.physics.brdf_view import brdf_view
 from mi_lcair.rendering.images.files import read_exr
 from mi_lcair.results import built, strict
 from mi_lcair.sections import Facts, Lines, Table, blocks, part_html, unit_of

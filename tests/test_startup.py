@@ -98,8 +98,8 @@ def test_usable_variable_comes_first(usable_llvm, tmp_path):
 @pytest.mark.parametrize("variable", [None, pytest.param(LLVM_15, marks=needs_llvm_15)])
 def test_no_usable_llvm_is_one_line_that_says_what_to_install(variable):
     done = python(
-        "from mi_lcair.startup import llvm\n"
-        "llvm.WHEEL, llvm.SYSTEM = 'a-wheel-that-nobody-has', ()\n"
+        "from mi_lcair import startup\n"
+        "startup.WHEEL, startup.SYSTEM = 'a-wheel-that-nobody-has', ()\n"
         "try: import mitsuba\n"
         "except ImportError as error: print(error)",
         variable=variable,
@@ -351,13 +351,13 @@ def test_a_cache_with_room_is_left_alone(tmp_path, monkeypatch, caplog):
 def test_plugins_follow_the_variant():
     done = python(
         "import mi_lcair, mitsuba as mi\n"
-        "from mi_lcair.plugins.paths import facet_starts, launch\n"
+        "from mi_lcair.plugins.paths import launch, path_tracer\n"
         "assert mi.variant() == 'llvm_ad_mono'\n"
         "for variant in ('llvm_ad_mono', 'llvm_ad_rgb', 'scalar_rgb', 'llvm_ad_mono'):\n"
         "    mi.set_variant(variant)\n"
         "    if variant != 'scalar_rgb': "
         f"print(isinstance(mi.load_dict({SANDFORD_ROBERTSON}), mi.BSDF))\n"
-        "print(launch.FacetTable is facet_starts.FacetTable)"
+        "print(launch.Launch is path_tracer.Launch)"
     )
     assert done.stdout.split() == ["True"] * 4, done.stderr
 

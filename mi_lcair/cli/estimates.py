@@ -9,7 +9,7 @@ from mi_lcair.cli import completion, options
 from mi_lcair.cli.output import print_next, print_result, print_written, time_row, write_and_print
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
-from mi_lcair.formats import VTK
+from mi_lcair.files import VTK
 
 # mi-lcair audit: check whether a scene conserves energy
 # ------------------------------------------------------

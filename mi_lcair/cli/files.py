@@ -10,8 +10,7 @@ from mi_lcair.cli.output import Called, line_of, note, print_written
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError, check_known
 from mi_lcair.extras import named
-from mi_lcair.files import check_suffix, check_writable
-from mi_lcair.formats import VTK
+from mi_lcair.files import VTK, check_suffix, check_writable
 
 # mi-lcair convert: files of this project as files that other programs read
 # -------------------------------------------------------------------------

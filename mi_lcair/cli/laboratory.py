@@ -10,7 +10,7 @@ from mi_lcair.cli import options
 from mi_lcair.cli.output import Called, print_next, time_row, write_and_print
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
-from mi_lcair.formats import VTK
+from mi_lcair.files import VTK
 
 # mi-lcair temperature: the temperature of an object from an image of a thermographic camera
 # ------------------------------------------------------------------------------------------

@@ -208,7 +208,7 @@ def brdf(what, output, band, theta_deg, materials):
         if len(bands) > 1 or bands == ["any"]:
             raise InputError(f"material '{what}': give its --band; it has {', '.join(bands)}")
         (band,) = bands
-    from mi_lcair.physics.materials import brdf_view
+    from mi_lcair.physics.brdf_view import brdf_view
 
     view = brdf_view(what, band, theta_deg, materials)
     name = what if is_number(what) else Path(what).stem

@@ -8,8 +8,7 @@ import mi_lcair
 from mi_lcair.cli import options
 from mi_lcair.cli.output import print_next, print_result, print_written, time_row, write_and_print
 from mi_lcair.errors import InputError
-from mi_lcair.files import check_writable, together
-from mi_lcair.formats import VTK
+from mi_lcair.files import VTK, check_writable, together
 
 # mi-lcair render: render a scene to a radiance image
 # ---------------------------------------------------

@@ -11,7 +11,7 @@ import numpy as np
 
 from mi_lcair import formats
 from mi_lcair.errors import InputError, shown
-from mi_lcair.formats import VTK
+from mi_lcair.files import VTK
 from mi_lcair.models3d.model import Model
 from mi_lcair.models3d.modellers.naming import Label
 from mi_lcair.plugins.bsdfs.plume import is_passed, is_plume

@@ -20,13 +20,13 @@ from mi_lcair.plugins.derivatives import deriving, nodes
 from mi_lcair.plugins.integrators.bounce_path import BouncePath
 from mi_lcair.plugins.paths.launch import numbers
 from mi_lcair.plugins.paths.path_tracer import SceneState
-from mi_lcair.rendering.loading.files import (
+from mi_lcair.rendering.loading.files import survey
+from mi_lcair.rendering.loading.meshes import (
     check_mesh_files,
     check_shapes,
     described_digest,
     fingerprint,
     source_digest,
-    survey,
 )
 from mi_lcair.rendering.loading.parsing import (
     check_meshes_near,
@@ -120,7 +120,7 @@ class Scene:
             turn.release()
 
     def __repr__(self) -> str:
-        from mi_lcair.rendering.loading.files import line
+        from mi_lcair.rendering.loading.meshes import line
 
         return line(self)
 

@@ -10,8 +10,8 @@ from pathlib import Path
 from mi_lcair import scenes
 from mi_lcair.errors import InputError
 from mi_lcair.extras import named
-from mi_lcair.files import parse_json, read_text
-from mi_lcair.formats import VTK, read_columns
+from mi_lcair.files import VTK, parse_json, read_text
+from mi_lcair.formats import read_columns
 from mi_lcair.results import Result
 
 # Names of kinds, as messages have them
@@ -73,7 +73,7 @@ KINDS = {
         page="trend", drawn="trend"),
     SPECTRUM: Kind(columns=("wavelength_um", "target_W_sr_um"), page="spectrum", drawn="spectrum"),
     FACETS: Kind(columns=("facet",), page="facets",
-        hint="name its scene: mi-lcair show SCENE --facets {} -c COLUMN"),
+        hint="name its scene, in the shell: mi-lcair show SCENE --facets {} -c COLUMN"),
     RESULTS: Kind(page="results"),
     MODEL: Kind(suffixes=scenes.MODELS, page="facet_model", drawn="model", options=("materials",),
         converted="model", to=VTK),

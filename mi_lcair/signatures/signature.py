@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mi_lcair.charts import BarChart, BarCharts, label
-from mi_lcair.formats import VTK
+from mi_lcair.files import VTK
 from mi_lcair.plugins.paths.launch import Aim
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering import facets as polygons

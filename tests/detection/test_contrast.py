@@ -182,7 +182,7 @@ def test_errors_over_seeds(folder, monkeypatch):
     """
     rows, *_ = totals(monkeypatch, folder, 40, 300, render__resolution=12, render__spp=2)
     for name in ("intensity", "target", "background", "total", "projected_area"):
-        values, errors = np.array([getattr(row, name) for row in rows]).T
+        values, errors = np.array([getattr(row, name).pair for row in rows]).T
         assert values.var(ddof=1) == pytest.approx(np.mean(errors**2), rel=5 * np.sqrt(2 / 39)), (
             name
         )
@@ -410,9 +410,9 @@ def test_temperatures_that_are_too_many(tmp_path):
         )
         / 1e6
     )
-    values, errors = np.array([row.target for row in rows]).T
+    values, errors = np.array([row.target.pair for row in rows]).T
     assert abs(values.mean() - expected) < 4 * errors.mean() / np.sqrt(20)
-    total, total_errors = np.array([row.total for row in rows]).T
+    total, total_errors = np.array([row.total.pair for row in rows]).T
     assert total.var(ddof=1) < np.mean(total_errors**2) * (1 + 5 * np.sqrt(2 / 19))
     # A window that holds more of the target hides more of the background
     row = rows[0]
@@ -448,7 +448,7 @@ def test_detector(folder):
     assert first.observed == pytest.approx(result.no_target + first.total.value)
     assert (
         (first.max_bounces, last.max_bounces) == (0, 2)
-        and first.target == pytest.approx(last.target, rel=1e-6)
+        and first.target.pair == pytest.approx(last.target.pair, rel=1e-6)
         and first.target.value == last.target.value
         and not result.remarks
     )

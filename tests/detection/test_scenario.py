@@ -151,7 +151,7 @@ def test_a_tolerance_instead_of_a_number_of_samples(written):
         ({"observer.range_m": "nan"}, r"\[observer\]: range_m = nan; must be a finite number"),
         ({"observer.range_m": "far"}, "range_m = 'far'; must be a finite number"),
         ({"observer.elevation_deg": 91}, "elevation_deg = 91; must lie in -90..90"),
-        ({"observer.position_m": "[1, 2]"}, "give its three numbers alone"),
+        ({"observer.position_m": "[1, 2]"}, "position_m = .*; give 3 numbers"),
         ({"observer.position_m": "[0, 0, 0]"}, "range_m = 0; must be positive"),
         ({"observer.height_m": 100_001}, "height_m = 100001; must lie in 0..100000"),
         ({"background.sun_elevation_deg": 0.9}, "sun_elevation_deg = 0.9; must lie in 1..90"),

@@ -66,7 +66,7 @@ def test_a_command_is_added_by_the_steps(tmp_path):
     )
     (tmp_path / "mi_lcair/cli/groups.py").write_text(command)
     file = tmp_path / "mi_lcair/cli/__init__.py"
-    before = '        "scenes": "scenes",\n'
+    before = '        "scenes": "materials",\n'
     text = file.read_text()
     assert text.count(before) == 1
     file.write_text(text.replace(before, before + line))

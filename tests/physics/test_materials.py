@@ -13,9 +13,9 @@ from drjit.llvm.ad import Float64
 from mi_lcair.errors import InputError
 from mi_lcair.physics import materials
 from mi_lcair.physics.bands import band
+from mi_lcair.physics.brdf_view import brdf_view
 from mi_lcair.physics.materials import (
     bands_of,
-    brdf_view,
     emits_nothing,
     hemispherical_emissivity,
     material,

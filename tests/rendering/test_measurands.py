@@ -176,7 +176,7 @@ for resolution in (724, 1024):
     status = Path("/proc/self/status").read_text()
     used.append(1024 * int(re.search(r"VmHWM:\\s*(\\d+) kB", status)[1]))
 with scene.prepared() as tracer:
-    from mi_lcair.rendering import limits
+    from mi_lcair.rendering import measurands as limits
     channels = limits.channel_count(tracer, "image")
 stated = limits.BYTES_PER_PIXEL + limits.BYTES_PER_CHANNEL * channels
 print((used[1] - used[0]) / (1024**2 - 724**2) / stated)

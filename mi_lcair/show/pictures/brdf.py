@@ -3,7 +3,7 @@
 import numpy as np
 
 from mi_lcair.drawing import new_figure, plain, styled
-from mi_lcair.physics.materials import BRDFView
+from mi_lcair.physics.brdf_view import BRDFView
 from mi_lcair.show.pictures.image_channels import log_ticks
 
 GRAZING = 80.0  # degrees; smaller values at larger angles do not extend the scale

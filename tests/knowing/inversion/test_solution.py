@@ -128,7 +128,7 @@ def test_material_of_a_solution(tmp_path):
     command += [part for key, value in CYLINDER.items() for part in ("-D", f"{key}={value}")]
     result = run(*command, "-u", tmp_path / "u.toml", "--json")
     assert result.exit_code == 0, result.output
-    assert json.loads(result.stdout)["value"] == pytest.approx(of_fit.value, rel=1e-6)
+    assert json.loads(result.stdout)["estimate"]["value"] == pytest.approx(of_fit.value, rel=1e-6)
     with pytest.raises(InputError, match="not measured for band MWIR"):
         material(str(tmp_path / "s.json"), band("MWIR"))
 

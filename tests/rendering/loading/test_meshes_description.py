@@ -6,7 +6,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair import InputError
-from mi_lcair.rendering.loading.files import LONGEST
+from mi_lcair.rendering.loading.meshes import LONGEST
 
 
 def test_one_line():
