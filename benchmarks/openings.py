@@ -23,8 +23,9 @@ from mi_lcair.drawing import drawing
 from mi_lcair.laboratory.cavities.rings import cavity_emissivity, gouffe
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.progress import stepper
-from mi_lcair.rendering.measurands import Measurands, Sampling
+from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import load
 from mi_lcair.rendering.window import Windows
 from mi_lcair.tasks import in_order

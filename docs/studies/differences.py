@@ -11,9 +11,9 @@ from mi_lcair.derivatives.common_numbers import PARTS, CommonNumbers
 from mi_lcair.derivatives.images import DerivativeImages, randomised_images
 from mi_lcair.derivatives.window import Sensitivities, weight_of
 from mi_lcair.errors import InputError
-from mi_lcair.rendering.measurands import Sampling
 from mi_lcair.rendering.parameters.entries import NEAREST
 from mi_lcair.rendering.parameters.values import changed, parameter, units
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.statistics import Totals
 
 METHOD = "difference"

@@ -21,11 +21,12 @@ from mi_lcair.derivatives.common_numbers import CommonNumbers
 from mi_lcair.derivatives.motions.differences import ATTACHED, ON_FILM, Difference, starts_in
 from mi_lcair.derivatives.shape import Surface, standard_errors
 from mi_lcair.derivatives.window import differences_of, mean_and_deviations
-from mi_lcair.rendering.measurands import Measurands, Sampling
+from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
-from mi_lcair.rendering.motions.motion import motions_of
 from mi_lcair.rendering.motions.pose import declare, moved, set_motions
+from mi_lcair.rendering.motions.table import motions_of
 from mi_lcair.rendering.parameters.values import changed
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.statistics import student_factor
 from mi_lcair.rendering.window import Windows, window_area
 from tests.derivatives.motions.test_differences import (

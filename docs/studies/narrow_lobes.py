@@ -15,8 +15,9 @@ import mi_lcair
 from docs.studies.page import label, write_page
 from mi_lcair.derivatives.images import images_of
 from mi_lcair.derivatives.window import columns_of, explored_by, recordings
-from mi_lcair.rendering.measurands import Measurands, Sampling
+from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.window import Windows
 from tests.knowing.inversion import ball
 

@@ -29,8 +29,9 @@ from mi_lcair.drawing import drawing
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.recorders.channels import Channels
-from mi_lcair.rendering.measurands import IntensityInterval, Measurands, Sampling
+from mi_lcair.rendering.measurands import IntensityInterval, Measurands
 from mi_lcair.rendering.measure import aim_at_model, measure
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.window import RANDOMISATIONS, Windows, window_area
 
 SEEDS = 20

@@ -23,8 +23,9 @@ from mi_lcair.knowing.inversion.least_squares.newton import matern
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.spectra.bins import ANGLES_DEG, COUNTS, Bins, binning_error
-from mi_lcair.rendering.measurands import Measurands, Sampling
+from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.window import Windows
 from tests.knowing.inversion import spectral_plate
 from tests.plugins.bins import test_by_bin as scenes

@@ -17,7 +17,7 @@ from mi_lcair.knowing.inversion.invert import solve_problem
 from mi_lcair.knowing.inversion.solution import Solution
 from mi_lcair.knowing.inversion.unknowns import InverseProblem
 from mi_lcair.progress import Progress
-from mi_lcair.rendering.measurands import Sampling
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import SceneLike
 from mi_lcair.tasks import exclusively
 from mi_lcair.toml_table import plain

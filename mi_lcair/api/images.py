@@ -20,8 +20,8 @@ from mi_lcair.physics.atmosphere import atmosphere as read_atmosphere
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.images.render import Render, render_image
 from mi_lcair.rendering.images.with_errors import ImageWithErrors, image_with_errors
-from mi_lcair.rendering.measurands import Sampling
 from mi_lcair.rendering.reflections import reflecting
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import SceneLike
 from mi_lcair.table import FARTHEST, read_table
 from mi_lcair.tasks import exclusively

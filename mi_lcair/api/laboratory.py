@@ -19,7 +19,7 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.images.files import TEMPERATURE, check_kelvin, read_exr, read_values
-from mi_lcair.rendering.measurands import Sampling
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import SceneLike
 from mi_lcair.tasks import exclusively
 

@@ -12,10 +12,10 @@ from mi_lcair.declared import fraction
 from mi_lcair.detection.scenario import TO_A_TOLERANCE, Scenario
 from mi_lcair.errors import InputError
 from mi_lcair.physics.reflection.material_list import MaterialList, material_list
-from mi_lcair.rendering.measurands import Sampling
-from mi_lcair.rendering.motions.motion import MOTIONS
+from mi_lcair.rendering.motions.table import MOTIONS
 from mi_lcair.rendering.parameters.entries import Parameter
 from mi_lcair.rendering.parameters.values import load_with_values, parameters_of
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene, SceneLike, parameters_of_loaded
 from mi_lcair.tasks import exclusively, on_workers
 

@@ -139,7 +139,7 @@ def _write_image(scene, result, arguments, path):
     """Write the image of a scene with its derivatives."""
     from mi_lcair.knowing.budgets.budget import budget_image
     from mi_lcair.rendering.images.files import write_exr
-    from mi_lcair.rendering.measurands import Sampling
+    from mi_lcair.rendering.sampling import Sampling
 
     numbers = {name: arguments[name] for name in ("sensor", "seed", "spp") if name in arguments}
     with options.progress_bar() as progress:

@@ -10,11 +10,12 @@ from dataclasses import replace
 import numpy as np
 
 from mi_lcair.derivatives.motions.pixel_step import pixel_step
-from mi_lcair.rendering.measurands import Criterion, IntensityInterval, Measurands, Sampling
+from mi_lcair.rendering.measurands import Criterion, IntensityInterval, Measurands
 from mi_lcair.rendering.measure import aim_at_model, measure
 from mi_lcair.rendering.motions.pose import known_motions
 from mi_lcair.rendering.parameters.entries import SCALED, Parameter
 from mi_lcair.rendering.parameters.values import changed, parameter
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import Windows, window_area
 

@@ -35,10 +35,11 @@ from mi_lcair.plugins.recorders.radiance import (
     unit_radiance,
 )
 from mi_lcair.rendering.facets import FacetTable
-from mi_lcair.rendering.measurands import Measurands, Sampling, check_memory, check_paths
+from mi_lcair.rendering.measurands import Measurands, check_memory, check_paths
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.parameters.values import parameters_named, units
 from mi_lcair.rendering.pixels import around, missed_nearby
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals, check_valid
 from mi_lcair.rendering.window import Windows

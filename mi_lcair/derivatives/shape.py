@@ -34,9 +34,9 @@ from mi_lcair.rendering.facets import (
     radiances,
     seen_shares,
 )
-from mi_lcair.rendering.measurands import Sampling
 from mi_lcair.rendering.motions.motion import groups_of_meshes
 from mi_lcair.rendering.motions.pose import displaced
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import changed
 from mi_lcair.rendering.statistics import check_valid, edge_share
 from mi_lcair.rendering.window import RANDOMISATIONS, Windows, window, window_area, window_size

@@ -25,10 +25,11 @@ from mi_lcair.plugins.columns.tables import (
     pilot_launch,
 )
 from mi_lcair.plugins.emission.sources import spectra
-from mi_lcair.rendering.measurands import Measurands, Sampling
+from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.parameters.entries import DIFFERENCED, SCALED, StoredParameter
 from mi_lcair.rendering.parameters.values import parameters_named, units
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.results import Result, entry

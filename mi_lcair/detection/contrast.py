@@ -31,7 +31,7 @@ from mi_lcair.plugins.emission.source import BinOfBlackbody, Source
 from mi_lcair.plugins.emitters.thermal_emitter import one_sun
 from mi_lcair.plugins.paths.launch import Aim
 from mi_lcair.plugins.recorders.radiance import MAX_BOUNCE_CHANNELS
-from mi_lcair.rendering.measurands import Sampling
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene, changed
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.rendering.views import Target, terrain_remark

@@ -39,8 +39,8 @@ from mi_lcair.physics.materials import hemispherical_emissivity
 from mi_lcair.physics.sky import clear_name, has_azimuths
 from mi_lcair.physics.surroundings import Words, sky_name
 from mi_lcair.progress import Progress
-from mi_lcair.rendering.measurands import Sampling
-from mi_lcair.rendering.motions.motion import MOTIONS, Declared, motions_of
+from mi_lcair.rendering.motions.table import MOTIONS, Declared, motions_of
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.toml_table import filled, located, located_files, plain
 
 if TYPE_CHECKING:

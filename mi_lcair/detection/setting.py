@@ -19,10 +19,10 @@ from mi_lcair.plugins.emitters.distant_emitter import check_fits
 from mi_lcair.plugins.emitters.thermal_emitter import one_sun
 from mi_lcair.rendering.loading.files import survey
 from mi_lcair.rendering.loading.parsing import run_plugin_files
-from mi_lcair.rendering.measurands import Sampling
 from mi_lcair.rendering.motions.pose import moved
 from mi_lcair.rendering.parameters.values import apply_solution, load_with_values
 from mi_lcair.rendering.reflections import bounce_settings
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene, changed
 from mi_lcair.rendering.views import Target, seen_from
 

@@ -63,7 +63,7 @@ class BRDFView(Result):
 
     kind = "brdf"
     computed = {"columns": "columns"}
-    drawn_by = "mi_lcair.reports.pictures.brdf:figure"
+    drawn_by = "mi_lcair.show.pictures.brdf:figure"
 
     def summary(self) -> str:
         """One line with the hemispherical reflectance and the emissivity."""

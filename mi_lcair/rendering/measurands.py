@@ -16,11 +16,10 @@ from mi_lcair.plugins.paths.launch import Launch, ParallelRays
 from mi_lcair.plugins.paths.sums import Sums
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.plugins.recorders.radiance import MAX_BOUNCE_CHANNELS
-from mi_lcair.progress import Progress
 from mi_lcair.rendering.statistics import Totals, student_factor
 
 if TYPE_CHECKING:
-    import mitsuba as mi
+    pass
 
 
 @dataclass(frozen=True)
@@ -160,76 +159,6 @@ def check_bounded(emitters, name: str) -> None:
             f"{name}: no tolerance can be confirmed, as nothing bounds the radiance of "
             f"{', '.join(emitters.unbounded)}; give the number of samples (spp) instead"
         )
-
-
-# How a measurement is sampled
-# ----------------------------
-
-TWO_CHOICES = (
-    "spp sets a fixed number of samples; tolerance and max_spp choose one, and do not go with it"
-)
-DEFAULT_MAX_SPP = 2**16  # largest number of samples per pixel for a tolerance
-
-
-@dataclass(frozen=True, kw_only=True)
-class Sampling:
-    """How a render is sampled. A public function makes it once and hands it on whole.
-
-    Raises InputError for numbers that are not positive, and for both a number of
-    samples and a tolerance.
-
-    Attributes
-    ----------
-    spp : int or None
-        Samples per pixel. None: as many as the tolerance needs or, without one, as the sensor
-        states.
-    paths : int or None
-        Paths of each window in place of `spp`.
-    tolerance : float or None
-        Allowed error as a fraction. The function that measures says of what.
-    max_spp : int or None
-        Largest number of samples per pixel for a tolerance (65536).
-    seed : int
-        The same seed gives the same result.
-    sensor : int
-        Number of the scene's sensor, counted from 0.
-    progress : callable or None
-        Called with the work that is done and the work that is expected.
-    """
-
-    spp: int | None = None
-    paths: int | None = None
-    tolerance: float | None = None
-    max_spp: int | None = None
-    seed: int = 0
-    sensor: int = 0
-    progress: Progress | None = None
-
-    def __post_init__(self):
-        for name in ("spp", "paths", "tolerance", "max_spp"):
-            value = getattr(self, name)
-            if value is not None and not value > 0:
-                raise InputError(f"{name} = {value} must be positive")
-        if self.spp is not None and (self.tolerance is not None or self.max_spp is not None):
-            raise InputError(TWO_CHOICES)
-
-    @property
-    def limit(self) -> int:
-        """Largest number of samples per pixel for a tolerance."""
-        return self.max_spp or DEFAULT_MAX_SPP
-
-    def part(self, number: int, count: int) -> "Sampling":
-        """The sampling of one of several equal renders, with the progress of all of them."""
-        if self.progress is None:
-            return self
-        report = self.progress
-        return replace(self, progress=lambda done, all_: report(number * all_ + done, count * all_))
-
-    def settled(self, sensor: "mi.Sensor") -> "Sampling":
-        """This sampling, with the sensor's own number of samples where nothing chooses one."""
-        if (self.spp, self.paths, self.tolerance) != (None, None, None):
-            return self
-        return replace(self, spp=sensor.sampler().sample_count())
 
 
 # Limits of a render that are known before it starts: memory and the number of paths

@@ -28,15 +28,14 @@ from mi_lcair.plugins.paths.launch import (
 )
 from mi_lcair.rendering.facets import starts_on_facets
 from mi_lcair.rendering.measurands import (
-    TWO_CHOICES,
     Criterion,
     Measurands,
-    Sampling,
     channel_count,
     check_memory,
     source_count,
 )
 from mi_lcair.rendering.pixels import Allocation, PixelCriterion, allocate, may_be_sent, on_workers
+from mi_lcair.rendering.sampling import TWO_CHOICES, Sampling
 from mi_lcair.rendering.scene import Scene, changed
 from mi_lcair.rendering.statistics import Totals, check_valid, student_factor
 from mi_lcair.rendering.views import model_shapes

@@ -13,7 +13,7 @@ from mi_lcair.errors import InputError, unknown
 from mi_lcair.plugins.paths.launch import Aim, Launch
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.plugins.recorders.radiance import SIZES, in_all_windows
-from mi_lcair.rendering.measurands import Sampling
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene, changed
 from mi_lcair.rendering.statistics import UNSEEN, student_factor
 from mi_lcair.rendering.views import View, seen_from

@@ -11,7 +11,8 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.paths.launch import Aim, Launch, views_of
-from mi_lcair.rendering.measurands import Sampling, check_paths
+from mi_lcair.rendering.measurands import check_paths
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.statistics import Totals
 
 # Paths of one pass. A pass takes seconds, and Ctrl-C takes effect at its end.

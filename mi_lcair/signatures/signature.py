@@ -14,8 +14,9 @@ from mi_lcair.plugins.paths.launch import Aim
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering import facets as polygons
 from mi_lcair.rendering.facets import FacetTable
-from mi_lcair.rendering.measurands import ExcessFunction, IntensityInterval, Measurands, Sampling
+from mi_lcair.rendering.measurands import ExcessFunction, IntensityInterval, Measurands
 from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import WHOLES, Totals, invalid_remark
 from mi_lcair.rendering.window import Windows, window, window_area

@@ -15,7 +15,8 @@ from mi_lcair.declared import percent
 from mi_lcair.errors import InputError, escaped
 from mi_lcair.extras import named, optional
 from mi_lcair.files import read_text, replacing
-from mi_lcair.rendering.measurands import Measurands, Sampling
+from mi_lcair.rendering.measurands import Measurands
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import View
 from mi_lcair.results import Result, entry

@@ -21,8 +21,9 @@ from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.emission.source import Source, kelvin
 from mi_lcair.plugins.recorders.channels import Channels
-from mi_lcair.rendering.measurands import Criterion, Measurands, Sampling, check_reachable
+from mi_lcair.rendering.measurands import Criterion, Measurands, check_reachable
 from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals, student_factor
 from mi_lcair.rendering.views import Target, View, cameras, check_resolution

@@ -13,8 +13,8 @@ import mi_lcair
 from mi_lcair.cli import main
 from mi_lcair.derivatives.shape import Estimation, Surface
 from mi_lcair.errors import InputError
-from mi_lcair.rendering.measurands import Sampling
 from mi_lcair.rendering.parameters.values import changed
+from mi_lcair.rendering.sampling import Sampling
 from tests.derivatives.motions.test_differences import CUBE, VIEW, L, convex_hull, mesh, scene_of
 
 

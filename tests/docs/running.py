@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 
 from mi_lcair.cli import main as command_line
 from mi_lcair.fitting import estimation
-from mi_lcair.rendering.measurands import Sampling
+from mi_lcair.rendering.sampling import Sampling
 from tests.docs.fences import Fence
 
 FEW = {"spp": 2, "paths": 2**10}  # largest numbers of samples

@@ -22,7 +22,7 @@ from mi_lcair.physics.sky import has_elevations, spectrum
 from mi_lcair.physics.spectral_table import over_the_hemisphere, read_directional_table
 from mi_lcair.rendering.facets import by_facet
 from mi_lcair.rendering.images.files import read_exr, write_exr
-from mi_lcair.rendering.measurands import DEFAULT_MAX_SPP
+from mi_lcair.rendering.sampling import DEFAULT_MAX_SPP
 from mi_lcair.show.pictures.image_channels import figure
 from mi_lcair.table import read_table
 from tests.fuzz.mutants import Kind

@@ -19,8 +19,9 @@ from mi_lcair.rendering.facets import (
     seen_shares,
     starts_on_facets,
 )
-from mi_lcair.rendering.measurands import IntensityInterval, Measurands, Sampling
+from mi_lcair.rendering.measurands import IntensityInterval, Measurands
 from mi_lcair.rendering.measure import aim_over_model, best_aim, measure
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import load
 from mi_lcair.rendering.views import View
 from mi_lcair.rendering.window import Windows

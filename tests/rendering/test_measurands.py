@@ -13,8 +13,9 @@ import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.draw_table import UnmetSources
 from mi_lcair.rendering import measurands
-from mi_lcair.rendering.measurands import ExcessFunction, IntensityInterval, Sampling
+from mi_lcair.rendering.measurands import ExcessFunction, IntensityInterval
 from mi_lcair.rendering.pixels import PixelError
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.views import View
 from tests.rendering.made_totals import totals
 from tests.signatures.rendered_views import render_views

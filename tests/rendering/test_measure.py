@@ -16,9 +16,10 @@ from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering import measure as aiming
 from mi_lcair.rendering import measure as module
 from mi_lcair.rendering import measure as pilots
-from mi_lcair.rendering.measurands import ExcessFunction, IntensityInterval, Measurands, Sampling
+from mi_lcair.rendering.measurands import ExcessFunction, IntensityInterval, Measurands
 from mi_lcair.rendering.measure import cheapest, cost, measure, needed_paths, open_settings
 from mi_lcair.rendering.pixels import PixelError
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.views import View
 from mi_lcair.rendering.window import PASS_SAMPLES, Windows
 from tests.plugins.small_scenes import camera

@@ -7,8 +7,8 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from mi_lcair.rendering import measure as module
-from mi_lcair.rendering.measurands import Sampling
 from mi_lcair.rendering.pixels import Allocation, PixelError, pixel_errors, shares_of, surroundings
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.window import Windows
 from tests.rendering.made_totals import sums_of, totals
 from tests.rendering.test_measure import Tracer, run

@@ -8,7 +8,6 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
-from mi_lcair.rendering.measurands import Sampling
 from mi_lcair.rendering.reflections import (
     Probe,
     beyond_last,
@@ -18,6 +17,7 @@ from mi_lcair.rendering.reflections import (
     pixels_launch,
     reflecting,
 )
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.views import View
 
 

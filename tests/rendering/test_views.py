@@ -12,7 +12,7 @@ import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.rendering.measurands import Sampling
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import checked
 from mi_lcair.rendering.views import Target, View, seen_from, terrain_before, terrain_remark
 from mi_lcair.rendering.window import FIRST_PATHS

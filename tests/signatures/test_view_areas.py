@@ -11,7 +11,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.plugins.emission.source import Source
-from mi_lcair.rendering.measurands import Sampling
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.views import View
 from mi_lcair.signatures.view_areas import ViewAreas, measure_view_areas, view_areas
 from tests.detection.disc_scenario import triangles, write_disc

@@ -5,7 +5,7 @@ beyond the last one, and the sampler.
 """
 
 from benchmarks.methods.propagation.problem import Method, Problem
-from mi_lcair.rendering.measurands import Sampling
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import changed
 from mi_lcair.signatures.signature import measure_signature
 

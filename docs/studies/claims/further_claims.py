@@ -11,8 +11,8 @@ from docs.studies.claims.case import Case
 from docs.studies.claims.scene_file import diffuse
 from docs.studies.claims.witness import Claim, Witness, student
 from mi_lcair.rendering.facets import FacetTable
-from mi_lcair.rendering.motions.motion import motions_of
 from mi_lcair.rendering.motions.pose import declare
+from mi_lcair.rendering.motions.table import motions_of
 
 WINDOW_FREEDOM = 7  # degrees of freedom of an error: the randomisations less one
 STRETCH = "body.stretch"

@@ -25,10 +25,11 @@ from mi_lcair.plugins.paths.launch import (
 )
 from mi_lcair.rendering.facets import in_view, meshes_of_model, mixed_choice, radiances, seen_shares
 from mi_lcair.rendering.loading.parsing import extent
-from mi_lcair.rendering.measurands import Measurands, Sampling
+from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import aim_over_model, blurred, measure
 from mi_lcair.rendering.motions.motion import MODEL, OBSERVER, Motion
 from mi_lcair.rendering.motions.pose import known_motions, moved, value_of
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene, changed
 from mi_lcair.rendering.statistics import Totals, edge_share
 from mi_lcair.rendering.window import Windows

@@ -16,9 +16,10 @@ from mi_lcair.plugins.emission.sources import Sources
 from mi_lcair.plugins.paths.sums import Sums
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.images.spectral import Arrival
-from mi_lcair.rendering.measurands import Measurands, Sampling
+from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.pixels import PixelCriterion, averaged, surroundings
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import UNSEEN, Totals, student_factor
 from mi_lcair.rendering.window import Windows

@@ -19,7 +19,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.files import check_suffix, check_writable, replacing
 from mi_lcair.plugins.emission.sources import Sources
 from mi_lcair.progress import Progress
-from mi_lcair.rendering.measurands import Sampling
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.signatures.effective_areas import temperatures_of
 from mi_lcair.tasks import in_order, kept

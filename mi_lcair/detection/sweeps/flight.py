@@ -29,7 +29,7 @@ from mi_lcair.detection.sweeps.sweep import (
 from mi_lcair.errors import InputError, errors_of
 from mi_lcair.estimate import Estimate
 from mi_lcair.progress import Progress
-from mi_lcair.rendering.measurands import Sampling
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.views import Target
 from mi_lcair.results import Result, entry
 from mi_lcair.signatures.effective_areas import temperatures_of

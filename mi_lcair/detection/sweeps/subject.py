@@ -25,9 +25,9 @@ from mi_lcair.files import check_writable
 from mi_lcair.physics.air.atmosphere import Atmosphere, LineOfSight
 from mi_lcair.physics.imager import Detector
 from mi_lcair.plugins.emitters.distant_emitter import DistantEmitter
-from mi_lcair.rendering.measurands import Sampling
 from mi_lcair.rendering.parameters.values import check_same, load_with_values, whole_path
 from mi_lcair.rendering.reflections import bounce_settings
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene, set_all
 from mi_lcair.rendering.views import Target, View, terrain_remark
 from mi_lcair.rendering.window import PASS_SAMPLES

@@ -34,7 +34,7 @@ from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
 from mi_lcair.physics.imager import Detector
 from mi_lcair.plugins.emission.source import Source
 from mi_lcair.progress import Progress
-from mi_lcair.rendering.measurands import Sampling
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import View, check_resolution
 from mi_lcair.results import Result, entry, extremes, summary_of

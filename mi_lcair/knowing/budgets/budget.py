@@ -33,9 +33,9 @@ from mi_lcair.knowing.budgets.uncertainties import Uncertainties
 from mi_lcair.physics.blackbody import in_band_slope
 from mi_lcair.plugins.emission.source import rounded
 from mi_lcair.rendering.images.render import render_image
-from mi_lcair.rendering.measurands import Sampling
 from mi_lcair.rendering.motions.pose import declare
 from mi_lcair.rendering.parameters.values import checked
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.results import Result, contributions, entry

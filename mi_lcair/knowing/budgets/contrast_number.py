@@ -39,9 +39,10 @@ from mi_lcair.physics.blackbody import brightness_temperature, spectral_radiance
 from mi_lcair.physics.imager import Detector, Imager
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 from mi_lcair.plugins.properties import RADIANCE_UNIT
-from mi_lcair.rendering.measurands import ExcessFunction, Sampling
+from mi_lcair.rendering.measurands import ExcessFunction
 from mi_lcair.rendering.parameters.entries import Parameter
 from mi_lcair.rendering.parameters.values import parameters_of
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.signatures.effective_areas import PARTS, SPECTRUM_ROWS
 

@@ -36,7 +36,7 @@ import numpy as np
 from mi_lcair.errors import InputError, check_known
 from mi_lcair.estimate import Stated, check_sigma, sigmas
 from mi_lcair.files import read_text
-from mi_lcair.rendering.motions.motion import MOTIONS, Declared, motions_of
+from mi_lcair.rendering.motions.table import MOTIONS, Declared, motions_of
 from mi_lcair.toml_table import read, table_of, tables_of
 
 TABLES = ("sigma", "scenario", "fits", "facets", "correlated", MOTIONS)

@@ -13,7 +13,8 @@ from mi_lcair.files import parse_toml, read_text
 from mi_lcair.knowing.inversion.data.readings import Candidate, Measurement
 from mi_lcair.knowing.inversion.tables import Goal, RenderSettings, UnknownEntry
 from mi_lcair.physics.reflection.models import MODELS
-from mi_lcair.rendering.motions.motion import ANGLES, MOTIONS, OBSERVER, Declared, motions_of
+from mi_lcair.rendering.motions.motion import ANGLES, OBSERVER
+from mi_lcair.rendering.motions.table import MOTIONS, Declared, motions_of
 from mi_lcair.rendering.parameters.entries import AT
 from mi_lcair.rendering.parameters.values import Parameter
 from mi_lcair.toml_table import filled, table_of, tables_of

@@ -15,7 +15,7 @@ from mi_lcair.laboratory.cavities.shape import PROFILE_RINGS, OwnMesh, Shape, Wa
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.materials import hemispherical_emissivity
-from mi_lcair.rendering.measurands import Sampling
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.results import Result, contributions, entry, summary_of
 from mi_lcair.sections import Table
 

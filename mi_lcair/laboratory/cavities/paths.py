@@ -16,8 +16,9 @@ from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.emission.triangles import set_triangles
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.plugins.recorders.radiance import SIZES
-from mi_lcair.rendering.measurands import ExcessFunction, Measurands, Sampling
+from mi_lcair.rendering.measurands import ExcessFunction, Measurands
 from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene, load
 from mi_lcair.rendering.statistics import Totals, student_factor
 from mi_lcair.rendering.window import Windows

@@ -45,9 +45,10 @@ from mi_lcair.rendering.images.spectral import (
     spectral_measurands,
     through,
 )
-from mi_lcair.rendering.measurands import Measurands, Sampling
+from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.pixels import PixelError, pixel_errors
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals, invalid_remark
 from mi_lcair.rendering.window import PILOT_SPP, PIXEL_RANDOMISATIONS, Windows, window_size

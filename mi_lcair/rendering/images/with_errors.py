@@ -7,7 +7,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins import PLUGINS
-from mi_lcair.rendering.measurands import Sampling
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.statistics import student_factor
 
 RANDOMISATIONS = 8  # independent renders of an image

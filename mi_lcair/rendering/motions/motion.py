@@ -15,7 +15,7 @@ act in the order of the table, own ones first, and the attitude of the model act
 of a group is that of its bounding box in these axes.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -24,16 +24,15 @@ import mitsuba as mi
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mi_lcair.declared import Table, entry, one_of
 from mi_lcair.errors import InputError, check_known
-from mi_lcair.files import check_file, parse_toml, read_text
+from mi_lcair.files import check_file
 from mi_lcair.models3d.coincident import weld
 from mi_lcair.plugins.emission.triangles import is_faceted, triangle_vertices, vertex_positions
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal, one_sun
 from mi_lcair.rendering.loading.files import survey_values
+from mi_lcair.rendering.motions.table import Declared
 from mi_lcair.rendering.views import model_shapes
 from mi_lcair.rendering.window import window
-from mi_lcair.toml_table import filled
 
 MODEL = "model"
 # Axis and sign of each turn in the order in which they act, as the attitude of a scene's XML
@@ -157,16 +156,12 @@ def in_axes_of_model(vertices: np.ndarray, attitude: list[Motion]) -> np.ndarray
 
 # Motions of a scene's sensors and of its sun: where the observer is, and how the image lies
 # ------------------------------------------------------------------------------------------
-# =======================================
-# ===========================================================
 # observer.azimuth_deg, .elevation_deg    direction from the origin of the scene's file to the
 #                                         observer: azimuth 0 is +x, 90 +y [deg]
 # observer.range_m                        distance of a perspective sensor from that origin [m]
 # observer.x_px, .y_px                    shift of the image to the right and down [pixels]
 # observer.roll_deg                       turn of the sensor about its axis, to the right [deg]
 # sun.azimuth_deg, .elevation_deg         direction of the emitter `sun`, with its light there [deg]
-# =======================================
-# ===========================================================
 #
 # All sensors of a scene move together. The values of the direction are those of the first one.
 
@@ -280,69 +275,6 @@ def placed(sensor, loaded: dict, change: dict[str, float], rest: dict, origin) -
 def toward(azimuth_deg: float, elevation_deg: float) -> np.ndarray:
     """The rotation of +x to a direction, (3, 3)."""
     return Rotation.from_euler("yz", [-elevation_deg, azimuth_deg], degrees=True).as_matrix()
-
-
-# The table [motions] of a TOML file, in which a user declares motions
-# --------------------------------------------------------------------
-# [motions]
-#     "exhaust.radius" = {groups = ["hot_parts"], scale = [0, 1, 1], each = true}
-#     "wing.flap" = {groups = ["self"], displaced = "flap_down.ply"}
-#
-# A file of motions has this table alone. In scenarios, problems and uncertainties it is one of
-# many.
-
-MOTIONS = "motions"  # the table; among the values of a scene's parameters, a file that has it
-
-
-@dataclass(frozen=True)
-class Declared(Table, rules=(one_of("scale", "displaced"),)):
-    """A motion that a user declares, see `mi_lcair.rendering.motions.motion`.
-
-    Attributes
-    ----------
-    groups : tuple of str
-        Names of the groups that move.
-    scale : tuple of float, optional
-        Factors of the displacement along each axis.
-    each : bool
-        Whether each connected part has a middle of its own.
-    displaced : str, optional
-        PLY file, in place of scale.
-    """
-
-    groups: tuple[str, ...]
-    scale: tuple[float, float, float] | None = None
-    each: bool = False
-    displaced: str | None = entry(None, is_file=True)
-
-
-def read_motions(file: str | Path) -> dict[str, Declared]:
-    """The motions of a TOML file by name; raises InputError for what cannot be used."""
-    where = f"motions {file}"
-    tables = parse_toml(read_text(file, where), where)
-    if list(tables) != [MOTIONS]:
-        raise InputError(f"{where}: must have one table, [motions]")
-    return motions_of(tables[MOTIONS], Path(file).parent, where)
-
-
-def motions_of(
-    table: Mapping, folder: str | Path = ".", where: str = f"[{MOTIONS}]"
-) -> dict[str, Declared]:
-    """The motions of a table by name; raises InputError for what cannot be used.
-
-    folder: to which the names of files are relative. where: name of the table in messages.
-    """
-    if not isinstance(table, Mapping):
-        raise InputError(f"{where}: must have one table, [motions]")
-    declared = {}
-    for name, values in table.items():
-        of_name = f"{where}: '{name}'"
-        if "." not in name:
-            raise InputError(
-                f'{of_name} must be of the form "OWNER.NAME" in quotes, such as "exhaust.radius"'
-            )
-        declared[name] = filled(Declared, values, of_name, Path(folder))
-    return declared
 
 
 # Motions that a user declares, see `mi_lcair.rendering.motions.motion`

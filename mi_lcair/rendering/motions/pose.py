@@ -14,7 +14,6 @@ from mi_lcair.rendering.motions.motion import (
     ANGLES,
     OBSERVER,
     SUN,
-    Declared,
     Motion,
     attitude_of,
     declared_motions,
@@ -26,6 +25,7 @@ from mi_lcair.rendering.motions.motion import (
     settings_of,
     sun_motions,
 )
+from mi_lcair.rendering.motions.table import Declared
 from mi_lcair.rendering.views import model_shapes
 
 POSE, DECLARED = "pose", "declared"  # keys of `Scene.moved`

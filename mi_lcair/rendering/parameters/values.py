@@ -38,8 +38,8 @@ from mi_lcair.files import parse_json, read_text
 from mi_lcair.plugins.derivatives import own_memory
 from mi_lcair.rendering.facets import FacetTable
 from mi_lcair.rendering.loading.parsing import RUN, run_plugin_files
-from mi_lcair.rendering.motions.motion import MOTIONS, Declared, read_motions
 from mi_lcair.rendering.motions.pose import declare, set_motions
+from mi_lcair.rendering.motions.table import MOTIONS, Declared, read_motions
 from mi_lcair.rendering.parameters.entries import (
     Parameter,
     StoredParameter,

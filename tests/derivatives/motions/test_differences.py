@@ -16,9 +16,9 @@ import mi_lcair
 from mi_lcair.derivatives.common_numbers import CommonNumbers
 from mi_lcair.derivatives.motions.differences import ATTACHED, DifferenceKind
 from mi_lcair.derivatives.window import differences_of
-from mi_lcair.rendering.measurands import Sampling
 from mi_lcair.rendering.motions.motion import TURNS, turned
 from mi_lcair.rendering.parameters.values import changed
+from mi_lcair.rendering.sampling import Sampling
 
 L = 5.670374419e-8 * 300.0**4 / np.pi
 VIEW = np.array([np.cos(np.radians(20)), 0, np.sin(np.radians(20))])  # to the observer

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mi_lcair.derivatives.motions.differences import ATTACHED, PILOT_PATHS, Differences, Pilot
-from mi_lcair.rendering.measurands import Sampling
+from mi_lcair.rendering.sampling import Sampling
 
 H = 0.1
 

@@ -25,8 +25,8 @@ from mi_lcair.knowing.budgets.uncertainties import Uncertainties
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.emission.source import Source
-from mi_lcair.rendering.measurands import Sampling
 from mi_lcair.rendering.parameters.values import changed
+from mi_lcair.rendering.sampling import Sampling
 from tests.detection.disc_scenario import disc, triangles, write_disc
 from tests.knowing.budgets.formula import Formula, inputs
 from tests.knowing.budgets.plate_scene import (

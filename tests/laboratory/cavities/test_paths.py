@@ -8,7 +8,7 @@ from mi_lcair.laboratory.cavities import paths
 from mi_lcair.laboratory.cavities.cavity import effective_emissivity
 from mi_lcair.laboratory.cavities.description import Description
 from mi_lcair.laboratory.cavities.shape import Wall
-from mi_lcair.rendering.measurands import Sampling
+from mi_lcair.rendering.sampling import Sampling
 
 SIGMAS = 4.5  # of Student's 15 degrees of freedom: 4 in 10,000
 

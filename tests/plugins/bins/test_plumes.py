@@ -8,9 +8,10 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
-from mi_lcair.rendering.measurands import Measurands, Sampling
+from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.parameters.values import changed
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.window import Windows
 from tests.plugins.bins.test_by_bin import SPECTRA, X, planck, plate, radiance, thermal, write
 from tests.plugins.small_scenes import blackbody

@@ -13,8 +13,9 @@ from mi_lcair.rendering.images.files import read_exr
 from mi_lcair.rendering.images.render import pixel_charts as charts
 from mi_lcair.rendering.images.render import pixel_spectrum
 from mi_lcair.rendering.images.spectral import even_wavelengths
-from mi_lcair.rendering.measurands import Measurands, Sampling
+from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.window import Windows
 from tests.plugins.bins.test_by_bin import SPECTRA, X, integrator, plate, surface, thermal, write
 from tests.plugins.small_scenes import blackbody, camera, scene

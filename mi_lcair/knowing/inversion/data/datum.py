@@ -25,9 +25,9 @@ from mi_lcair.knowing.inversion.least_squares.prediction import (
 from mi_lcair.knowing.inversion.tables import Goal, RenderSettings
 from mi_lcair.knowing.inversion.unknowns import INSTRUMENT, Unknown, Where, model_label
 from mi_lcair.physics.blackbody import in_band_slope
-from mi_lcair.rendering.measurands import Sampling
 from mi_lcair.rendering.parameters.modes import with_facets
 from mi_lcair.rendering.parameters.values import changed
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 
 SEEDS = 104_729  # distance between the seeds of two renders, whose noise must be independent

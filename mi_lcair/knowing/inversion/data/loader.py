@@ -27,10 +27,10 @@ from mi_lcair.plugins.bsdfs.reflection_bsdf import has_spectral_materials
 from mi_lcair.plugins.paths.launch import UNIT
 from mi_lcair.rendering.facets import FacetTable
 from mi_lcair.rendering.images.render import render_image
-from mi_lcair.rendering.measurands import Sampling
-from mi_lcair.rendering.motions.motion import Declared
+from mi_lcair.rendering.motions.table import Declared
 from mi_lcair.rendering.parameters.modes import facet_temperatures
 from mi_lcair.rendering.parameters.values import load_with_values, parameters_of
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import View, seen_from
 from mi_lcair.signatures.signature import measure_signature

@@ -23,11 +23,12 @@ from mi_lcair.physics.spectra.parameters import Change
 from mi_lcair.physics.spectral_table import WAVELENGTH
 from mi_lcair.plugins.bsdfs.reflection_bsdf import has_spectral_materials
 from mi_lcair.rendering.images.files import TEMPERATURE, check_kelvin, read_values
-from mi_lcair.rendering.measurands import Measurands, Sampling
+from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.motions.pose import known_motions, value_of
 from mi_lcair.rendering.parameters.entries import Parameter
 from mi_lcair.rendering.parameters.values import parameters_named
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import Windows
