@@ -1,0 +1,1 @@
+"""A target at a sensor: scenario, contrast, range, camera, sweeps and flights."""

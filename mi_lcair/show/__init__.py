@@ -1,0 +1,1 @@
+"""What is shown of results: pictures, pages, and the kinds of files."""

@@ -1,0 +1,1 @@
+"""Intensities of a scene: signature, effective areas, facets, trends."""

@@ -1,0 +1,1 @@
+"""What a laboratory measures: cavities, thermography, and the audit of energy."""
