@@ -83,7 +83,7 @@ night
 # %%
 row = night.rows[-1]
 for name in ("target", "path", "background", "total"):
-    value, error = getattr(row, name)
+    value, error = getattr(row, name).pair
     print(f"{name:10s} {value:.4e} +- {error:.1e} W/m^2 (standard error)")
 np.testing.assert_allclose(
     row.total.value, row.target.value + row.path.value - row.background.value, rtol=1e-6

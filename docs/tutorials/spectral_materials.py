@@ -160,7 +160,7 @@ for range_m in (10, 2000):
     for name in ("spectral", "average"):
         changes = {"observer.range_m": range_m, "target.parameters.surfaces": name}
         total = mi_lcair.contrast("panel.toml", parameters=changes).rows[0].total
-        rows.append((range_m, name, *(range_m**2 * np.array(total))))
+        rows.append((range_m, name, *(range_m**2 * np.array(total.pair))))
 columns = ["range (m)", "material", "contrast (W/sr)", "standard error (W/sr)"]
 contrasts = pd.DataFrame(rows, columns=columns)
 contrasts.round(4)
