@@ -4,12 +4,12 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from os import PathLike
 from time import perf_counter
+from typing import Literal
 
 import drjit as dr
 import numpy as np
 
 from mi_lcair.fitting.data import (
-    AUTO,
     Data,
     FitSettings,
     FittedVariant,
@@ -47,13 +47,13 @@ def fit(
     *,
     emissivity: DirectionalData | str | PathLike[str] | None = None,
     dhr: DirectionalData | str | PathLike[str] | None = None,
-    quantity: str | None = None,
-    theta_r_positive: str | None = None,
-    model: str = AUTO,
-    form: str = AUTO,
+    quantity: Literal["brdf", "brdf_cos"] | None = None,
+    theta_r_positive: Literal["specular", "source"] | None = None,
+    model: str = "auto",
+    form: str = "auto",
     starts: int = 64,
     seed: int = 0,
-    loss: str = "log",
+    loss: Literal["log", "cube_root", "linear"] = "log",
     robust: bool = False,
     max_angle_deg: float = 80,
     min_brdf: float = 1e-4,
@@ -72,27 +72,30 @@ def fit(
     emissivity, dhr
         Measured directional emissivity and directional-hemispherical reflectance, or their files,
         or None.
-    quantity, theta_r_positive
-        What a file of measurements does not state, see `mi_lcair.fitting.scatterometer.reading`.
+    quantity
+        Quantity of the values, where the file does not state it: BRDF, or BRDF x cos theta_r.
+    theta_r_positive
+        Side on which theta_r is positive, where the file does not state it.
     model
-        Name of a model, or "auto" for all models.
+        Name of a reflection model. With auto, the simplest one that describes the data.
     form
-        A form of the model, or "auto" for all its forms and their restrictions.
+        Form of the model, such as thesis or normalized. With auto, all forms and their
+        restrictions are compared.
     starts
         Number of starting points of the search.
     seed
         Seed of the random starting points.
     loss
-        Scale on which BRDFs are compared: "log", "cube_root" or "linear".
+        Scale on which BRDFs are compared.
     robust
-        Whether outliers get little weight.
+        Give outliers little weight.
     max_angle_deg
         Largest angle of source and observer that is used [degrees].
     min_brdf
         BRDF above which points are used [1/sr].
     source_half_angle_deg
-        Angular radius of the source [degrees], 0 for a point source; None takes it from the
-        measurements.
+        Angular radius of the source [degrees], 0 for a point source (default: that of the
+        measurements).
     progress
         Function of (steps done, steps in total).
 

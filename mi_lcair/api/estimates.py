@@ -228,8 +228,10 @@ def shape_derivatives(
         A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
         Its sensor must be orthographic, and its model must consist of meshes.
     group : str
-        Name of the group.
-    sensor, spp, seed
+        Group of the model whose surface moves.
+    spp : int or None
+        Number of paths, divided by the number of pixels of the film (the number in the scene).
+    sensor, seed
         As for `signature`.
     paths : int or None
         Number of paths in place of `spp`.

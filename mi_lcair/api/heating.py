@@ -23,7 +23,7 @@ POSITIVE, KELVIN, ELEVATION = Bounds(lower=1), Bounds(lower=0), Bounds(lower=-90
 @exclusively
 def exchange(
     scene: SceneLike,
-    paths: int = heating.RAYS,
+    paths: int = 1024,
     seed: int = 0,
     sky_K: float | None = None,
     ground_K: float | None = None,

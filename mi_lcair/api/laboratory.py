@@ -70,9 +70,11 @@ def temperature(
         Emissivity of the object in the band, above 0 and at most 1.
     sigma : float
         Standard uncertainty of the apparent temperatures [K], common to all pixels.
-    scale, offset : float
-        Apparent temperature [K] = offset + scale x value of the image: 0.01 and 0 for counts of
-        0.01 K, 1 and 273.15 for degrees Celsius. With an offset, 0 is a value.
+    scale : float
+        Kelvin of one count of the image, such as 0.01.
+    offset : float
+        Apparent temperature [K] of the value 0: 273.15 for an image in degrees Celsius. With an
+        offset, 0 is a value.
 
     Other Parameters
     ----------------
@@ -208,7 +210,7 @@ def cavity(
 @exclusively
 def audit(
     scene: SceneLike,
-    paths: int = 2**18,
+    paths: int = 262_144,
     seed: int = 0,
     progress: Progress | None = None,
     *,

@@ -17,9 +17,7 @@ from mi_lcair.files import VTK
 
 @options.command("audit", "mi-lcair audit open_box --paths 4096")
 @options.loading
-@options.option(
-    "--paths", "Paths of photons from each emitter.", click.IntRange(min=8), default=2**18
-)
+@options.of("audit", paths={"type": click.IntRange(min=8)})
 @options.file("--facets", "Write irradiance and exitance of each facet, FILE.csv.", (".csv",))
 def audit_command(scene, paths, facets):
     """Follow the flux that SCENE emits.
@@ -190,12 +188,7 @@ def invert_command(problem, output, plot, no_advice):
 )
 @options.loading
 @options.sensor
-@options.option("--group", "Group of the model whose surface moves.", required=True)
-@options.option(
-    "--spp",
-    "Number of paths, divided by the number of pixels of the film (default: the scene's own).",
-    options.POSITIVE,
-)
+@options.of("shape_derivatives", "group", "spp")
 @options.output(
     "the derivatives by facet, FILE.csv or .json, for ParaView, FILE.vtp or .vtu, as a picture, "
     "FILE.png, or as a page, FILE.html",

@@ -27,23 +27,6 @@ TEMPERATURE_SUFFIXES = (
     ".pdf",
     ".nc",
 )
-QUANTITIES = {
-    "reflected": ("K", "Apparent temperature of what the object reflects."),
-    "transmittance": ("0..1", "Transmittance of the air (default: 1)."),
-    "air-temperature": (
-        "K",
-        "Temperature of the air (default: that of --reflected; with --distance, the atmosphere's).",
-    ),
-    "distance": ("M", "Distance of the object in m: the air is computed."),
-    "humidity": ("0..0.98", "Relative humidity of the air, with --distance."),
-}
-
-
-def quantities(command):
-    """Give a command an option for each quantity."""
-    for name, (metavar, help) in reversed(QUANTITIES.items()):
-        command = click.option(f"--{name}", metavar=metavar, help=help)(command)
-    return command
 
 
 @options.command(
@@ -54,27 +37,26 @@ def quantities(command):
     cls=Called,
 )
 @click.argument("image", metavar="IMAGE|K")
-@options.option("--band", "Band of the camera; an EXR states its own.", metavar="BAND")
-@options.option(
-    "--emissivity", "Emissivity of the object in the band.", required=True, metavar="0..1"
+@options.of(
+    "temperature",
+    "band",
+    "emissivity",
+    "reflected",
+    "transmittance",
+    "air_temperature",
+    "distance",
+    "humidity",
+    "sigma",
+    "scale",
+    "offset",
 )
-@quantities
-@options.option(
-    "--sigma",
-    "Standard uncertainty of the image, common to all pixels.",
-    click.FloatRange(min=0),
-    default=0.0,
-    metavar="K",
-)
-@options.option("--scale", "Kelvin of one count of the image, such as 0.01.", float, metavar="K")
-@options.option("--offset", "273.15 for an image in degrees Celsius, else 0.", float, metavar="K")
 @options.output(
     "the temperatures to FILE (.tif, .csv, .exr with their uncertainty), or a picture",
     TEMPERATURE_SUFFIXES,
 )
 @options.json
 @click.pass_obj
-def temperature_command(call, image, band, output, sigma, **measurement):
+def temperature_command(call, image, output, **measurement):
     """Temperature of an object with its uncertainty.
 
     IMAGE holds apparent temperatures in K, as a camera shows them for an emissivity of 1: a TIFF,
@@ -83,7 +65,7 @@ def temperature_command(call, image, band, output, sigma, **measurement):
     the temperature in K and what each quantity contributes to its uncertainty; written is the image
     in K.
     """
-    result = mi_lcair.temperature(image, band, sigma=sigma, **options.given(measurement))
+    result = mi_lcair.temperature(image, **options.given(measurement))
     write_and_print(result, {output: result.save})
     if not output and result.kelvin.ndim == 2:
         print_next([*call, "-o", f"{Path(image).stem}_object.png"])
@@ -97,25 +79,19 @@ CAVITY_SUFFIXES = (".csv", ".json", ".html", ".png", ".svg", ".pdf", ".nc")
 
 @options.command("cavity", "mi-lcair cavity cavity.toml -o cavity.png")
 @click.argument("cavity", metavar="CAVITY.toml")
-@options.option(
-    "--tolerance",
-    "Half of the 95 % interval for walls that the renderer traces (default: 2e-4).",
-    click.FloatRange(min=0, min_open=True),
-    metavar="FRACTION",
-)
-@options.option("--seed", "Seed of the random numbers.", click.IntRange(min=0), default=0)
+@options.of("cavity", "tolerance", "seed")
 @options.output(
     "the table to FILE (.csv, .json, .html, .nc), or a picture (.png, .svg, .pdf)", CAVITY_SUFFIXES
 )
 @options.json
-def cavity_command(cavity, tolerance, seed, output):
+def cavity_command(cavity, output, **arguments):
     """Effective emissivity of a cavity with its uncertainty.
 
     CAVITY.toml has the tables [shape], [wall], [view] and [sigma]. Printed are the effective
     emissivity by wavelength, and what each uncertain quantity contributes to its uncertainty.
     Emissivities are fractions.
     """
-    result = mi_lcair.cavity(cavity, seed=seed, **options.given({"tolerance": tolerance}))
+    result = mi_lcair.cavity(cavity, **arguments)
     write_and_print(result, {output: result.save})
 
 
@@ -131,33 +107,25 @@ EXCHANGE_SUFFIXES = (".csv", ".json", ".html", ".nc", *PICTURES, *VTK)
     "mi-lcair exchange box/scene.xml --sun 40 120 -o exchange.nc",
 )
 @options.loading
-@options.option(
-    "--paths", "Number of paths of each side of a facet (default: 1024).", options.POSITIVE
-)
-@options.option("--sky-K sky_K", "Temperature of the sky, for irradiances [K].", float)
-@options.option("--ground-K ground_K", "Temperature of the ground [K].", float)
-@options.option(
-    "--sun sun_deg",
-    "Position of the sun in degrees, for the sunlight that facets absorb.",
-    float,
-    nargs=2,
-    metavar="ELEVATION AZIMUTH",
+@options.of(
+    "exchange",
+    *("paths", "sky_K", "ground_K"),
+    sun_deg={"flag": "--sun", "nargs": 2, "metavar": "ELEVATION AZIMUTH"},
 )
 @options.output(
     "the facets (.csv, .json, .html, .vtp, .vtu), the facets and the sparse matrix of their "
     "conductors (.nc), or a picture (.png, .svg, .pdf)",
     EXCHANGE_SUFFIXES,
 )
-def exchange_command(scene, paths, sky_K, ground_K, sun_deg, output):
+def exchange_command(scene, output, **arguments):
     """Heat that the facets of SCENE exchange by radiation.
 
     Printed are for each group the shares of what it emits that reach sky, ground, itself and other
     groups, and the conductors GR in m^2 between groups: the heat flow is GR sigma (T1^4 - T2^4).
     All values have standard errors.
     """
-    arguments = {"paths": paths, "sky_K": sky_K, "ground_K": ground_K, "sun_deg": sun_deg}
     loaded = scene.load(with_sensors=False, with_nothing=False)  # what escapes has its place
-    result = mi_lcair.exchange(loaded, **scene.sampling, **options.given(arguments))
+    result = mi_lcair.exchange(loaded, **scene.sampling, **arguments)
     write_and_print(result, {output: result.save}, [time_row(result)])
 
 
@@ -206,17 +174,12 @@ POSE_SUFFIXES = (".toml", ".csv", ".json", ".html", ".nc")
 @click.argument("scenario")
 @click.argument("points", type=options.FILE, metavar="POINTS.csv")
 @options.changes("Change an entry of the scenario, such as camera.focal_length_mm=50")
-@options.option(
-    "--sigma",
-    "Standard deviation of a column or row, pixels (default: that of the residuals).",
-    click.FloatRange(min=0, min_open=True),
-    metavar="PX",
-)
+@options.of("pose", sigma_px={"flag": "--sigma"})
 @options.output(
     "the scenario with this camera to FILE.toml; or a table, .csv, .json, .html", POSE_SUFFIXES
 )
 @options.renderer
-def pose_command(scenario, points, changes, sigma, output):
+def pose_command(scenario, points, changes, sigma_px, output):
     """Find where a camera is from points and pixels.
 
     SCENARIO is a TOML file with a table [camera]. POINTS.csv has the columns x_m, y_m, z_m,
@@ -224,7 +187,7 @@ def pose_command(scenario, points, changes, sigma, output):
     where they are in the frame, whose upper left corner is (0, 0). Printed are position and
     pointing with 95 % intervals, in m and degrees. `image` and `invert` take FILE.toml.
     """
-    result = mi_lcair.pose(scenario, points, sigma, parameters=dict(changes))
+    result = mi_lcair.pose(scenario, points, sigma_px, parameters=dict(changes))
     write_and_print(result, {output: result.save})
     if output and output.suffix == ".toml":
         print_next(["image", output, "-o", f"{output.stem}.exr"])

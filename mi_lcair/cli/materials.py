@@ -309,52 +309,15 @@ def known_form(ctx, param, value):
     options.FILE,
     multiple=True,
 )
-@options.option(
-    "--quantity",
-    "Quantity of the values: BRDF, or BRDF x cos theta_r (default: as the file states).",
-    click.Choice(["brdf", "brdf_cos"]),
-)
-@options.option(
-    "--theta-r-positive",
-    "Side on which theta_r is positive (default: as the file states).",
-    click.Choice(["specular", "source"]),
-)
-@options.option(
-    "--model",
-    "Reflection model; auto takes the simplest one that describes the data.",
-    click.Choice(["auto", *NAMES]),
-    default="auto",
-)
-@options.option(
-    "--form",
-    "Form of the model, if it has several, such as thesis or normalized.",
-    metavar="FORM",
-    callback=known_form,
-    default="auto",
-)
-@options.option(
-    "--loss",
-    "Scale on which BRDFs are compared.",
-    click.Choice(["log", "cube_root", "linear"]),
-    default="log",
-)
-@options.option("--robust", "Give outliers little weight.", is_flag=True)
-@options.option("--starts", "Number of starting points.", click.IntRange(min=1), default=64)
-@options.seed("Seed of the starting points.")
-@options.option(
-    "--max-angle-deg",
-    "Leave out points at larger angles.",
-    click.FloatRange(0, 90, min_open=True),
-    default=80,
-)
-@options.option(
-    "--min-brdf", "Leave out smaller values, in 1/sr.", click.FloatRange(0), default=1e-4
-)
-@options.option(
-    "--source-half-angle-deg",
-    "Half the angle of the source seen from the sample; 0 for a point source (default: as the "
-    "file states).",
-    click.FloatRange(0, 90, max_open=True),
+@options.of(
+    "fit",
+    *("quantity", "theta_r_positive", "model", "form", "loss", "robust", "starts", "seed"),
+    *("max_angle_deg", "min_brdf", "source_half_angle_deg"),
+    model={"type": click.Choice(["auto", *NAMES])},
+    form={"callback": known_form},
+    max_angle_deg={"type": click.FloatRange(0, 90, min_open=True)},
+    min_brdf={"type": click.FloatRange(0)},
+    source_half_angle_deg={"type": click.FloatRange(0, 90, max_open=True)},
 )
 @options.json
 def fit_command(files, output, plot, bands, **settings):

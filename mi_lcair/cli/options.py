@@ -1,9 +1,11 @@
-"""Options that the commands with a SCENE share, and the functions that carry them out."""
+"""Options that commands share or take from public functions, and what carries them out."""
 
+import ast
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import wraps
+from functools import cache, wraps
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -189,6 +191,90 @@ def option(names: str, help: str, type=None, **settings):
     names: its names with blanks between them, such as "-s --sensor".
     """
     return click.option(*names.split(), type=type, help=help, **settings)
+
+
+# Entry of a NumPy docstring: names, and the indented lines below them
+ENTRY = re.compile(r"^(\w[\w, ]*?)(?: : .*)?\n((?: {4}.*(?:\n|\Z))+)", re.MULTILINE)
+
+
+@cache
+def parameters(function: str) -> dict[str, tuple[str, object, str]]:
+    """Annotation, default and description of each parameter of a public function.
+
+    They are read from its source, because its import takes its time. The default is `...` if there
+    is none. Keywords that a TypedDict declares follow the others.
+    """
+    home = Path(mi_lcair.__file__).parent.parent / mi_lcair._HOME[function].replace(".", "/")
+    module = ast.parse(home.with_suffix(".py").read_text("utf-8"))
+    named = {node.name: node for node in module.body if hasattr(node, "name")}
+    constants = {
+        node.targets[0].id: node.value
+        for node in module.body
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name)
+    }
+    texts = {
+        name.strip(): " ".join(text.split())
+        for names, text in ENTRY.findall(ast.get_docstring(named[function]))
+        for name in names.split(",")
+    }
+    given = named[function].args
+    defaults = [None] * (len(given.args) - len(given.defaults)) + given.defaults
+    pairs = [*zip(given.args, defaults), *zip(given.kwonlyargs, given.kw_defaults)]
+    read = {
+        argument.arg: (
+            ast.unparse(argument.annotation),
+            ... if node is None else ast.literal_eval(constants.get(ast.unparse(node), node)),
+        )
+        for argument, node in pairs
+    }
+    if given.kwarg:
+        declared = named[ast.unparse(given.kwarg.annotation.slice)].body
+        fields = [node for node in declared if isinstance(node, ast.AnnAssign)]
+        read |= {node.target.id: (ast.unparse(node.annotation), None) for node in fields}
+    return {name: (*values, texts.get(name, "")) for name, values in read.items()}
+
+
+def flag_of(parameter: str) -> str:
+    """The option for a parameter of this name."""
+    return f"--{parameter.replace('_', '-')}"
+
+
+def of(function: str, *names: str, **settings: dict):
+    """Decorator that gives a command options for these parameters of a public function.
+
+    Name, type, default and help follow from the function's signature and its docstring. settings:
+    arguments of click.option by parameter, for what does not follow, and "flag" for another name.
+    """
+
+    def decorator(command):
+        for name in reversed(list(dict.fromkeys((*names, *settings)))):
+            annotation, default, text = parameters(function)[name]
+            kind = annotation.removesuffix(" | None")
+            declared = {"help": re.sub("`(\\w+)`", lambda match: flag_of(match[1]), text)}
+            if default is ...:
+                declared["required"] = True
+            elif default is not None:
+                declared["default"] = default
+            if kind == "int":
+                least = 0 if default == 0 else 1
+                declared["type"] = click.IntRange(least, 2**32 - 1 if name == "seed" else None)
+            elif kind.startswith("Literal"):
+                declared["type"] = click.Choice(ast.literal_eval(kind.removeprefix("Literal")))
+            elif kind in ("float", "Sequence[float]"):
+                declared["type"] = float
+            elif kind == "bool":
+                declared["is_flag"] = True
+            elif kind == "str | PathLike[str]":
+                declared["type"] = Output(re.findall(r"FILE(\.\w+)", text))
+                declared["metavar"] = "FOLDER" if text.startswith("Folder") else "FILE"
+            elif kind != "str":
+                declared["metavar"] = kind.split()[-1].upper()
+            declared |= settings.get(name, {})
+            flag = declared.pop("flag", flag_of(name))
+            command = click.option(flag, name, **declared)(command)
+        return command
+
+    return decorator
 
 
 json = flag_option(JSON, "--json", help="Print the results as JSON.")

@@ -216,13 +216,7 @@ class Azimuths(Angles):
 )
 @options.output("a row for each view, FILE.csv or FILE.nc (netCDF)", (".csv", ".nc"), required=True)
 @options.plot("polar curves")
-@options.option(
-    "--resolution",
-    "Pixels along each side of a view, to which --spp and --max-spp refer. The paths begin "
-    "anywhere in the view.",
-    options.POSITIVE,
-    default=64,
-)
+@options.of("trend", "resolution")
 @options.sampling(
     spp="Paths of each view, divided by its number of pixels, instead of --tolerance.",
     tolerance="Trace paths until half of the 95 % interval of each intensity is at most this "
@@ -323,13 +317,7 @@ def contrast_command(scenario, ranges, plot):
 @options.output(
     "the image, FILE.exr, and the counts to FILE.tif beside it", (".exr",), required=True
 )
-@options.option(
-    "--frames",
-    "Number of frames with independent noise, pages of FILE.tif. There is one render.",
-    options.POSITIVE,
-    default=1,
-)
-@options.seed("Seed of the camera's noise and fixed pattern.")
+@options.of("image", "frames", "seed")
 @options.plot("frame and measures")
 def image_command(scenario, output, frames, seed, plot):
     """Record the target of a scenario with its camera.
@@ -389,19 +377,10 @@ def sweep_command(conditions, output, areas, overwrite):
 @options.output(
     "a row for each moment, FILE.csv or FILE.nc (netCDF)", (".csv", ".nc"), required=True
 )
-@options.file(
-    "--areas",
-    "Keep the effective areas in this folder. What it holds is not traced again.",
-    metavar="FOLDER",
-)
-@options.file(
-    "--frames", "Write the frames of [camera] as 16-bit counts, pages of FILE.tif.", (".tif",)
-)
-@options.file("--video", "Write them for people, FILE.gif.", (".gif",))
-@options.seed("Seed of the camera's noise and fixed pattern.")
+@options.of("flight", "areas", "frames", "video", "seed")
 @options.workers
 @options.plot("contrast, signal-to-noise ratio and range")
-def flight_command(scenario, output, areas, frames, video, seed, plot):
+def flight_command(scenario, output, plot, **arguments):
     """Contrast of a scenario's target along a path.
 
     SCENARIO is a TOML file as for `contrast`, with a table [flight] in place of [observer] and
@@ -409,12 +388,11 @@ def flight_command(scenario, output, areas, frames, video, seed, plot):
     signal-to-noise ratio at each moment, with their errors. Printed is when the target is first
     detected.
     """
-    files = {"frames": frames, "video": video}
     with together():
         with options.progress_bar() as progress:
-            result = mi_lcair.flight(scenario, areas=areas, **files, seed=seed, progress=progress)
+            result = mi_lcair.flight(scenario, **arguments, progress=progress)
         result.save(output)
         if plot:
             result.plot(plot)
     print_result(result, [time_row(result)])
-    print_written(output, frames, video, plot)
+    print_written(output, arguments["frames"], arguments["video"], plot)

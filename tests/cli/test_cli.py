@@ -1,5 +1,6 @@
 """Tests of the command line and of `render`: arguments, output, errors and exit status."""
 
+import inspect
 import json
 import os
 import signal
@@ -9,10 +10,11 @@ from io import StringIO
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
+import click
 import pytest
 
 import mi_lcair
-from mi_lcair.cli import COMMANDS, PURPOSES
+from mi_lcair.cli import COMMANDS, PURPOSES, options
 from mi_lcair.cli.options import progress_bar
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.rendering.images.files import read_exr
@@ -23,6 +25,22 @@ HEAVY = ("mitsuba", "drjit", "matplotlib", "colour", "scipy", "OpenEXR", "numpy"
 
 
 # ---- start and help
+
+
+def test_options_of_a_function():
+    """They have the types, defaults and texts of the signature and docstring that Python sees."""
+    names = "emissivity", "reflected", "sigma", "image"
+    command = click.command("x")(options.of("temperature", *names)(lambda **_: None))
+    emissivity, reflected, sigma, image = command.params
+    signature = inspect.signature(mi_lcair.temperature).parameters
+    assert sigma.default == signature["sigma"].default and sigma.type is click.FLOAT
+    assert emissivity.required and image.required and not reflected.required
+    for option in command.params:
+        words = " ".join(mi_lcair.temperature.__doc__.split())
+        assert option.help and option.help.replace("--", "`").split("`")[0] in words
+    (paths,) = click.command("x")(options.of("exchange", "paths")(lambda **_: None)).params
+    default = inspect.signature(mi_lcair.exchange).parameters["paths"].default
+    assert paths.default == default and paths.opts == ["--paths"] and paths.type.min == 1
 
 
 @pytest.mark.slow
