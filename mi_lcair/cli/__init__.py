@@ -108,8 +108,10 @@ def _verdict(error: BaseException) -> tuple[int, str]:
     """Exit status and message for an exception that ended a command."""
     if isinstance(error, (click.Abort, KeyboardInterrupt)):
         return INTERRUPTED, "interrupted"
-    if isinstance(error, click.NoSuchOption) and error.option_name in RENAMED:
-        error.possibilities = [RENAMED[error.option_name]]
+    if isinstance(error, click.NoSuchOption) and error.ctx:
+        known = {name for option in error.ctx.command.params for name in option.opts}
+        if (present := RENAMED.get(error.option_name)) in known:
+            error.possibilities = [present]
     if isinstance(error, click.UsageError):
         command = error.ctx.command_path if error.ctx else "mi-lcair"
         return UNUSABLE, f"{error.format_message().rstrip('.')}; see '{command} --help'"

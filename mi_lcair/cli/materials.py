@@ -203,6 +203,10 @@ def import_command(ctx, file, output, check, overwrite, materials, band, **setti
 
     A Mitsuba scene, MODEL.xml, becomes thermal with --temperature: all its shapes emit.
     """
+    if band:
+        from mi_lcair.physics import bands
+
+        bands.band(band)  # raises InputError, before anything is written
     if file.suffix.lower() == ".xml":
         _import_scene(ctx, file, output, settings["temperature"], band or "LWIR", overwrite)
         return

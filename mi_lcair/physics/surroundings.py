@@ -103,7 +103,7 @@ class TableSky:
         light = self.at(45.0)
         if np.any(light.radiance > spectral_radiance(light.wavelengths_um, HOTTEST_K)):
             raise InputError(
-                f"surroundings: sky {self.name} is brighter than the sun's surface; its radiance "
+                f"sky {self.name} is brighter than the sun's surface; its radiance "
                 "must be in W m^-2 sr^-1 um^-1"
             )
         if self.temperature is None:
@@ -250,12 +250,10 @@ def sky_of(
             name, sun_elevation_deg, height_m, weather if name == atmosphere else Weather()
         )
     if str(word) == OVERCAST and sun_elevation_deg is not None:
-        raise InputError(
-            "surroundings: an overcast sky hides the sun; leave the sun out, or choose a clear sky"
-        )
+        raise InputError("an overcast sky hides the sun; leave the sun out, or choose a clear sky")
     if has_azimuths(text):
         if sun_elevation_deg is None:
-            raise InputError(f"surroundings: sky {text} has azimuths from the sun; give the sun")
+            raise InputError(f"sky {text} has azimuths from the sun; give the sun")
         return SunlitTable(text, sun_elevation_deg)
     try:
         kelvin = float(text)
@@ -266,7 +264,7 @@ def sky_of(
             raise unknown("sky table", text, words) from None
         return TableSky(text)
     if not 0 < kelvin < HOTTEST_K:
-        raise InputError(f"surroundings: sky {text}; a temperature must lie in 0..10000 K")
+        raise InputError(f"sky {text}; a temperature must lie in 0..10000 K")
     return TableSky(kelvin)
 
 
@@ -531,7 +529,6 @@ BLACK = "1"  # emissivity of ground that states none
 @dataclass(frozen=True)
 class Words(
     Table,
-    where="surroundings",
     rules=(
         rule(
             lambda t: given(t, ("sky", "ground")),

@@ -134,6 +134,11 @@ def test_a_former_option_names_the_present_one(refused, command, old, new):
     assert f"Did you mean {new}?" in message.replace("'", "")
 
 
+@pytest.mark.parametrize("old", ["--photons", "--rays"])
+def test_a_former_option_is_not_named_where_there_never_was_one(refused, old):
+    assert "--paths" not in refused("render", "x", old, 8)
+
+
 @pytest.mark.parametrize("args", [["-q", "render"], ["render", "-q"]])
 def test_quiet_prints_no_notes_and_no_progress(run, refused, renderer, args, monkeypatch):
     renderer.remarks = ["material gloss: scaled down beyond 88 degrees"]

@@ -237,6 +237,16 @@ def test_files_are_replaced_and_others_left_alone(run, refused, folder):
         path.write_text(written)
 
 
+@pytest.mark.parametrize("suffix", [".obj", ".xml"])
+def test_an_unknown_band_is_refused_before_anything_is_written(refused, folder, suffix):
+    (folder / "model.obj").write_text(cube())
+    (folder / "model.xml").write_text('<scene version="3.0.0"><shape type="sphere"/></scene>')
+    options = ["--temperature", 300] if suffix == ".xml" else []
+    message = refused("import", f"model{suffix}", "-o", "boxes", "--band", "lwer", *options)
+    assert "unknown band 'lwer'" in message
+    assert not (folder / "boxes").exists()
+
+
 def test_remarks_have_the_names_of_the_file(run, folder):
     """What an object of Blender is called, and not the numbers of its facets alone."""
     square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"

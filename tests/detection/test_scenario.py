@@ -300,6 +300,22 @@ def test_backgrounds_by_day(tmp_path):
             Background(**missing, ground_emissivity=0.9)
 
 
+@pytest.mark.parametrize(
+    "words, message",
+    [
+        ('ground = "warm"', "ground warm: must be KELVIN"),
+        ('sky = "cloudy"', "unknown sky table 'cloudy'"),
+        ('sky = "overcast"\nsun = "30"', "an overcast sky hides the sun"),
+        ('sun = "30"', "sky and ground are missing"),
+    ],
+)
+def test_a_mistake_in_surroundings_names_their_table_once(written, words, message):
+    text = TOML.replace("[background]\ntemperature = 294\n", f"[surroundings]\n{words}\n")
+    with pytest.raises(InputError) as error:
+        Scenario.read(written(text))
+    assert f": [surroundings]: {message}" in str(error.value)
+
+
 def test_ground_of_surroundings_without_a_sky_is_black(written):
     text = TOML.replace("[background]\ntemperature = 294\n", '[surroundings]\nground = "280,0.8"\n')
     background = Scenario.read(written(text)).background
