@@ -147,7 +147,7 @@ class BarCharts(Picture):
 class Scale(TypedDict, total=False):
     """Options of the colour scales of a picture.
 
-    log: make the scales logarithmic, over `colour_scale.LOG_DECADES` at most. vmin, vmax: their
+    log: make the scales logarithmic, over six decades at most. vmin, vmax: their
     ends. cmap: name of a colour map of Matplotlib. common_scale: channels of one quantity have the
     same scale, which is the default. part: rows and columns of the pixels that set the ends.
     """

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, get_args, get_origin, get_type_
 
 import numpy as np
 
-from mi_lcair import sections as html
 from mi_lcair.drawing import PICTURES, notebook_png, write_figure
 from mi_lcair.errors import InputError, check_known, printable
 from mi_lcair.estimate import Contribution, Estimate, in_unit
@@ -29,6 +28,8 @@ from mi_lcair.sections import (
     Remarks,
     Section,
     Table,
+    first_rows,
+    part_html,
     unpacked,
     words_of,
 )
@@ -199,8 +200,8 @@ class Result:
             data = b64encode(notebook_png(self.plot())).decode()
             body = f'<img alt="{self.kind}" src="data:image/png;base64,{data}"/>'
         except InputError:  # without a picture, or with values that cannot be drawn
-            body = html.first_rows(self.columns())
-        return f"<div>{html.part_html(self.summary())}{body}</div>"
+            body = first_rows(self.columns())
+        return f"<div>{part_html(self.summary())}{body}</div>"
 
     def page_title(self) -> str:
         """What the result is, as the title of a page: the beginning of `summary`."""

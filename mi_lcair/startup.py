@@ -19,8 +19,7 @@ from mi_lcair.errors import printable
 # The folder in which Dr.Jit keeps compiled kernels: tried before `drjit` is imported
 # -----------------------------------------------------------------------------------
 # Where a kernel cannot be written, Dr.Jit 1.5 reports it and tries again for ever, deaf to Ctrl-C.
-# A
-# folder without room is therefore replaced by one that has some, or the cache is switched off.
+# A folder without room is therefore replaced by one that has some, or the cache is switched off.
 #
 # Dr.Jit runs the kernels that it finds in the folder. Nobody else may therefore write there.
 
@@ -268,17 +267,14 @@ def _rejection(path):
 # What is changed in Mitsuba when it has been imported: two functions, its log, and one thread
 # --------------------------------------------------------------------------------------------
 # `mi.render` and `mi.traverse` take what `mi_lcair.load` returns. Mitsuba's functions take objects
-# of
-# its own classes only. `mi.render` asserts the class and passes the scene on to C++, so that no
-# class
-# written in Python can stand for it. Both functions are therefore replaced by ones that pass on the
-# `mi` of a loaded scene, and anything else as it is.
+# of its own classes only. `mi.render` asserts the class and passes the scene on to C++, so that no
+# class written in Python can stand for it. Both functions are therefore replaced by ones that pass
+# on the `mi` of a loaded scene, and anything else as it is.
 #
 # Log messages go to Python's logging, so that stdout has only results.
 #
 # On one core Mitsuba's OpenEXR waits forever for the lines of a picture, so that Dr.Jit gets a
-# second
-# thread there.
+# second thread there.
 
 FUNCTIONS = ("render", "traverse")
 THREADS = Path("/proc/self/task")  # Linux lists the threads of this process here

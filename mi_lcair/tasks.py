@@ -31,14 +31,11 @@ from mi_lcair.errors import InputError
 # thread that uses Dr.Jit meanwhile, if only to read an array, holds Python's own lock and waits for
 # Dr.Jit's: neither goes on. Two threads that record end the process. All that uses Dr.Jit therefore
 # takes turns, from the loading of a scene to the result of a public function. A scene that any
-# other
-# thread discards is deleted in the next turn: the thread that has the turn may wait for the other,
-# as
-# for the one that serves workers.
+# other thread discards is deleted in the next turn: the thread that has the turn may wait for the
+# other, as for the one that serves workers.
 #
 # Mitsuba makes objects in threads of its own, if it may, and these would delete what garbage holds
-# of
-# Dr.Jit. All objects are therefore made in the thread that loads (`parallel = False`).
+# of Dr.Jit. All objects are therefore made in the thread that loads (`parallel = False`).
 #
 # Dr.Jit records calls of every plugin that is alive, also of other scenes. The plugins of the scene
 # that is being traced are therefore known to the process.

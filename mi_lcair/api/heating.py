@@ -5,7 +5,7 @@ from os import PathLike
 
 from mi_lcair.api.scenes import scene_of
 from mi_lcair.declared import Bounds
-from mi_lcair.heating import exchange as heating
+from mi_lcair.heating import exchange as conductors
 from mi_lcair.heating.exchange_result import Exchange
 from mi_lcair.heating.temperatures.description import Description
 from mi_lcair.heating.temperatures.heat_result import Heat
@@ -72,7 +72,7 @@ def exchange(
     if sun_deg is not None:
         elevation_deg, azimuth_deg = sun_deg
         ELEVATION.check(elevation_deg, "elevation of the sun")
-    return heating.exchange(
+    return conductors.exchange(
         scene_of(scene, parameters),
         paths,
         seed,

@@ -193,14 +193,12 @@ class Surface:
 # ----------------------------------------------------------------------------------------
 # All vertices move at once, each forward or backward by a sign of its own. The change of a path's
 # radiance is due to the vertices of the triangles that it meets in one of the two poses. Times
-# their
-# signs, it is on average the sum of their derivatives; the signs of all others cancel.
+# their signs, it is on average the sum of their derivatives; the signs of all others cancel.
 #
 # The paths begin at points of the triangles and follow them, as those of attached differences. With
 # A the visible area of a triangle, and R the mean radiance toward the sensor from its points, 0
-# from
-# hidden ones, the intensity is the sum of A R. The derivative of A is known. Only that of R, from
-# what turns, hides or is reflected, has to be found by displacements.
+# from hidden ones, the intensity is the sum of A R. The derivative of A is known. Only that of R,
+# from what turns, hides or is reflected, has to be found by displacements.
 
 # Displacement of a vertex in parts of its `Surface.reach`. The truncation error of two plates whose
 # edges are near each other is 0.5 % with it, 5 % with 0.1 and 27 % with 0.3.

@@ -28,7 +28,7 @@ UNMET = 3
 class Facets:
     """The n facets of a scene that exchange heat.
 
-    number: (n,), their numbers in the scene, see `rendering.facets.table.FacetTable`. area: (n,),
+    number: (n,), their numbers in the scene, see `rendering.facets.FacetTable`. area: (n,),
     of one side [m^2]. sides: (n,), number of sides that radiate, 1 or 2. groups: names of the
     groups. group: (n,), index of each facet's group in `groups`. material: (n,), its name.
     emissivity: (n,), hemispherical, in the total band.

@@ -244,15 +244,13 @@ def closed_shapes(table: FacetTable, shapes: list, one_sided: np.ndarray) -> np.
 # Paths that begin on facets, and what they meet
 # ----------------------------------------------
 # A path begins at a point on a side of a facet, in a direction drawn by the cosine. It is followed
-# as
-# from an observer, against the direction of the light: of what surface j emits, a side of facet i
-# absorbs the part of the area
+# as from an observer, against the direction of the light: of what surface j emits, a side of facet
+# i absorbs the part of the area
 #
 #     G_ij = A_i <eps_i(theta) W eps_j(theta')>,
 #
 # where W is the product of the weights of the reflections between. The mean is over the paths of
-# the
-# side, and A_i is its area.
+# the side, and A_i is its area.
 
 # Part of a path's first weight below which half of the paths end, and the others count twice
 FAINT = 1e-4
@@ -512,8 +510,7 @@ def emitting_facets(table: FacetTable, shapes: list, name: str) -> np.ndarray:
 # ------------------------------------------------------------
 # The sun's light falls on a side of a facet through shadow rays. What the facet does not absorb it
 # reflects, and paths in the solar band say who absorbs that light. They begin with the cosine, as
-# if
-# the first reflection were diffuse; the later reflections are those of the surfaces.
+# if the first reflection were diffuse; the later reflections are those of the surfaces.
 
 
 @dataclass(frozen=True, eq=False)

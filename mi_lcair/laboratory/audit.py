@@ -61,7 +61,7 @@ class Audit(Result):
         is 0 except for its error. `emitted` includes the sunlight through a disc that covers
         everything but the sky.
     materials : dict
-        {material: {name: FluxAndError}}, W, with the names of `photons.Flux`.
+        {material: {name: FluxAndError}}, W, with the names of `Flux`.
     shares : dict
         The same fluxes as shares. Under "scene" they are shares of the flux that the scene emits,
         under a material shares of the flux that arrives at the material.

@@ -216,11 +216,9 @@ def write_csv(path, temperature: Temperature) -> None:
 #
 # of an object of emissivity epsilon and temperature T_obj in surroundings of temperature T_refl,
 # through air of transmittance tau that radiates W_path = (1 - tau) W(T_air). W(T) is the integral
-# of
-# Planck's law over the band. Source: the measurement formula in FLIR, Photon user's manual, chapter
-# History and Theory of Infrared Technology, Equations 2 to 4. For air by wavelength, tau W(T) is
-# the
-# integral of transmittance and Planck's law together.
+# of Planck's law over the band. Source: the measurement formula in FLIR, Photon user's manual,
+# chapter History and Theory of Infrared Technology, Equations 2 to 4. For air by wavelength, tau
+# W(T) is the integral of transmittance and Planck's law together.
 
 KELVIN = Bounds(lower=60, upper=6000, unit="K")
 # The quantities in their order in a budget

@@ -67,8 +67,7 @@ def _checksum(content: bytes) -> str:
 # The scene files of a facet model: the fragment that places it, and a scene that looks at it
 # -------------------------------------------------------------------------------------------
 # Model axes: x forward, y left, z up. Yaw turns the nose to the left, pitch lifts it, roll lowers
-# the
-# right wing.
+# the right wing.
 
 TURN = """        <transform name="to_world"> <rotate x="1" angle="$roll_deg"/> \
 <rotate y="-1" angle="$pitch_deg"/> <rotate z="1" angle="$yaw_deg"/> </transform>

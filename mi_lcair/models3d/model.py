@@ -11,8 +11,6 @@ from mi_lcair.extras import named
 from mi_lcair.files import read_text
 from mi_lcair.models3d.coincident import weld
 from mi_lcair.models3d.modellers import exchange
-from mi_lcair.models3d.modellers import exchange as axes
-from mi_lcair.models3d.modellers import exchange as fem
 from mi_lcair.models3d.modellers.naming import (
     TYPES,
     Label,
@@ -170,8 +168,8 @@ def read(
     names : str, Path or None
         CSV file that says what faces with a name are, see `NameTable`.
     forward, up : str or None
-        Axes of the file along which Blender's +Y and +Z were written, see `axes.rotation`; None for
-        Y and Z, or for those of the file's format.
+        Axes of the file along which Blender's +Y and +Z were written, see `exchange.rotation`.
+        None for Y and Z, or for those of the file's format.
     nose : str
         Axis of Blender's coordinates along which the nose points.
 
@@ -200,8 +198,8 @@ def read(
             names = f"{option('temperature')} and {option('temperatures')}"
             raise InputError(f"{names} exclude each other; give one")
     check_model(path)
-    kind, usual = exchange.KINDS.get(Path(path).suffix.lower(), ("OBJ", axes.AS_BLENDER))
-    turn = axes.rotation(forward or usual[0], up or usual[1], nose)
+    kind, usual = exchange.KINDS.get(Path(path).suffix.lower(), ("OBJ", exchange.AS_BLENDER))
+    turn = exchange.rotation(forward or usual[0], up or usual[1], nose)
     obj = read_obj(path) if kind == "OBJ" else exchange.read_mesh(path)
     table = NameTable(names) if names else None
     labels, label = labels_of(
@@ -214,9 +212,9 @@ def read(
     )
     welded = _welded(obj, scale, turn)
     away = ()
-    if table_of_temperatures and table_of_temperatures.suffix.lower() in fem.SUFFIXES:
+    if table_of_temperatures and table_of_temperatures.suffix.lower() in exchange.SUFFIXES:
         corners = welded["vertices"][welded["corners"]]
-        kelvins, away = fem.temperatures_of_mesh(
+        kelvins, away = exchange.temperatures_of_mesh(
             table_of_temperatures, np.split(corners, welded["first"][1:-1])
         )
         for number in (kelvins.min(), kelvins.max()):
@@ -307,7 +305,7 @@ def _remarks(obj: Obj, labels, label, table, ask_axes):
         of_model = np.array([entry.type == "f" for entry in labels])[label]
         judged = np.repeat(of_model | ~of_model.any(), np.diff(obj.first))
         points = obj.vertices[np.unique(obj.corners[judged])]
-        lines.append(axes.remark(points, obj.blender))
+        lines.append(exchange.remark(points, obj.blender))
     if table and (unused := table.unused()):
         lines.append(f"{table.path}: nothing in {obj.path} is called {', '.join(unused)}")
     return tuple(filter(None, lines))

@@ -335,8 +335,7 @@ def utc(time: str) -> datetime:
 # Sunlight: spectral irradiance of the sun outside the air, through clear air, or measured
 # ----------------------------------------------------------------------------------------
 # The irradiance is that of the direct sun on a plane perpendicular to it. It is also the radiance
-# of
-# an even disc whose projected solid angle is 1 sr.
+# of an even disc whose projected solid angle is 1 sr.
 
 NO_AIR = "none"
 OUTSIDE_AIR = "E490"  # name of the spectrum outside the air

@@ -492,7 +492,7 @@ def surroundings(
     Parameters
     ----------
     sky
-        "clear", "overcast", a temperature [K], a bundled sky or a file, as `skies.sky_of` takes it;
+        "clear", "overcast", a temperature [K], a bundled sky or a file, as `sky_of` takes it;
         None for none.
     ground
         The ground; None for none.

@@ -86,7 +86,7 @@ class FacetPolygons:
         """Write the polygons as a .vtp or .vtu file with the columns of a table of facets.
 
         columns: `facet`, the number of each row's facet, and others by name with the unit. Facets
-        without a row are left out. Raises InputError as `vtk.write_facets`.
+        without a row are left out. Raises InputError as `formats.write_facets`.
         """
         row = np.full(1 + max(self.facet.max(initial=0), columns["facet"].max(initial=0)), -1)
         row[columns["facet"]] = np.arange(len(columns["facet"]))
@@ -584,9 +584,9 @@ def model_of(scene: Scene) -> Model:
 # Steps from facet to facet, for paths that the walk cannot follow
 # ----------------------------------------------------------------
 # The walk follows light from the observer, in the band of the scene, and sums radiance. Heat
-# exchange
-# needs the scene's surfaces in other bands, and notes every facet that absorbs. The energy audit
-# follows light forward, with the two directions of a BRDF swapped, and splits the flux at each hit.
+# exchange needs the scene's surfaces in other bands, and notes every facet that absorbs. The energy
+# audit follows light forward, with the two directions of a BRDF swapped, and splits the flux at
+# each hit.
 
 
 @dataclass(frozen=True, eq=False)

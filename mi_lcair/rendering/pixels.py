@@ -164,9 +164,8 @@ class PixelError(PixelCriterion):
 # All pixels first get the same number of paths. From the scatter of these paths follows a share of
 # the further ones for each pixel. The share comes from the pixels around it and not from itself. A
 # pixel's number of paths is therefore independent of the radiance of these paths, so that neither
-# its
-# mean nor its standard error is biased. A pixel that stopped because its own first paths scattered
-# little would be too dark on average, because these paths missed what is bright and rare.
+# its mean nor its standard error is biased. A pixel that stopped because its own first paths
+# scattered little would be too dark on average, because these paths missed what is bright and rare.
 
 EVEN_PARTS = (1 / 8, 1 / 4, 1 / 2)  # smallest share of a pixel; the best of them is taken
 STEP = 4  # points that a pixel gets more at once, so that few kernels are compiled

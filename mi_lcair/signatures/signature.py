@@ -12,8 +12,8 @@ from mi_lcair.charts import BarChart, BarCharts, label
 from mi_lcair.files import VTK
 from mi_lcair.plugins.paths.launch import Aim
 from mi_lcair.plugins.recorders.channels import Channels
-from mi_lcair.rendering import facets as polygons
 from mi_lcair.rendering.facets import FacetTable
+from mi_lcair.rendering.facets import write_vtk as write_vtk_of_facets
 from mi_lcair.rendering.measurands import ExcessFunction, IntensityInterval, Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling
@@ -323,7 +323,7 @@ class Signature(Result):
 
 def write_vtk(path, signature: Signature) -> None:
     """Write the facets of a signature as a .vtp or .vtu file."""
-    polygons.write_vtk(path, signature.facets)
+    write_vtk_of_facets(path, signature.facets)
 
 
 def measure_signature(

@@ -86,8 +86,7 @@ def interpolated(table: mi.Float, place: tuple, blocks: int, block) -> mi.Vector
 # --------------------------------------------------------------------------
 # A family is the materials of one reflection model in one form. Its `between` and `toward` compute
 # what all bins share; `f` and `HDR` then give the values of a block of bins with few operations.
-# Row
-# 0 of a family stands for surfaces that do not belong to it.
+# Row 0 of a family stands for surfaces that do not belong to it.
 
 STEPS_OF_F = 512  # steps of the table of Fresnel reflectances, even in sqrt(cos)
 BRDF, MIRROR, DIFFUSE = range(len(LOBES))

@@ -272,12 +272,10 @@ def places_of(bsdfs) -> dict:
 # Surfaces at which a render of derivatives explores what they do not reflect
 # ---------------------------------------------------------------------------
 # A path ends where its weight becomes 0. The derivative with respect to a reflectance of 0 is not
-# 0,
-# and needs the radiance that the surface would reflect. A render of derivatives therefore explores
-# such surfaces. Its paths go on from there as latent paths, which count for the derivative at that
-# surface alone. The floor and the lobe of a reflection model are both sampled, also where one of
-# them
-# is 0.
+# 0, and needs the radiance that the surface would reflect. A render of derivatives therefore
+# explores such surfaces. Its paths go on from there as latent paths, which count for the derivative
+# at that surface alone. The floor and the lobe of a reflection model are both sampled, also where
+# one of them is 0.
 
 SMALL = 0.02  # reflectance, or share of it, below which too few paths follow it for a derivative
 DEGREES = (5, 30, 55, 75)  # angles of the observer at which reflectances are compared with SMALL

@@ -7,7 +7,7 @@ bundled scenes use the files in scenes/models.
 import sys
 from pathlib import Path
 
-from mi_lcair import models3d as facets
+from mi_lcair import models3d
 from mi_lcair.scenes.build.airliner import airliner
 from mi_lcair.scenes.build.cylinder import cylinder
 from mi_lcair.scenes.build.surroundings import ir_range, world_sphere
@@ -38,7 +38,7 @@ def main(folder):
         obj = folder / f"{name}.obj"
         obj.write_text(text, encoding="ascii", newline="\n")
         sky = SKY if name == "world_sphere" else None
-        facets.export(facets.read(obj), folder / name, sky=sky, overwrite=True)
+        models3d.export(models3d.read(obj), folder / name, sky=sky, overwrite=True)
 
 
 if __name__ == "__main__":

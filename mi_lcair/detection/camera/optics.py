@@ -105,7 +105,7 @@ class Optics:
     ----------
     imager : Imager
     electron_band : Band
-        Band whose values are electrons; see `response.electron_band`.
+        Band whose values are electrons; see `electronics.electron_band`.
     spectrum : callable
         Spectral radiance at an array of wavelengths, um, in any unit. It weights diffraction and
         turbulence.

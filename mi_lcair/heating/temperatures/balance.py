@@ -105,8 +105,7 @@ class Balance:
 # The temperature over the depth is a polynomial of degree `CELLS`, given by its values at the
 # Gauss-Lobatto nodes. Node 0 lies on the surface that faces the scene. Below the depth of a day's
 # waves the nodes are apart as the points of an exponential, for waves of longer series. With the
-# mass
-# matrix M, the stiffness K, and the flux q into the surface [W m^-2],
+# mass matrix M, the stiffness K, and the flux q into the surface [W m^-2],
 #
 #     M dU/dt + K U = b + q e_0,
 #

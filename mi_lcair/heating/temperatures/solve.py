@@ -25,15 +25,15 @@ from mi_lcair.rendering.window import window_area
 # Temperatures over the times of a weather, and their derivatives with respect to inputs
 # --------------------------------------------------------------------------------------
 # Time steps are those of BDF2. The nodes U of a wall are followed by the amplitudes V of its modes,
-# U = Phi V, see `wall`. With those that earlier steps give, H, and the flux q into the surface,
+# U = Phi V, see `balance.Wall`. With those that earlier steps give, H, and the flux q into the
+# surface,
 #
 #     (3/2 / dt + rates) V = H / dt + Phi^T b + Phi_0 q,
 #
 # so that the surface has the temperature Phi_0 V = r + q / g with known r and g. What remains is
-# one
-# equation for each facet, see `balance`. A steady state is a step without an end. A change of V
-# that
-# is due to an input of the wall follows the same equation, with Phi^T (db - dK U - dM dU/dt) in it.
+# one equation for each facet, see `balance.Balance`. A steady state is a step without an end. A
+# change of V that is due to an input of the wall follows the same equation, with
+# Phi^T (db - dK U - dM dU/dt) in it.
 
 PERIODIC = 2e-3  # largest distance of a temperature from its periodic value [K]
 MOST_DAYS = 60

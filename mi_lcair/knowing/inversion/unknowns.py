@@ -21,7 +21,7 @@ from mi_lcair.toml_table import filled, table_of, tables_of
 
 # An inverse problem: measurements, unknowns, and what is known beforehand, read from a TOML file
 # -----------------------------------------------------------------------------------------------
-# Its tables are the dataclasses of `measurement` and `tables`.
+# Its tables are dataclasses: those of [[data]] are in `data.datum`, the others in `tables`.
 
 TABLES = ("data", "unknowns", "nuisance", "candidates", "goal", "render", MOTIONS)
 LABELLED = re.compile(r"\s*(?P<name>[^\[\]]*[^\[\]\s])\s*(\[(?P<of>[^\[\]]+)\])?\s*")

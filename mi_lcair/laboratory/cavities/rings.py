@@ -17,9 +17,8 @@ from mi_lcair.laboratory.cavities.shape import Shape
 #     A_a F_ab = pi/2 (X - sqrt(X^2 - 4 a^2 b^2)),    X = a^2 + b^2 + h^2
 #
 # (Howell, A Catalog of Radiation Heat Transfer Configuration Factors, C-41). What passes between
-# two
-# rings of a convex wall passes the discs between them. Their exchange is therefore a difference of
-# those of the discs at their edges, and exact for a curved wall too.
+# two rings of a convex wall passes the discs between them. Their exchange is therefore a difference
+# of those of the discs at their edges, and exact for a curved wall too.
 
 
 def disc_exchange(a, b, h):

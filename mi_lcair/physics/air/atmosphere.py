@@ -16,8 +16,7 @@ from mi_lcair.physics.bands import Band, Spectrum
 # -----------------------------------------------------------------
 # Where light crosses two paths one after the other, the amounts of absorbers add, because the lines
 # that the first path has blackened are the lines of the second. The product of the transmittances
-# of
-# both paths is too small for light that has crossed air, and too large for light that air emits.
+# of both paths is too small for light that has crossed air, and too large for light that air emits.
 
 MOST_SHARES = 64  # transmittances of one light that are kept
 SMALLEST_SHARE = 1e-9  # of the largest radiance, below which a transmittance is not computed

@@ -26,9 +26,8 @@ from mi_lcair.physics.blackbody import spectral_radiance
 # -------------------------------------------------------------------------------
 # Along a ray n (R + h) cos(elevation) is constant (Bouguer), with the refractive index n at the
 # height h. With u = n (R + h) this is u^2 = p^2 + x^2, where x = u sin(elevation) rises along the
-# ray
-# from negative values before its lowest point to positive ones after it. The length follows from
-# ds = dx / (du/dh), which is smooth at the lowest point, too.
+# ray from negative values before its lowest point to positive ones after it. The length follows
+# from ds = dx / (du/dh), which is smooth at the lowest point, too.
 
 FIRST_KM, GROWTH = 0.005, 0.2  # length of the first layer, and of the others per distance
 THICKEST_KM, THICKEST_HIGH_KM, HIGH_KM = 0.5, 2.0, 30.0  # vertical extent of a layer; above HIGH_KM
@@ -232,7 +231,7 @@ class ClearAir:
         check_height(height_m)
         heights = np.array([0.0, height_m / 1000])
         index, _ = self.levels.refraction(heights)
-        ground, viewer = (1 + index) * (EARTH_KM + heights)  # see `ray.Path`
+        ground, viewer = (1 + index) * (EARTH_KM + heights)  # see `Path`
         return -float(np.degrees(np.arccos(min(ground / viewer, 1.0))))
 
     def emitted(self, along: Ray, sun: SunDirection | None = None) -> AirLight:

@@ -15,8 +15,7 @@ from mi_lcair.table import read_table, rows_at
 # ---------------------------------------------------------------------
 # The Earth has an effective radius, so that a straight line over it is as high as a refracted ray
 # over the Earth: 1.19 times the true radius gives the target heights of LOWTRAN7's slant paths
-# within
-# 0.8 m.
+# within 0.8 m.
 
 EFFECTIVE_RADIUS_M = 1.19 * 6.371e6
 
@@ -61,8 +60,7 @@ def length_between(start_m: float, end_m: float, elevation_deg: float) -> float:
 # Spectral coefficients of LOWTRAN7's band model: from amounts of absorbers to optical depths
 # -------------------------------------------------------------------------------------------
 # The optical depth is the sum of (coefficient * amount)^exponent over the absorbers, with the
-# amounts
-# of the whole path. The exponent is below 1 where unresolved lines saturate.
+# amounts of the whole path. The exponent is below 1 where unresolved lines saturate.
 
 TABLES = Path(__file__).with_name("tables")
 WAVELENGTH = "wavelength_um"

@@ -4,8 +4,8 @@ With c_i, c_r the cosines of source and observer, m = (i + r) / |i + r| the half
 cosine and p = i.m = r.m,
 
     f(i, r) = F(p) D(m) G(i, r) / (4 c_i c_r) + rho_d / pi (1 - F(c_i)) (1 - F(c_r))
-    D(m) = D_0 / (1 + w sin^2 theta_m)^gamma              `microfacet_distribution`
-    F = unpolarised Fresnel reflectance of n + ik         `microfacet_fresnel`
+    D(m) = D_0 / (1 + w sin^2 theta_m)^gamma
+    F = unpolarised Fresnel reflectance of n + ik
     G = min(1, 2 m_z c_i / p, 2 m_z c_r / p)
 
 G is the masking and shadowing of facets that form V-shaped cavities. It is exact for every D: the
@@ -151,15 +151,15 @@ class MicrofacetSurface(interface.Surface):
     alpha, gamma, n, k, rho_d
         The parameters.
     peak, spread
-        D_0 [1/sr] and w of `microfacet_distribution`.
+        D_0 [1/sr] and w of the distribution of normals.
     contrast, nk
-        n^2 - 1 - k^2 and n k of `microfacet_fresnel`.
+        n^2 - 1 - k^2 and n k of Fresnel's equations.
     refracted
         Hemispherical mean of 1 - F.
     tilt
         Typical sine of the facets' angles to the surface, for `lobe_scale`.
     q, inverse_exponent
-        Numbers for sampling normals; see `microfacet_distribution.quantile_terms`.
+        Numbers for sampling normals; see `microfacet_equations.quantile_terms`.
     """
 
     alpha: Any

@@ -198,10 +198,8 @@ def polarised(cos, contrast, nk):
 #
 # Each of the three applies in one interval of the azimuth phi, and each interval has its own Gauss
 # nodes. The panels in theta_m begin and end at the angles of `breaks`. At these angles the
-# azimuthal
-# integral has a term of power 3/2, which the change of variable in each panel makes smooth. The
-# error
-# of the result is at most 1e-8 for all parameters.
+# azimuthal integral has a term of power 3/2, which the change of variable in each panel makes
+# smooth. The error of the result is at most 1e-8 for all parameters.
 
 POLAR = (40, 16, 16, 40, 20, 20)  # nodes of each panel in theta_m
 AZIMUTHS = (12, 8, 24)  # nodes of each interval in phi: shadowing, neither, masking

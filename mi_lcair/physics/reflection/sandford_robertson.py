@@ -1,7 +1,6 @@
-"""The Sandford-Robertson model, with its equations, integrals and search coordinates.
+"""The Sandford-Robertson model and its search coordinates.
 
-The equations are in `sandford_robertson_equations`, their hemispherical integrals in
-`sandford_robertson_hemispherical`, and the search coordinates in `sandford_robertson_cube`.
+The equations and their hemispherical integrals are in `sandford_robertson_equations`.
 """
 
 import drjit as dr
@@ -20,10 +19,8 @@ from mi_lcair.physics.reflection.sandford_robertson_equations import FORMS, G
 #     epsilon = G u_0,   rho_d = G (1 - u_0) u_1,   b = sqrt(u_2),   e = E_MIN^(1 - u_3),
 #
 # so that 0 <= epsilon, 0 <= rho_d and epsilon + rho_d <= G(b) hold for every u, and each bound of
-# the
-# feasible set is a face of the cube. b enters the BRDF as b^2 only. With b as a coordinate, the
-# point
-# b = 0 would be stationary for all data.
+# the feasible set is a face of the cube. b enters the BRDF as b^2 only. With b as a coordinate, the
+# point b = 0 would be stationary for all data.
 
 PARAMETERS = bundled_parameters("sandford_robertson")
 E_MIN = PARAMETERS[3].lower  # smallest e

@@ -232,9 +232,8 @@ def lobe_pdf(i, r, e):
 # -----------------------------------------------------------------------------------------
 # The azimuthal integral of the lobe is known in closed form, so that HDR and DHR are integrals over
 # one elevation angle. The integrand has a peak of width about 2e at the other elevation angle, and
-# a
-# knee of width b or e near the horizon. Three panels of Gauss-Legendre nodes, dense at the peak and
-# at the horizon, resolve both with an error of 1e-10 in Float64.
+# a knee of width b or e near the horizon. Three panels of Gauss-Legendre nodes, dense at the peak
+# and at the horizon, resolve both with an error of 1e-10 in Float64.
 
 NODES = 48  # nodes of each panel
 

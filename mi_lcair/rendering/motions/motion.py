@@ -6,8 +6,8 @@ model.yaw_deg, .pitch_deg, .roll_deg    attitude of the model: turns about the a
 GROUP.size                              factor of the size of a group, about its middle
 GROUP.yaw_deg, .pitch_deg, .roll_deg    the same turns of one group, about its middle [deg]
 GROUP.x_m, .y_m, .z_m                   shift of a group [m]
-own names                               see `mi_lcair.rendering.motions.motion`
-observer.NAME                           see `mi_lcair.rendering.motions.motion`
+own names                               motions that a user declares, see `declared_motions`
+observer.NAME                           motions of all sensors, see `observer_motions`
 ======================================= ===========================================================
 
 The motions of a group act in the axes of the model: x toward the nose, y to the left, z up. They
@@ -277,12 +277,11 @@ def toward(azimuth_deg: float, elevation_deg: float) -> np.ndarray:
     return Rotation.from_euler("yz", [-elevation_deg, azimuth_deg], degrees=True).as_matrix()
 
 
-# Motions that a user declares, see `mi_lcair.rendering.motions.motion`
-# --------------------------------------------------------------------
+# Motions that a user declares in a table [motions]
+# -------------------------------------------------
 # With `scale`, a vertex moves by value x scale x (vertex - middle), component by component. The
 # middle is that of the groups or, with `each`, of each connected part. With `displaced`, it moves
-# by
-# value x (vertex of that file - vertex). Both are in the axes of the model.
+# by value x (vertex of that file - vertex). Both are in the axes of the model.
 
 LARGEST = 1e3  # bound of the value of a declared motion, which is 0 in the loaded scene
 

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from mi_lcair import sections as html
 from mi_lcair.errors import printable
 from mi_lcair.extras import optional
 from mi_lcair.files import check_suffix, check_writable, replacing
 from mi_lcair.sections import Drawing, LongTable, Picture, Section
+from mi_lcair.sections import part_html as plain_part_html
 from mi_lcair.show.page.line_panel import LONGEST, Panel, table_panel
 
 # Numbers and scripts of a page as compressed text, which the browser unpacks
@@ -145,7 +145,7 @@ def drawn(part):
 def part_html(part, arrays: Arrays) -> str:
     """HTML of a part of a section; a panel is a place with its data."""
     if not isinstance(part, Panel):
-        return html.part_html(part)
+        return plain_part_html(part)
     return (
         f'<div class="panel" data-kind="{part.kind}" style="min-height:{part.height}px">'
         f'<script type="application/json">{arrays.as_json(part.data)}</script></div>'
