@@ -120,7 +120,8 @@ class BarChart:
 
     title: as plain text. names: of the places. label: of the values' axis, with the unit. bars:
     values of each series by its name, (places,). errors: standard errors of a series, likewise.
-    places: label of the other axis. stacked: bars lie and follow each other.
+    places: label of the other axis. stacked: bars lie and follow each other. shades: how
+    many of the first series are steps of one quantity, which have shades of one colour.
     """
 
     title: str
@@ -130,6 +131,7 @@ class BarChart:
     errors: Mapping[str, np.ndarray] = field(default_factory=dict)
     places: str = ""
     stacked: bool = False
+    shades: int = 0
 
 
 @dataclass(frozen=True)

@@ -217,7 +217,14 @@ class Exchange(Result):
         }
         shares = {name: area / emitted for name, area in areas.items()}
         label = "share of what the group emits"
-        chart = BarChart("where it is absorbed", facets.groups, label, shares, stacked=True)
+        chart = BarChart(
+            "where it is absorbed",
+            facets.groups,
+            label,
+            shares,
+            stacked=True,
+            shades=len(RINGS_DEG) - 1,
+        )
         return BarCharts([chart], self.summary())
 
     def columns(self) -> dict[str, np.ndarray]:

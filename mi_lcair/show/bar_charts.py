@@ -53,8 +53,10 @@ def draw_stacked(panel, chart: BarChart) -> None:
     from matplotlib import colormaps
 
     names, left = [plain(name) for name in chart.names], np.zeros(len(chart.names))
-    many = colormaps["tab20"].colors
-    colours = COLOURS if len(chart.bars) <= len(COLOURS) else many
+    shades = [*colormaps["Blues"](np.linspace(0.85, 0.25, chart.shades))]
+    others = len(chart.bars) - len(shades)
+    distinct = COLOURS[1:] if shades else COLOURS  # the first colour is a blue, too
+    colours = [*shades, *(distinct if others <= len(distinct) else colormaps["tab20"].colors)]
     for number, (series, values) in enumerate(chart.bars.items()):
         colour = colours[number % len(colours)]
         panel.barh(names, values, left=left, color=colour, label=plain(series))

@@ -76,6 +76,9 @@ def draw(panel, chart: LineChart) -> None:
     # A quarter more than the largest value leaves room for the legend.
     if chart.is_log:
         panel.set_yscale("log")
+        if len(lines) > 1:
+            low, high = panel.get_ylim()
+            panel.set_ylim(low, high * (high / low) ** 0.25)
     else:
         panel.set_ylim(0 if chart.from_zero else low - 0.05 * extent, high + 0.25 * extent)
     panel.set_xlim(chart.x.min(), chart.x.max())

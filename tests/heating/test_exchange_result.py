@@ -5,6 +5,7 @@ import json
 import mitsuba as mi
 import numpy as np
 import pytest
+from matplotlib.colors import rgb_to_hsv
 from scipy import sparse
 
 import mi_lcair
@@ -98,6 +99,20 @@ def test_a_group_that_emits_nothing_has_tables_and_a_picture(tmp_path):
     mirror = result.facets.groups.index("mirror")
     assert result.facets.share_of_groups(result.astray["buried"])[mirror] == 0
     assert np.isnan(result.columns()["irradiance_W_m2"]).sum() == 1
+
+
+def test_the_rings_of_the_sky_have_shades_and_other_parts_have_colours_of_their_own(result):
+    panel = result.plot().axes[0]
+    colours = {
+        bars.get_label(): rgb_to_hsv(bars.patches[0].get_facecolor()[:3])
+        for bars in panel.containers
+    }
+    sky = np.array([colour for name, colour in colours.items() if name.startswith("sky")])
+    others = np.array([colour for name, colour in colours.items() if not name.startswith("sky")])
+    assert len(sky) == 9 and len(others) == 4
+    assert np.ptp(sky[:, 0]) < 0.1 and np.all(np.diff(sky[:, 1]) < 0)
+    assert np.abs(others[:, 0] - sky[:, 0].mean()).min() > 0.1
+    assert len(np.unique(others[:, 0])) == 4
 
 
 def test_the_irradiance_needs_all_temperatures():

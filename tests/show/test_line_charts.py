@@ -84,3 +84,9 @@ def test_spectra_are_charts_of_target_and_scene():
     assert (target.title, scene.title) == ("target: 3 W/sr in band", "scene: 4 W/sr in band")
     assert [curve.name for curve in target.curves] == ["total", "a"]
     assert [(curve.name, curve.colour) for curve in scene.curves] == [("total", None), ("b", 1)]
+
+
+def test_the_legend_of_a_logarithmic_chart_has_room_above_the_curves():
+    chart = LineChart("", X, "time (s)", "ratio", [MAIN, PART], is_log=True)
+    (axes,) = figure_of([chart], "").axes
+    assert axes.get_ylim()[1] > 1.3 * MAIN.values.max()

@@ -140,7 +140,8 @@ class Flight(Result):
             least = np.full(len(columns["snr"]), self.scenario.sensor.snr)
             needed = Curve("detection", least, "", 1)
             chart = drawn.charts[1]
-            drawn.charts[1] = replace(chart, curves=[*chart.curves, needed], is_log=True)
+            curves = [*chart.curves, needed]
+            drawn.charts[1] = replace(chart, curves=curves, y_label=curves[0].name, is_log=True)
         return drawn
 
     def columns(self) -> dict[str, np.ndarray]:

@@ -45,6 +45,7 @@ def test_disc_that_passes_has_the_closed_form(tmp_path):
     off = np.abs(table["contrast_W_m2"] - exact)
     assert np.all(off <= table["contrast_half_width_W_m2"] + 2e-5 * exact)
     assert table["snr"] == pytest.approx(table["contrast_W_m2"] / 1e-6)
+    assert made.plot().axes[1].get_ylabel() == "signal-to-noise ratio"
     is_traced = table["traced"] > 0
     assert np.all(table["interpolation_error_W_m2"][is_traced] == 0)
     assert is_traced.sum() == made.views
