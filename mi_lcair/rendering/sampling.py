@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from mi_lcair.errors import InputError
+from mi_lcair.declared import Table, entry, rule
 from mi_lcair.progress import Progress
 
 if TYPE_CHECKING:
@@ -16,7 +16,9 @@ DEFAULT_MAX_SPP = 2**16  # largest number of samples per pixel for a tolerance
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sampling:
+class Sampling(
+    Table, rules=(rule(lambda t: t.spp is None or t.tolerance is t.max_spp is None, TWO_CHOICES),)
+):
     """How a render is sampled. A public function makes it once and hands it on whole.
 
     Raises InputError for numbers that are not positive, and for both a number of
@@ -41,21 +43,13 @@ class Sampling:
         Called with the work that is done and the work that is expected.
     """
 
-    spp: int | None = None
-    paths: int | None = None
-    tolerance: float | None = None
-    max_spp: int | None = None
+    spp: int | None = entry(None, is_positive=True)
+    paths: int | None = entry(None, is_positive=True)
+    tolerance: float | None = entry(None, is_positive=True)
+    max_spp: int | None = entry(None, is_positive=True)
     seed: int = 0
     sensor: int = 0
     progress: Progress | None = None
-
-    def __post_init__(self):
-        for name in ("spp", "paths", "tolerance", "max_spp"):
-            value = getattr(self, name)
-            if value is not None and not value > 0:
-                raise InputError(f"{name} = {value} must be positive")
-        if self.spp is not None and (self.tolerance is not None or self.max_spp is not None):
-            raise InputError(TWO_CHOICES)
 
     @property
     def limit(self) -> int:

@@ -464,6 +464,13 @@ class Sky(DistantEmitter):
         """Whether a direction is below the horizon."""
         return d.z < self.sin_horizon
 
+    def row(self, d):
+        """Place of a direction among the nodes, its cell, and whether it is below the horizon."""
+        height, below = d.z - self.sin_horizon, self.is_ground(d)
+        span = dr.select(below, 1 + self.sin_horizon, 1 - self.sin_horizon)
+        row = dr.sqrt(dr.minimum(dr.abs(height) / span, 1)) * ROWS
+        return row, dr.minimum(mi.UInt32(row), ROWS - 1), below
+
     def along(self, d, active):
         """Radiance from the direction `d` [W m^-2 sr^-1]."""
         emitted, other, _, _ = self.components(d, active)
@@ -473,11 +480,7 @@ class Sky(DistantEmitter):
         """Radiance of both components from `d`; whether it is that of the ground; its place among
         the rings.
         """
-        height = d.z - self.sin_horizon
-        below = self.is_ground(d)
-        span = dr.select(below, 1 + self.sin_horizon, 1 - self.sin_horizon)
-        row = dr.sqrt(dr.minimum(dr.abs(height) / span, 1)) * ROWS
-        i = dr.minimum(mi.UInt32(row), ROWS - 1)
+        row, i, below = self.row(d)
         up, first = row - mi.Float(i), i + dr.select(below, mi.UInt32(ROWS + 1), 0)
         table, factor = self.derived
 
@@ -558,12 +561,8 @@ class Sky(DistantEmitter):
         return mi.Vector3f(across * cos, across * sin, z)
 
     def density(self, d):
-        height = d.z - self.sin_horizon
-        span = dr.select(height < 0, 1 + self.sin_horizon, 1 - self.sin_horizon)
-        row = dr.minimum(mi.UInt32(dr.sqrt(dr.abs(height) / span) * ROWS), ROWS - 1)
-        return dr.gather(
-            mi.Float, self.per_angle, dr.select(height < 0, ROWS - 1 - row, ROWS + row)
-        )
+        _, i, below = self.row(d)
+        return dr.gather(mi.Float, self.per_angle, dr.select(below, ROWS - 1 - i, ROWS + i))
 
     def to_string(self):
         return f"Sky[sky = {self.values['sky']}, scale = {self.scale}]"

@@ -28,7 +28,7 @@ OF_FOUR = 1.2909944 / 2  # standard error of the mean of 1, 2, 3, 4
 @pytest.mark.parametrize("name", ["spp", "paths", "tolerance", "max_spp"])
 @pytest.mark.parametrize("value", [0, -1, float("nan")])
 def test_only_positive_numbers(name, value):
-    with pytest.raises(InputError, match=f"{name} = {value} must be positive"):
+    with pytest.raises(InputError, match=f"{name} = {value}; must be positive"):
         Sampling(**{name: value})
 
 
