@@ -157,6 +157,9 @@ class Estimate:
         raise KeyError(quantity)
 
     def __str__(self) -> str:
+        if np.ndim(self.value):
+            ends = np.nanmin(self.value), np.nanmax(self.value)
+            return in_unit(" to ".join(f"{end:.6g}" for end in ends), self.unit)
         if self.half_width is not None:
             return f"{in_unit(with_error(self.value, self.half_width), self.unit)} (95 %)"
         if not self.standard_error:

@@ -73,6 +73,7 @@ def test_arrays_and_their_reduction():
         (Estimate(8123.4, 251.0, "m"), "8120 +- 250 m"),
         (Estimate(0.99312347, 3.1e-6, "1"), "0.9931235 +- 3.1e-06"),
         (Estimate(0.92), "0.92"),
+        (Estimate(np.array([[294.5, 290.0]]), np.array([[1.0, 2.0]]), "K"), "290 to 294.5 K"),
         (
             Estimate(-2.91e-9, 1e-11, "W m^-2", half_width=2.36e-11),
             "-2.91e-09 +- 2.4e-11 W m^-2 (95 %)",

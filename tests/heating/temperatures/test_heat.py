@@ -96,6 +96,8 @@ def test_files(day, tmp_path, folder):
     assert len(list(tmp_path.glob("t_*.vtp"))) == 12
     day.save(tmp_path / "t.png")
     day.save(tmp_path / "t.json")
+    day.save(tmp_path / "t.html")
+    assert "How it was made" in (tmp_path / "t.html").read_text()
     scene = mi_lcair.load(folder / "box" / "scene.xml", modes=tmp_path / "t.csv")
     assert mi_lcair.parameters(scene)["heat.terrain.conductivity"].value == 0
 

@@ -209,6 +209,8 @@ def test_command(tmp_path, monkeypatch):
     ]
     assert 0.9 < entries["estimate"]["value"][0] < 1
     assert Path("c.png").stat().st_size > 5000
+    mi_lcair.cavity("c.toml").save("c.html")
+    assert "How it was made" in Path("c.html").read_text()
     bad = CliRunner().invoke(main, ["cavity", "missing.toml", "-o", "bad.png"])
     assert bad.exit_code == 2 and len(bad.stderr.splitlines()) == 1
     assert not Path("bad.png").exists()
