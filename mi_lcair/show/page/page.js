@@ -115,7 +115,7 @@ const TEMPLATE = { layout: { font: FONT, paper_bgcolor: "#fff", plot_bgcolor: "#
   legend: { bgcolor: "rgba(255,255,255,0.7)" }, hoverlabel: { font: { ...FONT, color: "#fff" }, bgcolor: "#1c2430" },
   colorway: ["#1f5fa8", "#d1495b", "#2e8b57", "#e08e0b", "#6a4c93", "#0fa3b1", "#8d5a2b", "#c2569c", "#6b7280", "#9aa800"] } };
 const CONFIG = { responsive: true, displaylogo: false, scrollZoom: false,
-  modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"] };
+  modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d", "sendChartToCloud"] };
 
 /** A figure of plotly, as mi_lcair.show.page.figures describes it. */
 PANELS.figure = (place, data) => {

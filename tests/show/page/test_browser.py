@@ -81,6 +81,8 @@ def test_opens_fast_without_errors_and_without_a_network(opened):
     """CPU time counts, which other work on the machine hardly changes, not time by the clock."""
     assert opened.errors == [] and opened.requests == []
     assert opened.page.locator(".failed").count() == 0
+    assert opened.page.locator(".modebar-btn").count() > 0
+    assert opened.page.locator(".modebar-btn[data-title^=Share]").count() == 0, "uploads the chart"
     print(f"{opened.cpu_s:.2f} s of CPU time")
     assert opened.cpu_s < MOST_CPU_S
 
