@@ -17,7 +17,7 @@ from mi_lcair.fitting.quality import Quality
 from mi_lcair.fitting.scatterometer.reading import DirectionalData, Measurements
 from mi_lcair.physics import reflection
 from mi_lcair.physics.reflection.models import MODELS
-from mi_lcair.results import Result
+from mi_lcair.results import Result, entry
 from mi_lcair.sections import Facts, OwnPicture, Section, Table, unpacked, words_of
 
 KIND = "fit"  # value of the key `kind` in a fit's JSON file
@@ -94,7 +94,7 @@ class Fit(Result):
     restriction: str | None
     rms_dex: float
     used: int
-    used_points: np.ndarray
+    used_points: np.ndarray = entry()
     dropped: dict[str, int]
     effective_points: float
     outliers: int
@@ -102,20 +102,25 @@ class Fit(Result):
     gradient_norm: float
     starts_in_basin: float
     candidates: list[dict]
-    emissivity: tuple[np.ndarray, np.ndarray]
-    emissivity_error: np.ndarray
-    emissivity_interval: np.ndarray
-    brdf_interval: np.ndarray
-    emissivity_rms: float | None
-    seconds: float
-    compile_seconds: float
+    emissivity: tuple[np.ndarray, np.ndarray] = entry()
+    emissivity_error: np.ndarray = entry()
+    emissivity_interval: np.ndarray = entry()
+    brdf_interval: np.ndarray = entry()
+    emissivity_rms: float | None = entry()
+    seconds: float = entry()
+    compile_seconds: float = entry()
     settings: dict
     quality: Quality
-    measurements: Measurements
-    directional: dict[str, DirectionalData]
+    measurements: Measurements = entry()
+    directional: dict[str, DirectionalData] = entry()
 
     kind = KIND
     heading = "Fit"
+    computed = {
+        "name": "measurements.name",
+        "band_um": "measurements.band_um",
+        "reading": "measurements.reading",
+    }
     drawn_by = "mi_lcair.show.pictures.fit:figure"
 
     def summary(self) -> str:
@@ -139,17 +144,8 @@ class Fit(Result):
         """Entries of the JSON report, which is a material for scenes."""
         theta, emissivity = self.emissivity
         measured = self.directional.get("emissivity")
-        alike = (
-            *("model", "parameters", "form", "restriction", "standard_error", "interval"),
-            *("verdict", "correlation", "rms_dex", "quality", "used", "dropped"),
-            *("effective_points", "outliers", "converged", "gradient_norm", "starts_in_basin"),
-            "candidates",
-        )
-        return {
-            "name": self.measurements.name,
+        return super().entries() | {
             "band": band_name(self.measurements),
-            "band_um": self.measurements.band_um,
-            **{name: getattr(self, name) for name in alike},
             "dropped": self.measurements.dropped | self.dropped,
             "emissivity": {
                 "theta_deg": np.degrees(theta),
@@ -163,7 +159,6 @@ class Fit(Result):
                 "min_brdf_per_sr" if key == "min_brdf" else key: value
                 for key, value in self.settings.items()
             },
-            "reading": self.measurements.reading,
             "source": self.measurements.source
             + [source for data in self.directional.values() for source in data.source],
             "version": mi_lcair.__version__,

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import MISSING, asdict, dataclass, field, fields, is_dataclass
 from functools import partial
 from inspect import signature
+from operator import attrgetter
 from os import PathLike
 from pathlib import Path
 from types import UnionType
@@ -131,7 +132,8 @@ class Result:
     heading : str
         Heading of its first section; by default the kind.
     computed : dict of str to str
-        Further entries of the JSON: their keys, and the attributes or methods that give them.
+        Further entries of the JSON: their keys, and the attributes or methods that give them, also
+        those of fields, such as "scenario.name".
     drawn_by : str
         Function that draws its own picture, as "module:function", see `picture`.
     saved_by : dict of str to str
@@ -158,21 +160,23 @@ class Result:
         for key, name, part in _keys(type(self)):
             value = getattr(self, name)
             found[key] = getattr(value, part) if part else value
-        more = {key: getattr(self, name) for key, name in self.computed.items()}
+        more = {key: attrgetter(name)(self) for key, name in self.computed.items()}
         return found | {key: value() if callable(value) else value for key, value in more.items()}
 
     @classmethod
     def of_entries(cls, entries: dict[str, Any]) -> "Result":
-        """The result with these entries of its JSON.
+        """The result with these entries of its JSON; `Recorded` if the class has `facts_of`.
 
         Raises KeyError, TypeError or ValueError if one is missing or has another type.
         """
+        if hasattr(cls, "facts_of"):
+            return Recorded(cls, entries)
         known = {name: entries[key] for key, name, _ in _keys(cls) if key in entries}
         return built(cls, known)
 
     def columns(self) -> dict[str, np.ndarray]:
-        """The main table: equally long columns by name. The names end in the unit, if any."""
-        raise NotImplementedError
+        """The main table, `table`: equally long columns by name, which end in the unit, if any."""
+        return self.table
 
     def facts(self) -> Iterator["tuple[str, Any] | Part | Section"]:
         """Yield what the console prints and a page shows of the result.

@@ -8,7 +8,7 @@ UDUNITS has them, such as "W sr-1".
 import json
 import re
 from base64 import b64encode
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import Any
@@ -39,10 +39,20 @@ class Table:
     rows: list
 
     @staticmethod
-    def of(columns: dict[Heading, tuple[Iterable, str]]) -> "Table":
-        """The table of columns by heading: their values, and the format of these."""
-        cells = ([format(value, how) for value in values] for values, how in columns.values())
-        return Table([*columns], list(zip(*cells)))
+    def of(columns: Mapping[str, Sequence]) -> "Table":
+        """The table of columns by name with the unit.
+
+        The errors `x_error_K` stand beside the values `x_K`. Other errors have two digits.
+        """
+        made = {}
+        for name, values in columns.items():
+            if (of := re.sub("_(standard_)?error", "", name)) != name and of in made:
+                made[of] = list(zip(made[of], values))
+            elif of != name or name.startswith("sigma"):
+                made[name] = [f"{value:.2g}" for value in values]
+            else:
+                made[name] = values
+        return Table(list(map(heading, made)), list(zip(*made.values())))
 
 
 @dataclass(frozen=True)

@@ -444,10 +444,6 @@ class ShapeDerivatives(Result):
         model = self.triangles, self.triangle_facet
         yield from facets_section(self.table, model, band=known_band(self.band)).parts
 
-    def columns(self) -> dict[str, np.ndarray]:
-        """The table, with a row for each facet of the group."""
-        return self.table
-
 
 def differentiate_shape(scene, group: str, sampling: Sampling) -> ShapeDerivatives:
     """The derivatives of a loaded scene's intensity with respect to the shape of a group."""

@@ -35,7 +35,7 @@ from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene, changed
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.rendering.views import Target, terrain_remark
-from mi_lcair.results import Recorded, Result, entry
+from mi_lcair.results import Result, entry
 from mi_lcair.sections import Section, Table, error_row, interval
 from mi_lcair.signatures.signature import Signature, measure_signature
 from mi_lcair.tasks import exclusively
@@ -366,7 +366,15 @@ class Contrast(Result):
     seconds: float = entry("time_s")
 
     kind = "contrast"
-    computed = {"reached": "reached", "groups": "groups", "spectrum": "spectrum"}
+    computed = {
+        "reached": "reached",
+        "groups": "groups",
+        "spectrum": "spectrum",
+        "scenario_name": "scenario.name",
+        "band": "detector.band.label",
+        "tolerance": "scenario.render.tolerance",
+        "tolerance_W_m2": "scenario.render.tolerance_W_m2",
+    }
     facts_of = staticmethod(facts_of_entries)
     picture_of = staticmethod(picture_of_entries)
 
@@ -397,19 +405,6 @@ class Contrast(Result):
             f"{row.max_bounces} reflections{detected}"
         )
 
-    def entries(self) -> dict:
-        """Entries for JSON: the scenario as it was read, the results, the rows, and the spectra.
-
-        Spectra and groups are those of the last row.
-        """
-        render = self.scenario.render
-        return super().entries() | {
-            "scenario_name": self.scenario.name,
-            "band": self.detector.band.label,
-            "tolerance": render.tolerance,
-            "tolerance_W_m2": render.tolerance_W_m2,
-        }
-
     def facts(self, ranges: bool = True) -> Iterator[Any]:
         """Irradiances, detection ranges and spectra.
 
@@ -423,11 +418,6 @@ class Contrast(Result):
     def picture(self) -> LineCharts:
         """The spectra of the last row."""
         return picture_of_entries(self.as_dict())
-
-    @classmethod
-    def of_entries(cls, entries: dict) -> Recorded:
-        """The contrast with these entries of its JSON."""
-        return Recorded(cls, entries)
 
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each number of reflections, with values and standard errors."""

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
+from itertools import repeat
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -158,42 +158,29 @@ class Exchange(Result):
         M, names = self.facets.membership, self.facets.groups
         emitted = M @ self.facets.emitting_area
         areas = self.by_group(lambda C: np.transpose([*C.parts.values()]))
-        shares = zip(*(area / emitted[:, None] for area in areas))
+        shares = ((area / emitted[:, None]).T for area in areas)
         astray = {k: self.facets.share_of_groups(v) for k, v in self.astray.items()}
         counts, area = M.sum(axis=1).astype(int), M @ self.facets.area
-        groups = Table(
-            ["group", "facets", ("area", "m2"), "emissivity", *PARTS, "inside bodies"],
-            [
-                (name, count, size, eps, *zip(*share), inside)
-                for name, count, size, eps, share, inside in zip(
-                    names,
-                    counts,
-                    area,
-                    emitted / (M @ self.facets.radiating_area),
-                    shares,
-                    astray["buried"],
-                )
-            ],
-        )
         GR, error = self.by_group(lambda C: C.between.toarray())
-        pairs = Table(
-            ["group", "and", ("conductor", "m2"), "difference of the two directions", "z"],
-            [
-                (
-                    names[a],
-                    names[b],
-                    (GR[a, b], error[a, b]),
-                    percent(self.asymmetry.relative[a, b]),
-                    f"{self.asymmetry.z[a, b]:.1f}",
-                )
-                for a, b in combinations(range(len(names)), 2)
-                if GR[a, b]
-            ],
-        )
+        pairs = np.triu(GR, 1).nonzero()
         yield summary_of(self)
-        yield groups
-        if pairs.rows:
-            yield pairs
+        yield Table.of(
+            {
+                "group": names,
+                "facets": counts,
+                "area_m2": area,
+                "emissivity": emitted / (M @ self.facets.radiating_area),
+                **with_errors(*zip(PARTS, repeat(""), *shares)),
+                "inside bodies": astray["buried"],
+            }
+        )
+        if pairs[0].size:
+            yield Table.of(
+                dict(zip(("group", "and"), np.array(names)[[*pairs]]))
+                | with_errors(("conductor", "_m2", GR[pairs], error[pairs]))
+                | {"difference of the two directions": map(percent, self.asymmetry.relative[pairs])}
+                | {"z": self.asymmetry.z[pairs].round(1)}
+            )
         yield "left after the last reflection", percent(astray["truncated"].max())
         yield "on surfaces that take no part", percent(astray["lost"].max())
         yield sky_table(self, emitted)
@@ -305,13 +292,10 @@ def with_unmet(errors: np.ndarray, path: np.ndarray) -> np.ndarray:
 
 def sky_table(result: Exchange, emitted: np.ndarray) -> Table:
     """What reaches the rings of the sky of what each group emits."""
-    to_sky, error = (area / emitted[:, None] for area in result.by_group(lambda C: C.to_sky))
+    shares = ((area / emitted[:, None]).T for area in result.by_group(lambda C: C.to_sky))
     rings = [f"{low:g}-{high:g} deg" for low, high in zip(RINGS_DEG, RINGS_DEG[1:])]
-    rows = [
-        (name, *zip(values, errors))
-        for name, values, errors in zip(result.facets.groups, to_sky, error)
-    ]
-    return Table(["sky at elevations of", *rings], rows)
+    columns = with_errors(*zip(rings, repeat(""), *shares))
+    return Table.of({"sky at elevations of": result.facets.groups} | columns)
 
 
 def sun_table(result: Exchange) -> list[Table]:
@@ -320,9 +304,7 @@ def sun_table(result: Exchange) -> list[Table]:
         return []
     M = result.facets.membership
     names = {"lit": "lit", "direct": "absorbs directly", "reflected": "absorbs after reflections"}
-    columns = []
-    for name in names:
-        runs = (M @ getattr(result.sun, name)[:, 0].T).T
-        columns.append(list(zip(runs.mean(axis=0), standard_error(runs))))
-    head = ["sunlight", *((words, "m2") for words in names.values())]
-    return [Table(head, list(zip(result.facets.groups, *columns)))]
+    runs = ((M @ getattr(result.sun, name)[:, 0].T).T for name in names)
+    areas = [("_m2", values.mean(axis=0), standard_error(values)) for values in runs]
+    columns = with_errors(*((words, *area) for words, area in zip(names.values(), areas)))
+    return [Table.of({"sunlight": result.facets.groups} | columns)]

@@ -77,10 +77,6 @@ class FacetResults(Result):
         model = self.triangles, self.triangle_facet
         yield from facets_section(self.table, model, toward, known_band(self.band)).parts
 
-    def columns(self) -> dict[str, np.ndarray]:
-        """The table, with a row for each facet."""
-        return self.table
-
 
 class FacetSums:
     """Sums over the paths whose first hit is each facet.

@@ -20,7 +20,7 @@ from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import WHOLES, Totals, invalid_remark
 from mi_lcair.rendering.window import Windows, window, window_area
-from mi_lcair.results import Recorded, Result, columns_of, details, entry
+from mi_lcair.results import Result, columns_of, details, entry
 from mi_lcair.sections import Part, Remarks, Section, Table, error_row, heading, interval
 from mi_lcair.signatures.effective_areas import (
     PARTS,
@@ -266,18 +266,10 @@ class Signature(Result):
 
     def entries(self) -> dict:
         """Entries for JSON, with the spectrum and the facets if there are any."""
-        entries = super().entries()
-        if self.effective_areas is not None:
-            entries["effective_areas"] = self.effective_areas.as_list()
-            entries["spectrum"] = self.effective_areas.columns()
-        if self.facets is not None:
-            entries["facets"] = self.facets.columns()
-        return entries
-
-    @classmethod
-    def of_entries(cls, entries: dict) -> Recorded:
-        """The signature with these entries of its JSON."""
-        return Recorded(cls, entries)
+        areas, facets, more = self.effective_areas, self.facets, {}
+        if areas is not None:
+            more = {"effective_areas": areas.as_list(), "spectrum": areas.columns()}
+        return super().entries() | more | ({} if facets is None else {"facets": facets.columns()})
 
     def facts(self, scene: "MiScene | None" = None, sensor: int = 0) -> Iterator[Any]:
         """All that a signature holds.

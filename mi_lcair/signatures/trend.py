@@ -198,10 +198,6 @@ class Trend(Result):
         title = f"{words} ({label('', UNIT)[2:-1]}) by azimuth"
         return LineCharts(charts(self), title, across=True)
 
-    def columns(self) -> dict[str, np.ndarray]:
-        """The table, with a row for each view."""
-        return self.table
-
     def to_xarray(self) -> "xarray.Dataset":
         """The table as an xarray Dataset over (elevation_deg, azimuth_deg).
 

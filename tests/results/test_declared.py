@@ -8,7 +8,7 @@ import pytest
 
 from mi_lcair.charts import BarChart, BarCharts, LineCharts, lines_of
 from mi_lcair.results import Result, entry
-from mi_lcair.sections import LongTable, Section, blocks, remarks
+from mi_lcair.sections import LongTable, Section, Table, blocks, remarks
 
 
 @dataclass(frozen=True, repr=False)
@@ -24,7 +24,7 @@ class Cooling(Result):
 
     kind = "cooling"
     heading = "Temperature of a plate"
-    computed = {"lowest_K": "lowest"}
+    computed = {"lowest_K": "lowest", "length": "name.__len__"}
 
     @property
     def lowest(self) -> float:
@@ -39,6 +39,8 @@ class Cooling(Result):
     def facts(self, digits: int = 3):
         yield "lowest", f"{self.lowest:.{digits}g} K"
         yield "values", len(self.time)
+        yield Table.of({"group": ["a", "b"], "area_m2": [2, 3.5], "area_error_m2": [0.1, 0.25]})
+        yield Table.of({"value": [1.0], "sigma": [0.123], "numerical_error": [0.0456]})
         yield LongTable(self.columns())
         yield Section("More", ["a paragraph"])
 
@@ -63,12 +65,16 @@ def test_the_json_has_the_fields_with_their_keys(cooling):
         "half_width_K": [0.1] * 4,
         "remarks": ["take care"],
         "lowest_K": 297,
+        "length": 5,
     }
 
 
 def test_the_console_has_the_facts_and_the_remarks(cooling):
     sections = cooling.sections()
-    assert list(blocks(sections)) == [[["lowest", "297 K"], ["values", "4"]]]
+    facts, areas, errors = blocks(sections)
+    assert facts == [["lowest", "297 K"], ["values", "4"]]
+    assert areas == [["group", "area m^2"], ["a", "2 +- 0.1"], ["b", "3.5 +- 0.25"]]
+    assert errors == [["value", "sigma", "numerical error"], ["1", "0.12", "0.046"]]
     assert [section.title for section in sections] == ["Temperature of a plate", "More"]
     assert remarks(sections) == ["take care"]
     assert next(iter(blocks(cooling.sections(digits=1))))[0] == ["lowest", "3e+02 K"]

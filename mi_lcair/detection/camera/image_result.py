@@ -84,7 +84,15 @@ class Image(Result):
 
     kind = "image"
     drawn_by = "mi_lcair.show.pictures.image:figure"
-    computed = {"mtf": "mtf"}
+    computed = {
+        "mtf": "mtf",
+        "scenario_name": "scenario.name",
+        "frames": "counts.__len__",
+        "spp": "exposure.spp",
+        "rms_error": "exposure.rms_error",
+        "tolerance": "scenario.render.tolerance",
+        "reached": "exposure.reached",
+    }
     saved_by = {
         ".exr": "mi_lcair.rendering.images.files:write_render",
         ".tif": "mi_lcair.detection.camera.image_result:write_counts",
@@ -109,35 +117,13 @@ class Image(Result):
             f"filter and {by_peak} by the strongest pixel"
         )
 
-    def entries(self) -> dict:
-        """Entries for JSON: the scenario as it was read, the measures, and the ranges."""
-        exposure, scenario = self.exposure, self.scenario
-        return super().entries() | {
-            "scenario_name": scenario.name,
-            "frames": len(self.counts),
-            "spp": exposure.spp,
-            "rms_error": exposure.rms_error,
-            "tolerance": scenario.render.tolerance,
-            "reached": exposure.reached,
-        }
-
     def facts(self) -> Iterator[Any]:
         """The frame of the camera, its measures, and the target over range."""
         frame, made = image_sections(self.channels, self.header)
-        columns = self.columns()
-        verdicts = ("yes" if row.detected else f"no, too few: {row.lacks}" for row in self.ranges)
-        over_range = {
-            ("range", "m"): (columns["range_m"], ".6g"),
-            "pixels on target": (columns["pixels"], ".4g"),
-            "electrons": (columns["electrons"], ".4g"),
-            "signal to noise, matched filter": (columns["snr"], ".4g"),
-            "of the peak pixel": (columns["peak_snr"], ".4g"),
-            "detected by matched filter": (verdicts, ""),
-        }
         yield from frame.parts
         yield Section("Camera", [Facts(list(measured(self)))])
-        table = Table.of(over_range)
-        yield Section("Target over range", [table, Lines("", [detected(self)])])
+        over_range = Table.of(self.columns())
+        yield Section("Target over range", [over_range, Lines("", [detected(self)])])
         yield made
 
     def mtf(self) -> dict[str, np.ndarray]:

@@ -21,7 +21,7 @@ from mi_lcair.physics.imager import Imager
 from mi_lcair.rendering.statistics import student_factor
 from mi_lcair.rendering.views import Target
 from mi_lcair.results import Result, entry, summary_of
-from mi_lcair.sections import Table, words_of
+from mi_lcair.sections import Table
 from mi_lcair.toml_table import text_of
 
 FEWEST = 4  # points; three have up to four poses
@@ -294,9 +294,7 @@ class CameraPose(Result):
         yield "direction", direction
         yield "pointing", ", ".join(f"{name} = {x:.4g}" for name, x in self.pointing.items())
         yield "turns, 95 %", f"{turns} [degrees]"
-        columns = {"point": (range(1, 1 + len(self.points)), "")}
-        columns |= {words_of(name): (values, ".5g") for name, values in self.columns().items()}
-        yield Table.of(columns)
+        yield Table.of({"point": range(1, 1 + len(self.points))} | self.columns())
 
     def columns(self) -> dict[str, np.ndarray]:
         """The points, their pixels, and the residuals."""

@@ -69,7 +69,7 @@ class Flight(Result):
     rendered: int | None = entry("rendered_frames", default=None)
 
     kind = "flight"
-    computed = {"interpolation_error": "interpolation_error"}
+    computed = {"scenario_name": "scenario.name", "interpolation_error": "interpolation_error"}
 
     @property
     def detections_s(self) -> tuple[float | None, float | None, float | None]:
@@ -119,8 +119,8 @@ class Flight(Result):
     def entries(self) -> dict:
         """Entries for JSON, with the first detection and its 95 % interval."""
         first, *interval = self.detections_s
-        found = {"scenario_name": self.scenario.name, "detected_from_s": first}
-        return found | {"detected_from_95_s": interval} | super().entries()
+        detected = {"detected_from_s": first, "detected_from_95_s": interval}
+        return super().entries() | detected
 
     def picture(self) -> LineCharts:
         """Contrast with its 95 % interval, ratio to the noise, and range against time."""
@@ -143,10 +143,6 @@ class Flight(Result):
             curves = [*chart.curves, needed]
             drawn.charts[1] = replace(chart, curves=curves, y_label=curves[0].name, is_log=True)
         return drawn
-
-    def columns(self) -> dict[str, np.ndarray]:
-        """A row for each moment."""
-        return self.table
 
 
 STEP_DEG = 4.0  # largest angle between aspects that are traced at first, degrees

@@ -69,7 +69,7 @@ class Sweep(Result):
         Time of the sweep, s.
     """
 
-    conditions: Conditions = entry()
+    conditions: Conditions = entry("conditions", "values")
     table: dict[str, np.ndarray] = entry()
     views: int
     traced: int
@@ -77,7 +77,11 @@ class Sweep(Result):
 
     kind = "sweep"
     heading = "Signatures by condition"
-    computed = {"columns": "columns"}
+    computed = {
+        "name": "conditions.name",
+        "product": "conditions.base.product",
+        "columns": "columns",
+    }
 
     @property
     def missed(self) -> int:
@@ -93,11 +97,6 @@ class Sweep(Result):
             f"sweep {self.conditions.name} over {axes}: {self.conditions.count} cases from "
             f"{self.views} views, {self.traced} of them traced{reached}"
         )
-
-    def entries(self) -> dict:
-        """Entries for JSON, with the conditions."""
-        base = {"name": self.conditions.name, "conditions": self.conditions.values}
-        return base | {"product": self.conditions.base.product} | super().entries()
 
     def facts(self) -> Iterator[Any]:
         """The conditions in one line, the extremes of the quantities, and the table."""

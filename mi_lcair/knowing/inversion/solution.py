@@ -13,7 +13,7 @@ from mi_lcair.knowing.inversion.answers import UNTESTED, Answer, Direction, in_w
 from mi_lcair.knowing.inversion.least_squares.solve import Step
 from mi_lcair.physics.estimation.verdicts import correlation
 from mi_lcair.rendering.parameters.values import KIND
-from mi_lcair.results import Result, built
+from mi_lcair.results import Result, built, entry
 from mi_lcair.sections import Lines, Table
 
 SHOWN = 2  # unknowns in the summary
@@ -85,7 +85,7 @@ class Fitted:
     def is_image(self) -> bool:
         return self.measured is None or self.measured.ndim == 2
 
-    def entries(self) -> dict:
+    def as_dict(self) -> dict:
         """Entries of the solution's file, in which images have no pixels."""
         of_numbers = ("measured", "predicted", "residual", "aspects")
         left_out = of_numbers if self.is_image else ("bad_pixels",)
@@ -126,21 +126,21 @@ class Solution(Result):
     """
 
     problem: str
-    answers: list[Answer]
-    covariance: np.ndarray
+    answers: list[Answer] = entry()
+    covariance: np.ndarray = entry()
     directions: list[Direction]
     advice: list[Advice]
     chi_square: float
     chi_square_scatter: float
     degrees_of_freedom: float
     p_value: float | None
-    render_share: np.ndarray
+    render_share: np.ndarray = entry()
     data: list[Fitted]
     materials: dict
     remarks: list[str]
     renders: int
     converged: bool
-    seconds: float
+    seconds: float = entry("time_s")
     trace: list[Step] = field(default_factory=list)
 
     kind = KIND
@@ -214,27 +214,22 @@ class Solution(Result):
 
     def entries(self) -> dict:
         """The content of the solution's file."""
-        changed = ("answers", "covariance", "render_share", "data", "seconds")
-        plain = {name: value for name, value in vars(self).items() if name not in changed}
-        return plain | {
-            "unknowns": [
-                vars(answer) | {"render_share": share}
-                for answer, share in zip(self.answers, self.render_share)
-            ],
-            "correlation": self.correlation.round(6),
-            "data": [fitted.entries() for fitted in self.data],
-            "time_s": self.seconds,
-        }
+        unknowns = [
+            vars(answer) | {"render_share": share}
+            for answer, share in zip(self.answers, self.render_share)
+        ]
+        correlation = self.correlation.round(6)
+        return super().entries() | {"unknowns": unknowns, "correlation": correlation}
 
     @classmethod
     def of_entries(cls, entries: dict) -> "Solution":
         """The solution whose file has these entries. The file has no pixels of images."""
         unknowns = entries["unknowns"]
-        errors = np.array([entry["standard_error"] for entry in unknowns], float)
+        errors = np.array([unknown["standard_error"] for unknown in unknowns], float)
         more = {
             "answers": unknowns,
             "covariance": np.array(entries["correlation"]) * np.outer(errors, errors),
-            "render_share": [entry["render_share"] for entry in unknowns],
+            "render_share": [unknown["render_share"] for unknown in unknowns],
             "seconds": entries["time_s"],
         }
         return built(cls, entries | more)

@@ -120,16 +120,7 @@ class Cavity(Result):
         yield "view", self.seen
         yield "wall", f"{wall}, compared with a blackbody of {self.reference:g} K"
         yield "method", METHODS[self.method]
-        yield Table.of(
-            {
-                "wavelength um": (self.wavelengths_um, "g"),
-                "wall": (self.wall_emissivity, ".4f"),
-                "effective emissivity": (self.effective, ".6f"),
-                "sigma": (self.sigma, ".2g"),
-                "of which numerical": (self.numerical, ".2g"),
-                "Gouffé": (self.gouffe, ".4f"),
-            }
-        )
+        yield Table.of(self.columns())
         if len(self.estimate.contributions) > 1:
             yield contributions(self.first)
 

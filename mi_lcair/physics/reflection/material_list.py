@@ -36,6 +36,10 @@ class MaterialList(Result):
 
     kind = "materials"
 
+    @property
+    def by_wavelength(self) -> list[bool]:
+        return [entry.spectrum is not None for entry in self.listed]
+
     def summary(self) -> str:
         """One line with the number of materials."""
         names = {entry.name for entry in self.listed}
@@ -44,33 +48,16 @@ class MaterialList(Result):
     def entries(self) -> dict:
         """Entries for JSON: for each entry its name, band, model, parameters and source."""
         rows = [
-            {
-                "name": entry.name,
-                "model": entry.model.name,
-                "band": entry.band,
-                "by_wavelength": entry.spectrum is not None,
-                **{f"emissivity_{angle}deg": value for angle, value in zip(ANGLES_DEG, values)},
-                "parameters": entry.parameters,
-                "form": entry.form,
-                "source": entry.source,
-            }
-            for entry, values in zip(self.listed, self.emissivity.tolist())
+            {"by_wavelength": wavelength, "parameters": e.parameters, "form": e.form} | row
+            for row, e, wavelength in zip(self.as_rows(), self.listed, self.by_wavelength)
         ]
         return {"materials": rows, "left_out": self.left_out}
 
     def facts(self):
         """A table of the materials, their sources, and what was left out."""
-        angles = [f"emissivity at {angle} degrees" for angle in ANGLES_DEG]
-        rows = [
-            (
-                entry.name,
-                entry.model.name,
-                f"{entry.band} by wavelength" if entry.spectrum is not None else entry.band,
-                *(f"{value:.3f}" for value in values),
-            )
-            for entry, values in zip(self.listed, self.emissivity)
-        ]
-        yield Table(["name", "model", "band", *angles], rows)
+        columns = self.columns()
+        del columns["source"]
+        yield Table.of(columns | {"by wavelength": self.by_wavelength})
         yield Lines("source", [f"{e.name}, {e.band}: {e.source}" for e in self.listed])
         yield Remarks([f"left out: {file}" for file in self.left_out])
 

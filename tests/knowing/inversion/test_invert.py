@@ -79,7 +79,7 @@ def test_a_datum_after_the_solution():
     without_one = fitted(Measured(), left_out, [kelvin(), *facets, unknown()], x)
     np.testing.assert_array_equal(without_one.residual, [[0, np.nan], [4, np.nan]])
     assert without_one.points == 2 and without_one.bad_pixels == [(0, 1)]
-    rms = found.entries()["residual_rms_sigmas"]
+    rms = found.as_dict()["residual_rms_sigmas"]
     np.testing.assert_allclose(rms, np.sqrt((0 + 4 + 16) / 3))
 
 
