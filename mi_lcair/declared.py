@@ -39,10 +39,11 @@ class Bounds:
     unit: str = "1"
     meaning: str = ""
 
-    def check(self, value: float, name: str, rounding: float = 0.0) -> None:
+    def check(self, value: float, name: str, rounding: float = 0.0, hint: str = "") -> None:
         """Raise InputError if a number is not finite or lies outside the bounds.
 
-        name: the number's name in the message. rounding: relative excess that is allowed.
+        name: the number's name in the message. rounding: relative excess that is allowed. hint:
+        ends the message.
         """
         least = self.lower - rounding * abs(self.lower) if rounding else self.lower
         most = self.upper + rounding * abs(self.upper) if rounding else self.upper
@@ -50,7 +51,15 @@ class Bounds:
             math.isfinite(value) and least <= value <= most and (value > 0 or not self.is_positive)
         ):
             unit = "" if self.unit == "1" else f" {self.unit}"
-            raise InputError(f"{name} = {in_words(value)}{unit}; must {self}")
+            raise InputError(f"{name} = {in_words(value)}{unit}; must {self}{hint}")
+
+    def check_all(self, values: Any, name: Callable[[int], str], hint: str = "") -> None:
+        """Check the least and the largest number of an array (n,), or NaN if it has any.
+
+        name: the name of a number of the array in the message, by its place.
+        """
+        for k in (values.argmin(), values.argmax()) if len(values) else ():
+            self.check(values[k], name(k), hint=hint)
 
     def __str__(self) -> str:
         """The allowed numbers, to follow "must" in a message."""

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError, escaped, shown
 from mi_lcair.files import read_text
 
@@ -94,17 +95,9 @@ class TextTable:
 
     def check_range(self, column: str, values, lowest: float, highest: float) -> None:
         """Raise InputError, with the line, for a value that is missing or outside the limits."""
-        allowed = (values >= lowest) & (values <= highest)
-        if not allowed.all():
-            row = int(np.argmin(allowed))
-            limits = (
-                f"be {lowest:g} or more, at most {highest:g}"
-                if highest >= LARGEST
-                else f"lie in {lowest:g}..{highest:g}"
-            )
-            raise InputError(
-                f"{self.file}, line {self.rows[row][0]}: {column} {values[row]:g}; must {limits}"
-            )
+        Bounds(lower=lowest, upper=highest).check_all(
+            values, lambda row: f"{self.file}, line {self.rows[row][0]}: {column}"
+        )
 
 
 def read_table(path: str | Path, needed, kind: str = "") -> TextTable:

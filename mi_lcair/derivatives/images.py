@@ -10,6 +10,7 @@ import scipy
 from scipy import sparse
 
 from mi_lcair.charts import ChannelImages, Scale, named_channels
+from mi_lcair.declared import Bounds
 from mi_lcair.derivatives.common_numbers import METHOD, renders_beside
 from mi_lcair.derivatives.motions.differences import ON_FILM
 from mi_lcair.derivatives.window import (
@@ -39,7 +40,7 @@ from mi_lcair.rendering.measurands import Measurands, check_memory, check_paths
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.parameters.values import parameters_named, units
 from mi_lcair.rendering.pixels import around, missed_nearby
-from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.rendering.sampling import MOST_SPP, Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals, check_valid
 from mi_lcair.rendering.window import Windows
@@ -398,10 +399,9 @@ def facet_matrix(
     camera = scene.sensor(sensor)
     spp = camera.sampler().sample_count() if spp is None else spp
     for name, value in (("spp", spp), ("randomisations", randomisations)):
-        if not value > 0:
-            raise InputError(f"{name} = {value} must be positive")
+        Bounds(is_positive=True, upper=MOST_SPP).check(value, name)
     width, height = camera.film().crop_size()
-    check_paths(width * height, spp=spp)
+    check_paths(width * height, spp)
     points = -(-spp // randomisations)
     if has_spectral_materials(scene.mi):
         raise InputError(

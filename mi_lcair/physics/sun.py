@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.physics.air.atmosphere import AirLight
-from mi_lcair.physics.air.clear_air import ClearAir, SunDirection, clear_air
+from mi_lcair.physics.air.clear_air import ELEVATION, ClearAir, SunDirection, clear_air
 from mi_lcair.physics.air.levels import HEIGHT_M, Weather, bands, model_names
 from mi_lcair.physics.bands import BUNDLED, Band, Spectrum
 from mi_lcair.physics.sky import air_mass, mean_nodes
@@ -236,10 +236,8 @@ def clear_sky(
     height_m: of the viewer above the ground [m]. Raises InputError for an unknown name, and for a
     sun below 1 degree.
     """
-    if sun_elevation_deg is not None and not 1 <= sun_elevation_deg <= 90:
-        raise InputError(
-            f"clear sky '{air}': sun at {sun_elevation_deg:g} degrees; must lie in 1..90"
-        )
+    if sun_elevation_deg is not None:
+        ELEVATION.check(sun_elevation_deg, f"clear sky '{air}': elevation of the sun")
     return ClearSky(clear_air(air, weather), height_m, sun_elevation_deg, weather)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from mi_lcair.declared import Table, entry, given, rule
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.physics.air.atmosphere import AirLight
-from mi_lcair.physics.air.clear_air import ClearAir, Ray, SunDirection, check_height, clear_air
+from mi_lcair.physics.air.clear_air import HEIGHT, ClearAir, Ray, SunDirection, clear_air
 from mi_lcair.physics.air.levels import HEIGHT_M, Weather, bands
 from mi_lcair.physics.bands import Band, Spectrum
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
@@ -513,7 +513,7 @@ def surroundings(
     """
     air = clear_air(atmosphere, weather)
     if height_m is not None:
-        check_height(height_m)
+        HEIGHT.check(height_m, "height above the ground")
     above = None if sky is None else sky_of(sky, atmosphere, sun_elevation_deg, height_m, weather)
     if sun_file is not None:
         sunlight(sun_file)  # raises InputError for a file that cannot be used

@@ -4,7 +4,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,9 +16,6 @@ from mi_lcair.plugins.paths.sums import Sums
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.plugins.recorders.radiance import MAX_BOUNCE_CHANNELS
 from mi_lcair.rendering.statistics import Totals, student_factor
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True)
@@ -164,7 +160,6 @@ def check_bounded(emitters, name: str) -> None:
 # Limits of a render that are known before it starts: memory and the number of paths
 # ----------------------------------------------------------------------------------
 
-MOST_SPP = 2**32 - 1  # paths through a pixel, which are numbered by 32-bit integers
 MOST_PATHS = 2**40  # paths of one render; a processor traces about 10^7 paths in a second
 # Memory for the radiance and statistics of a pixel, and for each channel in double and in single
 # precision [bytes]. Measured with 4 samples per pixel on images of 1 to 2 million pixels: 433
@@ -175,18 +170,13 @@ BYTES_PER_SOURCE = 5
 GIB = 2**30
 
 
-def check_paths(pixels: int, **counts: int | None) -> None:
-    """Raise InputError for numbers of samples per pixel (spp, max_spp) that are too large."""
-    for name, count in counts.items():
-        if count is None:
-            continue
-        if count > MOST_SPP:
-            raise InputError(f"{name} = {count} must be at most {MOST_SPP}")
-        if name == "spp" and count * pixels > MOST_PATHS:
-            raise InputError(
-                f"spp = {count} through {pixels} pixels are {count * pixels:.2g} paths; at most "
-                f"{MOST_PATHS:.2g} are rendered"
-            )
+def check_paths(pixels: int, spp: int | None) -> None:
+    """Raise InputError for more paths than can be rendered."""
+    if spp is not None and spp * pixels > MOST_PATHS:
+        raise InputError(
+            f"spp = {spp} through {pixels} pixels are {spp * pixels:.2g} paths; at most "
+            f"{MOST_PATHS:.2g} are rendered"
+        )
 
 
 def check_memory(pixels: int, channels: int = 0, sources: int = 0) -> None:

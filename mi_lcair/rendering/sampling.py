@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 TWO_CHOICES = (
     "spp sets a fixed number of samples; tolerance and max_spp choose one, and do not go with it"
 )
+MOST_SPP = 2**32 - 1  # paths through a pixel, which are numbered by 32-bit integers
 DEFAULT_MAX_SPP = 2**16  # largest number of samples per pixel for a tolerance
 
 
@@ -43,10 +44,10 @@ class Sampling(
         Called with the work that is done and the work that is expected.
     """
 
-    spp: int | None = entry(None, is_positive=True)
+    spp: int | None = entry(None, is_positive=True, upper=MOST_SPP)
     paths: int | None = entry(None, is_positive=True)
     tolerance: float | None = entry(None, is_positive=True)
-    max_spp: int | None = entry(None, is_positive=True)
+    max_spp: int | None = entry(None, is_positive=True, upper=MOST_SPP)
     seed: int = 0
     sensor: int = 0
     progress: Progress | None = None

@@ -8,7 +8,7 @@ import mitsuba as mi
 import numpy as np
 import scipy
 
-from mi_lcair.declared import percent
+from mi_lcair.declared import Bounds, Table, entry, percent
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.triangles import is_faceted, vertex_positions
 from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of
@@ -24,29 +24,25 @@ FEW_POINTS = 1000  # largest number of points that are used without reducing the
 UP, BESIDE = (0, 0, 1), (1, 0, 0)  # upward directions of images, below and above POLE_DEG
 DIGITS = 9  # decimals to which angles are rounded
 CELLS = 16  # rays along each side of the window of each view in `terrain_before`
-MOST_PIXELS = 8192  # pixels along each side of a view
+RESOLUTION = Bounds(lower=1, upper=8192)  # pixels along each side of a view
 POLE_DEG = 89.999  # elevation beyond which z cannot be the upward direction of an image
 
 
 @dataclass(frozen=True)
-class View:
+class View(Table):
     """Direction from the model to the observer, in the scene's axes [degrees].
 
     The azimuth is measured from +x (the nose of a model that is not turned) toward +y (its left
     side), the elevation from the x-y plane. Both are rounded to nine decimals.
     """
 
-    azimuth_deg: float
-    elevation_deg: float = 0.0
+    azimuth_deg: float = entry()
+    elevation_deg: float = entry(0.0, lower=-90, upper=90)
 
-    def __post_init__(self):
+    def complete(self) -> None:
         # Numbers of Python, since the text of NumPy's, from which seeds are made, may be set
-        object.__setattr__(self, "azimuth_deg", round(float(self.azimuth_deg), DIGITS))
-        object.__setattr__(self, "elevation_deg", round(float(self.elevation_deg), DIGITS))
-        if not np.isfinite(self.azimuth_deg):
-            raise InputError(f"azimuth {self.azimuth_deg:g} degrees must be finite")
-        if not -90 <= self.elevation_deg <= 90:
-            raise InputError(f"elevation {self.elevation_deg:g} degrees must lie in -90..90")
+        azimuth, elevation = float(self.azimuth_deg), float(self.elevation_deg)
+        self.derive(azimuth_deg=round(azimuth, DIGITS), elevation_deg=round(elevation, DIGITS))
 
     @property
     def direction(self) -> np.ndarray:
@@ -148,11 +144,6 @@ def model_shapes(scene: Scene) -> list[mi.Shape]:
     return [shape for shape in scene.mi.shapes() if facet_type_of(shape.emitter()) == "model"]
 
 
-def check_resolution(resolution: int) -> None:
-    if not 1 <= resolution <= MOST_PIXELS:
-        raise InputError(f"resolution = {resolution} must lie in 1..{MOST_PIXELS}")
-
-
 def corners(shape) -> np.ndarray:
     """Points (n, 3) [m] whose hull contains a shape: vertices, or corners of the bounding box."""
     if is_faceted(shape):
@@ -200,7 +191,7 @@ def seen_from(scene: Scene, view: View, resolution: int, target: Target | None =
 
     target: what the sensor's window holds; by default the scene's model.
     """
-    check_resolution(resolution)
+    RESOLUTION.check(resolution, "resolution")
     camera = (target or Target.of(scene)).camera(view, resolution, depth(scene))
     camera["sampler"] = {"type": scene.sampler}
     return replace(scene, sensors=[mi.load_dict(camera, parallel=False)])

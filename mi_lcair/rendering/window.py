@@ -116,9 +116,8 @@ class Windows:
         return max(1, -(-spp * self.pixels // (self.parts * self.randomisations)))
 
     def check(self, sampling: Sampling) -> None:
-        """Raise InputError for numbers of samples per pixel that are too large."""
-        pixels = self.count * self.pixels // self.parts
-        check_paths(pixels, spp=sampling.spp, max_spp=sampling.max_spp)
+        """Raise InputError for a number of samples per pixel that is too large."""
+        check_paths(self.count * self.pixels // self.parts, sampling.spp)
 
     def paths(self, sampling: Sampling) -> int:
         """Paths of each window for a fixed number of them, or of samples per pixel."""

@@ -26,7 +26,7 @@ from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals, student_factor
-from mi_lcair.rendering.views import Target, View, cameras, check_resolution
+from mi_lcair.rendering.views import RESOLUTION, Target, View, cameras
 from mi_lcair.rendering.window import RANDOMISATIONS, Windows
 from mi_lcair.signatures.effective_areas import SourcesInBand, recorded_amounts
 
@@ -101,7 +101,7 @@ def totals_of_views(
 
 def windows_of(scene: Scene, views: list[View], resolution: int) -> tuple[Windows, np.ndarray]:
     """Windows of a scene's model toward some views, and their areas, (V,) [m^2]."""
-    check_resolution(resolution)
+    RESOLUTION.check(resolution, "resolution")
     target = Target.of(scene)
     sensor = cameras(scene, target, views)
     areas = np.array([target.window_area(view) for view in views])

@@ -5,7 +5,7 @@ import mitsuba as mi
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
-from mi_lcair.physics.spectra.files import columns_of
+from mi_lcair.physics.spectra.files import FRACTION, columns_of
 from mi_lcair.physics.spectra.parameters import spectrum
 from mi_lcair.plugins.bsdfs.reflection_bsdf import SpectralBSDF
 from mi_lcair.plugins.properties import Property, beside_scene, read
@@ -76,7 +76,7 @@ class Plume(SpectralBSDF):
         """
         if of_band is None:
             raise InputError("plume: a `spectrum` needs the `band` in which the scene is rendered")
-        wavelengths, transmittance = columns_of(path, {"transmittance": 1.0})
+        wavelengths, transmittance = columns_of(path, {"transmittance": FRACTION})
         rows = {"emissivity": 1 - transmittance}
         of_band, emissivity = band(of_band), spectrum("grey", {}, {}, wavelengths, rows, path)
         emissivity.check_covers(of_band, f"plume: {path}")

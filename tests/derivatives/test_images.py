@@ -135,7 +135,7 @@ def test_randomisations_are_independent(load):
 def test_bad_input_is_one_line(load):
     with pytest.raises(InputError, match="unknown group 'bdy'; known: body, sky"):
         matrix_of(load(), groups=["bdy"])
-    with pytest.raises(InputError, match="spp = 0 must be positive"):
+    with pytest.raises(InputError, match="spp = 0; must be positive"):
         facet_matrix(load(), spp=0)
     tail = load(extra='<string name="closure" value="tail"/>')
     with pytest.raises(InputError, match="closure = tail is not linear"):

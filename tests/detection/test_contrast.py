@@ -551,7 +551,7 @@ def test_refused_before_anything_is_loaded(folder, monkeypatch, changes, message
         ),
         ({"render__lobe": "mirrror"}, "unknown lobe 'mirrror'"),
         ({"pose__yaw_deg": 5}, "unknown parameter of disc.xml 'yaw_deg'"),
-        ({"render__resolution": 10**6}, "resolution = 1000000 must lie in 1..8192"),
+        ({"render__resolution": 10**6}, "resolution = 1000000; must lie in 1..8192"),
         ({"observer__azimuth_deg": 90}, "no ray met the target"),
     ],
 )

@@ -379,9 +379,9 @@ def test_a_file_of_ones_own(tmp_path):
 @pytest.mark.parametrize(
     "rows, message",
     [
-        ("1,4,0.5,1\n1,4.1,-0.5,1\n", r"line 3: transmittance -0.5; must lie in 0..1"),
-        ("1,4,1.01,1\n1,4.1,0.5,1\n", "line 2: transmittance 1.01"),
-        ("1,4,0.5,1\n1,4.1,0.5,-1\n", "line 3: path_radiance_W_m2_sr_um -1; must be 0 or more"),
+        ("1,4,0.5,1\n1,4.1,-0.5,1\n", r"line 3: transmittance = -0.5; must lie in 0..1"),
+        ("1,4,1.01,1\n1,4.1,0.5,1\n", "line 2: transmittance = 1.01"),
+        ("1,4,0.5,1\n1,4.1,0.5,-1\n", "line 3: path_radiance_W_m2_sr_um = -1; must lie in 0..1e"),
         ("1,4,0.5,1\n1,4.1,nan,1\n", "line 3: 'nan' in column 'transmittance' is not a number"),
         ("1,4,0.5,1\n1,4,0.5,1\n", "line 3: wavelength_um 4 after 4; must be rising"),
         ("1,4.1,0.5,1\n1,4,0.5,1\n", "line 3: wavelength_um 4 after 4.1"),

@@ -289,7 +289,7 @@ def test_an_unusable_specification_is_one_line(spec, message):
             "line 4: wavelength_um 4 after 5; must be rising",
         ),
         ("wavelength_um,response\n3,1\n3,1\n", "line 3: wavelength_um 3 after 3; must be rising"),
-        ("wavelength_um,response\n3,1\n5,-0.1\n", "line 3: response -0.1; must be 0 or more"),
+        ("wavelength_um,response\n3,1\n5,-0.1\n", "line 3: response = -0.1; must lie in 0..1e"),
         (
             "wavelength_um,response\n3,1\n5,inf\n",
             "line 3: 'inf' in column 'response' is not a number",
@@ -300,9 +300,9 @@ def test_an_unusable_specification_is_one_line(spec, message):
         ),
         (
             "wavelength_um,response\n3000,1\n5000,1\n",
-            "line 2: wavelength_um 3000; must lie in 0.1..1000",
+            "line 2: wavelength_um = 3000; must lie in 0.1..1000",
         ),
-        ("wavelength_um,response\n-3,1\n5,1\n", "line 2: wavelength_um -3; must lie in"),
+        ("wavelength_um,response\n-3,1\n5,1\n", "line 2: wavelength_um = -3; must lie in"),
     ],
 )
 def test_an_unusable_response_is_one_line_that_names_the_file_and_the_row(tmp_path, text, message):

@@ -53,12 +53,12 @@ def test_columns_in_the_order_of_the_angles(tmp_path):
 @pytest.mark.parametrize(
     "row, words",
     [
-        ("90.1,0.5,0.1", "line 3: theta_deg 90.1; must lie in 0..90"),
-        ("-0.1,0.5,0.1", "line 3: theta_deg -0.1; must"),
-        ("50,1.01,0.1", "line 3: emissivity 1.01; must lie in 0..1"),
-        ("50,-0.01,0.1", "line 3: emissivity -0.01; must"),
-        ("50,0.5,0.9e-6", "line 3: emissivity_std 9e-07; must lie in 1e-06..1"),
-        ("50,0.5,1.1", "line 3: emissivity_std 1.1; must"),
+        ("90.1,0.5,0.1", "line 3: theta_deg = 90.1; must lie in 0..90"),
+        ("-0.1,0.5,0.1", "line 3: theta_deg = -0.1; must"),
+        ("50,1.01,0.1", "line 3: emissivity = 1.01; must lie in 0..1"),
+        ("50,-0.01,0.1", "line 3: emissivity = -0.01; must"),
+        ("50,0.5,0.9e-6", "line 3: emissivity_std = 9e-07; must lie in 1e-06..1"),
+        ("50,0.5,1.1", "line 3: emissivity_std = 1.1; must"),
         ("10,0.5,0.1", "line 3: theta_deg 10 appears twice"),
     ],
 )

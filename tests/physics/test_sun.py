@@ -98,12 +98,16 @@ def test_a_users_table_and_the_distance(tmp_path):
 @pytest.mark.parametrize(
     "arguments, name, message",
     [
-        (("midlat_summer", 0.5), "MWIR", "0.5 degrees must lie in 1..90"),
+        (("midlat_summer", 0.5), "MWIR", "0.5 degrees; must lie in 1..90"),
         (("midlat_summer", None), "MWIR", "must lie in 1..90"),
-        (("midlat_summer", 90.5), "MWIR", "90.5 degrees must lie in 1..90"),
+        (("midlat_summer", 90.5), "MWIR", "90.5 degrees; must lie in 1..90"),
         (("midlat", 45.0), "MWIR", "air 'midlat'.*midlat_summer"),
         (("missing.csv",), "MWIR", "missing.csv"),
-        (("us_standard", 45.0, None, -1.0), "MWIR", "height -1 m; must lie in 0..100000 m"),
+        (
+            ("us_standard", 45.0, None, -1.0),
+            "MWIR",
+            "height above the ground = -1 m; must lie in 0..100000",
+        ),
         (("us_standard", 45.0), "SWIR", "does not cover band SWIR"),
         (("none",), "28-40", "does not cover band 28-40"),
         (("none",), "total", "does not cover band total"),
@@ -180,7 +184,7 @@ def test_bad_input_of_daytime_sky():
             in_band(daytime_sky("us_standard"), band(name), [45.0], [90.0])
     with pytest.raises(InputError, match="air 'tropical'.*us_standard"):
         daytime_sky("tropical")
-    with pytest.raises(InputError, match=r"sun at 0.5 degrees; must lie in 1\.\.90"):
+    with pytest.raises(InputError, match=r"sun = 0.5 degrees; must lie in 1\.\.90"):
         daytime_sky("us_standard", 0.5)
     assert daytime_sky("us_standard", 1.0).sun_elevation_deg == 1.0
 

@@ -154,8 +154,8 @@ def test_sky_per_metre_of_wavelength(tmp_path):
         ({"sky": "sunny"}, "sky table 'sunny'"),
         ({"sky": "-5"}, "must lie in 0..10000 K"),
         ({"sky": "overcast", "sun_elevation_deg": 40.0}, "hides the sun"),
-        ({"sky": "clear", "sun_elevation_deg": 0.2}, "sun at 0.2 degrees"),
-        ({"sky": "clear", "height_m": -3.0}, "height -3 m"),
+        ({"sky": "clear", "sun_elevation_deg": 0.2}, "sun = 0.2 degrees"),
+        ({"sky": "clear", "height_m": -3.0}, "ground = -3 m"),
         ({"sky": "clear", "atmosphere": "mars"}, "mars"),
     ],
 )

@@ -130,7 +130,9 @@ def test_samples(count):
     scene = mi_lcair.load("two_plates", resolution=2)
     tolerance = {"tolerance": 0.1} if count == "max_spp" else {}
     for render in (mi_lcair.render, lambda s, **k: render_views(s, [View(0)], 2, Sampling(**k))):
-        with pytest.raises(InputError, match=f"{count} = 4294967296 must be at most 4294967295"):
+        with pytest.raises(
+            InputError, match=f"{count} = 4294967296; must be positive and at most 4294967295"
+        ):
             render(scene, **{count: 2**32}, **tolerance)
 
 

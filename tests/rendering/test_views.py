@@ -193,8 +193,11 @@ def test_a_view_of_nothing_does_not_keep_the_others(plate):
 
 
 def test_bad_input(plate, cylinder):
-    for view in ((np.nan, 0), (0, 91)):
-        with pytest.raises(InputError, match="degrees must"):
+    for view, message in (
+        ((np.nan, 0), "azimuth_deg = nan; must be finite"),
+        ((0, 91), "elevation_deg = 91; must lie in -90..90"),
+    ):
+        with pytest.raises(InputError, match=message):
             View(*view)
     slab = plate("slab", SLAB, BLACK, 300.0)
     slab["emitter"]["facet_type"] = "sky"

@@ -36,7 +36,7 @@ from mi_lcair.plugins.emission.source import Source
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
-from mi_lcair.rendering.views import View, check_resolution
+from mi_lcair.rendering.views import RESOLUTION, View
 from mi_lcair.results import Result, entry, extremes, summary_of
 from mi_lcair.sections import LongTable, unit_of
 from mi_lcair.signatures.effective_areas import temperatures_of
@@ -416,7 +416,7 @@ def measure_trend(
         raise InputError(
             "a trend needs views, each once; an azimuth or elevation is missing or given twice"
         )
-    check_resolution(resolution)
+    RESOLUTION.check(resolution, "resolution")
     subject = Subject(scene.name, given=scene)
     batches = Batch.of_views(subject, None, views, resolution, sampling, measure_rows)
     results, _ = results_of({scene.name: batches}, folder, progress)

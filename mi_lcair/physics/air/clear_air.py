@@ -10,6 +10,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.atmosphere import (
     LIGHT_RANGES,
@@ -177,7 +178,9 @@ class Path:
         return np.sqrt(max((top - self.perigee) * (top + self.perigee), 0))
 
 
-LOWEST_SUN_DEG = 1.0  # elevation of a sun from which its light has been compared with LOWTRAN7
+# Elevations of a sun of which the light has been compared with LOWTRAN7
+ELEVATION = Bounds(lower=1, upper=90, unit="degrees")
+HEIGHT = Bounds(lower=0, upper=TOP_M, unit="m")
 
 
 @dataclass(frozen=True)
@@ -212,9 +215,8 @@ class ClearAir:
 
         Raises InputError for a height outside 0..100 km or an elevation outside -90..90 degrees.
         """
-        check_height(height_m)
-        if not -90 <= elevation_deg <= 90:
-            raise InputError(f"air '{self.name}': elevation {elevation_deg:g}; must lie in -90..90")
+        HEIGHT.check(height_m, "height above the ground")
+        Bounds(lower=-90, upper=90).check(elevation_deg, f"air '{self.name}': elevation")
         return ray(self.levels, height_m / 1000, elevation_deg, range_m / 1000)
 
     def end(
@@ -228,7 +230,7 @@ class ClearAir:
 
     def horizon_deg(self, height_m: float) -> float:
         """Elevation at which the ray from a height [m] touches the ground [degrees], 0 or less."""
-        check_height(height_m)
+        HEIGHT.check(height_m, "height above the ground")
         heights = np.array([0.0, height_m / 1000])
         index, _ = self.levels.refraction(heights)
         ground, viewer = (1 + index) * (EARTH_KM + heights)  # see `Path`
@@ -269,13 +271,10 @@ class ClearAir:
         """Irradiance of the direct sun on a perpendicular plane [W m^-2 um^-1].
 
         elevation_deg: apparent elevation [degrees]. distance_au: distance in astronomical units.
-        Raises InputError for a sun below LOWEST_SUN_DEG.
+        Raises InputError for a sun outside ELEVATION.
         """
-        if elevation_deg is None or not LOWEST_SUN_DEG <= elevation_deg <= 90:
-            raise InputError(
-                f"air '{self.name}': solar elevation {elevation_deg} degrees must lie in "
-                f"{LOWEST_SUN_DEG:g}..90"
-            )
+        elevation_deg = np.nan if elevation_deg is None else elevation_deg
+        ELEVATION.check(elevation_deg, f"air '{self.name}': elevation of the sun")
         amounts = self.ray(height_m, elevation_deg).amounts[-1:]
         source = bands().sun[None] / distance_au**2
         return AirLight.of(f"{self.name} {elevation_deg:g} deg", source, amounts)
@@ -339,12 +338,6 @@ class ClearAir:
         """Mean densities between pairs of heights [km], (n, c)."""
         heights = lower_km[:, None] + (upper_km - lower_km)[:, None] * NODES
         return np.einsum("ngc,g->nc", self.levels.at(heights)[0], WEIGHTS)
-
-
-def check_height(height_m: float) -> None:
-    """Raise InputError for a height [m] below the ground or above the air."""
-    if not 0 <= height_m <= TOP_M:
-        raise InputError(f"height {height_m:g} m; must lie in 0..{TOP_M:g} m above the ground")
 
 
 @lru_cache(maxsize=16)

@@ -34,9 +34,6 @@ class Grey(interface.ReflectionModel):
     def surface(self, *values, form: str = "standard"):
         return GreySurface(values[0], 1 - values[0])
 
-    def check_feasible(self, *values: float, form: str = "standard") -> None:
-        self.parameters[0].check(values[0], f"{self.name}: emissivity")
-
     def f(self, S, i, r):
         return dr.select((i.z > 0) & (r.z > 0), S.reflectance * dr.inv_pi, 0)
 

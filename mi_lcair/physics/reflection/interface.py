@@ -172,6 +172,8 @@ class ReflectionModel(ABC):
         Simpler cases that a fit may choose.
     is_compared
         Whether a fit that is not told its model tries this one.
+    rounding
+        Relative excess over the bounds that is accepted, see `check_feasible`.
     """
 
     name: str
@@ -182,6 +184,7 @@ class ReflectionModel(ABC):
     has_emissivity: bool = False
     restrictions: tuple[Restriction, ...] = ()
     is_compared: bool = True
+    rounding: float = 0.0
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -198,12 +201,13 @@ class ReflectionModel(ABC):
         """The `Surface` with these numbers. As literals they would make kernels of their own."""
         return self.surface(*(dr.opaque(Float64, float(value)) for value in values), form=form)
 
-    @abstractmethod
-    def check_feasible(self, *values: float, form: str) -> None:
-        """Raise InputError for parameters that no surface can have.
+    def check_feasible(self, *values: float, form: str = "standard") -> None:
+        """Raise InputError for parameters that no surface can have, by default those out of bounds.
 
         The message names the parameter, its value and its bound.
         """
+        for parameter, value in zip(self.parameters, values):
+            parameter.check(value, f"{self.name}: {parameter.name}", self.rounding)
 
     def check_form(self, form: str) -> None:
         """Raise InputError for a form that the model does not have."""

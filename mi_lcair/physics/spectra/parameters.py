@@ -24,7 +24,13 @@ from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.reflection import microfacet_equations
 from mi_lcair.physics.reflection import sandford_robertson_equations as sr
 from mi_lcair.physics.reflection.interface import ReflectionModel
-from mi_lcair.physics.spectra.files import by_angle, columns_of, refractive_index, spectrum_of
+from mi_lcair.physics.spectra.files import (
+    FRACTION,
+    by_angle,
+    columns_of,
+    refractive_index,
+    spectrum_of,
+)
 from mi_lcair.table import rows_at
 from mi_lcair.toml_table import typed
 
@@ -372,7 +378,7 @@ def of_nk(entry, files, common, fit) -> SpectralParameters:
 
 
 def of_columns(entry, files, common, fit) -> SpectralParameters:
-    columns = {"epsilon": 1.0, "rho_d": 1.0}
+    columns = {"epsilon": FRACTION, "rho_d": FRACTION}
     wavelengths, epsilon, rho_d = columns_of(files["spectrum"], columns)
     rows = {"epsilon": epsilon, "rho_d": rho_d}
     return spectrum("sandford_robertson", entry, common, wavelengths, rows, files["spectrum"])

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError, check_known
 from mi_lcair.files import check_file, read_bytes, read_text, replacing
 from mi_lcair.physics.bands import Band
@@ -159,7 +160,7 @@ def _silenced():
 
 PICTURES = (".tif", ".tiff", ".png")
 SUFFIXES = (".exr", *PICTURES, ".csv", ".npy")
-COLDEST, HOTTEST = 30.0, 6000.0  # limits of an apparent temperature, K
+KELVIN = Bounds(lower=30, upper=6000, unit="K")  # of an apparent temperature
 TEMPERATURE = "apparent_temperature"
 OTHERWISE = (
     "degrees Celsius need 273.15 more, counts of 0.01 K need scale = 0.01; a radiance needs "
@@ -172,12 +173,7 @@ def check_kelvin(path, values: np.ndarray, otherwise: str = OTHERWISE) -> None:
 
     otherwise: what other values need, in words.
     """
-    bad = ~((values >= COLDEST) & (values <= HOTTEST))
-    if bad.any():
-        raise InputError(
-            f"{path}: apparent temperature {values[bad][0]:g}; must lie in {COLDEST:g}.."
-            f"{HOTTEST:g} K ({otherwise})"
-        )
+    KELVIN.check_all(values, lambda k: f"{path}: apparent temperature", f" ({otherwise})")
 
 
 def read_values(path: str, channel: str | None, quantity: str | None, band: Band) -> tuple:

@@ -8,6 +8,7 @@ from pathlib import Path
 import mitsuba as mi
 import numpy as np
 
+from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError, printable, shortened
 from mi_lcair.models3d.modellers.obj import check_obj
 from mi_lcair.models3d.modellers.ply import check_ply
@@ -16,8 +17,8 @@ from mi_lcair.physics.bands import BUNDLED
 from mi_lcair.physics.materials import BUILT_IN
 from mi_lcair.plugins.derivatives import children, members
 from mi_lcair.plugins.emission.triangles import NORMALS, TEXTURE, VERTICES, is_faceted
-from mi_lcair.plugins.properties import HOTTEST, beside_scene
-from mi_lcair.rendering.loading.parsing import BOUNDS, FARTHEST, properties
+from mi_lcair.plugins.properties import beside_scene
+from mi_lcair.rendering.loading.parsing import BOUNDS, REACHED, TEMPERATURE, properties
 
 # What a loaded scene tells about itself in one line
 # --------------------------------------------------
@@ -184,15 +185,12 @@ def check_shapes(scene: mi.Scene) -> None:
             shape.recompute_bbox()  # `mi.load_dict` does not when it merges shapes of one BSDF
         box = shape.bbox()
         low, high = np.array(box.min, dtype=float), np.array(box.max, dtype=float)
-        if not (np.isfinite(low).all() and np.isfinite(high).all() and (low <= high).all()):
-            raise InputError(f"{name}: has no extent, or coordinates that are not finite")
-        if max(abs(low).max(), abs(high).max()) > FARTHEST:
-            raise InputError(f"{name}: reaches beyond {FARTHEST:g} m; move it to the origin")
-        if not (high - low).max() > 0:
-            raise InputError(f"{name}: is a point; give it a size above 0")
+        REACHED.check(max(abs(low).max(), abs(high).max()), f"{name}: largest coordinate")
+        if not ((high >= low).all() and (high > low).any()):
+            raise InputError(f"{name}: has no extent; give it a size above 0")
         emitter = shape.emitter()
         if emitter is not None:
-            check_texture(shape, members(emitter).get("temperature"), "temperature", (0, HOTTEST))
+            check_texture(shape, members(emitter).get("temperature"), "temperature", TEMPERATURE)
         check_bsdf(shape, shape.bsdf())
 
 
@@ -209,11 +207,11 @@ def check_bsdf(shape, bsdf) -> None:
             check_bsdf(shape, child)
 
 
-def check_texture(shape, texture, what: str, bounds: tuple[float, float]) -> None:
+def check_texture(shape, texture, what: str, bounds: Bounds) -> None:
     """Raise InputError for a texture with values out of bounds.
 
     Also for a texture that names a mesh attribute which the shape does not have. what: the quantity
-    that the texture gives, for messages. bounds: smallest and largest allowed value.
+    that the texture gives, for messages.
     """
     if not isinstance(texture, mi.Texture):
         return
@@ -223,17 +221,7 @@ def check_texture(shape, texture, what: str, bounds: tuple[float, float]) -> Non
     else:
         arrays = [value for value in members(texture).values() if hasattr(value, "numpy")]
         values = np.concatenate([array.numpy().ravel() for array in arrays] or [np.empty(0)])
-    lower, upper = bounds
-    is_temperature = what == "temperature"
-    bad = ~((values >= lower) & (values <= upper)) | (is_temperature & (values == 0))
-    if bad.any():
-        right = (
-            f"be positive, at most {upper:g}" if is_temperature else f"lie in {lower:g}..{upper:g}"
-        )
-        unit = " K" if is_temperature else ""
-        raise InputError(
-            f"{name} of {of} {bad.argmax()} = {values[bad][0]:g}{unit}; it must {right}"
-        )
+    bounds.check_all(values, lambda k: f"{name} of {of} {k}")
 
 
 def mesh_attribute(shape, texture, name: str) -> tuple[np.ndarray, str]:

@@ -12,6 +12,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError
 from mi_lcair.models3d.model import SIZES_AWAY
 from mi_lcair.physics.bands import band
@@ -23,9 +24,13 @@ from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST, beside_scene
 # They find values out of bounds, and errors that would end the process or that Mitsuba would
 # ignore.
 
-FARTHEST = 1e9  # largest coordinate [m], whose square is far below the largest Float32 number
+# Largest coordinate, whose square is far below the largest Float32 number
+REACHED = Bounds(lower=0, upper=1e9, unit="m")
 MOST_SAMPLES = 2**32 - 1  # largest number of samples per pixel
-SHARE, POSITIVE, EMITTED = (0, 1), (1e-30, 1e30), (0, BRIGHTEST)
+FINITE = Bounds(lower=-3.4e38, upper=3.4e38)  # in Float32
+SHARE, POSITIVE = Bounds(lower=0, upper=1), Bounds(is_positive=True, upper=1e30)
+TEMPERATURE = Bounds(is_positive=True, upper=HOTTEST, unit="K")
+EMITTED = Bounds(lower=0, upper=BRIGHTEST)
 SHARES = (
     *("reflectance", "specular_reflectance", "specular_transmittance", "diffuse_reflectance"),
     *("base_color", "opacity", "weight", "roughness", "metallic", "specular", "clearcoat", "sheen"),
@@ -36,12 +41,12 @@ SHARES = (
 BOUNDS = {
     mi.ObjectType.BSDF: dict.fromkeys(SHARES, SHARE)
     | dict.fromkeys(("alpha", "alpha_u", "alpha_v", "int_ior", "ext_ior"), POSITIVE)
-    | dict.fromkeys(("eta", "k"), (0, 1e30)),
+    | dict.fromkeys(("eta", "k"), Bounds(lower=0, upper=1e30)),
     mi.ObjectType.Emitter: dict.fromkeys(("radiance", "irradiance", "intensity", "scale"), EMITTED)
-    | {"temperature": (1e-30, HOTTEST)},
+    | {"temperature": TEMPERATURE},
     mi.ObjectType.Shape: {"radius": POSITIVE},
     mi.ObjectType.Sensor: {"near_clip": POSITIVE, "far_clip": POSITIVE},
-    mi.ObjectType.Sampler: {"sample_count": (1, MOST_SAMPLES)},
+    mi.ObjectType.Sampler: {"sample_count": Bounds(lower=1, upper=MOST_SAMPLES)},
 }
 NUMBERS_OF_TEXTURES = ("value", "color", "color0", "color1", "values")
 SURFACE_EMITTERS = ("thermal", "area", "directionalarea")  # emitters that must belong to a shape
@@ -132,32 +137,14 @@ def check_values(node, values: dict, nodes) -> None:
         if isinstance(value, mi.ScalarAffineTransform4d | mi.ScalarProjectiveTransform4d):
             check_transform(name, value, node.type)
             continue
-        given = numbers(value)
-        with np.errstate(over="ignore"):
-            bad = ~np.isfinite(given.astype(np.float32))
-        if bad.any():
-            raise InputError(f"{plugin}: {name} = {given[bad][0]:g}; it must be finite")
         bounds = BOUNDS.get(node.type, {}).get(name)
-        if bounds:
-            where = f"{plugin}: {name}"
-            if plugin not in CHECKED_BY_THEMSELVES:
-                check_bounds(where, given, bounds)
-            if isinstance(value, mi.Properties.ResolvedReference):
-                child, child_values = nodes[value.index()]
-                if child.type == mi.ObjectType.Texture:
-                    for key in NUMBERS_OF_TEXTURES:
-                        check_bounds(where, numbers(child_values.get(key)), bounds)
-
-
-def check_bounds(where: str, given: np.ndarray, bounds: tuple[float, float]) -> None:
-    """Raise InputError for the first number outside the bounds; NaN is outside."""
-    lower, upper = bounds
-    bad = ~((given >= lower) & (given <= upper))
-    if bad.any():
-        right = "be positive" if lower == POSITIVE[0] else f"lie in {lower:g}..{upper:g}"
-        if lower == POSITIVE[0] and upper < POSITIVE[1]:
-            right += f" and at most {upper:g}"
-        raise InputError(f"{where} = {given[bad][0]:g}; it must {right}")
+        given = [(numbers(value), FINITE if plugin in CHECKED_BY_THEMSELVES else bounds)]
+        if bounds and isinstance(value, mi.Properties.ResolvedReference):
+            child, child_values = nodes[value.index()]
+            if child.type == mi.ObjectType.Texture:
+                given += [(numbers(child_values.get(key)), bounds) for key in NUMBERS_OF_TEXTURES]
+        for array, allowed in given:
+            (allowed or FINITE).check_all(array, lambda k, name=name: f"{plugin}: {name}")
 
 
 def check_transform(name: str, transform, kind) -> None:
@@ -167,15 +154,9 @@ def check_transform(name: str, transform, kind) -> None:
     rotation, and its inverse is another one's, so that normals are wrong.
     """
     matrix = np.array(transform.matrix, dtype=float)
-    if not np.isfinite(matrix).all():
-        raise InputError(f"{name}: the transform holds NaN or infinity; its numbers must be finite")
+    REACHED.check(abs(matrix).max(), f"{name}: largest number of the transform")
     if kind not in (mi.ObjectType.Shape, mi.ObjectType.Sensor, mi.ObjectType.Emitter):
         return
-    if abs(matrix).max() > FARTHEST:
-        raise InputError(
-            f"{name}: the transform reaches {abs(matrix).max():g} m; at most {FARTHEST:g} m are "
-            "within single precision"
-        )
     lengths = np.linalg.norm(matrix[:3, :3], axis=0)
     if abs(np.linalg.det(matrix[:3, :3] / np.maximum(lengths, 1e-30))) < 1e-9:
         raise InputError(

@@ -431,7 +431,7 @@ def test_a_file_beside_it_of_another_kind(tmp_path, made):
     [
         ({"azimuths_deg": []}, "needs views"),
         ({"azimuths_deg": [10, 10]}, "twice"),
-        ({"resolution": 10**5}, "resolution = 100000 must lie in"),
+        ({"resolution": 10**5}, "resolution = 100000; must lie in"),
         ({"max_spp": 4}, "do not go with it"),
         ({"elevations_deg": [100]}, "-90..90"),
         ({"tolerance": 0.1}, "do not go with it"),

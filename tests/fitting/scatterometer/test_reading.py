@@ -535,10 +535,10 @@ def test_directional_tables(file):
     [
         (
             "theta_deg,emissivity\n15,1.2\n",
-            "line 2: emissivity 1.2; must lie in 0..1",
+            "line 2: emissivity = 1.2; must lie in 0..1",
         ),
-        ("theta_deg,emissivity\n15,-0.1\n", "line 2: emissivity -0.1; must lie in 0..1"),
-        ("theta_deg,emissivity\n95,0.1\n", "line 2: theta_deg 95; must lie in 0..90"),
+        ("theta_deg,emissivity\n15,-0.1\n", "line 2: emissivity = -0.1; must lie in 0..1"),
+        ("theta_deg,emissivity\n95,0.1\n", "line 2: theta_deg = 95; must lie in 0..90"),
         ("theta_deg,dhr\n15,0.1\n", "must name theta_deg and emissivity; found: theta_deg, dhr"),
         (
             "theta_deg,emissivity,emissivity_std\n15,0.1\n",
@@ -546,7 +546,7 @@ def test_directional_tables(file):
         ),
         (
             "theta_deg,emissivity,emissivity_std\n15,0.1,0\n",
-            "line 2: emissivity_std 0; must lie in 1e-06..1",
+            "line 2: emissivity_std = 0; must lie in 1e-06..1",
         ),
         ("theta_deg,emissivity\n15,0.1\n15,0.2\n", "line 3: theta_deg 15 appears twice"),
         ("", "found: nothing"),

@@ -280,7 +280,7 @@ def test_independent_errors_of_facets(tmp_path):
     [
         ({"selv": 1.0}, "unknown group 'selv'; known: self"),
         ({"self": "facet,sigma_K\n9999,1\n"}, "group self has no facet 9999"),
-        ({"self": "facet,sigma_K\n0,-1\n"}, "sigma_K -1; must be 0 or more"),
+        ({"self": "facet,sigma_K\n0,-1\n"}, "sigma_K = -1; must lie in 0..1e"),
         ({"self": "facet,sigma_K\n0,1\n0,2\n"}, "a facet is listed twice"),
         ({"self": "number,sigma\n0,1\n"}, "the header must name facet and sigma_K"),
     ],

@@ -267,7 +267,7 @@ def refused(tree, message):
         ({"netd": 50}, "unknown key of .*'netd'; known: netd_mK"),
         ({"channel": "Y"}, "channel = 'Y' goes with an EXR file only"),
         ({"quantity": None}, "does not say what it holds; give quantity"),
-        ({"quantity": "apparent_temperature", "scale": 0.5}, "must lie in 30..6000 K .degrees Cel"),
+        ({"quantity": "apparent_temperature", "scale": 0.5}, "must lie in 30..6000 .degrees Cel"),
         ({"quantity": "apparent_temperature"}, "check unit, band and scale"),
         ({"scale": 7.3}, "give quantity = 'apparent_temperature' if these are kelvin"),
         ({"scale": 1e4}, "check unit, band and scale"),

@@ -163,11 +163,11 @@ def test_what_cannot_be_computed():
     air = clear_air("us_standard")
     for call, message in (
         (lambda: clear_air("tropical"), "unknown air 'tropical'; known: .*midlat_summer"),
-        (lambda: air.sky(-1.0, 10.0), r"height -1 m; must lie in 0\.\.100000 m above the ground"),
-        (lambda: air.sky(1e6, 10.0), r"must lie in 0\.\.100000 m"),
-        (lambda: air.ray(0.0, 91.0), r"elevation 91; must lie in -90\.\.90"),
+        (lambda: air.sky(-1.0, 10.0), r"height above the ground = -1 m; must lie in 0\.\.100000"),
+        (lambda: air.sky(1e6, 10.0), r"must lie in 0\.\.100000"),
+        (lambda: air.ray(0.0, 91.0), r"elevation = 91; must lie in -90\.\.90"),
         (lambda: air.sky(3000.0, -10.0), "meets the ground, and no sky"),
-        (lambda: air.sun(0.0, 0.5), r"solar elevation 0.5 degrees must lie in 1\.\.90"),
+        (lambda: air.sun(0.0, 0.5), r"elevation of the sun = 0.5 degrees; must lie in 1\.\.90"),
     ):
         with pytest.raises(InputError, match=message):
             call()

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError
 from mi_lcair.physics.spectra.files import columns_of, of_page, refractive_index, spectrum_of
 
@@ -15,11 +16,11 @@ def test_index_of_a_file(tmp_path):
     path.write_text("wavelength_um,n,k\n5,4,10\n3,3,8\n")
     wavelengths, n, k, _ = refractive_index(str(path))
     assert (wavelengths.tolist(), n.tolist(), k.tolist()) == ([3, 5], [3, 4], [8, 10])
-    assert np.array_equal(columns_of(path, {"n": 9.0})[1], n)
+    assert np.array_equal(columns_of(path, {"n": Bounds(upper=9)})[1], n)
     path.write_text("wavelength_um,n,k\n5,0.4,10\n3,3,8\n")  # near strong absorption
     assert refractive_index(str(path))[1].tolist() == [3, 0.4]
     path.write_text("wavelength_um,n,k\n5,0,10\n3,3,8\n")
-    with pytest.raises(InputError, match="n must be above 0"):
+    with pytest.raises(InputError, match="n at 5 um = 0; must be positive"):
         refractive_index(str(path))
 
 
@@ -152,9 +153,9 @@ def test_the_same_spectrum_in_every_format_and_order(tmp_path, seed):
 
 BAD = {
     "nanometres: divide by 1000": "wavelength_um,reflectance\n3000,.1\n5000,.2\n",
-    "wavelengths 0.01..5; must lie in": "wavelength_um,reflectance\n.01,.1\n5,.2\n",
+    "wavelength = 0.01 um; must lie in 0.1..1000": "wavelength_um,reflectance\n.01,.1\n5,.2\n",
     "per cent: divide by 100": "wavelength_um,reflectance\n3,10\n5,20\n",
-    "reflectance 1.02 at 4 um; must lie in 0..1": "wavelength_um,reflectance\n3,.9\n4,1.02\n",
+    "reflectance at 4 um = 1.02; must lie in 0..1": "wavelength_um,reflectance\n3,.9\n4,1.02\n",
     "3.5 um follows 4 um": "wavelength_um,reflectance\n3,.1\n4,.1\n3.5,.1\n5,.1\n",
     "two wavelengths": "wavelength_um,reflectance\n3,.1\n",
     "micrometres": "X Units: Wavenumber (cm-1)\nY Units: Reflectance (percent)\n3 10\n4 20\n",
@@ -179,7 +180,7 @@ def test_files_of_usgs_must_belong_together(tmp_path):
         spectrum_of(tmp_path / "values", "reflectance", tmp_path / "waves")
     (tmp_path / "waves").write_text("title\n1\n2\n3\n")
     (tmp_path / "values").write_text("title\n.1\n1.02\n.3\n")
-    with pytest.raises(InputError, match="reflectance 1.02 at 2 um"):
+    with pytest.raises(InputError, match="reflectance at 2 um = 1.02"):
         spectrum_of(tmp_path / "values", "reflectance", tmp_path / "waves")
     (tmp_path / "waves").write_text("title\n1\n2\nthree\n")
     with pytest.raises(InputError, match="one number a line"):

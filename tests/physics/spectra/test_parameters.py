@@ -193,7 +193,7 @@ def test_constant_outside_the_rows(tmp_path):
 
 
 BAD = {
-    "epsilon 1.02 at 6 um; must lie in 0..1": (
+    "epsilon at 6 um = 1.02; must lie in 0..1": (
         SR.replace("sr.csv", "grey.csv"),
         csv("wavelength_um,epsilon,rho_d", [2, 6], [0.5, 1.02], [0.1, 0]),
     ),

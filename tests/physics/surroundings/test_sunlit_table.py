@@ -94,9 +94,9 @@ def test_ground_reflects_its_mean(tmp_path):
 @pytest.mark.parametrize(
     "given, message",
     [
-        ({"azimuths": (0, 90, 181)}, "line 210: azimuth_deg 181; must lie in 0..180"),
+        ({"azimuths": (0, 90, 181)}, "line 210: azimuth_deg = 181; must lie in 0..180"),
         ({"azimuths": (30,)}, "needs elevation_deg and two azimuth_deg or more"),
-        ({"elevations": (5, 91)}, "elevation_deg 91; must lie in 0..90"),
+        ({"elevations": (5, 91)}, "elevation_deg = 91; must lie in 0..90"),
     ],
 )
 def test_bad_tables(given, message, tmp_path):

@@ -230,7 +230,7 @@ def test_the_irradiance_is_differentiable(plate, settings):
     [
         ({"band": "total"}, "does not cover band total"),
         ({"band": "SWIR", "air": "midlat_summer"}, "does not cover band SWIR"),
-        ({"elevation_deg": -1.0, "air": "midlat_summer"}, "-1.0 degrees must lie in 1..90"),
+        ({"elevation_deg": -1.0, "air": "midlat_summer"}, "-1 degrees; must lie in 1..90"),
         ({"height_m": -5.0, "air": "midlat_summer"}, "height_m = -5; must lie in 0..100000"),
         ({"elevation_deg": 91.0}, "elevation_deg = 91; must lie in -90..90"),
         ({"air": "midlat"}, "air 'midlat'"),

@@ -74,7 +74,7 @@ def placed(operation: str) -> str:
         ),
         (
             shape('<bsdf type="roughconductor"> <float name="alpha" value="-1"/> </bsdf>'),
-            "alpha = -1; it must be positive",
+            "alpha = -1; must be positive",
         ),
         (
             shape(
@@ -89,15 +89,21 @@ def placed(operation: str) -> str:
         ),
         (
             shape(PAINT + '<emitter type="area"> <float name="radiance" value="1e39"/> </emitter>'),
-            "area: radiance = 1e\\+39; it must be finite",
+            "area: radiance = 1e\\+39; must lie in 0..1e\\+15",
         ),
         ('<emitter type="constant"> <float name="radiance" value="1e20"/> </emitter>', "1e\\+20"),
         (shape(PAINT + '<float name="radius" value="0"/>', "sphere"), "radius = 0"),
         (shape(PAINT + '<float name="radius" value="nan"/>', "sphere"), "radius = nan"),
         (shape(PAINT + placed('<scale value="0"/>')), "flattens to nothing"),
         (shape(PAINT + placed('<rotate x="1" z="1" angle="60"/>')), "axis that is not of length 1"),
-        (shape(PAINT + placed('<scale x="nan"/>')), "NaN or infinity"),
-        (shape(PAINT + placed('<translate x="1e30"/>')), "reaches 1e\\+30 m"),
+        (
+            shape(PAINT + placed('<scale x="nan"/>')),
+            "to_world: largest number of the transform = nan m; must lie in",
+        ),
+        (
+            shape(PAINT + placed('<translate x="1e30"/>')),
+            "transform = 1e\\+30 m; must lie in 0..1e\\+09",
+        ),
         (
             SENSOR.replace("</film>", '</film> <float name="far_clip" value="inf"/>'),
             "far_clip = inf",
@@ -108,7 +114,7 @@ def placed(operation: str) -> str:
                 '</film> <sampler type="independent"> '
                 '<integer name="sample_count" value="0"/> </sampler>',
             ),
-            "sample_count = 0; it must lie in 1..",
+            "sample_count = 0; must lie in 1..",
         ),
         (
             shape(PAINT + THERMAL.replace("300", "")),

@@ -25,7 +25,7 @@ from mi_lcair.knowing.budgets.number import SOURCE_STEP
 from mi_lcair.knowing.inversion.data.readings import check_counts, values_that_count
 from mi_lcair.plugins.emission.source import rounded
 from mi_lcair.plugins.emission.sources import Sources
-from mi_lcair.rendering.images.files import COLDEST, TEMPERATURE
+from mi_lcair.rendering.images.files import KELVIN, TEMPERATURE
 from mi_lcair.rendering.motions.motion import FULL_TURN_DEG, LARGEST_PX, OBSERVER
 from mi_lcair.rendering.motions.pose import known_motions
 from mi_lcair.rendering.parameters.entries import Parameter
@@ -180,8 +180,8 @@ class CameraImage:
         if quantity == COUNTS:
             values = camera.design.applied(signal_of(imager, values))
         elif quantity == TEMPERATURE:
-            counts &= values > COLDEST
-            values = electrons(camera.band, np.where(counts, values, COLDEST))
+            counts &= values > KELVIN.lower
+            values = electrons(camera.band, np.where(counts, values, KELVIN.lower))
         else:
             raise InputError(f"quantity = {quantity}; a camera's image has {' or '.join(CHANNELS)}")
         collected = camera.design.undone(values) + imager.dark
