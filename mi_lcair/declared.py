@@ -103,9 +103,8 @@ class Rule:
 
 
 def given(table: Any, names: tuple[str, ...]) -> list[str]:
-    """The names of the entries that differ from their defaults."""
-    declared = type(table).__dataclass_fields__
-    return [name for name in names if getattr(table, name) != declared[name].default]
+    """The names of the entries that differ from their defaults, the attributes of the class."""
+    return [name for name in names if getattr(table, name) != getattr(type(table), name, MISSING)]
 
 
 def listed(names: Any, last: str = "and") -> str:
@@ -201,9 +200,7 @@ class Table:
     def __post_init__(self):
         with errors_of(self._where) if self._where else nullcontext():
             check_fields(self)
-            for each in self._rules:
-                if message := each.message(self):
-                    raise InputError(message)
+            check_rules(self, self._rules)
             self.complete()
 
     def complete(self) -> None:
@@ -219,6 +216,13 @@ class Table:
     def replaced(cls, name: str) -> set[str]:
         """Names of the entries that an entry takes the place of."""
         return {other for each in cls._rules for other in each.replaced.get(name, ())}
+
+
+def check_rules(table: Any, rules: tuple[Rule, ...]) -> None:
+    """Raise InputError for the first rule that a table breaks."""
+    for each in rules:
+        if message := each.message(table):
+            raise InputError(message)
 
 
 def check_fields(table: Any) -> None:

@@ -18,7 +18,7 @@ from mi_lcair.drawing import PICTURES, notebook_png, write_figure
 from mi_lcair.errors import InputError, check_known, printable
 from mi_lcair.estimate import Contribution, Estimate, in_unit
 from mi_lcair.extras import named, optional
-from mi_lcair.files import check_writable, replacing
+from mi_lcair.files import check_suffix, check_writable, replacing
 from mi_lcair.sections import (
     Drawing,
     Facts,
@@ -315,7 +315,7 @@ class Result:
                 f"{self._named()} has no picture; it can be saved as {', '.join(self.suffixes())}"
             )
         if path is not None:
-            self._check_suffix(Path(path), PICTURES)
+            check_suffix(path, PICTURES, f"{self._named()}: output")
             check_writable(path)
         check_options(f"the picture of {self._named()}", self.picture, options)
         figure = self.picture(**options).draw()
@@ -345,7 +345,7 @@ class Result:
             cannot be written.
         """
         path = Path(path)
-        suffix = self._check_suffix(path, self.suffixes())
+        suffix = check_suffix(path, self.suffixes(), f"{self._named()}: output")
         if suffix in PICTURES:
             self.plot(path, **options)
         elif suffix == ".json":
@@ -360,13 +360,6 @@ class Result:
             write = named(of_result.get(suffix, writer))
             check_options(f"{suffix} of {self._named()}", write, options)
             write(path, self if suffix in of_result else getattr(self, content)(), **options)
-
-    def _check_suffix(self, path: Path, allowed) -> str:
-        """The suffix of a path, in lower case. Raises InputError if it is not allowed."""
-        suffix = path.suffix.lower()
-        if suffix not in allowed:
-            raise InputError(f"'{path}': {self._named()} can be saved as {', '.join(allowed)}")
-        return suffix
 
     @property
     def has_picture(self) -> bool:

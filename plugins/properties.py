@@ -12,7 +12,7 @@ from pathlib import Path
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.declared import Bounds
+from mi_lcair.declared import Bounds, Rule, check_rules
 from mi_lcair.errors import InputError, check_known, errors_of
 
 # Largest temperature [K]. Squares of the in-band radiance of a hotter blackbody would come near the
@@ -95,7 +95,12 @@ class Property(Bounds):
         return beside_scene(value) if self.is_file else value
 
 
-def read(props: mi.Properties, plugin: str, declared: tuple[Property, ...]) -> dict:
+def read(
+    props: mi.Properties,
+    plugin: str,
+    declared: tuple[Property, ...],
+    rules: tuple[Rule, ...] = (),
+) -> dict:
     """Values of the declared properties by name, or their defaults where none are given.
 
     Marks the properties as queried, so that Mitsuba rejects all others.
@@ -107,6 +112,8 @@ def read(props: mi.Properties, plugin: str, declared: tuple[Property, ...]) -> d
     plugin : str
         Name of the plugin in messages.
     declared : tuple of Property
+    rules : tuple of Rule
+        Those between the properties.
 
     Returns
     -------
@@ -116,13 +123,19 @@ def read(props: mi.Properties, plugin: str, declared: tuple[Property, ...]) -> d
     ------
     InputError
         If a value is not allowed. The message names plugin, property, value and allowed values.
+        Also if a rule is broken.
     """
-    return {
+    values = {
         entry.name: entry.checked(props[entry.name], plugin)
         if entry.name in props
         else entry.default
         for entry in declared
     }
+    table = type(plugin, (), {entry.name: entry.default for entry in declared})()
+    vars(table).update(values)
+    with errors_of(plugin):
+        check_rules(table, rules)
+    return values
 
 
 def beside_scene(text: str) -> str:

@@ -11,7 +11,7 @@ from mi_lcair.derivatives.window import Sensitivities, differentiate_intensity
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.errors import InputError, check_known, errors_of
 from mi_lcair.knowing.budgets.budget import NUMBERS, Budget, draw_up
-from mi_lcair.knowing.budgets.monte_carlo import check_draws
+from mi_lcair.knowing.budgets.monte_carlo import DRAWS
 from mi_lcair.knowing.budgets.uncertainties import Uncertainties
 from mi_lcair.knowing.inversion.invert import solve_problem
 from mi_lcair.knowing.inversion.solution import Solution
@@ -76,7 +76,7 @@ def budget(
     """
     stated = Uncertainties.read(uncertainties)
     if draws is not None:
-        check_draws(draws)
+        DRAWS.check(draws, "draws")
     sampling = sampling_of(
         spp=spp, tolerance=tolerance, seed=seed, sensor=sensor, progress=progress
     )

@@ -120,7 +120,7 @@ def temperature(
         for key, bounds in QUANTITIES.items()
         if given.get(key) is not None
     }
-    return temperature_of(kelvin, sigma, band, Conditions(quantities), name)
+    return temperature_of(kelvin, sigma, band, Conditions(**quantities), name)
 
 
 def named_image(image: ApparentTemperatures, sigma: float) -> tuple:

@@ -15,7 +15,7 @@ import mi_lcair
 from mi_lcair import scenes
 from mi_lcair.cli import completion
 from mi_lcair.cli.output import JSON, QUIET, flag_option, is_set, note, print_notes
-from mi_lcair.declared import fraction
+from mi_lcair.declared import fraction, listed
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 from mi_lcair.files import check_suffix, check_writable
@@ -369,17 +369,10 @@ def sampling(spp: str, tolerance: str, max_spp: str | None = None):
     def decorator(command):
         @wraps(command)
         def checked(**values):
-            context = click.get_current_context()
-            choosing = [option for option in context.command.params if option.name in CHOOSING]
-            if values["spp"] is not None and any(
-                values[option.name] is not None for option in choosing
-            ):
-                names = " and ".join(option.opts[0] for option in choosing)
-                choose = "chooses one, and does" if len(choosing) == 1 else "choose one, and do"
-                raise click.UsageError(
-                    f"--spp sets a fixed number of samples; {names} {choose} not go with it",
-                    context,
-                )
+            chosen = [flag_of(name) for name in CHOOSING if values.get(name) is not None]
+            if values["spp"] is not None and chosen:
+                problem = "--spp sets a fixed number of samples; {} cannot go with it"
+                raise click.UsageError(problem.format(listed(chosen)), click.get_current_context())
             return command(**values)
 
         if max_spp:

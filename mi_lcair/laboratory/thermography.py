@@ -1,13 +1,14 @@
 """The air between an object and a thermographic camera."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 
 from mi_lcair import formats
-from mi_lcair.declared import Bounds
+from mi_lcair.declared import Bounds, Table, excludes, needs, rule
+from mi_lcair.declared import entry as bounded
 from mi_lcair.errors import InputError
 from mi_lcair.estimate import Contribution, Estimate, slope
 from mi_lcair.files import replacing
@@ -220,53 +221,58 @@ def write_csv(path, temperature: Temperature) -> None:
 # chapter History and Theory of Infrared Technology, Equations 2 to 4. For air by wavelength, tau
 # W(T) is the integral of transmittance and Planck's law together.
 
-KELVIN = Bounds(lower=60, upper=6000, unit="K")
-# The quantities in their order in a budget
-QUANTITIES = {
-    "emissivity": Bounds(upper=1, is_positive=True),
-    "reflected": KELVIN,
-    "transmittance": Bounds(upper=1, is_positive=True),
-    "air_temperature": KELVIN,
-    "distance": Bounds(is_positive=True, upper=200_000, unit="m"),
-    "humidity": Bounds(lower=0, upper=0.98),
-}
 STEP = 0.01  # half of a difference that gives a sensitivity, in standard uncertainties
 
 
+def is_one(number: Estimate) -> bool:
+    """Whether a number is exactly 1."""
+    return (number.value, number.standard_error) == (1, 0)
+
+
 @dataclass(frozen=True)
-class Conditions:
-    """The quantities of a measurement. quantities: the given ones of QUANTITIES, by name."""
+class Conditions(
+    Table,
+    rules=(
+        rule(
+            lambda t: t.reflected or is_one(t.emissivity),
+            "reflected is missing: an object of an emissivity below 1 reflects its surroundings; "
+            "give their temperature in K",
+        ),
+        excludes("transmittance", "distance"),
+        needs("humidity", "distance", why="with a transmittance it does not count"),
+    ),
+):
+    """The quantities of a measurement, in their order in a budget."""
 
-    quantities: dict[str, Estimate]
+    emissivity: Estimate = bounded(upper=1, is_positive=True)
+    reflected: Estimate | None = bounded(None, lower=60, upper=6000, unit="K")
+    transmittance: Estimate | None = bounded(None, upper=1, is_positive=True)
+    air_temperature: Estimate | None = bounded(None, lower=60, upper=6000, unit="K")
+    distance: Estimate | None = bounded(None, is_positive=True, upper=200_000, unit="m")
+    humidity: Estimate | None = bounded(None, lower=0, upper=0.98)
 
-    def checked(self) -> tuple["Conditions", list[str]]:
-        """The conditions with default values for the other quantities, and remarks about these.
+    @property
+    def quantities(self) -> dict[str, Estimate]:
+        """The given ones by name."""
+        return {name: number for name, number in vars(self).items() if number is not None}
 
-        Raises InputError for quantities that are missing or exclude each other.
-        """
-        known, remarks = dict(self.quantities), []
-        if "reflected" not in known:
-            if not is_one(known["emissivity"]):
-                raise InputError(
-                    "reflected is missing: an object of an emissivity below 1 reflects its "
-                    "surroundings; give their temperature in K"
-                )
-            known["reflected"] = Estimate(KELVIN.lower)  # does not count
-        if "distance" in known:
-            if "transmittance" in known:
-                raise InputError("transmittance and distance exclude each other; give one of them")
-            return Conditions(known), remarks
-        if "humidity" in known:
-            raise InputError("humidity needs the distance; with a transmittance it does not count")
-        known.setdefault("transmittance", Estimate(1.0))
-        if "air_temperature" not in known:
-            known["air_temperature"] = Estimate(known["reflected"].value)
-            if not is_one(known["transmittance"]):
-                remarks.append(
-                    f"the air is taken to have the reflected temperature, "
-                    f"{known['reflected'].value:g} K; air_temperature states another"
-                )
-        return Conditions(known), remarks
+    def completed(self) -> tuple["Conditions", list[str]]:
+        """The conditions with default values for the other quantities, and remarks about these."""
+        # What a body of emissivity 1 reflects does not count
+        reflected = self.reflected or Estimate(QUANTITIES["reflected"].lower)
+        if self.distance:
+            return replace(self, reflected=reflected), []
+        air, through = self.air_temperature, self.transmittance or Estimate(1.0)
+        remarks = [
+            f"the air is taken to have the reflected temperature, {reflected.value:g} K; "
+            "air_temperature states another"
+        ]
+        return replace(
+            self,
+            reflected=reflected,
+            transmittance=through,
+            air_temperature=air or Estimate(reflected.value),
+        ), [] if air or is_one(through) else remarks
 
     def air(self, band: Band, values: dict[str, float]) -> Air:
         """The air for values of the quantities."""
@@ -274,6 +280,9 @@ class Conditions:
             return Air.given(band, values["transmittance"], values["air_temperature"])
         weather = Weather(values.get("air_temperature"), values.get("humidity"))
         return Air.computed(band, values["distance"], weather)
+
+
+QUANTITIES = {of.name: of.metadata["bounds"] for of in fields(Conditions)}
 
 
 def object_temperature(apparent, emissivity: float, reflected: float, air: Air) -> np.ndarray:
@@ -308,7 +317,7 @@ def temperature_of(
         For conditions that are incomplete, and if no object can have any of the temperatures.
     """
     band.check_limits("camera")
-    conditions, remarks = conditions.checked()
+    conditions, remarks = conditions.completed()
     stated = {"apparent": Estimate(0.0, sigma, "K"), **conditions.quantities}
     values = {quantity: number.value for quantity, number in stated.items()}
 
@@ -352,11 +361,6 @@ def temperature_of(
         transmittance=conditions.air(band, values).transmittance(float(np.nanmedian(kelvin))),
         remarks=tuple(remarks),
     )
-
-
-def is_one(number: Estimate) -> bool:
-    """Whether a number is exactly 1."""
-    return (number.value, number.standard_error) == (1, 0)
 
 
 def limits(bounds: Bounds) -> tuple[float, float]:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError, errors_of, option, shown
 from mi_lcair.extras import named
 from mi_lcair.files import read_text
@@ -186,10 +187,7 @@ def read(
         known_materials.entries_of(materials)  # raises InputError for an entry that is impossible
     known = known_materials.names(materials)
     material = material and find_material(material, known)
-    if not 0 < scale < np.inf:
-        raise InputError(
-            f"scale {scale:g} must be positive: metres in the file's unit of length, such as 0.001"
-        )
+    Bounds(is_positive=True, unit="m").check(scale, "scale", hint=" (of the file's unit of length)")
     is_solution = bool(temperatures) and Path(temperatures).suffix.lower() == ".json"
     table_of_temperatures = None if is_solution or not temperatures else Path(temperatures)
     if temperature is not None:

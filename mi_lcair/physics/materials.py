@@ -312,12 +312,9 @@ def _check_report(name, report):
             f"{name}: the fitted data did not state their band; add '# band_um: 3 5' to their file "
             "and fit again"
         )
-    for key, kind in (("parameters", dict), ("form", str), ("band", str)):
-        if not isinstance(report.get(key), kind):
-            raise InputError(
-                f"{name}: key '{key}' is missing or no {'table' if kind is dict else 'string'}; "
-                f"a fit has parameters, form and band"
-            )
+    kinds = {"parameters": dict, "form": str, "band": str}
+    with errors_of(name):
+        typed({key: report[key] for key in kinds if key in report}, kinds, kinds)
 
 
 def _fitted(name, report):

@@ -3,6 +3,7 @@ r"""BSDF `plume`: a surface that emits and that rays pass straight through, for 
 import drjit as dr
 import mitsuba as mi
 
+from mi_lcair.declared import needs, one_of
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.spectra.files import FRACTION, columns_of
@@ -51,31 +52,28 @@ class Plume(SpectralBSDF):
         Property("spectrum", "string", is_file=True),
         Property("band", "string", is_file=True),
     )
+    RULES = (
+        one_of("transmittance", "spectrum"),
+        needs("spectrum", "band", why="it is that in which the scene is rendered"),
+    )
     least_share = 0.0  # not 0: rays pass also a plume of transmittance 0
     material = "plume"  # name of the material in tables of facets
     lobe = "mirror"  # by wavelength, what passes takes the place of what a mirror reflects
 
     def __init__(self, props):
         mi.BSDF.__init__(self, props)
-        values = read(props, "plume", self.PROPERTIES)
-        given = [name for name in ("transmittance", "spectrum") if values[name] is not None]
-        if len(given) != 1:
-            raise InputError(
-                "plume: give `transmittance`, the share that passes, 0..1, or its `spectrum`"
-            )
+        values = read(props, "plume", self.PROPERTIES, self.RULES)
         transmittance = values["transmittance"]
         if values["spectrum"] is not None:
             transmittance = self.mean_of(beside_scene(values["spectrum"]), values["band"])
         self.transmittance = mi.Float(transmittance)
         self.parameters_changed()
 
-    def mean_of(self, path: str, of_band: str | None) -> float:
+    def mean_of(self, path: str, of_band: str) -> float:
         """Mean transmittance in a band of the CSV file at `path`; takes its spectrum.
 
         The spectrum is 1 - transmittance, as an emissivity.
         """
-        if of_band is None:
-            raise InputError("plume: a `spectrum` needs the `band` in which the scene is rendered")
         wavelengths, transmittance = columns_of(path, {"transmittance": FRACTION})
         rows = {"emissivity": 1 - transmittance}
         of_band, emissivity = band(of_band), spectrum("grey", {}, {}, wavelengths, rows, path)

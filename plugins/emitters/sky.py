@@ -6,7 +6,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.errors import InputError
+from mi_lcair.declared import excludes, needs, rule
 from mi_lcair.physics.air.levels import Weather, model_names
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.materials import hemispherical_emissivity
@@ -101,6 +101,15 @@ class Sky(DistantEmitter):
         Property("group", "string", "sky", is_label=True),
         Property("ground_group", "string", "ground", is_label=True),
     )
+    RULES = (
+        excludes("ground_emissivity", "ground_material"),
+        needs("ground_emissivity", "ground_temperature"),
+        needs("ground_material", "ground_temperature"),
+        rule(
+            lambda t: t.sky != NO_SKY or t.ground_temperature is not None,
+            f"sky = {NO_SKY} needs ground_temperature",
+        ),
+    )
 
     def __init__(self, props):
         super().__init__(props)
@@ -109,16 +118,12 @@ class Sky(DistantEmitter):
         self.sun_elevation_deg = values["sun_elevation_deg"]
         self.sun_file = values["sun_file"] and beside_scene(values["sun_file"])
         emissivity, material = values["ground_emissivity"], values["ground_material"]
-        if emissivity is not None and material is not None:
-            raise InputError("sky: give ground_emissivity or ground_material, not both")
         self.temperature = self.ground_temperature = self.ground_emissivity = None
         if values["ground_temperature"] is not None:
             if material is not None:
                 emissivity = hemispherical_emissivity(material, self.band)
             self.ground_temperature = mi.Float(values["ground_temperature"])
             self.ground_emissivity = mi.Float(1.0 if emissivity is None else emissivity)
-        elif emissivity is not None or material is not None or values["sky"] == NO_SKY:
-            raise InputError("sky: ground_temperature is missing")
         azimuth, up = np.radians([self.sun_azimuth_deg, self.sun_elevation_deg or 0.0])
         across = np.cos(azimuth) * np.cos(up), np.sin(azimuth) * np.cos(up)
         self.toward_sun = mi.Vector3f(*map(float, (*across, np.sin(up))))

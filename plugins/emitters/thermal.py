@@ -9,6 +9,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mi_lcair.declared import needs, one_of
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.derivatives import check_attached, held, members, same_variables, unrecorded
@@ -72,13 +73,18 @@ class Thermal(ThermalEmitter):
         # Facet types of the thesis, section 3.2.1.5
         Property("facet_type", "string", "model", choices=("model", "sky", "terrain")),
     )
+    RULES = (
+        needs("elevation_deg", "spectrum", why="it chooses a line of sight of the spectrum"),
+        one_of("temperature", "radiance", "spectrum"),
+        needs("temperature", "band"),
+        needs("spectrum", "band"),
+    )
 
     def __init__(self, props):
         super().__init__(props)
         self.m_flags = mi.EmitterFlags.Surface | mi.EmitterFlags.SpatiallyVarying
         values = self.values
         self.facet_type = values["facet_type"]
-        self.check_given()
         self.temperature = self.radiance = self.texture = self.attribute = None
         self.by_primitive = False  # whether the temperature depends on the facet that was hit
         self.derived_from = None  # the temperatures from which `derived` was computed
@@ -103,22 +109,6 @@ class Thermal(ThermalEmitter):
         if values["emissivity"] is not None or self.radiance is not None:
             value = values["emissivity"]
             self.given_emissivity = mi.Float(1.0 if value is None else value)
-
-    def check_given(self) -> None:
-        """Raise InputError unless exactly one source is given, with what belongs to it."""
-        values = self.values
-        given = [
-            name for name in ("temperature", "radiance", "spectrum") if values[name] is not None
-        ]
-        if len(given) != 1:
-            raise InputError(
-                "thermal: give one of `temperature`, `radiance` and `spectrum`; "
-                f"found {', '.join(given) or 'none'}"
-            )
-        if self.band is None and given != ["radiance"]:
-            raise InputError(f"thermal: `{given[0]}` needs a `band`")
-        if values["elevation_deg"] is not None and values["spectrum"] is None:
-            raise InputError("thermal: `elevation_deg` chooses from a `spectrum`, which is missing")
 
     # ------------------------------------------------ Parameters and quantities derived from them
 

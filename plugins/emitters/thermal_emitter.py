@@ -6,6 +6,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mi_lcair.declared import Rule
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import Band, Spectrum, band
 from mi_lcair.plugins.derivatives import Deriving
@@ -59,6 +60,7 @@ class ThermalEmitter(mi.Emitter):
     """
 
     PROPERTIES: tuple[Property, ...] = ()
+    RULES: tuple[Rule, ...] = ()  # those between the properties
     facet_type = "model"
     spectrum: Spectrum | None = None
     first_temperatures = None
@@ -70,7 +72,8 @@ class ThermalEmitter(mi.Emitter):
 
     def __init__(self, props):
         mi.Emitter.__init__(self, props)
-        self.values = read(props, props.plugin_name(), self.PROPERTIES)  # of the properties by name
+        # Values of the properties by name
+        self.values = read(props, props.plugin_name(), self.PROPERTIES, self.RULES)
         self.group: str = self.values["group"]
         text = self.values["band"]
         self.band: Band | None = None if text is None else band(text)

@@ -10,7 +10,8 @@ import drjit as dr
 import mitsuba as mi
 from mitsuba.python.ad.integrators.common import RBIntegrator
 
-from mi_lcair.errors import InputError
+from mi_lcair.declared import check_rules, rule
+from mi_lcair.errors import InputError, errors_of
 from mi_lcair.physics.spectra.bins import Binning
 from mi_lcair.plugins.bsdfs.reflection_bsdf import SpectralBSDF, has_spectrum
 from mi_lcair.plugins.columns.tables import explored_by_gradients, places_of, surface_numbers
@@ -82,6 +83,18 @@ class BouncePath(RBIntegrator):
         Property("truncation", "float", 0.0, lower=0, upper=1),
         Property("bins", "integer", 0, lower=0, upper=512),
     )
+    RULES = (
+        rule(
+            lambda t: (t.closure == "ambient") == (t.ambient_temperature is not None),
+            "closure = ambient and ambient_temperature go together",
+        ),
+        rule(lambda t: t.bins != 1, "bins = 1; must be 0, or 2 to 512"),
+        rule(
+            lambda t: t.closure != "tail" or t.max_bounces >= 2,
+            "closure = tail continues the last two bounce counts; "
+            "max_bounces = {t.max_bounces} must be >= 2",
+        ),
+    )
 
     def __init__(self, props):
         super().__init__(props)
@@ -99,15 +112,8 @@ class BouncePath(RBIntegrator):
             value = getattr(self, entry.name)
             if value is not None:
                 entry.checked(value, "bounce_path")
-        if (self.closure == "ambient") != (self.ambient_temperature is not None):
-            raise InputError("bounce_path: closure = ambient and ambient_temperature go together")
-        if self.bins == 1:
-            raise InputError("bounce_path: bins = 1; must be 0, or 2 to 512")
-        if self.closure == "tail" and self.max_bounces < 2:
-            raise InputError(
-                "bounce_path: closure = tail continues the last two bounce counts; "
-                f"max_bounces = {self.max_bounces} must be >= 2"
-            )
+        with errors_of("bounce_path"):
+            check_rules(self, self.RULES)
 
     def to_string(self):
         return (

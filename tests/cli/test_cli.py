@@ -254,7 +254,7 @@ def test_render_through_an_atmosphere(run, refused, folder):
         "render", "cylinder_ir_range", "--atmosphere", "us_standart", "-o", "out.exr"
     )
     assert "name one" in refused("render", "cylinder_ir_range", "--range", 800, "-o", "out.exr")
-    assert "zero range" in refused(
+    assert "range = 0 m" in refused(
         "render", "cylinder_ir_range", "--atmosphere", "us_standard", "--range", 0, "-o", "out.exr"
     )
     assert not list(folder.iterdir())

@@ -298,7 +298,12 @@ def test_beyond_the_last_range():
 @pytest.mark.parametrize("name", ["us_standard", "vacuum"])
 @pytest.mark.parametrize(
     "length, message",
-    [(0, "zero range"), (-5, "range -5 m"), (np.nan, "range nan m"), (np.inf, "range inf m")],
+    [
+        (0, "range = 0 m"),
+        (-5, "range = -5 m"),
+        (np.nan, "range = nan m"),
+        (np.inf, "range = inf m"),
+    ],
 )
 def test_no_range(name, length, message):
     with pytest.raises(InputError, match=message):

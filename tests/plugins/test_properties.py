@@ -68,7 +68,7 @@ def test_bounds(plugin, entry):
         ("thermal", {"group": "a" * 65}, "at most 64"),
         ("thermal", {"group": "hot parts"}, "must consist of letters"),
         ("thermal", {"facet_type": "see"}, "unknown facet_type 'see'; known: sky, model, terrain"),
-        ("thermal", {"elevation_deg": 4.5}, "`elevation_deg` chooses from a `spectrum`"),
+        ("thermal", {"elevation_deg": 4.5}, "elevation_deg needs spectrum; it chooses"),
         ("bounce_path", {"closure": "tale"}, "unknown closure 'tale'"),
     ],
 )

@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 
+from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError
 from mi_lcair.estimate import Estimate
 from mi_lcair.knowing.budgets.inputs import Inputs
@@ -13,6 +14,7 @@ from mi_lcair.tasks import computed
 
 MOST_OUTSIDE = 0.9  # share of infeasible draws from which no distribution can be drawn
 LEAST_DRAWS = 10
+DRAWS = Bounds(lower=LEAST_DRAWS)
 AT_ONCE = 8  # draws of a task
 LINEAR_DRAWS = 4000  # draws for the spread of the linear answer inside the bounds
 
@@ -103,7 +105,7 @@ def monte_carlo(
     InputError
         For fewer than LEAST_DRAWS draws, or if nearly all draws are outside the bounds.
     """
-    check_draws(draws)
+    DRAWS.check(draws, "draws")
     feasible = FeasibleDraws(number, inputs, np.random.default_rng(seed))
     pairs = [(feasible.draw(), feasible.random.standard_normal()) for _ in range(draws)]
     values, together = (np.array(parts) for parts in zip(*pairs))
@@ -191,9 +193,3 @@ def linear_variance(feasible: FeasibleDraws, inputs: Inputs, derivative) -> tupl
 def squares(results: np.ndarray) -> np.ndarray:
     """Squared deviations from the mean, whose mean is an unbiased variance."""
     return (results - results.mean()) ** 2 * (len(results) / (len(results) - 1))
-
-
-def check_draws(draws: int) -> None:
-    """Raise InputError for fewer than LEAST_DRAWS draws."""
-    if draws < LEAST_DRAWS:
-        raise InputError(f"{draws} draws for a Monte Carlo; must be {LEAST_DRAWS} or more")

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.levels import bands
 from mi_lcair.physics.bands import Band, Spectrum
@@ -19,6 +20,7 @@ from mi_lcair.physics.bands import Band, Spectrum
 # of both paths is too small for light that has crossed air, and too large for light that air emits.
 
 MOST_SHARES = 64  # transmittances of one light that are kept
+RANGE_M = Bounds(is_positive=True, unit="m")  # to the target
 SMALLEST_SHARE = 1e-9  # of the largest radiance, below which a transmittance is not computed
 
 
@@ -322,14 +324,7 @@ class Atmosphere:
     def _checked(self, ranges_m, extrapolate) -> np.ndarray:
         """The ranges [m] as an array; see `path` for what is refused."""
         ranges = np.asarray(ranges_m, dtype=float)
-        usable = (ranges > 0) & np.isfinite(ranges)
-        if not usable.all():
-            wrong = ranges[~usable][0]
-            raise InputError(
-                f"atmosphere '{self.name}': "
-                f"{'zero range' if wrong == 0 else f'range {wrong:g} m'}; "
-                "the range to the target must be positive and finite, in metres"
-            )
+        RANGE_M.check_all(ranges.ravel(), lambda k: f"atmosphere '{self.name}': range")
         if not self.is_vacuum and ranges.size and ranges.max() > (last := self.ranges_m[-1]):
             beyond = (
                 f"atmosphere '{self.name}': range {ranges.max():g} m is beyond its last one, "

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError, shown
 from mi_lcair.formats import spectral_channel
 from mi_lcair.physics.air.atmosphere import Atmosphere
@@ -187,6 +188,7 @@ def in_band_ratio(source: Source, detector: Band, band: Band) -> float:
 
 
 MOST_BINS = 512  # wavelengths of a spectral image
+BINS = Bounds(lower=2, upper=MOST_BINS)
 # Header of spectral images: A. Fichet, R. Pacanowski and A. Wilkie, JCGT 10(3), 2021
 LAYOUT = {"spectralLayoutVersion": "1.0", "emissiveUnits": "W.m^-2.sr^-1.um^-1"}
 
@@ -213,18 +215,16 @@ def even_wavelengths(text: str) -> tuple[str, int]:
 
 def check_bins(scene: Scene, bins: int, errors_um: Sequence[float], atmosphere) -> None:
     """Raise InputError for a spectral image that cannot be rendered."""
+    if errors_um and not bins:
+        raise InputError("errors_um are those of a spectral image; give its number of bins")
     if not bins:
-        if errors_um:
-            raise InputError("errors_um are those of a spectral image; give its number of bins")
         return
-    if not 2 <= bins <= MOST_BINS:
-        raise InputError(f"bins = {bins}; must be 2 to {MOST_BINS}")
+    BINS.check(bins, "bins")
     scene.band.check_limits("bins")
     if atmosphere is not None:
         raise InputError("bins: a spectral image has no air; leave out the atmosphere")
-    for wavelength in errors_um:
-        if not scene.band.lower_um <= wavelength <= scene.band.upper_um:
-            raise InputError(f"errors_um = {wavelength:g} um; must lie in band {scene.band.label}")
+    of_band = Bounds(lower=scene.band.lower_um, upper=scene.band.upper_um, unit="um")
+    of_band.check_all(np.array(errors_um), lambda k: "errors_um")
 
 
 def spectral_measurands(scene: Scene, split: str | None, bins: int) -> Measurands:

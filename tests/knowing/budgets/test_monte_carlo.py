@@ -81,7 +81,7 @@ def test_draws_outside_the_bounds_are_replaced():
 
 
 def test_too_few_and_impossible_draws():
-    with pytest.raises(InputError, match="9 draws for a Monte Carlo; must be 10 or more"):
+    with pytest.raises(InputError, match="draws = 9; must be 10 or more"):
         monte_carlo(LINEAR, PAIR, SLOPE, 0.0, 9, 0)
     monte_carlo(LINEAR, PAIR, SLOPE, 0.0, 10, 0)
     one = inputs({"a": 0.0}, [[1.0]])

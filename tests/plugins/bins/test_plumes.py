@@ -150,7 +150,7 @@ def test_bad_plumes(tmp_path, what):
 
 def test_spectra_that_do_not_fit(tmp_path):
     file = file_of(tmp_path, 1)
-    with pytest.raises((InputError, RuntimeError), match="needs the `band`"):
+    with pytest.raises((InputError, RuntimeError), match="spectrum needs band"):
         mi.load_dict({"type": "plume", "spectrum": file})
     with pytest.raises((InputError, RuntimeError), match="does not cover band LWIR"):
         mi.load_dict({"type": "plume", "spectrum": file, "band": "LWIR"})

@@ -245,9 +245,12 @@ def test_new_values():
 @pytest.mark.parametrize(
     "settings, message",
     [
-        ({"sky": "none"}, "ground_temperature is missing"),
-        ({"ground_emissivity": 0.9}, "ground_temperature is missing"),
-        ({**NIGHT, "ground_emissivity": 0.9, "ground_material": "gloss_black"}, "not both"),
+        ({"sky": "none"}, "sky = none needs ground_temperature"),
+        ({"ground_emissivity": 0.9}, "ground_emissivity needs ground_temperature"),
+        (
+            {**NIGHT, "ground_emissivity": 0.9, "ground_material": "gloss_black"},
+            "do not go together",
+        ),
         ({"sky": "sunny"}, "sky table 'sunny'"),
         ({"sky": "overcast", "sun_elevation_deg": 30.0}, "hides the sun"),
         ({"height_m": -5.0}, "height_m"),

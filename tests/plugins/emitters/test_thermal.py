@@ -308,9 +308,9 @@ def test_a_source_of_given_radiance(plate):
 @pytest.mark.parametrize(
     "emitter, message",
     [
-        ({}, "found none"),
-        ({"temperature": 300.0, "radiance": 1.0, "band": "LWIR"}, "found temperature, radiance"),
-        ({"temperature": 300.0}, "needs a `band`"),
+        ({}, "temperature, radiance and spectrum are missing"),
+        ({"temperature": 300.0, "radiance": 1.0, "band": "LWIR"}, "has temperature and radiance"),
+        ({"temperature": 300.0}, "temperature needs band"),
         ({"radiance": -1.0}, "radiance = -1"),
         ({"temperature": 300.0, "band": "LWIRR"}, "LWIRR"),
         ({"temperature": 300.0, "band": "LWIR", "emissivity": 1.5}, "emissivity = 1.5"),

@@ -166,7 +166,7 @@ def test_opaque_air_shows_itself(plate):
 @pytest.mark.parametrize(
     "changes, message",
     [
-        ({"range_m": 0.0}, "zero range"),
+        ({"range_m": 0.0}, "range = 0 m"),
         ({"range_m": 300_000.0}, "beyond its last one, 200000 m"),
         ({"band": "3-6"}, "does not cover band"),
         ({"band": "total"}, "total"),
