@@ -56,7 +56,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Throughput:
+class ThroughputChart:
     """The table of speeds and the conditions under which it was measured."""
 
     rows: list[Row]
@@ -68,7 +68,7 @@ class Throughput:
 
 def measure(
     bounces: int = 5, spp: int = 64, resolution: int = 128, repeats: int = 9, progress=None
-) -> Throughput:
+) -> ThroughputChart:
     """Measure the speed of `bounce_path` and of Mitsuba's own integrators in three scenes.
 
     All contestants run in turn in one process. They trace the same geometry with the same number of
@@ -93,7 +93,7 @@ def measure(
 
     Returns
     -------
-    Throughput
+    ThroughputChart
         One row for each contestant in each scene, and one for `bounce_path` against ray
         intersection alone.
     """
@@ -127,7 +127,7 @@ def measure(
     bare_row, raw_row = rows[0], next(row for row in rows if row.name == RAW)
     ratio = bare_row.rays_per_second / raw_row.rays_per_second
     rows.append(replace(bare_row, against=raw_row.name, ratio=ratio))
-    return Throughput(rows, bounces, spp, resolution, repeats)
+    return ThroughputChart(rows, bounces, spp, resolution, repeats)
 
 
 def contestants(scene: str, bounces: int, spp: int, resolution: int) -> dict:
@@ -282,24 +282,24 @@ def room(integrator: dict, model: str, resolution: int, bodies: tuple[str, ...])
     )
 
 
-def measured(quick: bool, progress) -> Throughput:
+def measured(quick: bool, progress) -> ThroughputChart:
     """The speeds, in a third of the runs if `quick`."""
     return measure(repeats=3 if quick else 9, progress=progress)
 
 
-def columns(result: Throughput) -> dict[str, list]:
+def columns(result: ThroughputChart) -> dict[str, list]:
     """The fields of the rows by name."""
     return {of.name: [getattr(row, of.name) for row in result.rows] for of in fields(Row)}
 
 
-def write(folder: Path, result: Throughput) -> None:
+def write(folder: Path, result: ThroughputChart) -> None:
     """Write throughput.csv to a folder; a ratio is NaN where nothing is compared."""
     table = columns(result)
     table["ratio"] = [np.nan if ratio is None else ratio for ratio in table["ratio"]]
     formats.write_csv(folder / "throughput.csv", table)
 
 
-def printed(result: Throughput) -> tuple:
+def printed(result: ThroughputChart) -> tuple:
     """JSON and table of the speeds."""
     table = columns(result)
     return asdict(result), command.cells(table, zip(*table.values()))

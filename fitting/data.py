@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mi_lcair.declared import Table, entry
+from mi_lcair.declared import Described, entry
 from mi_lcair.errors import InputError
 from mi_lcair.fitting.model import Hemispherical, Scatterometer
 from mi_lcair.fitting.scatterometer.reading import DirectionalData, Measurements
@@ -126,7 +126,7 @@ class Cauchy:
 
 
 @dataclass(frozen=True)
-class FitSettings(Table):
+class FitSettings(Described):
     """What is compared and how it is searched; see `fit`.
 
     Raises InputError for the first setting that is out of its range.

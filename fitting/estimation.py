@@ -21,12 +21,7 @@ from mi_lcair.fitting.data import (
 from mi_lcair.fitting.model import Hemispherical, parameters_at
 from mi_lcair.fitting.quality import likely_cause, quality
 from mi_lcair.fitting.report import Fit
-from mi_lcair.fitting.scatterometer.reading import (
-    DirectionalData,
-    Measurements,
-    read,
-    read_directional,
-)
+from mi_lcair.fitting.scatterometer import reading
 from mi_lcair.fitting.search import COARSE, Noise, compare, descend
 from mi_lcair.fitting.uncertainty import judge
 from mi_lcair.progress import Progress, stepper
@@ -43,10 +38,10 @@ EMISSIVITY_ANGLES = np.radians(np.arange(0.0, 86.0, 5.0))
 
 @exclusively
 def fit(
-    measurements: Measurements | str | PathLike[str],
+    measurements: reading.Measurements | str | PathLike[str],
     *,
-    emissivity: DirectionalData | str | PathLike[str] | None = None,
-    dhr: DirectionalData | str | PathLike[str] | None = None,
+    emissivity: reading.DirectionalData | str | PathLike[str] | None = None,
+    dhr: reading.DirectionalData | str | PathLike[str] | None = None,
     quantity: Literal["brdf", "brdf_cos"] | None = None,
     theta_r_positive: Literal["specular", "source"] | None = None,
     model: str = "auto",
@@ -111,9 +106,9 @@ def fit(
     """
     began = perf_counter()
     if isinstance(measurements, (str, PathLike)):
-        measurements = read(measurements, quantity, theta_r_positive)
+        measurements = reading.read(measurements, quantity, theta_r_positive)
     directional = {
-        name: read_directional(table, name) if isinstance(table, (str, PathLike)) else table
+        name: reading.read_directional(table, name) if isinstance(table, (str, PathLike)) else table
         for name, table in (("emissivity", emissivity), ("dhr", dhr))
         if table
     }
@@ -185,7 +180,7 @@ class Search:
 def searched(
     data: Data,
     compared: list[Variant],
-    directional: dict[str, DirectionalData],
+    directional: dict[str, reading.DirectionalData],
     settings: FitSettings,
     step: Callable[[], None],
 ) -> Search:
@@ -319,7 +314,7 @@ def emissivity_of(
     best: FittedVariant,
     theta,
     curve: Hemispherical,
-    measured: DirectionalData | None,
+    measured: reading.DirectionalData | None,
     max_angle_deg,
 ) -> dict:
     """The predicted emissivity and its misfit, as attributes of `Fit`."""
@@ -331,7 +326,7 @@ def emissivity_of(
 
 
 def emissivity_error(
-    measured: DirectionalData | None, predicted, max_angle_deg: float
+    measured: reading.DirectionalData | None, predicted, max_angle_deg: float
 ) -> float | None:
     """Root mean square error of the predicted emissivity up to max_angle_deg [degrees].
 

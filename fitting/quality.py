@@ -20,12 +20,7 @@ from mi_lcair.errors import InputError, option
 from mi_lcair.fitting.data import Data, FitSettings, FittedVariant, Variant, select
 from mi_lcair.fitting.scatterometer.reading import Measurements
 from mi_lcair.fitting.search import BY_CHANCE, FAR, compare, neighbour_correlation
-from mi_lcair.physics.estimation.verdicts import (
-    OVERSTATED,
-    SIGNIFICANCE,
-    chi_square_text,
-    inner_deviation,
-)
+from mi_lcair.physics.estimation import verdicts
 
 # Largest reduced chi-square that is no lack of fit if the standard deviations come from repeats.
 # Few repeats leave them uncertain, and a pooled value does not follow how they vary from point to
@@ -99,7 +94,7 @@ def quality(
     dex = data.decades(best)
     kept = np.ones(len(rows), dtype=bool)
     if robust:
-        kept = np.abs(rows) <= FAR * inner_deviation(rows, 1e-12)
+        kept = np.abs(rows) <= FAR * verdicts.inner_deviation(rows, 1e-12)
     noise_dex = None
     if data.has_sigma:
         per_decade = data.per_decade(data.brdf)[: data.points]
@@ -157,7 +152,7 @@ def judged(
             large = chi_square > LARGEST_OF_REPEATS
         else:
             p_value, large = float(stats.chi2.sf(chi_square * freedom, freedom)), True
-        missed = large and p_value < SIGNIFICANCE
+        missed = large and p_value < verdicts.SIGNIFICANCE
     correlation, pairs = neighbour_correlation(rows, theta_i, theta_r)
     by_chance = BY_CHANCE / np.sqrt(max(pairs, 1))
     is_judged = by_chance < 1
@@ -186,9 +181,9 @@ def words(lacks, systematic, chi_square, p_value, correlation, by_chance, freedo
         return "not judged: no repeated scans, no sigma, and scans of too few points"
     facts = []
     if chi_square is not None:
-        facts.append(f"chi-square {chi_square_text(chi_square, freedom, p_value)}")
-        if stats.chi2.cdf(chi_square * freedom, freedom) < SIGNIFICANCE:
-            facts.append(OVERSTATED)
+        facts.append(f"chi-square {verdicts.chi_square_text(chi_square, freedom, p_value)}")
+        if stats.chi2.cdf(chi_square * freedom, freedom) < verdicts.SIGNIFICANCE:
+            facts.append(verdicts.OVERSTATED)
     if by_chance < 1:
         facts.append(
             f"neighbouring residuals correlate by {correlation:.2f} (noise: up to {by_chance:.2f})"

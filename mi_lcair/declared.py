@@ -1,12 +1,12 @@
 """Declarations of what a user states: numbers, tables, and rules between the entries of a table.
 
 Parameters of reflection models, properties of plugins and entries of TOML tables are declared with
-`Bounds`. A table is a dataclass on the base `Table`, which checks it:
+`Bounds`. A table is a dataclass on the base `Described`, which checks it:
 
 .. code-block:: python
 
     @dataclass(frozen=True)
-    class Optics(Table, where="[optics]", rules=(one_of("focal_m", "angle_deg"),)):
+    class Optics(Described, where="[optics]", rules=(one_of("focal_m", "angle_deg"),)):
         focal_m: float | None = entry(None, is_positive=True, unit="m")
         angle_deg: float | None = entry(None, lower=1, upper=90)
         lens: Literal["thin", "aplanatic"] = "thin"
@@ -182,7 +182,7 @@ def required(kind: Any) -> Any:
     return get_args(kind)[0] if get_origin(kind) in (UnionType, Union) else kind
 
 
-class Table:
+class Described:
     """Base of the dataclasses that are tables of a file, a dictionary or changes of them.
 
     A subclass is checked when it is made: numbers against their `Bounds`, words against Literal

@@ -9,7 +9,7 @@ import importlib
 import sys
 from dataclasses import dataclass
 from graphlib import TopologicalSorter
-from types import FunctionType
+from types import FunctionType, ModuleType
 
 import mitsuba as mi
 
@@ -111,7 +111,11 @@ def bound_to_variant() -> list[str]:
         if name.startswith(f"{__name__}.") and (vars(module).get("mi") is mi or name in plugins)
     }
     uses = {
-        name: {v.__module__ for v in names.values() if isinstance(v, (type, FunctionType))}
+        name: {
+            v.__name__ if isinstance(v, ModuleType) else v.__module__
+            for v in names.values()
+            if isinstance(v, (type, FunctionType, ModuleType))
+        }
         for name, names in modules.items()
     }
     return list(TopologicalSorter({n: uses[n] & modules.keys() - {n} for n in uses}).static_order())

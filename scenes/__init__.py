@@ -40,7 +40,7 @@ NO_SCENES = {
 }
 
 
-class Parameter(NamedTuple):
+class XMLParameter(NamedTuple):
     """A $-parameter of a scene: its default value as in the XML, and one line of description."""
 
     default: str
@@ -111,14 +111,14 @@ def title(name: str) -> str:
     return comment.text.strip().splitlines()[0]
 
 
-def parameters(name: str) -> dict[str, Parameter]:
+def parameters(name: str) -> dict[str, XMLParameter]:
     """Return the parameters of a bundled scene, name -> parameter, in the order of the file.
 
     Raises InputError for an unknown name.
     """
     elements = _elements(name)
     return {
-        default.get("name"): Parameter(default.get("value"), comment.text.strip())
+        default.get("name"): XMLParameter(default.get("value"), comment.text.strip())
         for default, comment in zip(elements, elements[1:])
         if default.tag == "default"
     }

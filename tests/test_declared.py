@@ -6,7 +6,7 @@ from typing import Literal
 
 import pytest
 
-from mi_lcair.declared import Bounds, Table, entry, excludes, needs, one_of, rule, together
+from mi_lcair.declared import Bounds, Described, entry, excludes, needs, one_of, rule, together
 from mi_lcair.errors import InputError
 
 
@@ -69,7 +69,7 @@ RULES = (
 
 
 @dataclass(frozen=True)
-class Optics(Table, where="[optics]", rules=RULES):
+class Optics(Described, where="[optics]", rules=RULES):
     focal_m: float | None = entry(None, is_positive=True, unit="m")
     angle_deg: float | None = None
     lens: Literal["thin", "aplanatic"] = "thin"
@@ -141,7 +141,7 @@ def test_what_an_entry_takes_the_place_of_follows_from_the_rules():
 
 def test_all_are_needed_unless_another_is_given():
     @dataclass(frozen=True)
-    class Where(Table, rules=(together("range", "angle", unless="position = [x, y]"),)):
+    class Where(Described, rules=(together("range", "angle", unless="position = [x, y]"),)):
         range: float | None = None
         angle: float | None = None
         position: tuple[float, float] | None = None

@@ -19,7 +19,7 @@ import mi_lcair
 from docs.studies.page import label, write_page
 from mi_lcair.derivatives.common_numbers import CommonNumbers
 from mi_lcair.derivatives.motions.differences import ATTACHED, ON_FILM, Difference, starts_in
-from mi_lcair.derivatives.shape import Surface, standard_errors
+from mi_lcair.derivatives.shape import MovedMesh, standard_errors
 from mi_lcair.derivatives.window import differences_of, mean_and_deviations
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
@@ -262,7 +262,7 @@ def along(scene, case: Case) -> np.ndarray:
     ends = []
     for value in (case.value + APART, case.value - APART):
         with changed(scene, {case.motion: value}):
-            ends.append(Surface(scene, case.motion.partition(".")[0]).positions)
+            ends.append(MovedMesh(scene, case.motion.partition(".")[0]).positions)
     return (ends[0] - ends[1]) / (2 * APART)
 
 

@@ -7,7 +7,7 @@ from mi_lcair.api.scenes import scene_of
 from mi_lcair.declared import Bounds
 from mi_lcair.heating import exchange as conductors
 from mi_lcair.heating.exchange_result import Exchange
-from mi_lcair.heating.temperatures.description import Description
+from mi_lcair.heating.temperatures.description import HeatDescription
 from mi_lcair.heating.temperatures.heat_result import Heat
 from mi_lcair.heating.temperatures.solve import temperatures
 from mi_lcair.rendering.motions.motion import toward
@@ -109,5 +109,5 @@ def heat(description: str | PathLike[str] | Mapping) -> Heat:
     InputError
         If the description cannot be used, or if a facet has no path for the heat that it takes up.
     """
-    read = Description.read(description)
+    read = HeatDescription.read(description)
     return temperatures(scene_of(read.target.scene, read.target.parameters), read)

@@ -13,8 +13,13 @@ from mi_lcair.errors import InputError, check_known, option
 from mi_lcair.estimate import Estimate, parsed, uncertain
 from mi_lcair.laboratory.audit import Audit, audit_flux
 from mi_lcair.laboratory.cavities.cavity import Cavity, measured
-from mi_lcair.laboratory.cavities.description import Description
-from mi_lcair.laboratory.thermography import QUANTITIES, Conditions, Temperature, temperature_of
+from mi_lcair.laboratory.cavities.description import CavityDescription
+from mi_lcair.laboratory.thermography import (
+    QUANTITIES,
+    ImageConditions,
+    Temperature,
+    temperature_of,
+)
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.progress import Progress
@@ -31,7 +36,7 @@ Number = float | str | tuple[float, float] | Estimate
 CHANNEL = "temperature.Y"  # channel of an EXR with apparent temperatures
 
 
-class Measurement(TypedDict, total=False):
+class Quantities(TypedDict, total=False):
     """Quantities of a measurement, see `temperature`."""
 
     reflected: Number
@@ -49,7 +54,7 @@ def temperature(
     sigma: float = 0.0,
     scale: float = 1.0,
     offset: float = 0.0,
-    **measurement: Unpack[Measurement],
+    **measurement: Unpack[Quantities],
 ) -> Temperature:
     """Temperature of an object from apparent temperatures, with its uncertainty.
 
@@ -120,7 +125,7 @@ def temperature(
         for key, bounds in QUANTITIES.items()
         if given.get(key) is not None
     }
-    return temperature_of(kelvin, sigma, band, Conditions(**quantities), name)
+    return temperature_of(kelvin, sigma, band, ImageConditions(**quantities), name)
 
 
 def named_image(image: ApparentTemperatures, sigma: float) -> tuple:
@@ -200,7 +205,7 @@ def cavity(
         If the description cannot be used.
     """
     sampling = Sampling(tolerance=tolerance, max_spp=MOST_PATHS, seed=seed, progress=progress)
-    return measured(Description.read(description), sampling)
+    return measured(CavityDescription.read(description), sampling)
 
 
 # `audit`, the energy audit of a scene

@@ -11,16 +11,9 @@ from scipy import sparse
 
 from mi_lcair.charts import ChannelImages, Scale, named_channels
 from mi_lcair.declared import Bounds
+from mi_lcair.derivatives import window
 from mi_lcair.derivatives.common_numbers import METHOD, renders_beside
 from mi_lcair.derivatives.motions.differences import ON_FILM
-from mi_lcair.derivatives.window import (
-    by_difference,
-    columns_of,
-    explored_by,
-    missed_errors,
-    per_unit,
-    recordings,
-)
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.formats import pixel_axes
 from mi_lcair.physics.bands import Band
@@ -178,7 +171,7 @@ class DerivativeImages(Result):
             "mean": images.mean(axis=(1, 2)),
             "least": images.min(axis=(1, 2)),
             "greatest": images.max(axis=(1, 2)),
-            "unit": np.array([unit, *(per_unit(unit, of) for of in self.units)]),
+            "unit": np.array([unit, *(window.per_unit(unit, of) for of in self.units)]),
             "method": np.array(["", *self.method]),
         }
 
@@ -232,14 +225,16 @@ def differentiate_image(
     windows = Windows.of_image(camera, randomisations, by_randomisation=True)
     windows.check(sampling)
     kinds = {entry.name: entry.kind for entry in parameters_named(scene, names)}
-    differenced = by_difference(scene, names)
+    differenced = window.by_difference(scene, names)
     along_paths = [name for name in names if name not in differenced]
-    explored = explored_by(columns_of(scene, along_paths).values())
+    explored = window.explored_by(window.columns_of(scene, along_paths).values())
     measurands = replace(Measurands.of(None), explored=explored)
     first, images, method = None, {}, {}
     with scene.prepared(explored=explored) as tracer:
         check_memory(windows.count * randomisations * (1 + len(names)))
-        batches = recordings(scene, tracer, camera, along_paths, measurands, seed=sampling.seed)
+        batches = window.recordings(
+            scene, tracer, camera, along_paths, measurands, seed=sampling.seed
+        )
         if not batches:
             first = measure(scene, windows, sampling, Measurands.of(None))
             radiance = images_of(first, windows).astype(np.float32)
@@ -263,7 +258,7 @@ def differentiate_image(
         method[name] = ON_FILM if kinds[name] == "motion" else METHOD
     # A motion moves what paths have met
     still = [name for name in names if kinds[name] != "motion"]
-    missed = dict(zip(still, missed_errors(scene, first, still)))
+    missed = dict(zip(still, window.missed_errors(scene, first, still)))
     missed = [first.missed_error(), *(missed.get(name, 0 * first.paths) for name in names)]
     derivatives = np.array([images[name] for name in names]).reshape(-1, *radiance.shape)
     return DerivativeImages(

@@ -23,17 +23,7 @@ from mi_lcair.plugins.emission.triangles import (
 )
 from mi_lcair.plugins.paths.launch import FacetStarts, Launch, rounding_error
 from mi_lcair.plugins.recorders.columns import met_triangles
-from mi_lcair.rendering.facets import (
-    WRITERS,
-    FacetTable,
-    facings,
-    meshes_of_model,
-    mixed_choice,
-    normals_of,
-    projected,
-    radiances,
-    seen_shares,
-)
+from mi_lcair.rendering import facets
 from mi_lcair.rendering.motions.motion import groups_of_meshes
 from mi_lcair.rendering.motions.pose import displaced
 from mi_lcair.rendering.sampling import Sampling
@@ -49,7 +39,7 @@ THINNEST = 1e-3  # least reach in their mean height, however thin one of them is
 BESIDE = 1e-3  # distance from a vertex, in these heights, at which other surfaces are looked for
 
 
-class Surface:
+class MovedMesh:
     """The triangles of a model, and those of its vertices that move: the vertices of a group.
 
     Vertices at the same position move together, also those of other groups, so that no crack opens.
@@ -66,7 +56,7 @@ class Surface:
     """
 
     def __init__(self, scene, group: str):
-        self.scene, self.meshes = scene, meshes_of_model(scene)
+        self.scene, self.meshes = scene, facets.meshes_of_model(scene)
         groups = groups_of_meshes(scene)
         check_known(f"group of meshes of {scene.name}", groups, group)
         if self.meshes is None:
@@ -77,7 +67,7 @@ class Surface:
             for mesh in self.meshes
         ]
         for mesh, corners in zip(self.meshes, (v[f] for v, f in zip(vertices, faces))):
-            flat = ~normals_of(corners).any(axis=1)
+            flat = ~facets.normals_of(corners).any(axis=1)
             if flat.any():
                 raise InputError(
                     f"{scene.name}: triangle {flat.argmax()} of shape '{mesh.id()}' has no area; "
@@ -94,7 +84,7 @@ class Surface:
         self.moving, self.positions = moving[welded], self.vertices[places]
         self.corners = self.moving[self.triangles]
         self.has = self.by_vertex(np.ones(self.corners.shape))
-        self.sides = facings(self.meshes)[1]
+        self.sides = facets.facings(self.meshes)[1]
 
     def by_vertex(self, values: np.ndarray) -> csr_array:
         """Values of the corners of each triangle (T, 3) by moving vertex, (T, n)."""
@@ -106,7 +96,7 @@ class Surface:
     @cached_property
     def normals(self) -> np.ndarray:
         """Twice the area of each triangle times its outward normal, (T, 3) [m^2]."""
-        return normals_of(self.vertices[self.triangles])
+        return facets.normals_of(self.vertices[self.triangles])
 
     @cached_property
     def areas(self) -> np.ndarray:
@@ -170,7 +160,7 @@ class Surface:
         Also their derivatives with respect to the areas toward the sensor. The area of a triangle
         that is edge-on is 0. Its derivative is the mean of the one-sided ones.
         """
-        toward = projected(vertices[self.triangles], sensor)
+        toward = facets.projected(vertices[self.triangles], sensor)
         whole = np.linalg.norm(self.normals, axis=1) / (2 * np.prod(window_size(sensor)))
         side = np.where(np.abs(toward) > EDGE_ON * whole, np.sign(toward), 0)
         back, front = self.sides
@@ -200,8 +190,8 @@ class Surface:
 # from hidden ones, the intensity is the sum of A R. The derivative of A is known. Only that of R,
 # from what turns, hides or is reflected, has to be found by displacements.
 
-# Displacement of a vertex in parts of its `Surface.reach`. The truncation error of two plates whose
-# edges are near each other is 0.5 % with it, 5 % with 0.1 and 27 % with 0.3.
+# Displacement of a vertex in parts of its `MovedMesh.reach`. The truncation error of two plates
+# whose edges are near each other is 0.5 % with it, 5 % with 0.1 and 27 % with 0.3.
 STEP = 0.03
 # Shares of the paths that begin on triangles by their visible area, by that times their radiance,
 # and on all that can be seen alike
@@ -244,14 +234,14 @@ class Estimation:
     Drawn directions and openings are not used, because their densities change with all vertices.
     Raises InputError if the sensor is not orthographic, and for closure = tail.
 
-    surface: Surface. along: displacement of each moving vertex per unit of its parameter, (n, 3)
+    surface: MovedMesh. along: displacement of each moving vertex per unit of its parameter, (n, 3)
     [m]. size: displacement of each vertex in its parameter, (n,); 0 for one that does not move.
-    per_size: 1 / (2 size), or 0. growth: see `Surface.growth`. q: probability that a path begins on
-    a triangle, (T,). colours: see `Surface.colours`. patterns: signs of the colours, (patterns,
-    colours), whose columns are orthogonal.
+    per_size: 1 / (2 size), or 0. growth: see `MovedMesh.growth`. q: probability that a path begins
+    on a triangle, (T,). colours: see `MovedMesh.colours`. patterns: signs of the colours,
+    (patterns, colours), whose columns are orthogonal.
     """
 
-    def __init__(self, surface: Surface, along: np.ndarray, sampling: Sampling):
+    def __init__(self, surface: MovedMesh, along: np.ndarray, sampling: Sampling):
         self.surface, self.along, self.sampling = surface, along, sampling
         scene = self.scene = surface.scene
         if scene.mi.integrator().closure == "tail":
@@ -269,7 +259,7 @@ class Estimation:
         self.area, _ = surface.in_view(self.sensor, surface.vertices)
         self.growth = surface.growth(self.sensor, along)
         self.most_growth = abs(self.growth)
-        self.radiance = radiances(surface.meshes)
+        self.radiance = facets.radiances(surface.meshes)
         self.triangles = numbers_of_triangles(surface.meshes)
         self.choice = self.starts()
         self.q = self.choice.probability
@@ -279,9 +269,9 @@ class Estimation:
     def starts(self) -> Choice:
         """What draws the triangle on which a path begins."""
         shown = self.area + self.most_growth @ self.size
-        shown = shown * seen_shares(self.scene, self.sensor, self.area[None])[0]
+        shown = shown * facets.seen_shares(self.scene, self.sensor, self.area[None])[0]
         parts = shown, shown * self.radiance, (shown > 0).astype(float)
-        return mixed_choice(SHARES, parts)
+        return facets.mixed_choice(SHARES, parts)
 
     def run(self) -> VertexDerivatives:
         random, count = np.random.default_rng(self.sampling.seed), len(self.size)
@@ -419,7 +409,7 @@ class ShapeDerivatives(Result):
     drawn_by = "mi_lcair.show.pictures.shape_derivatives:figure"
     heading = "Facets"
     computed = {"vertices": "vertices"}
-    saved_by = WRITERS
+    saved_by = facets.WRITERS
 
     def summary(self) -> str:
         """One line with the change of the intensity if the whole surface moves outward."""
@@ -447,9 +437,9 @@ class ShapeDerivatives(Result):
 
 def differentiate_shape(scene, group: str, sampling: Sampling) -> ShapeDerivatives:
     """The derivatives of a loaded scene's intensity with respect to the shape of a group."""
-    surface = Surface(scene, group)
+    surface = MovedMesh(scene, group)
     result = Estimation(surface, surface.outward, sampling).run()
-    inside, of_primitives = surface.in_group, FacetTable(scene).of_primitives
+    inside, of_primitives = surface.in_group, facets.FacetTable(scene).of_primitives
     facet = np.concatenate([of_primitives[mesh] for mesh in surface.meshes])[inside]
     numbers, rows = np.unique(facet, return_inverse=True)
     area = np.linalg.norm(surface.normals[inside], axis=1) / 2

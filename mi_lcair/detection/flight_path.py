@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mi_lcair.declared import Table, entry
+from mi_lcair.declared import Described, entry
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.table import read_table
 
@@ -16,7 +16,7 @@ MOST_MOMENTS = 1_000_000
 
 
 @dataclass(frozen=True)
-class FlightTable(Table, where="[flight]"):
+class FlightTable(Described, where="[flight]"):
     """Table [flight] of a scenario.
 
     Attributes

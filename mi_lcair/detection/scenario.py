@@ -14,8 +14,8 @@ import numpy as np
 
 from mi_lcair import scenes
 from mi_lcair.declared import (
+    Described,
     Rule,
-    Table,
     entry,
     excludes,
     fraction,
@@ -69,7 +69,7 @@ def stated_elsewhere(target: "TargetModel") -> str | None:
 
 
 @dataclass(frozen=True)
-class TargetModel(Table, where="[target]", rules=(Rule(stated_elsewhere),)):
+class TargetModel(Described, where="[target]", rules=(Rule(stated_elsewhere),)):
     """Table [target].
 
     Attributes
@@ -92,7 +92,7 @@ class TargetModel(Table, where="[target]", rules=(Rule(stated_elsewhere),)):
 
 
 @dataclass(frozen=True)
-class PluginFiles(Table):
+class PluginFiles(Described):
     """Table [plugins].
 
     Attributes
@@ -105,7 +105,7 @@ class PluginFiles(Table):
 
 
 @dataclass(frozen=True)
-class Pose(Table):
+class Pose(Described):
     """Table [pose]: rotation of the target.
 
     Attributes
@@ -129,7 +129,7 @@ PLACE = (
 
 
 @dataclass(frozen=True)
-class Observer(Table, where="[observer]", rules=PLACE):
+class Observer(Described, where="[observer]", rules=PLACE):
     """Table [observer]: position of the sensor relative to the target, in the scene's axes.
 
     Attributes
@@ -235,7 +235,7 @@ BEHIND = (
 
 
 @dataclass(frozen=True)
-class Background(Table, where="[background]", rules=BEHIND):
+class Background(Described, where="[background]", rules=BEHIND):
     """Table [background]: what the sensor sees beside the target.
 
     It is a blackbody, or what the line of sight meets: the sky upward and the ground downward.
@@ -288,7 +288,7 @@ class Background(Table, where="[background]", rules=BEHIND):
 
 
 @dataclass(frozen=True)
-class Sensor(Table, where="[sensor]"):
+class Sensor(Described, where="[sensor]"):
     """Table [sensor].
 
     Attributes
@@ -351,7 +351,7 @@ SAMPLES = (
 
 
 @dataclass(frozen=True)
-class RenderTable(Table, where="[render]", rules=SAMPLES):
+class RenderTable(Described, where="[render]", rules=SAMPLES):
     """Table [render].
 
     Attributes
@@ -537,7 +537,7 @@ class Scenario:
 TABLES = {
     table.name: kind
     for table in fields(Scenario)
-    if isinstance(kind := required(table.type), type) and issubclass(kind, Table)
+    if isinstance(kind := required(table.type), type) and issubclass(kind, Described)
 }
 
 

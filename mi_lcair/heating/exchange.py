@@ -7,21 +7,9 @@ import numpy as np
 from scipy import sparse
 
 from mi_lcair.errors import InputError
+from mi_lcair.heating import surfaces
 from mi_lcair.heating.conductors import Conductors, Facets, Traced, standard_error
 from mi_lcair.heating.exchange_result import Asymmetry, Exchange
-from mi_lcair.heating.surfaces import (
-    ENDS,
-    MOST_REFLECTIONS,
-    RANDOMISATIONS,
-    RINGS,
-    TOTAL,
-    FacetPaths,
-    Means,
-    Surfaces,
-    hemispherical_emissivity,
-    points_of,
-    solar_areas,
-)
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 from mi_lcair.rendering.scene import Scene
 
@@ -30,7 +18,7 @@ MOST_LOST = 1e-3  # share of a group's radiation that may end on backs and passi
 ASYMMETRY, SIGNIFICANT = 0.01, 4.0  # relative difference of two directions and its z for a remark
 
 
-def combined(means: Means, facets: Facets, rays: int) -> Traced:
+def combined(means: surfaces.Means, facets: Facets, rays: int) -> Traced:
     """Conductors from the areas [m^2] by which facets absorb what others emit.
 
     Paths of facet i estimate GR_ij with a variance that is proportional to its area A_i, (n,). The
@@ -43,11 +31,13 @@ def combined(means: Means, facets: Facets, rays: int) -> Traced:
     for G, ends in zip(means.between, means.ends):
         i, j = (G := sparse.coo_array(G)).coords
         half = sparse.csr_array((G.data * area[j] / (area[i] + area[j]), (i, j)), shape=G.shape)
-        replicates.append(Conductors(half + half.T, ends[:, :RINGS], ends[:, RINGS]))
+        replicates.append(
+            Conductors(half + half.T, ends[:, : surfaces.RINGS], ends[:, surfaces.RINGS])
+        )
     return Traced(tuple(replicates), facets.area * facets.emissivity / rays)
 
 
-def asymmetry_of(means: Means, facets: Facets, rays: int) -> Asymmetry:
+def asymmetry_of(means: surfaces.Means, facets: Facets, rays: int) -> Asymmetry:
     """How much the two directions differ. rays: number of paths of each side of a facet."""
     M = facets.membership
     one_way = np.array([(M @ G @ M.T).toarray() for G in means.between])
@@ -76,30 +66,29 @@ def exchange(
     toward_sun: unit vector, (3,); None without sunlight.
     """
     began = perf_counter()
-    surfaces = Surfaces.of(scene, TOTAL)
-    paths = FacetPaths(scene, surfaces)
+    paths = surfaces.FacetPaths(scene, surfaces.Surfaces.of(scene, surfaces.TOTAL))
     facets = facets_of(paths)
-    points = points_of(rays)
+    points = surfaces.points_of(rays)
     means = paths.means(points, seed).sums(paths.areas)
-    astray = {name: means.end(name) / facets.emitting_area for name in ENDS[1:]}
+    astray = {name: means.end(name) / facets.emitting_area for name in surfaces.ENDS[1:]}
     check_lost(facets, astray["lost"], paths.shapes[int(means.lost.argmax())], scene.name)
-    asymmetry = asymmetry_of(means, facets, points * RANDOMISATIONS)
-    remarks = [*surfaces.remarks, *remarks_on_asymmetry(asymmetry, facets)]
+    asymmetry = asymmetry_of(means, facets, points * surfaces.RANDOMISATIONS)
+    remarks = [*paths.surfaces.remarks, *remarks_on_asymmetry(asymmetry, facets)]
     truncated = facets.share_of_groups(astray["truncated"])
     if truncated.max() > MOST_LOST:
         remarks.append(
             f"group {facets.groups[int(truncated.argmax())]}: {truncated.max():.1%} of its "
-            f"radiation is left after {MOST_REFLECTIONS} reflections and reaches nothing"
+            f"radiation is left after {surfaces.MOST_REFLECTIONS} reflections and reaches nothing"
         )
     sun = None
     if toward_sun is not None:
-        sun = solar_areas(scene, toward_sun[None], rays, rays, seed)
+        sun = surfaces.solar_areas(scene, toward_sun[None], rays, rays, seed)
         remarks += sun.remarks
     in_facets = np.isin(paths.table.triangle_facet, facets.number)
     return Exchange(
         scene_name=scene.name,
         facets=facets,
-        traced=combined(means, facets, points * RANDOMISATIONS),
+        traced=combined(means, facets, points * surfaces.RANDOMISATIONS),
         temperature=paths.table.temperature[facets.number],
         sky_K=sky_K,
         ground_K=ground_K,
@@ -108,14 +97,14 @@ def exchange(
         sun=sun,
         triangles=paths.table.triangles[in_facets],
         triangle_facet=paths.table.triangle_facet[in_facets],
-        rays=points * RANDOMISATIONS,
+        rays=points * surfaces.RANDOMISATIONS,
         seed=seed,
         seconds=perf_counter() - began,
         remarks=tuple(dict.fromkeys(remarks)),
     )
 
 
-def facets_of(paths: FacetPaths) -> Facets:
+def facets_of(paths: surfaces.FacetPaths) -> Facets:
     """The facets on which paths begin."""
     table, number = paths.table, paths.number
     groups, group = np.unique(table.group[number].astype(str), return_inverse=True)
@@ -126,7 +115,9 @@ def facets_of(paths: FacetPaths) -> Facets:
         groups=tuple(groups.tolist()),
         group=group,
         material=table.material[number].astype(str),
-        emissivity=paths.of_facets(lambda surface: hemispherical_emissivity(surface).mean()),
+        emissivity=paths.of_facets(
+            lambda surface: surfaces.hemispherical_emissivity(surface).mean()
+        ),
     )
 
 

@@ -26,7 +26,7 @@ from mi_lcair.plugins.emission.emissivity import emissivity_of
 from mi_lcair.plugins.emission.triangles import normal_of, pointer_id, sphere_of
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 from mi_lcair.plugins.samplers.lattice import VECTOR, Lattice
-from mi_lcair.rendering.facets import FacetTable, FacetTracer, Surface
+from mi_lcair.rendering.facets import FacetTable, FacetTracer, Radiator
 from mi_lcair.rendering.measurands import check_free
 from mi_lcair.rendering.scene import Scene
 
@@ -46,7 +46,7 @@ class Surfaces:
     """
 
     of_band: str
-    different: list[Surface] = field(default_factory=list)
+    different: list[Radiator] = field(default_factory=list)
     of_shape: list[int] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
 
@@ -72,7 +72,7 @@ class Surfaces:
             if key not in index:
                 index[key] = len(surfaces.different)
                 made = make()
-                surfaces.different.append(Surface(made, partial(emissivity_of(made).eval, made)))
+                surfaces.different.append(Radiator(made, partial(emissivity_of(made).eval, made)))
             surfaces.of_shape.append(index[key])
         surfaces.remarks = list(dict.fromkeys(surfaces.remarks))
         return surfaces
@@ -100,7 +100,7 @@ class Surfaces:
             parameters = source.parameters
         return {"type": source.model.name, **parameters, "form": source.form, "lobe": layer.lobe}
 
-    def _material(self, name: str, file) -> materials.Material:
+    def _material(self, name: str, file) -> materials.NamedMaterial:
         """The entry of a material for the band, or one that stands in."""
         used, entry = band(self.of_band), None
         with suppress(InputError):
@@ -131,7 +131,7 @@ class Surfaces:
         )
 
 
-def hemispherical_emissivity(surface: Surface, nodes: int = 64) -> np.ndarray:
+def hemispherical_emissivity(surface: Radiator, nodes: int = 64) -> np.ndarray:
     """Hemispherical emissivity of each side of a surface that emits, (sides,).
 
     That of a texture is about the mean over it.

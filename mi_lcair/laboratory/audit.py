@@ -23,7 +23,7 @@ from mi_lcair.plugins.emission.emissivity import emissivity_of
 from mi_lcair.plugins.emission.triangles import pointer_id
 from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of, is_thermal
 from mi_lcair.progress import Progress
-from mi_lcair.rendering.facets import FacetTable, FacetTracer, Surface
+from mi_lcair.rendering.facets import FacetTable, FacetTracer, Radiator
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import corners
 from mi_lcair.results import Result, entry
@@ -260,7 +260,7 @@ class PhotonTracer(FacetTracer):
             key = pointer_id(mi.BSDFPtr(bsdf)), emitter is None, value
             if key not in surfaces:
                 emissivity = emitter.emissivity if emitter else passive_emissivity(index, shape)
-                surfaces[key] = Surface(bsdf, emissivity, mi.TransportMode.Importance)
+                surfaces[key] = Radiator(bsdf, emissivity, mi.TransportMode.Importance)
             of_shape.append(list(surfaces).index(key))
         super().__init__(scene, table, list(surfaces.values()), of_shape)
         self.grazing = scaling_cosines(scene, table)

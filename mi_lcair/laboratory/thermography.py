@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from mi_lcair import formats
-from mi_lcair.declared import Bounds, Table, excludes, needs, rule
+from mi_lcair.declared import Bounds, Described, excludes, needs, rule
 from mi_lcair.declared import entry as bounded
 from mi_lcair.errors import InputError
 from mi_lcair.estimate import Contribution, Estimate, slope
@@ -24,7 +24,7 @@ REFINEMENTS = 2  # corrections of the quadrature over an air's wavelengths when 
 
 
 @dataclass(frozen=True, eq=False)
-class Air:
+class AirPath:
     """Air between an object and a camera.
 
     Attributes
@@ -45,14 +45,14 @@ class Air:
     path: float
 
     @staticmethod
-    def given(band: Band, transmittance: float, temperature: float) -> "Air":
+    def given(band: Band, transmittance: float, temperature: float) -> "AirPath":
         """Grey air of one transmittance and temperature [K]."""
         through = replace(band, weights_um=transmittance * band.weights_um)
         path = (1 - transmittance) * float(in_band_radiance(band, temperature))
-        return Air(band, band, through, path)
+        return AirPath(band, band, through, path)
 
     @staticmethod
-    def computed(band: Band, distance: float, weather: Weather) -> "Air":
+    def computed(band: Band, distance: float, weather: Weather) -> "AirPath":
         """Clear air in some weather along a horizontal path of a length [m].
 
         Raises InputError for a band that it does not cover.
@@ -65,7 +65,7 @@ class Air:
         rows = np.flatnonzero(weights)
         nodes = replace(band, wavelengths_um=line.wavelengths_um[rows], weights_um=weights[rows])
         through = replace(nodes, weights_um=nodes.weights_um * line.transmittance[rows])
-        return Air(band, nodes, through, float(weights @ line.radiance))
+        return AirPath(band, nodes, through, float(weights @ line.radiance))
 
     def transmitted(self, temperature) -> np.ndarray:
         """In-band radiance that arrives from a blackbody, without the path radiance."""
@@ -230,8 +230,8 @@ def is_one(number: Estimate) -> bool:
 
 
 @dataclass(frozen=True)
-class Conditions(
-    Table,
+class ImageConditions(
+    Described,
     rules=(
         rule(
             lambda t: t.reflected or is_one(t.emissivity),
@@ -256,7 +256,7 @@ class Conditions(
         """The given ones by name."""
         return {name: number for name, number in vars(self).items() if number is not None}
 
-    def completed(self) -> tuple["Conditions", list[str]]:
+    def completed(self) -> tuple["ImageConditions", list[str]]:
         """The conditions with default values for the other quantities, and remarks about these."""
         # What a body of emissivity 1 reflects does not count
         reflected = self.reflected or Estimate(QUANTITIES["reflected"].lower)
@@ -274,18 +274,18 @@ class Conditions(
             air_temperature=air or Estimate(reflected.value),
         ), [] if air or is_one(through) else remarks
 
-    def air(self, band: Band, values: dict[str, float]) -> Air:
+    def air(self, band: Band, values: dict[str, float]) -> AirPath:
         """The air for values of the quantities."""
         if "distance" not in values:
-            return Air.given(band, values["transmittance"], values["air_temperature"])
+            return AirPath.given(band, values["transmittance"], values["air_temperature"])
         weather = Weather(values.get("air_temperature"), values.get("humidity"))
-        return Air.computed(band, values["distance"], weather)
+        return AirPath.computed(band, values["distance"], weather)
 
 
-QUANTITIES = {of.name: of.metadata["bounds"] for of in fields(Conditions)}
+QUANTITIES = {of.name: of.metadata["bounds"] for of in fields(ImageConditions)}
 
 
-def object_temperature(apparent, emissivity: float, reflected: float, air: Air) -> np.ndarray:
+def object_temperature(apparent, emissivity: float, reflected: float, air: AirPath) -> np.ndarray:
     """Temperature of the object by (1), [K]; NaN where no object can have the apparent temperature.
 
     apparent: apparent temperatures [K]. reflected: temperature of the surroundings [K].
@@ -296,7 +296,7 @@ def object_temperature(apparent, emissivity: float, reflected: float, air: Air) 
 
 
 def temperature_of(
-    apparent: np.ndarray, sigma: float, band: Band, conditions: Conditions, name: str
+    apparent: np.ndarray, sigma: float, band: Band, conditions: ImageConditions, name: str
 ) -> Temperature:
     """The temperature of an object with its budget.
 
@@ -307,7 +307,7 @@ def temperature_of(
     sigma : float
         Their standard uncertainty [K], common to all pixels.
     band : Band
-    conditions : Conditions
+    conditions : ImageConditions
     name : str
         Name of the image in the result.
 

@@ -11,7 +11,7 @@ from drjit.llvm.ad import Array3f64, Float64
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
-from mi_lcair.physics.materials import Material, material
+from mi_lcair.physics.materials import NamedMaterial, material
 from mi_lcair.results import Result, entry
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ class BRDFView(Result):
         Directional emissivity for an observer at theta_i: 1 - HDR (Kirchhoff).
     """
 
-    material: Material = entry("material", "name")
+    material: NamedMaterial = entry("material", "name")
     band: Band = entry("band", "label")
     theta_i: float = entry("theta_i_deg")
     theta_r: np.ndarray = entry()

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mi_lcair.declared import Rule, Table, entry, needs, rule
+from mi_lcair.declared import Described, Rule, entry, needs, rule
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
@@ -54,7 +54,7 @@ RULES = (
 
 
 @dataclass(frozen=True)
-class Imager(Table, where="[camera]", rules=RULES):
+class Imager(Described, where="[camera]", rules=RULES):
     """Parameters of a staring camera. It is table [camera] of a scenario.
 
     Attributes
@@ -248,7 +248,7 @@ LOCK_ON = 10.0  # signal-to-noise ratio that a lock-on requires (thesis 3.8)
 
 
 @dataclass(frozen=True)
-class Detector(Table, where="sensor"):
+class Detector(Described, where="sensor"):
     """Spectral band, optics and noise of a detector.
 
     The signal is the contrast irradiance at the aperture times optics_transmittance. It is detected

@@ -33,7 +33,7 @@ NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)(e[+-]?[0-9]+)?", re.IGNORE
 
 
 @dataclass(frozen=True)
-class Material:
+class NamedMaterial:
     """A reflection model with the parameters of one surface in one band.
 
     Attributes
@@ -68,7 +68,7 @@ class Material:
         """The parameters in the model's order."""
         return tuple(self.parameters[name] for name in self.model.names)
 
-    def averaged(self, band: Band, temperature: float | None = None) -> "Material":
+    def averaged(self, band: Band, temperature: float | None = None) -> "NamedMaterial":
         """A spectral material with parameters of its mean reflectance in a band.
 
         The weights are the band's response times the spectral radiance of a blackbody; without a
@@ -89,7 +89,7 @@ class Material:
 
 def material(
     name: str, band: Band | None, file: str | Path | None = None, allow_band: bool = False
-) -> Material:
+) -> NamedMaterial:
     """The material `name` with its parameters for a band.
 
     Parameters
@@ -109,7 +109,7 @@ def material(
 
     Returns
     -------
-    Material
+    NamedMaterial
         The entry.
 
     Raises
@@ -246,7 +246,7 @@ def check_fit(path: str | Path) -> None:
     _fits(path)
 
 
-def entries_of(path: str | Path) -> list[Material]:
+def entries_of(path: str | Path) -> list[NamedMaterial]:
     """All entries of a file of materials; raises InputError for an incomplete or impossible one."""
     return [entry for name in _materials(path) for entry in _toml_entries(name, path)]
 
@@ -327,7 +327,7 @@ def _fitted(name, report):
 
 
 def _entry(where, name, band, keys, file):
-    """A Material with checked keys and types, and parameters that a surface can have."""
+    """A material with checked keys and types, and parameters that a surface can have."""
     from mi_lcair.physics import reflection
 
     with errors_of(f"{where}, band '{band}'"):
@@ -340,7 +340,7 @@ def _entry(where, name, band, keys, file):
         form = keys.get("form", model.forms[0])
         model.check_form(form)
         model.check_feasible(*parameters.values(), form=form)
-    return Material(name, band, model, parameters, form, source=keys.get("source", file))
+    return NamedMaterial(name, band, model, parameters, form, source=keys.get("source", file))
 
 
 def _cached(path, entry):
@@ -352,7 +352,7 @@ def _cached(path, entry):
 
 @lru_cache(maxsize=32)
 def _spectral(where, name, folder, keys, revisions):
-    """The Material of an entry [NAME.spectral]; its band are the limits of its rows."""
+    """The material of an entry [NAME.spectral]; its band are the limits of its rows."""
     from mi_lcair.physics.spectra.parameters import spectral_parameters
 
     def fit(path):
@@ -368,7 +368,7 @@ def _spectral(where, name, folder, keys, revisions):
     parameters = dict(zip(spectrum.model.names, values))
     band = f"{first:.12g}-{last:.12g}"
     form, source = spectrum.form, spectrum.source
-    return Material(name, band, spectrum.model, parameters, form, source, spectrum)
+    return NamedMaterial(name, band, spectrum.model, parameters, form, source, spectrum)
 
 
 def _read(path) -> dict:

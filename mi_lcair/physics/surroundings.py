@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from mi_lcair.declared import Table, entry, given, rule
+from mi_lcair.declared import Described, entry, given, rule
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.physics.air.atmosphere import AirLight
 from mi_lcair.physics.air.clear_air import HEIGHT, ClearAir, Ray, SunDirection, clear_air
@@ -528,7 +528,7 @@ BLACK = "1"  # emissivity of ground that states none
 
 @dataclass(frozen=True)
 class Words(
-    Table,
+    Described,
     rules=(
         rule(
             lambda t: given(t, ("sky", "ground")),

@@ -590,7 +590,7 @@ def model_of(scene: Scene) -> Model:
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class Radiator:
     """A BSDF and its emissivity; equal BSDFs of a scene share one.
 
     emissivity: a function of an interaction and of `active`. mode: Radiance for paths against the
@@ -620,7 +620,7 @@ class FacetTracer:
     of each shape.
     """
 
-    def __init__(self, scene, table: FacetTable, surfaces: list[Surface], of_shape: list[int]):
+    def __init__(self, scene, table: FacetTable, surfaces: list[Radiator], of_shape: list[int]):
         self.scene, self.table, self.surfaces = scene.mi, table, surfaces
         self.name, self.offsets = scene.name, Offsets(scene.mi)
         self.ids = [pointer_id(mi.ShapePtr(shape)) for shape in scene.mi.shapes()]

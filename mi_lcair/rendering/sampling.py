@@ -3,23 +3,22 @@
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from mi_lcair.declared import Table, entry, rule
+from mi_lcair.declared import Described, entry, rule
 from mi_lcair.progress import Progress
 
 if TYPE_CHECKING:
     import mitsuba as mi
 
-TWO_CHOICES = (
-    "spp sets a fixed number of samples; tolerance and max_spp choose one, and do not go with it"
+ONE_CHOICE = rule(
+    lambda t: t.spp is None or t.tolerance is t.max_spp is None,
+    "spp sets a fixed number of samples; tolerance and max_spp choose one, and do not go with it",
 )
 MOST_SPP = 2**32 - 1  # paths through a pixel, which are numbered by 32-bit integers
 DEFAULT_MAX_SPP = 2**16  # largest number of samples per pixel for a tolerance
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sampling(
-    Table, rules=(rule(lambda t: t.spp is None or t.tolerance is t.max_spp is None, TWO_CHOICES),)
-):
+class Sampling(Described, rules=(ONE_CHOICE,)):
     """How a render is sampled. A public function makes it once and hands it on whole.
 
     Raises InputError for numbers that are not positive, and for both a number of

@@ -20,6 +20,7 @@ from mi_lcair.plugins.derivatives import deriving, nodes
 from mi_lcair.plugins.integrators.bounce_path import BouncePath
 from mi_lcair.plugins.paths.launch import numbers
 from mi_lcair.plugins.paths.path_tracer import SceneState
+from mi_lcair.rendering.loading import parsing, remarks
 from mi_lcair.rendering.loading.files import survey
 from mi_lcair.rendering.loading.meshes import (
     check_mesh_files,
@@ -27,28 +28,6 @@ from mi_lcair.rendering.loading.meshes import (
     described_digest,
     fingerprint,
     source_digest,
-)
-from mi_lcair.rendering.loading.parsing import (
-    check_meshes_near,
-    check_nodes,
-    far_origin,
-    instantiated,
-    move,
-    parsed,
-    remarks_on_samplers,
-    searching,
-    with_known_plugins,
-)
-from mi_lcair.rendering.loading.remarks import (
-    clipped,
-    reflections_of_nothing,
-    remarks_on_loaded,
-    remarks_on_materials,
-    remarks_on_triangles,
-    seen_from_behind,
-    shapes_without_bsdf,
-    suns_below_the_horizon,
-    turned_inside_out,
 )
 from mi_lcair.tasks import discarded, exclusive, exclusively
 
@@ -134,8 +113,8 @@ class Scene:
         with exclusive:
             state = SceneState(nodes(self.mi))
             if not self._compared or self._compared[0] != state:
-                self._compared[:] = state, remarks_on_triangles(self.mi)
-        return [*self.notes, *self._compared[1], *clipped(self.mi, self.sensors)]
+                self._compared[:] = state, remarks.remarks_on_triangles(self.mi)
+        return [*self.notes, *self._compared[1], *remarks.clipped(self.mi, self.sensors)]
 
     @property
     def source(self) -> str:
@@ -236,11 +215,11 @@ def load_file(
     in_file = {name: text for name, text in texts.items() if not name.startswith(LOBE_OF)}
     known = survey(path, in_file)
     check_known(f"parameter of {path.name}", known, *in_file)
-    with searching(path.parent):
+    with parsing.searching(path.parent):
         try:
             loaded = parsed_and_checked(path, in_file, around)
         except RuntimeError as error:
-            raise with_known_plugins(mitsuba_error(error)) from None
+            raise parsing.with_known_plugins(mitsuba_error(error)) from None
     for name in texts.keys() - in_file.keys():
         loaded.set_lobe(texts[name], name.removeprefix(LOBE_OF))
     return replace(loaded, parameters=texts)
@@ -260,31 +239,31 @@ def of_mitsuba(loaded: mi.Scene) -> Scene:
         )
     check_shapes(loaded)
     scene = checked(loaded, None, {})
-    notes = [*scene.notes, *remarks_on_loaded(loaded)]
+    notes = [*scene.notes, *remarks.remarks_on_loaded(loaded)]
     return replace(scene, notes=notes, digest=described_digest(loaded))
 
 
 def parsed_and_checked(path: Path, texts: dict[str, str], around: Sequence[dict]) -> Scene:
     """The Scene of a file, moved to the origin if it is too far away for single precision."""
-    state = parsed(path, texts, around)
-    check_nodes(state)
+    state = parsing.parsed(path, texts, around)
+    parsing.check_nodes(state)
     meshes = check_mesh_files(state)
-    digest, defaults = source_digest(state), shapes_without_bsdf(state)
+    digest, defaults = source_digest(state), remarks.shapes_without_bsdf(state)
     origin = np.zeros(3)
-    loaded = instantiated(state)
+    loaded = parsing.instantiated(state)
     for _ in range(MOVES):
-        step = far_origin(loaded)
+        step = parsing.far_origin(loaded)
         if step is None:
             break
         origin += step
-        state = parsed(path, texts, around)
-        move(state, origin)
-        loaded = instantiated(state)
-    check_meshes_near(meshes, state, loaded)
+        state = parsing.parsed(path, texts, around)
+        parsing.move(state, origin)
+        loaded = parsing.instantiated(state)
+    parsing.check_meshes_near(meshes, state, loaded)
     check_shapes(loaded)
     scene = checked(loaded, path, texts)
-    notes = [*scene.notes, *defaults, *remarks_on_samplers(state)]
-    notes += turned_inside_out(state, loaded)
+    notes = [*scene.notes, *defaults, *parsing.remarks_on_samplers(state)]
+    notes += remarks.turned_inside_out(state, loaded)
     if origin.any():
         notes.append(
             f"the scene lies {np.linalg.norm(origin):g} m from its origin; for the renderer's "
@@ -327,8 +306,8 @@ def checked(loaded: mi.Scene, path: Path | None, parameters: dict[str, str]) -> 
         emitters = tracer.emitters  # raises InputError for what cannot be derived
         # The void around bundled scenes is meant
         is_bundled = path is not None and path.parent == scenes.FOLDER
-        of_nothing = [] if is_bundled else reflections_of_nothing(loaded, emitters)
-        behind = [] if is_bundled else seen_from_behind(loaded, emitters)
+        of_nothing = [] if is_bundled else remarks.reflections_of_nothing(loaded, emitters)
+        behind = [] if is_bundled else remarks.seen_from_behind(loaded, emitters)
         bins = tracer.bins
         of_bins = [f"materials by wavelength: {bins} without air and tolerance"] if bins else []
     if emitters.band is None:
@@ -343,8 +322,8 @@ def checked(loaded: mi.Scene, path: Path | None, parameters: dict[str, str]) -> 
         groups=emitters.labels,
         parameters=parameters,
         notes=[
-            *remarks_on_materials(loaded),
-            *suns_below_the_horizon(loaded),
+            *remarks.remarks_on_materials(loaded),
+            *remarks.suns_below_the_horizon(loaded),
             *of_nothing,
             *behind,
             *of_bins,

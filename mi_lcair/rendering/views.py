@@ -8,7 +8,7 @@ import mitsuba as mi
 import numpy as np
 import scipy
 
-from mi_lcair.declared import Bounds, Table, entry, percent
+from mi_lcair.declared import Bounds, Described, entry, percent
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.triangles import is_faceted, vertex_positions
 from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of
@@ -29,7 +29,7 @@ POLE_DEG = 89.999  # elevation beyond which z cannot be the upward direction of 
 
 
 @dataclass(frozen=True)
-class View(Table):
+class View(Described):
     """Direction from the model to the observer, in the scene's axes [degrees].
 
     The azimuth is measured from +x (the nose of a model that is not turned) toward +y (its left

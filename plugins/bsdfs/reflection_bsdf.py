@@ -22,15 +22,7 @@ from mi_lcair.physics.reflection.interface import (
 )
 from mi_lcair.physics.spectra.parameters import CHANGES, NODES, Change, SpectralParameters
 from mi_lcair.physics.spectral_table import over_the_hemisphere, read_directional_table
-from mi_lcair.plugins.derivatives import (
-    Deriving,
-    attached,
-    check_attached,
-    children,
-    flatten,
-    own_memory,
-    unrecorded,
-)
+from mi_lcair.plugins import derivatives
 from mi_lcair.plugins.properties import HOTTEST, Property, beside_scene, read
 
 # Tables over 0..1 with evenly spaced nodes: linear interpolation and cubic refinement
@@ -144,7 +136,7 @@ def has_spectrum(plugin) -> bool:
 
 def is_spectral(bsdf) -> bool:
     """Whether a BSDF, or what it wraps, has a spectral material."""
-    return any(map(has_spectrum, (bsdf, *children(bsdf))))
+    return any(map(has_spectrum, (bsdf, *derivatives.children(bsdf))))
 
 
 def has_spectral_materials(scene) -> bool:
@@ -180,7 +172,7 @@ LEAST_EMISSIVITY = 0.01  # surfaces that emit less are taken to emit this much o
 ALARM = 1e-5
 
 
-@Deriving.register
+@derivatives.Deriving.register
 class ReflectionBSDF(SpectralBSDF):
     """BSDF of a reflection model: a subclass sets `model` and has the manual as its docstring.
 
@@ -333,7 +325,7 @@ class ReflectionBSDF(SpectralBSDF):
     def derive(self) -> None:
         """Compute the tables that `eval` and `sample` use, in Float64 and with derivatives."""
         dr.make_opaque(*self.sources(), self.measured)
-        if attached(self.sources()):
+        if derivatives.attached(self.sources()):
             self.derived = tables(self.model, self.sources(), self.form)
         else:
             self.derived = stored_tables(self.model, self.values, self.form)
@@ -341,7 +333,8 @@ class ReflectionBSDF(SpectralBSDF):
 
     def refresh(self) -> None:
         if self.derived is None or (
-            attached(self.sources()) and not attached(flatten(self.derived))
+            derivatives.attached(self.sources())
+            and not derivatives.attached(derivatives.flatten(self.derived))
         ):
             self.derive()
 
@@ -349,7 +342,7 @@ class ReflectionBSDF(SpectralBSDF):
     def tables(self) -> tuple:
         """`derived`, which is computed at the first use: a constructor must not evaluate arrays."""
         if self.derived is None:
-            unrecorded(self.derive)
+            derivatives.unrecorded(self.derive)
         return self.derived
 
     @property
@@ -372,7 +365,7 @@ class ReflectionBSDF(SpectralBSDF):
 
     def raw_HDR(self, cos, sin2):
         """Floor and lobe parts of the model's HDR(theta_r) (thesis Eq 2.9), not limited to 1."""
-        check_attached(self)
+        derivatives.check_attached(self)
         return parts_of_HDR(self.model, self.tables, cos, sin2)
 
     def HDR(self, w):
@@ -533,7 +526,7 @@ def stored_tables(model: ReflectionModel, values: tuple, form: str) -> tuple:
     """`tables` without derivatives. values: the parameters, as Python's floats."""
     S, lobe = table_numbers(model, values, form)
     arrays = S.cast(mi.Float), mi.Float(lobe)
-    own_memory(flatten(arrays))
+    derivatives.own_memory(derivatives.flatten(arrays))
     return arrays
 
 
@@ -571,4 +564,4 @@ def is_reflection_bsdf(plugin) -> bool:
 
 def reflection_layers(bsdf) -> list:
     """The BSDFs of reflection models in a BSDF: the BSDF itself, or those that it wraps."""
-    return [layer for layer in (bsdf, *children(bsdf)) if is_reflection_bsdf(layer)]
+    return [layer for layer in (bsdf, *derivatives.children(bsdf)) if is_reflection_bsdf(layer)]

@@ -36,7 +36,7 @@ REFLECTANCE = "reflectance.value"  # its parameter
 
 
 @dataclass(frozen=True)
-class Kind:
+class MaterialKind:
     """What the code of a surface's derivatives depends on.
 
     model: name of the reflection model. form: form of its equations. lobe: brdf, mirror or diffuse.
@@ -57,7 +57,7 @@ class Slopes:
     counted from 1; 0 for a BSDF of another kind. surface: the model's `Surface` of all rows.
     surface_slopes: its derivatives, for each parameter. HDR: the tables of the lobe's HDR, one
     after the other. HDR_slopes: their derivatives, for each parameter. columns: numbers of the
-    columns, for each parameter. The others are those of `Kind`.
+    columns, for each parameter. The others are those of `MaterialKind`.
     """
 
     model: str
@@ -72,12 +72,12 @@ class Slopes:
     columns: list[mi.UInt32]
 
     @staticmethod
-    def of(kind: Kind, surfaces: list[tuple], places: dict) -> "Slopes":
+    def of(kind: MaterialKind, surfaces: list[tuple], places: dict) -> "Slopes":
         """Tables of surfaces.
 
         Parameters
         ----------
-        kind : Kind
+        kind : MaterialKind
         surfaces : list of tuple
             BSDFs of this kind, each with the numbers of the columns of its parameters.
         places : dict
@@ -187,13 +187,13 @@ class Vertex:
         return keep(value), [keep(slope) for slope in slopes]
 
 
-def kind_of(bsdf) -> Kind | None:
+def kind_of(bsdf) -> MaterialKind | None:
     """The kind of a BSDF; None if its derivatives are not known."""
     if is_reflection_bsdf(bsdf):
         emissivity = "measured" if bsdf.measured is not None else bsdf.emissivity
-        return Kind(bsdf.model.name, bsdf.form, bsdf.lobe, emissivity)
+        return MaterialKind(bsdf.model.name, bsdf.form, bsdf.lobe, emissivity)
     if is_plume(bsdf) or (bsdf.class_name() == DIFFUSE and REFLECTANCE in mi.traverse(bsdf)):
-        return Kind("grey", "standard", "diffuse", "kirchhoff")
+        return MaterialKind("grey", "standard", "diffuse", "kirchhoff")
     return None
 
 

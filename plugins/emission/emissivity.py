@@ -12,17 +12,8 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
+from mi_lcair.plugins import derivatives
 from mi_lcair.plugins.bsdfs.reflection_bsdf import interpolate
-from mi_lcair.plugins.derivatives import (
-    Deriving,
-    attached,
-    children,
-    held,
-    same_variables,
-    unrecorded,
-    value_along,
-    variables,
-)
 
 # BSDFs that return 0 as the emissivity of the BSDF that they wrap.
 HIDING = ("MaskBSDF", "BumpMap", "NormalMap", "BlendBSDF")
@@ -43,7 +34,7 @@ class Emissivity:
     """Emissivity of a BSDF at a surface interaction; 0 on sides that do not reflect.
 
     kind: "attribute" (the BSDF's own attribute `emissivity`) or "diffuse" (1 - reflectance). Other
-    BSDFs need a `Table`, whose kind is "table". flags: the flags of the BSDF.
+    BSDFs need `Emissivities`, whose kind is "table". flags: the flags of the BSDF.
     """
 
     kind: str
@@ -56,7 +47,7 @@ class Emissivity:
         return dr.select(active & reflects(self.flags, si.wi.z), value, 0)
 
 
-class Table(Deriving):
+class Emissivities(derivatives.Deriving):
     """The emissivity of a BSDF as a table of 1 - HDR(theta) over both sides that reflect.
 
     It has the methods that the module `derivatives` describes. `derived` holds the tables, front
@@ -83,24 +74,26 @@ class Table(Deriving):
 
     def sources(self) -> list:
         """Dr.Jit variables among the BSDF's parameters."""
-        return [variable for value in self.parameters() for variable in variables(value)]
+        return [
+            variable for value in self.parameters() for variable in derivatives.variables(value)
+        ]
 
     def parameters(self) -> list:
         return [value for _, value in mi.traverse(self.bsdf)]
 
     def numbers(self) -> list[str]:
         """Those parameters of the BSDF that are not Dr.Jit variables, as text."""
-        return [str(value) for value in self.parameters() if not variables(value)]
+        return [str(value) for value in self.parameters() if not derivatives.variables(value)]
 
     def refresh(self) -> None:
         kept, numbers = self.made_of
-        if not same_variables(self.sources(), kept) or self.numbers() != numbers:
-            unrecorded(self.derive)
+        if not derivatives.same_variables(self.sources(), kept) or self.numbers() != numbers:
+            derivatives.unrecorded(self.derive)
 
     def derive(self) -> None:
         """Compute the tables; raises InputError if the BSDF proves anisotropic."""
-        self.made_of = held(self.sources()), self.numbers()
-        with_derivatives = attached(self.sources())
+        self.made_of = derivatives.held(self.sources()), self.numbers()
+        with_derivatives = derivatives.attached(self.sources())
         HDR = [sampled_HDR(self.bsdf, side, with_derivatives) for side in self.sides]
         errors = [standard_error(runs) for runs in HDR]
         self.error = float(np.max(errors, initial=0.0))
@@ -135,7 +128,7 @@ def reflects(flags: int, cos):
     return ((cos > 0) & front) | ((cos < 0) & back)
 
 
-def emissivity_of(bsdf) -> Emissivity | Table:
+def emissivity_of(bsdf) -> Emissivity | Emissivities:
     """The emissivity of a BSDF.
 
     A BSDF that has no attribute `emissivity` and is not diffuse gets a table. Raises InputError for
@@ -143,7 +136,7 @@ def emissivity_of(bsdf) -> Emissivity | Table:
     BSDF that it wraps.
     """
     flags, name = int(bsdf.flags()), bsdf.class_name()
-    layers = children(bsdf) if name == "TwoSidedBRDF" else [bsdf]
+    layers = derivatives.children(bsdf) if name == "TwoSidedBRDF" else [bsdf]
     kinds = {layer.class_name() for layer in layers}
     if kinds & set(HIDING):
         raise InputError(
@@ -155,7 +148,10 @@ def emissivity_of(bsdf) -> Emissivity | Table:
     if kinds == {"SmoothDiffuse"}:
         return Emissivity("diffuse", flags)
     textures = [
-        child for layer in layers for child in children(layer) if isinstance(child, mi.Texture)
+        child
+        for layer in layers
+        for child in derivatives.children(layer)
+        if isinstance(child, mi.Texture)
     ]
     # Mitsuba's BSDFs do not set the flag SpatiallyVarying, so their textures are checked
     for is_so, word in (
@@ -168,7 +164,7 @@ def emissivity_of(bsdf) -> Emissivity | Table:
                 f"bsdf '{bsdf.id()}' ({name}) {word}: its emissivity cannot be tabulated; "
                 "give the thermal emitter an `emissivity`"
             )
-    return Table(bsdf, flags)
+    return Emissivities(bsdf, flags)
 
 
 def sampled_HDR(bsdf, side: int, with_derivatives: bool) -> list:
@@ -214,7 +210,7 @@ def sampled_HDR(bsdf, side: int, with_derivatives: bool) -> list:
         with dr.suspend_grad():
             bs, weight = bsdf.sample(ctx, si, u.x, mi.Point2f(u.y, u.z), mi.Bool(True))
         if with_derivatives:
-            value = value_along(bsdf, ctx, si, u.x, mi.Point2f(u.y, u.z), bs)
+            value = derivatives.value_along(bsdf, ctx, si, u.x, mi.Point2f(u.y, u.z), bs)
             weight *= dr.relative_grad(value)
         runs.append(dr.block_sum(weight[0], POINTS) / POINTS)
         dr.eval(runs[-1])

@@ -13,15 +13,9 @@ from mi_lcair.declared import needs, one_of
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.derivatives import check_attached, held, members, same_variables, unrecorded
+from mi_lcair.plugins.emission import triangles
 from mi_lcair.plugins.emission.draw_table import largest, texture_bound
-from mi_lcair.plugins.emission.emissivity import Table, emissivity_of, reflects
-from mi_lcair.plugins.emission.triangles import (
-    Choice,
-    TriangleTable,
-    is_faceted,
-    normal_of,
-    sphere_of,
-)
+from mi_lcair.plugins.emission.emissivity import Emissivities, emissivity_of, reflects
 from mi_lcair.plugins.emitters.thermal_emitter import EmitterParameter, ThermalEmitter
 from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST, RADIANCE_UNIT, Property
 from mi_lcair.tasks import is_traced
@@ -220,7 +214,8 @@ class Thermal(ThermalEmitter):
     @property
     def derivations(self) -> list:
         """The emissivity table of the shape's BSDF, in a list; empty if no table is needed."""
-        return [self.material_emissivity] if isinstance(self.material_emissivity, Table) else []
+        table = self.material_emissivity
+        return [table] if isinstance(table, Emissivities) else []
 
     def find_emissivity(self) -> None:
         if self.bsdf is None:
@@ -269,13 +264,13 @@ class Thermal(ThermalEmitter):
         `bounce_path` does not use this method: it draws two more numbers.
         """
         shape = self.get_shape()
-        if not is_faceted(shape):
+        if not triangles.is_faceted(shape):
             ps = shape.sample_position(0, sample, active)
-            n = normal_of(ps, mi.Vector4f(sphere_of(shape)))
+            n = triangles.normal_of(ps, mi.Vector4f(triangles.sphere_of(shape)))
             return self.interaction(ps.p, n, ps.uv), ps.pdf
         if self.triangles is None:
-            table = unrecorded(TriangleTable, [shape])
-            choice = Choice(table.area)
+            table = unrecorded(triangles.TriangleTable, [shape])
+            choice = triangles.Choice(table.area)
             self.triangles = table, choice, table.density(choice.probability)
         table, choice, density = self.triangles
         pi = dr.zeros(mi.PreliminaryIntersection3f, dr.width(sample))

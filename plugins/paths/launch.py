@@ -10,14 +10,7 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.plugins.derivatives import children, own_memory
-from mi_lcair.plugins.emission.triangles import (
-    Choice,
-    is_faceted,
-    point_on,
-    pointer_id,
-    triangle_corners,
-    triangle_vertices,
-)
+from mi_lcair.plugins.emission import triangles
 from mi_lcair.plugins.samplers.lattice import VECTOR, Lattice, hashed
 
 # Starts on facets: paths that begin where the sensor sees a drawn point of a facet
@@ -27,7 +20,7 @@ from mi_lcair.plugins.samplers.lattice import VECTOR, Lattice, hashed
 
 
 @dataclass
-class FacetTable:
+class StartTable:
     """The triangles on which paths may begin, as Dr.Jit arrays.
 
     ends: those of `Choice`, with a row for each window. rows: corner of each triangle and its two
@@ -48,9 +41,9 @@ class FacetTable:
     def place(self, sample: mi.Point2f, window: mi.UInt32) -> tuple[mi.Float, "FacetPoint"]:
         """The weight of a path in a window, and the point that it has to hit first."""
         first = (window % self.windows) * self.count
-        choice = Choice.of_ends(self.ends, self.count)
+        choice = triangles.Choice.of_ends(self.ends, self.count)
         index, sample = choice.pick_and_rest(sample, first=first)
-        _, p, _ = point_on(self.rows, index, sample)
+        _, p, _ = triangles.point_on(self.rows, index, sample)
         shape, primitive = (
             dr.gather(mi.UInt32, numbers, index) for numbers in (self.shape, self.primitive)
         )
@@ -63,7 +56,7 @@ class FacetPoint:
     """The point of a triangle on which a path begins.
 
     p: the point [m]. shape: number of the pointer to its shape. primitive: the triangle. extent:
-    see `FacetTable`.
+    see `StartTable`.
     """
 
     p: mi.Point3f
@@ -101,7 +94,7 @@ class FacetStarts:
     paths, the number of these for each that begins on a facet. direct: see `Aim`.
     """
 
-    tables: FacetTable
+    tables: StartTable
     largest_weight: np.ndarray
     largest_on_model: np.ndarray
     largest_direct: np.ndarray
@@ -109,7 +102,7 @@ class FacetStarts:
     direct: "FacetStarts | None" = None
 
     @staticmethod
-    def at(meshes, corners, area, choice: Choice, direct=0.0) -> "FacetStarts":
+    def at(meshes, corners, area, choice: triangles.Choice, direct=0.0) -> "FacetStarts":
         """Starts on the n triangles of meshes.
 
         Parameters
@@ -124,8 +117,8 @@ class FacetStarts:
         direct : ndarray, shape (n,), or float
             Upper bound of their radiance without reflections [W m^-2 sr^-1].
         """
-        counts = [len(triangle_vertices(mesh)) for mesh in meshes]
-        ids = [pointer_id(mi.ShapePtr(mesh)) for mesh in meshes]
+        counts = [len(triangles.triangle_vertices(mesh)) for mesh in meshes]
+        ids = [triangles.pointer_id(mi.ShapePtr(mesh)) for mesh in meshes]
         rows = np.zeros((choice.count, 3, 4))
         rows[..., :3] = corners
         rows[:, 1:] -= rows[:, :1]
@@ -133,7 +126,7 @@ class FacetStarts:
         drawn = choice.probability > 0
         weight = np.divide(area, choice.probability, out=np.zeros_like(area), where=drawn)
         weight = np.atleast_2d(weight)
-        table = FacetTable(
+        table = StartTable(
             mi.UInt32(choice.ends),
             mi.Float(rows.ravel()),
             dr.opaque(mi.Float, extent),
@@ -380,7 +373,7 @@ class Paths:
     points: mi.UInt32
     first_point: mi.UInt32
     vector: mi.UInt32 | None
-    aim: CellTable | FacetTable | None
+    aim: CellTable | StartTable | None
     part: str = WHOLE
 
     def begin(self) -> tuple:
@@ -399,7 +392,7 @@ class Paths:
             number = window * self.randomisations + randomisation % self.randomisations
             sampler = Lattice.at(number, point, self.seed, self.vector)
         weight, facet = mi.Float(1), None
-        if isinstance(self.aim, FacetTable):
+        if isinstance(self.aim, StartTable):
             # Evenly spaced numbers give each facet as many paths as it shall have, but for one
             position, (weight, facet) = None, self.aim.place(sampler.next_2d(), window)
         else:
@@ -543,7 +536,7 @@ class Offsets:
 
     def __init__(self, scene):
         shapes = list(scene.shapes())
-        ids = [pointer_id(mi.ShapePtr(shape)) for shape in shapes]
+        ids = [triangles.pointer_id(mi.ShapePtr(shape)) for shape in shapes]
         of_size = np.zeros(max(ids, default=0) + 1)
         of_size[ids] = [OF_SIZE * UNIT * extent(shape) for shape in shapes]
         self.of_size = mi.Float(of_size)
@@ -577,10 +570,10 @@ def extent(shape) -> float:
     A hit on a sphere is computed from its radius, and has a smaller error than one on a triangle.
     An offset that is larger by d lets the part 2 d / radius of its rays, which graze it, pass by.
     """
-    if not is_faceted(shape):
+    if not triangles.is_faceted(shape):
         box, part = shape.bbox(), 16 if shape.class_name() == "Sphere" else 4
         return float(np.linalg.norm(np.array(box.max) - np.array(box.min))) / part
-    a, b, c = triangle_corners(shape)
+    a, b, c = triangles.triangle_corners(shape)
     return max(
         float(np.linalg.norm(p - q, axis=1).max(initial=0.0)) for p, q in ((a, b), (b, c), (c, a))
     )

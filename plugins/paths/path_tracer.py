@@ -15,25 +15,14 @@ from mitsuba.python.ad.integrators.common import RBIntegrator
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.physics.spectra.bins import Binning
+from mi_lcair.plugins import derivatives
 from mi_lcair.plugins.bins.by_bin import ByBin
 from mi_lcair.plugins.bins.sums import MOST_SUMS, BinSums, ByBinOfPath, SourceSums, SpectralSums
 from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.bsdfs.reflection_bsdf import ReflectionBSDF, has_spectral_materials
 from mi_lcair.plugins.columns.control import control_of
-from mi_lcair.plugins.derivatives import (
-    Deriving,
-    attached,
-    derivations,
-    deriving,
-    flatten,
-    held,
-    members,
-    own_memory,
-    same_variables,
-    variables,
-)
 from mi_lcair.plugins.emission.draw_table import PREFERENCE, PREFERRED, UnmetSources
-from mi_lcair.plugins.emission.emissivity import Table
+from mi_lcair.plugins.emission.emissivity import Emissivities
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
 from mi_lcair.plugins.emission.panels import Openings
 from mi_lcair.plugins.paths.launch import (
@@ -82,29 +71,35 @@ class SceneState:
         self.values, self.plugins, self.is_known, arrays = list(settings), [], True, []
         self.is_recordable = True
         for node in objects:
-            values = [node, *members(node).values()]
+            values = [node, *derivatives.members(node).values()]
             if type(node).__module__.startswith(PACKAGE):
                 self.plugins.append(node)
                 values += vars(node).values()
-                arrays += flatten(tuple(node.derivations)) if isinstance(node, Deriving) else []
+                arrays += (
+                    derivatives.flatten(tuple(node.derivations))
+                    if isinstance(node, derivatives.Deriving)
+                    else []
+                )
             elif not type(node).__module__.startswith("mitsuba"):
                 self.is_known = self.is_recordable = False
             elif not is_recordable(node):
                 self.is_recordable = False
             for value in values:
                 (arrays if dr.is_array_v(value) else self.values).append(value)
-        self.variables = held([variable for array in arrays for variable in variables(array)])
+        self.variables = derivatives.held(
+            [variable for array in arrays for variable in derivatives.variables(array)]
+        )
 
     @property
     def has_gradients(self) -> bool:
-        return attached(self.variables)
+        return derivatives.attached(self.variables)
 
     def __eq__(self, other):
         return (
             self.is_known
             and len(self.values) == len(other.values)
             and all(map(same, self.values, other.values))
-            and same_variables(self.variables, other.variables)
+            and derivatives.same_variables(self.variables, other.variables)
         )
 
 
@@ -119,7 +114,7 @@ def same(a, b) -> bool:
     return a is b or (type(a) is type(b) and isinstance(a, (bool, int, float, str)) and a == b)
 
 
-class Recorded:
+class Recordings:
     """Recordings of `PathTracer.block_sums` for one tracer.
 
     reason: why launches are traced and not recorded; None if they are recorded.
@@ -175,7 +170,7 @@ class Recorded:
         attributes = tuple(vars(plugin) for plugin in self.plugins)
         paths = tracer.paths
         derived = tracer.emitters, tracer.ambient_radiance, paths.explored, paths.openings
-        arrays = flatten((attributes, derived))
+        arrays = derivatives.flatten((attributes, derived))
         call = Unseen((tracer, self.plugins, attributes))
         try:
             hidden = [{} for _ in self.plugins]
@@ -295,7 +290,7 @@ class PathTracer(RBIntegrator):
         paths = Walk(scene, emitters, most, samples, ambient, explored)
         if settings.opening_sampling is True and not emitters.passes and emitters.sun is None:
             paths.openings = Openings.of(scene)
-        own_memory(flatten((emitters, paths.openings)))
+        derivatives.own_memory(derivatives.flatten((emitters, paths.openings)))
         if has_bins:
             T = None if ambient is None else settings.ambient_temperature
             count = binning.recorded or settings.bins
@@ -304,12 +299,12 @@ class PathTracer(RBIntegrator):
             binning_error = paths.by_bin.binning_error
             if by_spectrum and not binning.recorded:
                 emitters.sources.split(paths.by_bin.sources_by_bin())
-        parts = derivations(deriving(state.plugins))
-        tabulated = [part for part in parts if isinstance(part, Table | ReflectionBSDF)]
+        parts = derivatives.derivations(derivatives.deriving(state.plugins))
+        tabulated = [part for part in parts if isinstance(part, Emissivities | ReflectionBSDF)]
         of_tables = max((part.relative_error for part in tabulated), default=0.0)
         vars(self).update(
             scene=scene,
-            plugins=deriving(state.plugins),
+            plugins=derivatives.deriving(state.plugins),
             emitters=emitters,
             max_bounces=most,
             emitter_sampling=samples,
@@ -321,7 +316,7 @@ class PathTracer(RBIntegrator):
             ),
             bins=str(paths.by_bin or ""),
             records_bins=has_bins and bool(binning.recorded),
-            recorded=Recorded(state),
+            recorded=Recordings(state),
             is_complete=True,
         )
 
@@ -335,7 +330,7 @@ class PathTracer(RBIntegrator):
         if self.paths.by_bin is not None:
             raise InputError(WITHOUT_DERIVATIVES)
         for bsdf in {shape.bsdf() for shape in self.scene.shapes()}:
-            if is_plume(bsdf) and attached([bsdf.transmittance]):
+            if is_plume(bsdf) and derivatives.attached([bsdf.transmittance]):
                 bsdf.check_derivative("plume: transmittance", self.emitters.draws)
 
     # ---------------------------------------------------------------- Around the walk

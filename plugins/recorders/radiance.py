@@ -13,16 +13,7 @@ from mi_lcair.plugins.emission.emitter_table import EmitterTable
 from mi_lcair.plugins.emission.sources import WAVELENGTHS, Sources
 from mi_lcair.plugins.emission.triangles import ABSENT, PrimitiveTable, pointer_id
 from mi_lcair.plugins.paths.launch import Launch, ParallelRays
-from mi_lcair.plugins.recorders.recorder import (
-    Emission,
-    Recorder,
-    Recorders,
-    Reflection,
-    Store,
-    add_to,
-    entries,
-    zeros,
-)
+from mi_lcair.plugins.recorders import recorder
 
 BOUNCE_CHANNELS = 17  # bounce channels in images and tables; the last holds all counts from 16 on
 MAX_BOUNCE_CHANNELS = 65  # the last one holds every bounce count from 64 on
@@ -31,7 +22,7 @@ SIZES = (6, 17, 33, MAX_BOUNCE_CHANNELS)
 
 
 @dataclass
-class ByBounce(Recorder):
+class ByBounce(recorder.Recorder):
     """Radiance by number of reflections, and what the closure adds [W m^-2 sr^-1].
 
     Its channels are bounce.N and closure. The last number holds more reflections too.
@@ -43,17 +34,17 @@ class ByBounce(Recorder):
     @staticmethod
     def up_to(max_bounces: int) -> "ByBounce":
         size = next(size for size in SIZES if size > min(max_bounces, SIZES[-1] - 1))
-        return ByBounce(zeros(size), mi.Float(0))
+        return ByBounce(recorder.zeros(size), mi.Float(0))
 
-    def emission(self, emission: Emission) -> None:
+    def emission(self, emission: recorder.Emission) -> None:
         radiance, beyond = emission.radiance, emission.beyond
         self.closure += dr.select(beyond, radiance, 0)
         place = dr.minimum(emission.bounce, len(self.sums) - 1)
-        add_to(self.sums, place, dr.select(beyond, 0, radiance))
+        recorder.add_to(self.sums, place, dr.select(beyond, 0, radiance))
 
     def entries(self) -> list[mi.Float]:
         """Radiance after 0, 1, ... reflections of each path [W m^-2 sr^-1]."""
-        return entries(self.sums)
+        return recorder.entries(self.sums)
 
     def samples(self, L) -> dict:
         channels = {f"bounce.{k}": value for k, value in enumerate(self.entries())}
@@ -65,7 +56,7 @@ class ByBounce(Recorder):
 
 
 @dataclass
-class BySource(Recorder):
+class BySource(recorder.Recorder):
     """Radiance by source [W m^-2 sr^-1].
 
     by_wavelength: radiance from blackbodies at the wavelengths of `Sources` [W m^-2 sr^-1 um^-1],
@@ -84,23 +75,26 @@ class BySource(Recorder):
     @staticmethod
     def of(sources: Sources, labels: list, most: int | None = None) -> "BySource":
         count = 0 if sources.share is None else WAVELENGTHS
-        wavelengths, sums = [mi.Float(0) for _ in range(count)], zeros(len(sources.recorded))
+        wavelengths, sums = (
+            [mi.Float(0) for _ in range(count)],
+            recorder.zeros(len(sources.recorded)),
+        )
         return BySource(sources, labels, sums, wavelengths, most)
 
-    def emission(self, emission: Emission) -> None:
+    def emission(self, emission: recorder.Emission) -> None:
         value = dr.select(emission.beyond, 0, emission.radiance)
         if self.most is not None:
             value = dr.select(emission.bounce <= self.most, value, 0)
         for part, share_of_part in emission.parts:
             entry, of_part = self.sources.entry(emission.emitter, part), value * share_of_part
-            add_to(self.sums, self.sources.number(entry), of_part)
+            recorder.add_to(self.sums, self.sources.number(entry), of_part)
             if self.by_wavelength:
                 for k, share in enumerate(self.sources.shares(entry)):
                     self.by_wavelength[k] += of_part * share
 
     def samples(self, L) -> dict:
         groups = {label: mi.Float(0) for label in self.labels}
-        by_source = entries(self.sums)
+        by_source = recorder.entries(self.sums)
         for source, value in zip(self.sources.recorded, by_source):
             groups[source.group] += value
         channels = {f"group.{label}": value for label, value in groups.items()}
@@ -120,7 +114,7 @@ def up_to_prefix(most: int | None) -> str:
 
 
 @dataclass
-class FirstHit(Recorder):
+class FirstHit(recorder.Recorder):
     """The first hit of each path.
 
     facets: numbering of facets with the method `number(shape, prim_index, active)`; None: facets
@@ -196,7 +190,7 @@ def column_table(emitters, columns) -> PrimitiveTable:
 
 
 @dataclass
-class ByFacet(Recorder):
+class ByFacet(recorder.Recorder):
     """Contributions of each path by the facet that emitted them.
 
     rest: radiance from everything that has no column [W m^-2 sr^-1]. count: number of contributions
@@ -205,9 +199,9 @@ class ByFacet(Recorder):
 
     rest: mi.Float
     count: mi.UInt32
-    store: Store
+    store: recorder.Store
 
-    def emission(self, emission: Emission) -> None:
+    def emission(self, emission: recorder.Emission) -> None:
         value = emission.radiance
         column = self.store.table.at(emission.emitter, emission.prim)
         has_column = (column != ABSENT) & ~emission.beyond
@@ -260,11 +254,11 @@ def contributions(
     with dr.suspend_grad():
         paths = launch.paths_from(sensor.sampler())
         kinds = {"column": (mi.UInt32, ABSENT), "value": (mi.Float, 0)}
-        store = Store(table, paths.lane, slots(tracer), **kinds)
+        store = recorder.Store(table, paths.lane, slots(tracer), **kinds)
         parts = [FirstHit.of(tracer.scene, tracer.emitters, None, True)] if model_only else []
         parts.append(ByFacet(mi.Float(0), mi.UInt32(0), store))
         L, recorders, *_ = tracer.follow(
-            paths, ParallelRays.of(sensor) or sensor, lambda cell: Recorders(parts)
+            paths, ParallelRays.of(sensor) or sensor, lambda cell: recorder.Recorders(parts)
         )
         rest = recorders.of(ByFacet).rest
         # One kernel traces the paths and fills the store
@@ -304,7 +298,7 @@ def unit_radiance(emitters):
 
 
 @dataclass
-class Segments(Recorder):
+class Segments(recorder.Recorder):
     """Number of rays of each path, as the channel `segments`.
 
     Rays toward drawn emitters are not counted.
@@ -330,7 +324,7 @@ BRIGHT = 0.5  # part of the brightest source's radiance from which on sources ar
 
 
 @dataclass
-class UnmetSource(Recorder):
+class UnmetSource(recorder.Recorder):
     """What a source would add that a path could have hit after a reflection.
 
     The scatter of the paths' radiance cannot see a source that none of them has hit. Where emitters
@@ -357,7 +351,7 @@ class UnmetSource(Recorder):
         drawn = [mi.Float(0) if emitters.draws else None for _ in range(4)]
         return UnmetSource(emitters, mi.Float(0), mi.Float(0), *drawn)
 
-    def reflect(self, reflection: Reflection) -> None:
+    def reflect(self, reflection: recorder.Reflection) -> None:
         receives = reflection.receives & (reflection.weight != 0)
         throughput = dr.select(receives, reflection.throughput * reflection.weight, 0)
         self.draws += throughput

@@ -4,9 +4,9 @@ import json
 from pathlib import Path
 
 from benchmarks import throughput
-from benchmarks.throughput import Row, Throughput
+from benchmarks.throughput import Row, ThroughputChart
 
-RESULT = Throughput(
+RESULT = ThroughputChart(
     rows=[
         Row("box", "bounce_path", 1e6, 2e7, "path", 1.25, 0.5),
         Row("box", "path", 8e5, 1.6e7, "", None, 0.25),

@@ -152,14 +152,14 @@ def test_the_files_of_one_run_appear_together(run, folder, monkeypatch):
 
 @pytest.fixture
 def bundled(monkeypatch):
-    from mi_lcair.scenes import Parameter
+    from mi_lcair.scenes import XMLParameter
 
     module = ModuleType("mi_lcair.scenes")
     module.names = lambda: ["cavity", "two_plates"]
     module.title = lambda name: f"a {name}"
     module.path = lambda name: Path("/scenes") / f"{name}.xml"
     module.parameters = lambda name: (
-        {"opening": Parameter("8", "facets removed"), "band": Parameter("total", "or MWIR")}
+        {"opening": XMLParameter("8", "facets removed"), "band": XMLParameter("total", "or MWIR")}
         if name == "cavity"
         else {}
     )

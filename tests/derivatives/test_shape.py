@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull
 
 import mi_lcair
 from mi_lcair.cli import main
-from mi_lcair.derivatives.shape import Estimation, Surface
+from mi_lcair.derivatives.shape import Estimation, MovedMesh
 from mi_lcair.errors import InputError
 from mi_lcair.rendering.parameters.values import changed
 from mi_lcair.rendering.sampling import Sampling
@@ -20,7 +20,7 @@ from tests.derivatives.motions.test_differences import CUBE, VIEW, L, convex_hul
 
 def derivatives(scene, group: str, along=None, paths: int = 2**14, seed: int = 0):
     """Surface of a group, and the derivatives by its vertices."""
-    surface = Surface(scene, group)
+    surface = MovedMesh(scene, group)
     along = surface.outward if along is None else along(surface.positions)
     return surface, Estimation(surface, along, Sampling(paths=paths, seed=seed)).run()
 
@@ -141,7 +141,7 @@ def test_vertices_at_one_position_move_together():
     """The halves of a cube, of two groups, share the vertices of the cut."""
     left, right = CUBE - [0.5, 0, 0], CUBE + [0.5, 0, 0]
     scene = scene_of(convex_hull("left", left), convex_hull("right", right))
-    surface = Surface(scene, "left")
+    surface = MovedMesh(scene, "left")
     moved = surface.displaced(0 * surface.positions + [0, 0, 1.0]) - surface.vertices
     at_cut = surface.vertices[:, 0] == 0
     assert len(surface.positions) == 8 and at_cut.sum() == 8
@@ -150,7 +150,7 @@ def test_vertices_at_one_position_move_together():
 
 def test_colours_differ_in_each_triangle():
     scene = bodies(5, 0.0)
-    surface = Surface(scene, "body")
+    surface = MovedMesh(scene, "body")
     colours = surface.colours()[surface.corners]
     assert (np.diff(np.sort(colours, axis=1), axis=1) > 0).all()
     assert colours.max() < 8

@@ -166,7 +166,7 @@ def totals(monkeypatch, folder, seeds: int, T=400, **changes):
     loaded = mi_lcair.load(folder / "disc.xml", temperature=f"{T}", band="MWIR")
     monkeypatch.setattr(setting, "load_with_values", lambda *_, **__: loaded)
     # The search for overlapping triangles takes three times as long as such a render
-    monkeypatch.setattr("mi_lcair.rendering.scene.remarks_on_triangles", lambda _: [])
+    monkeypatch.setattr("mi_lcair.rendering.loading.remarks.remarks_on_triangles", lambda _: [])
     changes |= {"target__parameters__temperature": T, "sensor__band": "MWIR"}
     rows = [contrast(disc(folder, **changes, render__seed=seed)).rows[0] for seed in range(seeds)]
     expected = closed_form("MWIR", T, 1000, np.ones_like, np.zeros_like, lambda x: planck(x, 294))

@@ -41,7 +41,7 @@ def quick():
 
     def fit_once(measurements, *, progress=None, **settings):
         if isinstance(measurements, str):
-            measurements = estimation.read(measurements)
+            measurements = estimation.reading.read(measurements)
         settings["starts"] = STARTS
         key = pickle.dumps((measurements, settings))
         if key not in FITS:

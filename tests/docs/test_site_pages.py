@@ -63,11 +63,11 @@ def test_the_page_of_keys_has_every_table_that_a_user_writes():
         name
         for file in (ROOT / "mi_lcair").rglob("*.py")
         for name in re.findall(
-            r"^class (\w+)\(\s*(?:Table|Weather|Observation)\b", file.read_text(), re.MULTILINE
+            r"^class (\w+)\(\s*(?:Described|Weather|Observation)\b", file.read_text(), re.MULTILINE
         )
     }
     in_others = {"Weather", "Detector", "Observation", "InverseProblem"}
-    in_others |= {"Sampling", "View", "Conditions"}
+    in_others |= {"Sampling", "View", "ImageConditions"}
     missing = declared - {place.rpartition(".")[2] for place in places}
     assert missing == in_others and len(places) >= 25
     text = on_page_markdown(page)

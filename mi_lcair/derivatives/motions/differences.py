@@ -15,14 +15,7 @@ import numpy as np
 
 from mi_lcair.plugins.emission.draw_table import PREFERRED
 from mi_lcair.plugins.integrators.bounce_path import AUTO
-from mi_lcair.plugins.paths.launch import (
-    CELLS,
-    Aim,
-    FacetStarts,
-    Launch,
-    rounding_error,
-    shared_out,
-)
+from mi_lcair.plugins.paths import launch
 from mi_lcair.rendering.facets import in_view, meshes_of_model, mixed_choice, radiances, seen_shares
 from mi_lcair.rendering.loading.parsing import extent
 from mi_lcair.rendering.measurands import Measurands
@@ -46,7 +39,7 @@ TINY = 1e-6  # part of an area by which rounding may change it
 CELLS_OF_CHANGE, ON_MODEL_BESIDE = 1024, 0.15
 
 
-def starts_in(scene, sensor, poses: list[dict]) -> list[FacetStarts]:
+def starts_in(scene, sensor, poses: list[dict]) -> list[launch.FacetStarts]:
     """Starts on the facets of a scene's model in several poses, with the same probabilities.
 
     scene: Scene whose model consists of meshes. sensor: an orthographic one. poses: values of
@@ -65,30 +58,30 @@ def starts_in(scene, sensor, poses: list[dict]) -> list[FacetStarts]:
     change[change < TINY * area] = 0  # rounding of vertices that are shifted
     parts = np.array([area, area * radiance, change * radiance]) * seen
     choice = mixed_choice(SHARES, parts)
-    return [FacetStarts.at(meshes, *pose, choice) for pose in zip(corners, areas)]
+    return [launch.FacetStarts.at(meshes, *pose, choice) for pose in zip(corners, areas)]
 
 
-def aim_at_change(scene, sensor, poses: list[dict], seed: int) -> Aim | None:
+def aim_at_change(scene, sensor, poses: list[dict], seed: int) -> launch.Aim | None:
     """An aim at the cells of a window that emit another radiance in two poses; None without such.
 
     Nearly all noise of a difference on the film is that of paths that meet something else in the
     other pose. They are often few, such as those beside the edge of an opening that grows.
     """
     side, measurands = CELLS_OF_CHANGE, Measurands.of(None)
-    launch = Launch(side, side, seed, 1, 1, windows=side**2)
+    pilot = launch.Launch(side, side, seed, 1, 1, windows=side**2)
     radiance, on_model = [], []
     for pose in poses:
         with moved(scene, pose), changed(scene, max_bounces=0), scene.prepared() as tracer:
-            radiance.append(measurands.trace(tracer, sensor, launch).radiance)
+            radiance.append(measurands.trace(tracer, sensor, pilot).radiance)
             on_model.append(aim_over_model(scene, sensor).may_be_model[0])
     change = np.abs(np.subtract(*radiance)).reshape(1, side, side)
     if not change.any():
         return None
     seen = np.add(*radiance).reshape(1, side, side)
-    importance = shared_out(blurred(change)) + shared_out(seen)
-    parts = np.ones((side // CELLS,) * 2, bool)
+    importance = launch.shared_out(blurred(change)) + launch.shared_out(seen)
+    parts = np.ones((side // launch.CELLS,) * 2, bool)
     cells = np.kron(np.any(on_model, axis=0), parts) | (importance > 0)
-    return Aim.at(importance, cells, ON_MODEL_BESIDE)
+    return launch.Aim.at(importance, cells, ON_MODEL_BESIDE)
 
 
 ATTACHED, ON_FILM = "attached difference", "difference on the film"
@@ -213,7 +206,7 @@ class Differences:
     measurands: Measurands
     rows: Callable[[Totals], np.ndarray]
     channel: str | None = "target"
-    aim: Aim | None = None
+    aim: launch.Aim | None = None
 
     def __post_init__(self):
         self.camera = self.scene.sensor(self.sampling.sensor)
@@ -248,7 +241,7 @@ class Differences:
         methods = [ATTACHED, ON_FILM] if self.can_attach else [ON_FILM]
         return [DifferenceKind(method, choice) for method in methods for choice in choices]
 
-    def aim_on_film(self, *ends: float) -> Aim | None:
+    def aim_on_film(self, *ends: float) -> launch.Aim | None:
         """Where paths on the film begin, for poses between two ends."""
         if ends not in self.aims:
             aim = aim_at_change(self.scene, self.camera, self.poses(ends), self.sampling.seed)
@@ -385,7 +378,7 @@ class Differences:
     def rounding(self, rows: np.ndarray, h: float) -> float:
         """Standard error of a difference from rounding in the two renders."""
         reflections = self.scene.mi.integrator().max_bounces
-        return rounding_error(reflections) * float(np.abs(rows[:, 0]).max()) / h
+        return launch.rounding_error(reflections) * float(np.abs(rows[:, 0]).max()) / h
 
     def expected(self, pilot: "Pilot") -> float:
         """Standard error of the difference with all paths, as a pilot has it."""

@@ -10,15 +10,8 @@ from mi_lcair.detection.camera.optics import Optics, Turbulence
 from mi_lcair.detection.irradiance import Backdrop
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.errors import InputError
+from mi_lcair.physics import blackbody
 from mi_lcair.physics.bands import Band
-from mi_lcair.physics.blackbody import (
-    LIGHT_SPEED,
-    PLANCK,
-    brightness_temperature,
-    in_band_radiance,
-    in_band_slope,
-    spectral_radiance,
-)
 from mi_lcair.physics.imager import Detector, Imager
 
 PATTERN, FRAME = 0, 1  # first number of the seeds of independent random numbers
@@ -124,7 +117,7 @@ def electron_band(band: Band, imager: Imager, optics_transmittance: float = 1.0)
     Band
         `in_band_radiance` of it gives the electrons of a blackbody that fills the pixel.
     """
-    energy = PLANCK * LIGHT_SPEED * 1e6  # J um
+    energy = blackbody.PLANCK * blackbody.LIGHT_SPEED * 1e6  # J um
     per_um = (
         optics_transmittance
         * imager.quantum_efficiency
@@ -146,12 +139,12 @@ def electron_band(band: Band, imager: Imager, optics_transmittance: float = 1.0)
 
 def electrons(electron_band: Band, temperature):
     """Electrons of a pixel that a blackbody of this temperature, K, fills."""
-    return in_band_radiance(electron_band, temperature)
+    return blackbody.in_band_radiance(electron_band, temperature)
 
 
 def electrons_per_kelvin(electron_band: Band, temperature: float) -> float:
     """Change of the electrons with the temperature of a blackbody, at `temperature`, K."""
-    return float(in_band_slope(electron_band, temperature))
+    return float(blackbody.in_band_slope(electron_band, temperature))
 
 
 def in_kelvin(electron_band: Band, electrons, deviation) -> np.ndarray:
@@ -169,7 +162,7 @@ def apparent_temperature(electron_band: Band, electrons) -> np.ndarray:
 
     It is the inverse of `electrons`.
     """
-    return brightness_temperature(electron_band, np.maximum(electrons, 0))
+    return blackbody.brightness_temperature(electron_band, np.maximum(electrons, 0))
 
 
 # Two-point non-uniformity correction, and the camera's calibration to apparent temperature
@@ -306,7 +299,7 @@ class Camera:
         pattern = Pattern.of(imager, seed)
         if imager.nuc:
             correction = two_point(imager, pattern, design, band, temperature, seed)
-        thermal = partial(spectral_radiance, temperature=DIFFRACTION_K)
+        thermal = partial(blackbody.spectral_radiance, temperature=DIFFRACTION_K)
         optics = Optics(imager, band, thermal, turbulence)
         optics.check_spread()
         return Camera(

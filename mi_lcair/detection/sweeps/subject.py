@@ -15,7 +15,7 @@ import numpy as np
 
 import mi_lcair
 from mi_lcair import formats, toml_table
-from mi_lcair.declared import Table, entry, fraction, needs, one_of
+from mi_lcair.declared import Described, entry, fraction, needs, one_of
 from mi_lcair.detection.irradiance import AirOfLight, Backdrop
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import line_of, sun_over, target_scene
@@ -52,7 +52,7 @@ Value = str | float | int | bool
 
 
 @dataclass(frozen=True)
-class Base(Table, where="[base]", rules=BASE):
+class Base(Described, where="[base]", rules=BASE):
     """Table [base]: what is swept, and whether the conditions form a grid.
 
     Attributes
@@ -73,7 +73,7 @@ class Base(Table, where="[base]", rules=BASE):
 
 
 @dataclass(frozen=True)
-class SamplingTable(Table, where="[sampling]"):
+class SamplingTable(Described, where="[sampling]"):
     """Table [sampling].
 
     Attributes

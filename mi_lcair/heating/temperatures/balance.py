@@ -139,7 +139,7 @@ SLOWEST = 1e-30  # rate in place of 0 [1/s]
 
 
 @dataclass(frozen=True)
-class Wall:
+class HeatWall:
     """A wall, or nothing behind the surface if its thickness is 0.
 
     thickness [m], conductivity [W m^-1 K^-1], density [kg m^-3], heat_capacity [J kg^-1 K^-1].

@@ -10,10 +10,10 @@ from typing import Literal
 import numpy as np
 
 from mi_lcair import toml_table
-from mi_lcair.declared import Table, entry, excludes, needs, rule, together
+from mi_lcair.declared import Described, entry, excludes, needs, rule, together
 from mi_lcair.errors import check_known
 from mi_lcair.estimate import Stated, sigmas
-from mi_lcair.heating.temperatures.balance import Wall
+from mi_lcair.heating.temperatures.balance import HeatWall
 from mi_lcair.toml_table import filled, table_of
 
 KELVIN = {"lower": 10, "upper": 6000, "unit": "K"}
@@ -23,7 +23,7 @@ FLUX, CONVECTION = {"lower": 0, "upper": 1e8}, {"lower": 0, "upper": 1e6}
 
 
 @dataclass(frozen=True, kw_only=True)
-class TargetTable(Table, where="[target]"):
+class TargetTable(Described, where="[target]"):
     """[target].
 
     Attributes
@@ -39,7 +39,7 @@ class TargetTable(Table, where="[target]"):
 
 
 @dataclass(frozen=True, kw_only=True)
-class WeatherTable(Table, where="[weather]"):
+class WeatherTable(Described, where="[weather]"):
     """[weather]: a file of rows over a day, or numbers that hold all the time.
 
     Attributes
@@ -102,7 +102,7 @@ BEHIND = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class GroupTable(Table, rules=BEHIND):
+class GroupTable(Described, rules=BEHIND):
     """[groups.NAME]: what lies behind the surfaces of a group.
 
     Attributes
@@ -132,18 +132,18 @@ class GroupTable(Table, rules=BEHIND):
     back_K: float | None = entry(None, **KELVIN)
     back_h: float | None = entry(None, lower=1e-6, upper=1e6)
 
-    def wall(self, duration: float) -> Wall:
+    def wall(self, duration: float) -> HeatWall:
         """The wall for weather of a duration [s]; one of thickness 0 if there is none."""
         if self.thickness_mm is None:
-            return Wall()
+            return HeatWall()
         mm, *of_material = (getattr(self, name) for name in WALL)
         usual = 0.0 if self.back_K is None else np.inf
         back = usual if self.back_h is None else self.back_h
-        return Wall(mm / 1000, *of_material, back, self.back_K or 0.0, duration)
+        return HeatWall(mm / 1000, *of_material, back, self.back_K or 0.0, duration)
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunTable(Table, where="[run]"):
+class RunTable(Described, where="[run]"):
     """[run]: numbers of the computation.
 
     Attributes
@@ -166,7 +166,7 @@ class RunTable(Table, where="[run]"):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SignatureTable(Table, where="[signature]"):
+class SignatureTable(Described, where="[signature]"):
     """[signature]: intensity over the day, in the band and toward a sensor of the scene.
 
     Attributes
@@ -189,7 +189,7 @@ KINDS = {
 
 
 @dataclass(frozen=True)
-class Description:
+class HeatDescription:
     """The tables of a heat.toml.
 
     sigma: standard uncertainty of each input, in its unit or as a text such as "30 %". folder: that
@@ -205,7 +205,7 @@ class Description:
     folder: Path = Path()
 
     @staticmethod
-    def read(source: str | PathLike[str] | Mapping) -> "Description":
+    def read(source: str | PathLike[str] | Mapping) -> "HeatDescription":
         """The description of a TOML file, or of a dictionary of its tables.
 
         Raises InputError if anything cannot be used.
@@ -213,7 +213,7 @@ class Description:
         return toml_table.read(source, described, "heat")
 
 
-def described(tree: Mapping, folder: Path, _name: str) -> Description:
+def described(tree: Mapping, folder: Path, _name: str) -> HeatDescription:
     """The description of the tables of a file in a folder."""
     check_known("table", ["target", *KINDS, "groups", "sigma"], *tree)
     target = filled(TargetTable, tree.get("target", {}), "[target]", folder)
@@ -226,7 +226,7 @@ def described(tree: Mapping, folder: Path, _name: str) -> Description:
         group: filled(GroupTable, values, f"[groups.{group}]")
         for group, values in table_of(tree, "groups").items()
     }
-    return Description(
+    return HeatDescription(
         target=target,
         groups=groups,
         sigma=sigmas(tree),

@@ -17,9 +17,9 @@ from mi_lcair.errors import InputError, check_known
 from mi_lcair.estimate import Stated, deviation, relative
 from mi_lcair.heating.conductors import Facets, Traced, standard_error
 from mi_lcair.heating.surfaces import SolarAreas
-from mi_lcair.heating.temperatures.balance import Balance, Wall
+from mi_lcair.heating.temperatures.balance import Balance, HeatWall
 from mi_lcair.heating.temperatures.description import WALL, GroupTable
-from mi_lcair.heating.temperatures.weather import Weather
+from mi_lcair.heating.temperatures.weather import WeatherSeries
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 
 STEP = 1e-30  # of complex steps, in standard uncertainties
@@ -39,7 +39,7 @@ class Column:
 
     name: str
     gained: Callable[[np.ndarray, int], np.ndarray]
-    walls: list[Wall] | None = None
+    walls: list[HeatWall] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ class Network:
     facets: Facets
     traced: Traced
     sun: SolarAreas | None
-    weather: Weather
+    weather: WeatherSeries
     groups: dict[str, GroupTable] = field(default_factory=dict)
 
     @cached_property
@@ -97,13 +97,13 @@ class Network:
         return self.of_facets(lambda table: np.broadcast_to(table.h_W_m2_K, times)).T
 
     @cached_property
-    def walls(self) -> list[Wall]:
+    def walls(self) -> list[HeatWall]:
         """The wall of each group; one of thickness 0 if it has none."""
         duration = float(np.ptp(self.weather.seconds))
         return [table.wall(duration) for table in self.tables.values()]
 
     @property
-    def with_walls(self) -> list[tuple[int, Wall, np.ndarray]]:
+    def with_walls(self) -> list[tuple[int, HeatWall, np.ndarray]]:
         """Number, wall and indices of facets of each group that has a wall."""
         group = self.facets.group
         walls = enumerate(self.walls)

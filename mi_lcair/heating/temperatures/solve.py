@@ -12,10 +12,10 @@ from mi_lcair.heating.conductors import standard_error
 from mi_lcair.heating.exchange import exchange
 from mi_lcair.heating.surfaces import SolarAreas, emitting_facets, solar_areas
 from mi_lcair.heating.temperatures.balance import CELLS, CLOSED, DAY, SOLVED
-from mi_lcair.heating.temperatures.description import Description, RunTable, SignatureTable
+from mi_lcair.heating.temperatures.description import HeatDescription, RunTable, SignatureTable
 from mi_lcair.heating.temperatures.heat_result import Heat
 from mi_lcair.heating.temperatures.network import STEP, Column, Network
-from mi_lcair.heating.temperatures.weather import Weather, weather
+from mi_lcair.heating.temperatures.weather import WeatherSeries, weather
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN, radiance_and_slope
 from mi_lcair.rendering.facets import FacetPolygons, FacetTable
 from mi_lcair.rendering.measurands import check_free
@@ -215,7 +215,7 @@ BYTES = 1100  # memory for a facet and a position of the sun, measured with 4,00
 DOUBTFUL = 0.01  # share of an effect that may rest on an assumption without a remark
 
 
-def temperatures(scene: Scene, description: Description) -> Heat:
+def temperatures(scene: Scene, description: HeatDescription) -> Heat:
     """The temperatures of a scene's facets; see `mi_lcair.heat`."""
     run, sigmas = description.run, description.sigma
     conditions = weather(
@@ -281,7 +281,7 @@ def remarks_on_emissivities(
     return remarks
 
 
-def sunlight(scene: Scene, n: int, conditions: Weather, run: RunTable) -> SolarAreas | None:
+def sunlight(scene: Scene, n: int, conditions: WeatherSeries, run: RunTable) -> SolarAreas | None:
     """The sunlight that n facets absorb while the sun shines; None in the dark."""
     suns = conditions.toward_sun[conditions.shines]
     if not len(suns):

@@ -45,7 +45,7 @@ DUSK, NIGHT = 0.015, 0.05
 
 
 @dataclass(frozen=True)
-class Weather:
+class WeatherSeries:
     """Weather at some times.
 
     seconds: times since the beginning of the rows, (m,); of one time without a file. The other
@@ -90,7 +90,7 @@ def convection(wind_m_s):
     return np.where(wind < 4.88, 5.7 + 3.8 * wind, 6.47 * wind**0.78)
 
 
-def weather(table: WeatherTable, folder: Path, steps: int, is_periodic: bool) -> Weather:
+def weather(table: WeatherTable, folder: Path, steps: int, is_periodic: bool) -> WeatherSeries:
     """The weather of a [weather] table.
 
     Parameters
@@ -218,8 +218,8 @@ def epw_rows(path: Path, given: WeatherTable) -> tuple[TextTable, dict, dict]:
     return table, numbers, {name: float(value[0]) for name, value in place.items()}
 
 
-def completed(table: WeatherTable, values: dict, times: np.ndarray, where: str) -> Weather:
-    """The Weather of the numbers of a table and its rows at some times."""
+def completed(table: WeatherTable, values: dict, times: np.ndarray, where: str) -> WeatherSeries:
+    """Weather of the numbers of a table and its rows at some times."""
     if ("h_W_m2_K" in values) == ("wind_m_s" in values):
         raise InputError(f"{where}: give h_W_m2_K or wind_m_s, one of them")
     for name in ("air_K", "sky_K"):
@@ -246,7 +246,7 @@ def completed(table: WeatherTable, values: dict, times: np.ndarray, where: str) 
     if share > DUSK:
         remarks = (*remarks, f"{at_night} and is left out; is the clock right?")
     sun[~is_day] = 0
-    return Weather(seconds=times, albedo=table.albedo, remarks=remarks, **arrays)
+    return WeatherSeries(seconds=times, albedo=table.albedo, remarks=remarks, **arrays)
 
 
 def directions(table, values: dict, times: np.ndarray, where: str) -> np.ndarray:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from mi_lcair.declared import Rule, Table, entry, rule
+from mi_lcair.declared import Described, Rule, entry, rule
 
 
 def prior_of(key: str) -> Rule:
@@ -41,7 +41,7 @@ OF_A_GOAL = (
 
 
 @dataclass(frozen=True)
-class UnknownEntry(Table, rules=OF_AN_UNKNOWN):
+class UnknownEntry(Described, rules=OF_AN_UNKNOWN):
     """Entry of [unknowns] or [nuisance].
 
     Attributes
@@ -73,7 +73,7 @@ class UnknownEntry(Table, rules=OF_AN_UNKNOWN):
 
 
 @dataclass(frozen=True)
-class Goal(Table, where="[goal]", rules=OF_A_GOAL):
+class Goal(Described, where="[goal]", rules=OF_A_GOAL):
     """Table [goal]: what the unknowns are to achieve, in place of measurements.
 
     Attributes
@@ -114,7 +114,7 @@ class Goal(Table, where="[goal]", rules=OF_A_GOAL):
 
 
 @dataclass(frozen=True)
-class RenderSettings(Table, where="[render]"):
+class RenderSettings(Described, where="[render]"):
     """Table [render].
 
     Attributes

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.declared import Rule, Table, rule
+from mi_lcair.declared import Described, Rule, rule
 from mi_lcair.errors import InputError, check_known, errors_of, unknown
 from mi_lcair.files import parse_toml, read_text
 from mi_lcair.knowing.inversion.data.readings import Candidate, Measurement
@@ -15,8 +15,7 @@ from mi_lcair.knowing.inversion.tables import Goal, RenderSettings, UnknownEntry
 from mi_lcair.physics.reflection.models import MODELS
 from mi_lcair.rendering.motions.motion import ANGLES, OBSERVER
 from mi_lcair.rendering.motions.table import MOTIONS, Declared, motions_of
-from mi_lcair.rendering.parameters.entries import AT
-from mi_lcair.rendering.parameters.values import Parameter
+from mi_lcair.rendering.parameters.entries import AT, Parameter
 from mi_lcair.toml_table import filled, table_of, tables_of
 
 # An inverse problem: measurements, unknowns, and what is known beforehand, read from a TOML file
@@ -45,7 +44,7 @@ PROBLEM = (
 
 
 @dataclass(frozen=True)
-class InverseProblem(Table, rules=PROBLEM):
+class InverseProblem(Described, rules=PROBLEM):
     """An inverse problem.
 
     name: that of its file. data, unknowns, nuisance, candidates, goal, render: its tables. The

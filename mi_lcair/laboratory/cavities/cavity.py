@@ -9,9 +9,9 @@ import numpy as np
 from mi_lcair.errors import errors_of
 from mi_lcair.estimate import Contribution, Estimate, deviation, slope
 from mi_lcair.laboratory.cavities import paths, rings
-from mi_lcair.laboratory.cavities.description import SIGMA, Description, ViewTable
+from mi_lcair.laboratory.cavities.description import SIGMA, CavityDescription, ViewTable
 from mi_lcair.laboratory.cavities.rings import gouffe
-from mi_lcair.laboratory.cavities.shape import PROFILE_RINGS, OwnMesh, Shape, Wall
+from mi_lcair.laboratory.cavities.shape import PROFILE_RINGS, CavityWall, OwnMesh, Shape
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.materials import hemispherical_emissivity
@@ -141,7 +141,7 @@ UNITS = {"emissivity": "1", "specular": "1", "angle_deg": "degrees"}
 LIMITS = {"emissivity": (1e-6, 1.0), "specular": (0.0, 1.0)}
 
 
-def measured(cavity: Description, sampling: Sampling) -> Cavity:
+def measured(cavity: CavityDescription, sampling: Sampling) -> Cavity:
     """The effective emissivity of a cavity with its budget.
 
     Diffuse walls of a body of revolution are solved by rings, all others by the renderer.
@@ -187,13 +187,13 @@ def measured(cavity: Description, sampling: Sampling) -> Cavity:
     )
 
 
-def is_diffuse(cavity: Description) -> bool:
+def is_diffuse(cavity: CavityDescription) -> bool:
     """Whether rings hold for the cavity: a diffuse body of revolution."""
     is_grey = all(isinstance(surface, float) for surface in cavity.surfaces())
     return not isinstance(cavity.shape, OwnMesh) and is_grey and not cavity.wall.specular
 
 
-def wall_emissivity(cavity: Description) -> np.ndarray:
+def wall_emissivity(cavity: CavityDescription) -> np.ndarray:
     """Hemispherical emissivity of the wall at each wavelength."""
     return np.array(
         [
@@ -205,7 +205,7 @@ def wall_emissivity(cavity: Description) -> np.ndarray:
     )
 
 
-def areas(cavity: Description) -> tuple[float, float, float]:
+def areas(cavity: CavityDescription) -> tuple[float, float, float]:
     """Areas s, S and S0 of thesis Table 3.3 [m^2]."""
     shape = cavity.shape
     is_own = isinstance(shape, OwnMesh)
@@ -213,7 +213,7 @@ def areas(cavity: Description) -> tuple[float, float, float]:
     return s, shape.wall_area + s, np.pi * shape.depth**2
 
 
-def effective_emissivity(cavity: Description, method: str, sampling: Sampling) -> tuple:
+def effective_emissivity(cavity: CavityDescription, method: str, sampling: Sampling) -> tuple:
     """Effective emissivity and its numerical error by wavelength, and the number of paths.
 
     method: "rings" or "paths". Returns arrays of shape (w,); paths is None for rings.
@@ -245,18 +245,18 @@ def effective_emissivity(cavity: Description, method: str, sampling: Sampling) -
     return value, error, traced
 
 
-def traced_emissivity(cavity: Description, surface, emission, sampling: Sampling) -> tuple:
+def traced_emissivity(cavity: CavityDescription, surface, emission, sampling: Sampling) -> tuple:
     """Effective emissivity, its standard error and the number of paths, by the renderer.
 
-    surface: emissivity of the wall, or a `Material`. emission: spectral radiance of blackbodies at
-    temperatures [K], as a ratio to that at the reference.
+    surface: emissivity of the wall, or a `NamedMaterial`. emission: spectral radiance of
+    blackbodies at temperatures [K], as a ratio to that at the reference.
     """
     is_own = isinstance(cavity.shape, OwnMesh)
     is_isothermal = cavity.is_isothermal
     wall = (
         cavity.shape.triangles
         if is_own
-        else Wall.of_shape(cavity.shape, 1 if is_isothermal else PROFILE_RINGS)
+        else CavityWall.of_shape(cavity.shape, 1 if is_isothermal else PROFILE_RINGS)
     )
     band, radiator = BAND, {}
     if isinstance(surface, float):

@@ -10,13 +10,13 @@ from typing import Literal
 import numpy as np
 
 from mi_lcair import toml_table
-from mi_lcair.declared import Bounds, Table, entry, excludes, one_of, rule
+from mi_lcair.declared import Bounds, Described, entry, excludes, one_of, rule
 from mi_lcair.errors import InputError, check_known
 from mi_lcair.estimate import Stated, sigmas
-from mi_lcair.laboratory.cavities.rings import Beam, Cone, Hemisphere, View
+from mi_lcair.laboratory.cavities.rings import Beam, CavityView, Cone, HemisphereView
 from mi_lcair.laboratory.cavities.shape import OwnMesh, Shape
 from mi_lcair.physics.bands import band as band_of
-from mi_lcair.physics.materials import Material, bands_of, material
+from mi_lcair.physics.materials import NamedMaterial, bands_of, material
 from mi_lcair.physics.spectra.files import spectrum_of
 from mi_lcair.table import read_table
 from mi_lcair.toml_table import filled
@@ -43,7 +43,7 @@ OF_A_VIEW = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class WallTable(Table, where="[wall]", rules=OF_A_WALL):
+class WallTable(Described, where="[wall]", rules=OF_A_WALL):
     """[wall]: one of emissivity, spectrum and material, and the temperature.
 
     Attributes
@@ -71,7 +71,7 @@ class WallTable(Table, where="[wall]", rules=OF_A_WALL):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ViewTable(Table, where="[view]", rules=OF_A_VIEW):
+class ViewTable(Described, where="[view]", rules=OF_A_VIEW):
     """[view], whose key `from` is `direction` here.
 
     Attributes
@@ -98,7 +98,7 @@ class ViewTable(Table, where="[view]", rules=OF_A_VIEW):
     wavelengths_um: tuple[float, ...] = entry((4.0, 10.0), **WAVELENGTHS)
     reference_K: float | None = entry(None, **KELVIN)
 
-    def of(self, shape: Shape | OwnMesh) -> View:
+    def of(self, shape: Shape | OwnMesh) -> CavityView:
         """The view of a shape; raises InputError for a spot that the aperture does not hold."""
         spot = shape.aperture if self.spot_m is None else self.spot_m / 2
         if spot > shape.aperture * (1 + 1e-9):
@@ -110,11 +110,11 @@ class ViewTable(Table, where="[view]", rules=OF_A_VIEW):
             return Cone(spot, self.distance_m)
         if self.direction == "normal":
             return Beam(spot, radians(self.angle_deg))
-        return Hemisphere(spot)
+        return HemisphereView(spot)
 
 
 @dataclass(frozen=True)
-class Description:
+class CavityDescription:
     """A cavity: shape, wall, view and uncertainties.
 
     sigma: standard uncertainty of each of the quantities SIGMA. shift, gradient: change of the
@@ -133,12 +133,12 @@ class Description:
     offset: float = 0.0  # change of the wall's emissivity
 
     @staticmethod
-    def read(cavity: str | PathLike[str] | Mapping) -> "Description":
+    def read(cavity: str | PathLike[str] | Mapping) -> "CavityDescription":
         """A TOML file, or its tables; raises InputError for what cannot be used."""
-        return toml_table.read(cavity, Description.of, "cavity")
+        return toml_table.read(cavity, CavityDescription.of, "cavity")
 
     @staticmethod
-    def of(tables: Mapping, folder: Path, name: str) -> "Description":
+    def of(tables: Mapping, folder: Path, name: str) -> "CavityDescription":
         """The description of the tables of a file in a folder."""
         check_known("table of a cavity", TABLES, *tables)
         for key in ("shape", "wall"):
@@ -151,7 +151,7 @@ class Description:
             shape = filled(Shape, shape, "[shape]")
         if isinstance(view, Mapping) and "from" in view:
             view = {("direction" if key == "from" else key): value for key, value in view.items()}
-        described = Description(
+        described = CavityDescription(
             name=name,
             shape=shape,
             wall=filled(WallTable, tables["wall"], "[wall]"),
@@ -168,7 +168,7 @@ class Description:
         return described
 
     @property
-    def view(self) -> View:
+    def view(self) -> CavityView:
         return self.seen.of(self.shape)
 
     @property
@@ -217,7 +217,7 @@ class Description:
         return float(unchanged.temperature(np.array([self.shape.depth]))[0])
 
     def surfaces(self) -> list:
-        """The wall at each wavelength: its emissivity, or a `Material`."""
+        """The wall at each wavelength: its emissivity, or a `NamedMaterial`."""
         if self.wall.material is not None:
             return [self.material_at(wavelength) for wavelength in self.wavelengths_um]
         if self.wall.spectrum is None:
@@ -230,7 +230,7 @@ class Description:
         values = np.interp(self.wavelengths_um, x, y) + self.offset
         return np.clip(values, 1e-6, 1).tolist()
 
-    def material_at(self, wavelength: float) -> Material | float:
+    def material_at(self, wavelength: float) -> NamedMaterial | float:
         """The material in a band that holds the wavelength [um]; a number for a grey one."""
         known = bands_of(self.wall.material)
         for name in known:
@@ -261,7 +261,7 @@ class Description:
             return getattr(self.wall, quantity)
         return getattr(self.shape, quantity)
 
-    def changed(self, quantity: str, change: float) -> "Description":
+    def changed(self, quantity: str, change: float) -> "CavityDescription":
         """The cavity with a changed quantity of [sigma]."""
         if quantity == "temperature_K":
             return replace(self, shift=self.shift + change)
@@ -274,6 +274,6 @@ class Description:
         return replace(self, **{table: replace(getattr(self, table), **{quantity: value})})
 
 
-def grey_or_not(entry: Material) -> Material | float:
+def grey_or_not(entry: NamedMaterial) -> NamedMaterial | float:
     """The emissivity of a grey material; any other material itself."""
     return entry.parameters["emissivity"] if entry.model.name == "grey" else entry

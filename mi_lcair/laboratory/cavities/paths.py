@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.laboratory.cavities.rings import View
-from mi_lcair.laboratory.cavities.shape import Wall
+from mi_lcair.laboratory.cavities.rings import CavityView
+from mi_lcair.laboratory.cavities.shape import CavityWall
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.emission.triangles import set_triangles
 from mi_lcair.plugins.recorders.channels import Channels
@@ -35,7 +35,7 @@ LEFT = 1e-7  # radiance that the reflections beyond the last may add
 class Rays:
     """A view in place of a sensor. sampler: that of the scene's sensor."""
 
-    view: View
+    view: CavityView
     random: mi.Sampler
 
     def class_name(self) -> str:
@@ -63,7 +63,7 @@ def reflections(emissivity: float) -> int:
 
 
 def scene_of_wall(
-    wall: Wall, surface: dict, radiator: dict, kelvin: np.ndarray | None, most: int, band: str
+    wall: CavityWall, surface: dict, radiator: dict, kelvin: np.ndarray | None, most: int, band: str
 ) -> Scene:
     """The scene of a cavity.
 
@@ -123,7 +123,7 @@ def rounded(kelvin: np.ndarray) -> np.ndarray:
     return low + step * np.round((kelvin - low) / step)
 
 
-def effective_emissivity(scene: Scene, view: View, excess, sampling: Sampling) -> tuple:
+def effective_emissivity(scene: Scene, view: CavityView, excess, sampling: Sampling) -> tuple:
     """Effective emissivity of a scene's cavity, and its standard error.
 
     Parameters

@@ -49,7 +49,7 @@ def ring_exchange(nodes: np.ndarray, areas: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class View(ABC):
+class CavityView(ABC):
     """Rays through a spot of a radius [m]."""
 
     spot: float
@@ -68,7 +68,7 @@ class View(ABC):
         return mi.Point3f(p.x, p.y, 0)
 
 
-class Hemisphere(View):
+class HemisphereView(CavityView):
     """Rays of all directions: the radiant exitance of the spot."""
 
     def passed(self, r, z):
@@ -79,7 +79,7 @@ class Hemisphere(View):
 
 
 @dataclass(frozen=True)
-class Beam(View):
+class Beam(CavityView):
     """Parallel rays at an angle to the axis [rad]."""
 
     angle: float = 0.0
@@ -92,7 +92,7 @@ class Beam(View):
 
 
 @dataclass(frozen=True)
-class Cone(View):
+class Cone(CavityView):
     """Rays to a point on the axis, at a distance [m] in front of the aperture.
 
     They count as in an irradiance on a small detector that faces the aperture.
@@ -140,7 +140,7 @@ ENOUGH = 5e-6  # error from which on the rings are not doubled again
 GAUSS = np.polynomial.legendre.leggauss(4)  # places in a ring at which its emission is averaged
 
 
-def effective_emissivity(shape: Shape, emissivity: float, emission, view: View) -> tuple:
+def effective_emissivity(shape: Shape, emissivity: float, emission, view: CavityView) -> tuple:
     """Effective emissivity of a diffuse wall, and its numerical error.
 
     The radiosity of ring i is J_i = epsilon B_i + (1 - epsilon) sum_j F_ij J_j (thesis 3.5.2).
@@ -171,7 +171,7 @@ def effective_emissivity(shape: Shape, emissivity: float, emission, view: View) 
             return values[-1] + (values[-1] - values[-2]) / 3, error
 
 
-def of_rings(shape: Shape, emissivity: float, emission, view: View, count: int) -> np.ndarray:
+def of_rings(shape: Shape, emissivity: float, emission, view: CavityView, count: int) -> np.ndarray:
     """Effective emissivity with a number of rings for each straight part of the wall."""
     nodes = shape.nodes(count)
     areas = shape.areas(nodes)

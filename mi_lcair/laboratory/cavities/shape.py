@@ -12,7 +12,7 @@ from typing import Literal
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.declared import Rule, Table, entry, given, listed, rule
+from mi_lcair.declared import Described, Rule, entry, given, listed, rule
 from mi_lcair.errors import InputError, mitsuba_error
 from mi_lcair.files import check_file, check_suffix
 from mi_lcair.plugins.emission.triangles import loops, triangle_vertices, vertex_positions
@@ -53,7 +53,7 @@ RULES = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shape(Table, where="[shape]", rules=RULES):
+class Shape(Described, where="[shape]", rules=RULES):
     """Shape of a cavity. Raises InputError for numbers that make none.
 
     Attributes
@@ -156,7 +156,7 @@ FLAT = 1e-3  # largest distance of the aperture's edge from its plane, as a shar
 
 
 @dataclass(frozen=True)
-class Wall:
+class CavityWall:
     """Triangles of a wall with normals to the inside, and of the aperture, at z = 0 [m].
 
     corners: (n, 3). wall, aperture: corners of the triangles, (t, 3).
@@ -171,7 +171,7 @@ class Wall:
         return self.corners[self.wall, 2].mean(axis=1)
 
     @staticmethod
-    def of_shape(shape: Shape, rings: int) -> "Wall":
+    def of_shape(shape: Shape, rings: int) -> "CavityWall":
         """A shape, with a number of rings for each straight part of the wall.
 
         Each circle becomes a polygon of the same area.
@@ -193,7 +193,7 @@ class Wall:
             rows.append(np.concatenate([upper, lower]))
         # Triangles at the axis have no area on one side
         faces = [rows[0][SIDES:], *rows[1:-1], rows[-1][:SIDES]]
-        return Wall(corners, np.concatenate(faces[1:]), faces[0])
+        return CavityWall(corners, np.concatenate(faces[1:]), faces[0])
 
 
 @dataclass(frozen=True)
@@ -204,7 +204,7 @@ class OwnMesh:
     aperture_area, wall_area: areas of the hole and of the wall [m^2].
     """
 
-    triangles: Wall
+    triangles: CavityWall
     aperture: float
     aperture_area: float
     wall_area: float
@@ -289,5 +289,5 @@ def of_triangles(corners: np.ndarray, faces: np.ndarray, name: str) -> OwnMesh:
     fan = np.stack([np.full(len(loop), count), loop, np.roll(loop, -1)], axis=1)
     if np.sum(start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0]) < 0:
         fan = fan[:, ::-1]
-    wall = Wall(np.vstack([corners, np.zeros(3)]), faces, fan)
+    wall = CavityWall(np.vstack([corners, np.zeros(3)]), faces, fan)
     return OwnMesh(wall, float(away.min()), area, wall_area)

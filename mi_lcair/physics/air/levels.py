@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mi_lcair.declared import Table, entry
+from mi_lcair.declared import Described, entry
 from mi_lcair.errors import check_known
 from mi_lcair.table import read_table, rows_at
 
@@ -177,7 +177,7 @@ HAZE_KM = 0.0, 1.0, 2.0  # heights of the rural aerosol in the table of haze
 
 
 @dataclass(frozen=True)
-class Weather(Table, where="[atmosphere]"):
+class Weather(Described, where="[atmosphere]"):
     """Weather other than that of a model atmosphere; None for what stays.
 
     Attributes

@@ -23,7 +23,7 @@ class GreySurface(interface.Surface):
     reflectance: Any
 
 
-class Grey(interface.ReflectionModel):
+class GreyModel(interface.ReflectionModel):
     """Grey diffuse surface with the parameter `emissivity`."""
 
     name = "grey"
@@ -57,4 +57,4 @@ class Grey(interface.ReflectionModel):
         return np.random.default_rng(seed).uniform(0.02, 0.98, (count, 1))
 
 
-MODEL = Grey()
+MODEL = GreyModel()

@@ -21,7 +21,7 @@ class MaterialList(Result):
 
     Attributes
     ----------
-    listed : tuple of Material
+    listed : tuple of NamedMaterial
         The entries, those of the user's files first.
     emissivity : ndarray, shape (n, 2)
         Directional emissivity of each entry along the normal and at 60 degrees; that of the mean
@@ -30,7 +30,7 @@ class MaterialList(Result):
         What is wrong with each file of a folder that holds no materials, one line each.
     """
 
-    listed: tuple[materials.Material, ...]
+    listed: tuple[materials.NamedMaterial, ...]
     emissivity: np.ndarray
     left_out: tuple[str, ...] = ()
 
@@ -95,7 +95,7 @@ def material_list(paths: Sequence[str | Path] = ()) -> MaterialList:
     return MaterialList(tuple(listed), emissivity, tuple(left_out))
 
 
-def emissivity_of(entry: materials.Material, theta: np.ndarray) -> np.ndarray:
+def emissivity_of(entry: materials.NamedMaterial, theta: np.ndarray) -> np.ndarray:
     """Directional emissivity 1 - HDR(theta) as rendered, 0 where the model's HDR exceeds 1."""
     HDR = entry.model.HDR(entry.surface(), Float64(theta)).numpy()
     return 1 - np.minimum(HDR, 1)

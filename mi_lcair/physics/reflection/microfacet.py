@@ -174,7 +174,7 @@ class MicrofacetSurface(interface.Surface):
     inverse_exponent: Any
 
 
-class Microfacet(MicrofacetCube):
+class MicrofacetModel(MicrofacetCube):
     """The microfacet model; the module's docstring gives its equations."""
 
     def surface(self, alpha, gamma, n, k, rho_d, form: str = "standard") -> MicrofacetSurface:
@@ -293,4 +293,4 @@ def facet_reflectance(S, p):
     return microfacet_equations.reflectance(p, S.contrast, S.nk)
 
 
-MODEL = Microfacet()
+MODEL = MicrofacetModel()

@@ -102,7 +102,7 @@ def bound_of_sum(b) -> np.ndarray:
     return np.array(G(dr.scalar.ArrayXf64(b.ravel()))).reshape(b.shape)
 
 
-class SandfordRobertson(SandfordRobertsonCube):
+class SandfordRobertsonModel(SandfordRobertsonCube):
     """The Sandford-Robertson reflection model (thesis 2.3.4)."""
 
     has_emissivity = True
@@ -134,4 +134,4 @@ class SandfordRobertson(SandfordRobertsonCube):
         return S.e
 
 
-MODEL = SandfordRobertson()
+MODEL = SandfordRobertsonModel()

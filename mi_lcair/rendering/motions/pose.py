@@ -10,28 +10,14 @@ from mi_lcair.errors import InputError
 from mi_lcair.plugins.derivatives import held, own_memory, same_variables
 from mi_lcair.plugins.emission.triangles import is_faceted, points, set_vertices, vertex_buffer
 from mi_lcair.plugins.emitters.thermal_emitter import one_sun
-from mi_lcair.rendering.motions.motion import (
-    ANGLES,
-    OBSERVER,
-    SUN,
-    Motion,
-    attitude_of,
-    declared_motions,
-    in_axes_of_model,
-    motions_of_groups,
-    observer_motions,
-    placed,
-    set_sensor,
-    settings_of,
-    sun_motions,
-)
+from mi_lcair.rendering.motions import motion
 from mi_lcair.rendering.motions.table import Declared
 from mi_lcair.rendering.views import model_shapes
 
 POSE, DECLARED = "pose", "declared"  # keys of `Scene.moved`
 
 
-class Pose:
+class ScenePose:
     """The motions of a scene, their values, and what they have changed.
 
     loaded: the vertices of the model's meshes in the loaded scene, mi.Float. present: those that
@@ -45,26 +31,26 @@ class Pose:
         meshes = [shape for shape in model_shapes(scene) if is_faceted(shape)]
         self.loaded = dict(zip(meshes, held([vertex_buffer(mesh) for mesh in meshes])))
         self.present, self.values = dict(self.loaded), {}
-        self.attitude = attitude_of(scene)
+        self.attitude = motion.attitude_of(scene)
         of_meshes = {mesh: self.in_axes_of_model(mesh) for mesh in meshes}
-        motions = declared_motions(scene, scene.moved.get(DECLARED, {}), of_meshes)
-        motions += [*motions_of_groups(scene, of_meshes), *self.attitude, *observer_motions(scene)]
-        motions += sun_motions(scene)
-        self.sensors = {sensor: settings_of(sensor) for sensor in scene.mi.sensors()}
+        motions = motion.declared_motions(scene, scene.moved.get(DECLARED, {}), of_meshes)
+        motions += motion.motions_of_groups(scene, of_meshes)
+        motions += [*self.attitude, *motion.observer_motions(scene), *motion.sun_motions(scene)]
+        self.sensors = {sensor: motion.settings_of(sensor) for sensor in scene.mi.sensors()}
         self.origin = np.array(scene.origin)
         self.sun, self.sun_before = one_sun(scene.mi.emitters()), None
         self.motions = {}
-        for motion in motions:
-            if motion.name in self.motions:
-                raise InputError(f"motion '{motion.name}' is declared, and is a motion of a group")
-            self.motions[motion.name] = motion
+        for entry in motions:
+            if entry.name in self.motions:
+                raise InputError(f"motion '{entry.name}' is declared, and is a motion of a group")
+            self.motions[entry.name] = entry
 
     @staticmethod
-    def of(scene) -> "Pose":
+    def of(scene) -> "ScenePose":
         """The pose of a scene; a new one if a caller has changed the vertices since."""
         pose = scene.moved.get(POSE)
         if pose is None or not pose.holds:
-            pose = scene.moved[POSE] = Pose(scene)
+            pose = scene.moved[POSE] = ScenePose(scene)
         return pose
 
     @property
@@ -75,18 +61,18 @@ class Pose:
 
     def in_axes_of_model(self, mesh) -> np.ndarray:
         """Vertices (n, 3) of a mesh of the loaded scene in the axes of the model [m], Float64."""
-        return in_axes_of_model(points(self.loaded[mesh]).astype(float), self.attitude)
+        return motion.in_axes_of_model(points(self.loaded[mesh]).astype(float), self.attitude)
 
     def buffer(self, mesh) -> mi.Float:
         """The vertices of a mesh for the present values; if all are at rest, those loaded."""
-        of_mesh = [motion for motion in self.motions.values() if mesh in motion.shapes]
-        if not any(motion.name in self.values for motion in of_mesh):
+        of_mesh = [entry for entry in self.motions.values() if mesh in entry.shapes]
+        if not any(entry.name in self.values for entry in of_mesh):
             return self.loaded[mesh]
         vertices = self.in_axes_of_model(mesh)
-        for motion in of_mesh:
-            if motion.name in self.values or motion in self.attitude:
-                value = self.values.get(motion.name, motion.rest)
-                vertices = motion.vertices(mesh, vertices, value)
+        for entry in of_mesh:
+            if entry.name in self.values or entry in self.attitude:
+                value = self.values.get(entry.name, entry.rest)
+                vertices = entry.vertices(mesh, vertices, value)
         array = mi.Float(np.ravel(vertices))
         own_memory([array])
         return array
@@ -100,9 +86,9 @@ class Pose:
         """Put all that some motions move where the present values have it."""
         moving = {mesh for name in names for mesh in self.motions[name].shapes}
         owners = {name.partition(".")[0] for name in names if not self.motions[name].shapes}
-        if OBSERVER in owners:
+        if motion.OBSERVER in owners:
             self.place_sensors()
-        if SUN in owners:
+        if motion.SUN in owners:
             self.place_sun()
         self.put(scene, {mesh: self.buffer(mesh) for mesh in self.loaded if mesh in moving})
 
@@ -110,51 +96,51 @@ class Pose:
         """Give the sun the place of the present values; at rest, all that it had before."""
         if self.sun_before is None:
             self.sun_before = dict(vars(self.sun))
-        place = [self.motions[f"{SUN}.{angle}"] for angle in ANGLES]
-        if any(motion.name in self.values for motion in place):
-            self.sun.move_to(*(self.values.get(motion.name, motion.rest) for motion in place))
+        place = [self.motions[f"{motion.SUN}.{angle}"] for angle in motion.ANGLES]
+        if any(entry.name in self.values for entry in place):
+            self.sun.move_to(*(self.values.get(entry.name, entry.rest) for entry in place))
         else:
             vars(self.sun).update(self.sun_before)
             self.sun_before = None
 
     def place_sensors(self) -> None:
         """Give the sensors the places of the present values; those at rest, bit for bit."""
-        motions = {n: m for n, m in self.motions.items() if n.startswith(f"{OBSERVER}.")}
-        rest = {name.partition(".")[2]: motion.rest for name, motion in motions.items()}
+        motions = {n: m for n, m in self.motions.items() if n.startswith(f"{motion.OBSERVER}.")}
+        rest = {name.partition(".")[2]: entry.rest for name, entry in motions.items()}
         change = {
-            name.partition(".")[2]: self.values.get(name, motion.rest) - motion.rest
-            for name, motion in motions.items()
+            name.partition(".")[2]: self.values.get(name, entry.rest) - entry.rest
+            for name, entry in motions.items()
         }
-        for sensor, loaded in self.sensors.items():
-            is_moved = any(change.values())
-            settings = placed(sensor, loaded, change, rest, self.origin) if is_moved else loaded
-            set_sensor(sensor, settings)
+        for sensor, settings in self.sensors.items():
+            if any(change.values()):
+                settings = motion.placed(sensor, settings, change, rest, self.origin)
+            motion.set_sensor(sensor, settings)
 
 
 def declare(scene, motions: dict[str, Declared]) -> None:
     """Give a scene more motions; raises InputError for what cannot be used."""
-    with moved(scene, {name: of.rest for name, of in Pose.of(scene).motions.items()}):
+    with moved(scene, {name: of.rest for name, of in ScenePose.of(scene).motions.items()}):
         before = dict(scene.moved)
         scene.moved[DECLARED] = scene.moved.get(DECLARED, {}) | motions
         del scene.moved[POSE]
         try:
-            Pose.of(scene)
+            ScenePose.of(scene)
         except InputError:
             scene.moved.update(before)
             raise
 
 
-def known_motions(scene) -> dict[str, Motion]:
+def known_motions(scene) -> dict[str, motion.Motion]:
     """The motions of a scene by name; without those of sensors if its sensors are others."""
-    motions = Pose.of(scene).motions
+    motions = ScenePose.of(scene).motions
     if scene.sensors == list(scene.mi.sensors()):
         return motions
-    return {name: m for name, m in motions.items() if not name.startswith(f"{OBSERVER}.")}
+    return {name: m for name, m in motions.items() if not name.startswith(f"{motion.OBSERVER}.")}
 
 
-def value_of(scene, motion: Motion) -> float:
+def value_of(scene, moved: motion.Motion) -> float:
     """The present value of a motion."""
-    return Pose.of(scene).values.get(motion.name, motion.rest)
+    return ScenePose.of(scene).values.get(moved.name, moved.rest)
 
 
 def set_motions(scene, values: Mapping[str, float]) -> None:
@@ -164,7 +150,7 @@ def set_motions(scene, values: Mapping[str, float]) -> None:
     rest get the loaded vertices back, bit for bit. Raises InputError if the sun cannot stand there;
     the scene is then as before.
     """
-    pose = Pose.of(scene)
+    pose = ScenePose.of(scene)
     before = pose.values
     pose.values = {n: v for n, v in (before | values).items() if v != pose.motions[n].rest}
     try:
@@ -189,7 +175,7 @@ def moved(scene, values: Mapping[str, float]) -> Iterator[None]:
 @contextmanager
 def displaced(scene, vertices: Mapping[mi.Shape, np.ndarray]) -> Iterator[None]:
     """Context manager in which meshes have other vertices (n, 3) [m]; they are restored exactly."""
-    pose, arrays = Pose.of(scene), {m: mi.Float(np.ravel(v)) for m, v in vertices.items()}
+    pose, arrays = ScenePose.of(scene), {m: mi.Float(np.ravel(v)) for m, v in vertices.items()}
     before = {mesh: pose.present[mesh] for mesh in arrays}
     own_memory(arrays.values())
     pose.put(scene, arrays)

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from mi_lcair.declared import Table, entry, one_of
+from mi_lcair.declared import Described, entry, one_of
 from mi_lcair.errors import InputError
 from mi_lcair.files import parse_toml, read_text
 from mi_lcair.toml_table import filled
@@ -20,7 +20,7 @@ MOTIONS = "motions"  # the table; among the values of a scene's parameters, a fi
 
 
 @dataclass(frozen=True)
-class Declared(Table, rules=(one_of("scale", "displaced"),)):
+class Declared(Described, rules=(one_of("scale", "displaced"),)):
     """A motion that a user declares, see `mi_lcair.rendering.motions.motion`.
 
     Attributes

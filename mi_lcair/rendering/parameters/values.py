@@ -40,15 +40,7 @@ from mi_lcair.rendering.facets import FacetTable
 from mi_lcair.rendering.loading.parsing import RUN, run_plugin_files
 from mi_lcair.rendering.motions.pose import declare, set_motions
 from mi_lcair.rendering.motions.table import MOTIONS, Declared, read_motions
-from mi_lcair.rendering.parameters.entries import (
-    Parameter,
-    StoredParameter,
-    check_apart,
-    check_emission,
-    check_materials,
-    set_arrays,
-    stored_parameters,
-)
+from mi_lcair.rendering.parameters import entries
 from mi_lcair.rendering.parameters.modes import MODES, declare_modes, modes_of, set_facets
 from mi_lcair.rendering.scene import INTEGRATOR, LOBE_OF, Scene, SceneLike, load, load_file, set_all
 from mi_lcair.tasks import exclusively
@@ -148,17 +140,17 @@ def number(name: str, value: object) -> float:
         raise InputError(f"{name} = {value} is no number") from None
 
 
-def parameters_of(scene: Scene) -> dict[str, Parameter]:
+def parameters_of(scene: Scene) -> dict[str, entries.Parameter]:
     """All parameters of a loaded scene that have derivatives or can be changed, by name."""
     return {name: entry.described() for name, entry in all_stored(scene).items()}
 
 
-def all_stored(scene) -> dict[str, StoredParameter]:
+def all_stored(scene) -> dict[str, entries.StoredParameter]:
     """All parameters of a scene by name."""
-    return stored_parameters(scene) | modes_of(scene)
+    return entries.stored_parameters(scene) | modes_of(scene)
 
 
-def parameter(scene: Scene, name: str) -> Parameter:
+def parameter(scene: Scene, name: str) -> entries.Parameter:
     """The parameter of that name; raises InputError with the nearest names if there is none."""
     return parameters_named(scene, [name])[0].described()
 
@@ -194,17 +186,19 @@ def set_values(scene: Scene, values: Mapping[str, float]) -> None:
             array[number] = numbers
     by_owner = {owner: mi.Float(array) for owner, array in arrays.items()}
     own_memory(by_owner.values())
-    set_arrays(by_owner)
+    entries.set_arrays(by_owner)
     if motions := {entry.name: value for entry, value in wanted if entry.kind == "motion"}:
         set_motions(scene, motions)
 
 
-def checked(scene: Scene, values: Mapping[str, float]) -> list[tuple[StoredParameter, float]]:
+def checked(
+    scene: Scene, values: Mapping[str, float]
+) -> list[tuple[entries.StoredParameter, float]]:
     """The parameters that `set_values` would change; raises InputError as `set_values`."""
     wanted = list(zip(parameters_named(scene, values), map(float, values.values())))
-    check_apart([entry for entry, _ in wanted])
-    check_emission(wanted)
-    check_materials(wanted)
+    entries.check_apart([entry for entry, _ in wanted])
+    entries.check_emission(wanted)
+    entries.check_materials(wanted)
     return wanted
 
 
@@ -222,12 +216,12 @@ def changed(scene: Scene, values: Mapping[str, float]) -> Iterator[None]:
     try:
         yield
     finally:
-        set_arrays(before)
+        entries.set_arrays(before)
         if pose:
             set_motions(scene, pose)
 
 
-def parameters_named(scene, names) -> list[StoredParameter]:
+def parameters_named(scene, names) -> list[entries.StoredParameter]:
     """The entries of parameters with these names, in their order."""
     if isinstance(names, str):
         raise InputError(f"names = '{names}' is one text; give a sequence of names: ['{names}']")

@@ -7,10 +7,10 @@ from mi_lcair.heating.conductors import Conductors, Facets, Traced
 from mi_lcair.heating.surfaces import SolarAreas
 from mi_lcair.heating.temperatures.description import GroupTable
 from mi_lcair.heating.temperatures.network import Network
-from mi_lcair.heating.temperatures.weather import Weather
+from mi_lcair.heating.temperatures.weather import WeatherSeries
 
 
-def weather(count=1, albedo=0.2, **numbers) -> Weather:
+def weather(count=1, albedo=0.2, **numbers) -> WeatherSeries:
     """Weather at times of a day; numbers or arrays by name."""
     seconds = 86400 / count * np.arange(1, count + 1)
     usual = {
@@ -22,7 +22,7 @@ def weather(count=1, albedo=0.2, **numbers) -> Weather:
         name: np.broadcast_to(np.asarray(value, float), seconds.shape)
         for name, value in (usual | numbers).items()
     }
-    return Weather(seconds=seconds, albedo=albedo, **arrays)
+    return WeatherSeries(seconds=seconds, albedo=albedo, **arrays)
 
 
 def network(

@@ -6,7 +6,7 @@ from scipy import sparse
 from scipy.optimize import brentq
 
 from mi_lcair.errors import InputError
-from mi_lcair.heating.temperatures.balance import DAY, Balance, Wall
+from mi_lcair.heating.temperatures.balance import DAY, Balance, HeatWall
 from mi_lcair.heating.temperatures.solve import course
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 from tests.heating.temperatures.networks import network, weather
@@ -238,7 +238,7 @@ def test_a_network_without_a_free_group_has_its_temperatures():
 OMEGA = 2 * np.pi / DAY
 
 
-def impedance(wall: Wall, days: float = 1.0) -> complex:
+def impedance(wall: HeatWall, days: float = 1.0) -> complex:
     """Temperature of the surface for a flux of 1 W/m^2 that oscillates once in some days."""
     rates, shapes = wall.modes
     return np.sum(shapes[0] ** 2 / (1j * OMEGA / days + rates))
@@ -250,14 +250,14 @@ def test_panel_with_an_insulated_back(thickness, conductivity, capacity):
     """Z = coth(m L) / (k m), m^2 = i omega rho c / k [Carslaw and Jaeger, section 3.6]."""
     m = np.sqrt(1j * OMEGA * capacity / conductivity)
     exact = 1 / (conductivity * m * np.tanh(m * thickness))
-    wall = Wall(thickness, conductivity, 1.0, capacity)
+    wall = HeatWall(thickness, conductivity, 1.0, capacity)
     np.testing.assert_allclose(impedance(wall), exact, rtol=1e-7)  # a thin metal: rounding, 2e-8
 
 
 @pytest.mark.parametrize("thickness", [0.7, 1.0, 4.0, 50.0])
 def test_soil_is_a_semi_infinite_body(thickness):
     """Z = 1 / (k m): amplitude within 1e-3 and phase within half a degree, however deep."""
-    wall = Wall(thickness, 1.2, 1800, 1100)
+    wall = HeatWall(thickness, 1.2, 1800, 1100)
     exact = 1 / (1.2 * np.sqrt(1j * OMEGA * 1800 * 1100 / 1.2))
     ratio = impedance(wall) / exact
     assert abs(abs(ratio) - 1) < 1e-4
@@ -268,7 +268,7 @@ def test_soil_is_a_semi_infinite_body(thickness):
 @pytest.mark.parametrize(("duration", "error"), [(3, 1e-4), (30, 1e-3), (365, 1e-2)])
 def test_soil_in_a_long_series(duration, error, conductivity):
     """The wall has the impedance of waves of a day and of the whole series."""
-    wall = Wall(2000.0, conductivity, 1800, 1100, duration=duration * DAY)
+    wall = HeatWall(2000.0, conductivity, 1800, 1100, duration=duration * DAY)
     for days in (1, np.sqrt(duration), duration):
         exact = 1 / np.sqrt(1j * OMEGA / days * 1800 * 1100 * conductivity)
         assert abs(impedance(wall, days) / exact - 1) < error
@@ -277,7 +277,7 @@ def test_soil_in_a_long_series(duration, error, conductivity):
 @pytest.mark.parametrize("thickness", [0.05, 5.0])
 @pytest.mark.parametrize("back", [np.inf, 4.0, 0.0])
 def test_steady_flux_is_that_of_resistances_in_series(thickness, back):
-    wall = Wall(thickness, 0.5, 1000, 900, back, 280.0)
+    wall = HeatWall(thickness, 0.5, 1000, 900, back, 280.0)
     rates, shapes = wall.modes
     # U = Phi V with rates V = Phi^T b + Phi_0 q
     response = np.sum(shapes[0] ** 2 / rates)
@@ -289,7 +289,7 @@ def test_steady_flux_is_that_of_resistances_in_series(thickness, back):
 @pytest.mark.parametrize("back", [np.inf, 4.0, 0.0])
 def test_modes_are_those_of_mass_and_conduction(back):
     """Phi^T M Phi = 1 and Phi^T K Phi = diag(rates)."""
-    wall = Wall(0.05, 0.5, 1000, 900, back, 280.0)
+    wall = HeatWall(0.05, 0.5, 1000, 900, back, 280.0)
     rates, shapes = wall.modes
     inner = slice(None, -1) if back == np.inf else slice(None)
     mass = shapes[inner].T * wall.mass[inner] @ shapes[inner]

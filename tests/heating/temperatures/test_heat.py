@@ -10,7 +10,7 @@ import mi_lcair
 from mi_lcair import models3d, scenes
 from mi_lcair.cli import main
 from mi_lcair.errors import InputError
-from mi_lcair.heating.temperatures.description import Description
+from mi_lcair.heating.temperatures.description import HeatDescription
 from mi_lcair.heating.temperatures.solve import temperatures
 from mi_lcair.rendering.parameters.modes import set_facets
 from tests.heating.scenes import grey, scene_of, square
@@ -40,7 +40,7 @@ def test_day(day):
     assert lid.argmax() in (5, 6, 7)
     assert np.ptp(lid) > 30
     assert {row.quantity: row.sigma for row in day.inputs} == (
-        Description.read(EXAMPLES / "heat.toml").sigma
+        HeatDescription.read(EXAMPLES / "heat.toml").sigma
     )
     assert (day.estimate["sky_K"].contribution > 0).all()
     (remark,) = [text for text in day.remarks if "the surfaces also emit" in text]
@@ -169,9 +169,9 @@ def test_a_signature_needs_temperatures_that_can_be_replaced():
     )
     tables = {"target": {"scene": "lamp"}, "weather": {"air_K": 290.0, "sky_K": 250.0}}
     tables["weather"]["h_W_m2_K"] = 5.0
-    assert temperatures(scene, Description.read(tables)).kelvin < 290
+    assert temperatures(scene, HeatDescription.read(tables)).kelvin < 290
     with pytest.raises(InputError, match="shape 'lamp' has no temperature for each facet"):
-        temperatures(scene, Description.read(tables | {"signature": {}}))
+        temperatures(scene, HeatDescription.read(tables | {"signature": {}}))
 
 
 def test_command_refuses_in_one_line(folder, capsys):

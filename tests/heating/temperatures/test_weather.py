@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mi_lcair.errors import InputError
-from mi_lcair.heating.temperatures.description import Description, WeatherTable
+from mi_lcair.heating.temperatures.description import HeatDescription, WeatherTable
 from mi_lcair.heating.temperatures.weather import convection, weather
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 from mi_lcair.physics.sun import sun_position
@@ -191,4 +191,4 @@ def test_refused(tmp_path, make, message):
 )
 def test_descriptions_that_are_refused(tables, message):
     with pytest.raises(InputError, match=message):
-        Description.read({"target": {"scene": "box"}, "weather": CONSTANT} | tables)
+        HeatDescription.read({"target": {"scene": "box"}, "weather": CONSTANT} | tables)

@@ -10,8 +10,8 @@ from click.testing import CliRunner
 import mi_lcair
 from mi_lcair.cli import main
 from mi_lcair.errors import InputError
-from mi_lcair.laboratory.cavities.description import Description
-from mi_lcair.laboratory.cavities.shape import OwnMesh, Shape, Wall, of_triangles
+from mi_lcair.laboratory.cavities.description import CavityDescription
+from mi_lcair.laboratory.cavities.shape import CavityWall, OwnMesh, Shape, of_triangles
 
 SPHERE = {"kind": "sphere", "radius_m": 0.5, "aperture_radius_m": 0.2}
 
@@ -80,7 +80,7 @@ def test_own_mesh_is_the_shape(seed):
     """A mesh in any place, turned and with unordered triangles, has the shape's areas."""
     rng = np.random.default_rng(seed)
     shape = Shape(kind="cylinder", radius_m=0.1, length_m=0.3, aperture_radius_m=0.05)
-    wall = Wall.of_shape(shape, 4)
+    wall = CavityWall.of_shape(shape, 4)
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     turn *= np.sign(np.linalg.det(turn))
     corners = wall.corners @ turn.T + rng.uniform(-2, 2, 3)
@@ -100,7 +100,7 @@ def test_own_mesh_is_the_shape(seed):
 
 
 def test_meshes_that_are_no_cavity():
-    wall = Wall.of_shape(Shape(kind="cylinder", radius_m=0.1, length_m=0.3), 2)
+    wall = CavityWall.of_shape(Shape(kind="cylinder", radius_m=0.1, length_m=0.3), 2)
     with pytest.raises(InputError, match="holes that are not the aperture"):
         of_triangles(wall.corners, wall.wall[:-1], "m.ply")
     with pytest.raises(InputError, match="is closed"):
@@ -125,7 +125,7 @@ def test_a_mesh_that_is_none(tmp_path):
 def test_mesh_file(tmp_path):
     """An OBJ of a cylinder gives the effective emissivity of the cylinder."""
     shape = Shape(kind="cylinder", radius_m=0.1, length_m=0.2, aperture_radius_m=0.05)
-    wall = Wall.of_shape(shape, 2)
+    wall = CavityWall.of_shape(shape, 2)
     lines = [f"v {x:.9f} {y:.9f} {z:.9f}" for x, y, z in wall.corners]
     lines += [f"f {a} {b} {c}" for a, b, c in wall.wall + 1]
     (tmp_path / "wall.obj").write_text("\n".join(lines) + "\n")
@@ -189,7 +189,7 @@ def test_profile_must_cover_the_cavity(tmp_path):
     (tmp_path / "short.csv").write_text("z_m,kelvin\n0,300\n0.1,310\n")
     wall = {"emissivity": 0.5, "profile": str(tmp_path / "short.csv")}
     with pytest.raises(InputError, match="needs 0..0.958"):
-        Description.read({"shape": SPHERE, "wall": wall})
+        CavityDescription.read({"shape": SPHERE, "wall": wall})
 
 
 def test_command(tmp_path, monkeypatch):

@@ -6,15 +6,15 @@ import pytest
 import mi_lcair
 from mi_lcair.laboratory.cavities import paths
 from mi_lcair.laboratory.cavities.cavity import effective_emissivity
-from mi_lcair.laboratory.cavities.description import Description
-from mi_lcair.laboratory.cavities.shape import Wall
+from mi_lcair.laboratory.cavities.description import CavityDescription
+from mi_lcair.laboratory.cavities.shape import CavityWall
 from mi_lcair.rendering.sampling import Sampling
 
 SIGMAS = 4.5  # of Student's 15 degrees of freedom: 4 in 10,000
 
 
 def described(**tables):
-    return Description.read(tables)
+    return CavityDescription.read(tables)
 
 
 SHAPES = [
@@ -95,7 +95,7 @@ def test_intervals_are_true():
     )
     exact = effective_emissivity(cavity, "rings", Sampling())[0][0]
     grey = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.5}}
-    wall = Wall.of_shape(cavity.shape, 1)
+    wall = CavityWall.of_shape(cavity.shape, 1)
     scene = paths.scene_of_wall(wall, grey, {}, None, paths.reflections(0.5), "LWIR")
     held = 0
     for seed in range(20):

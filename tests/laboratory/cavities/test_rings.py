@@ -8,7 +8,7 @@ from mi_lcair.laboratory.cavities import rings
 from mi_lcair.laboratory.cavities.rings import (
     Beam,
     Cone,
-    Hemisphere,
+    HemisphereView,
     cavity_emissivity,
     common_area,
     gouffe,
@@ -40,7 +40,7 @@ def test_sphere(seed):
     f = (1 - np.sqrt(1 - (a / R) ** 2)) / 2  # share of the cap
     exact = epsilon / (1 - (1 - epsilon) * (1 - f))
     spot = a * rng.uniform(0.1, 1)
-    for view in (Hemisphere(spot), Beam(spot, rng.uniform(0, 1.4)), Cone(spot, 2 * R)):
+    for view in (HemisphereView(spot), Beam(spot, rng.uniform(0, 1.4)), Cone(spot, 2 * R)):
         value, _ = effective(shape, epsilon, isothermal, view)
         assert abs(value - exact) < 1e-12
 
@@ -79,7 +79,7 @@ def test_integral_equation(shape):
             return 1 + slope * (z / shape.depth) ** 2
 
         for view, reference in (
-            (Hemisphere(shape.aperture), meridian.hemispherical),
+            (HemisphereView(shape.aperture), meridian.hemispherical),
             (Beam(shape.aperture), meridian.normal),
         ):
             value, error = effective(shape, epsilon, lambda z: emission(z)[:, None], view)
@@ -93,7 +93,7 @@ def test_stated_error_holds(shape):
     """The error that two numbers of rings give is larger than the difference to many rings."""
     rng = np.random.default_rng(int(1e6 * shape.radius_m) + 1)
     spot = shape.aperture * rng.uniform(0.2, 1)
-    view = [Hemisphere(spot), Beam(spot, rng.uniform(0, 1)), Cone(spot, shape.depth)][
+    view = [HemisphereView(spot), Beam(spot, rng.uniform(0, 1)), Cone(spot, shape.depth)][
         rng.integers(3)
     ]
 
@@ -125,11 +125,11 @@ COUNT = 400_000
 
 
 @pytest.mark.parametrize("seed", range(8))
-@pytest.mark.parametrize("kind", [Hemisphere, Beam, Cone])
+@pytest.mark.parametrize("kind", [HemisphereView, Beam, Cone])
 def test_passed(kind, seed):
     rng = np.random.default_rng(seed)
     spot = rng.uniform(0.1, 1)
-    more = {Hemisphere: (), Beam: (rng.uniform(0, 1.3),), Cone: (rng.uniform(0.3, 4),)}[kind]
+    more = {HemisphereView: (), Beam: (rng.uniform(0, 1.3),), Cone: (rng.uniform(0.3, 4),)}[kind]
     view = kind(spot, *more)
     u = mi.Point2f(rng.random((2, COUNT)))
     v = mi.Point2f(rng.random((2, COUNT)))

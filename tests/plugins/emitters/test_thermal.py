@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.emission.emissivity import Table, emissivity_of
+from mi_lcair.plugins.emission.emissivity import Emissivities, emissivity_of
 from tests.physics import thesis
 from tests.plugins.reflection_models import exact_HDR, seen_at, uniform
 from tests.plugins.small_scenes import (
@@ -205,7 +205,7 @@ def test_the_table_itself_notices_anisotropy():
         {"type": "principled", "anisotropic": 0.95, "roughness": 0.5, "metallic": 1.0}
     )
     with pytest.raises(InputError, match="anisotropic.*`emissivity`"):
-        Table(brushed, int(brushed.flags()))
+        Emissivities(brushed, int(brushed.flags()))
 
 
 # ---------------------------------------------------------------- Temperatures and radiances

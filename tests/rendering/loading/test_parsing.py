@@ -301,7 +301,7 @@ def test_triangles_are_compared_once_for_each_state_of_the_scene(tmp_path, monke
     )
     calls = []
     monkeypatch.setattr(
-        "mi_lcair.rendering.scene.remarks_on_triangles",
+        "mi_lcair.rendering.loading.remarks.remarks_on_triangles",
         lambda loaded: (calls.append(1), remarks_on_triangles(loaded))[1],
     )
     overlap = lambda: any("triangles" in remark for remark in scene.remarks)

@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from mi_lcair.declared import Rule, Table, entry, excludes, fraction, needs, one_of, rule, texts
+from mi_lcair.declared import Described, Rule, entry, excludes, fraction, needs, one_of, rule, texts
 from mi_lcair.derivatives.common_numbers import renders_beside, step_of
 from mi_lcair.derivatives.motions.differences import default_step
 from mi_lcair.detection.irradiance import in_weather, weather_quantities
@@ -352,7 +352,7 @@ def named(key: str) -> Rule:
 
 
 @dataclass(frozen=True)
-class Observation(Table, rules=(named("name"), named("state"))):
+class Observation(Described, rules=(named("name"), named("state"))):
     """Where a measurement looks: a scene, a view and a heating state.
 
     Attributes

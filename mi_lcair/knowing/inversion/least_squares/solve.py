@@ -15,17 +15,7 @@ from scipy import sparse, stats
 from scipy.sparse.linalg import splu
 
 from mi_lcair.errors import InputError
-from mi_lcair.knowing.inversion.least_squares.newton import (
-    CONVERGED,
-    HALVINGS,
-    INNER,
-    Prior,
-    bent,
-    is_informed,
-    length,
-    minimiser,
-    undamped,
-)
+from mi_lcair.knowing.inversion.least_squares import newton
 from mi_lcair.knowing.inversion.least_squares.prediction import (
     DatumBlock,
     Equations,
@@ -35,19 +25,14 @@ from mi_lcair.knowing.inversion.least_squares.prediction import (
     without,
 )
 from mi_lcair.knowing.inversion.unknowns import Unknown
-from mi_lcair.physics.estimation.verdicts import (
-    further,
-    inner_deviation,
-    profile_ends,
-    student_factor,
-)
+from mi_lcair.physics.estimation import verdicts
 
 # Profile-likelihood intervals where the linear ones do not hold: at bounds and in curved valleys
 # -----------------------------------------------------------------------------------------------
 # Whether they are needed follows from the cost at the ends of the linear interval, without a
 # render.
 
-WIDTH = student_factor(np.inf)  # half of a 95 % interval, standard errors
+WIDTH = verdicts.student_factor(np.inf)  # half of a 95 % interval, standard errors
 MOST_UNKNOWNS = 30  # number of unknowns above which all intervals are linear
 STRAIGHT = 0.1  # relative error of a linear interval from which it is replaced
 RENDERS = 4  # largest number of renders for the end of an interval
@@ -56,7 +41,7 @@ RENDERS = 4  # largest number of renders for the end of an interval
 def profile_intervals(
     blocks: list[DatumBlock],
     x: np.ndarray,
-    prior: Prior,
+    prior: newton.Prior,
     covariance: np.ndarray,
     is_noisy: np.ndarray,
     render: Callable[[np.ndarray], list[DatumBlock]] | None,
@@ -93,7 +78,7 @@ class Profile:
     equations at the estimate x.
     """
 
-    def __init__(self, blocks, x, prior: Prior, k: int, direction: np.ndarray, normal):
+    def __init__(self, blocks, x, prior: newton.Prior, k: int, direction: np.ndarray, normal):
         self.blocks, self.x, self.prior, self.k, self.direction = blocks, x, prior, k, direction
         self.cost = cost_of(blocks, x) + prior.cost(x)
         # The weights are not exactly the inverse variances, and the noise of derivatives is in the
@@ -122,7 +107,7 @@ class Profile:
         first = np.clip(start + step, 0.5 * (start + lower), 0.5 * (start + upper))
         first[self.k] = value
         held = replace(self.prior, lower=lower, upper=upper)
-        return minimiser(blocks, first, held, 0.0, False)
+        return newton.minimiser(blocks, first, held, 0.0, False)
 
     def end(self, side: int, render) -> float:
         """The end of the interval on one side, -1 or 1."""
@@ -145,14 +130,14 @@ class Profile:
             except InputError:
                 break  # no surface can have these values
             blocks = [
-                bent(replace(new, weight=old.weight, curvature=old.curvature), old)
+                newton.bent(replace(new, weight=old.weight, curvature=old.curvature), old)
                 for new, old in zip(rendered, blocks)
             ]
             place = self.at(blocks, place, place[self.k])
             errors = self.errors(blocks, place)
             if abs(errors - predicted) < STRAIGHT * WIDTH:
                 break
-        value = further(self.x[self.k], place[self.k], errors, WIDTH)
+        value = verdicts.further(self.x[self.k], place[self.k], errors, WIDTH)
         return float(min(value, beyond) if side > 0 else max(value, beyond))
 
     def crossing(self, blocks, side: int, bound: float) -> tuple[np.ndarray, float, float]:
@@ -167,7 +152,7 @@ class Profile:
 
         x = self.x[self.k]
         first = x + side * WIDTH * self.direction[self.k]
-        ends = profile_ends(refit, [x], self.x, [first], [bound], WIDTH)
+        ends = verdicts.profile_ends(refit, [x], self.x, [first], [bound], WIDTH)
         return tuple(of[0] for of in ends)
 
 
@@ -240,7 +225,7 @@ def bad_pixels(block: DatumBlock, x: np.ndarray, weight: np.ndarray) -> tuple[np
     if block.common:
         residuals = block.common.removed(block.weight, residuals[:, None])[:, 0]
     sigmas = np.abs(residuals) * np.sqrt(weight)
-    scale = inner_deviation(sigmas, 1.0)
+    scale = verdicts.inner_deviation(sigmas, 1.0)
     is_bad = sigmas > scale * stats.norm.isf(FALSE_ALARM / 2 / len(weight))
     are_many = np.mean(is_bad) > MOST_BAD or scale > LARGEST_SCALE
     is_bad &= sigmas > np.quantile(sigmas, 1 - MOST_BAD) * (np.mean(is_bad) > MOST_BAD)
@@ -321,7 +306,7 @@ def solve(
     -------
     State
     """
-    prior = Prior.of(unknowns)
+    prior = newton.Prior.of(unknowns)
     x = np.clip([unknown.start for unknown in unknowns], prior.lower, prior.upper)
     is_correlated = prior.correlated is not None
     is_sparse = not is_correlated and all(unknown.kind == "facet" for unknown in unknowns)
@@ -339,7 +324,7 @@ def solve(
 
     def record(blocks, x, is_kept=True) -> float:
         normal = equations(blocks, x, is_sparse)
-        distance = length(undamped(normal, prior, x), normal, prior)
+        distance = newton.length(newton.undamped(normal, prior, x), normal, prior)
         paths = done * sum(block.paths for block in blocks)
         trace.append(Step(done, paths, distance, cost_of(blocks, x), is_kept, x.tolist()))
         return distance
@@ -359,7 +344,7 @@ def solve(
             x, blocks, converged = descent(
                 blocks, x, prior, is_sparse, rendered, record, lambda: done >= iterations
             )
-        is_far = length(x - start, equations(blocks, x, is_sparse), prior) >= 1
+        is_far = newton.length(x - start, equations(blocks, x, is_sparse), prior) >= 1
         # Weights at the first guess are not the best ones, so they are found once more
         is_searching = is_first and is_far
         if converged:
@@ -387,17 +372,17 @@ def solve(
     return replace(result, held=held, renders=done, converged=converged, trace=trace)
 
 
-def exact_minimum(blocks, x, prior: Prior, is_sparse: bool) -> tuple[np.ndarray, bool]:
+def exact_minimum(blocks, x, prior: newton.Prior, is_sparse: bool) -> tuple[np.ndarray, bool]:
     """The values that minimise the cost of blocks that hold for all values, and convergence."""
-    for _ in range(INNER):
-        new = minimiser(blocks, x, prior, 0.0, is_sparse)
-        moved, x = length(new - x, equations(blocks, new, is_sparse), prior), new
-        if moved < CONVERGED:
+    for _ in range(newton.INNER):
+        new = newton.minimiser(blocks, x, prior, 0.0, is_sparse)
+        moved, x = newton.length(new - x, equations(blocks, new, is_sparse), prior), new
+        if moved < newton.CONVERGED:
             return x, True
     return x, False
 
 
-def descent(blocks, x, prior: Prior, is_sparse: bool, rendered, record, is_over) -> tuple:
+def descent(blocks, x, prior: newton.Prior, is_sparse: bool, rendered, record, is_over) -> tuple:
     """Levenberg-Marquardt steps, each with a render: values, blocks there, and convergence.
 
     Far from the solution the cost decides whether a step is kept. Near it, the noise of the render
@@ -407,13 +392,13 @@ def descent(blocks, x, prior: Prior, is_sparse: bool, rendered, record, is_over)
     from there to the solution in standard errors. It is the length of the undamped step, because a
     damped one is short far from the solution too. is_over: whether no further render is allowed.
     """
-    damping, largest = FIRST_DAMPING, CONVERGED
+    damping, largest = FIRST_DAMPING, newton.CONVERGED
     distance = record(blocks, x)
     while damping <= MOST_DAMPING:
         normal = equations(blocks, x, is_sparse)
         if distance < largest or is_over():
             return x, blocks, distance < largest
-        trial, new = None, minimiser(blocks, x, prior, damping, is_sparse)
+        trial, new = None, newton.minimiser(blocks, x, prior, damping, is_sparse)
         if (new != x).any():
             new, trial = feasible(rendered, x, new)
         if trial is None:  # no step lowers the cost, or a surface can have none of the values
@@ -426,9 +411,9 @@ def descent(blocks, x, prior: Prior, is_sparse: bool, rendered, record, is_over)
             replace(block, weight=old.weight, curvature=old.curvature)
             for block, old in zip(trial, blocks)
         ]
-        if length(new - x, normal, prior) > NEAR:
+        if newton.length(new - x, normal, prior) > NEAR:
             # The noise of the render hides what a shorter step says about second derivatives
-            trial = [bent(block, old) for block, old in zip(trial, blocks)]
+            trial = [newton.bent(block, old) for block, old in zip(trial, blocks)]
             blocks = [replace(old, curvature=block.curvature) for block, old in zip(trial, blocks)]
         change = cost_change(blocks, x, trial, new, prior, near_by)
         # Far from the solution the change of the cost is noisy
@@ -438,7 +423,7 @@ def descent(blocks, x, prior: Prior, is_sparse: bool, rendered, record, is_over)
             x, blocks, distance = new, trial, distance_after
         # A step that should have come nearer and did not shows how near the noise of the render,
         # which is another one at other values, lets the iteration come
-        largest = CONVERGED if is_kept or distance > NEAR else UNRESOLVED
+        largest = newton.CONVERGED if is_kept or distance > NEAR else UNRESOLVED
         if change < predicted / 2 < 0:
             damping /= 1000  # the step went as it was predicted
         else:
@@ -448,7 +433,7 @@ def descent(blocks, x, prior: Prior, is_sparse: bool, rendered, record, is_over)
 
 
 def cost_change(
-    blocks: list[DatumBlock], x, trial: list[DatumBlock], new, prior: Prior, normal
+    blocks: list[DatumBlock], x, trial: list[DatumBlock], new, prior: newton.Prior, normal
 ) -> float:
     """Change of the cost from blocks at x to blocks at new values.
 
@@ -461,7 +446,7 @@ def cost_change(
     return change + normal.pressure(there) - normal.pressure(normal)
 
 
-def state(blocks, x, prior: Prior, is_sparse: bool) -> State:
+def state(blocks, x, prior: newton.Prior, is_sparse: bool) -> State:
     """The State at the values x, without what the iteration alone knows."""
     normal = equations(blocks, x, is_sparse)
     outward = normal.pull + prior.times(prior.mean - x)
@@ -502,7 +487,7 @@ def with_noise(state: State, factor: float) -> State:
     )
     information = np.diag(state.prior) if is_correlated else state.prior
     correlated = state.prior if is_correlated else None
-    known = Prior(state.x, information, state.x, state.x, correlated)
+    known = newton.Prior(state.x, information, state.x, state.x, correlated)
     covariance, measured = covariances(normal, known)
     variance, x = np.diag(covariance), state.x[:, None]
     wider = np.sqrt(variance / np.diag(state.covariance))[:, None]
@@ -520,7 +505,7 @@ def feasible(rendered, x, new):
 
     (x, None) if there is none.
     """
-    for _ in range(HALVINGS):
+    for _ in range(newton.HALVINGS):
         try:
             return new, rendered(new)
         except InputError:
@@ -528,7 +513,7 @@ def feasible(rendered, x, new):
     return x, None
 
 
-def covariances(normal: Equations, known: Prior) -> tuple[np.ndarray, np.ndarray]:
+def covariances(normal: Equations, known: newton.Prior) -> tuple[np.ndarray, np.ndarray]:
     """Covariance (N, N) of the estimate, and its variances (N,) without the render's noise."""
     if not sparse.issparse(normal.matrix):
         inverse = np.linalg.inv(normal.information + known.matrix)
@@ -537,7 +522,7 @@ def covariances(normal: Equations, known: Prior) -> tuple[np.ndarray, np.ndarray
         return inverse, np.diag(measured) + np.diag(inverse @ known.matrix @ inverse)
     information = known.information
     covariance, variance = np.diag(1 / information), 1 / information
-    some = np.flatnonzero(is_informed(normal, information))
+    some = np.flatnonzero(newton.is_informed(normal, information))
     if not len(some):
         return covariance, variance
 

@@ -338,7 +338,7 @@ def test_temperatures_from_any_first_guess(start):
 
 def test_convergence_of_a_linear_problem_is_tested(monkeypatch):
     """A single step does not reach the solution from far away, and the state says so."""
-    monkeypatch.setattr("mi_lcair.knowing.inversion.least_squares.solve.INNER", 1)
+    monkeypatch.setattr("mi_lcair.knowing.inversion.least_squares.newton.INNER", 1)
     temperatures = [kelvin(f"s{k}", start=3000.0) for k in range(5)]
     assert not solved([mixed_radiances(3000.0)], temperatures).converged
 
