@@ -46,13 +46,16 @@ def budget(
     ----------
     what : Scene, mi.Scene, Scenario, str or path-like
         A scene with an orthographic sensor, a contrast scenario, or the file or the bundled name of
-        either.
+        either. Numbers of the sampling replace the entries of [render] of a scenario that is named.
+        A scenario has no sensor.
     uncertainties : str, path-like, dict or Uncertainties
         TOML file with the uncertainties, or its tables as a dictionary, see
         `mi_lcair.knowing.budgets.uncertainties`.
-    sensor, spp, tolerance, seed
-        As for `signature`. A scenario has no sensor. The others replace the entries of [render] of
-        a scenario that is named.
+    sensor, spp, seed
+        As for `signature`.
+    tolerance : float, str or None
+        Trace paths until half of the 95 % interval of the result is at most this fraction of it. It
+        is the error of the rendering alone.
     draws : int or None
         Also compute the distribution of the result from this number of random draws.
     of : str, optional
@@ -173,7 +176,7 @@ def sensitivities(
     names : sequence of str
         Names of parameters, see `mi_lcair.rendering.parameters.values`.
     sensor, spp, tolerance, seed, progress
-        As for `signature`; the tolerance is that of the intensity.
+        As for `signature`.
     part : str
         "target" (the model's facets) or "scene".
     weights : mapping or None

@@ -45,9 +45,11 @@ def exchange(
         Number of paths of each side of a facet.
     seed : int
         The same seed gives the same result.
-    sky_K, ground_K : float or None
-        Temperatures of blackbodies in place of sky and ground [K]. With them the result has the
-        irradiance of the facets at their temperatures in the scene.
+    sky_K : float or None
+        Temperature [K] of a blackbody in place of the sky. With it the result has the irradiance of
+        the facets at their temperatures in the scene.
+    ground_K : float or None
+        The same in place of the ground.
     sun_deg : pair of float or None
         Elevation and azimuth of the sun [degrees], for the sunlight that facets absorb.
     parameters : mapping of str to object, optional

@@ -63,20 +63,20 @@ def render(
         larger. It does not go with a tolerance.
     tolerance : float, str or None
         Render until the rms standard error over the pixels is below this fraction of the mean
-        radiance, such as 0.01 or "1%", or until max_spp is reached.
+        radiance, such as 0.01 or "1%", or until `max_spp` is reached.
     max_spp : int or None
         Largest number of samples per pixel for a tolerance (65536).
     seed : int
-        The same seed gives the same image.
+        The same seed gives the same result.
     sensor : int
         Number of the sensor, counted from 0.
     split : str or None
         What is recorded beside the radiance, see `Channels`.
     atmosphere : Atmosphere, str, Path or None
-        Also compute the apparent radiance through this atmosphere (`apparent.Y`, `path.Y`): one
-        that is loaded, a bundled name, a CSV, a MODTRAN tape7, or "vacuum".
+        Also compute the apparent radiance through this atmosphere (channels apparent.Y and
+        path.Y): a bundled name, a CSV, a MODTRAN tape7, "vacuum", or one that is loaded.
     range_m : float or None
-        Range of the model for the atmosphere [m]. None: each pixel's own range.
+        One range of the whole model for the atmosphere [m]. By default it is that of each pixel.
     progress : callable or None
         Called with the samples per pixel that are done and their expected number.
     parameters : mapping of str to object, optional
@@ -142,11 +142,11 @@ def render_with_errors(
         tolerance: the number of the sensor's sampler. It does not go with a tolerance.
     tolerance : float, str or None
         Render until the rms standard error over the pixels is below this fraction of the mean
-        magnitude, such as 0.01 or "1%", or until max_spp is reached.
+        magnitude, such as 0.01 or "1%", or until `max_spp` is reached.
     max_spp : int or None
         Largest number of samples per pixel for a tolerance (65536).
     seed : int
-        The same seed gives the same image.
+        The same seed gives the same result.
     sensor : int
         Number of the sensor, counted from 0.
     integrator : mi.Integrator or None
@@ -241,8 +241,8 @@ def image(
     ----------
     scenario : Scenario, str or path-like
         Scenario with a table [camera], or the file or bundled name that `Scenario.read` takes. Its
-        spp, max_spp and tolerance of [render] are those of a pixel. Of several numbers of
-        reflections, the largest is used.
+        spp, max_spp and tolerance of [render] are those of a pixel, and if it is named, the
+        arguments replace them. Of several numbers of reflections, the largest is used.
     frames : int
         Number of frames. They have independent noise, and one render.
     seed : int
@@ -251,9 +251,13 @@ def image(
         Called with (paths through a pixel done, expected).
     parameters : mapping of str to object, optional
         Entries of a scenario that is named, by dotted key such as {"sensor.band": "LWIR"}.
-    spp, tolerance, max_spp
-        Entries of [render] of a scenario that is named: paths through a pixel, or the allowed rms
-        standard error over the pixels on the target, such as 0.01 or "1%", and the most paths.
+    spp : int or None
+        Paths through a pixel (64).
+    tolerance : float, str or None
+        Render until the rms standard error over the pixels on the target is at most this fraction
+        of its mean radiance, such as 0.01 or "1%".
+    max_spp : int or None
+        Largest number of paths through a pixel for a tolerance (65536).
 
     Returns
     -------

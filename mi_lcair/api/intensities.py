@@ -58,7 +58,7 @@ def signature(
         scene). The paths begin anywhere in the window, not in one pixel each.
     tolerance : float, str or None
         Trace paths until the 95 % interval of the target's intensity is within this fraction of it,
-        such as 0.01 or "1%", or until max_spp is reached. Without a target it is that of the
+        such as 0.01 or "1%", or until `max_spp` is reached. Without a target it is that of the
         scene's intensity.
     max_spp : int or None
         As `spp`: the largest number of paths with a tolerance (65536).
@@ -130,15 +130,15 @@ def trend(
     elevations_deg : sequence of float
         Elevations of the observer above the horizontal, degrees.
     resolution : int
-        `spp` and `max_spp` count the paths of a view divided by resolution x resolution. The paths
-        begin anywhere in the view, not in one pixel each.
+        Pixels along each side of a view. They only set the number of its paths: `spp` times their
+        number. The paths begin anywhere in the view, not in one pixel each.
     spp : int, optional
-        Samples per pixel, instead of a tolerance.
+        Paths of each view, divided by the number of its pixels, instead of a tolerance.
     tolerance : float or str, optional
-        Half of the 95 % interval of each view's intensity, as a fraction of it, such as 0.01 or
-        "1%"; 0.01 if spp is not given.
+        Trace paths until half of the 95 % interval of each view's intensity is at most this
+        fraction of it, such as 0.01 or "1%" (0.01 if `spp` is not given).
     max_spp : int, optional
-        Largest number of samples per pixel for the tolerance.
+        As `spp`: the largest number of paths for a tolerance (65536).
     seed : int
         Seed of the random numbers.
     areas : path-like, optional
@@ -250,7 +250,7 @@ def flight(
     ----------
     scenario : Scenario, str or path-like
         Scenario with a table [flight], or what `Scenario.read` takes. `tolerance` of its [render]
-        is half of the 95 % interval of each traced intensity, as a fraction of it.
+        is half of the 95 % interval of each traced intensity, as a fraction of it (0.01).
     areas : path-like, optional
         Folder that keeps the effective areas. What it holds is not traced again.
     frames : path-like, optional
@@ -303,14 +303,22 @@ def contrast(
     Parameters
     ----------
     scenario : Scenario, str or path-like
-        Scenario, or the file or bundled name that `Scenario.read` takes.
+        Scenario, or the file or bundled name that `Scenario.read` takes. Numbers of the sampling
+        replace the entries of its [render] if it is named.
     progress : callable, optional
         Called with (samples per pixel done, expected).
     parameters : mapping of str to object, optional
         Entries of a scenario that is named, by dotted key such as {"sensor.band": "LWIR"}.
-    spp, tolerance, tolerance_W_m2, max_spp
-        Entries of [render] of a scenario that is named, see `RenderTable`. The tolerance may be
-        written 0.01 or "1%".
+    spp : int or None
+        Number of paths, divided by the number of pixels of render.resolution (64). The paths begin
+        anywhere in a window around the target.
+    tolerance : float, str or None
+        Trace paths until half of the 95 % interval of each result is at most this fraction of it,
+        such as 0.01 or "1%".
+    tolerance_W_m2 : float or None
+        The same in W m^-2, for a contrast that may be zero. With both tolerances, one suffices.
+    max_spp : int or None
+        As `spp`: the largest number of paths for a tolerance (65536).
 
     Returns
     -------

@@ -107,7 +107,7 @@ def report(
     max_spp : int, optional
         Largest number of samples per pixel for a tolerance.
     seed, sensor : int, optional
-        Seed of the random numbers, and number of the scene's sensor (0).
+        As for `render`.
     command : str, optional
         What to state as the call that made the page.
     progress : callable, optional

@@ -54,7 +54,12 @@ PURPOSES = {
 }
 COMMANDS = {name: module for group in PURPOSES.values() for name, module in group.items()}
 # Options by their names of earlier versions
-RENAMED = {"--photons": "--paths", "--rays": "--paths", "--resume": "--overwrite"}
+RENAMED = {
+    "--photons": ["--paths"],
+    "--rays": ["--paths"],
+    "--resume": ["--overwrite"],
+    "--plot": ["--output", "--spectrum"],
+}
 FAILED, UNUSABLE = 1, 2
 
 
@@ -108,10 +113,9 @@ def _verdict(error: BaseException) -> tuple[int, str]:
     """Exit status and message for an exception that ended a command."""
     if isinstance(error, (click.Abort, KeyboardInterrupt)):
         return INTERRUPTED, "interrupted"
-    if isinstance(error, click.NoSuchOption) and error.ctx:
+    if isinstance(error, click.NoSuchOption) and error.option_name in RENAMED and error.ctx:
         known = {name for option in error.ctx.command.params for name in option.opts}
-        if (present := RENAMED.get(error.option_name)) in known:
-            error.possibilities = [present]
+        error.possibilities = known.intersection(RENAMED[error.option_name]) or error.possibilities
     if isinstance(error, click.UsageError):
         command = error.ctx.command_path if error.ctx else "mi-lcair"
         return UNUSABLE, f"{error.format_message().rstrip('.')}; see '{command} --help'"

@@ -6,7 +6,7 @@ import click
 
 import mi_lcair
 from mi_lcair.cli import completion, options
-from mi_lcair.cli.output import print_next, print_result, print_written, time_row, write_and_print
+from mi_lcair.cli.output import print_next, print_written, write_and_print
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 from mi_lcair.files import VTK
@@ -17,22 +17,20 @@ from mi_lcair.files import VTK
 
 @options.command("audit", "mi-lcair audit open_box --paths 4096")
 @options.loading
-@options.of("audit", paths={"type": click.IntRange(min=8)})
+@options.calls("audit", paths={"type": click.IntRange(min=8)})
 @options.file("--facets", "Write irradiance and exitance of each facet, FILE.csv.", (".csv",))
-def audit_command(scene, paths, facets):
+def audit_command(facets, result):
     """Follow the flux that SCENE emits.
 
     SCENE is a Mitsuba XML file or the name of a bundled scene. Photons are followed from the
     emitters until they are absorbed or escape. Printed is their flux by material, in W and in
     percent.
     """
-    result = scene.run(mi_lcair.audit, paths=paths)
     if facets:
         from mi_lcair import formats
 
         formats.write_csv(facets, result.facets)
-    print_result(result)
-    print_written(facets)
+        print_written(facets)
 
 
 # mi-lcair budget: how certain an intensity or a contrast is, and what that depends on
@@ -55,8 +53,9 @@ def audit_command(scene, paths, facets):
     metavar="RESULT",
 )
 @options.changes("Set a $-parameter of the scene, or an entry of the scenario")
-@options.output("the budget, FILE.json, for show, report and convert", (".json",))
-@options.plot("a tornado chart")
+@options.outputs(
+    "the budget for show, report and convert, or draw a tornado chart", ".json", *PICTURES
+)
 @options.file(
     "--image",
     "Write the image of a scene with the derivatives d.NAME.Y and the uncertainty sigma.Y of each "
@@ -68,19 +67,12 @@ def audit_command(scene, paths, facets):
     "Also compute the distribution of the result from this number of random draws.",
     options.POSITIVE,
 )
-@options.sampling(
-    spp="Number of paths, divided by the number of pixels (default: that of the scene or the "
-    "scenario).",
-    tolerance="Trace paths until half of the 95 % interval of the result is at most this fraction "
-    "of it. It is the error of the rendering alone.",
-)
-@options.seed()
+@options.sampling("budget")
 @options.solution
 @options.motions
-@options.sensor
 @options.workers
 @options.renderer
-def budget_command(what, uncertainties, output, plot, image, draws, of, **settings):
+def budget_command(what, uncertainties, outputs, image, draws, of, **settings):
     """Uncertainty budget of WHAT.
 
     WHAT is a Mitsuba XML file or the name of a bundled scene, or a TOML file or the name of a
@@ -101,12 +93,8 @@ def budget_command(what, uncertainties, output, plot, image, draws, of, **settin
         result = mi_lcair.budget(
             subject, stated, draws=draws, of=of, progress=progress, **arguments
         )
-    files = {
-        output: result.save,
-        plot: result.plot,
-        image: partial(_write_image, subject, result, arguments),
-    }
-    write_and_print(result, files, [time_row(result)])
+    files = dict.fromkeys(outputs, result.save)
+    write_and_print(result, files | {image: partial(_write_image, subject, result, arguments)})
 
 
 def _scenario(what, sampling, image, **settings):
@@ -128,9 +116,7 @@ def _scene(what, sampling, image, **settings):
     """The scene, and the keyword arguments of `mi_lcair.budget` for it."""
     sampling |= {name: settings[name] for name in ("seed", "sensor")}
     common = {name: settings[name] for name in ("solution", "motions")}
-    return options.SceneOptions(
-        what, dict(settings["changes"]), sampling, **common
-    ).load(), sampling
+    return options.SceneOptions(what, dict(settings["changes"]), **common).load(), sampling
 
 
 def _write_image(scene, result, arguments, path):
@@ -156,12 +142,25 @@ def _write_image(scene, result, arguments, path):
     "mi-lcair invert problem.toml --no-advice -o solution.json",
 )
 @click.argument("problem", type=options.FILE)
-@options.output("the solution, FILE.json, for --solution of commands with a SCENE", (".json",))
-@options.plot("measured, predicted and their difference in standard deviations")
-@options.option("--no-advice", "Do not compute what to measure next.", is_flag=True)
+@options.outputs(
+    "the solution, for --solution of commands with a SCENE, or draw measured, predicted and their "
+    "difference in standard deviations",
+    ".json",
+    *PICTURES,
+)
 @options.workers
 @options.renderer
-def invert_command(problem, output, plot, no_advice):
+@options.calls(
+    "invert",
+    unit="renders",
+    advise={
+        "flag": "--no-advice",
+        "flag_value": False,
+        "show_default": False,
+        "help": "Do not compute what to measure next.",
+    },
+)
+def invert_command(outputs):
     """Estimate unknown parameters from measurements.
 
     PROBLEM is a TOML file. It names the measurements with their scenes and their noise, and the
@@ -170,12 +169,9 @@ def invert_command(problem, output, plot, no_advice):
     what the data do not determine, and which further measurement would help most. With [goal] in
     place of measurements, it looks for the values that give a wanted intensity or contrast.
     """
-    with options.progress_bar("renders") as progress:
-        solution = mi_lcair.invert(problem, advise=not no_advice, progress=progress)
-    files = {output: solution.save, plot: solution.plot}
-    write_and_print(solution, files, [time_row(solution)])
-    if output:
-        print_next(["report", output, "-o", f"{output.stem}.html"])
+    for output in outputs:
+        if output.suffix.lower() == ".json":
+            print_next(["report", output, "-o", f"{output.stem}.html"])
 
 
 # mi-lcair shape-derivatives: which part of a surface to move
@@ -187,19 +183,12 @@ def invert_command(problem, output, plot, no_advice):
     "mi-lcair shape-derivatives cylinder_ir_range --group self --spp 4 -o shape.png",
 )
 @options.loading
-@options.sensor
-@options.of("shape_derivatives", "group", "spp")
-@options.output(
-    "the derivatives by facet, FILE.csv or .json, for ParaView, FILE.vtp or .vtu, as a picture, "
-    "FILE.png, or as a page, FILE.html",
-    (".csv", ".json", ".html", *VTK, *PICTURES),
-)
-def shape_derivatives_command(scene, sensor, group, spp, output):
+@options.outputs("or draw the derivatives by facet", ".csv", ".json", ".html", *VTK, *PICTURES)
+@options.calls("shape_derivatives", "group")
+def shape_derivatives_command():
     """Show where moving a surface changes the intensity.
 
     SCENE is a Mitsuba XML file or the name of a bundled scene with an orthographic sensor. Printed
     is the derivative of the target's intensity in W/sr with respect to an outward displacement of
     each facet, per m and m^2, and the change if the whole surface moves.
     """
-    result = scene.run(mi_lcair.shape_derivatives, group=group, sensor=sensor, spp=spp)
-    write_and_print(result, {output: result.save})

@@ -6,7 +6,7 @@ import click
 
 import mi_lcair
 from mi_lcair.cli import completion, options, pictures
-from mi_lcair.cli.output import Called, line_of, note, print_written
+from mi_lcair.cli.output import line_of, note, print_written
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError, check_known
 from mi_lcair.extras import named
@@ -216,7 +216,7 @@ FACET, COLUMNS, PIXEL, TWO = "--facet", "--facets", "--pixel", "two images"
     metavar="ROW COLUMN",
 )
 @options.changes("Set a $-parameter of the scene, or change an entry of the scenario", "parameters")
-@options.sensor
+@options.of("render", "sensor")
 @options.option("--band", "Band (default: that of a fit of one band, or MWIR).")
 @options.option("--materials", "Your own materials.", options.FILE, metavar="TOML")
 @options.option(
@@ -303,19 +303,11 @@ def _drawn(kind: str):
 # ----------------------------------------------------------------
 
 
-@options.command("report", "mi-lcair report two_plates --spp 16 -o two_plates.html", cls=Called)
+@options.command("report", "mi-lcair report two_plates --spp 16 -o two_plates.html")
 @click.argument("what", nargs=-1, required=True, shell_complete=completion.scenes_and_scenarios)
 @options.output("the page, FILE.html", required=True)
-@options.option("--scene", "Scene whose model shows the facets of a FILE.csv.", metavar="SCENE")
 @options.changes("Set a $-parameter of the scene, or an entry of the scenario", "parameters")
-@options.option("-s --sensor", "Number of the scene's sensor (default: 0).", click.IntRange(min=0))
-@options.sampling(
-    "Samples per pixel (default: the scene's or scenario's own).",
-    "Trace paths until half of the 95 % interval of the signature's intensity, or of the "
-    "scenario's contrast, is at most this fraction of it.",
-    options.MAX_SPP,
-)
-@options.option("--seed", "Seed of the random numbers.", click.IntRange(0, 2**32 - 1))
+@options.sampling("report", "scene")
 @options.renderer
 @click.pass_obj
 def report_command(call, what, output, parameters, **settings):
@@ -335,7 +327,6 @@ def report_command(call, what, output, parameters, **settings):
     share one page. The page is one file that needs no network. Radiances are in W m^-2 sr^-1,
     temperatures in K, intensities in W/sr, contrasts in W/m^2.
     """
-    options.check_max_spp(**settings)
     with options.progress_bar() as progress:
         notes = mi_lcair.report(
             what,

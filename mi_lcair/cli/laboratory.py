@@ -7,7 +7,7 @@ import click
 
 import mi_lcair
 from mi_lcair.cli import options
-from mi_lcair.cli.output import Called, print_next, time_row, write_and_print
+from mi_lcair.cli.output import print_next, write_and_print
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 from mi_lcair.files import VTK
@@ -15,18 +15,7 @@ from mi_lcair.files import VTK
 # mi-lcair temperature: the temperature of an object from an image of a thermographic camera
 # ------------------------------------------------------------------------------------------
 
-TEMPERATURE_SUFFIXES = (
-    ".tif",
-    ".tiff",
-    ".csv",
-    ".exr",
-    ".json",
-    ".html",
-    ".png",
-    ".svg",
-    ".pdf",
-    ".nc",
-)
+ANY = (".csv", ".json", ".html", ".nc", *PICTURES)  # files of every result that has a picture
 
 
 @options.command(
@@ -34,29 +23,16 @@ TEMPERATURE_SUFFIXES = (
     "mi-lcair temperature 305.2 --band LWIR --emissivity 0.92+-0.02 --reflected 293+-2",
     "mi-lcair temperature seen.exr --emissivity 0.92+-0.02 --reflected 285+-2 "
     "--distance 1000 -o object.tif",
-    cls=Called,
 )
 @click.argument("image", metavar="IMAGE|K")
-@options.of(
-    "temperature",
-    "band",
-    "emissivity",
-    "reflected",
-    "transmittance",
-    "air_temperature",
-    "distance",
-    "humidity",
-    "sigma",
-    "scale",
-    "offset",
-)
-@options.output(
-    "the temperatures to FILE (.tif, .csv, .exr with their uncertainty), or a picture",
-    TEMPERATURE_SUFFIXES,
-)
+@options.outputs("or draw the temperatures, with their uncertainty", ".tif", ".tiff", ".exr", *ANY)
 @options.json
-@click.pass_obj
-def temperature_command(call, image, output, **measurement):
+@options.calls(
+    "temperature",
+    *("band", "emissivity", "reflected", "transmittance", "air_temperature", "distance"),
+    *("humidity", "sigma", "scale", "offset"),
+)
+def temperature_command(image, outputs, result):
     """Temperature of an object with its uncertainty.
 
     IMAGE holds apparent temperatures in K, as a camera shows them for an emissivity of 1: a TIFF,
@@ -65,40 +41,30 @@ def temperature_command(call, image, output, **measurement):
     the temperature in K and what each quantity contributes to its uncertainty; written is the image
     in K.
     """
-    result = mi_lcair.temperature(image, **options.given(measurement))
-    write_and_print(result, {output: result.save})
-    if not output and result.kelvin.ndim == 2:
-        print_next([*call, "-o", f"{Path(image).stem}_object.png"])
+    if not outputs and result.kelvin.ndim == 2:
+        print_next([*click.get_current_context().obj, "-o", f"{Path(image).stem}_object.png"])
 
 
 # mi-lcair cavity: the effective emissivity of a cavity
 # -----------------------------------------------------
 
-CAVITY_SUFFIXES = (".csv", ".json", ".html", ".png", ".svg", ".pdf", ".nc")
-
 
 @options.command("cavity", "mi-lcair cavity cavity.toml -o cavity.png")
-@click.argument("cavity", metavar="CAVITY.toml")
-@options.of("cavity", "tolerance", "seed")
-@options.output(
-    "the table to FILE (.csv, .json, .html, .nc), or a picture (.png, .svg, .pdf)", CAVITY_SUFFIXES
-)
+@click.argument("description", metavar="CAVITY.toml")
+@options.outputs("or draw the table", *ANY)
 @options.json
-def cavity_command(cavity, output, **arguments):
+@options.calls("cavity")
+def cavity_command():
     """Effective emissivity of a cavity with its uncertainty.
 
     CAVITY.toml has the tables [shape], [wall], [view] and [sigma]. Printed are the effective
     emissivity by wavelength, and what each uncertain quantity contributes to its uncertainty.
     Emissivities are fractions.
     """
-    result = mi_lcair.cavity(cavity, **arguments)
-    write_and_print(result, {output: result.save})
 
 
 # mi-lcair exchange: radiative conductors between the facets of a scene
 # ---------------------------------------------------------------------
-
-EXCHANGE_SUFFIXES = (".csv", ".json", ".html", ".nc", *PICTURES, *VTK)
 
 
 @options.command(
@@ -107,45 +73,42 @@ EXCHANGE_SUFFIXES = (".csv", ".json", ".html", ".nc", *PICTURES, *VTK)
     "mi-lcair exchange box/scene.xml --sun 40 120 -o exchange.nc",
 )
 @options.loading
-@options.of(
+@options.calls(
     "exchange",
     *("paths", "sky_K", "ground_K"),
+    load={"with_sensors": False, "with_nothing": False},  # what escapes has its place
     sun_deg={"flag": "--sun", "nargs": 2, "metavar": "ELEVATION AZIMUTH"},
 )
-@options.output(
-    "the facets (.csv, .json, .html, .vtp, .vtu), the facets and the sparse matrix of their "
-    "conductors (.nc), or a picture (.png, .svg, .pdf)",
-    EXCHANGE_SUFFIXES,
+@options.outputs(
+    "or draw the facets, with the sparse matrix of their conductors in .nc", *ANY, *VTK
 )
-def exchange_command(scene, output, **arguments):
+def exchange_command():
     """Heat that the facets of SCENE exchange by radiation.
 
     Printed are for each group the shares of what it emits that reach sky, ground, itself and other
     groups, and the conductors GR in m^2 between groups: the heat flow is GR sigma (T1^4 - T2^4).
     All values have standard errors.
     """
-    loaded = scene.load(with_sensors=False, with_nothing=False)  # what escapes has its place
-    result = mi_lcair.exchange(loaded, **scene.sampling, **arguments)
-    write_and_print(result, {output: result.save}, [time_row(result)])
 
 
 # mi-lcair heat: temperatures from what heats and cools a scene
 # -------------------------------------------------------------
 
 OF_HOUR = (".csv", ".vtp", ".vtu")  # files of the temperatures at one time
-HEAT_SUFFIXES = (*OF_HOUR, ".series", ".nc", ".json", ".html", ".png", ".svg", ".pdf")
 
 
 @options.command("heat", "mi-lcair heat heat.toml -o temperatures.csv --hour 14")
-@click.argument("heat", metavar="HEAT.toml")
-@options.output(f"the temperatures to FILE ({', '.join(HEAT_SUFFIXES)})", HEAT_SUFFIXES)
+@click.argument("description", metavar="HEAT.toml")
+@options.outputs(
+    "or draw the temperatures", *OF_HOUR, ".series", ".nc", ".json", ".html", *PICTURES
+)
 @options.option(
     "--hour",
     "Time of the temperatures in a .csv, .vtp or .vtu file (default: that of the warmest facet).",
     click.FloatRange(min=0),
 )
 @options.renderer
-def heat_command(heat, output, hour):
+def heat_command(description, outputs, hour):
     """Temperatures of facets from their heat balance.
 
     HEAT.toml has the tables [target], [weather], [groups.NAME], [sigma], [run] and [signature].
@@ -153,17 +116,16 @@ def heat_command(heat, output, hour):
     each uncertain input contributes. FILE.csv is what `mi-lcair import --temperatures` takes;
     FILE.nc has all times.
     """
-    settings = {} if hour is None else {"hour": hour}
-    if settings and (output is None or output.suffix.lower() not in OF_HOUR):
+    files = [path for path in outputs if path.suffix.lower() in OF_HOUR]
+    if hour is not None and not files:
         raise InputError(f"--hour goes with an output {', '.join(OF_HOUR)}")
-    result = mi_lcair.heat(heat)
-    write_and_print(result, {output: partial(result.save, **settings)})
+    result = mi_lcair.heat(description)
+    at_hour = dict.fromkeys(files, partial(result.save, hour=hour))
+    write_and_print(result, dict.fromkeys(outputs, result.save) | at_hour)
 
 
 # mi-lcair pose: where a camera is, from points and their pixels
 # --------------------------------------------------------------
-
-POSE_SUFFIXES = (".toml", ".csv", ".json", ".html", ".nc")
 
 
 @options.command(
@@ -173,13 +135,13 @@ POSE_SUFFIXES = (".toml", ".csv", ".json", ".html", ".nc")
 )
 @click.argument("scenario")
 @click.argument("points", type=options.FILE, metavar="POINTS.csv")
-@options.changes("Change an entry of the scenario, such as camera.focal_length_mm=50")
-@options.of("pose", sigma_px={"flag": "--sigma"})
-@options.output(
-    "the scenario with this camera to FILE.toml; or a table, .csv, .json, .html", POSE_SUFFIXES
+@options.changes("Change an entry of the scenario, such as camera.focal_length_mm=50", "parameters")
+@options.outputs(
+    "the scenario with this camera, or a table of it", ".toml", ".csv", ".json", ".html", ".nc"
 )
 @options.renderer
-def pose_command(scenario, points, changes, sigma_px, output):
+@options.calls("pose", sigma_px={"flag": "--sigma"})
+def pose_command(outputs):
     """Find where a camera is from points and pixels.
 
     SCENARIO is a TOML file with a table [camera]. POINTS.csv has the columns x_m, y_m, z_m,
@@ -187,7 +149,6 @@ def pose_command(scenario, points, changes, sigma_px, output):
     where they are in the frame, whose upper left corner is (0, 0). Printed are position and
     pointing with 95 % intervals, in m and degrees. `image` and `invert` take FILE.toml.
     """
-    result = mi_lcair.pose(scenario, points, sigma_px, parameters=dict(changes))
-    write_and_print(result, {output: result.save})
-    if output and output.suffix == ".toml":
-        print_next(["image", output, "-o", f"{output.stem}.exr"])
+    for output in outputs:
+        if output.suffix == ".toml":
+            print_next(["image", output, "-o", f"{output.stem}.exr"])

@@ -11,7 +11,6 @@ import mi_lcair
 from mi_lcair.cli import completion, options
 from mi_lcair.cli.output import (
     JSON,
-    Called,
     is_set,
     note,
     print_columns,
@@ -21,8 +20,9 @@ from mi_lcair.cli.output import (
     print_sections,
     print_written,
 )
+from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
-from mi_lcair.files import replacing, together
+from mi_lcair.files import together, write_bytes
 from mi_lcair.physics.reflection import NAMES
 
 # mi-lcair scenes: list the bundled scenes
@@ -106,7 +106,6 @@ AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
     "mi-lcair import box.obj -o box",
     "mi-lcair import box.obj --check",
     "mi-lcair import drone.obj --names drone.csv --forward -Z --up Y -o drone",
-    cls=Called,
 )
 @click.argument("file", type=options.FILE, metavar="MODEL")
 @options.output(
@@ -289,11 +288,14 @@ def known_form(ctx, param, value):
 
 
 @options.command(
-    "fit", "mi-lcair fit paint.csv --model microfacet --starts 8 -o paint.json --plot paint.png"
+    "fit", "mi-lcair fit paint.csv --model microfacet --starts 8 -o paint.json -o paint.png"
 )
 @click.argument("files", nargs=-1, required=True, type=options.FILE, metavar="DATA...")
-@options.output("the report, which is a material for scenes, FILE.json", (".json",))
-@options.plot("data, fitted curves and parameters")
+@options.outputs(
+    "the report, which is a material for scenes, or draw data, fitted curves and parameters",
+    ".json",
+    *PICTURES,
+)
 @options.option(
     "--band bands",
     "Band of the measurement: 3-5 (um), MWIR, or the CSV of a response; one for each DATA "
@@ -324,7 +326,7 @@ def known_form(ctx, param, value):
     source_half_angle_deg={"type": click.FloatRange(0, 90, max_open=True)},
 )
 @options.json
-def fit_command(files, output, plot, bands, **settings):
+def fit_command(files, outputs, bands, **settings):
     """Fit a reflection model to measured BRDFs.
 
     DATA are CSV or ASTM E1392/E2387 files with in-plane measurements of one surface in 1/sr, one
@@ -356,13 +358,13 @@ def fit_command(files, output, plot, bands, **settings):
         ]
     content = report.as_dict(fits)
     with together():
-        if plot:
-            from mi_lcair.show.pictures.fit import save_plot
+        for output in outputs:
+            if output.suffix.lower() in PICTURES:
+                from mi_lcair.show.pictures.fit import save_plot
 
-            save_plot(plot, list(zip(measurements, fits, joint)))
-        if output:
-            with replacing(output) as partial:
-                partial.write_text(report.to_json(content), encoding="utf-8")
+                save_plot(output, list(zip(measurements, fits, joint)))
+            else:
+                write_bytes(output, report.to_json(content).encode())
 
     for data, fitted in zip(measurements, fits):
         if fitted.quality.lack_of_fit:
@@ -377,10 +379,11 @@ def fit_command(files, output, plot, bands, **settings):
             compiled = f"{fitted.compile_seconds:.2f} s to compile"
             time = ("time", f"{fitted.seconds:.2f} s, of which {compiled}")
             print_sections(fitted.sections(), [time])
-    print_written(output, plot)
-    if output and (band := content.get("band")):
-        given = ["-D", f"material={output}", "-D", f"band={band}"]
-        print_next(["render", "furnace", *given, "-o", f"{output.stem}_furnace.exr"])
+    print_written(*outputs)
+    reports = [output for output in outputs if output.suffix.lower() == ".json"]
+    if reports and (band := content.get("band")):
+        given = ["-D", f"material={reports[0]}", "-D", f"band={band}"]
+        print_next(["render", "furnace", *given, "-o", f"{reports[0].stem}_furnace.exr"])
 
 
 def _companions(files, emissivities, dhrs):

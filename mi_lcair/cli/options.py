@@ -2,11 +2,12 @@
 
 import ast
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache, wraps
 from importlib.util import find_spec
+from inspect import signature
 from pathlib import Path
 
 import click
@@ -14,19 +15,24 @@ import click
 import mi_lcair
 from mi_lcair import scenes
 from mi_lcair.cli import completion
-from mi_lcair.cli.output import JSON, QUIET, flag_option, is_set, note, print_notes
-from mi_lcair.declared import fraction, listed
-from mi_lcair.drawing import PICTURES
+from mi_lcair.cli.output import (
+    CHOOSING,
+    JSON,
+    QUIET,
+    Called,
+    flag_option,
+    is_set,
+    note,
+    print_notes,
+    write_and_print,
+)
+from mi_lcair.declared import fraction
 from mi_lcair.errors import InputError
 from mi_lcair.files import check_suffix, check_writable
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
 POSITIVE = click.IntRange(min=1)
 FILE = click.Path(path_type=Path)
-MAX_SPP = "Largest --spp for --tolerance (default: 65536)."
-# Arguments that let the renderer choose the number of samples. None of them goes with --spp.
-CHOOSING = ("tolerance", "tolerance_W_m2", "max_spp")
-CHOICE = ("tolerance", "max_spp")
 
 
 @dataclass
@@ -39,8 +45,6 @@ class SceneOptions:
         Mitsuba XML file or name of a bundled scene.
     parameters : dict of str to str
         $-parameters of the scene.
-    sampling : dict
-        Keyword arguments of the function that `run` calls, such as seed and spp.
     solution : str or None
         Solution's file, and behind a colon a state.
     motions : Path or None
@@ -49,7 +53,6 @@ class SceneOptions:
 
     scene: str
     parameters: dict[str, str]
-    sampling: dict
     solution: str | None = None
     motions: Path | None = None
 
@@ -57,13 +60,13 @@ class SceneOptions:
         scenes.file_of(self.scene)  # before the renderer is imported, which takes its time
 
     def run(self, function, **arguments):
-        """Load the scene and return function(scene, **sampling, **arguments, progress=...).
+        """Load the scene and return function(scene, **arguments, progress=...).
 
         Remarks and the progress bar go to stderr.
         """
         scene = self.load()
         with progress_bar() as progress:
-            return function(scene, **self.sampling, **arguments, progress=progress)
+            return function(scene, **arguments, progress=progress)
 
     def load(self, with_sensors: bool = True, with_nothing: bool = True):
         """Load the scene, and print its remarks on stderr.
@@ -196,6 +199,8 @@ def option(names: str, help: str, type=None, **settings):
 # Entry of a NumPy docstring: names, and the indented lines below them
 ENTRY = re.compile(r"^(\w[\w, ]*?)(?: : .*)?\n((?: {4}.*(?:\n|\Z))+)", re.MULTILINE)
 
+AS_FOR = re.compile(r"^As for `(\w+)`[.;]?")  # in place of a text: that of another function
+
 
 @cache
 def parameters(function: str) -> dict[str, tuple[str, object, str]]:
@@ -213,9 +218,9 @@ def parameters(function: str) -> dict[str, tuple[str, object, str]]:
         if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name)
     }
     texts = {
-        name.strip(): " ".join(text.split())
+        name: AS_FOR.sub(lambda as_for: parameters(as_for[1])[name][2], " ".join(text.split()))
         for names, text in ENTRY.findall(ast.get_docstring(named[function]))
-        for name in names.split(",")
+        for name in names.split(", ")
     }
     given = named[function].args
     defaults = [None] * (len(given.args) - len(given.defaults)) + given.defaults
@@ -249,6 +254,7 @@ def of(function: str, *names: str, **settings: dict):
     def decorator(command):
         for name in reversed(list(dict.fromkeys((*names, *settings)))):
             annotation, default, text = parameters(function)[name]
+            own = settings.get(name, {})
             kind = annotation.removesuffix(" | None")
             declared = {"help": re.sub("`(\\w+)`", lambda match: flag_of(match[1]), text)}
             if default is ...:
@@ -256,10 +262,14 @@ def of(function: str, *names: str, **settings: dict):
             elif default is not None:
                 declared["default"] = default
             if kind == "int":
-                least = 0 if default == 0 else 1
+                least = 0 if name in ("seed", "sensor") or default == 0 else 1
                 declared["type"] = click.IntRange(least, 2**32 - 1 if name == "seed" else None)
             elif kind.startswith("Literal"):
                 declared["type"] = click.Choice(ast.literal_eval(kind.removeprefix("Literal")))
+            elif kind == "float | str":
+                declared["type"] = Fraction()
+            elif kind == "int | str":
+                declared["metavar"] = "N|auto"
             elif kind in ("float", "Sequence[float]"):
                 declared["type"] = float
             elif kind == "bool":
@@ -267,12 +277,53 @@ def of(function: str, *names: str, **settings: dict):
             elif kind == "str | PathLike[str]":
                 declared["type"] = Output(re.findall(r"FILE(\.\w+)", text))
                 declared["metavar"] = "FOLDER" if text.startswith("Folder") else "FILE"
-            elif kind != "str":
-                declared["metavar"] = kind.split()[-1].upper()
-            declared |= settings.get(name, {})
-            flag = declared.pop("flag", flag_of(name))
-            command = click.option(flag, name, **declared)(command)
+            elif kind != "str" and "type" not in own:
+                declared["metavar"] = kind.split()[-1].upper().removesuffix("LIKE")
+            declared |= own
+            flag = declared.pop("flag", "-s --sensor" if name == "sensor" else flag_of(name))
+            command = click.option(*flag.split(), name, **declared)(command)
         return command
+
+    return decorator
+
+
+# Parameters that are options wherever the function of a command has them
+SAMPLING = ("sensor", "spp", *CHOOSING, "max_bounces", "seed")
+
+
+def sampling(function: str, *names: str, **settings: dict):
+    """Decorator that gives a command the options of the sampling, and others as `of` does."""
+    known = [name for name in SAMPLING if name in parameters(function)]
+    return of(function, *names, *known, **settings)
+
+
+def calls(function: str, *names: str, unit: str = "spp", load=None, **settings: dict):
+    """Decorator that gives a command its body: call a public function, print and write its result.
+
+    names, settings: parameters that are options, as for `sampling`. A SceneOptions is loaded, with
+    the arguments `load`, and progress is drawn in `unit`. `outputs` are files that `Result.save`
+    writes. The decorated function runs at the end. It receives those of the arguments and `result`
+    that it names.
+    """
+
+    def decorator(finish):
+        known = parameters(function)
+
+        @sampling(function, *names, **settings)
+        @wraps(finish)
+        def body(outputs=(), **arguments):
+            passed = {name: value for name, value in arguments.items() if name in known}
+            if isinstance(passed.get("scene"), SceneOptions):
+                passed["scene"] = passed["scene"].load(**load or {})
+            with progress_bar(unit) as progress:
+                if "progress" in known:
+                    passed["progress"] = progress
+                result = getattr(mi_lcair, function)(**passed)
+            write_and_print(result, dict.fromkeys(outputs, result.save))
+            everything = arguments | {"outputs": outputs, "result": result}
+            return finish(**{name: everything[name] for name in signature(finish).parameters})
+
+        return body
 
     return decorator
 
@@ -313,35 +364,37 @@ def workers(command):
     return on_workers
 
 
-overwrite = option("--overwrite", "Replace an output that exists.", is_flag=True)
+def areas(command):
+    """Give a command --areas and --overwrite, and a folder beside its first output without --areas.
 
-
-@contextmanager
-def kept_areas(output: Path, areas: Path | None, overwrite: bool) -> Iterator[Path | None]:
-    """Context manager that gives the folder of --areas; without one, a folder beside the output.
-
-    That folder is removed if all goes well. None if xarray, which writes it, is not installed.
-    Raises InputError if the output exists and is not to be replaced.
+    That folder is removed if all goes well. `areas` is None if xarray, which writes it, is not
+    installed. Raises InputError if an output exists and is not to be replaced.
     """
-    if output.exists() and not overwrite:
-        raise InputError(f"output '{output}' exists; give --overwrite, or name another file")
-    if areas is not None or find_spec("xarray") is None:
-        yield areas
-        return
-    from mi_lcair.detection.sweeps.subject import AreasFolder
 
-    yield (folder := Path(f"{output}.areas"))
-    AreasFolder(folder).clear()
+    @file(
+        "--areas",
+        "Keep what is traced in this folder. A later call that finds it there traces nothing again "
+        "(default: FILE.areas, which is removed at the end).",
+        metavar="FOLDER",
+    )
+    @option("--overwrite", "Replace an output that exists.", is_flag=True)
+    @wraps(command)
+    def kept(outputs, areas, overwrite, **arguments):
+        for output in outputs:
+            if output.exists() and not overwrite:
+                raise InputError(
+                    f"output '{output}' exists; give --overwrite, or name another file"
+                )
+        folder = areas
+        if areas is None and find_spec("xarray"):
+            folder = Path(f"{outputs[0]}.areas")
+        command(outputs=outputs, areas=folder, **arguments)
+        if folder != areas:
+            from mi_lcair.detection.sweeps.subject import AreasFolder
 
+            AreasFolder(folder).clear()
 
-sensor = option(
-    "-s --sensor", "Number of the scene's sensor, from 0.", click.IntRange(min=0), default=0
-)
-
-
-def seed(help: str = "Seed of the random numbers."):
-    """Decorator that gives a command the option --seed."""
-    return option("--seed", help, click.IntRange(0, 2**32 - 1), default=0)
+    return kept
 
 
 def changes(help: str, name: str = "changes"):
@@ -359,37 +412,6 @@ def changes(help: str, name: str = "changes"):
     )
 
 
-def sampling(spp: str, tolerance: str, max_spp: str | None = None):
-    """Decorator that gives a command --spp, --tolerance and --max-spp, with these help texts.
-
-    In every command --spp sets the number of samples, and a tolerance lets the renderer choose it.
-    Both together are refused. Without a text for max_spp there is no such option.
-    """
-
-    def decorator(command):
-        @wraps(command)
-        def checked(**values):
-            chosen = [flag_of(name) for name in CHOOSING if values.get(name) is not None]
-            if values["spp"] is not None and chosen:
-                problem = "--spp sets a fixed number of samples; {} cannot go with it"
-                raise click.UsageError(problem.format(listed(chosen)), click.get_current_context())
-            return command(**values)
-
-        if max_spp:
-            checked = option("--max-spp", max_spp, POSITIVE)(checked)
-        checked = option("--tolerance", tolerance, Fraction())(checked)
-        return option("--spp", spp, POSITIVE)(checked)
-
-    return decorator
-
-
-def check_max_spp(max_spp, tolerance, **others) -> None:
-    """Raise UsageError for a largest number of samples without a tolerance."""
-    if max_spp and not tolerance:
-        problem = "--max-spp needs --tolerance; --spp sets a fixed number of samples"
-        raise click.UsageError(problem, click.get_current_context())
-
-
 def check_given(ctx: click.Context, names, what: str) -> None:
     """Raise UsageError if an option beside `names` was given, which does not go with `what`."""
     for parameter in ctx.command.params:
@@ -398,14 +420,14 @@ def check_given(ctx: click.Context, names, what: str) -> None:
             raise click.UsageError(f"{parameter.opts[-1]} does not go with {what}", ctx)
 
 
-def output(what: str, suffixes=(), metavar: str = "FILE", **settings):
+def output(what: str, suffixes=(), metavar: str = "FILE", name: str = "output", **settings):
     """Decorator that gives a command the option -o. `what` is written, and to which file.
 
     suffixes: of the file; without any it is not checked. settings: further arguments of
     click.option.
     """
     help, kind = f"Write {what}.", Output(suffixes)
-    return click.option("-o", "--output", type=kind, metavar=metavar, help=help, **settings)
+    return click.option("-o", "--output", name, type=kind, metavar=metavar, help=help, **settings)
 
 
 def file(name: str, help: str, suffixes=(), metavar: str = "FILE", **settings):
@@ -413,20 +435,22 @@ def file(name: str, help: str, suffixes=(), metavar: str = "FILE", **settings):
 
     suffixes: those of a file to write; without any it is not checked.
     """
-    return click.option(name, type=Output(suffixes), metavar=metavar, help=help, **settings)
+    return option(name, help, Output(suffixes), metavar=metavar, **settings)
 
 
-def plot(what: str):
-    """Decorator that gives a command the option --plot FILE."""
-    return file("--plot", f"Draw {what}, FILE.png, .svg or .pdf.", PICTURES)
+def outputs(what: str, *suffixes: str, **settings):
+    """Decorator that gives a command the option -o, which may be repeated.
 
-
-areas = file(
-    "--areas",
-    "Keep what is traced in this folder. A later call that finds it there traces nothing again "
-    "(default: FILE.areas, which is removed at the end).",
-    metavar="FOLDER",
-)
+    The command receives the paths as `outputs`. `what` is written to files with these suffixes, or
+    drawn.
+    """
+    return output(
+        f"{what}, FILE{', '.join(suffixes)}; may be repeated",
+        suffixes,
+        name="outputs",
+        multiple=True,
+        **settings,
+    )
 
 
 solution = option(
@@ -437,11 +461,11 @@ solution = option(
 motions = file("--motions", "Declare motions of meshes, which -D then sets, FILE.toml.")
 
 
-def scenario(example: str, spp: str, tolerance: str):
+def scenario(example: str):
     """Decorator that gives a command the argument SCENARIO and the options of a measurement.
 
-    The command receives the Scenario with all changes of its entries as `scenario`. `example` is an
-    entry that -D changes; `spp` and `tolerance` are help texts.
+    The command receives the Scenario with all changes of its entries as `scenario`. Options of the
+    sampling are entries of its [render]. `example` is an entry that -D changes.
     """
 
     def decorator(command):
@@ -449,7 +473,6 @@ def scenario(example: str, spp: str, tolerance: str):
 
         @click.argument("scenario", shell_complete=completion.scenarios)
         @changes(f"Change an entry of the scenario, such as {example}")
-        @sampling(spp, tolerance, MAX_SPP)
         @solution
         @wraps(command)
         def with_scenario(scenario, changes, solution, **arguments):
@@ -463,41 +486,10 @@ def scenario(example: str, spp: str, tolerance: str):
     return decorator
 
 
-max_bounces = option(
-    "--max-bounces",
-    "Largest number of reflections. With auto, pilot paths choose it, so that at most a tenth "
-    "of --tolerance (1%) is left out.",
-    metavar="N|auto",
-)
-
-
-def scene(spp: str, tolerance: str):
-    """Decorator that gives a command the argument SCENE and the options of a render.
-
-    The command receives them as one argument `scene`, a SceneOptions. `spp` and `tolerance` are
-    the help texts of these options: what they mean for the command.
-    """
-
-    def decorator(command):
-        @sensor
-        @sampling(spp, tolerance, MAX_SPP)
-        @max_bounces
-        @wraps(command)
-        def with_sampling(scene, max_bounces, **arguments):
-            sampling = {name: arguments.pop(name) for name in ("sensor", "spp", *CHOICE)}
-            check_max_spp(**sampling)
-            scene.sampling |= sampling | given({"max_bounces": max_bounces})
-            return command(scene=scene, **arguments)
-
-        return loading(with_sampling)
-
-    return decorator
-
-
 def loading(command):
     """Give a command the argument SCENE and the options that every scene needs.
 
-    The options of sampling are not included. The command receives a SceneOptions, as with `scene`.
+    The options of sampling are not included. The command receives a SceneOptions as `scene`.
     """
     command = renderer(command)
 
@@ -507,14 +499,11 @@ def loading(command):
         "model.yaw_deg",
         "parameters",
     )
-    @seed()
     @solution
     @motions
     @wraps(command)
-    def with_scene(parameters, seed, **arguments):
-        names = "scene", "solution", "motions"
-        of_scene = {name: arguments.pop(name) for name in names}
-        given = SceneOptions(parameters=dict(parameters), sampling={"seed": seed}, **of_scene)
+    def with_scene(scene, parameters, solution, motions, **arguments):
+        given = SceneOptions(scene, dict(parameters), solution, motions)
         return command(scene=given, **arguments)
 
     return with_scene
@@ -525,7 +514,7 @@ def command(name: str, *lines: str, **settings):
 
     settings: further arguments of click.command.
     """
-    return click.command(name, epilog=examples(*lines), **settings)
+    return click.command(name, cls=Called, epilog=examples(*lines), **settings)
 
 
 def examples(*lines: str) -> str:

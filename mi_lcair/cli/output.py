@@ -9,6 +9,7 @@ from contextlib import contextmanager
 
 import click
 
+from mi_lcair.declared import listed
 from mi_lcair.errors import escaped, printable
 from mi_lcair.files import together
 
@@ -64,7 +65,7 @@ def print_result(result, rows=(), more=None, **options) -> None:
     ----------
     result : Result
     rows : sequence of (label, value)
-        Further facts, printed below the first ones of the result.
+        Further facts, printed below the first ones of the result. How long it took follows them.
     more : dict, optional
         Further entries of the JSON.
     **options
@@ -73,6 +74,8 @@ def print_result(result, rows=(), more=None, **options) -> None:
     from mi_lcair.sections import remarks
 
     sections = result.sections(**options)
+    if isinstance(seconds := getattr(result, "seconds", None), float):
+        rows = [*rows, ("time", f"{seconds:.2f} s")]
     for remark in remarks(sections):
         note(remark)
     if is_set(JSON):
@@ -108,25 +111,41 @@ def print_sections(sections, rows=()) -> None:
         print_columns(block)
 
 
-def time_row(result) -> tuple[str, str]:
-    """Row of facts: how long a result took."""
-    return "time", f"{result.seconds:.2f} s"
-
-
 def print_written(*paths) -> None:
     """Print on stderr the files that were written, unless -q is given. Paths may be None."""
     for path in filter(None, () if is_set(QUIET) else paths):
         click.echo(f"wrote {printable(path)}", err=True)
 
 
+# Arguments that let the renderer choose the number of samples. None of them goes with --spp.
+CHOOSING = ("tolerance", "tolerance_W_m2", "max_spp")
+
+
 class Called(click.Command):
-    """A command whose context keeps the arguments of its call as `obj`, a list of words."""
+    """A command whose context keeps the arguments of its call as `obj`, a list of words.
+
+    In every command --spp sets the number of samples, and a tolerance lets the renderer choose it.
+    Both together are refused.
+    """
 
     def make_context(self, info_name, args, parent=None, **extra):
         words = [info_name, *args]
         context = super().make_context(info_name, args, parent, **extra)
         context.obj = words
         return context
+
+    def invoke(self, ctx):
+        values = ctx.params
+        options = [option for option in self.params if option.name in CHOOSING]
+        chosen = [option.opts[0] for option in options if values[option.name] is not None]
+        if values.get("spp") and chosen:
+            problem = "--spp sets a fixed number of samples; {} cannot go with it"
+            raise click.UsageError(problem.format(listed(chosen)), ctx)
+        # A trend has a tolerance by default, and the file of a scenario may state one
+        if "sensor" in values and values.get("max_spp") and values["tolerance"] is None:
+            problem = "--max-spp needs --tolerance; --spp sets a fixed number of samples"
+            raise click.UsageError(problem, ctx)
+        return super().invoke(ctx)
 
 
 def line_of(words) -> str:

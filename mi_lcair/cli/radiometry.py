@@ -6,7 +6,8 @@ import click
 
 import mi_lcair
 from mi_lcair.cli import options
-from mi_lcair.cli.output import print_next, print_result, print_written, time_row, write_and_print
+from mi_lcair.cli.output import print_next, print_result, print_written, write_and_print
+from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 from mi_lcair.files import VTK, check_writable, together
 
@@ -17,85 +18,60 @@ from mi_lcair.files import VTK, check_writable, together
 @options.command(
     "render",
     "mi-lcair render open_box --spp 64 -o open_box.exr",
-    "mi-lcair render cylinder_ir_range -D band=MWIR --tolerance 5% -o cylinder.exr",
+    "mi-lcair render cylinder_ir_range -D band=MWIR --tolerance 5% -o cylinder.exr -o cylinder.png",
 )
-@options.scene(
-    spp="Samples per pixel, instead of --tolerance (default: the scene's own).",
-    tolerance="Render until the rms standard error over the pixels is below this fraction of the "
-    "mean radiance, such as 0.01 or 1%.",
+@options.loading
+@options.outputs(
+    "the image, or its spectra (.hdr, ENVI), or draw it",
+    *(".exr", ".nc", ".hdr", *PICTURES),
+    required=True,
 )
-@options.output("the image, FILE.exr", required=True)
-@options.option(
-    "--atmosphere",
-    "Also write the radiance that arrives through an atmosphere: a bundled name, a CSV, a "
-    "MODTRAN tape7, or vacuum.",
-)
-@options.option(
-    "--range range_m",
-    "With --atmosphere: one range for the whole model, m (default: that of each pixel).",
-    float,
-)
-@options.option(
-    "--bins",
-    "Also write the spectral radiance at this number of even wavelengths over the band.",
-    int,
-    default=0,
+@options.sampling(
+    "render",
+    "bins",
+    atmosphere={"metavar": "TEXT"},
+    range_m={"flag": "--range"},
+    errors_um={"flag": "--errors", "multiple": True, "metavar": "UM", "show_default": False},
 )
 @options.option(
     "--wavelengths",
-    "The same at the wavelengths A, A + STEP, ... up to B, um. Sets the scene's `band`.",
+    "The same as --bins at the wavelengths A, A + STEP, ... up to B, um. Sets the scene's `band`.",
     metavar="A:B:STEP",
 )
-@options.option(
-    "--errors errors_um",
-    "Also write the standard error of each pixel at this wavelength of --bins or "
-    "--wavelengths, um; may be repeated.",
-    float,
-    multiple=True,
-    metavar="UM",
-)
 @options.workers
-def render_command(scene, output, atmosphere, range_m, bins, wavelengths, errors_um):
+def render_command(scene, outputs, atmosphere, range_m, bins, wavelengths, **sampling):
     """Render SCENE to a radiance image.
 
     SCENE is a Mitsuba XML file or the name of a bundled scene. Written is an OpenEXR file in W m^-2
     sr^-1: channel Y is the total radiance, the other channels are its parts, its standard error,
     the apparent temperature in K and the range in m. With --bins it also has the spectral radiance
-    in W m^-2 sr^-1 um^-1, which FILE.hdr in place of FILE.exr makes an ENVI file, and FILE.nc a
-    netCDF file with the brightness temperatures. Printed are the mean and the error.
+    in W m^-2 sr^-1 um^-1, which FILE.hdr makes an ENVI file, and FILE.nc a netCDF file with the
+    brightness temperatures. Printed are the mean and the error.
     """
-    from mi_lcair.files import check_writable
-    from mi_lcair.rendering.images.files import write_exr
-
     if wavelengths is not None:
         from mi_lcair.rendering.images.spectral import even_wavelengths
 
         if bins or "band" in scene.parameters:
             raise InputError("--wavelengths sets bins and band; leave out --bins and -D band")
         scene.parameters["band"], bins = even_wavelengths(wavelengths)
-    is_cube = bool(bins) and output.suffix.lower() in (".hdr", ".nc")
-    if output.suffix.lower() != ".exr" and not is_cube:
-        raise InputError(
-            f"output '{output}' does not end in .exr; render writes OpenEXR images, and show "
-            "makes PNGs"
-        )
-    check_writable(output)
+    for output in outputs:
+        if output.suffix.lower() == ".hdr" and not bins:
+            raise InputError(f"output '{output}' has spectra; give --bins or --wavelengths too")
     if range_m is not None and atmosphere is None:
         raise InputError("--range is the length of the path through an --atmosphere; name one")
-    air = {}
     if atmosphere is not None:
         from mi_lcair.physics.atmosphere import atmosphere as read
 
-        air = {"atmosphere": read(atmosphere), "range_m": range_m}
-    result = scene.run(mi_lcair.render, bins=bins, errors_um=errors_um, **air)
-    if is_cube:
-        result.save(output)
-    else:
-        write_exr(output, result.channels, result.header)
-    rows = [("file", str(output)), time_row(result)]
-    print_result(result, rows, {"file": str(output)})
-    if not is_cube:
-        print_next(["show", output])
+        sampling |= {"atmosphere": read(atmosphere), "range_m": range_m}
+    result = scene.run(mi_lcair.render, bins=bins, **sampling)
+    with together():
+        for output in outputs:
+            result.save(output)
+    files = [("file", str(output)) for output in outputs]
+    print_result(result, files, dict(files[:1]))
+    for output in outputs:
+        if output.suffix.lower() == ".exr":
+            print_next(["show", output])
 
 
 # mi-lcair signature: intensity of a scene in W/sr
@@ -107,23 +83,22 @@ def render_command(scene, output, atmosphere, range_m, bins, wavelengths, errors
     "mi-lcair signature cylinder_ir_range --spp 16",
     "mi-lcair signature box/scene.xml --tolerance 1% --facets facets.csv --spectrum s.csv",
 )
-@options.scene(
-    spp="Number of paths, divided by the number of pixels of the film (default: the scene's own). "
-    "The paths begin anywhere on the film.",
-    tolerance="Trace paths until half of the 95 % interval of the target's intensity is at most "
-    "this fraction of it, such as 0.01 or 1%.",
-)
+@options.loading
+@options.sampling("signature")
 @options.file(
-    "--spectrum", "Write the spectral intensity, FILE.csv or FILE.nc (netCDF).", (".csv", ".nc")
+    "--spectrum spectra",
+    "Write the spectral intensity, FILE.csv or FILE.nc (netCDF), or draw it, FILE.png, .svg or "
+    ".pdf; may be repeated.",
+    (".csv", ".nc", *PICTURES),
+    multiple=True,
 )
-@options.plot("the spectral intensity of --spectrum")
 @options.file(
     "--facets",
     "Write radiance and intensity of each facet of the model, FILE.csv; or the facets with them "
     "for ParaView, FILE.vtp or FILE.vtu.",
     (".csv", *VTK),
 )
-def signature_command(scene, spectrum, plot, facets):
+def signature_command(scene, spectra, facets, **sampling):
     """Intensity of SCENE in W/sr.
 
     SCENE is a Mitsuba XML file or the name of a bundled scene with an orthographic sensor. Printed
@@ -132,20 +107,13 @@ def signature_command(scene, spectrum, plot, facets):
     request are the spectral intensity in W/sr/um, and for each facet its temperature in K, radiance
     in W m^-2 sr^-1 and intensity in W/sr.
     """
-    if plot and not spectrum:
-        raise InputError("--plot draws the spectral intensity; give --spectrum FILE.csv too")
-    if spectrum and spectrum == facets:
-        raise InputError(f"--spectrum and --facets both name '{spectrum}'; give each its own file")
-    result = scene.run(mi_lcair.signature, by_spectrum=bool(spectrum), facets=bool(facets))
-    with together():
-        if spectrum:
-            result.effective_areas.save(spectrum)
-            if plot:
-                result.effective_areas.plot(plot)
-        if facets:
-            result.facets.save(facets)
-    print_result(result, [time_row(result)])
-    print_written(spectrum, plot, facets)
+    if facets in spectra:
+        raise InputError(f"--spectrum and --facets both name '{facets}'; give each its own file")
+    result = scene.run(
+        mi_lcair.signature, by_spectrum=bool(spectra), facets=bool(facets), **sampling
+    )
+    files = dict.fromkeys(spectra, spectra and result.effective_areas.save)
+    write_and_print(result, files | ({facets: result.facets.save} if facets else {}))
 
 
 # mi-lcair trend: intensity as a function of the aspect
@@ -201,33 +169,31 @@ class Azimuths(Angles):
     "mi-lcair trend cylinder_ir_range --azimuth 0:180:45 --resolution 16 --spp 16 -o trend.csv",
 )
 @options.loading
-@options.option(
-    "--azimuth",
-    "Azimuths of the observer, degrees: START:STOP:STEP, or a list. 0 sees the nose, 90 the "
-    "left side.",
-    Azimuths(),
-    required=True,
+@options.outputs(
+    "a row for each view, or draw polar curves", ".csv", ".nc", *PICTURES, required=True
 )
-@options.option(
-    "--elevation",
-    "Elevations of the observer above the horizontal, degrees; written like the azimuths.",
-    Angles(),
-    default="0",
-)
-@options.output("a row for each view, FILE.csv or FILE.nc (netCDF)", (".csv", ".nc"), required=True)
-@options.plot("polar curves")
-@options.of("trend", "resolution")
-@options.sampling(
-    spp="Paths of each view, divided by its number of pixels, instead of --tolerance.",
-    tolerance="Trace paths until half of the 95 % interval of each intensity is at most this "
-    "fraction of it (default: 1%).",
-    max_spp=options.MAX_SPP,
-)
-@options.max_bounces
 @options.areas
-@options.overwrite
 @options.workers
-def trend_command(scene, azimuth, elevation, output, plot, areas, overwrite, **settings):
+@options.calls(
+    "trend",
+    "resolution",
+    unit="views",
+    load={"with_sensors": False},
+    azimuths_deg={
+        "flag": "--azimuth",
+        "type": Azimuths(),
+        "help": "Azimuths of the observer, degrees: START:STOP:STEP, or a list. 0 sees the nose, "
+        "90 the left side.",
+    },
+    elevations_deg={
+        "flag": "--elevation",
+        "type": Angles(),
+        "default": "0",
+        "help": "Elevations of the observer above the horizontal, degrees; written like the "
+        "azimuths.",
+    },
+)
+def trend_command():
     """Intensity of SCENE's model toward observers around it.
 
     SCENE is a Mitsuba XML file or the name of a bundled scene. FILE has a row for each view with
@@ -236,19 +202,6 @@ def trend_command(scene, azimuth, elevation, output, plot, areas, overwrite, **s
     rendered together in batches. A trend that was interrupted goes on when the same command is
     given again. FILE.csv.json beside FILE.csv states how the rows were made.
     """
-    with options.kept_areas(output, areas, overwrite) as folder:
-        loaded = scene.load(with_sensors=False)
-        with options.progress_bar("views") as progress:
-            result = mi_lcair.trend(
-                loaded,
-                azimuth,
-                elevation,
-                **scene.sampling,
-                **settings,
-                areas=folder,
-                progress=progress,
-            )
-        write_and_print(result, {output: result.save, plot: result.plot})
 
 
 # mi-lcair contrast: the contrast of a scenario's target at the sensor
@@ -260,25 +213,15 @@ def trend_command(scene, azimuth, elevation, output, plot, areas, overwrite, **s
     "mi-lcair contrast box.toml -D render.max_bounces=2 --range",
     "mi-lcair contrast a340_landing/position_1 --spp 4",
 )
-@options.scenario(
-    "sensor.band=LWIR",
-    spp="Number of paths, divided by the number of pixels of render.resolution, instead of a "
-    "tolerance (default: 64). The paths begin anywhere in a window around the target.",
-    tolerance="Trace paths until half of the 95 % interval of each contrast is at most this "
-    "fraction of it.",
-)
-@options.option(
-    "--tolerance-W-m2 tolerance_W_m2",
-    "The same in W m^-2, for a contrast that may be zero. With both tolerances, one suffices.",
-    click.FloatRange(min=0, min_open=True),
-)
+@options.scenario("sensor.band=LWIR")
+@options.sampling("contrast", tolerance_W_m2={"type": click.FloatRange(min=0, min_open=True)})
 @options.option(
     "--range ranges",
     "Find the ranges at which the target is detected; needs sensor.nei.",
     is_flag=True,
 )
-@options.plot("the spectra")
-def contrast_command(scenario, ranges, plot):
+@options.outputs("the contrast, or draw its spectra", ".json", ".csv", ".html", *PICTURES)
+def contrast_command(scenario, ranges, outputs):
     """Measure a target against its background.
 
     SCENARIO is a TOML file or the name of a bundled scenario. It states the target, the observer,
@@ -299,27 +242,23 @@ def contrast_command(scenario, ranges, plot):
             row.as_dict() | {"detection_range": detection.as_dict()}
             for row, detection in zip(result.rows, result.detection_ranges())
         ]
-    rows = [time_row(result)]
-    write_and_print(result, {plot: result.plot}, rows, more, ranges=ranges)
+    write_and_print(result, dict.fromkeys(outputs, result.save), (), more, ranges=ranges)
 
 
 # mi-lcair image: what the camera of a scenario records
 # -----------------------------------------------------
 
 
-@options.command("image", "mi-lcair image box.toml --spp 4 -o seen.exr --plot seen.png")
-@options.scenario(
-    "camera.f_number=2",
-    spp="Paths through a pixel (default: 64).",
-    tolerance="Render until the rms standard error over the pixels on the target is at most this "
-    "fraction of its mean radiance.",
+@options.command("image", "mi-lcair image box.toml --spp 4 -o seen.exr -o seen.png")
+@options.scenario("camera.f_number=2")
+@options.outputs(
+    "the image, and the counts to FILE.tif beside it, or draw frame and measures",
+    ".exr",
+    *PICTURES,
+    required=True,
 )
-@options.output(
-    "the image, FILE.exr, and the counts to FILE.tif beside it", (".exr",), required=True
-)
-@options.of("image", "frames", "seed")
-@options.plot("frame and measures")
-def image_command(scenario, output, frames, seed, plot):
+@options.sampling("image", "frames")
+def image_command(scenario, outputs, **arguments):
     """Record the target of a scenario with its camera.
 
     SCENARIO is a TOML file as for `contrast`, with a table [camera]. FILE.exr has the radiance at
@@ -327,15 +266,17 @@ def image_command(scenario, output, frames, seed, plot):
     counts of all frames. Printed are the camera's noise in mK and its sharpness, predicted and
     measured, and the target's electrons and signal-to-noise ratio over range in m.
     """
-    pages = output.with_suffix(".tif")
-    check_writable(pages)
+    images = [path for path in outputs if path.suffix.lower() == ".exr"]
+    pages = [image.with_suffix(".tif") for image in images]
+    for path in pages:
+        check_writable(path)
     with options.progress_bar() as progress:
-        result = mi_lcair.image(scenario, frames=frames, seed=seed, progress=progress)
-    rows = [time_row(result), ("rendering time", f"{result.render_seconds:.2f} s")]
-    more = {"file": str(output), "counts_file": str(pages)}
-    files = {output: result.save, pages: result.save, plot: result.plot}
-    write_and_print(result, files, rows, more)
-    print_next(["show", output])
+        result = mi_lcair.image(scenario, **arguments, progress=progress)
+    rows = [("rendering time", f"{result.render_seconds:.2f} s")]
+    more = {"file": str(images[0]), "counts_file": str(pages[0])} if images else {}
+    write_and_print(result, dict.fromkeys([*images, *pages, *outputs], result.save), rows, more)
+    if images:
+        print_next(["show", images[0]])
 
 
 # mi-lcair sweep: a table of signatures over many conditions
@@ -344,12 +285,12 @@ def image_command(scenario, output, frames, seed, plot):
 
 @options.command("sweep", "mi-lcair sweep sweep.toml -o signatures.nc --areas areas")
 @click.argument("conditions", type=options.FILE)
-@options.output("the table, FILE.nc (netCDF) or FILE.csv", (".nc", ".csv"), required=True)
+@options.outputs("the table", ".nc", ".csv", required=True)
 @options.areas
-@options.overwrite
 @options.workers
 @options.renderer
-def sweep_command(conditions, output, areas, overwrite):
+@options.calls("sweep", unit="views")
+def sweep_command():
     """Signatures over the table of CONDITIONS.
 
     CONDITIONS is a TOML file: [base] names a scene or a scenario, [conditions] lists what varies
@@ -357,30 +298,23 @@ def sweep_command(conditions, output, areas, overwrite):
     change geometry or reflectances is not traced again. A sweep that was interrupted goes on when
     the same command is given again.
     """
-    with options.kept_areas(output, areas, overwrite) as folder:
-        with options.progress_bar("views") as progress:
-            result = mi_lcair.sweep(conditions, areas=folder, progress=progress)
-        write_and_print(result, {output: result.save}, [time_row(result)])
 
 
 # mi-lcair flight: contrast and detection of a moving target against time
 # -----------------------------------------------------------------------
 
 
-@options.command("flight", "mi-lcair flight flyby.toml -o flight.csv --plot flight.png")
-@options.scenario(
-    "flight.rate_hz=1",
-    spp="Paths of each traced view, divided by the number of pixels of render.resolution.",
-    tolerance="Trace paths until half of the 95 % interval of each intensity is at most this "
-    "fraction of it (default: 1%).",
+@options.command("flight", "mi-lcair flight flyby.toml -o flight.csv -o flight.png")
+@options.scenario("flight.rate_hz=1")
+@options.of("trend", "spp", "tolerance", "max_spp")
+@options.outputs(
+    "a row for each moment, or draw contrast, signal-to-noise ratio and range",
+    *(".csv", ".nc", *PICTURES),
+    required=True,
 )
-@options.output(
-    "a row for each moment, FILE.csv or FILE.nc (netCDF)", (".csv", ".nc"), required=True
-)
-@options.of("flight", "areas", "frames", "video", "seed")
+@options.sampling("flight", "areas", "frames", "video")
 @options.workers
-@options.plot("contrast, signal-to-noise ratio and range")
-def flight_command(scenario, output, plot, **arguments):
+def flight_command(scenario, outputs, **arguments):
     """Contrast of a scenario's target along a path.
 
     SCENARIO is a TOML file as for `contrast`, with a table [flight] in place of [observer] and
@@ -391,8 +325,7 @@ def flight_command(scenario, output, plot, **arguments):
     with together():
         with options.progress_bar() as progress:
             result = mi_lcair.flight(scenario, **arguments, progress=progress)
-        result.save(output)
-        if plot:
-            result.plot(plot)
-    print_result(result, [time_row(result)])
-    print_written(output, arguments["frames"], arguments["video"], plot)
+        for path in outputs:
+            result.save(path)
+    print_result(result)
+    print_written(*outputs, arguments["frames"], arguments["video"])

@@ -32,7 +32,7 @@ def files(folder):
 @pytest.mark.slow
 def test_table_and_files(run, folder):
     result = run(
-        "budget", "plate.xml", "-u", "sigma.toml", "--plot", "b.png", "--image", "b.exr",
+        "budget", "plate.xml", "-u", "sigma.toml", "-o", "b.png", "--image", "b.exr",
         "--monte-carlo", 20,
     )  # fmt: skip
     assert result.exit_code == 0, result.output
@@ -95,7 +95,7 @@ def test_scenario_and_a_note_where_the_linear_answer_fails(run):
         (["plate.xml", "-u", "no.toml"], "uncertainties 'no.toml': cannot be read"),
         (["plate.xml", "-u", "plate.xml"], "uncertainties 'plate.xml': "),
         (["plate.xml", "-u", "disc_sigma.toml"], "unknown quantity of plate 'self.temperature'"),
-        (["plate.xml", "-u", "sigma.toml", "--plot", "b.jpg"], "does not end in .png"),
+        (["plate.xml", "-u", "sigma.toml", "-o", "b.jpg"], "does not end in .json, .png"),
         (["plate.xml", "-u", "sigma.toml", "--image", "b.png"], "does not end in .exr"),
         (["plate.xml", "-u", "sigma.toml", "--spp", 4, "--tolerance", "1%"], "--spp sets a fixed"),
         (["plate.xml", "-u", "sigma.toml", "--monte-carlo", 2], "must be 10 or more"),

@@ -11,6 +11,7 @@ from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import click
+import numpy as np
 import pytest
 
 import mi_lcair
@@ -127,7 +128,10 @@ def test_short_options_of_every_command(run, command):
 @pytest.mark.parametrize(
     "command, old, new",
     [("audit", "--photons", "--paths"), ("exchange", "--rays", "--paths")]
-    + [(command, "--resume", "--overwrite") for command in ("sweep", "trend")],
+    + [(command, "--resume", "--overwrite") for command in ("sweep", "trend")]
+    + [(command, "--plot", "--output") for command in ("trend", "contrast", "image", "flight")]
+    + [(command, "--plot", "--output") for command in ("budget", "invert", "fit")]
+    + [("signature", "--plot", "--spectrum")],
 )
 def test_a_former_option_names_the_present_one(refused, command, old, new):
     message = refused(command, "x", old, 8)
@@ -183,7 +187,7 @@ def test_render_passes_on_every_option(run, renderer, folder):
     assert result.exit_code == 0, result.output
     assert renderer.loaded == ("cavity", {"opening": "8", "text": "a=b"})
     sampling = {"sensor": 1, "spp": 64, "tolerance": None, "max_spp": None, "seed": 7}
-    sampling |= {"bins": 0, "errors_um": ()}
+    sampling |= {"bins": 0, "errors_um": (), "max_bounces": None}
     assert renderer.sampling == sampling
     channels, header = read_exr("out.exr")
     assert (channels["Y"].shape, header) == ((2, 3), {"band": "MWIR", "spp": 16})
@@ -193,7 +197,7 @@ def test_render_passes_on_a_tolerance(run, renderer):
     args = ("render", "cavity", "--tolerance", "2.5%", "--max-spp", 4096, "-o", "out.exr")
     assert run(*args).exit_code == 0
     sampling = {"sensor": 0, "spp": None, "tolerance": 0.025, "max_spp": 4096, "seed": 0}
-    sampling |= {"bins": 0, "errors_um": ()}
+    sampling |= {"bins": 0, "errors_um": (), "max_bounces": None}
     assert renderer.sampling == sampling
 
 
@@ -225,6 +229,7 @@ def test_render_defaults(run, renderer):
         "seed": 0,
         "bins": 0,
         "errors_um": (),
+        "max_bounces": None,
     }
 
 
@@ -321,6 +326,15 @@ def test_remarks_on_the_scene_go_to_stderr(run, renderer):
     assert json.loads(result.stdout)["spp"] == 16
 
 
+def test_render_writes_and_draws(run, renderer, folder):
+    pixels = np.full((2, 3), 300, np.float32)
+    renderer.results = {"channels": {"Y": pixels, "temperature.Y": pixels}}
+    result = run("render", "cavity", "-o", "out.exr", "-o", "out.png")
+    assert result.exit_code == 0 and "out.png" in result.stdout, result.output
+    assert (folder / "out.png").read_bytes().startswith(b"\x89PNG")
+    assert read_exr("out.exr")[1] == {"band": "MWIR", "spp": 16}
+
+
 def test_render_json(run, renderer):
     result = run("render", "cavity", "-o", "out.exr", "--json")
     assert json.loads(result.stdout) == {
@@ -386,7 +400,8 @@ def test_bad_options(refused, renderer, folder, args, reason):
         ([], "Missing argument 'SCENE'"),
         (["cavity"], "--output"),
         (["cavity", "-o", "nowhere/out.exr"], "does not exist"),
-        (["cavity", "-o", "out.png"], ".exr"),
+        (["cavity", "-o", "out.tif"], ".exr"),
+        (["cavity", "-o", "out.hdr"], "give --bins"),
         (["cavity", "-o", "/dev/null"], ".exr"),
     ],
 )

@@ -72,10 +72,12 @@ def test_signature_json(run, renderer):
 @pytest.mark.parametrize(
     "options, message",
     [
-        (["--plot", "s.png"], "give --spectrum"),
         (["--spectrum", "s.txt"], "does not end in .csv"),
         (["--facets", "f.exr"], "does not end in .csv"),
-        (["--spectrum", "s.csv", "--plot", "s.jpg"], "does not end in .png, .svg or .pdf"),
+        (
+            ["--spectrum", "s.csv", "--spectrum", "s.jpg"],
+            "does not end in .csv, .nc, .png, .svg or .pdf",
+        ),
         (["--facets", "missing/f.csv"], "does not exist"),
         (["--facets", "s.csv", "--spectrum", "s.csv"], "both name 's.csv'"),
     ],
@@ -119,7 +121,7 @@ def test_signature_files(run, folder):
         16,
         "--spectrum",
         "s.csv",
-        "--plot",
+        "--spectrum",
         "s.png",
         "--facets",
         "f.csv",
@@ -144,7 +146,7 @@ def test_the_files_of_one_run_appear_together(run, folder, monkeypatch):
         raise OSError(28, "No space left on device", str(path))
 
     monkeypatch.setattr(FacetResults, "save", full)
-    files = "--spectrum", "s.csv", "--plot", "s.png", "--facets", "f.csv"
+    files = "--spectrum", "s.csv", "--spectrum", "s.png", "--facets", "f.csv"
     result = run("signature", "open_box", "-D", "resolution=8", "-D", "band=MWIR", *files)
     assert result.exit_code == 1 and "No space left on device: 'f.csv'" in result.stderr
     assert list(folder.iterdir()) == []

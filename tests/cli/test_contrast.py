@@ -26,7 +26,7 @@ def test_table(run, folder):
         "-D",
         "sensor.field_of_view_deg=2",
         "--range",
-        "--plot",
+        "-o",
         "disc.png",
     )
     assert result.exit_code == 0, result.output
@@ -207,8 +207,8 @@ def test_notes_on_stderr(run):
         (["-D", "atmosphere.table=negative.csv"], "transmittance = -0.1"),
         (["-D", "sensor.response=row.csv"], "needs two rows"),
         (["--range"], "--range needs nei"),
-        (["--plot", "x.jpg"], "does not end in .png, .svg or .pdf"),
-        (["--plot", "none/x.png"], "does not exist"),
+        (["-o", "x.jpg"], "does not end in .json, .csv, .html, .png, .svg or .pdf"),
+        (["-o", "none/x.png"], "does not exist"),
         (["-D", "sensor"], "key=value"),
         (["--spp", "4", "--tolerance", "1%"], "cannot go with it"),
         (["--spp", "4", "--max-spp", "8"], "cannot go with it"),
@@ -223,7 +223,7 @@ def test_refused(refused, folder, options, message):
         "range_km,wavelength_um,transmittance,path_radiance_W_m2_sr_um\n1,2.9,0.5,0\n1,5.1,-0.1,0\n"
     )
     before = set(folder.iterdir())
-    plot = [] if "--plot" in options else ["--plot", "out.png"]
+    plot = [] if "-o" in options else ["-o", "out.png"]
     assert (
         message in refused("contrast", "disc.toml", *options, *plot)
         and set(folder.iterdir()) == before

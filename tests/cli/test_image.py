@@ -35,7 +35,7 @@ def scenario(folder):
 def test_files_and_tables(run, folder, figures):
     from PIL import Image
 
-    result = run(*SHORT, "--frames", 3, "--seed", 5, "--plot", "seen.png")
+    result = run(*SHORT, "--frames", 3, "--seed", 5, "-o", "seen.png")
     assert result.exit_code == 0, result.output
     for text in (
         "NETD                    predicted ",
@@ -97,7 +97,7 @@ def test_json_and_seed(run, folder):
         (("-D", "camera.pitch=3"), "unknown key of [camera] 'pitch'"),
         (("-D", "observer.range_m=1.5"), "is inside the target"),
         (("--tolerance", "1%"), "--spp sets a fixed number of samples"),
-        (("--plot", "seen.jpg"), "output 'seen.jpg' does not end in .png, .svg or .pdf"),
+        (("-o", "seen.jpg"), "output 'seen.jpg' does not end in .exr, .png, .svg or .pdf"),
     ],
 )
 def test_refused(refused, folder, arguments, text):
@@ -111,7 +111,7 @@ def test_needs_a_camera(refused, folder):
 
 
 def test_output_is_an_exr(refused):
-    assert "does not end in .exr" in refused("image", "disc.toml", "-o", "seen.png")
+    assert "does not end in .exr" in refused("image", "disc.toml", "-o", "seen.tif")
 
 
 def test_tiff_that_cannot_be_written(tmp_path):

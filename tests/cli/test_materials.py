@@ -193,7 +193,7 @@ def test_the_band_may_come_from_an_option(run, refused, asked, folder):
 
 
 def test_console_json_and_picture_state_the_same_verdict(run, asked, folder, figures):
-    result = run("fit", "mwir.csv", "--json", "--plot", "fit.svg")
+    result = run("fit", "mwir.csv", "--json", "-o", "fit.svg")
     quality = json.loads(result.stdout)["quality"]
     assert quality["verdict"] in run("fit", "mwir.csv").stdout
     texts = " ".join(
@@ -217,7 +217,7 @@ def test_json_on_stdout_and_in_the_file(run, asked, folder):
 @pytest.mark.slow
 def test_files_are_written(run, asked, folder):
     before = set(folder.iterdir())
-    assert run("fit", "mwir.csv", "lwir.csv", "-o", "fit.json", "--plot", "fit.PNG").exit_code == 0
+    assert run("fit", "mwir.csv", "lwir.csv", "-o", "fit.json", "-o", "fit.PNG").exit_code == 0
     assert {path.name for path in set(folder.iterdir()) - before} == {"fit.json", "fit.PNG"}
     assert list(json.loads((folder / "fit.json").read_text())["materials"]) == ["3-5", "8-12"]
     assert (folder / "fit.PNG").read_bytes().startswith(b"\x89PNG")
@@ -250,8 +250,11 @@ def test_files_are_written(run, asked, folder):
         (["mwir.csv", "--source-half-angle-deg", "90"], "--source-half-angle-deg"),
         (["mwir.csv", "--seed", "-1"], "--seed"),
         (["mwir.csv", "--quantity", "brf"], "--quantity"),
-        (["mwir.csv", "--plot", "nowhere/fit.png"], "does not exist"),
-        (["mwir.csv", "--plot", "fit.jpg"], "output 'fit.jpg' does not end in .png"),
+        (["mwir.csv", "-o", "nowhere/fit.png"], "does not exist"),
+        (
+            ["mwir.csv", "-o", "fit.jpg"],
+            "output 'fit.jpg' does not end in .json, .png, .svg or .pdf",
+        ),
         (["mwir.csv", "--output", "fit.xml"], "output 'fit.xml' does not end in .json"),
     ],
 )
@@ -269,7 +272,7 @@ def test_a_fit_that_fails_leaves_no_file_and_no_change(run, asked, folder, error
     (folder / "fit.png").write_text("old")
     before = {path: path.read_bytes() for path in folder.iterdir()}
     asked.errors.append(error)
-    result = run("fit", "mwir.csv", "-o", "fit.json", "--plot", "fit.png")
+    result = run("fit", "mwir.csv", "-o", "fit.json", "-o", "fit.png")
     assert (result.exit_code, result.stdout, result.stderr.strip().count("\n")) == (status, "", 0)
     assert {path: path.read_bytes() for path in folder.iterdir()} == before
 

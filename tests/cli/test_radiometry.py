@@ -44,7 +44,7 @@ def test_trend(run, folder):
         "0:20:20",
         "-o",
         "t.csv",
-        "--plot",
+        "-o",
         "t.png",
     )
     assert result.exit_code == 0, result.output
@@ -115,7 +115,7 @@ def test_a_tolerance_that_was_missed_is_told(run):
             "Missing option '-o'",
         ),
         (("-o", "t.csv"), "Missing option '--azimuth'"),
-        (("--azimuth", "0", "-o", "t.txt"), "does not end in .csv or .nc"),
+        (("--azimuth", "0", "-o", "t.txt"), "does not end in .csv, .nc, .png, .svg or .pdf"),
         (("--azimuth", "0", "-o", "t.csv", "--dask", "x", "--workers", 2), "give one of them"),
         (("--azimuth", "0", "-o", "no/t.csv"), "output folder 'no' does not exist"),
         (("--azimuth", "0", "-o", "t.csv", "--spp", 0), "--spp"),

@@ -2,6 +2,7 @@
 
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -62,20 +63,26 @@ def test_a_command_is_added_by_the_steps(tmp_path):
     command, line = (
         fence.text
         for fence in fences(PAGE)
-        if fence.language == "python" and "groups" in fence.text
+        if fence.language == "python" and "sensitivities" in fence.text
     )
-    (tmp_path / "mi_lcair/cli/groups.py").write_text(command)
+    assert len(list(filter(str.strip, command.splitlines()))) <= 10
+    (tmp_path / "mi_lcair/cli/sensitivities.py").write_text(command)
     file = tmp_path / "mi_lcair/cli/__init__.py"
     before = '        "scenes": "materials",\n'
     text = file.read_text()
     assert text.count(before) == 1
     file.write_text(text.replace(before, before + line))
-    for options, expected in (([], "\nplate\n"), (["--json"], '"kind": "groups"')):
+    words = shlex.split(re.search('mi-lcair (.*two_plates.*)"', command)[1])
+    for options, expected in (
+        ([], "sensitivities of two_plates, total"),
+        (["--json"], '"kind": "sensitivities"'),
+    ):
         done = subprocess.run(
-            [sys.executable, "-m", "mi_lcair", "groups", "two_plates", *options],
+            [sys.executable, "-m", "mi_lcair", *words, "-o", "table.csv", *options],
             cwd=tmp_path,
             capture_output=True,
             text=True,
             env={**os.environ, "PYTHONPATH": str(tmp_path)},
         )
         assert done.returncode == 0 and expected in done.stdout, done.stderr
+        assert "plate.temperature" in (tmp_path / "table.csv").read_text()

@@ -50,7 +50,7 @@ def test_command_and_render_with_the_solution(folder, tmp_path):
         """
     )
     solution, picture = tmp_path / "solution.json", tmp_path / "residual.png"
-    result = run("invert", folder / "problem.toml", "-o", solution, "--plot", picture)
+    result = run("invert", folder / "problem.toml", "-o", solution, "-o", picture)
     assert result.exit_code == 0, result.output
     assert "plate.temperature" in result.stdout and "determined" in result.stdout
     assert picture.stat().st_size > 10_000
