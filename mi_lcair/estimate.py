@@ -200,13 +200,18 @@ class Estimate:
         """The contributions as a table: a row for each, and for each member of a group.
 
         A group's row is followed by its members, whose share is NaN. `unit` is that of value and
-        sigma. The contribution is in the unit of the result.
+        sigma. The contribution is in the unit of the result. Of an array, columns of arrays have a
+        row of its shape for each. A column of sigma is text if one is stated so, such as "5 %".
         """
         of_rows = [(row, entry) for row in self.contributions for entry in (row, *row.members)]
         table = [entry for _, entry in of_rows]
 
         def column(name, kind=float):
-            return np.array([getattr(entry, name) for entry in table], kind)  # None is NaN
+            values = [getattr(entry, name) for entry in table]
+            if any(isinstance(value, str) for value in values):
+                return np.array(["" if value is None else str(value) for value in values])
+            # None is NaN
+            return np.array(np.broadcast_arrays(*(np.array(value, kind) for value in values)), kind)
 
         return {
             "quantity": column("quantity", str),

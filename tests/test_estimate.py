@@ -58,12 +58,26 @@ def test_arrays_and_their_reduction():
     assert middle.value == 20 and middle.standard_error == pytest.approx(32**0.5)
     assert middle["x"].contribution == 4 and middle["x"].sensitivity == 2
     assert middle["x"].share == middle["noise"].share == pytest.approx(0.5)
+    table = found.columns()
+    assert table["contribution_K"].tolist() == [[4, 4, 4], [-2, 4, 6]]
+    np.testing.assert_array_equal(table["sensitivity"], [[np.nan] * 3, slopes])
+    np.testing.assert_array_equal(table["sigma"], [np.nan, 2])
     last = found.reduced(lambda values: float(values[0]))
     assert last["x"].contribution == -2 and last.contributions[0].quantity == "noise"
     mean = found["x"].through(np.mean)
     assert mean.contribution == pytest.approx(8 / 3) and mean.sigma == 2
     with pytest.raises(KeyError):
         found["y"]
+
+
+def test_a_table_of_uncertainties_as_they_were_stated():
+    """Those of a heat balance are numbers or texts; arrays have a contribution for each value."""
+    rows = [Contribution("exchange", np.ones((2, 3)))]
+    rows += [Contribution(name, np.ones((2, 3)), sigma=s) for name, s in (("a", 2.0), ("b", "5 %"))]
+    table = Estimate.of(np.ones((2, 3)), "K", rows).columns()
+    assert table["sigma"].tolist() == ["", "2.0", "5 %"]
+    assert table["contribution_K"].shape == (3, 2, 3) and np.isnan(table["share"]).all()
+    assert Estimate(1.0, 0.1).columns()["sigma"].shape == (0,)
 
 
 @pytest.mark.parametrize(
