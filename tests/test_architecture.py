@@ -5,6 +5,7 @@ type checkers do not count.
 """
 
 import ast
+from collections import Counter
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -175,6 +176,16 @@ def file_of(name: str) -> Path:
 def test_modules_can_be_read():
     assert len(modules()) <= MOST_MODULES
     assert {name: n for name in modules() if (n := code_lines(name)) > MOST_LINES} == {}
+
+
+def test_a_class_name_stands_once():
+    classes = Counter(
+        node.name
+        for tree in modules().values()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ClassDef)
+    )
+    assert len(classes) > 300 and [name for name, n in classes.items() if n > 1] == []
 
 
 def test_a_folder_is_no_public_function():

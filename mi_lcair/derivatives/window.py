@@ -162,7 +162,7 @@ def columns_of(scene, names) -> dict[str, MaterialColumn | SourceColumn]:
 
 
 def explored_by(columns) -> frozenset:
-    """The surfaces that a render of these columns has to explore, see `exploring`."""
+    """The surfaces that a render of these columns has to explore, see `needs_exploring`."""
     names = {}
     for column in columns:
         for surface in column.surfaces if isinstance(column, MaterialColumn) else ():

@@ -122,9 +122,9 @@ class Walk:
     emitters: the scene's emitters. max_bounces: number of reflections after which a path ends.
     shares_hits: whether emitters that a ray can hit are also drawn. ambient_radiance: radiance of
     any surface after one more reflection [W m^-2 sr^-1]; None: the path ends before. explored: for
-    the pointer to a BSDF, a positive number if it is explored; None if none is, see `exploring`.
-    by_bin: tables of spectral materials; None if the scene has none. openings: those through which
-    no path leaves by chance; None where paths do.
+    the pointer to a BSDF, a positive number if it is explored; None if none is, see
+    `columns/tables.py`. by_bin: tables of spectral materials; None if the scene has none. openings:
+    those through which no path leaves by chance; None where paths do.
     """
 
     def __init__(

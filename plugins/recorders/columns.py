@@ -18,10 +18,10 @@ of most of this noise. Where the incoming radiance is uneven, but a narrow lobe 
 that body emits along the mirror direction is a better c. M is the same sum with the deviation of
 this emission from its mean in place of c, so that E + A L + Z + M has both.
 
-Where f_j is 0, the score has no value. The path then goes on as a latent one, see `exploring`, with
-the weight 1 in place of f_j / pdf_j. With B = (df_j/dp) / pdf_j and the radiance M that it meets,
-dL/dp = E + A L + B M. Scores of reflectances near 0 are large, and A L and E cancel. They are
-therefore summed in Float64.
+Where f_j is 0, the score has no value. The path then goes on as a latent one with the weight 1 in
+place of f_j / pdf_j, see `columns/tables.py`. With B = (df_j/dp) / pdf_j and the radiance M that it
+meets, dL/dp = E + A L + B M. Scores of reflectances near 0 are large, and A L and E cancel. They
+are therefore summed in Float64.
 """
 
 from dataclasses import dataclass

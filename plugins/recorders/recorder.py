@@ -32,9 +32,9 @@ class Emission:
     emitting surface; None for the sun. drawn_to: the direction in which it was drawn from the
     surface where the path is, in that surface's frame; None if a ray met it. before: `radiance` of
     a drawn direction per value of the BSDF at that surface; None if a ray met it. latent: radiance
-    along a latent path; None where nothing is explored, see `exploring`. by_bin: its parts by
-    source and bin of wavelength; None in a scene without spectral materials. toward: what a ray in
-    the drawn direction hits, the emitter or what hides it; None if a ray met it.
+    along a latent path; None where nothing is explored, see `columns/tables.py`. by_bin: its parts
+    by source and bin of wavelength; None in a scene without spectral materials. toward: what a ray
+    in the drawn direction hits, the emitter or what hides it; None if a ray met it.
     """
 
     radiance: mi.Float
@@ -65,8 +65,8 @@ class Reflection:
     [1/sr]. is_delta: whether it has none. drawn: the direction drawn toward an emitter; None if
     none are drawn. active: whether the path goes on from here. receives: whether it is reflected
     and then receives emission. becomes_latent: whether it becomes a latent path; None where nothing
-    is explored, see `exploring`. mirrored: radiance that surfaces emit toward here along the mirror
-    direction [W m^-2 sr^-1]; None unless a recorder needs it.
+    is explored, see `columns/tables.py`. mirrored: radiance that surfaces emit toward here along
+    the mirror direction [W m^-2 sr^-1]; None unless a recorder needs it.
     """
 
     bsdf: mi.BSDFPtr

@@ -55,7 +55,7 @@ def test_links_of_a_tutorial_lead_to_pages():
 def test_the_page_of_keys_has_every_table_that_a_user_writes():
     """Each class on the base of tables, but for those whose entries are in another table.
 
-    Sampling, View and Conditions hold arguments of functions and are no tables of a file.
+    Sampling, View and ImageConditions hold arguments of functions and are no tables of a file.
     """
     page = (ROOT / "docs/reference/keys.md").read_text(encoding="utf-8")
     places = re.findall(r"^::: keys (\S+)$", page, re.MULTILINE)
