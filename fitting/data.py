@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mi_lcair.declared import Described, entry
+from mi_lcair.declared import Bounds, Described, entry
 from mi_lcair.errors import InputError
 from mi_lcair.fitting.model import Hemispherical, Scatterometer
 from mi_lcair.fitting.scatterometer.reading import DirectionalData, Measurements
@@ -420,19 +420,18 @@ def select(
     return data, used, dropped
 
 
+ANGLE_DEG = Bounds(lower=0, upper=np.nextafter(90, 0))
+
+
 def with_std(table: DirectionalData, quantity: str) -> DirectionalData:
     """The table as `quantity`, with a standard deviation at each angle.
 
     Raises InputError for values outside 0..1 and angles outside 0..90 degrees.
     """
     value = np.asarray(table.value, dtype=float)
-    if not (
-        np.all((value >= 0) & (value <= 1))
-        and np.all((table.theta >= 0) & (table.theta < np.pi / 2))
-    ):
-        raise InputError(
-            f"{quantity}: values must lie in 0..1 and angles in 0..90 degrees, 90 excluded"
-        )
+    Bounds(lower=0, upper=1).check_all(value, lambda k: f"{quantity}: value")
+    angle = f"{quantity}: angle [degrees]"
+    ANGLE_DEG.check_all(np.degrees(table.theta), lambda k: angle, hint=", 90 excluded")
     std = (
         np.full(len(value), DIRECTIONAL_STD)
         if table.std is None

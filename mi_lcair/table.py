@@ -93,11 +93,10 @@ class TextTable:
             )
         return values
 
-    def check_range(self, column: str, values, lowest: float, highest: float) -> None:
-        """Raise InputError, with the line, for a value that is missing or outside the limits."""
-        Bounds(lower=lowest, upper=highest).check_all(
-            values, lambda row: f"{self.file}, line {self.rows[row][0]}: {column}"
-        )
+    def check_range(self, column: str, values, bounds: Bounds, hint: str = "") -> None:
+        """Raise InputError, with the line, for a value that is missing or out of bounds."""
+        line = f"{self.file}, line {{}}: {column}"
+        bounds.check_all(values, lambda row: line.format(self.rows[row][0]), hint)
 
 
 def read_table(path: str | Path, needed, kind: str = "") -> TextTable:

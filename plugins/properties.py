@@ -18,6 +18,7 @@ from mi_lcair.errors import InputError, check_known, errors_of
 # Largest temperature [K]. Squares of the in-band radiance of a hotter blackbody would come near the
 # largest Float32 number.
 HOTTEST = 1e5
+TEMPERATURE = Bounds(is_positive=True, upper=HOTTEST, unit="K")
 # Largest radiance [W m^-2 sr^-1]. Its square, summed over many samples, is still a Float32 number.
 BRIGHTEST = 1e15
 RADIANCE_UNIT = "W m^-2 sr^-1"

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from mi_lcair.errors import InputError, check_known, option, shown, unknown
+from mi_lcair.estimate import WIDTH
 from mi_lcair.files import read_bytes, read_text
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.spectral_table import read_directional_table
@@ -209,10 +210,8 @@ def read(
     for role in [role for role in ANGLES if role in columns]:
         data[role] = _radians(table, role, *columns[role], data[role])
     sigma = data.get("sigma")
-    if sigma is not None and not (sigma > 0).all():
-        raise InputError(
-            f"{path}, line {table.rows[np.argmin(sigma > 0)][0]}: sigma must be positive"
-        )
+    if sigma is not None:
+        table.check_range("sigma", sigma, WIDTH)
 
     in_plane, theta_i, theta_r, side = _in_plane(table, columns, data, theta_r_positive)
     upright = np.maximum(theta_i, abs(theta_r)) < HORIZON

@@ -164,7 +164,6 @@ def render_with_errors(
         For settings out of bounds, samples beside a tolerance, and an image with NaN or infinite
         pixels.
     """
-    Bounds(lower=0, upper=2**32 - 1).check(seed, "seed")
     sampling = sampling_of(
         spp=spp, tolerance=tolerance, max_spp=max_spp, seed=seed, sensor=sensor, progress=progress
     )

@@ -4,13 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mi_lcair.declared import Described, entry
+from mi_lcair.declared import Bounds, Described, entry
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.table import read_table
 
 POSITION, ATTITUDE = ("x_m", "y_m", "z_m"), ("yaw_deg", "pitch_deg", "roll_deg")
 OBSERVER = tuple(f"observer_{name}" for name in POSITION)
 NEEDED = ("time_s", *POSITION, *ATTITUDE)
+HISTORIES = Bounds(lower=0, upper=1e5, unit="K")
 HISTORY = "temperature."  # beginning of the columns that are temperatures of groups
 MOST_MOMENTS = 1_000_000
 
@@ -65,7 +66,7 @@ class FlightTable(Described, where="[flight]"):
             line = table.rows[int(np.argmax(np.diff(time_s) <= 0)) + 1][0]
             raise InputError(f"{table.file}, line {line}: time_s must rise from row to row")
         for name in histories:
-            table.check_range(name, rows[name], 0, 1e5)
+            table.check_range(name, rows[name], HISTORIES)
         for name in ATTITUDE:
             rows[name] = np.unwrap(rows[name], period=360)
         at = time_s

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError
 from mi_lcair.files import revision
 from mi_lcair.table import LARGEST, read_table
@@ -103,7 +104,8 @@ def _read(path, revision, kind, columns, keys, keyless) -> SpectralTable:
     largest = {name: limit for name, limit in largest.items() if name in file.columns}
     table = file.numbers(largest)
     for name, limit in largest.items():
-        file.check_range(name, table[name], SHORTEST_UM if name == WAVELENGTH else 0, limit)
+        least = SHORTEST_UM if name == WAVELENGTH else 0
+        file.check_range(name, table[name], Bounds(lower=least, upper=limit))
     numbers = [number for number, _ in file.rows]
 
     keys_of_rows = np.stack([np.zeros(len(numbers)), *(table[key] for key in keys)])
@@ -168,14 +170,15 @@ def read_directional_table(
     """
     table = read_table(path, ("theta_deg", quantity))
     std = f"{quantity}_std"
-    columns = table.numbers(
-        [name for name in ("theta_deg", quantity, std) if name in table.columns]
-    )
+    bounds = {
+        "theta_deg": Bounds(lower=0, upper=90),
+        quantity: Bounds(lower=0, upper=1),
+        std: Bounds(lower=SMALLEST_STD, upper=1),
+    }
+    columns = table.numbers([name for name in bounds if name in table.columns])
+    for name, values in columns.items():
+        table.check_range(name, values, bounds[name])
     theta, value = columns["theta_deg"], columns[quantity]
-    table.check_range("theta_deg", theta, 0, 90)
-    table.check_range(quantity, value, 0, 1)
-    if std in columns:
-        table.check_range(std, columns[std], SMALLEST_STD, 1)
     order = np.argsort(theta, kind="stable")
     repeated = order[1:][np.diff(theta[order]) == 0]
     if repeated.size:

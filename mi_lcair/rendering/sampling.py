@@ -21,8 +21,7 @@ DEFAULT_MAX_SPP = 2**16  # largest number of samples per pixel for a tolerance
 class Sampling(Described, rules=(ONE_CHOICE,)):
     """How a render is sampled. A public function makes it once and hands it on whole.
 
-    Raises InputError for numbers that are not positive, and for both a number of
-    samples and a tolerance.
+    Raises InputError for numbers out of bounds, and for both a number of samples and a tolerance.
 
     Attributes
     ----------
@@ -47,8 +46,8 @@ class Sampling(Described, rules=(ONE_CHOICE,)):
     paths: int | None = entry(None, is_positive=True)
     tolerance: float | None = entry(None, is_positive=True)
     max_spp: int | None = entry(None, is_positive=True, upper=MOST_SPP)
-    seed: int = 0
-    sensor: int = 0
+    seed: int = entry(0, lower=0, upper=2**32 - 1)
+    sensor: int = entry(0, lower=0)
     progress: Progress | None = None
 
     @property

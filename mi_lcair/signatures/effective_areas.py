@@ -18,7 +18,7 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import in_band_radiance, polynomials, spectral_radiance
 from mi_lcair.plugins.emission.source import Source
-from mi_lcair.plugins.properties import HOTTEST
+from mi_lcair.plugins.properties import TEMPERATURE
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import UNSEEN, Totals, student_factor
 from mi_lcair.results import Result, entry, summary_of
@@ -298,7 +298,7 @@ def temperatures_of(sources: list[Source], changed: Mapping) -> list:
     """Temperature of each source, K, with the changes by group applied.
 
     It is None for a tabulated source. Raises InputError for an unknown group, for a temperature
-    that is not above 0 and at most HOTTEST, and for a source that radiates too little for its
+    that is not above 0 and at most 1e5 K, and for a source that radiates too little for its
     effective area to be known.
     """
     blackbodies = {
@@ -310,11 +310,8 @@ def temperatures_of(sources: list[Source], changed: Mapping) -> list:
                 f"{group} at {T:g} K" for group, T in sorted(blackbodies)
             ]
             raise unknown("blackbody group", str(key), known)
-        if not np.all((changed[key] > 0) & (changed[key] <= HOTTEST)):
-            raise InputError(
-                f"group {key}: temperature {changed[key]} K; it must be above 0 and at most "
-                f"{HOTTEST:g} K"
-            )
+        kelvin, where = np.ravel(changed[key]), f"group {key}: temperature"
+        TEMPERATURE.check_all(kelvin, lambda k, where=where: where)
     result = [
         None
         if source.temperature is None

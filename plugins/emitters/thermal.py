@@ -9,7 +9,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.declared import needs, one_of
+from mi_lcair.declared import Bounds, needs, one_of
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.derivatives import check_attached, held, members, same_variables, unrecorded
@@ -157,13 +157,8 @@ class Thermal(ThermalEmitter):
         self.derived_from = held(self.sources())
         for temperature in self.derived_from:
             values = dr.detach(temperature).numpy()
-            bad = ~((values > 0) & (values < float("inf")))
-            if bad.any():
-                where = f" of facet {int(bad.argmax())}" if len(values) > 1 else ""
-                raise InputError(
-                    f"thermal: temperature{where} = {values[bad][0]:g} K; "
-                    "must be positive and finite"
-                )
+            where = f"thermal: temperature{' of facet {}' if len(values) > 1 else ''}"
+            Bounds(is_positive=True, unit="K").check_all(values, where.format)
             if self.first_temperatures is None:
                 self.first_temperatures = np.array(values)
             Float64 = dr.float64_array_t(mi.Float)

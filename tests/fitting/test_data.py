@@ -210,5 +210,6 @@ def test_tables_of_emissivities():
     table.std = np.array([0.001, 0.003])
     assert with_std(table, "emissivity").std.tolist() == [0.002, 0.003]
     for theta, value in ((0.5, 1.01), (0.5, -0.01), (np.pi / 2, 0.5), (-0.1, 0.5)):
-        with pytest.raises(InputError, match="dhr: values must lie in 0..1 and angles in 0..90"):
+        message = "dhr: (value = .* in 0..1|angle .degrees. = .* in 0..90, 90 excluded)"
+        with pytest.raises(InputError, match=message):
             with_std(DirectionalData(np.array([theta]), np.array([value])), "dhr")

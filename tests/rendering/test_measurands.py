@@ -32,6 +32,12 @@ def test_only_positive_numbers(name, value):
         Sampling(**{name: value})
 
 
+@pytest.mark.parametrize("name", ["seed", "sensor"])
+def test_numbers_from_0(name):
+    with pytest.raises(InputError, match=f"{name} = -1; must (be 0 or more|lie in 0..)"):
+        Sampling(**{name: -1})
+
+
 @pytest.mark.parametrize("other", [{"tolerance": 0.1}, {"max_spp": 8}])
 def test_a_number_of_samples_or_a_tolerance(other):
     with pytest.raises(InputError, match="spp sets a fixed number of samples"):

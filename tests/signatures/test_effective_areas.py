@@ -278,7 +278,7 @@ def test_another_band_is_refused(plate, wanted):
         areas.spectrum([3.0, 4.0])
     with pytest.raises(InputError, match="unknown blackbody group 'wall9'"):
         areas.intensity("target", {"wall9": 300.0})
-    with pytest.raises(InputError, match="group wall0: temperature -5 K"):
+    with pytest.raises(InputError, match="group wall0: temperature = -5 K"):
         areas.intensity("target", {"wall0": -5})
     with pytest.raises(InputError, match="unknown part 'all'"):
         areas.intensity("all")

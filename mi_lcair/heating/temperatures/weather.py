@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError
 from mi_lcair.files import read_text
 from mi_lcair.heating.temperatures.balance import DAY
@@ -34,7 +35,7 @@ AT_TIMES = ("air_K", "h_W_m2_K", "sky_K", "ground_K", "sun_W_m2", "diffuse_W_m2"
 ROWS = ("wind_m_s", *AT_TIMES)  # columns of a CSV beside the hour
 PLACE = ("latitude_deg", "longitude_deg", "utc_offset_h", "day")
 LIMITS = {
-    entry.name: (bounds.lower, min(bounds.upper, LARGEST))
+    entry.name: Bounds(lower=bounds.lower, upper=min(bounds.upper, LARGEST))
     for entry in fields(WeatherTable)
     if (bounds := entry.metadata.get("bounds"))
 }
@@ -128,7 +129,7 @@ def weather(table: WeatherTable, folder: Path, steps: int, is_periodic: bool) ->
         count = max(2, round((hours[-1] - hours[0]) / 24 * steps))
         times = HOUR * np.linspace(hours[0], hours[-1], count + 1)[1:]
     for name, numbers in rows.items():
-        text.check_range(name, numbers, *LIMITS[name])
+        text.check_range(name, numbers, LIMITS[name])
         centres = hours - 0.5 * (is_epw and name in MEANS)
         values[name] = interpolated(times, centres * HOUR, numbers, is_periodic)
     return completed(table, values | place, times, where)
@@ -208,13 +209,13 @@ def epw_rows(path: Path, given: WeatherTable) -> tuple[TextTable, dict, dict]:
             raise InputError(f"{where}, line {of_day[int(absent.argmax())][0]}: {name} is missing")
     numbers["air_K"] += ZERO_CELSIUS
     if "infrared" in numbers:
-        table.check_range("infrared", numbers["infrared"], 0, 9999)
+        table.check_range("infrared", numbers["infrared"], Bounds(lower=0, upper=9999))
         numbers["sky_K"] = (numbers.pop("infrared") / STEFAN_BOLTZMANN) ** 0.25
     *names, _ = PLACE
     head = TextTable(where, names, [(1, lines[0][6:9])])
     place = head.numbers(names)
     for name, values in place.items():
-        head.check_range(name, values, *LIMITS[name])
+        head.check_range(name, values, LIMITS[name])
     return table, numbers, {name: float(value[0]) for name, value in place.items()}
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from mi_lcair.declared import percent
+from mi_lcair.declared import Bounds, percent
 from mi_lcair.derivatives.images import DerivativeImages, differentiate_image, facet_matrix
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import rendered_as, setting_of
@@ -178,7 +178,7 @@ def sigma_of(facets: np.ndarray, stated: float | Path, group: str) -> np.ndarray
         return np.full(len(facets), float(stated))
     table = read_table(stated, ("facet", "sigma_K"), "standard deviations")
     columns = table.numbers(("facet", "sigma_K"))
-    table.check_range("sigma_K", columns["sigma_K"], 0, LARGEST)
+    table.check_range("sigma_K", columns["sigma_K"], Bounds(lower=0, upper=LARGEST))
     sigma = dict(zip(columns["facet"].tolist(), columns["sigma_K"].tolist()))
     if len(sigma) < len(columns["facet"]):
         raise InputError(f"{table.file}: a facet is listed twice")

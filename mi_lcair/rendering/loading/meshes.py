@@ -17,8 +17,8 @@ from mi_lcair.physics.bands import BUNDLED
 from mi_lcair.physics.materials import BUILT_IN
 from mi_lcair.plugins.derivatives import children, members
 from mi_lcair.plugins.emission.triangles import NORMALS, TEXTURE, VERTICES, is_faceted
-from mi_lcair.plugins.properties import beside_scene
-from mi_lcair.rendering.loading.parsing import BOUNDS, REACHED, TEMPERATURE, properties
+from mi_lcair.plugins.properties import TEMPERATURE, beside_scene
+from mi_lcair.rendering.loading.parsing import BOUNDS, REACHED, properties
 
 # What a loaded scene tells about itself in one line
 # --------------------------------------------------

@@ -17,7 +17,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.models3d.model import SIZES_AWAY
 from mi_lcair.physics.bands import band
 from mi_lcair.plugins import PLUGINS
-from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST, beside_scene
+from mi_lcair.plugins.properties import BRIGHTEST, TEMPERATURE, beside_scene
 
 # Checks of a parsed scene before Mitsuba creates its objects
 # -----------------------------------------------------------
@@ -29,7 +29,6 @@ REACHED = Bounds(lower=0, upper=1e9, unit="m")
 MOST_SAMPLES = 2**32 - 1  # largest number of samples per pixel
 FINITE = Bounds(lower=-3.4e38, upper=3.4e38)  # in Float32
 SHARE, POSITIVE = Bounds(lower=0, upper=1), Bounds(is_positive=True, upper=1e30)
-TEMPERATURE = Bounds(is_positive=True, upper=HOTTEST, unit="K")
 EMITTED = Bounds(lower=0, upper=BRIGHTEST)
 SHARES = (
     *("reflectance", "specular_reflectance", "specular_transmittance", "diffuse_reflectance"),

@@ -14,6 +14,7 @@ from os import PathLike
 import mitsuba as mi
 import numpy as np
 
+from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.derivatives import members, own_memory
 from mi_lcair.plugins.emitters.thermal_emitter import thermal_shapes
@@ -135,7 +136,7 @@ def declare_modes(scene: Scene, path: str | PathLike[str]) -> None:
     if not columns:
         raise InputError(f"{MODES} {path}: has no column {BEFORE}NAME{AFTER}")
     numbers = table.numbers(("facet", "kelvin", *columns))
-    table.check_range("kelvin", numbers["kelvin"], 1, 1e5)
+    table.check_range("kelvin", numbers["kelvin"], Bounds(lower=1, upper=1e5))
     facets = numbers["facet"].astype(int).tolist()
     set_facets(scene, dict(zip(facets, numbers["kelvin"].tolist())))
     row = {facet: number for number, facet in enumerate(facets)}

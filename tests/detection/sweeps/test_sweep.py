@@ -262,7 +262,7 @@ BAD = [
     ({"conditions": {"camera.f_number": [2]}}, "belongs to the camera"),
     ({"conditions": {"temperature.wing": [300]}}, "blackbody group"),
     ({"conditions": {"temperature.self": ["hot"]}}, "must be a number"),
-    ({"conditions": {"temperature.self": [1e9]}}, "at most 100000 K"),
+    ({"conditions": {"temperature.self": [1e9]}}, "at most 100000"),
     ({"conditions": {"range_m": [1]}}, "inside the target"),
     ({"conditions": {"air": ["fog"]}}, "fog"),
     ({"conditions": {"target.parameters.colour": ["red"]}}, "colour"),

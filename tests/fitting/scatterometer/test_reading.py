@@ -437,7 +437,7 @@ BAD = {
     ),
     "sigma 0": (
         "theta_i_deg,theta_r_deg,brdf,sigma\n20,30,1,1\n20,40,1,0\n",
-        ", line 3: sigma must be positive",
+        ", line 3: sigma = ",
     ),
     "band": (
         "# band_um: MWIR\n" + OWN + "20,30,1\n",

@@ -84,7 +84,7 @@ def test_refused(folder):
     for text, message in (
         ("facet,kelvin\n0,300\n", "no column by_NAME_K"),
         ("facet,kelvin,by_h_K\n90,300,1\n", "none of its facets"),
-        ("facet,kelvin,by_h_K\n0,-300,1\n", "kelvin -300"),
+        ("facet,kelvin,by_h_K\n0,-300,1\n", "kelvin = -300"),
     ):
         (folder / "bad.csv").write_text(text)
         with pytest.raises(InputError, match=message):

@@ -7,6 +7,7 @@ from types import MappingProxyType
 import numpy as np
 
 from mi_lcair.errors import InputError, errors_of
+from mi_lcair.estimate import WIDTH
 from mi_lcair.knowing.inversion.data.camera_image import COUNTS, CameraImage
 from mi_lcair.knowing.inversion.data.datum import SPP_OF_VIEWS, Datum
 from mi_lcair.knowing.inversion.data.readings import (
@@ -220,9 +221,7 @@ def from_trend(entry, scene: Scene):
     table = read_table(entry.trend, needed)
     columns = table.numbers(needed)
     sigma = np.full(len(table.rows), entry.sigma) if entry.sigma else columns[ERROR]
-    if not (sigma > 0).all():
-        line = table.rows[int(np.argmin(sigma > 0))][0]
-        raise InputError(f"{entry.trend}, line {line}: {ERROR} is not positive; give sigma instead")
+    table.check_range(ERROR, sigma, WIDTH, "; or give sigma instead")
     aspects = tuple(zip(*(columns[name].tolist() for name in ASPECT)))
     return columns[INTENSITY], sigma, views_of(scene, aspects), aspects
 

@@ -14,6 +14,7 @@ from mi_lcair.detection.irradiance import in_weather, weather_quantities
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import Setting, holding, rendered_as, setting_of
 from mi_lcair.errors import InputError, check_known
+from mi_lcair.estimate import WIDTH
 from mi_lcair.knowing.budgets.contrast_number import ContrastNumber, present
 from mi_lcair.knowing.inversion.tables import prior_of
 from mi_lcair.physics.bands import Band
@@ -186,8 +187,7 @@ class MeasuredSpectrum:
         if not has_spectral_materials(scene.mi):
             raise InputError(f"{scene.name}: a spectrum needs a material by wavelength, none is")
         sigma = np.full(len(x), sigma) if sigma else columns[SIGMA]
-        if not (sigma > 0).all():
-            raise InputError(f"{path}: {SIGMA} is not positive")
+        WIDTH.check_all(sigma, lambda k: f"{path}: {SIGMA}")
         return MeasuredSpectrum(bins, columns[RADIANCE], sigma)
 
     def predicted(self, scene: Scene, names, sampling: Sampling) -> tuple[np.ndarray, list]:
