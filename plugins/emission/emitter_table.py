@@ -8,15 +8,10 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.bsdfs.plume import is_passed, spectral_plumes
+from mi_lcair.plugins.emission import triangles
 from mi_lcair.plugins.emission.draw_table import DrawTable, FieldOfView, can_be_hit, radiance_bound
 from mi_lcair.plugins.emission.sources import Groups, Sources, at_pointer
 from mi_lcair.plugins.emission.spherical_polygons import Receiver
-from mi_lcair.plugins.emission.triangles import (
-    is_faceted,
-    pointer_id,
-    random_integer,
-    triangle_corners,
-)
 from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of, groups_of, is_thermal, one_sun
 from mi_lcair.plugins.paths.launch import Offsets
 
@@ -118,13 +113,15 @@ class EmitterTable:
         self.groups = Groups(scene, emitters)
         self.labels = self.groups.labels
         self.sun = one_sun(emitters)
-        self.sun_id = None if self.sun is None else mi.UInt32(pointer_id(mi.EmitterPtr(self.sun)))
+        self.sun_id = (
+            None if self.sun is None else mi.UInt32(triangles.pointer_id(mi.EmitterPtr(self.sun)))
+        )
         self.band = one_band(emitters)
         # The emitter whose parts depend on the direction; None if the scene has none
         self.divided = next((e for e in emitters if is_thermal(e) and e.is_divided), None)
         self.divided_id = None
         if self.divided is not None:
-            self.divided_id = mi.UInt32(pointer_id(mi.EmitterPtr(self.divided)))
+            self.divided_id = mi.UInt32(triangles.pointer_id(mi.EmitterPtr(self.divided)))
         self.sources = Sources(emitters, self.labels, self.band, by_spectrum)
 
         bounds = {emitter: radiance_bound(emitter) for emitter in emitters if can_be_hit(emitter)}
@@ -149,7 +146,7 @@ class EmitterTable:
         self.passes = any(map(is_passed, flags))
         # Drawn rays count how often they pass each plume that depends on wavelength
         pointers = map(mi.BSDFPtr, spectral_plumes(scene))
-        self.spectral_plumes = [mi.UInt32(pointer_id(pointer)) for pointer in pointers]
+        self.spectral_plumes = [mi.UInt32(triangles.pointer_id(pointer)) for pointer in pointers]
         # No emitter is drawn at a surface that rays pass
         self.transmits = any(
             of_bsdf & int(mi.BSDFFlags.Transmission) and not is_passed(of_bsdf) for of_bsdf in flags
@@ -261,7 +258,7 @@ class EmitterTable:
         """
         ds = dr.zeros(mi.DirectionSample3f)
         receiver = None if table.tree is None else self.receiver(si)
-        index, probability = table.pick(random_integer(sample1), receiver, active)
+        index, probability = table.pick(triangles.random_integer(sample1), receiver, active)
         other, may_radiate, compared = None, mi.Bool(True), mi.Float(0)
         from_panels = active & (index < table.panel_count)
         from_others = active & ~from_panels
@@ -527,8 +524,8 @@ def one_band(emitters):
 
 def hulls(shape) -> np.ndarray:
     """Corners of a mesh's triangles, or of another shape's bounding box, (sets, points, 3) [m]."""
-    if is_faceted(shape):
-        return np.stack(triangle_corners(shape), axis=1).astype(np.float64)
+    if triangles.is_faceted(shape):
+        return np.stack(triangles.triangle_corners(shape), axis=1).astype(np.float64)
     box = shape.bbox()
     return np.array([[np.ravel(box.corner(k)) for k in range(8)]], dtype=np.float64)
 

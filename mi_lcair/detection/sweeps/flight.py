@@ -10,6 +10,7 @@ from mi_lcair.detection.flight_path import Moments
 from mi_lcair.detection.irradiance import LineOfSources
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import sun_over
+from mi_lcair.detection.sweeps import sweep
 from mi_lcair.detection.sweeps.subject import (
     TEMPERATURE,
     AreasFolder,
@@ -17,14 +18,6 @@ from mi_lcair.detection.sweeps.subject import (
     Subject,
     loaded,
     sightline,
-)
-from mi_lcair.detection.sweeps.sweep import (
-    beside_noise,
-    of_terms,
-    planned,
-    results_of,
-    sources_of,
-    terms_of,
 )
 from mi_lcair.errors import InputError, errors_of
 from mi_lcair.estimate import Estimate
@@ -168,7 +161,7 @@ def measure_flight(
     if scenario.flight is None:
         raise InputError("has no table [flight]; give the CSV of a path in it: path = 'path.csv'")
     loaded.cache_clear()  # files may have changed since the last flight
-    sources_of.cache_clear()
+    sweep.sources_of.cache_clear()
     aspects = Aspects(scenario, scenario.flight.moments(), folder)
     errors = aspects.refine(scenario.flight.tolerance)
     table = table_of(aspects, errors, progress)
@@ -222,7 +215,7 @@ class Aspects:
         self.lines: dict[int, Line] = {}
         self.areas: dict[int, ViewAreas] = {}
         first = self.line(0)
-        temperatures_of(sources_of(first.subject, first.light), first.temperatures)
+        temperatures_of(sweep.sources_of(first.subject, first.light), first.temperatures)
 
     def subject(self, number: int) -> Subject:
         """The scene at a moment, which its attitude alone changes."""
@@ -250,11 +243,11 @@ class Aspects:
             target = Target.of(line.subject.load())
             below_m = float(np.max(target.centre[2] - target.points[:, 2]))
             self.moments.check_above(below_m, self.moments.attitude_deg[number])
-        batches = planned(lines, self.scenario.render.resolution, self.sampling)
-        of_lit, _ = results_of(batches, self.folder, None)
+        batches = sweep.planned(lines, self.scenario.render.resolution, self.sampling)
+        of_lit, _ = sweep.results_of(batches, self.folder, None)
         for number, line in zip(new, lines):
             lit = line.subject, line.light
-            areas = replace(of_lit[lit], sources=sources_of(*lit))
+            areas = replace(of_lit[lit], sources=sweep.sources_of(*lit))
             self.areas[number] = areas.of_views([areas.views.index(line.views[0])])
 
     def terms(self, number: int, traced: int) -> dict[str, Estimate]:
@@ -262,7 +255,7 @@ class Aspects:
         line = self.line(number)
         areas, sight = self.areas[traced].at_temperatures(line.temperatures), line.sight
         amounts = LineOfSources(areas, sight.detector.band, sight.air, sight.backdrop)
-        return terms_of(amounts, sight.path, amounts.per_amount(sight.path))
+        return sweep.terms_of(amounts, sight.path, amounts.per_amount(sight.path))
 
     def between(self, number: int, pair: tuple[int, int]) -> dict[str, Estimate]:
         """The TERMS of a moment between two that were traced.
@@ -334,9 +327,9 @@ def table_of(
                 "azimuth_deg": line.views[0].azimuth_deg,
                 "elevation_deg": line.views[0].elevation_deg,
                 "traced": float(is_traced),
-                **of_terms(terms),
+                **sweep.of_terms(terms),
                 "interpolation_error_W_m2": error,
-                **beside_noise(line.sight.detector, terms["total"]),
+                **sweep.beside_noise(line.sight.detector, terms["total"]),
             }
         )
         if progress:

@@ -18,14 +18,7 @@ from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import rendered_as, setting_of
 from mi_lcair.errors import InputError, errors_of
 from mi_lcair.estimate import Contribution, Distribution, Estimate, in_unit
-from mi_lcair.knowing.budgets.contrast_number import (
-    ApparentTemperature,
-    ContrastNumber,
-    DetectionRangeNumber,
-    IntensityNumber,
-    Netd,
-    SignalToNoise,
-)
+from mi_lcair.knowing.budgets import contrast_number
 from mi_lcair.knowing.budgets.inputs import Inputs
 from mi_lcair.knowing.budgets.monte_carlo import MonteCarlo, monte_carlo
 from mi_lcair.knowing.budgets.number import Number
@@ -367,11 +360,11 @@ def second_order(
 
 # What the budget of a scenario may be of
 NUMBERS = {
-    "contrast": ContrastNumber,
-    "apparent_temperature": ApparentTemperature,
-    "detection_range": DetectionRangeNumber,
-    "snr": SignalToNoise,
-    "netd": Netd,
+    "contrast": contrast_number.ContrastNumber,
+    "apparent_temperature": contrast_number.ApparentTemperature,
+    "detection_range": contrast_number.DetectionRangeNumber,
+    "snr": contrast_number.SignalToNoise,
+    "netd": contrast_number.Netd,
 }
 NOISE, TRUNCATION = "noise of the rendering", "reflections left out"
 
@@ -568,7 +561,7 @@ def result_of(what: Scene | Scenario, sampling: Sampling, names=(), of: str = "c
                 yield NUMBERS[of](what, setting, names=names)
     else:
         what.mi.integrator().check_differentiable()
-        yield IntensityNumber(what, replace(sampling, progress=None))
+        yield contrast_number.IntensityNumber(what, replace(sampling, progress=None))
 
 
 def remarks(number: Number, checks: list[Check], distribution: MonteCarlo | None) -> list[str]:

@@ -13,13 +13,8 @@ from math import isclose
 
 import numpy as np
 
+from mi_lcair.derivatives import window
 from mi_lcair.derivatives.common_numbers import PARTS, CommonNumbers
-from mi_lcair.derivatives.window import (
-    MOST_COLUMNS,
-    differences_of,
-    differentiate_intensity,
-    without_column,
-)
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.source import rounded
 from mi_lcair.plugins.recorders.radiance import MAX_BOUNCE_CHANNELS
@@ -271,17 +266,17 @@ class Number(ABC):
     def rendered_derivatives(self, names, sigma):
         if not self.has_weights:
             return self.differences(names, sigma)
-        lacking = without_column(self.scene, names)
+        lacking = window.without_column(self.scene, names)
         if lacking:
             k = np.isin(names, list(lacking))
             result = np.empty((2, len(names)))
             result[:, k] = self.differences(np.array(names)[k], np.array(sigma)[k])
             result[:, ~k] = self.rendered_derivatives(np.array(names)[~k], np.array(sigma)[~k])
             return result
-        sensitivity = differentiate_intensity(
+        sensitivity = window.differentiate_intensity(
             self.scene, names, self.numbers.repeated, self.part, self.weights()
         )
-        self.columns += -(-len(names) // MOST_COLUMNS)
+        self.columns += -(-len(names) // window.MOST_COLUMNS)
         return sensitivity.derivative, sensitivity.error[1:]
 
     def differences(self, names, sigma) -> np.ndarray:
@@ -307,7 +302,7 @@ class Number(ABC):
         Its two renders also give the number at plus and minus that, for `at`. Their mean differs
         from the present number by the curvature, which a pilot gives.
         """
-        difference = differences_of(self.numbers, name).at(sigma)
+        difference = window.differences_of(self.numbers, name).at(sigma)
         self.numbers.count += 2
         step, present = difference.step, self.known[name].value
         high, low = (

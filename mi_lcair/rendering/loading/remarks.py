@@ -20,13 +20,7 @@ from mi_lcair.plugins.emission.triangles import (
 )
 from mi_lcair.plugins.emitters.thermal_emitter import one_sun, thermal_shapes
 from mi_lcair.plugins.paths.launch import OF_POSITION, UNIT, numbers
-from mi_lcair.rendering.loading.parsing import (
-    INDEPENDENT,
-    extent,
-    far_origin,
-    properties,
-    references,
-)
+from mi_lcair.rendering.loading import parsing
 
 # Remarks on triangles and rectangles of a scene: sheets in one plane, and parts too small
 # ----------------------------------------------------------------------------------------
@@ -148,7 +142,7 @@ def shapes_without_bsdf(state) -> list[str]:
     for node in state.nodes:
         if node.type != mi.ObjectType.Shape or node.props.plugin_name() in WITHOUT_BSDF:
             continue
-        inside = {state.nodes[child].type for child in references(properties(node))}
+        inside = {state.nodes[child].type for child in parsing.references(parsing.properties(node))}
         if mi.ObjectType.BSDF not in inside:
             reflects = "nothing" if mi.ObjectType.Emitter in inside else "half of what arrives"
             lines.append(
@@ -165,7 +159,7 @@ def turned_inside_out(state, scene: mi.Scene) -> list[str]:
     """
     shapes, lines = {shape.id(): shape for shape in scene.shapes()}, []
     for node in state.nodes:
-        values, shape = properties(node), shapes.get(node.props.id())
+        values, shape = parsing.properties(node), shapes.get(node.props.id())
         if shape is None or "to_world" not in values or values.get("flip_normals", False):
             continue
         mirrors = np.linalg.det(np.array(values["to_world"].matrix)[:3, :3]) < 0
@@ -203,8 +197,8 @@ def remarks_on_materials(scene: mi.Scene) -> list[str]:
 def remarks_on_loaded(scene: mi.Scene) -> list[str]:
     """Remarks on a scene that Mitsuba has loaded, which `load` would have prepared otherwise."""
     lines = []
-    if far_origin(scene) is not None:
-        low, high = extent(scene)
+    if parsing.far_origin(scene) is not None:
+        low, high = parsing.extent(scene)
         offset = OF_POSITION * UNIT * max(abs(low).max(), abs(high).max())
         lines.append(
             "the scene lies far from its origin, where single precision is coarse: rays start "
@@ -212,7 +206,7 @@ def remarks_on_loaded(scene: mi.Scene) -> list[str]:
             "mi_lcair.load moves the scene of a file"
         )
     if any(numbers(sensor.sampler()) == "independent" for sensor in scene.sensors()):
-        lines.append(INDEPENDENT)
+        lines.append(parsing.INDEPENDENT)
     return lines
 
 
@@ -280,7 +274,7 @@ def clipped(loaded, sensors) -> list[str]:
     Also on those from which parallel rays come so far that single precision does not resolve the
     scene well.
     """
-    (low, high), lines = extent(loaded), []
+    (low, high), lines = parsing.extent(loaded), []
     for number, sensor in enumerate(sensors):
         clips, place = members(sensor), members(sensor).get("to_world")
         if place is None or "near_clip" not in clips:

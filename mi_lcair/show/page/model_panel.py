@@ -6,12 +6,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.formats import or_nan
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.show.page.line_panel import Panel, column_data
-from mi_lcair.show.pictures.image_channels import (
-    WHOLE,
-    around_target,
-    channel_quantity,
-    limits_of_channel,
-)
+from mi_lcair.show.pictures import image_channels
 
 # Panel of images: the channels of a radiance image, with a read-out of every channel
 # -----------------------------------------------------------------------------------
@@ -32,7 +27,7 @@ def image_panel(channels: dict[str, np.ndarray], shown=(), orthographic_m=None) 
         Width and height of the window that an orthographic sensor sees, m.
     """
     values = {name: with_gaps(name, pixels) for name, pixels in channels.items()}
-    part = around_target(channels)
+    part = image_channels.around_target(channels)
     height, width = next(iter(values.values())).shape
     names = list(values)
     first = [name for name in shown if name in values] or names[:2]
@@ -50,15 +45,15 @@ def image_panel(channels: dict[str, np.ndarray], shown=(), orthographic_m=None) 
             "channels": [
                 {
                     "name": name,
-                    "quantity": channel_quantity(name)[0],
-                    "unit": channel_quantity(name)[1],
+                    "quantity": image_channels.channel_quantity(name)[0],
+                    "unit": image_channels.channel_quantity(name)[1],
                     "values": pixels.ravel(),
                     **scales(name, pixels[part]),
                     "extent": extent(pixels),
                 }
                 for name, pixels in values.items()
             ],
-            "part": part != WHOLE,
+            "part": part != image_channels.WHOLE,
             "shown": [names.index(name) for name in first],
             "seen": {"names": list(groups), "channels": list(groups.values())},
         },
@@ -80,7 +75,7 @@ def scales(name: str, values: np.ndarray, weights=None) -> dict[str, tuple[float
 
     def ends(is_drawn, log: bool):
         of_drawn = None if weights is None else weights[is_drawn]
-        limits = limits_of_channel(name, [values[is_drawn]], log, weights=of_drawn)
+        limits = image_channels.limits_of_channel(name, [values[is_drawn]], log, weights=of_drawn)
         return limits.lower, limits.upper
 
     return {"limits": ends(is_known, False), "log_limits": ends(is_known & (values > 0), True)}

@@ -175,10 +175,8 @@ def test_derivatives_that_are_rendered(monkeypatch):
         calls.append((names, part, weights))
         return SimpleNamespace(derivative=np.array([7.0]), error=np.array([9.0, 0.7]))
 
-    monkeypatch.setattr("mi_lcair.knowing.budgets.number.differentiate_intensity", differentiated)
-    monkeypatch.setattr(
-        "mi_lcair.knowing.budgets.number.without_column", lambda scene, names: set()
-    )
+    monkeypatch.setattr("mi_lcair.derivatives.window.differentiate_intensity", differentiated)
+    monkeypatch.setattr("mi_lcair.derivatives.window.without_column", lambda scene, names: set())
     number = Sum()
     number.numbers.repeated = None
     derivative, error = number.derivatives(["scenario.offset", "paint.b"], [0.1, 0.1])

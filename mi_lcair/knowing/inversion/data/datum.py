@@ -10,13 +10,8 @@ from scipy.ndimage import maximum_filter
 
 from mi_lcair.derivatives.images import differentiate_image, facet_matrix, randomised_images
 from mi_lcair.derivatives.window import differentiate_intensity
+from mi_lcair.knowing.inversion.data import readings
 from mi_lcair.knowing.inversion.data.camera_image import ROOM, CameraImage
-from mi_lcair.knowing.inversion.data.readings import (
-    MeasuredContrast,
-    MeasuredSpectrum,
-    Observation,
-    spread,
-)
 from mi_lcair.knowing.inversion.least_squares.prediction import (
     CommonNoise,
     DatumBlock,
@@ -77,7 +72,7 @@ class Datum:
         Spectrum that was measured.
     """
 
-    entry: Observation
+    entry: readings.Observation
     number: int
     scene: Scene
     where: Where
@@ -88,12 +83,12 @@ class Datum:
     aspects: tuple[tuple[float, float], ...] = ()
     goal: Goal | None = None
     background: np.ndarray | float = 0.0
-    sight: MeasuredContrast | None = None
+    sight: readings.MeasuredContrast | None = None
     shares: dict[str, np.ndarray] = field(default_factory=dict)
     camera: CameraImage | None = None
     common: CommonNoise | None = None
     is_spectral: bool = False
-    spectrum: MeasuredSpectrum | None = None
+    spectrum: readings.MeasuredSpectrum | None = None
 
     @property
     def label(self) -> str:
@@ -337,7 +332,7 @@ class Datum:
         for view in self.views:
             of_view = self._sampling(sampling, seed, view)
             slopes = differentiate_intensity(view, names, of_view)
-            each = spread(slopes.deviations)
+            each = readings.spread(slopes.deviations)
             radiance.append(slopes.value + each[0])
             columns.append(slopes.derivative[:, None] + each[1:])
         radiance = np.array(radiance).T  # (R, n)

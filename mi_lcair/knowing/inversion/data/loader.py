@@ -8,18 +8,9 @@ import numpy as np
 
 from mi_lcair.errors import InputError, errors_of
 from mi_lcair.estimate import WIDTH
+from mi_lcair.knowing.inversion.data import readings
 from mi_lcair.knowing.inversion.data.camera_image import COUNTS, CameraImage
 from mi_lcair.knowing.inversion.data.datum import SPP_OF_VIEWS, Datum
-from mi_lcair.knowing.inversion.data.readings import (
-    Candidate,
-    MeasuredContrast,
-    MeasuredSpectrum,
-    Measurement,
-    Observation,
-    check_radiance,
-    measured_radiance,
-    noise_of_netd,
-)
 from mi_lcair.knowing.inversion.least_squares.prediction import CommonNoise, DatumBlock
 from mi_lcair.knowing.inversion.tables import Goal, RenderSettings
 from mi_lcair.knowing.inversion.unknowns import Where
@@ -57,44 +48,44 @@ class Loader:
     motions: dict[str, Declared] = field(default_factory=dict)
     scenes: dict = field(default_factory=dict)
 
-    def scene(self, entry: Observation) -> Scene:
+    def scene(self, entry: readings.Observation) -> Scene:
         key = entry.scene, tuple(sorted(entry.scene_parameters().items()))
         if key not in self.scenes:
             parameters = entry.scene_parameters()
             self.scenes[key] = load_with_values(entry.scene, parameters, motions=self.motions)
         return self.scenes[key]
 
-    def datum(self, entry: Observation, number: int, facet_groups: set[str]) -> Datum:
+    def datum(self, entry: readings.Observation, number: int, facet_groups: set[str]) -> Datum:
         """The datum of an entry; raises InputError with its name in front."""
         with errors_of(entry.name):
             return self._datum(entry, number, facet_groups)
 
-    def _datum(self, entry: Observation, number: int, facet_groups: set[str]) -> Datum:
+    def _datum(self, entry: readings.Observation, number: int, facet_groups: set[str]) -> Datum:
         sight = None
-        if isinstance(entry, Measurement) and entry.contrast is not None:
-            sight = MeasuredContrast.of(entry.scene, entry.parameters, self.motions)
+        if isinstance(entry, readings.Measurement) and entry.contrast is not None:
+            sight = readings.MeasuredContrast.of(entry.scene, entry.parameters, self.motions)
         camera = None
-        if isinstance(entry, Measurement) and entry.is_of_camera:
+        if isinstance(entry, readings.Measurement) and entry.is_of_camera:
             camera = CameraImage.of(entry.scene, entry.parameters, self.motions)
         seen = sight or camera
         scene = seen.setting.view if seen else self.scene(entry)
         width, height = scene.sensor(entry.sensor).film().crop_size()
         scene.mi.integrator().check_differentiable()
         counts, views, aspects, sigma, common, spectrum = None, (), (), None, None, None
-        if isinstance(entry, Candidate):
+        if isinstance(entry, readings.Candidate):
             counts = np.ones((height, width), dtype=bool)
             measured = np.full(height * width, np.nan)
         elif camera:
             values, counts = camera.measured(entry)
             measured = values[counts]
         elif entry.image is not None:
-            values, sigma, counts = measured_radiance(entry, scene.band, (height, width))
+            values, sigma, counts = readings.measured_radiance(entry, scene.band, (height, width))
             measured = values[counts]
             sigma = None if sigma is None else sigma[counts]
         elif entry.trend is not None:
             measured, sigma, views, aspects = from_trend(entry, scene)
         elif entry.spectrum is not None:
-            spectrum = MeasuredSpectrum.read(entry.spectrum, entry.sigma, scene)
+            spectrum = readings.MeasuredSpectrum.read(entry.spectrum, entry.sigma, scene)
             measured, sigma = spectrum.radiance, spectrum.sigma
         elif sight:
             measured = np.array([entry.contrast])
@@ -104,7 +95,7 @@ class Loader:
         if camera:
             is_corrected = camera.scenario.camera.nuc and entry.quantity != COUNTS
             noise = camera.noise(is_corrected, counts)
-        if not isinstance(entry, Candidate):
+        if not isinstance(entry, readings.Candidate):
             check_noise(noise(measured), measured)
             if entry.model_error:
                 shares = shares_of_groups(scene, entry.sensor, counts)
@@ -147,7 +138,7 @@ def goal_datum(
     goal: Goal, sampling: RenderSettings, motions: Mapping[str, Declared] = MappingProxyType({})
 ) -> Datum:
     """The datum of a goal: wanted intensities, all with the same small standard deviation."""
-    entry = Observation(goal.scene, "goal", dict(goal.parameters))
+    entry = readings.Observation(goal.scene, "goal", dict(goal.parameters))
     scene = load_with_values(entry.scene, entry.scene_parameters(), motions=motions)
     scene.mi.integrator().check_differentiable()
     views = views_of(scene, goal.aspects)
@@ -175,18 +166,18 @@ def goal_datum(
     )
 
 
-def noise_model(entry: Observation, band, sigma) -> Callable:
+def noise_model(entry: readings.Observation, band, sigma) -> Callable:
     """Function that gives the standard deviation of a measurement for predicted values.
 
     It contains the error of each pixel's prediction that `model_sigma` states.
     """
-    if isinstance(entry, Measurement) and entry.model_error:
+    if isinstance(entry, readings.Measurement) and entry.model_error:
         measured = noise_model(replace(entry, model_sigma=None), band, sigma)
         return lambda predicted: np.hypot(measured(predicted), entry.model_error * predicted)
     if sigma is not None:
         return lambda predicted: sigma
     if entry.netd_mK is not None:
-        return lambda predicted: noise_of_netd(band, predicted, entry.netd_mK)
+        return lambda predicted: readings.noise_of_netd(band, predicted, entry.netd_mK)
     return lambda predicted: np.full(len(predicted), entry.sigma)
 
 
@@ -235,6 +226,6 @@ def check_units(data: list[Datum], blocks: list[DatumBlock]) -> None:
     """Raise InputError for measured images whose unit is not that of the predicted radiance."""
     for datum, block in zip(data, blocks):
         if datum.is_image and datum.camera is None:
-            check_radiance(
+            readings.check_radiance(
                 datum.entry.image, datum.measured, block.radiance.mean(axis=0), datum.scene.band
             )
