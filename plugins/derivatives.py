@@ -251,8 +251,8 @@ def leaves(plugins, mode: dr.ADMode):
             plugin.derived = tree
 
 
-def own_memory(arrays) -> None:
-    """Copy arrays that were made from NumPy's into memory of Dr.Jit.
+def own_memory(arrays):
+    """Copy arrays that were made from NumPy's into memory of Dr.Jit, and return them.
 
     NumPy's memory is aligned by chance. Dr.Jit compiles a kernel for either case, and gathers
     vectors faster where it is aligned. A kernel that reads an array entry by entry reads whole
@@ -262,6 +262,7 @@ def own_memory(arrays) -> None:
     for array in arrays:
         array[mi.Bool(True)] = gathered(array)
     dr.eval(arrays)
+    return arrays
 
 
 def gathered(array):

@@ -143,6 +143,7 @@ def hemispherical_emissivity(surface: Radiator, nodes: int = 64) -> np.ndarray:
     si.n, si.sh_frame = mi.Normal3f(0, 0, 1), mi.Frame3f(mi.Normal3f(0, 0, 1))
     si.wi = mi.Vector3f(mi.Float(np.sqrt(sin2)), 0, mi.Float(side * np.sqrt(1 - sin2)))
     si.uv = mi.Point2f(np.random.default_rng(0).random((2, len(side))))
+    own_memory([si.wi, si.uv])
     emitted = surface.emissivity(si, mi.Bool(True))
     return np.broadcast_to(emitted.numpy(), len(side)).reshape(-1, nodes).astype(float) @ w / 2
 

@@ -10,6 +10,7 @@ import scipy
 
 from mi_lcair.declared import Bounds, Described, entry, percent
 from mi_lcair.errors import InputError
+from mi_lcair.plugins.derivatives import own_memory
 from mi_lcair.plugins.emission.triangles import is_faceted, vertex_positions
 from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of
 from mi_lcair.rendering.loading.parsing import extent
@@ -212,7 +213,7 @@ def terrain_before(
         middle, *sides = target.window(view)
         starts.append(target.eye(view, middle) + places @ sides)
     outward = np.repeat([view.direction for view in views], len(places), axis=0)
-    start, outward = mi.Point3f(np.concatenate(starts).T), mi.Vector3f(outward.T)
+    start, outward = own_memory([mi.Point3f(np.concatenate(starts).T), mi.Vector3f(outward.T)])
     with scene.prepared() as tracer:
 
         def is_terrain(origin, direction):

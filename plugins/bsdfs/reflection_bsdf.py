@@ -534,7 +534,7 @@ def stored_tables(model: ReflectionModel, values: tuple, form: str) -> tuple:
 def first_saturated_angle_deg(model: ReflectionModel, values: tuple, form: str) -> float | None:
     """Smallest angle [degrees] at which a model's HDR exceeds 1; None if there is none."""
     theta = np.linspace(0, 0.5 * np.pi, 1801)[:-1]
-    cos, sin2 = mi.Float(np.cos(theta)), mi.Float(np.sin(theta) ** 2)
+    cos, sin2 = derivatives.own_memory([mi.Float(np.cos(theta)), mi.Float(np.sin(theta) ** 2)])
     floor, lobe = parts_of_HDR(model, stored_tables(model, values, form), cos, sin2)
     above = (floor + lobe).numpy() > 1 + ALARM
     return float(np.degrees(theta[above.argmax()])) if above.any() else None

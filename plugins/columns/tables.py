@@ -296,7 +296,7 @@ def needs_exploring(bsdf, names) -> bool:
     if bsdf.change:
         return False  # has no derivatives along paths
     theta = np.radians(DEGREES)
-    cos, sin2 = mi.Float(np.cos(theta)), mi.Float(np.sin(theta) ** 2)
+    cos, sin2 = own_memory([mi.Float(np.cos(theta)), mi.Float(np.sin(theta) ** 2)])
     floor, lobe = (dr.detach(part).numpy() for part in bsdf.raw_HDR(cos, sin2))
     if np.min(floor + lobe) < SMALL:
         return True

@@ -2,10 +2,12 @@
 be right.
 """
 
+import re
 import subprocess
 import sys
 from pathlib import Path
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
@@ -429,3 +431,24 @@ def test_what_a_render_derives_does_not_change():
         with pytest.raises(AttributeError, match="max_bounces"):
             tracer.max_bounces = 0
     np.testing.assert_array_equal(first.radiance, second.radiance)
+
+
+@pytest.mark.parametrize("model", ["microfacet", "sandford_robertson"])
+def test_kernels_are_the_same_in_each_run(tmp_path, model):
+    """None reads an array as it is aligned, as NumPy's are by chance.
+
+    Dr.Jit compiles another kernel where it is not aligned, which took a second or more.
+    """
+    numbers = {
+        "microfacet": {"alpha": 0.213, "gamma": 2.04, "n": 3.1, "k": 2.2, "rho_d": 0.19},
+        "sandford_robertson": {"epsilon": 0.213, "rho_d": 0.11, "b": 0.52, "e": 0.31},
+    }
+    given = "".join(f'<float name="{name}" value="{v}"/>' for name, v in numbers[model].items())
+    path = write(tmp_path, SENSOR, PATH, shape(f'<bsdf type="{model}">{given}</bsdf>{THERMAL}'))
+    dr.kernel_history_clear()
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        mi_lcair.signature(mi_lcair.load(path), spp=4)
+        kernels = dr.kernel_history([dr.KernelType.JIT])
+    assert len(kernels) > 10
+    unaligned = re.compile(r"load <\d+ x \w+>, ptr %\w+_p3, align 1,")
+    assert [k["hash"] for k in kernels if unaligned.search(k["ir"].getvalue())] == []

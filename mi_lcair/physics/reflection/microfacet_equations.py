@@ -216,6 +216,14 @@ def unit_rule(count):
     return 0.5 * (x + 1), 0.5 * weight
 
 
+def tiled(Float, numbers, count):
+    """NumPy's numbers `count` times. They go through a list, into memory of Dr.Jit.
+
+    NumPy's is aligned by chance, and Dr.Jit compiles a kernel for either case.
+    """
+    return dr.tile(Float(numbers.tolist()), count)
+
+
 def lobe_reflectance(S, theta_r, reflectance):
     """HDR of the lobe, with derivatives attached to S.
 
@@ -278,8 +286,8 @@ def polar_nodes(theta_r, alpha):
     at_top = panel == 0  # the first panel begins at the maximum; only its end is a break
     place = np.where(at_top, x * (2 - x), x * x * (3 - 2 * x))
     weight = weight * np.where(at_top, 2 * (1 - x), 6 * x * (1 - x))
-    place, weight = (Float(np.tile(numbers, count)) for numbers in (place, weight))
-    panel = dr.uint32_array_t(Float)(np.tile(panel, count))
+    place, weight = (tiled(Float, numbers, count) for numbers in (place, weight))
+    panel = tiled(dr.uint32_array_t(Float), panel, count)
     edges = breaks(theta_r)
     start, end = Float(0), Float(0)
     for number in range(len(POLAR)):
@@ -311,7 +319,7 @@ def azimuthal_integral(S, theta_r, theta, reflectance):
     total = 0
     stretches = ((lowest, end_shadow), (end_shadow, end_masking), (end_masking, 0))
     for number, (nodes, (start, end)) in enumerate(zip(AZIMUTHS, stretches)):
-        x, weight = (Float(np.tile(numbers, count)) for numbers in unit_rule(nodes))
+        x, weight = (tiled(Float, numbers, count) for numbers in unit_rule(nodes))
         length, scale, first = (
             dr.repeat(v + dr.zeros(Float, count), nodes) for v in (start - end, width, start)
         )
@@ -343,7 +351,5 @@ def mean_transmittance(contrast, nk):
     x = GRAZING_KNEE * np.sinh(REACH * x)
     count = max(dr.width(contrast), dr.width(nk))
     lanes = [dr.repeat(v + dr.zeros(Float, count), MEAN_NODES) for v in (contrast, nk)]
-    cos = Float(np.tile(x, count))
-    return dr.block_sum(
-        transmittance(cos, *lanes) * Float(np.tile(2 * x * weight, count)), MEAN_NODES
-    )
+    cos, weight = (tiled(Float, numbers, count) for numbers in (x, 2 * x * weight))
+    return dr.block_sum(transmittance(cos, *lanes) * weight, MEAN_NODES)

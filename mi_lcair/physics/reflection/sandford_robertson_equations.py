@@ -326,7 +326,7 @@ def integrate_elevation(integrand, peak, S: SandfordRobertsonSurface):
     Float = type(peak)
     x, weights = gauss(NODES)
     count = dr.width(peak)
-    x, weights = (dr.tile(Float(nodes), count) for nodes in (0.5 * (x + 1), 0.5 * weights))
+    x, weights = (dr.tile(Float(nodes.tolist()), count) for nodes in (0.5 * (x + 1), 0.5 * weights))
     theta_0, S = dr.repeat(peak, NODES), S.repeat(NODES)
     lobe_width = 2 * dr.detach(S.e)
     horizon_width = dr.maximum(dr.minimum(dr.detach(S.b), lobe_width), 1e-4)

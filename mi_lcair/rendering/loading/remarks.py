@@ -9,7 +9,7 @@ from mi_lcair.models3d.coincident import overlaps
 from mi_lcair.models3d.modellers.naming import ICE_POINT, LOWEST
 from mi_lcair.plugins.bsdfs.plume import is_passed
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf, reflection_layers
-from mi_lcair.plugins.derivatives import deriving, members, nodes
+from mi_lcair.plugins.derivatives import deriving, members, nodes, own_memory
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
 from mi_lcair.plugins.emission.triangles import (
     NORMALS,
@@ -238,7 +238,9 @@ def in_celsius(scene: mi.Scene) -> list[str]:
 def surfaces_that_emit_nothing(scene: mi.Scene) -> list[str]:
     """Remarks on thermal emitters whose surface has an emissivity of 0."""
     cos = np.tile([1.0, 0.5, 0.1, -1.0, -0.5, -0.1], 16)
-    texture = np.random.default_rng(0).random((2, len(cos)))
+    wi = mi.Vector3f(np.sqrt(1 - cos**2), 0 * cos, cos)
+    texture = mi.Point2f(np.random.default_rng(0).random((2, len(cos))))
+    own_memory([wi, texture])
     remarks, known = [], set()  # known: surfaces that emit
     for shape in thermal_shapes(scene):
         emitter, layers, surface = shape.emitter(), reflection_layers(shape.bsdf()), shape
@@ -248,9 +250,8 @@ def surfaces_that_emit_nothing(scene: mi.Scene) -> list[str]:
         if surface in known:
             continue
         si = dr.zeros(mi.SurfaceInteraction3f, len(cos))
-        si.wi, si.shape = mi.Vector3f(np.sqrt(1 - cos**2), 0 * cos, cos), mi.ShapePtr(shape)
+        si.wi, si.uv, si.shape = wi, texture, mi.ShapePtr(shape)
         si.n, si.sh_frame = mi.Normal3f(0, 0, 1), mi.Frame3f(mi.Normal3f(0, 0, 1))
-        si.uv = mi.Point2f(texture)
         if not dr.all(dr.detach(emitter.emissivity(si, mi.Bool(True))) < 1e-5):
             known.add(surface)
         else:
@@ -318,15 +319,16 @@ LEAST_SHARE, LEAST_REFLECTED = 0.05, 0.01
 MOST_BEHIND = 0.5  # share of what is seen from behind that is not remarked
 
 
-def random_numbers() -> np.ndarray:
-    """The same for each scene, (7, RAYS)."""
-    return np.random.default_rng(0).random((7, RAYS)).astype(np.float32)
+def random_numbers() -> list[mi.Float]:
+    """The same for each scene, 7 of RAYS."""
+    numbers = np.random.default_rng(0).random((7, RAYS)).astype(np.float32)
+    return own_memory([mi.Float(row) for row in numbers])
 
 
-def first_hits(scene: mi.Scene, emitters: EmitterTable, numbers: np.ndarray) -> tuple:
+def first_hits(scene: mi.Scene, emitters: EmitterTable, numbers: list[mi.Float]) -> tuple:
     """First hits of the first sensor's rays, their BSDFs, and which are opaque and of the model."""
     ray, _ = scene.sensors()[0].sample_ray(
-        0.0, mi.Float(numbers[0]), mi.Point2f(numbers[1:3]), mi.Point2f(numbers[3:5])
+        0.0, numbers[0], mi.Point2f(*numbers[1:3]), mi.Point2f(*numbers[3:5])
     )
     si = scene.ray_intersect(ray)
     bsdf = si.bsdf(ray)
@@ -359,8 +361,8 @@ def reflections_of_nothing(scene: mi.Scene, emitters: EmitterTable) -> list[str]
     numbers = random_numbers()
     with dr.suspend_grad():
         si, bsdf, on_target = first_hits(scene, emitters, numbers)
-        sample, number = mi.Point2f(numbers[5:7]), mi.Float(numbers[0])
-        bs, weight = bsdf.sample(mi.BSDFContext(), si, number, sample, on_target)
+        sample = mi.Point2f(*numbers[5:7])
+        bs, weight = bsdf.sample(mi.BSDFContext(), si, numbers[0], sample, on_target)
         reflected = dr.select(on_target, weight[0], 0)
         beyond = scene.ray_intersect(emitters.spawn_ray(si, si.to_world(bs.wo)), on_target)
         escapes = on_target & ~beyond.is_valid()
