@@ -8,7 +8,7 @@ import numpy as np
 
 from mi_lcair.charts import Scale
 from mi_lcair.drawing import new_figure, plain, styled
-from mi_lcair.errors import InputError, unknown
+from mi_lcair.errors import InputError, check_known
 from mi_lcair.formats import has_value, quantity_of_channel
 from mi_lcair.sections import heading, typeset_unit
 
@@ -311,8 +311,7 @@ def check_cmap(name: str | None) -> None:
     """Raise InputError for a colour map that Matplotlib does not have."""
     from matplotlib import colormaps
 
-    if name is not None and name not in colormaps:
-        raise unknown("colour map", name, [known for known in colormaps if known[-2:] != "_r"])
+    check_known("colour map", colormaps, name)
 
 
 def drawable(name: str, values: np.ndarray) -> np.ndarray:
