@@ -17,8 +17,8 @@ import math
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from dataclasses import MISSING, dataclass, field, fields
-from numbers import Real
-from types import UnionType
+from numbers import Integral, Real
+from types import NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin
 
 from mi_lcair.errors import InputError, check_known, errors_of
@@ -47,7 +47,7 @@ class Bounds:
         """
         least = self.lower - rounding * abs(self.lower) if rounding else self.lower
         most = self.upper + rounding * abs(self.upper) if rounding else self.upper
-        if not (
+        if isinstance(value, str) or not (
             math.isfinite(value) and least <= value <= most and (value > 0 or not self.is_positive)
         ):
             unit = "" if self.unit == "1" else f" {self.unit}"
@@ -243,10 +243,14 @@ def check_fields(table: Any) -> None:
             check_known(name, get_args(kind), *values)
         if kind is dict:
             texts(name, value)
-        if "bounds" in declared.metadata and not isinstance(value, str):
+        is_word = isinstance(value, str) and {*get_args(declared.type)} - {int, float, NoneType}
+        if "bounds" in declared.metadata and not is_word:
             for number in values:
                 if isinstance(number, Real):  # arrays and complex numbers are not a user's
                     declared.metadata["bounds"].check(number, name)
+                if kind is int and not isinstance(number, Integral) or isinstance(number, str):
+                    whole = "whole " if kind is int else ""
+                    raise InputError(f"{name} = {number!r}; must be a {whole}number")
 
 
 def texts(where: str, table: Mapping[str, object]) -> dict[str, str]:
@@ -275,7 +279,7 @@ def fraction(value: float | str | None) -> float | None:
         If a text is not such a fraction, or if a number is 1 or more, as 5 is where 5 % is meant.
     """
     if not isinstance(value, str):
-        if value is not None and value >= 1:
+        if value is not None and not (isinstance(value, Real) and value < 1):
             raise InputError(f"{value} is not a fraction between 0 and 1, such as 0.01 or '1%'")
         return value
     number, percent, rest = value.partition("%")

@@ -11,13 +11,14 @@ from mi_lcair.heating.temperatures.description import HeatDescription
 from mi_lcair.heating.temperatures.heat_result import Heat
 from mi_lcair.heating.temperatures.solve import temperatures
 from mi_lcair.rendering.motions.motion import toward
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import SceneLike
 from mi_lcair.tasks import exclusively
 
 # `exchange`, the radiative conductors between the facets of a scene
 # ------------------------------------------------------------------
 
-POSITIVE, KELVIN, ELEVATION = Bounds(lower=1), Bounds(lower=0), Bounds(lower=-90, upper=90)
+KELVIN, ELEVATION = Bounds(lower=0), Bounds(lower=-90, upper=90)
 
 
 @exclusively
@@ -67,7 +68,7 @@ def exchange(
         surfaces that do not emit, for a plume that transmits, and for a material without an entry
         for the total band or LWIR.
     """
-    POSITIVE.check(paths, "paths")
+    Sampling(paths=paths, seed=seed)  # raises InputError for numbers that cannot be used
     for name, kelvin in (("sky_K", sky_K), ("ground_K", ground_K)):
         if kelvin is not None:
             KELVIN.check(kelvin, name)

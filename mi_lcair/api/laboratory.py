@@ -245,6 +245,8 @@ def audit(
     ------
     InputError
         If the scene has an emitter that is not thermal, or a surface without an emitter whose
-        absorption is unknown.
+        absorption is unknown, or if a number cannot be used.
     """
-    return audit_flux(scene_of(scene, parameters), paths, seed, progress)
+    return audit_flux(
+        scene_of(scene, parameters), Sampling(paths=paths, seed=seed, progress=progress)
+    )

@@ -22,8 +22,8 @@ from mi_lcair.plugins.bsdfs.reflection_bsdf import reflection_layers
 from mi_lcair.plugins.emission.emissivity import emissivity_of
 from mi_lcair.plugins.emission.triangles import pointer_id
 from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of, is_thermal
-from mi_lcair.progress import Progress
 from mi_lcair.rendering.facets import FacetTable, FacetTracer, Radiator
+from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import corners
 from mi_lcair.results import Result, entry
@@ -393,19 +393,11 @@ SIGNIFICANT = 1e-3  # an imbalance is reported if it exceeds this share of the f
 NAMED = 5  # largest number of facets that a remark names
 
 
-def audit_flux(scene: Scene, photons: int, seed: int, progress: Progress | None) -> Audit:
+def audit_flux(scene: Scene, sampling: Sampling) -> Audit:
     """Follow photons from the emitters of a loaded scene until they are absorbed or escape.
 
-    Parameters
-    ----------
-    scene : Scene
-    photons : int
-        Photons from each emitter.
-    seed : int
-    progress : callable or None
-        Called with (emitters done, all emitters).
-
-    Raises InputError for a scene whose flux cannot be followed.
+    sampling: its paths are those from each emitter, and its progress is called with (emitters done,
+    all emitters). Raises InputError for a scene whose flux cannot be followed.
     """
     table = FacetTable(scene)
     emitters = list(scene.mi.emitters())
@@ -414,14 +406,14 @@ def audit_flux(scene: Scene, photons: int, seed: int, progress: Progress | None)
             f"{scene.name}: only the flux of thermal emitters, sun and sky can be followed; the "
             "scene has others"
         )
-    photons = -(-photons // BATCHES) * BATCHES
+    photons = -(-sampling.paths // BATCHES) * BATCHES
     tally = Tally.of(table.count)
     with scene.prepared(), dr.suspend_grad():
         tracer = PhotonTracer(scene, table)
         for number, emitter in enumerate(emitters):
-            follow(tracer, emitter, photons, seed * len(emitters) + number, tally)
-            if progress:
-                progress(number + 1, len(emitters))
+            follow(tracer, emitter, photons, sampling.seed * len(emitters) + number, tally)
+            if sampling.progress:
+                sampling.progress(number + 1, len(emitters))
     return account(scene, table, tally, photons * len(emitters))
 
 

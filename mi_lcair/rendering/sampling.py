@@ -29,7 +29,7 @@ class Sampling(Described, rules=(ONE_CHOICE,)):
         Samples per pixel. None: as many as the tolerance needs or, without one, as the sensor
         states.
     paths : int or None
-        Paths of each window in place of `spp`.
+        Paths of each window in place of `spp`, or of each emitter or facet.
     tolerance : float or None
         Allowed error as a fraction. The function that measures says of what.
     max_spp : int or None

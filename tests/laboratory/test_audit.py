@@ -460,6 +460,12 @@ AUDIT = Audit(
 )
 
 
+@pytest.mark.parametrize("paths", [0, -8, "many"])
+def test_numbers_of_paths_that_cannot_be_used(paths):
+    with pytest.raises(InputError, match=f"paths = {paths!r}; must be "):
+        mi_lcair.audit("open_box", paths=paths)
+
+
 def test_summary():
     assert AUDIT.summary() == (
         "audit of room, LWIR: 100 +- 1 W emitted, balance 0.5 +- 0.2 % of it (standard errors), "

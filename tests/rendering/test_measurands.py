@@ -2,6 +2,7 @@
 error of totals compared with the allowed error, by hand.
 """
 
+import re
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -36,6 +37,18 @@ def test_only_positive_numbers(name, value):
 def test_numbers_from_0(name):
     with pytest.raises(InputError, match=f"{name} = -1; must (be 0 or more|lie in 0..)"):
         Sampling(**{name: -1})
+
+
+@pytest.mark.parametrize("name", ["spp", "paths", "max_spp", "seed", "sensor"])
+@pytest.mark.parametrize("value", ["many", 2.5, [4]])
+def test_numbers_that_count_are_whole(name, value):
+    with pytest.raises(InputError, match=re.escape(f"{name} = {value!r}; must be a whole number")):
+        Sampling(**{name: value})
+
+
+def test_a_tolerance_is_a_number():
+    with pytest.raises(InputError, match="tolerance = 'small'; must be a number"):
+        Sampling(tolerance="small")
 
 
 @pytest.mark.parametrize("other", [{"tolerance": 0.1}, {"max_spp": 8}])
