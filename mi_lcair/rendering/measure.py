@@ -35,7 +35,7 @@ from mi_lcair.rendering.measurands import (
     source_count,
 )
 from mi_lcair.rendering.pixels import Allocation, PixelCriterion, allocate, may_be_sent, on_workers
-from mi_lcair.rendering.sampling import ONE_CHOICE, Sampling
+from mi_lcair.rendering.sampling import TWO_CHOICES, Sampling
 from mi_lcair.rendering.scene import Scene, changed
 from mi_lcair.rendering.statistics import Totals, check_valid, student_factor
 from mi_lcair.rendering.views import model_shapes
@@ -348,7 +348,7 @@ def measure(
     if criterion is None:
         sampling = sampling.settled(windows.sensor)
     elif sampling.spp is not None:
-        raise InputError(ONE_CHOICE.message(sampling))
+        raise InputError(TWO_CHOICES)
     windows.check(sampling)
     binning = measurands.binning(sampling.tolerance)
     with scene.prepared(measurands.by_spectrum, measurands.explored, binning) as tracer:
