@@ -189,11 +189,6 @@ class Notes(logging.Handler):
         note(record.getMessage())
 
 
-def _note_warning(message, *_, **__) -> None:
-    """Print a warning of Python as a note."""
-    note(message)
-
-
 @contextmanager
 def warnings_as_notes():
     """Context manager: Python's warnings and logged warnings are printed as notes.
@@ -205,7 +200,7 @@ def warnings_as_notes():
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("default", UserWarning)
-            warnings.showwarning = _note_warning
+            warnings.showwarning = lambda message, *_, **__: note(message)
             yield
         print_notes()
     finally:

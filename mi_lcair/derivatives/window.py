@@ -181,15 +181,14 @@ def by_difference(scene, names) -> list[str]:
     return [entry.name for entry in parameters_named(scene, names) if entry.kind in DIFFERENCED]
 
 
-def of_plumes(scene, names) -> set[str]:
-    """Parameters of plumes. What a plume hides of a background changes with them, too."""
-    entries = parameters_named(scene, names)
-    return {e.name for e in entries if any(is_plume(stored.node) for stored in e.stored)}
-
-
 def without_column(scene, names) -> set[str]:
     """Parameters for which paths do not give the whole derivative of a number."""
-    return {*by_difference(scene, names), *of_plumes(scene, names)}
+    # What a plume hides of a background changes with its parameters, too
+    return {*by_difference(scene, names)} | {
+        entry.name
+        for entry in parameters_named(scene, names)
+        if any(is_plume(stored.node) for stored in entry.stored)
+    }
 
 
 def column_of(entry: StoredParameter) -> MaterialColumn | SourceColumn:

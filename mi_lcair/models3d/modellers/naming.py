@@ -102,11 +102,6 @@ def parse(
     return Label(kind, material, temperature, _group(words, kind), _elevation(words, kind))
 
 
-def unlabelled(material: str, temperature: float | None = None) -> Label:
-    """The Label of a model facet that has none."""
-    return Label("f", material, temperature, GROUPS["f"])
-
-
 def find_material(name: str, materials, folder: Path = Path()) -> str:
     """The known material that a label names, the path of the fit's JSON file that it names, or its
     number.
@@ -300,7 +295,7 @@ def labels_of(obj: Obj, table: NameTable | None, **options) -> tuple[list[Label]
                 bare = without_number(text, texts)
                 labels.append(parse(bare, folder=obj.path.parent, **options))
         elif options["material"] and (options["temperature"] or options["has_temperatures"]):
-            labels.append(unlabelled(options["material"], options["temperature"]))
+            labels.append(Label("f", options["material"], options["temperature"], GROUPS["f"]))
         else:
             raise _no_label(obj, int(np.argmax(label == number)), table, options)
     return labels, label

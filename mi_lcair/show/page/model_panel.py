@@ -26,7 +26,8 @@ def image_panel(channels: dict[str, np.ndarray], shown=(), orthographic_m=None) 
     orthographic_m : tuple of float, optional
         Width and height of the window that an orthographic sensor sees, m.
     """
-    values = {name: with_gaps(name, pixels) for name, pixels in channels.items()}
+    # As the page holds them
+    values = {n: or_nan(n, pixels.astype("<f4").astype(float)) for n, pixels in channels.items()}
     part = image_channels.around_target(channels)
     height, width = next(iter(values.values())).shape
     names = list(values)
@@ -59,11 +60,6 @@ def image_panel(channels: dict[str, np.ndarray], shown=(), orthographic_m=None) 
         },
         height=620,
     )
-
-
-def with_gaps(name: str, pixels: np.ndarray) -> np.ndarray:
-    """The pixels of a channel, as the page holds them, with NaN for those without a value."""
-    return or_nan(name, pixels.astype("<f4").astype(float))
 
 
 def scales(name: str, values: np.ndarray, weights=None) -> dict[str, tuple[float, float]]:

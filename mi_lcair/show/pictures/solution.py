@@ -38,7 +38,8 @@ def figure(solution):
     figure = new_figure((3 * SIDE + 1.6, sum(heights)), layout="constrained")
     parts = np.atleast_1d(figure.subfigures(len(heights), 1, height_ratios=heights))
     for part, fitted in zip(parts, data):
-        part.suptitle(plain(_title(fitted)))
+        words = fitted.name, fitted.scene, fitted.band, fitted.state
+        part.suptitle(plain(", ".join(filter(None, words))))
         (_draw_image if fitted.is_image else _draw_numbers)(part, fitted)
     if is_listed:
         _draw_unknowns(parts[len(data)], solution)
@@ -98,11 +99,6 @@ def _height(fitted) -> float:
         return 2.8
     height, width = fitted.measured.shape
     return SIDE * min(height / width, TALLEST) + 0.8
-
-
-def _title(fitted) -> str:
-    parts = [fitted.name, fitted.scene, fitted.band, fitted.state]
-    return ", ".join(filter(None, parts))
 
 
 def _draw_image(part, fitted) -> None:
