@@ -311,7 +311,8 @@ def fresnel_reflectance(n: np.ndarray, k: np.ndarray, cos: np.ndarray) -> np.nda
     """Fresnel reflectance of the indices n + ik at cosines, in the shape of their broadcast."""
     n, k, cos = np.broadcast_arrays(n, k, cos)
     contrast, nk = (n - 1) * (n + 1) - k**2, n * k
-    arrays = [Float64(np.ascontiguousarray(values).ravel()) for values in (cos, contrast, nk)]
+    # Lists go into memory of Dr.Jit; NumPy's is aligned by chance, which makes other kernels
+    arrays = [Float64(values.ravel().tolist()) for values in (cos, contrast, nk)]
     return microfacet_equations.reflectance(*arrays).numpy().reshape(n.shape)
 
 

@@ -2,6 +2,7 @@
 
 import json
 
+import drjit as dr
 import numpy as np
 import pytest
 from drjit.llvm.ad import Float64
@@ -12,7 +13,13 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.materials import material
 from mi_lcair.physics.reflection import sandford_robertson_equations as sr
-from mi_lcair.physics.spectra.parameters import CHANGES, NODES, Change, spectral_parameters
+from mi_lcair.physics.spectra.parameters import (
+    CHANGES,
+    NODES,
+    Change,
+    fresnel_reflectance,
+    spectral_parameters,
+)
 
 MWIR = band("MWIR")
 
@@ -299,3 +306,16 @@ def test_clipping_begins_at_the_bounds(random, name):
         values = change.replaced(name, end).unclipped(X, absorbed)
         assert values.min() > -1e-9 and values.max() < MOST + 1e-9
         assert min(abs(values).min(), abs(values - MOST).min()) < 1e-9
+
+
+def test_memory_of_numpy_is_not_read_in_packets():
+    """The last packet would reach beyond the array, where the process may have no memory.
+
+    NumPy's large arrays begin 16 bytes after a page, so that such a kernel reads unaligned ones.
+    """
+    dr.kernel_history_clear()
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        many = fresnel_reflectance(np.full((3001, 1), 1.5), 0.0, np.linspace(0, 1, 65))
+        kernels = dr.kernel_history([dr.KernelType.JIT])
+    assert kernels and not any("_p3, align 1," in k["ir"].getvalue() for k in kernels)
+    assert many.shape == (3001, 65) and many[:, -1] == pytest.approx(0.04)
