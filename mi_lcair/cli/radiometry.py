@@ -56,7 +56,7 @@ def render_command(scene, outputs, atmosphere, range_m, bins, wavelengths, **sam
         scene.parameters["band"], bins = even_wavelengths(wavelengths)
     for output in outputs:
         if output.suffix.lower() == ".hdr" and not bins:
-            raise InputError(f"output '{output}' has spectra; give --bins or --wavelengths too")
+            raise InputError(f"output '{output}' has spectra; give --bins too, or .exr")
     if range_m is not None and atmosphere is None:
         raise InputError("--range is the length of the path through an --atmosphere; name one")
     if atmosphere is not None:

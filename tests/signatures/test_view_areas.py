@@ -140,7 +140,7 @@ def test_a_file_holds_everything(areas, tmp_path):
 def test_bad_input(areas, tmp_path):
     with pytest.raises(InputError, match="blackbody group"):
         areas.intensity({"wing": 300.0})
-    with pytest.raises(InputError, match="must be above 0"):
+    with pytest.raises(InputError, match="temperature = nan K; must be positive"):
         areas.intensity({areas.sources[0].group: np.array([300.0, np.nan])})
     cold = replace(areas, sources=[replace(source, in_band=1e-31) for source in areas.sources])
     with pytest.raises(InputError, match="radiates nothing in the band"):
