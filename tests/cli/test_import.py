@@ -390,7 +390,7 @@ def test_a_fit_is_a_material(run, folder):
     [
         (None, "fits.json: cannot be read"),
         ("{", "materials file fits.json: "),
-        ("{}", "fits.json: key 'parameters' is missing"),
+        ("{}", "fits.json: lacks parameters"),
         ('{"materials": 3}', "key 'materials' must be a table"),
     ],
 )
@@ -441,7 +441,7 @@ def test_two_fits_of_one_name(refused, folder):
         (BOXES, ["-o", "out", "--temperatures", "t.csv"], "6 temperatures for 17 facets"),
         (BOXES, ["-o", "out", "--material", "gold"], "unknown material 'gold'"),
         (BOXES, ["-o", "out", "--materials", "none.toml"], "none.toml"),
-        (BOXES, ["-o", "out", "--scale", "-1"], "scale -1 must be positive"),
+        (BOXES, ["-o", "out", "--scale", "-1"], "scale = -1 m; must be positive and finite"),
         (SKY_CUBE, ["-o", "out", "--sky", "clear"], "has sky facets of its own"),
         (BOXES, ["-o", "out", "--sky", "sunny"], "sky table 'sunny'"),
         (BOXES, ["-o", "out", "--ground", "288,2"], "must lie in 0..1"),

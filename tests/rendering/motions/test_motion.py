@@ -151,7 +151,7 @@ def test_sun_stands_where_the_scene_parameters_put_it():
         intensities = [mi_lcair.signature(s, spp=16).target.intensity for s in (scene, loaded)]
         assert intensities[0] == pytest.approx(intensities[1], rel=1e-5)
     assert scene.fingerprint == state
-    with pytest.raises(InputError, match="solar elevation -5.0 degrees"):
+    with pytest.raises(InputError, match="elevation of the sun = -5 degrees"):
         mi_lcair.load("a340_landing", **day, **{"sun.elevation_deg": -5})
     with pytest.raises(InputError), changed(scene, {"sun.elevation_deg": -5}):
         pass
