@@ -187,7 +187,9 @@ def read(
         known_materials.entries_of(materials)  # raises InputError for an entry that is impossible
     known = known_materials.names(materials)
     material = material and find_material(material, known)
-    Bounds(is_positive=True, unit="m").check(scale, "scale", hint=": the metres of the file's unit of length")
+    Bounds(is_positive=True, unit="m").check(
+        scale, "scale", hint=": the metres of the file's unit of length"
+    )
     is_solution = bool(temperatures) and Path(temperatures).suffix.lower() == ".json"
     table_of_temperatures = None if is_solution or not temperatures else Path(temperatures)
     if temperature is not None:
