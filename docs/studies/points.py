@@ -112,9 +112,12 @@ def variances(scene, points: int) -> dict[str, float]:
         for name, sampler in samplers(points, tracer):
             ray, _ = sensor.sample_ray(0, 0, sampler.next_2d(), mi.Point2f(0.5))
             first_hit = FirstHit.of(tracer.scene, tracer.emitters, model_only=True)
-            L, recorders = tracer.radiance(sampler, ray, Recorders([first_hit]))
+            hit = tracer.scene.ray_intersect_preliminary(ray)
+            (L, _), _, recorders = tracer.paths.walk(
+                sampler, (ray, hit), mi.Bool(True), Recorders([first_hit])
+            )
             of_model = recorders.of(FirstHit).of_model
-            means = dr.block_sum(L * of_model, points).numpy().astype(float) / points
+            means = dr.block_sum(L[0] * of_model, points).numpy().astype(float) / points
             found[name] = means.var(ddof=1)
     return found
 
