@@ -11,7 +11,7 @@ import numpy as np
 from drjit.llvm.ad import Array3f64, Float64, UInt32
 
 from mi_lcair.physics import reflection
-from mi_lcair.physics.reflection.interface import ReflectionModel
+from mi_lcair.physics.reflection.interface import ReflectionModel, unit_rule
 
 # Each rule has the largest distance from the mirror direction, in radii of the source, up to which
 # it is used, and its numbers of Gauss nodes in each panel, in the plane of incidence and across it.
@@ -172,17 +172,11 @@ def panel(in_plane: int, across: int):
     The height of the disc varies as a square root near the rim, t = 1 (and t = 0). If there are
     more than 3 nodes in the plane, they are made denser there.
     """
-    t, t_weight = gauss(in_plane)
-    s, s_weight = gauss(across)
+    t, t_weight = unit_rule(in_plane)
+    s, s_weight = unit_rule(across)
     if in_plane > 3:
         t, t_weight = t * t * (3 - 2 * t), t_weight * 6 * t * (1 - t)
     return np.tile(t, across), np.repeat(s, in_plane), np.outer(s_weight, t_weight).ravel()
-
-
-def gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Gauss-Legendre nodes and weights on 0..1, (count,) each."""
-    x, weights = np.polynomial.legendre.leggauss(count)
-    return 0.5 * (x + 1), 0.5 * weights
 
 
 def graded(t, length, width):

@@ -6,6 +6,7 @@ test compares the declarations with the table in the plugin's docstring, which i
 
 import re
 from dataclasses import dataclass
+from functools import cache
 from numbers import Integral, Real
 from pathlib import Path
 
@@ -132,11 +133,17 @@ def read(
         else entry.default
         for entry in declared
     }
-    table = type(plugin, (), {entry.name: entry.default for entry in declared})()
+    table = table_type(declared)()
     vars(table).update(values)
     with errors_of(plugin):
         check_rules(table, rules)
     return values
+
+
+@cache
+def table_type(declared: tuple[Property, ...]) -> type:
+    """A class with the defaults, for rules; one for many objects, as a class is slow to collect."""
+    return type("Declared", (), {entry.name: entry.default for entry in declared})
 
 
 def beside_scene(text: str) -> str:

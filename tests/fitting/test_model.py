@@ -13,7 +13,6 @@ from mi_lcair.fitting.model import (
     Disc,
     Hemispherical,
     Scatterometer,
-    gauss,
     graded,
     panel,
     parameters_at,
@@ -21,6 +20,7 @@ from mi_lcair.fitting.model import (
     scans_of,
     with_tangents,
 )
+from mi_lcair.physics.reflection.interface import unit_rule
 from tests.fitting import numpy_model
 from tests.fitting.results import fit_of, measurements
 from tests.fitting.synthetic import MODEL, ROUGH, THESIS_SETS, disc_average
@@ -65,7 +65,7 @@ def test_parameters_and_their_derivatives():
 
 def test_gauss_nodes():
     """n nodes on 0..1 integrate x^(2n - 1) exactly, and not x^(2n)."""
-    x, weights = gauss(3)
+    x, weights = unit_rule(3)
     for power, exact in ((0, True), (5, True), (6, False)):
         assert np.isclose(weights @ x**power, 1 / (power + 1), rtol=1e-12) is np.bool_(exact)
 

@@ -12,6 +12,7 @@ source and `r` to the observer. A model need not be reciprocal, so the order mat
 import tomllib
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +52,28 @@ def sample_cosine(Vector, u1, u2):
     radius = dr.sqrt(u2)
     return Vector(radius * cos_phi, radius * sin_phi, dr.safe_sqrt(1 - u2))
 
+
+# Quadrature over a hemisphere
+# ----------------------------
+
+
+@cache
+def unit_rule(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Gauss-Legendre nodes and weights on 0..1, NumPy arrays (count,)."""
+    x, weight = np.polynomial.legendre.leggauss(count)
+    return 0.5 * (x + 1), 0.5 * weight
+
+
+def tiled(Float, numbers: np.ndarray, count: int):
+    """NumPy's numbers `count` times. They go through a list, into memory of Dr.Jit.
+
+    NumPy's is aligned by chance, and Dr.Jit compiles a kernel for either case.
+    """
+    return dr.tile(Float(numbers.tolist()), count)
+
+
+# Models and their parameters
+# ---------------------------
 
 # Rounding error between coordinates of the cube and parameters, relative to a parameter's range.
 ROUNDING = 1e-12

@@ -1,12 +1,11 @@
 """Equations of the microfacet model: facets, Fresnel reflection, hemispherical reflectance."""
 
-from functools import cache
 from math import log
 
 import drjit as dr
 import numpy as np
 
-from mi_lcair.physics.reflection.interface import SMALLEST
+from mi_lcair.physics.reflection.interface import SMALLEST, tiled, unit_rule
 
 # The generalised Trowbridge-Reitz distribution of microfacet normals
 # -------------------------------------------------------------------
@@ -206,22 +205,6 @@ AZIMUTHS = (12, 8, 24)  # nodes of each interval in phi: shadowing, neither, mas
 MEAN_NODES = 48  # nodes of the hemispherical mean
 GRAZING_KNEE = 0.01  # cosine near which F of the strongest metals varies fastest
 REACH = np.arcsinh(1 / GRAZING_KNEE)
-
-gauss = cache(np.polynomial.legendre.leggauss)
-
-
-def unit_rule(count):
-    """Gauss-Legendre nodes and weights on 0..1, NumPy arrays (count,)."""
-    x, weight = gauss(count)
-    return 0.5 * (x + 1), 0.5 * weight
-
-
-def tiled(Float, numbers, count):
-    """NumPy's numbers `count` times. They go through a list, into memory of Dr.Jit.
-
-    NumPy's is aligned by chance, and Dr.Jit compiles a kernel for either case.
-    """
-    return dr.tile(Float(numbers.tolist()), count)
 
 
 def lobe_reflectance(S, theta_r, reflectance):

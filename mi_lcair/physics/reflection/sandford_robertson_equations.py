@@ -11,16 +11,14 @@ correct digit in Float32.
 """
 
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 import drjit as dr
-import numpy as np
 
 from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError
 from mi_lcair.physics.reflection import interface
-from mi_lcair.physics.reflection.interface import SMALLEST, cos_theta, sin2_theta
+from mi_lcair.physics.reflection.interface import SMALLEST, cos_theta, sin2_theta, tiled, unit_rule
 
 FORMS = ("thesis", "normalized")
 FEASIBLE = {
@@ -299,9 +297,6 @@ def DHR(S: SandfordRobertsonSurface, theta_i):
     return S.rho_d / S.G * g(cos_i, sin2_i, S.b) + lobe * integrate_elevation(integrand, theta_i, S)
 
 
-gauss = cache(np.polynomial.legendre.leggauss)
-
-
 def integrate_elevation(integrand, peak, S: SandfordRobertsonSurface):
     """int_0^(pi/2) integrand(theta, peak, S) dtheta, for a peak of width about 2e at theta = peak.
 
@@ -324,9 +319,7 @@ def integrate_elevation(integrand, peak, S: SandfordRobertsonSurface):
         Integrals, (n,).
     """
     Float = type(peak)
-    x, weights = gauss(NODES)
-    count = dr.width(peak)
-    x, weights = (dr.tile(Float(nodes.tolist()), count) for nodes in (0.5 * (x + 1), 0.5 * weights))
+    x, weights = (tiled(Float, numbers, dr.width(peak)) for numbers in unit_rule(NODES))
     theta_0, S = dr.repeat(peak, NODES), S.repeat(NODES)
     lobe_width = 2 * dr.detach(S.e)
     horizon_width = dr.maximum(dr.minimum(dr.detach(S.b), lobe_width), 1e-4)
