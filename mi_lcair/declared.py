@@ -151,7 +151,7 @@ def needs(name: str, *others: str, why: str = "", any_of: bool = False, **values
 
     def message(table):
         has = len(given(table, others))
-        is_enough = has > 0 if any_of and others else has == len(others)
+        is_enough = has > 0 if any_of else has == len(others)
         fits = all(getattr(table, key) == value for key, value in values.items())
         if not given(table, (name,)) or is_enough and fits:
             return None

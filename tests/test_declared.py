@@ -63,6 +63,7 @@ RULES = (
     excludes("path", "on", why="a path has its own"),
     needs("on", "angle_deg", lens="thin", why="of a thin lens"),
     needs("most", "on", "path", any_of=True),
+    needs("words", "most", "x"),
     together("x", "y"),
     rule(lambda t: len(t.counts) < 3, "{t.counts}: at most two"),
 )
@@ -122,6 +123,7 @@ def test_a_table_that_keeps_its_rules_is_completed():
             'on needs angle_deg and lens = "thin"; of a thin lens',
         ),
         ({"focal_m": 1, "most": 2}, "most needs on or path"),
+        ({"focal_m": 1, "words": ("a",), "x": 1, "y": 1}, "words needs most and x"),
         ({"focal_m": 1, "y": 2}, "x is missing; give x and y"),
         ({"focal_m": 1, "counts": (1, 2, 3)}, "(1, 2, 3): at most two"),
         ({"focal_m": 30}, "size_m = 15; must be finite and at most 9"),
