@@ -108,12 +108,12 @@ def student_factor(freedom: float) -> float:
 
 def correlation(covariance: np.ndarray) -> np.ndarray:
     """Correlation matrix (n, n) of a covariance matrix (n, n)."""
-    size = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    size = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
     ratio = np.clip(covariance / np.outer(size, size), -1, 1)
     return np.where(np.eye(len(covariance), dtype=bool), 1.0, ratio)
 
 
-def inner_deviation(rows: np.ndarray, least: float = 0.0) -> float:
+def inner_deviation(rows: np.ndarray, least: float) -> float:
     """Standard deviation of rows from their median absolute value, which outliers do not affect."""
     return max(1.4826 * float(np.median(np.abs(rows))), least)
 
@@ -171,5 +171,5 @@ def profile_ends(
 
 def further(best, value, distance, level: float):
     """The value at which the distance is `level` if it grows as it did from `best` to `value`."""
-    factor = np.clip(level / np.maximum(distance, 1e-9), 1 / GROWTH, GROWTH)
+    factor = level / np.clip(distance, level / GROWTH, level * GROWTH)
     return best + factor * (value - best)
