@@ -232,9 +232,7 @@ def write_netcdf(path, dataset) -> None:
             "rename a group, or write a CSV"
         )
     renamed = dataset.rename({name: new for name, new in names.items() if name != new})
-    stored = renamed.map(_storable).assign_attrs(
-        {name: value for name, value in renamed.attrs.items() if value is not None}
-    )
+    stored = renamed.map(_storable).assign_attrs(renamed.attrs)
     stored = stored.assign_coords(
         {name: _storable(value) for name, value in renamed.coords.items()}
     )

@@ -1,6 +1,9 @@
 """Tests of the channels of radiance images."""
 
+import base64
+import re
 import struct
+import xml.etree.ElementTree as ElementTree
 
 import meshio
 import numpy as np
@@ -11,7 +14,15 @@ from PIL import Image
 
 from mi_lcair import formats
 from mi_lcair.errors import InputError
-from mi_lcair.formats import column_of, has_value, quantity_of_channel
+from mi_lcair.formats import (
+    column_of,
+    has_value,
+    or_nan,
+    pixel_axes,
+    quantity_of_channel,
+    spectral_channel,
+    wavelengths_of,
+)
 
 
 def test_table_with_units(tmp_path):
@@ -78,6 +89,40 @@ def test_names_that_netcdf_lacks(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_checksum_is_that_of_what_was_written(tmp_path):
+    columns = {"facet": [0, 1], "group": ["a", "b"], "range_m": [1.5, np.nan]}
+    made = formats.table(columns, title="two")
+    stated = formats.checksum(made)
+    formats.write_netcdf(tmp_path / "a.nc", made.assign_attrs(checksum=stated))
+    assert formats.read_attributes(tmp_path / "a.nc") == {"title": "two", "checksum": stated}
+    read = formats.read(tmp_path / "a.nc")
+    assert formats.checksum(read) == stated and re.fullmatch("[0-9a-f]{16}", stated)
+    for name, other in (("facet", [0, 2]), ("group", ["a", "c"]), ("range_m", [1.5, 2.0])):
+        changed = formats.table(columns | {name: other}, title="two")
+        assert formats.checksum(changed) != stated, name
+    assert formats.checksum(read.assign_attrs(title="2")) != stated
+    (tmp_path / "b.nc").write_bytes(b"no netCDF")
+    with pytest.raises(InputError, match="b.nc: cannot be read as netCDF-3"):
+        formats.read(tmp_path / "b.nc")
+
+
+def test_the_largest_integers_of_netcdf(tmp_path):
+    """Integers of 32 bits, and Float64 beyond."""
+    columns = {"a": [2**31 - 1, 0], "b": [2**31, 0], "c": [-(2**31), 0]}
+    formats.write_netcdf(tmp_path / "a.nc", formats.table(columns))
+    kinds = {name: values.dtype.kind for name, values in formats.read(tmp_path / "a.nc").items()}
+    assert kinds == {"a": "i", "b": "f", "c": "f"}
+    read = formats.read_columns(tmp_path / "a.nc")
+    assert {name: read[name].tolist() for name in columns} == columns
+
+
+def test_a_trend_is_a_grid():
+    columns = {"azimuth_deg": [0, 90, 0, 90], "elevation_deg": [5, 5, 10, 10]}
+    trend = formats.dataset(columns | {"intensity_W_sr": [1, 2, 3, 4]})
+    assert trend.intensity_W_sr.values.tolist() == [[1, 2], [3, 4]]
+    assert formats.dataset({"facet": [3, 5], "area_m2": [1, 2]}).area_m2.dims == ("facet",)
+
+
 # A triangle, a quadrilateral, and a concave pentagon that is not in a coordinate plane
 VERTICES = np.array(
     [
@@ -111,6 +156,32 @@ def test_meshio_reads_vtu(tmp_path):
         np.testing.assert_array_equal(np.concatenate(mesh.cell_data[name]), COLUMNS[name])
     assert np.concatenate(mesh.cell_data["group_number"]).tolist() == [1, 0, 2]
     assert "0 = fuselage, 1 = wing" in (tmp_path / "a.vtu").read_text()
+    types = re.search('Name="types".*?>(.*?)<', (tmp_path / "a.vtu").read_text())[1]
+    assert np.frombuffer(base64.b64decode(types), "<i8", -1, 8).tolist() == [5, 9, 7]  # VTK's
+
+
+def test_polydata_holds_texts(tmp_path):
+    """Read by the format's specification: a header of 8 bytes, then the numbers, in base64."""
+    formats.write_facets(tmp_path / "a.vtp", VERTICES, FACES, COLUMNS)
+    tree = ElementTree.parse(tmp_path / "a.vtp")
+    found = {each.get("Name"): each for each in tree.iter() if each.tag.endswith("Array")}
+
+    def numbers(name):
+        content = base64.b64decode(found[name].text)
+        assert struct.unpack_from("<Q", content) == (len(content) - 8,)
+        return np.frombuffer(
+            content, {"Int64": "<i8", "Float64": "<f8"}[found[name].get("type")], -1, 8
+        )
+
+    assert found["Points"].get("NumberOfComponents") == "3"
+    np.testing.assert_array_equal(numbers("Points"), VERTICES.ravel())
+    assert numbers("connectivity").tolist() == sum(FACES, [])
+    assert numbers("offsets").tolist() == [3, 7, 12] and "types" not in found
+    assert numbers("group_number").tolist() == [1, 0, 2] and numbers("seen").tolist() == [1, 0, 1]
+    codes = bytes(map(int, found["group"].text.split()))
+    assert codes == b"wing\0fuselage\0wing--<&\0"
+    piece = next(tree.iter("Piece"))
+    assert (piece.get("NumberOfPoints"), piece.get("NumberOfPolys")) == ("8", "3")
 
 
 @pytest.mark.parametrize("suffix", [".vtp", ".vtu"])
@@ -191,6 +262,23 @@ def test_pages_of_counts(tmp_path):
             np.testing.assert_array_equal(np.array(file), counts[page])
 
 
+def test_counts_in_one_file(tmp_path):
+    """Page by page, and at most as many as 32-bit offsets reach: 4 GiB less 16 MiB."""
+    counts = np.arange(24, dtype=np.uint16).reshape(2, 3, 4) * 2000
+    with formats.stack(tmp_path / "a.tif") as add:
+        for page in counts:
+            add(page)
+    with Image.open(tmp_path / "a.tif") as file:
+        assert file.n_frames == 2
+        for page in range(2):
+            file.seek(page)
+            np.testing.assert_array_equal(np.array(file), counts[page])
+    formats.check_fits("a.tif", 65280, 256, 128)
+    message = "65281 pages of 256 x 128 pixels have 4.0 GiB, and a TIFF at most 4.0; write fewer"
+    with pytest.raises(InputError, match=message):
+        formats.check_fits("a.tif", 65281, 256, 128)
+
+
 def test_unwritable(tmp_path):
     with pytest.raises(InputError, match="does not exist"):
         formats.write_tiff(tmp_path / "no" / "a.tif", np.zeros((2, 2)))
@@ -216,6 +304,28 @@ def test_pandas_reads_it_without_options(tmp_path):
     assert frame.temperature_K.to_numpy() == pytest.approx(columns["temperature_K"], rel=1e-8)
 
 
+def test_columns_of_a_file(tmp_path):
+    """Numbers, also where some are missing, and texts."""
+    (tmp_path / "a.csv").write_text("# made\nrange_m,name,error_m\n1.5,a,0.1\n2,3,\n")
+    read = formats.read_columns(tmp_path / "a.csv")
+    assert read["range_m"].tolist() == [1.5, 2] and read["name"].tolist() == ["a", "3"]
+    np.testing.assert_array_equal(read["error_m"], [0.1, np.nan])
+
+
+def test_envi(tmp_path):
+    """Band after band in 32 bits, and the header that says so."""
+    cube = np.arange(24, dtype=float).reshape(2, 3, 4) / 7
+    formats.write_envi(tmp_path / "a.hdr", cube, [8.0, 8.25], "radiance")
+    stored = np.fromfile(tmp_path / "a.img", "<f4")
+    np.testing.assert_array_equal(stored.reshape(2, 3, 4), cube.astype(np.float32))
+    first, *lines = (tmp_path / "a.hdr").read_text().splitlines()
+    header = dict(line.split(" = ") for line in lines)
+    sizes = {"samples": "4", "lines": "3", "bands": "2", "header offset": "0"}
+    kind = {"data type": "4", "byte order": "0", "interleave": "bsq"}
+    assert first == "ENVI" and header.items() >= (sizes | kind).items()
+    assert header["wavelength"] == "{8, 8.25}" and header["fwhm"] == "{0.25, 0.25}"
+
+
 def test_all_or_nothing(tmp_path):
     with pytest.raises(InputError, match="does not exist"):
         formats.write_csv(tmp_path / "no" / "a.csv", {"a": [1]})
@@ -234,6 +344,7 @@ def test_all_or_nothing(tmp_path):
         ("range.Y", "range_m", "m"),
         ("stderr_K.Y", "standard_error_K", "K"),
         ("noise_K.Y", "noise_K", "K"),
+        ("S0.8075,000000nm", "S0.8075,000000nm_W_m2_sr_um", "W m-2 sr-1 um-1"),
         ("counts.Y", "counts", ""),
         ("d.plate.temperature.Y", "d.plate.temperature", "W m-2 sr-1 per unit"),
         (
@@ -252,3 +363,21 @@ def test_a_temperature_of_0_is_no_value():
     values = np.array([0, 1, np.nan, np.inf])
     assert has_value("temperature.Y", values).tolist() == [False, True, False, False]
     assert has_value("Y", values).tolist() == [True, True, False, False]
+    np.testing.assert_array_equal(or_nan("range.Y", values), [np.nan, 1, np.nan, np.nan])
+
+
+def test_channels_of_wavelengths():
+    """Of all channels those of a spectral image, by rising wavelength."""
+    assert spectral_channel(8.075) == "S0.8075,000000nm"
+    names = ["S0.10500,5nm", "Y", "S0.8075,000000nm", "stderr.S0.8075,000000nm"]
+    assert wavelengths_of(names) == pytest.approx({names[2]: 8.075, names[0]: 10.5005})
+    assert list(wavelengths_of(names)) == [names[2], names[0]]
+
+
+def test_centres_of_pixels():
+    """Two rows and four columns in a window of 8 m x 6 m."""
+    assert list(pixel_axes((2, 4))) == ["row", "column"]
+    axes = pixel_axes((2, 4), (8.0, 6.0))
+    values = {"row": [0, 1], "column": [0, 1, 2, 3], "x_m": [-3, -1, 1, 3], "y_m": [1.5, -1.5]}
+    assert {name: places.tolist() for name, (_, places) in axes.items()} == values
+    assert [axes[name][0] for name in ("x_m", "y_m")] == ["column", "row"]
