@@ -354,7 +354,7 @@ class Distribution:
         if kind == "normal":
             lower, upper = (stated.get(end, limit) for end, limit in zip(ENDS, (lower, upper)))
         elif kind == "lognormal":
-            lower = np.nextafter(0.0, 1.0)
+            lower = np.finfo(float).tiny
         elif isinstance(width, list):
             (lower, upper), width = width, (width[1] - width[0]) / 2
         else:

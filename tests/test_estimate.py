@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError
-from mi_lcair.estimate import Contribution, Estimate, slope, with_error
+from mi_lcair.estimate import Contribution, Estimate, slope, uncertain, with_error
 from tests.knowing.budgets.formula import inputs
 
 VALUES = {"a": 10.0, "b": 20.0, "c": 30.0}
@@ -110,3 +111,46 @@ def test_slopes_end_at_bounds():
     assert slope(lambda x: x**2, 3.0, 0.5, (-np.inf, 3.0)) == pytest.approx(5.5)
     with pytest.raises(InputError, match="no room"):
         slope(lambda x: x, 3.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    "given, pair",
+    [
+        (3, (3, 0)),
+        ((0.92, 0.02), (0.92, 0.02)),
+        ("0.92", (0.92, 0)),
+        ("0.92 +- 0.02", (0.92, 0.02)),
+        ("-4 ± 2 %", (-4, 0.08)),
+        (Estimate(2.0, 0.5, "m"), (2, 0.5)),
+    ],
+)
+def test_numbers_with_uncertainties(given, pair):
+    found = uncertain(given, "range", Bounds(unit="K"))
+    assert found.pair == pytest.approx(pair) and found.unit == "K"
+
+
+@pytest.mark.parametrize(
+    "given, message",
+    [
+        ("about 3", "range 'about 3' is no number; give one, such as 0.9 or"),
+        ((1, 2, 3), "is no number"),
+        ("3 +-", "is no number"),
+        ("-1", "range = -1 K; must be 0 or more"),
+        ((3, -1), "standard uncertainty of range = -1 K; must be 0 or more"),
+    ],
+)
+def test_what_is_no_number_with_an_uncertainty(given, message):
+    with pytest.raises(InputError, match=message):
+        uncertain(given, "range", Bounds(lower=0, unit="K"))
+
+
+def test_what_json_and_sentences_state():
+    found = Estimate(5.0, 0.125, "K", half_width=0.25)
+    assert found.as_dict() == {"value": 5, "standard_error": 0.125, "unit": "K", "half_width": 0.25}
+    assert Estimate(5.0).as_dict() == {"value": 5, "standard_error": 0}
+    assert found.expanded == "+- 0.25 K (k = 2, about 95 %)"
+    assert Estimate(1.0, 0.01, "1").expanded == "+- 0.02 (k = 2, about 95 %)"
+    scaled = found.through(lambda x: 4 * x)
+    assert (scaled.value, scaled.standard_error, scaled.half_width) == (20, 0.5, 1)
+    total = found.through(lambda x, y: x + y, Estimate(1.0, 0.5, half_width=1.0))
+    assert (total.pair, total.half_width) == ((6, 0.625), 1.25)
