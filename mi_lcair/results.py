@@ -412,6 +412,7 @@ class Recorded(Result):
         return self.given.get("remarks", [])
 
     def facts(self, **options: Any) -> Iterator["tuple[str, Any] | Part | Section"]:
+        check_options(f"the page of {self._named()}", self.made_by.facts_of, options)
         return self.made_by.facts_of(self.given, **options)
 
     def picture(self) -> Picture:
