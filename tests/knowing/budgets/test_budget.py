@@ -9,13 +9,17 @@ from scipy.stats import truncnorm
 
 import mi_lcair
 from mi_lcair.errors import InputError
+from mi_lcair.estimate import Contribution, Estimate
 from mi_lcair.knowing.budgets.budget import (
     NOISE,
     TRUNCATION,
+    Budget,
     Check,
+    SecondOrder,
     budget_image,
     check,
     facet_contribution,
+    remarks,
     sigma_of,
     slopes_per_area,
     variance,
@@ -341,10 +345,14 @@ def test_contribution_of_facets(monkeypatch, is_linear):
         temperature=np.array([300.0, 350.0]),
         band=band("LWIR"),
     )
-    monkeypatch.setattr("mi_lcair.knowing.budgets.budget.facet_matrix", lambda *a, **k: matrix)
+    rendered = []
+    monkeypatch.setattr(
+        "mi_lcair.knowing.budgets.budget.facet_matrix",
+        lambda *scene, **options: rendered.append(options) or matrix,
+    )
     number = Facets()
     number.numbers = SimpleNamespace(
-        sampling=SimpleNamespace(sensor=0, seed=0),
+        sampling=SimpleNamespace(sensor=0, seed=3),
         windows=SimpleNamespace(pixels=4),
         paths=64,
         area=10.0,
@@ -358,6 +366,10 @@ def test_contribution_of_facets(monkeypatch, is_linear):
     pairs = [effects[r] @ effects[s] for r in range(3) for s in range(3) if r != s]
     assert found == pytest.approx(np.sqrt(np.mean(pairs)), rel=1e-4)
     assert number.columns == 1
+    number.numbers.paths = 400
+    facet_contribution(number, "self", 2.0)
+    stated = {"groups": ["self"], "sensor": 0, "seed": 3}
+    assert rendered == [stated | {"spp": 16}, stated | {"spp": 100}]
 
 
 def test_standard_deviations_of_facets(tmp_path):
@@ -435,6 +447,58 @@ def test_sentences():
     assert "on one side only" in Check("a", -2.0, None, 1.81, False).sentence("K")
     neither = Check("a", 2.0, None, None, False).sentence("K")
     assert "plus one sigma is outside its bounds and minus one sigma is outside" in neither
+
+
+def test_a_check_in_a_table_and_along_its_direction():
+    """A cubic with the slope 2 through 3 and -2.5: 2 z + 0.25 z^2 + 0.75 z^3."""
+    found, z = Check("a", 2.0, 3.0, -2.5, False), np.array([-1.0, 0.0, 1.0, 2.0])
+    np.testing.assert_allclose(found.change(z), [-2.5, 0, 3, 11])
+    assert found.cells() == ["a", "+-2", "+3", "-2.5", "FAILS"]
+    one_sided = Check("a", -0.123456, None, 0.5, True)
+    np.testing.assert_allclose(one_sided.change(z), -0.123456 * z)
+    assert one_sided.cells() == ["a", "+-0.1235", "outside its bounds", "+0.5", "holds"]
+
+
+def made(value=10.0, checks=()):
+    """A budget of 10 +- 5 W/sr: 4.8 from a quantity, the rest from the rendering."""
+    errors = {"lid": 4.8, NOISE: 1.4, TRUNCATION: 0.0}
+    rows = [Contribution(name, error) for name, error in errors.items()]
+    second = SecondOrder(0.0123, 5.1234, (1.234567, 21.0))
+    stated = Estimate.of(value, "W/sr", rows), inputs({"lid": 1.0}, [[1.0]]), list(checks)
+    return Budget("plate", "intensity", *stated, second, None, [], 3, 64, 0.5)
+
+
+def test_a_budget_in_words():
+    found = made(checks=[Check("lid", 2.0, 2.0, -2.0, True)])
+    assert found.summary() == (
+        "budget of plate: intensity 10 +- 5 W/sr (one standard uncertainty), most from lid (92.2 % "
+        "of the variance)"
+    )
+    assert found.sigma_of_quantities == pytest.approx(4.8)
+    first, last = found.sections()
+    assert first.parts[0].rows == [
+        ("intensity", "10 +- 5 W/sr (one standard uncertainty, 50 %)"),
+        ("expanded", "+- 10 W/sr (k = 2, about 95 %)"),
+        ("second order", "mean +0.012, sigma 5.12 W/sr, about 95 % in 1.2346..21"),
+        ("renders", "3 of 64 paths"),
+    ]
+    assert first.parts[1].rows[0] == ["lid", "", "", "", "4.8", "92.16 %"]
+    assert last.parts[0].rows == [["lid", "+-2", "+2", "-2", "holds"]]
+    (only,) = made(0.0).sections()
+    assert only.parts[0].rows[0] == ("intensity", "0 +- 5 W/sr (one standard uncertainty)")
+
+
+def test_remarks_of_a_budget():
+    """Invalid samples, a tolerance that was not reached, and checks that fail."""
+    number = SimpleNamespace(unit="W/sr", numbers=SimpleNamespace(reached=False))
+    number.total = SimpleNamespace(invalid=2, traced=np.array([60.0, 40.0]))
+    checks = [Check("a", 1.0, 1.0, -1.0, True), Check("b", 1.0, None, None, False)]
+    invalid, failing, last = remarks(number, checks, None)
+    assert invalid.startswith("2 of 100 samples") and failing.startswith("b: the linear answer")
+    assert last.startswith("the tolerance was not reached")
+    number.numbers.reached, number.total.invalid = None, 0
+    assert remarks(number, checks[:1], SimpleNamespace(sentence=lambda: "few")) == ["few"]
+    assert remarks(number, [], SimpleNamespace(sentence=lambda: "")) == []
 
 
 # Variances of pixels from noisy derivatives

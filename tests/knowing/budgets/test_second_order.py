@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import lognorm, ncx2, norm
 
-from mi_lcair.knowing.budgets.budget import check, second_order
+from mi_lcair.knowing.budgets.budget import Check, check, second_order
 from tests.knowing.budgets.formula import Formula, inputs
 
 
@@ -67,3 +67,4 @@ def test_nothing_without_both_sides():
     number = Formula(lambda a: a, values, lower=-0.5)
     checks = check(number, stated, np.ones(1), 1.0)
     assert second_order(checks, 0.0, 1.0) is None and second_order([], 0.0, 1.0) is None
+    assert second_order([Check("a", 0.0, 0.1, 0.1, False)], 0.0, 0.0) is None
