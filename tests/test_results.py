@@ -438,6 +438,7 @@ def test_what_is_written_comes_back(seed):
     )
     read = built(Whole, entries_of(whole))
     np.testing.assert_array_equal(read.numbers, whole.numbers)
+    assert all(type(key) is int for key in read.by_number)
     same = {name: value for name, value in vars(read).items() if name != "numbers"}
     assert same == {name: value for name, value in vars(whole).items() if name != "numbers"}
 

@@ -11,11 +11,12 @@ from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.triangles import ABSENT
 from mi_lcair.plugins.paths.launch import Aim, Launch
 from mi_lcair.rendering.facets import (
-    HIDDEN,
     FacetPolygons,
     FacetTable,
     in_view,
     meshes_of_model,
+    mixed_choice,
+    model_of,
     seen_shares,
     starts_on_facets,
 )
@@ -99,7 +100,7 @@ def test_what_is_seen(plate):
     np.testing.assert_allclose(area[0], expected, rtol=1e-3)
     share = dict(zip(names, seen_shares(scene, scene.sensor(0), area)[0].reshape(-1, 2)))
     np.testing.assert_allclose(share["a"], [0.5, 1], atol=0.01)
-    assert (share["cover"] > 0.99).all() and (share["under"] == HIDDEN).all()
+    assert (share["cover"] > 0.99).all() and (share["under"] == 0.1).all()
     np.testing.assert_allclose(share["speck"], 0.5 / 0.505, atol=0.003)
 
 
@@ -159,6 +160,23 @@ def test_too_many_triangles_have_no_starts(plate, monkeypatch):
     for most, expected in ((2, False), (1, True)):
         monkeypatch.setattr("mi_lcair.rendering.facets.MOST_STARTS", most)
         assert (starts_on_facets(scene, scene.sensor(0), blackbody(300.0)) is None) == expected
+
+
+def test_starts_are_those_of_all_views(plate, monkeypatch):
+    """Two triangles in three views are six starts."""
+    scene = scene_of({"a": plate("a", square(0.6, 0.0), BLACK, 300.0)})
+    windows, _ = windows_of(scene, [View(angle, 60) for angle in (0, 20, 40)], 8)
+    for most, expected in ((6, False), (5, True)):
+        monkeypatch.setattr("mi_lcair.rendering.facets.MOST_STARTS", most)
+        assert (starts_on_facets(scene, windows.sensor, blackbody(300.0)) is None) == expected
+
+
+def test_triangles_are_drawn_by_shares_of_parts():
+    """Half of the paths follow 1 : 3, a quarter 1 : 1, and a part of zeros gets none."""
+    parts = np.array([[1.0, 3.0], [0.0, 0.0], [2.0, 2.0]])
+    found = mixed_choice((0.5, 0.25, 0.25), parts).probability
+    np.testing.assert_allclose(found, [1 / 3, 2 / 3], rtol=1e-8)
+    assert mixed_choice((0.5, 0.5), np.zeros((2, 4))).probability.tolist() == [0.25] * 4
 
 
 @pytest.mark.parametrize("every", [1, 8])
@@ -317,6 +335,20 @@ def test_parts_of_a_model_share_its_numbers(table, model):
     assert np.isnan(facets.normal[[2, 4]]).all() and np.isnan(facets.centre[[2, 4]]).all()
     assert facets.triangles.shape == (4, 3, 3) and facets.triangle_facet.tolist() == [3, 3, 0, 1]
     np.testing.assert_allclose(facets.triangles[3], [[0, 0, 5], [1, 1, 5], [1, 0, 5]])
+
+
+def test_facets_as_a_model(table, model):
+    """Facets 0, 1 and 3 with one, one and two triangles, whose labels come in their order."""
+    scene, facets = table(*model)
+    found = model_of(scene)
+    assert found.first.tolist() == [0, 3, 6, 12] and found.triangle_facet.tolist() == [2, 2, 0, 1]
+    assert found.temperature.tolist() == [290, 400, 310] and found.label.tolist() == [0, 1, 0]
+    kinds = [(label.type, label.material, label.group) for label in found.labels]
+    assert kinds == [("f", "gloss_black", "self"), ("f", "blackbody", "hot")]
+    np.testing.assert_array_equal(found.vertices[found.triangles], facets.triangles)
+    corners = found.vertices[found.corners].reshape(-1, 3, 3)
+    np.testing.assert_array_equal(corners, facets.triangles[[2, 3, 0, 1]])
+    assert found.off_plane.tolist() == [0, 0, 0]
 
 
 def test_a_ray_meets_the_facet_that_lies_there(table, model):
