@@ -47,7 +47,7 @@ class Bounds:
         """
         least = self.lower - rounding * abs(self.lower) if rounding else self.lower
         most = self.upper + rounding * abs(self.upper) if rounding else self.upper
-        if isinstance(value, str) or not (
+        if isinstance(value, (str, bool)) or not (
             math.isfinite(value) and least <= value <= most and (value > 0 or not self.is_positive)
         ):
             unit = "" if self.unit == "1" else f" {self.unit}"
@@ -246,9 +246,10 @@ def check_fields(table: Any) -> None:
         is_word = isinstance(value, str) and {*get_args(declared.type)} - {int, float, NoneType}
         if "bounds" in declared.metadata and not is_word:
             for number in values:
-                if isinstance(number, Real):  # arrays and complex numbers are not a user's
+                is_no_number = isinstance(number, (str, bool))  # for Python True is a number
+                if isinstance(number, Real) and not is_no_number:  # no arrays, no complex numbers
                     declared.metadata["bounds"].check(number, name)
-                if kind is int and not isinstance(number, Integral) or isinstance(number, str):
+                if kind is int and not isinstance(number, Integral) or is_no_number:
                     whole = "whole " if kind is int else ""
                     raise InputError(f"{name} = {number!r}; must be a {whole}number")
 
@@ -279,7 +280,8 @@ def fraction(value: float | str | None) -> float | None:
         If a text is not such a fraction, or if a number is 1 or more, as 5 is where 5 % is meant.
     """
     if not isinstance(value, str):
-        if value is not None and not (isinstance(value, Real) and value < 1):
+        is_number = isinstance(value, Real) and not isinstance(value, bool)
+        if value is not None and not (is_number and value < 1):
             raise InputError(f"{value} is not a fraction between 0 and 1, such as 0.01 or '1%'")
         return value
     number, percent, rest = value.partition("%")

@@ -99,6 +99,7 @@ def test_a_table_that_keeps_its_rules_is_completed():
     "values, message",
     [
         ({"focal_m": 0.0}, "focal_m = 0 m; must be positive"),
+        ({"focal_m": True}, "focal_m = True; must be a number"),
         ({"counts": (1, 0)}, "counts = 0; must be 1 or more"),
         ({"lens": "thn"}, "unknown lens 'thn'; known: thin, aplanatic"),
         ({"words": ("a", "c")}, "unknown words 'c'; known: a, b"),

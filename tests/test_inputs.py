@@ -257,7 +257,7 @@ def test_a_scene_is_no_scenario(what, reason):
         mi_lcair.contrast(what)
 
 
-@pytest.mark.parametrize("value", [1, 5.0])
+@pytest.mark.parametrize("value", [1, 5.0, False])
 def test_a_number_that_may_be_in_percent(value, scene):
     """5 for 5 % would otherwise be reached by any render."""
     with pytest.raises(InputError, match=f"^{value} is not a fraction between 0 and 1, such as"):
@@ -274,3 +274,5 @@ def test_angles_of_a_trend(angles, scene):
 def test_one_name_without_brackets(scene):
     with pytest.raises(InputError, match=r"one text; give a sequence of names: \['plate"):
         mi_lcair.sensitivities(scene, TEMPERATURE)
+    with pytest.raises(InputError, match="^names = 3 is no sequence of names, such as"):
+        mi_lcair.sensitivities(scene, 3)

@@ -223,7 +223,7 @@ def bounce_settings(
         return {}
     if isinstance(max_bounces, str) and max_bounces.isdecimal():
         max_bounces = int(max_bounces)
-    if isinstance(max_bounces, Integral):
+    if isinstance(max_bounces, Integral) and not isinstance(max_bounces, bool):
         return {"max_bounces": int(max_bounces), "truncation": 0.0}
     if max_bounces != "auto":
         raise unknown("max_bounces", str(max_bounces), ["auto", "a whole number"])

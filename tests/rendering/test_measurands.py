@@ -40,7 +40,7 @@ def test_numbers_from_0(name):
 
 
 @pytest.mark.parametrize("name", ["spp", "paths", "max_spp", "seed", "sensor"])
-@pytest.mark.parametrize("value", ["many", 2.5, [4]])
+@pytest.mark.parametrize("value", ["many", 2.5, [4], True])
 def test_numbers_that_count_are_whole(name, value):
     with pytest.raises(InputError, match=re.escape(f"{name} = {value!r}; must be a whole number")):
         Sampling(**{name: value})

@@ -94,7 +94,7 @@ def test_a_number_that_is_given(plain_furnace):
     for given in (3, "3"):
         with reflecting(scene, given, True, Sampling()):
             assert scene.mi.integrator().max_bounces == 3
-    for wrong in ("otto", "-1", 2.5):
+    for wrong in ("otto", "-1", 2.5, True):
         with (
             pytest.raises(InputError, match="known: auto, a whole number"),
             reflecting(scene, wrong, True, Sampling()),

@@ -1,8 +1,9 @@
 """Spectral radiance of each pixel, from sums by bin of wavelength or by source."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from numbers import Integral
 
 import numpy as np
 
@@ -219,11 +220,15 @@ def check_bins(scene: Scene, bins: int, errors_um: Sequence[float], atmosphere) 
         raise InputError("errors_um are those of a spectral image; give its number of bins")
     if not bins:
         return
+    if isinstance(bins, bool) or not isinstance(bins, Integral):
+        raise InputError(f"bins = {bins!r}; must be a whole number, 2 to {MOST_BINS}")
     BINS.check(bins, "bins")
     scene.band.check_limits("bins")
     if atmosphere is not None:
         raise InputError("bins: a spectral image has no air; leave out the atmosphere")
     of_band = Bounds(lower=scene.band.lower_um, upper=scene.band.upper_um, unit="um")
+    if not isinstance(errors_um, Iterable):
+        raise InputError(f"errors_um = {errors_um!r} is no sequence of wavelengths, such as [4.2]")
     of_band.check_all(np.array(errors_um), lambda k: "errors_um")
 
 

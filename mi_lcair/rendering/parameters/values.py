@@ -25,7 +25,7 @@ multiplies all radiances and emissivities by the same factor.
 
 import copyreg
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
@@ -225,6 +225,8 @@ def parameters_named(scene, names) -> list[entries.StoredParameter]:
     """The entries of parameters with these names, in their order."""
     if isinstance(names, str):
         raise InputError(f"names = '{names}' is one text; give a sequence of names: ['{names}']")
+    if not isinstance(names, Iterable):
+        raise InputError(f"names = {names!r} is no sequence of names, such as ['self.temperature']")
     known = all_stored(scene)
     check_known(f"parameter of {scene.name}", known, *names)
     return [known[name] for name in names]
