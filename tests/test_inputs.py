@@ -249,12 +249,42 @@ def test_files_of_another_kind(name, reason):
     [
         ("cavity", "'cavity' is a scene and no scenario"),
         ("own/scene.xml", "'own/scene.xml' is a scene and no scenario"),
+        ("box.obj", "'box.obj' is a model and no scenario"),
         (3, "int is no scenario; a scenario is a TOML file"),
     ],
 )
 def test_a_scene_is_no_scenario(what, reason):
     with pytest.raises(InputError, match=reason):
         mi_lcair.contrast(what)
+
+
+@pytest.mark.parametrize(
+    "name, given, message",
+    [
+        (
+            "cavity",
+            {"opening": "wide"},
+            "file not found; parameter opening = wide: number of facets",
+        ),
+        ("cavity", {"resolution": 2.5}, 'value "2.5"; parameter resolution = 2.5: pixels along'),
+        ("furnace", {"temperature": "300 K"}, 'value "300 K"; parameter temperature = 300 K: temp'),
+    ],
+)
+def test_a_value_of_a_parameter_that_mitsuba_cannot_use(name, given, message):
+    """What the file does with a parameter is no matter of its user."""
+    with pytest.raises(InputError, match=message):
+        mi_lcair.load(name, **given)
+
+
+def test_a_parameter_of_a_file_has_no_description(tmp_path):
+    shutil.copy(scenes.path("two_plates"), tmp_path / "own.xml")
+    with pytest.raises(InputError, match=r'value "x"; parameter resolution = x$'):
+        mi_lcair.load(tmp_path / "own.xml", resolution="x", spp=3)
+
+
+def test_no_temperature_and_no_image():
+    with pytest.raises(InputError, match="^'37C' is no temperature in K, such as 310.4, and no"):
+        mi_lcair.temperature("37C", band="LWIR", emissivity=1)
 
 
 @pytest.mark.parametrize("value", [1, 5.0, False])

@@ -23,7 +23,13 @@ from mi_lcair.laboratory.thermography import (
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.progress import Progress
-from mi_lcair.rendering.images.files import TEMPERATURE, check_kelvin, read_exr, read_values
+from mi_lcair.rendering.images.files import (
+    SUFFIXES,
+    TEMPERATURE,
+    check_kelvin,
+    read_exr,
+    read_values,
+)
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import SceneLike
 from mi_lcair.tasks import exclusively
@@ -136,6 +142,11 @@ def named_image(image: ApparentTemperatures, sigma: float) -> tuple:
     try:
         number, error = parsed(str(image))
     except ValueError:
+        if Path(image).suffix.lower() not in SUFFIXES:
+            raise InputError(
+                f"'{image}' is no temperature in K, such as 310.4, and no image that can be read; "
+                f"use {', '.join(SUFFIXES)}"
+            ) from None
         return Path(image).name, image, sigma
     if error and sigma:
         raise InputError(f"'{image}' states its uncertainty; leave sigma out")

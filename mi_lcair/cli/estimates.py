@@ -17,7 +17,7 @@ from mi_lcair.files import VTK
 
 @options.command("audit", "mi-lcair audit open_box --paths 4096")
 @options.loading
-@options.calls("audit", paths={"type": click.IntRange(min=8)})
+@options.calls("audit", paths={"type": options.WholeNumber(min=8)})
 @options.file("--facets", "Write irradiance and exitance of each facet, FILE.csv.", (".csv",))
 def audit_command(facets, result):
     """Follow the flux that SCENE emits.

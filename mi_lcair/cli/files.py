@@ -200,7 +200,7 @@ FACET, COLUMNS, PIXEL, TWO = "--facet", "--facets", "--pixel", "two images"
 @options.option(
     "--facet",
     "Number of the facet whose view is shown, from 0.",
-    click.IntRange(min=0),
+    options.WholeNumber(min=0),
     metavar="N",
 )
 @options.option(

@@ -31,8 +31,21 @@ from mi_lcair.errors import InputError
 from mi_lcair.files import check_suffix, check_writable
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
-POSITIVE = click.IntRange(min=1)
 FILE = click.Path(path_type=Path)
+
+
+class WholeNumber(click.IntRange):
+    """A whole number within bounds."""
+
+    def convert(self, value, param, ctx):
+        try:
+            int(value)
+        except ValueError:
+            self.fail(f"'{value}' is not a whole number", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+POSITIVE = WholeNumber(min=1)
 
 
 @dataclass
@@ -263,7 +276,7 @@ def of(function: str, *names: str, **settings: dict):
                 declared["default"] = default
             if kind == "int":
                 least = 0 if name in ("seed", "sensor") or default == 0 else 1
-                declared["type"] = click.IntRange(least, 2**32 - 1 if name == "seed" else None)
+                declared["type"] = WholeNumber(least, 2**32 - 1 if name == "seed" else None)
             elif kind.startswith("Literal"):
                 declared["type"] = click.Choice(ast.literal_eval(kind.removeprefix("Literal")))
             elif kind == "float | str":

@@ -549,8 +549,9 @@ def tables_of(source: str | PathLike[str], changes: Mapping[str, object]) -> tup
     if not isinstance(source, (str, PathLike)):
         raise InputError(f"{type(source).__name__} is no scenario; {STATED}")
     path, name = Path(source), Path(source).stem
-    if path.suffix.lower() == ".xml" or str(source) in scenes.names():
-        raise InputError(f"'{source}' is a scene and no scenario; {STATED}")
+    if path.suffix.lower() in (".xml", *scenes.MODELS) or str(source) in scenes.names():
+        kind = "model" if path.suffix.lower() in scenes.MODELS else "scene"
+        raise InputError(f"'{source}' is a {kind} and no scenario; {STATED}")
     if not path.suffix and not os.path.isfile(path):
         path, name = scenes.scenario_path(str(source)), str(source)
     text = read_text(path, f"scenario '{source}'")

@@ -1,5 +1,6 @@
 """Loading of a thermal scene, with all checks that are possible before rendering."""
 
+import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
@@ -219,10 +220,26 @@ def load_file(
         try:
             loaded = parsed_and_checked(path, in_file, around)
         except RuntimeError as error:
-            raise parsing.with_known_plugins(mitsuba_error(error)) from None
+            error = parsing.with_known_plugins(mitsuba_error(error))
+            raise with_parameter(error, path, in_file) from None
     for name in texts.keys() - in_file.keys():
         loaded.set_lobe(texts[name], name.removeprefix(LOBE_OF))
     return replace(loaded, parameters=texts)
+
+
+def with_parameter(error: Exception, path: Path, given: Mapping[str, str]) -> Exception:
+    """The error, with the $-parameter that was given the text which Mitsuba's message quotes.
+
+    Of a bundled scene the meaning of the parameter is added.
+    """
+    quoted = " ".join(re.findall('"([^"]*)"', str(error)))
+    for name, text in given.items():
+        if text and re.search(rf"(?<![^\W_]){re.escape(text)}(?![^\W_])", quoted):
+            known = scenes.parameters(path.stem) if path.parent == scenes.FOLDER else {}
+            meaning = f": {known[name].description}" if name in known else ""
+            message = f"{str(error).rstrip('!.')}; parameter {name} = {text}{meaning}"
+            return type(error)(message)
+    return error
 
 
 def parameters_of_loaded(parameters: Mapping[str, object]) -> str:

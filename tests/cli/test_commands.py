@@ -100,6 +100,12 @@ def test_a_number_of_reflections_that_is_none(refused):
     assert "known: auto, a whole number" in refused("signature", "cavity", "--max-bounces", "otto")
 
 
+def test_a_number_of_paths_that_is_none(refused):
+    assert "--spp': 'many' is not a whole number; see" in refused(
+        "signature", "cavity", "--spp", "many"
+    )
+
+
 def test_a_limit_needs_a_tolerance(refused, renderer):
     assert "--max-spp needs --tolerance" in refused("signature", "cavity", "--max-spp", 4)
 
