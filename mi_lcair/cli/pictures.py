@@ -29,7 +29,9 @@ def image(what, output, channels, outlines, scene, parameters, sensor, **scale):
     file = Path(what)
     known, header = read_exr(file)
     names = choose("channel", known, channels or usual(known))
-    title = ", ".join(str(header[key]) for key in ("scene", "band") if key in header) or file.stem
+    title = (
+        ", ".join(filter(None, (str(header.get("scene", "")), band_of_header(header)))) or file.stem
+    )
     values = {name: known[name] for name in names}
     if outlines:
         shape = values[names[0]].shape
@@ -37,6 +39,15 @@ def image(what, output, channels, outlines, scene, parameters, sensor, **scale):
     scale["part"] = around_target(known)
     figure = image_channels.figure(values, title, window_m=window_of(header), **scale)
     drawn(figure, output or file.with_suffix(".png"))
+
+
+def band_of_header(header: dict) -> str:
+    """The band of an image's header with its limits, "MWIR 3-5 um", as `Band.label`."""
+    name, limits = str(header.get("band", "")), str(header.get("wavelengths_um", "")).split()
+    if not limits or name == "total":
+        return name
+    between = "-".join(limits)
+    return f"{name} {between} um" if name != between else f"{between} um"
 
 
 def pixel_spectrum(what, output, pixel):

@@ -190,6 +190,21 @@ def test_each_kind_of_file_has_its_default_picture(run, folder, figures):
     assert figures[-1].axes[0].get_title() == "box, temperature.Y"
 
 
+@pytest.mark.parametrize(
+    "band, limits, title",
+    [
+        ("MWIR", "3 5", "plate, MWIR 3-5 um, Y"),
+        ("2-5.7", "2 5.7", "plate, 2-5.7 um, Y"),
+        ("total", "0.1 1000", "plate, total, Y"),
+    ],
+)
+def test_the_title_of_an_image_has_the_unit_of_its_band(run, folder, figures, band, limits, title):
+    header = {"scene": "plate", "band": band, "wavelengths_um": limits}
+    write_exr("plate.exr", {"Y": np.ones((2, 2))}, header)
+    run("show", "plate.exr")
+    assert figures[-1].axes[0].get_title() == title
+
+
 def test_two_images(run, refused, folder, figures):
     """Their difference is drawn for the channels that are named, or that both have."""
     write_exr("a.exr", {"Y": np.ones((2, 2)), "range.Y": np.ones((2, 2))}, {"scene": "box"})

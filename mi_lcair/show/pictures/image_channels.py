@@ -303,7 +303,9 @@ def _scales(channels: list[Channel], scale: Scale) -> dict[str, Limits]:
         name, is_log = group[0].name, group[0].is_log
         given = () if is_difference(name) else (scale.get("vmin"), scale.get("vmax"))
         common_limits = limits_of_channel(name, values, is_log, *given)
-        limits |= {channel.name: common_limits for channel in group}
+        for channel, own in zip(group, values):
+            ends = {"least": own.min(), "greatest": own.max()} if own.size else {}
+            limits[channel.name] = replace(common_limits, **ends)
     return limits
 
 

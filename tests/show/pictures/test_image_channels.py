@@ -241,6 +241,15 @@ def test_fireflies_do_not_stretch_the_scale(tmp_path, figures):
     assert figures[1].axes[1].get_ylim() == (1, 100)
 
 
+def test_only_a_panel_whose_pixels_are_cut_off_says_so(tmp_path, figures):
+    values = np.random.default_rng(0).random((50, 50)) + 1
+    values[7, 7] = 2e4
+    save_picture(tmp_path / "a.png", {"Y": values, "target.Y": np.full((50, 50), 1.5)})
+    panel, _, other, other_bar = figures[0].axes
+    assert panel.get_xlabel().endswith("values to 2e+04")
+    assert other.get_xlabel() == "column (pixel)" and 1.9 < other_bar.get_ylim()[1] < 2.1
+
+
 def test_edges_do_not_stretch_the_scale_of_a_temperature(tmp_path, figures):
     """3 % of the pixels see the object in a part of their area; a cold half of it stays."""
     values = np.linspace(290, 330, 2500).reshape(50, 50)
