@@ -34,7 +34,8 @@ def test_sweep(run, refused, folder):
     """A file with a dimension for each condition, and nothing else is left behind."""
     write(folder)
     result = run("sweep", "sweep.toml", "-o", "s.nc")
-    assert result.exit_code == 0 and "6 cases from 3 views, 3 of them traced" in result.stdout
+    words = "6 cases over 3 azimuth_deg x 2 range_m, from 3 views, 3 of them traced"
+    assert result.exit_code == 0 and result.stdout.startswith(f"sweep sweep  {words}\n")
     with xarray.open_dataset(folder / "s.nc") as data:
         assert data["contrast_W_m2"].sizes == {"azimuth_deg": 3, "range_m": 2}
         assert data["contrast_W_m2"].units == "W m-2"

@@ -94,7 +94,7 @@ class Sweep(Result):
         axes = " x ".join(f"{len(values[name])} {name}" for name in values)
         reached = f", {self.missed} not to the tolerance" if self.missed else ""
         return (
-            f"sweep {self.conditions.name} over {axes}: {self.conditions.count} cases from "
+            f"sweep {self.conditions.name}: {self.conditions.count} cases over {axes}, from "
             f"{self.views} views, {self.traced} of them traced{reached}"
         )
 
