@@ -67,6 +67,14 @@ def test_loads(tmp_path):
     )  # a file scene.xml is named after its folder
 
 
+@pytest.mark.parametrize("given", ["", '<string name="pixel_format" value="rgba"/>'])
+def test_no_warning_about_a_film_of_colours(tmp_path, caplog, given):
+    """The renderer has radiances, whatever the film of a user's scene is for."""
+    sensor = SENSOR.replace('type="hdrfilm">', f'type="hdrfilm">{given}')
+    mi_lcair.load(write(tmp_path, PATH, sensor, shape(bsdf() + THERMAL)), band="MWIR")
+    assert (given in sensor) and not caplog.records
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "elements, given, message",

@@ -215,6 +215,7 @@ def same_band(a, b) -> bool:
 REPLACED = ("sky", "sun")  # emitters that surroundings replace
 ENVIRONMENTS = ("envmap", "constant", "sunsky")  # others of which a scene can have only one
 ONE_SKY = "leave [surroundings] out, or remove that sky"
+COLOURS = ("rgb", "rgba", "xyz", "xyza")  # pixel formats of films
 KNOWN_SAMPLERS = ("lattice", "independent")
 INDEPENDENT = "sampler 'independent' may need ten times as many paths as lattice"
 
@@ -312,7 +313,12 @@ def add_child(state, parent, name: str, kind, entries: dict) -> None:
 
 
 def instantiated(state) -> mi.Scene:
-    """Mitsuba's objects of a parsed scene."""
+    """Mitsuba's objects of a parsed scene, whose films have one channel in place of colours."""
+    for node in state.nodes:
+        if node.props.plugin_name() == "hdrfilm":
+            given = properties(node).get("pixel_format", "rgb")
+            if str(given).lower() in COLOURS:  # Mitsuba would change it too, with a warning
+                node.props["pixel_format"] = "luminance"
     with exr_files():
         return mi.parser.instantiate(configuration(), state)
 
