@@ -78,6 +78,8 @@ def file_of(scene: str | PathLike[str]) -> Path:
         return scene_in_folder
     if not file.suffix and file.parent == Path("."):
         return path(str(scene))
+    if os.path.isdir(file):
+        raise InputError(f"scene '{scene}': is a folder without scene.xml; name the scene's file")
     if not os.path.isfile(file):  # also False for a text too long to be a path
         raise InputError(f"scene '{scene}': no such file{_hint(str(scene))}")
     if file.suffix.lower() in NO_SCENES:

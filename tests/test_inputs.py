@@ -229,6 +229,8 @@ def test_the_folder_of_an_import_is_its_scene(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for folder in ("own", Path("own")):
         assert scenes.file_of(folder) == Path("own/scene.xml")
+    with pytest.raises(InputError, match="': is a folder without scene.xml; name the scene's file"):
+        scenes.file_of(tmp_path)
     assert scenes.file_of("cavity") == scenes.path("cavity")
 
 
