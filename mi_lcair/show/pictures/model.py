@@ -15,6 +15,7 @@ ARROW = 0.1  # length of the arrows, as a fraction of the model's longest side
 AT_ONCE = 2_000_000  # pairs of a pixel and a triangle that are tested at once
 NOTHING, BEHIND = -1, -2  # what a pixel shows instead of a triangle
 BACK = "#ff00c8"  # colour of backs, which neither emit nor reflect
+MOST_TICKS = 5  # intervals between ticks along the longest side
 WIDTH = 3.6  # of a panel that shows the longest side, inches
 
 
@@ -97,6 +98,12 @@ def _draw_materials(drawn, panels, model, images, box, longest):
 
 def _finish(panel, view, box, longest):
     """Add a title, axes in metres, and arrows in front of the nose and above the model."""
+    from matplotlib.ticker import MaxNLocator
+
+    sizes = np.diff(box, axis=0)[0]
+    for axis, along in ((panel.xaxis, view.right[0]), (panel.yaxis, view.up[0])):
+        most = max(2, round(MOST_TICKS * sizes[along] / sizes.max()))
+        axis.set_major_locator(MaxNLocator(most, steps=[1, 2, 5, 10]))
     panel.set_title(view.title, fontsize=9)
     panel.set_facecolor("white")
     panel.set_xlabel(f"{'xyz'[view.right[0]]} (m)")

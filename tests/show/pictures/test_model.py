@@ -103,3 +103,15 @@ def test_a_flat_model(load, corner):
     model = load(obj([(0, 0, 0), corner, (0, 1, 0)], [(0, 1, 2)]))
     image = np.array(Image.open(BytesIO(png(model, "模型"))).convert("RGB"))
     assert image.shape[1] > 300 and len(np.unique(image.reshape(-1, 3), axis=0)) > 20
+
+
+def test_labels_of_ticks_do_not_touch(load):
+    """A cube of 2 m about the origin had a label each 0.25 m, one at the end of the other."""
+    corners = [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    drawn = figure(load(obj(corners, faces)), "cube")
+    drawn.canvas.draw()
+    for panel in drawn.axes:
+        boxes = [tick.label1.get_window_extent() for tick in panel.xaxis.get_major_ticks()]
+        ends = sorted((box.x0, box.x1) for box in boxes)
+        assert len(ends) > 3 and all(a[1] + 4 < b[0] for a, b in zip(ends, ends[1:]))
