@@ -88,7 +88,7 @@ def test_ground_through_air(height_m):
         assert around.in_band_radiance(MWIR, elevation) == pytest.approx(expected, rel=8e-3)
 
 
-@pytest.mark.parametrize("azimuth", [8.0, -75.0, 250.0])
+@pytest.mark.parametrize("azimuth", [8.0, -75.0, 180.0, 250.0])
 def test_sunlit_air_before_the_ground(azimuth):
     """The air before the ground scatters sunlight, more toward the sun than away from it."""
     around = surroundings("clear", Ground(300.0, 0.9), 35.0, height_m=2000.0)
@@ -108,6 +108,32 @@ def test_sunlit_air_before_the_ground(azimuth):
         assert other == pytest.approx(expected, rel=4e-3)
         _, light = around.components(elevation, azimuth)
         assert light.in_band_radiance(MWIR) == pytest.approx(expected, rel=1e-9)
+
+
+def test_only_grey_ground_and_air_add_to_what_the_ground_emits():
+    """Air is before the ground as soon as the viewer is above it."""
+    counts = {}
+    for emissivity in (1.0, 0.5, 0.0):
+        for height_m in (None, 0.0, 0.5):
+            around = surroundings("250", Ground(300.0, emissivity), height_m=height_m)
+            counts[emissivity, height_m] = len(around.components(-30.0))
+    assert {key for key, count in counts.items() if count == 1} == {(1.0, None), (1.0, 0.0)}
+    assert set(counts.values()) == {1, 2}
+    white = surroundings("250", Ground(300.0, 0.0)).in_band_radiance(LWIR, -30.0)
+    assert white == pytest.approx(in_band_radiance(LWIR, 250.0), rel=1e-6)
+
+
+def test_directions_are_toward_the_sun_unless_stated():
+    """Of the sky and of the air before the ground, which are brighter there."""
+    around = surroundings("clear", Ground(300.0), 35.0, height_m=2000.0)
+    for elevation in (30.0, -30.0):
+        toward, beside = (around.in_band_radiance(MWIR, elevation, a) for a in (0.0, 2.0))
+        assert around.in_band_radiance(MWIR, elevation) == toward > beside
+        assert sum(around.in_band_components(MWIR, elevation)) == toward
+        light = [around.at(elevation, a).in_band_radiance(MWIR) for a in (0.0, 2.0)]
+        assert around.at(elevation).in_band_radiance(MWIR) == light[0] > light[1]
+        parts = around.components(elevation)
+        assert sum(part.in_band_radiance(MWIR) for part in parts) == pytest.approx(light[0])
 
 
 def test_horizon_of_a_high_viewer():

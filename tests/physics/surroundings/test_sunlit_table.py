@@ -91,6 +91,17 @@ def test_ground_reflects_its_mean(tmp_path):
     assert of_sky == pytest.approx(0.75 * 2 * mean_nodes()[1].sum(), rel=1e-4)
 
 
+def test_the_last_azimuth_is_that_of_all_beyond(tmp_path):
+    """Also below the first elevation. Logarithms are linear between the azimuths."""
+    path = write(tmp_path / "sky.csv", (10, 60), (20, 80), lambda e, a: np.exp(a / 20) / 10)
+    sky = surroundings(path, sun_elevation_deg=SUN)
+    width = MWIR.integral(WAVELENGTHS, np.ones(len(WAVELENGTHS)))
+    for azimuth, logarithm in ((0, 1), (20, 1), (51, 2.55), (80, 4), (180, 4), (-179, 4)):
+        expected = width * np.exp(logarithm) / 10
+        found = sky.in_band_radiance(MWIR, np.array([1.0, 30.0, 90.0]), azimuth)
+        assert found == pytest.approx(np.full(3, expected), rel=2e-4), azimuth
+
+
 @pytest.mark.parametrize(
     "given, message",
     [
