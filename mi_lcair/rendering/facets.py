@@ -3,6 +3,7 @@
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import compress
 from os import PathLike
 
 import drjit as dr
@@ -88,11 +89,11 @@ class FacetPolygons:
         columns: `facet`, the number of each row's facet, and others by name with the unit. Facets
         without a row are left out. Raises InputError as `formats.write_facets`.
         """
-        row = np.full(1 + max(self.facet.max(initial=0), columns["facet"].max(initial=0)), -1)
-        row[columns["facet"]] = np.arange(len(columns["facet"]))
-        places = row[self.facet]
-        faces = [face for face, place in zip(self.faces, places) if place >= 0]
-        cells = {name: values[places[places >= 0]] for name, values in columns.items()}
+        row = {facet: place for place, facet in enumerate(columns["facet"].tolist())}
+        listed = [facet in row for facet in self.facet.tolist()]
+        faces = list(compress(self.faces, listed))
+        places = np.array([row[facet] for facet in self.facet[listed].tolist()], dtype=np.int64)
+        cells = {name: values[places] for name, values in columns.items()}
         formats.write_facets(path, self.vertices, faces, cells)
 
 

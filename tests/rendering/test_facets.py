@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import meshio
 import mitsuba as mi
 import numpy as np
 import pytest
@@ -503,8 +504,9 @@ def test_a_warped_quadrilateral_keeps_its_triangles_as_a_fan():
     )
 
 
+@pytest.mark.parametrize("scale", [1, 1e-4])
 @pytest.mark.parametrize("case", ["hole", "apart", "strip"])
-def test_what_has_no_single_outline_stays_triangles(case):
+def test_what_has_no_single_outline_stays_triangles(case, scale):
     if case == "hole":
         outer = np.array([[0, 0, 0], [3, 0, 0], [3, 3, 0], [0, 3, 0]], float)
         inner = outer / 3 + [1, 1, 0]
@@ -525,6 +527,7 @@ def test_what_has_no_single_outline_stays_triangles(case):
         points = np.array([[x, y, z] for x, z in ((0, 0), (1, 0), (1, 1), (0, 1)) for y in (0, 1)])
         corners = [c for k in (0, 2, 4) for c in ([k, k + 2, k + 1], [k + 2, k + 3, k + 1])]
         triangles = points[corners].astype(float)
+    triangles = scale * triangles
     found = FacetPolygons.of(triangles, np.zeros(len(triangles), int))
     assert len(found.faces) == len(triangles)
     areas = sum(newell(found.vertices[face]) for face in found.faces)
@@ -544,6 +547,21 @@ def test_areas_of_bundled_scenes(name):
     assert len(found.faces) < 1.01 * table.count
 
 
-def test_nothing():
+def test_nothing(tmp_path):
     found = FacetPolygons.of(np.zeros((0, 3, 3)), np.zeros(0, int))
     assert not found.faces
+    found.write(tmp_path / "a.vtu", {"facet": np.zeros(0, int)})
+    assert 'NumberOfCells="0"' in (tmp_path / "a.vtu").read_text()
+
+
+def test_facets_of_a_table_are_written(tmp_path):
+    """The rows in any order; facet 7 has no row, and facet 9 no polygon."""
+    triangles = np.arange(4)[:, None, None] + SQUARE[:3]
+    found = FacetPolygons.of(triangles, np.array([5, 7, 0, 5]))
+    columns = {"facet": np.array([9, 5, 0]), "range_m": np.array([9.5, 5.5, 0.5])}
+    found.write(tmp_path / "a.vtu", columns)
+    mesh = meshio.read(tmp_path / "a.vtu")
+    assert mesh.cell_data["facet"][0].tolist() == [0, 5, 5]
+    assert mesh.cell_data["range_m"][0].tolist() == [0.5, 5.5, 5.5]
+    corners = mesh.points[mesh.cells[0].data]
+    np.testing.assert_array_equal(corners, triangles[[2, 0, 3]])
