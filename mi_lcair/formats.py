@@ -522,7 +522,7 @@ def write_facets(
         f'<VTKFile type="{kind}" version="1.0" byte_order="LittleEndian" header_type="UInt64">',
         f'<{kind}><Piece NumberOfPoints="{len(vertices)}" {count}>',
         "<Points>",
-        _array("Points", np.asarray(vertices, np.float64).reshape(-1, 3)),
+        _array("Points", np.asarray(vertices, np.float64)),
         "</Points>",
         f"<{element}>",
         *(_array(name, values.astype(np.int64)) for name, values in cells.items()),

@@ -121,6 +121,7 @@ def test_a_trend_is_a_grid():
     trend = formats.dataset(columns | {"intensity_W_sr": [1, 2, 3, 4]})
     assert trend.intensity_W_sr.values.tolist() == [[1, 2], [3, 4]]
     assert formats.dataset({"facet": [3, 5], "area_m2": [1, 2]}).area_m2.dims == ("facet",)
+    assert formats.dataset({"area_m2": [1, 2]}).area_m2.dims == ("row",)
 
 
 # A triangle, a quadrilateral, and a concave pentagon that is not in a coordinate plane
@@ -301,6 +302,7 @@ def test_pandas_reads_it_without_options(tmp_path):
     assert np.isnan(radiance[1]) and (tmp_path / "a.csv").read_text().count("nan") == 0
     # Nine digits give back every Float32
     assert np.array_equal(radiance.astype(np.float32), columns["radiance_W_m2_sr"], equal_nan=True)
+    assert ",123456.789," in (tmp_path / "a.csv").read_text()
     assert frame.temperature_K.to_numpy() == pytest.approx(columns["temperature_K"], rel=1e-8)
 
 

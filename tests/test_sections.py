@@ -72,6 +72,10 @@ def test_a_long_table_without_a_script_says_how_many_rows_follow():
     assert "more rows" not in sections.part_html(LongTable({"x_m": np.arange(12)}))
 
 
+def test_lines_have_at_most_2000_characters():
+    assert [len(sections.text_html("x" * length)) for length in (2000, 2001)] == [2000, 2000]
+
+
 def test_a_drawing_needs_a_page():
     with pytest.raises(TypeError, match="a Drawing needs a page"):
         sections.part_html(Drawing(undrawn))
@@ -90,6 +94,7 @@ def test_a_drawing_needs_a_page():
         (0.0, 0.1, "0 +- 0.1"),
         (22.07554321, 0.0, "22.0755 +- 0"),
         (1.0, np.nan, "1 +- no value"),
+        (np.nan, 0.123456, "no value +- 0.12"),
         (1.23456789123, 1e-15, "1.23456789 +- 1e-15"),
     ],
 )

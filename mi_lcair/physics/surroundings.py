@@ -140,6 +140,11 @@ class TableSky:
         return [(weight, *self.components(ring)) for ring, weight in zip(*mean_nodes())]
 
 
+def turned(azimuths_deg: ArrayLike) -> np.ndarray:
+    """Angles between azimuths and that of the sun, 0..180 [degrees]."""
+    return np.abs((np.asarray(azimuths_deg, dtype=float) + 180) % 360 - 180)
+
+
 class SunlitTable(TableSky):
     """A sky by day, from a file with azimuths from the sun, on whose sides the sky is the same.
 
@@ -163,8 +168,7 @@ class SunlitTable(TableSky):
         azimuths, tables = self.tables
         elevation = float(np.clip(elevation_deg, 0, 90))
         rows = np.array([table.at(elevation).radiance for table in tables])
-        from_sun = abs((np.asarray(azimuths_deg, dtype=float) + 180) % 360 - 180)
-        return np.exp(rows_at(from_sun, azimuths, np.log(np.maximum(rows, SMALLEST))))
+        return np.exp(rows_at(turned(azimuths_deg), azimuths, np.log(np.maximum(rows, SMALLEST))))
 
     def components(self, elevation_deg, azimuth_deg=0.0):
         azimuths, (table, *_) = self.tables
@@ -196,10 +200,8 @@ class SunlitTable(TableSky):
         between = scipy.interpolate.RegularGridInterpolator(
             (-np.log(air_mass(rings)), azimuths), np.log(values)
         )
-        from_sun = abs((np.asarray(azimuth_deg, dtype=float) + 180) % 360 - 180)
-        least, total = np.exp(
-            between((-np.log(air_mass(np.clip(elevation_deg, 0, 90))), from_sun))
-        ).T
+        places = -np.log(air_mass(np.clip(elevation_deg, 0, 90))), turned(azimuth_deg)
+        least, total = np.exp(between(places)).T
         return [least.T, (total - least).T]
 
     def in_band_by_angle(self, band, elevation_deg, angle_deg):
@@ -463,8 +465,7 @@ class Surroundings:
         if self.sun_elevation_deg is not None:
             scattered = np.array([self._scattered(band, path) for path in paths]).T
             knots = np.log([between_rings(depths, rings, values) for values in scattered])
-            from_sun = np.abs((azimuth + 180) % 360 - 180)
-            place = np.interp(from_sun, GROUND_AZIMUTHS_DEG, np.arange(len(knots)))
+            place = np.interp(turned(azimuth), GROUND_AZIMUTHS_DEG, np.arange(len(knots)))
             low = np.minimum(place.astype(int), len(knots) - 2)
             up, column = place - low, np.arange(elevation.size)
             other += np.exp((1 - up) * knots[low, column] + up * knots[low + 1, column])
