@@ -220,7 +220,7 @@ def seen_shares(scene, sensor, area: np.ndarray) -> np.ndarray:
     triangle = triangles.at(hit.shape, hit.prim_index, hit.is_valid())
     counts = dr.zeros(mi.UInt32, windows * (1 + count))
     dr.scatter_add(counts, mi.UInt32(1), window_of_ray * size + triangle)
-    hits = counts.numpy().reshape(windows, 1 + count)[:, 1:]
+    hits = counts.numpy().reshape(windows, -1)[:, 1:]
     return np.clip((hits + 0.5) / (area * side**2 + 0.5), HIDDEN, 1.0)
 
 

@@ -172,6 +172,25 @@ def test_starts_are_those_of_all_views(plate, monkeypatch):
         assert (starts_on_facets(scene, windows.sensor, blackbody(300.0)) is None) == expected
 
 
+@pytest.mark.parametrize("transmittance", [None, 0.6])
+def test_starts_follow_what_facets_bring(plate, transmittance):
+    """Every draw then brings the same: area times radiance of all, in parts of the window's area.
+
+    A plume may also pass what is as bright as the brightest source.
+    """
+    hot = BLACK if transmittance is None else {"type": "plume", "transmittance": transmittance}
+    shapes = {
+        "cold": plate("cold", square(0.3, 0.0, -0.5), BLACK, 300.0),
+        "hot": plate("hot", square(0.1, 0.0, 0.5), hot, 600.0),
+    }
+    scene, brightest = scene_of(shapes), blackbody(900.0)
+    starts = starts_on_facets(scene, scene.sensor(0), brightest)
+    of_hot = blackbody(600.0) + (0.0 if transmittance is None else brightest)
+    total = 0.3**2 * blackbody(300.0) + 0.1**2 * of_hot
+    assert starts.largest_direct == pytest.approx(total, rel=0.02)
+    assert starts.largest_weight == pytest.approx(total / blackbody(300.0), rel=0.02)
+
+
 def test_triangles_are_drawn_by_shares_of_parts():
     """Half of the paths follow 1 : 3, a quarter 1 : 1, and a part of zeros gets none."""
     parts = np.array([[1.0, 3.0], [0.0, 0.0], [2.0, 2.0]])
