@@ -142,7 +142,8 @@ class TableSky:
 
 def turned(azimuths_deg: ArrayLike) -> np.ndarray:
     """Angles between azimuths and that of the sun, 0..180 [degrees]."""
-    return np.abs((np.asarray(azimuths_deg, dtype=float) + 180) % 360 - 180)
+    turn = np.abs(np.asarray(azimuths_deg, dtype=float)) % 360
+    return np.minimum(turn, 360 - turn)
 
 
 class SunlitTable(TableSky):
