@@ -5,7 +5,8 @@ from os import PathLike
 from pathlib import Path
 
 from mi_lcair import scenes
-from mi_lcair.api.scenes import sampling_of, scenario_of, scene_of
+from mi_lcair.api.scenarios import scenario_of
+from mi_lcair.api.scenes import sampling_of, scene_of
 from mi_lcair.derivatives.shape import ShapeDerivatives, differentiate_shape
 from mi_lcair.derivatives.window import Sensitivities, differentiate_intensity
 from mi_lcair.detection.scenario import Scenario

@@ -4,17 +4,8 @@ from collections.abc import Mapping, Sequence
 from os import PathLike
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import ArrayLike
-
-from mi_lcair.api.scenes import sampling_of, scenario_of, scene_of
-from mi_lcair.declared import Bounds, fraction
+from mi_lcair.api.scenes import sampling_of, scene_of
 from mi_lcair.derivatives.images import DerivativeImages, differentiate_image
-from mi_lcair.detection.camera.image import record_image
-from mi_lcair.detection.camera.image_result import Image
-from mi_lcair.detection.camera.poses import COLUMNS, CameraPose, camera_pose
-from mi_lcair.detection.scenario import Scenario, tables_of
-from mi_lcair.errors import InputError, errors_of
 from mi_lcair.physics.air.atmosphere import Atmosphere
 from mi_lcair.physics.atmosphere import atmosphere as read_atmosphere
 from mi_lcair.progress import Progress
@@ -23,7 +14,6 @@ from mi_lcair.rendering.images.with_errors import ImageWithErrors, image_with_er
 from mi_lcair.rendering.reflections import reflecting
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import SceneLike
-from mi_lcair.table import FARTHEST, read_table
 from mi_lcair.tasks import exclusively
 
 if TYPE_CHECKING:
@@ -214,127 +204,3 @@ def derivative_images(
     """
     sampling = Sampling(spp=spp, seed=seed, sensor=sensor, progress=progress)
     return differentiate_image(scene_of(scene, parameters), names, sampling, randomisations)
-
-
-# `image`, what the camera of a scenario records
-# ----------------------------------------------
-
-MOST_FRAMES = 10_000
-
-
-@exclusively
-def image(
-    scenario: Scenario | str | PathLike[str],
-    frames: int = 1,
-    seed: int = 0,
-    progress: Progress | None = None,
-    *,
-    parameters: Mapping[str, object] | None = None,
-    spp: int | None = None,
-    tolerance: float | str | None = None,
-    max_spp: int | None = None,
-) -> Image:
-    """The image of a scenario's target as its camera records it.
-
-    Parameters
-    ----------
-    scenario : Scenario, str or path-like
-        Scenario with a table [camera], or the file or bundled name that `Scenario.read` takes. Its
-        spp, max_spp and tolerance of [render] are those of a pixel, and if it is named, the
-        arguments replace them. Of several numbers of reflections, the largest is used.
-    frames : int
-        Number of frames. They have independent noise, and one render.
-    seed : int
-        Seed of the camera's noise and fixed pattern. The same seed gives the same frames.
-    progress : callable, optional
-        Called with (paths through a pixel done, expected).
-    parameters : mapping of str to object, optional
-        Entries of a scenario that is named, by dotted key such as {"sensor.band": "LWIR"}.
-    spp : int or None
-        Paths through a pixel (64).
-    tolerance : float, str or None
-        Render until the rms standard error over the pixels on the target is at most this fraction
-        of its mean radiance, such as 0.01 or "1%".
-    max_spp : int or None
-        Largest number of paths through a pixel for a tolerance (65536).
-
-    Returns
-    -------
-    Image
-
-    Raises
-    ------
-    InputError
-        If the scenario cannot be used. All inputs are checked before anything is rendered.
-    """
-    scenario = scenario_of(
-        scenario, parameters, spp=spp, tolerance=fraction(tolerance), max_spp=max_spp
-    )
-    Bounds(lower=1, upper=MOST_FRAMES).check(frames, "frames")
-    Bounds(lower=0, upper=2**32 - 1).check(seed, "seed")
-    with errors_of(f"scenario '{scenario.name}'"):
-        return record_image(scenario, frames, seed, progress)
-
-
-# `pose`, where a camera is that sees points of a scene in known pixels
-# ---------------------------------------------------------------------
-
-
-@exclusively
-def pose(
-    scenario: str | PathLike[str],
-    points: str | PathLike[str] | ArrayLike,
-    sigma_px: float | None = None,
-    *,
-    parameters: Mapping[str, object] | None = None,
-) -> CameraPose:
-    """Where the camera of a scenario is, from points of its scene and their pixels.
-
-    The sum of the squared residuals of columns and rows is least (resection). The camera has no
-    distortion, and its focal length is that of the scenario. What the scenario says of its observer
-    does not matter.
-
-    Parameters
-    ----------
-    scenario : str or path-like
-        Scenario with a table [camera]: the file or bundled name that `Scenario.read` takes.
-    points : str, path-like or array-like, shape (n, 5)
-        CSV with the columns x_m, y_m, z_m, column_px and row_px, or their values: four or more
-        points in the scene's axes, such as corners of facets, and where they lie in the frame. The
-        upper left corner of the frame is (0, 0), the middle of its first pixel (0.5, 0.5).
-    sigma_px : float, optional
-        Standard deviation of a column or row, pixels. By default it follows from the residuals.
-    parameters : mapping of str to object, optional
-        Entries of the scenario, by dotted key such as {"camera.focal_length_mm": 50}.
-
-    Returns
-    -------
-    CameraPose
-        Its `save("FILE.toml")` writes the scenario with this camera.
-
-    Raises
-    ------
-    InputError
-        If the scenario or the points cannot be used: fewer than four points, points on one line,
-        points that would be behind the camera.
-    """
-    if sigma_px is not None:
-        Bounds(is_positive=True, upper=1e6).check(sigma_px, "sigma_px")
-    changes = dict(parameters or {})
-    read = Scenario.read(scenario, **changes)
-    *_, tables = tables_of(scenario, changes)
-    with errors_of(f"scenario '{read.name}'"):
-        return camera_pose(read, tables, values_of(points), sigma_px)
-
-
-def values_of(points: str | PathLike[str] | ArrayLike) -> np.ndarray:
-    """Values of points, (n, 5), Float64; raises InputError for a file or an array of others."""
-    if isinstance(points, (str, PathLike)):
-        return np.column_stack(list(read_table(points, COLUMNS).numbers(COLUMNS).values()))
-    try:
-        values = np.array(points, dtype=float)
-    except (TypeError, ValueError):
-        values = np.empty(0)
-    if values.ndim != 2 or values.shape[1] != 5 or not np.all(abs(values) <= FARTHEST):
-        raise InputError(f"points must be an array (n, 5) of {', '.join(COLUMNS)}")
-    return values

@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
-from scipy.optimize import brentq
+import scipy
 
 from mi_lcair.detection.irradiance import Irradiance, LineOfSources
 from mi_lcair.errors import InputError
@@ -114,7 +113,9 @@ def detection_range(
     for sign in (1, -1):
         above = sign * values >= least
         crossings += [
-            brentq(lambda r: sign * signal(r)[0] - least, ranges[k], ranges[k + 1], rtol=1e-10)
+            scipy.optimize.brentq(
+                lambda r: sign * signal(r)[0] - least, ranges[k], ranges[k + 1], rtol=1e-10
+            )
             for k in np.flatnonzero(above[1:] != above[:-1])
         ]
     edges = [nearest_m, *sorted(crossings), last]
@@ -182,7 +183,7 @@ def largest_ranges(
         return np.where(seen, ends, 0.0), error
     ranges = searched_ranges(air, nearest_m)
     table = np.array([line.per_amount(air.path(r))[[4, 1]] * r**2 for r in ranges])
-    between = PchipInterpolator(np.log(ranges), table)
+    between = scipy.interpolate.PchipInterpolator(np.log(ranges), table)
     values = table[:, 0] @ areas.amounts.T / ranges[:, None] ** 2
     above = np.abs(values) >= least
     last = len(ranges) - 1 - np.argmax(above[::-1], axis=0)
@@ -196,7 +197,7 @@ def largest_ranges(
         def beyond(range_m, sign=np.sign(values[k, view]), amounts=amounts) -> float:
             return sign * (between(np.log(range_m))[0] @ amounts) / range_m**2 - least
 
-        end = brentq(beyond, ranges[k], ranges[k + 1], rtol=1e-10)
+        end = scipy.optimize.brentq(beyond, ranges[k], ranges[k + 1], rtol=1e-10)
         step = SLOPE_STEP * end
         slope = (beyond(end + step) - beyond(end - step)) / (2 * step)
         total, of_target = between(np.log(end)) / end**2

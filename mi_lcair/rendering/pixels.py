@@ -9,7 +9,6 @@ from math import hypot
 
 import numpy as np
 import scipy
-from scipy.ndimage import correlate, uniform_filter
 
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.paths.sums import Sums
@@ -64,9 +63,11 @@ def around(variances: np.ndarray) -> np.ndarray:
     pixels of the square are on an edge, and the scatter is there.
     """
     axes, ahead = (-2, -1), (1,) * (variances.ndim - 2)
-    square = np.maximum(uniform_filter(variances, POOLED, mode="nearest", axes=axes), 0)
+    square = np.maximum(
+        scipy.ndimage.uniform_filter(variances, POOLED, mode="nearest", axes=axes), 0
+    )
     lines = [np.reshape(line, ahead + line.shape) / POOLED for line in LINES]
-    means = [correlate(variances, line, mode="nearest") for line in lines]
+    means = [scipy.ndimage.correlate(variances, line, mode="nearest") for line in lines]
     return np.maximum(square, np.max(means, axis=0) / BY_CHANCE)
 
 
@@ -81,7 +82,9 @@ def missed_nearby(errors: np.ndarray, size: tuple[int, int]) -> np.ndarray:
 
 def averaged(values: np.ndarray, size: tuple[int, int], side: int) -> np.ndarray:
     """Means of nonnegative numbers over side x side pixels around each pixel, (P,)."""
-    return np.maximum(uniform_filter(values.reshape(size), side, mode="nearest").ravel(), 0)
+    return np.maximum(
+        scipy.ndimage.uniform_filter(values.reshape(size), side, mode="nearest").ravel(), 0
+    )
 
 
 def surroundings(values: np.ndarray, size: tuple[int, int]) -> np.ndarray:
@@ -95,7 +98,7 @@ def surroundings(values: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     for side in SQUARES:
         # Sums over the parts of the squares that are inside the image
         counts, sums = (
-            side**2 * uniform_filter(image, side, mode="constant") - image
+            side**2 * scipy.ndimage.uniform_filter(image, side, mode="constant") - image
             for image in (np.ones(size), values)
         )
         around = np.where(counts > 0.5, sums / np.maximum(counts, 1), mean)

@@ -12,7 +12,7 @@ from functools import cached_property, lru_cache, partial
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from scipy.sparse import csr_array, diags_array, hstack
+import scipy
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics import reflection
@@ -679,12 +679,15 @@ class ByBin:
 
 
 @lru_cache(maxsize=8)
-def products(count: int) -> csr_array:
+def products(count: int) -> "scipy.sparse.csr_array":
     """Weights of the grid of any band, (SAMPLES, neighbours times count), see `ByBin.densities`."""
     hats = grid_hats(count)
     weighted = hats.multiply(TRAPEZOIDS[:, None] / (TRAPEZOIDS @ hats))
-    shifted = (diags_array([1.0], offsets=[-step], shape=(count, count)) for step in NEIGHBOURS)
-    return hstack([weighted.multiply(hats @ shift) for shift in shifted], format="csr")
+    shifted = (
+        scipy.sparse.diags_array([1.0], offsets=[-step], shape=(count, count))
+        for step in NEIGHBOURS
+    )
+    return scipy.sparse.hstack([weighted.multiply(hats @ shift) for shift in shifted], format="csr")
 
 
 def radiances(sources: list[Source], wavelengths_um: np.ndarray) -> np.ndarray:

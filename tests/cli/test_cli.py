@@ -45,6 +45,23 @@ def test_options_of_a_function():
 
 
 @pytest.mark.slow
+def test_a_signature_loads_what_it_uses():
+    """No part of SciPy, which takes longer than the render, and no detection."""
+    code = """
+import sys
+from mi_lcair.cli import main
+try:
+    main(["signature", "cavity", "--tolerance", "1%"])
+except SystemExit as end:
+    assert end.code == 0
+unused = ("scipy.special", "scipy.sparse", "scipy.optimize", "mi_lcair.detection", "matplotlib")
+loaded = [name for name in sys.modules if name.startswith(unused)]
+assert not loaded, loaded
+"""
+    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
+
+
+@pytest.mark.slow
 def test_help_loads_nothing_heavy():
     """Help and the message for a bad option need no slow imports."""
     code = f"""

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import mi_lcair
-from mi_lcair.api.intensities import contrast
+from mi_lcair.api.scenarios import contrast
 from mi_lcair.detection import contrast as module
 from mi_lcair.detection import setting
 from mi_lcair.detection.contrast import check_met, check_reachable, multiplied_light, remarks

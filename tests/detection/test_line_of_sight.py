@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mi_lcair.api.intensities import contrast
+from mi_lcair.api.scenarios import contrast
 from mi_lcair.detection.contrast import unlit_sky
 from mi_lcair.detection.detection_range import detection_range
 from mi_lcair.detection.line_of_sight import (

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mi_lcair.api.intensities import contrast
+from mi_lcair.api.scenarios import contrast
 from mi_lcair.physics.air.clear_air import clear_air
 from mi_lcair.physics.air.levels import bands
 from tests.detection.disc_scenario import AREA, XML, disc, write_disc

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mi_lcair.api.intensities import contrast
+from mi_lcair.api.scenarios import contrast
 from mi_lcair.detection.contrast import unlit_sky
 from mi_lcair.detection.setting import setting_of
 from mi_lcair.errors import InputError

@@ -5,8 +5,9 @@ import pytest
 
 from mi_lcair import scenes
 from mi_lcair.api.estimates import sensitivities
-from mi_lcair.api.intensities import signature, trend
+from mi_lcair.api.intensities import signature
 from mi_lcair.api.scenes import parameters
+from mi_lcair.api.sweeps import trend
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.sun import sunlight
 from mi_lcair.rendering.parameters.values import set_values

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy import fft
-from scipy.special import gamma, j1
+import scipy
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import Band
@@ -22,7 +21,7 @@ MARGIN = 32  # pixels beyond the frame that are rendered; a camera spreads light
 FARTHEST = 384  # pixels over which diffraction is followed, at most
 SPILL = 2e-4  # share of an even scene's light that may be lost beyond these pixels
 # From the transform of its MTF's first term: 3.44 Gamma(8/3) sin(5 pi / 6) / (2 pi)^(8/3) 2 3/5
-SEEING = 3.44 * gamma(8 / 3) * 0.6 / (2 * np.pi) ** (8 / 3)
+SEEING = 3.44 * scipy.special.gamma(8 / 3) * 0.6 / (2 * np.pi) ** (8 / 3)
 FRAME = ((0, 0), (0, 0))  # samples that fill the frame
 
 
@@ -61,7 +60,7 @@ def defocus(frequency, diameter_um: float):
     This is the approximation of geometrical optics, 2 J1(x) / x with x = pi * diameter * frequency.
     """
     x = np.pi * 1e-3 * diameter_um * np.asarray(frequency, dtype=float)
-    return np.divide(2 * j1(x), x, out=np.ones_like(x), where=x != 0)
+    return np.divide(2 * scipy.special.j1(x), x, out=np.ones_like(x), where=x != 0)
 
 
 @dataclass(frozen=True)
@@ -200,7 +199,7 @@ class Optics:
         The samples are means over their own squares, whose footprint is divided out.
         """
         step = self.imager.pitch_um / OVERSAMPLING
-        y, x = (fft.rfftfreq(count, 1e-3 * step) for count in shape)
+        y, x = (scipy.fft.rfftfreq(count, 1e-3 * step) for count in shape)
         rows, columns = (
             footprint(along, self.pixel_width_um) / footprint(along, step) for along in (y, x)
         )
@@ -259,12 +258,14 @@ class Optics:
         """
         count = len(samples) // OVERSAMPLING
         reach = self.reach(samples.size)
-        length = fft.next_fast_len(OVERSAMPLING * (count + reach), real=True)
+        length = scipy.fft.next_fast_len(OVERSAMPLING * (count + reach), real=True)
         step = self.imager.pitch_um / OVERSAMPLING
-        y = fft.rfftfreq(length, 1e-3 * step)
+        y = scipy.fft.rfftfreq(length, 1e-3 * step)
         factors = np.interp(y, *self.profile) * footprint(y, self.pixel_width_um)
         factors /= footprint(y, step)
-        blurred = fft.irfft(fft.rfft(samples, length, axis=0) * factors[:, None], length, axis=0)
+        blurred = scipy.fft.irfft(
+            scipy.fft.rfft(samples, length, axis=0) * factors[:, None], length, axis=0
+        )
         place = np.arange(-ends[0], count + ends[1])
         return blurred[OVERSAMPLING * place + OVERSAMPLING // 2]
 
@@ -275,7 +276,7 @@ class Optics:
         """
 
         def transfer(shape):
-            return fft.rfft2(fft.irfft2(self.transfer(shape), shape) ** 2)
+            return scipy.fft.rfft2(scipy.fft.irfft2(self.transfer(shape), shape) ** 2)
 
         return np.maximum(self.blurred(variances, around, transfer), 0)
 
@@ -290,10 +291,12 @@ class Optics:
         places = [np.arange(-start, n + end) for n, (start, end) in zip(sides, around)]
         # The FFT repeats the samples. The next copy is out of reach of all pixels.
         shape = tuple(
-            fft.next_fast_len(OVERSAMPLING * (n + min(max(*ends, 0), reach) + reach), real=True)
+            scipy.fft.next_fast_len(
+                OVERSAMPLING * (n + min(max(*ends, 0), reach) + reach), real=True
+            )
             for n, ends in zip(sides, around)
         )
-        blurred = fft.irfft2(fft.rfft2(samples, shape) * transfer(shape), shape)
+        blurred = scipy.fft.irfft2(scipy.fft.rfft2(samples, shape) * transfer(shape), shape)
         near = [(-reach <= place) & (place < n + reach) for n, place in zip(sides, places)]
         image = np.zeros([len(place) for place in places])
         image[np.ix_(*near)] = blurred[

@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from mi_lcair.errors import InputError, check_known, option
 from mi_lcair.extras import optional
@@ -72,7 +72,7 @@ def temperatures_of_mesh(
     else:
         points = np.concatenate([points[block.data].mean(axis=1) for block in mesh.cells])
         places, count = np.array([polygon.mean(axis=0) for polygon in polygons]), 1
-    apart, nearest = cKDTree(points).query(places)
+    apart, nearest = scipy.spatial.cKDTree(points).query(places)
     facet = np.repeat(np.arange(len(polygons)), count)
     kelvin = np.bincount(facet, values[nearest]) / np.bincount(facet)
     size = np.array([np.ptp(polygon, axis=0).max() for polygon in polygons])
@@ -155,14 +155,13 @@ def _given(forward: str, up: str) -> str:
 
 def _is_symmetric(points, axis):
     """Whether points (N, 3) are symmetric about the plane where their coordinate `axis` is 0."""
-    from scipy.spatial import cKDTree
 
     extent = np.ptp(points, axis=0)
     if extent[axis] <= TOLERANCE * extent.max():
         return False  # it is flat
     mirrored = points[:: -(-len(points) // MOST_MIRRORED)].copy()
     mirrored[:, axis] *= -1
-    distance, _ = cKDTree(points).query(mirrored)
+    distance, _ = scipy.spatial.cKDTree(points).query(mirrored)
     return np.mean(distance <= TOLERANCE * extent.max()) >= PARTNERS
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from scipy.sparse import csr_array
+import scipy
 
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.reflection import sandford_robertson_equations as sr
@@ -109,19 +109,19 @@ def hats_at(places: np.ndarray, count: int) -> np.ndarray:
 
 
 @lru_cache(maxsize=16)
-def grid_hats(count: int) -> csr_array:
+def grid_hats(count: int) -> "scipy.sparse.csr_array":
     """The hats on the grid of any band, (SAMPLES, count); two of them overlap at each wavelength.
 
     Products with a dense matrix would take longer, and much longer where other processes run.
     """
-    return csr_array(hats_at(np.linspace(0, count - 1, SAMPLES), count))
+    return scipy.sparse.csr_array(hats_at(np.linspace(0, count - 1, SAMPLES), count))
 
 
 @lru_cache(maxsize=16)
-def projection(count: int) -> tuple[np.ndarray, csr_array]:
+def projection(count: int) -> "tuple[np.ndarray, scipy.sparse.csr_array]":
     """The matrices (count, count) and (count, SAMPLES) of the least-squares fit on any grid."""
     hats = grid_hats(count)
-    weighted = csr_array(hats.multiply(TRAPEZOIDS[:, None]).T)
+    weighted = scipy.sparse.csr_array(hats.multiply(TRAPEZOIDS[:, None]).T)
     return np.linalg.inv((weighted @ hats).toarray()), weighted
 
 

@@ -12,9 +12,8 @@ from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
+import scipy
 from drjit.llvm.ad import Float64
-from scipy.interpolate import CubicSpline
-from scipy.optimize import least_squares
 
 from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError, errors_of
@@ -76,7 +75,7 @@ class Change:
     def unclipped(self, wavelengths_um: np.ndarray, absorbed: np.ndarray) -> np.ndarray:
         added = self.offset + self.slope * (wavelengths_um - np.mean(self.band_um))
         if any(self.nodes):
-            added += CubicSpline(self.nodes_um, self.nodes)(wavelengths_um)
+            added += scipy.interpolate.CubicSpline(self.nodes_um, self.nodes)(wavelengths_um)
         return self.scale * absorbed + added.reshape(-1, *[1] * (absorbed.ndim - 1))
 
     def replaced(self, name: str, value: float) -> "Change":
@@ -324,7 +323,7 @@ def fitted_index(target: np.ndarray, n: float, k: float) -> tuple[float, float]:
 
     largest = [parameter.upper for parameter in reflection.model("microfacet").parameters[2:4]]
     start = np.clip((n, k), (1.001, 1e-6), np.multiply(largest, 0.999))
-    fit = least_squares(residuals, start, bounds=((1, 0), largest), x_scale=start)
+    fit = scipy.optimize.least_squares(residuals, start, bounds=((1, 0), largest), x_scale=start)
     return float(fit.x[0]), float(fit.x[1])
 
 

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import mitsuba as mi
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from mi_lcair.errors import InputError, check_known
 from mi_lcair.files import check_file
@@ -261,7 +261,9 @@ def placed(sensor, loaded: dict, change: dict[str, float], rest: dict, origin) -
             settings[key] = loaded[key] - pixels
     axis = matrix[:3, 2] / np.linalg.norm(matrix[:3, 2])
     matrix[:3, 3] -= change.get("range_m", 0.0) * axis
-    roll = Rotation.from_rotvec(np.radians(change["roll_deg"]) * axis).as_matrix()
+    roll = scipy.spatial.transform.Rotation.from_rotvec(
+        np.radians(change["roll_deg"]) * axis
+    ).as_matrix()
     matrix[:3, :3] = roll @ matrix[:3, :3]
     azimuth, elevation = rest["azimuth_deg"], rest["elevation_deg"]
     ends = azimuth + change["azimuth_deg"], elevation + change["elevation_deg"]
@@ -274,7 +276,9 @@ def placed(sensor, loaded: dict, change: dict[str, float], rest: dict, origin) -
 
 def toward(azimuth_deg: float, elevation_deg: float) -> np.ndarray:
     """The rotation of +x to a direction, (3, 3)."""
-    return Rotation.from_euler("yz", [-elevation_deg, azimuth_deg], degrees=True).as_matrix()
+    return scipy.spatial.transform.Rotation.from_euler(
+        "yz", [-elevation_deg, azimuth_deg], degrees=True
+    ).as_matrix()
 
 
 # Motions that a user declares in a table [motions]

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from mi_lcair import scenes
-from mi_lcair.api.images import image
-from mi_lcair.api.intensities import contrast, signature
+from mi_lcair.api.intensities import signature
+from mi_lcair.api.scenarios import contrast, image
 from mi_lcair.detection.camera.electronics import electron_band, electrons, signal_of
 from mi_lcair.detection.camera.exposure import exposure
 from mi_lcair.detection.camera.optics import OVERSAMPLING

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mi_lcair.api.images import image
+from mi_lcair.api.scenarios import image
 from mi_lcair.detection.camera.electronics import electron_band
 from mi_lcair.detection.camera.exposure import detector_mean
 from mi_lcair.detection.camera.optics import Optics

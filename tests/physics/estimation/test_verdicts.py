@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.stats import norm
+from scipy import stats
 
 from mi_lcair.physics.estimation.verdicts import (
     NARROW,
@@ -118,6 +118,8 @@ def test_student_factor():
     for freedom, factor in ((1, 12.706), (5, 2.571), (30, 2.042), (np.inf, 1.95996)):
         assert student_factor(freedom) == pytest.approx(factor, abs=1e-3)
     assert student_factor(0) == np.inf
+    for freedom in (*range(1, 70), 2.5):
+        assert student_factor(freedom) == pytest.approx(stats.t.ppf(0.975, freedom), rel=1e-13)
 
 
 def test_correlation_of_values_that_do_not_vary():
@@ -128,7 +130,7 @@ def test_correlation_of_values_that_do_not_vary():
 
 
 def test_inner_deviation_is_that_of_a_normal_distribution():
-    white = norm.ppf((np.arange(400) + 0.5) / 400, scale=2)
+    white = stats.norm.ppf((np.arange(400) + 0.5) / 400, scale=2)
     assert inner_deviation(white, 0.0) == pytest.approx(2, rel=1e-3)
     assert inner_deviation(np.append(white, np.full(20, 1e9)), 0.0) == pytest.approx(2, rel=0.15)
     assert inner_deviation(np.zeros(5), 1e-9) == 1e-9

@@ -8,7 +8,8 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from mi_lcair.api.intensities import signature, trend
+from mi_lcair.api.intensities import signature
+from mi_lcair.api.sweeps import trend
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.derivatives import nodes
