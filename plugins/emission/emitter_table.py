@@ -131,6 +131,7 @@ class EmitterTable:
         self.brightest = max(largest, default=0.0)
         self.brightest_of = brightest_of_groups(bounds)
         self.opaque_brightest = dr.opaque(mi.Float, self.brightest)
+        self._in_view = {}  # results of `brightest_in_view`
 
         drawn = [e for e in emitters if sampling or not can_be_hit(e)]
         # The sun has a drawn direction of its own, where it would take its place among others
@@ -160,9 +161,17 @@ class EmitterTable:
     def brightest_in_view(self, sensor, with_model: bool = True) -> float:
         """Upper bound of the radiance of all emitters in the field of view [W m^-2 sr^-1].
 
-        White diffuse surfaces in the sun count as well.
+        White diffuse surfaces in the sun count as well. All triangles are compared with a field of
+        view once.
         """
         field = FieldOfView(sensor)
+        key = field.normals.tobytes(), field.offsets.tobytes(), with_model
+        if key not in self._in_view:
+            self._in_view[key] = self.brightest_in(field, with_model)
+        return self._in_view[key]
+
+    def brightest_in(self, field: FieldOfView, with_model: bool) -> float:
+        """As `brightest_in_view`, for a field of view."""
         brightest = 0.0
         if self.sun is not None:
             brightest = float(dr.detach(self.sun.scale)[0]) / np.pi

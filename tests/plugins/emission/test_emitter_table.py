@@ -7,6 +7,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
+import mi_lcair
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
 from mi_lcair.plugins.emission.spherical_polygons import Receiver
 from mi_lcair.plugins.emission.triangles import Choice, TriangleTable, random_integer, set_triangles
@@ -334,3 +335,28 @@ def test_derivative_at_a_radiance_of_zero():
     # Form factor of a sphere at distance d: cos(theta) (R / d)^2, averaged over the window
     form_factor = 0.2**2 * (1 - 1.5 * WINDOW**2 / 6)
     assert float(dr.grad(params[key])[0]) == pytest.approx(0.5 * form_factor, rel=0.01)
+
+
+def test_the_brightest_in_view_follows_the_sensor_and_the_scene():
+    """Triangles are compared with a field of view once, and again for another one or state."""
+    loaded = mi_lcair.load("open_box")
+    sensor = loaded.sensors[0]
+    of_sensor, of_scene = mi.traverse(sensor), mi.traverse(loaded.mi)
+    kind = type(of_sensor["to_world"])
+    here = kind(of_sensor["to_world"])
+
+    def seen(place=here, kelvin=None) -> float:
+        of_sensor["to_world"] = place
+        of_sensor.update()
+        if kelvin is not None:
+            of_scene["wall.emitter.temperature"] = kelvin
+            of_scene.update()
+        with loaded.prepared() as tracer:
+            again = tracer.emitters.brightest_in_view(sensor)
+            assert tracer.emitters.brightest_in_view(sensor) == again
+            return again
+
+    first, aside = seen(), here @ kind().translate([100.0, 0, 0])
+    assert first > 0 and seen(aside) == 0 and seen() == first
+    hotter = seen(kelvin=900.0)
+    assert hotter > first and seen(aside) == 0 and seen(kelvin=800.0) < hotter
