@@ -323,8 +323,8 @@ def checked(loaded: mi.Scene, path: Path | None, parameters: dict[str, str]) -> 
         emitters = tracer.emitters  # raises InputError for what cannot be derived
         # The void around bundled scenes is meant
         is_bundled = path is not None and path.parent == scenes.FOLDER
-        of_nothing = [] if is_bundled else remarks.reflections_of_nothing(loaded, emitters)
-        behind = [] if is_bundled else remarks.seen_from_behind(loaded, emitters)
+        of_view = ([], []) if is_bundled else remarks.remarks_on_view(loaded, emitters)
+        of_nothing, behind = of_view
         bins = tracer.bins
         of_bins = [f"materials by wavelength: {bins} without air and tolerance"] if bins else []
     if emitters.band is None:

@@ -12,7 +12,14 @@ import numpy as np
 from mi_lcair.declared import Bounds, needs, one_of
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.plugins.derivatives import check_attached, held, members, same_variables, unrecorded
+from mi_lcair.plugins.derivatives import (
+    attached,
+    check_attached,
+    held,
+    members,
+    same_variables,
+    unrecorded,
+)
 from mi_lcair.plugins.emission import triangles
 from mi_lcair.plugins.emission.draw_table import largest, texture_bound
 from mi_lcair.plugins.emission.emissivity import Emissivities, emissivity_of, reflects
@@ -145,11 +152,12 @@ class Thermal(ThermalEmitter):
         buffer = members(self.get_shape()).get(self.attribute) if self.attribute else None
         return () if buffer is None else (buffer,)
 
-    def derive(self) -> None:
+    def derive(self, radiance: float | None = None) -> None:
         """Compute the in-band radiance of a blackbody in Float64, with its derivative.
 
-        This is not done in the constructor: it evaluates arrays, and Mitsuba creates the next
-        object of a scene in the same thread while it waits.
+        radiance: that of its one temperature, if `derive_together` has computed it. This is not
+        done in the constructor: it evaluates arrays, and Mitsuba creates the next object of a scene
+        in the same thread while it waits.
         """
         for parameter in (self.temperature, self.radiance, self.given_emissivity):
             if parameter is not None:
@@ -161,9 +169,14 @@ class Thermal(ThermalEmitter):
             Bounds(is_positive=True, unit="K").check_all(values, where.format)
             if self.first_temperatures is None:
                 self.first_temperatures = np.array(values)
-            Float64 = dr.float64_array_t(mi.Float)
-            self.derived = mi.Float(in_band_radiance(self.band, Float64(temperature)))
+            if radiance is None:
+                Float64 = dr.float64_array_t(mi.Float)
+                radiance = in_band_radiance(self.band, Float64(temperature))
+            self.derived = mi.Float(radiance)
             dr.make_opaque(self.derived)
+
+    def is_stale(self) -> bool:
+        return self.derived_from is None or not same_variables(self.sources(), self.derived_from)
 
     def refresh(self) -> None:
         """Update the facet radiances and the material's emissivity.
@@ -172,7 +185,7 @@ class Thermal(ThermalEmitter):
         those change.
         """
         self.find_emissivity()
-        if self.derived_from is None or not same_variables(self.sources(), self.derived_from):
+        if self.is_stale():
             self.derive()
         for table in self.derivations:
             table.refresh()
@@ -364,3 +377,20 @@ class Thermal(ThermalEmitter):
             else f"radiance = {self.radiance}"
         )
         return f"Thermal[group = {self.group}, band = {self.band and self.band.name}, {what}]"
+
+
+def derive_together(plugins) -> None:
+    """Derive what thermal emitters of one temperature lack, in one kernel for each band.
+
+    Those with derivatives are left out.
+    """
+    stale = [p for p in plugins if isinstance(p, Thermal) and p.temperature is not None]
+    stale = [p for p in stale if p.is_stale() and not attached(p.sources())]
+    for band in {id(p.band): p.band for p in stale}.values():
+        of_band = [p for p in stale if p.band is band and dr.width(p.temperature) == 1]
+        if len(of_band) > 1:
+            Float64 = dr.float64_array_t(mi.Float)
+            temperatures = Float64(np.concatenate([p.temperature.numpy() for p in of_band]))
+            radiances = mi.Float(in_band_radiance(band, temperatures)).numpy()
+            for plugin, radiance in zip(of_band, radiances.tolist()):
+                plugin.derive(radiance)

@@ -18,6 +18,7 @@ from mi_lcair.plugins.columns.tables import explored_by_gradients, places_of, su
 from mi_lcair.plugins.derivatives import deriving, leaves, nodes
 from mi_lcair.plugins.emission.draw_table import PREFERRED
 from mi_lcair.plugins.emission.triangles import refresh_geometry
+from mi_lcair.plugins.emitters.thermal import derive_together
 from mi_lcair.plugins.paths.path_tracer import PathTracer, SceneState
 from mi_lcair.plugins.properties import HOTTEST, Property, read
 from mi_lcair.tasks import exclusive, tracing
@@ -154,6 +155,7 @@ class BouncePath(RBIntegrator):
             objects = nodes(scene)
             plugins = deriving(objects)
             with dr.resume_grad():
+                derive_together(plugins)
                 for plugin in plugins:
                     plugin.refresh()
             if explored is None:

@@ -7,9 +7,11 @@ import re
 import mitsuba as mi
 import pytest
 
+from mi_lcair.declared import one_of
 from mi_lcair.errors import InputError, mitsuba_error
 from mi_lcair.physics import reflection
 from mi_lcair.plugins import PLUGINS
+from mi_lcair.plugins.properties import Property, read
 
 WRONG = {
     "float": (True, "300 K", mi.ScalarColor3d(1, 2, 3), float("nan"), float("inf")),
@@ -128,3 +130,15 @@ def test_a_boolean_or_a_word(given, value):
     """Bundled scenes give `emitter_sampling` as a string, which -D may set to any of them."""
     assert load("bounce_path", emitter_sampling=given).emitter_sampling is value or given == "auto"
     assert load("bounce_path", emitter_sampling=given).emitter_sampling == value
+
+
+def test_rules_know_the_defaults_of_the_properties_at_hand():
+    """In turn: `radiance` is given where it differs from its default, which is not kept."""
+    one, two = ((Property("radiance", "float", default),) for default in (0.0, 5.0))
+    rules = (one_of("radiance"),)
+    props = mi.Properties("lamp")
+    props["radiance"] = 5.0
+    for _ in range(2):
+        assert read(props, "lamp", one, rules) == {"radiance": 5.0}
+        with pytest.raises(InputError, match="radiance is missing"):
+            read(props, "lamp", two, rules)

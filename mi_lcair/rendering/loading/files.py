@@ -62,14 +62,15 @@ class Survey:
         parser = expat.ParserCreate()
         elements: list[str] = []  # tags of the elements that are open in this file
 
+        def place() -> str:
+            line, column = parser.CurrentLineNumber, parser.CurrentColumnNumber
+            return f"{path} (line {line}, col {column + 1})"
+
         def start(tag, attributes):
-            place = (
-                f"{path} (line {parser.CurrentLineNumber}, col {parser.CurrentColumnNumber + 1})"
-            )
             self.element(tag, attributes, elements[-1] if elements else "", place)
             elements.append(tag)
             if len(elements) > DEEPEST:
-                raise InputError(f"{place}: elements are nested more than {DEEPEST} deep")
+                raise InputError(f"{place()}: elements are nested more than {DEEPEST} deep")
 
         parser.StartElementHandler = start
         parser.EndElementHandler = lambda tag: elements.pop()
@@ -85,21 +86,23 @@ class Survey:
             raise InputError(f"{path}: is not XML: {error}") from None
         self.open.pop()
 
-    def element(self, tag: str, attributes: dict[str, str], parent: str, place: str) -> None:
+    def element(self, tag: str, attributes: dict[str, str], parent: str, place) -> None:
         """Check one element and record its parameters.
 
-        parent: tag of the element that contains it. place: its place in the file, for messages.
+        parent: tag of the element that contains it. place: function that gives its place in
+        the file, for messages.
         """
         if parent in OPERATIONS:
-            raise InputError(f"{place}: <{tag}> inside <{parent}> is not read; move it outside")
-        for value in attributes.values():
-            self.names.update(re.findall(r"\$(\w+)", value))
-        values = {name: self.substituted(value) for name, value in attributes.items()}
+            raise InputError(f"{place()}: <{tag}> inside <{parent}> is not read; move it outside")
+        values = attributes
+        if any("$" in value for value in attributes.values()):
+            self.names.update(re.findall(r"\$(\w+)", " ".join(attributes.values())))
+            values = {name: self.substituted(value) for name, value in attributes.items()}
         if tag in NUMBERS:
             empty = [name for name in values if name not in NAMING and not values[name].strip()]
             if empty:
                 name = f' name="{values["name"]}"' if "name" in values else ""
-                raise InputError(f"{place}: <{tag}{name}> has an empty {empty[0]}; give a number")
+                raise InputError(f"{place()}: <{tag}{name}> has an empty {empty[0]}; give a number")
         if tag == "default" and "name" in values:
             self.names.add(values["name"])
             self.values.setdefault(values["name"], values.get("value", ""))

@@ -15,7 +15,7 @@ from mi_lcair.models3d.modellers.ply import check_ply
 from mi_lcair.physics.air.levels import TABLES
 from mi_lcair.physics.bands import BUNDLED
 from mi_lcair.physics.materials import BUILT_IN
-from mi_lcair.plugins.derivatives import children, members
+from mi_lcair.plugins.derivatives import members
 from mi_lcair.plugins.emission.triangles import NORMALS, TEXTURE, VERTICES, is_faceted
 from mi_lcair.plugins.properties import TEMPERATURE, beside_scene
 from mi_lcair.rendering.loading.parsing import BOUNDS, REACHED, properties
@@ -198,11 +198,12 @@ def check_bsdf(shape, bsdf) -> None:
     """Check the textures of a BSDF and of the BSDFs that it wraps."""
     if bsdf is None:
         return
-    for key, value in members(bsdf).items():
+    held = members(bsdf)
+    for key, value in held.items():
         bounds = BOUNDS[mi.ObjectType.BSDF].get(key)
         if bounds:
             check_texture(shape, value, key, bounds)
-    for child in children(bsdf):
+    for child in held.values():
         if isinstance(child, mi.BSDF):
             check_bsdf(shape, child)
 

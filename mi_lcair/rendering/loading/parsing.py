@@ -63,10 +63,11 @@ def check_nodes(state) -> None:
     """
     nodes = [(node, properties(node)) for node in state.nodes]
     of_shapes = children(nodes, lambda node: node.type == mi.ObjectType.Shape)
+    measured = measures([value for _, values in nodes for value in values.values()])
     for number, (node, values) in enumerate(nodes):
         try:
             check_names(node.props.plugin_name(), values)
-            check_values(node, values, nodes)
+            check_values(node, values, nodes, measured)
             check_complete(node, values, nodes)
             plugin = node.props.plugin_name()
             if plugin in SURFACE_EMITTERS and number not in of_shapes:
@@ -129,12 +130,17 @@ def numbers(value) -> np.ndarray:
     return np.array(value, dtype=float).ravel()
 
 
-def check_values(node, values: dict, nodes) -> None:
-    """Raise InputError for numbers that are not finite in Float32 or are out of bounds."""
+def check_values(node, values: dict, nodes, measured: dict) -> None:
+    """Raise InputError for numbers that are not finite in Float32 or are out of bounds.
+
+    measured: see `measures`.
+    """
     plugin = node.props.plugin_name()
     for name, value in values.items():
-        if isinstance(value, mi.ScalarAffineTransform4d | mi.ScalarProjectiveTransform4d):
-            check_transform(name, value, node.type)
+        if isinstance(value, (str, bool)):
+            continue
+        if id(value) in measured:
+            check_transform(name, *measured[id(value)], node.type)
             continue
         bounds = BOUNDS.get(node.type, {}).get(name)
         given = [(numbers(value), FINITE if plugin in CHECKED_BY_THEMSELVES else bounds)]
@@ -146,23 +152,41 @@ def check_values(node, values: dict, nodes) -> None:
             (allowed or FINITE).check_all(array, lambda k, name=name: f"{plugin}: {name}")
 
 
-def check_transform(name: str, transform, kind) -> None:
+def measures(values: list) -> dict[int, tuple]:
+    """What `check_transform` judges of those values that are transforms, by their `id`.
+
+    It is the largest number, the volume of the axes if they had the length 1, and the relative
+    error of the inverse.
+    """
+    kinds = mi.ScalarAffineTransform4d | mi.ScalarProjectiveTransform4d
+    transforms = [value for value in values if isinstance(value, kinds)]
+    matrix, inverse = (
+        np.array([np.array(of) for of in matrices], dtype=float).reshape(-1, 4, 4)
+        for matrices in ([t.matrix for t in transforms], [t.inverse_transpose for t in transforms])
+    )
+    with np.errstate(all="ignore"):
+        inverse, axes = inverse.swapaxes(1, 2), matrix[:, :3, :3]
+        lengths = np.maximum(np.linalg.norm(axes, axis=1, keepdims=True), 1e-30)
+        error = abs(matrix @ inverse - np.eye(4)).max((1, 2))
+        error /= (abs(matrix) @ abs(inverse)).max((1, 2))
+        found = abs(matrix).max((1, 2)), abs(np.linalg.det(axes / lengths)), error
+    return dict(zip(map(id, transforms), zip(*found)))
+
+
+def check_transform(name: str, largest: float, volume: float, error: float, kind) -> None:
     """Raise InputError for a transform that is not finite, is too large, or flattens an object.
 
     Mitsuba does not bring the axis of <rotate> to length 1. With another length the transform is no
-    rotation, and its inverse is another one's, so that normals are wrong.
+    rotation, and its inverse is another one's, so that normals are wrong. The numbers: `measures`.
     """
-    matrix = np.array(transform.matrix, dtype=float)
-    REACHED.check(abs(matrix).max(), f"{name}: largest number of the transform")
+    REACHED.check(largest, f"{name}: largest number of the transform")
     if kind not in (mi.ObjectType.Shape, mi.ObjectType.Sensor, mi.ObjectType.Emitter):
         return
-    lengths = np.linalg.norm(matrix[:3, :3], axis=0)
-    if abs(np.linalg.det(matrix[:3, :3] / np.maximum(lengths, 1e-30))) < 1e-9:
+    if volume < 1e-9:
         raise InputError(
             f"{name}: the transform flattens to nothing; each scale must differ from 0"
         )
-    inverse = np.array(transform.inverse_transpose, dtype=float).T
-    if abs(matrix @ inverse - np.eye(4)).max() > 1e-6 * (abs(matrix) @ abs(inverse)).max():
+    if error > 1e-6:
         raise InputError(
             f"{name}: <rotate> has an axis that is not of length 1, which stretches the object; "
             "divide its x, y and z by their length"

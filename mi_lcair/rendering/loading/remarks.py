@@ -159,11 +159,12 @@ def turned_inside_out(state, scene: mi.Scene) -> list[str]:
     """
     shapes, lines = {shape.id(): shape for shape in scene.shapes()}, []
     for node in state.nodes:
+        if node.props.plugin_name() not in ("sphere", "ply", "obj", "serialized"):
+            continue
         values, shape = parsing.properties(node), shapes.get(node.props.id())
         if shape is None or "to_world" not in values or values.get("flip_normals", False):
             continue
-        mirrors = np.linalg.det(np.array(values["to_world"].matrix)[:3, :3]) < 0
-        if not mirrors or node.props.plugin_name() not in ("sphere", "ply", "obj", "serialized"):
+        if not np.linalg.det(np.array(values["to_world"].matrix)[:3, :3]) < 0:
             continue
         if mi.has_flag(shape.bsdf().flags(), mi.BSDFFlags.BackSide):
             continue
@@ -319,62 +320,51 @@ LEAST_SHARE, LEAST_REFLECTED = 0.05, 0.01
 MOST_BEHIND = 0.5  # share of what is seen from behind that is not remarked
 
 
-def random_numbers() -> list[mi.Float]:
-    """The same for each scene, 7 of RAYS."""
+def remarks_on_view(scene: mi.Scene, emitters: EmitterTable) -> tuple[list[str], list[str]]:
+    """Remarks on what the first sensor sees: reflections of nothing, and backs of surfaces.
+
+    The first is on rays whose first reflection escapes to where nothing emits. Without surroundings
+    a reflecting surface is as dark as in empty space. The remark says for which share of the
+    reflected light this is so. The second is on a model of which the sensor sees mostly the backs
+    of one-sided surfaces.
+    """
+    # The same numbers for each scene
     numbers = np.random.default_rng(0).random((7, RAYS)).astype(np.float32)
-    return own_memory([mi.Float(row) for row in numbers])
-
-
-def first_hits(scene: mi.Scene, emitters: EmitterTable, numbers: list[mi.Float]) -> tuple:
-    """First hits of the first sensor's rays, their BSDFs, and which are opaque and of the model."""
-    ray, _ = scene.sensors()[0].sample_ray(
-        0.0, numbers[0], mi.Point2f(*numbers[1:3]), mi.Point2f(*numbers[3:5])
-    )
-    si = scene.ray_intersect(ray)
-    bsdf = si.bsdf(ray)
-    of_model = si.is_valid() & emitters.is_model(si.emitter(scene))
-    return si, bsdf, of_model & ~is_passed(bsdf.flags())
-
-
-def seen_from_behind(scene: mi.Scene, emitters: EmitterTable) -> list[str]:
-    """Remark on a model of which the first sensor sees mostly the backs of one-sided surfaces."""
+    numbers = own_memory([mi.Float(row) for row in numbers])
     with dr.suspend_grad():
-        si, bsdf, on_target = first_hits(scene, emitters, random_numbers())
+        ray, _ = scene.sensors()[0].sample_ray(
+            0.0, numbers[0], mi.Point2f(*numbers[1:3]), mi.Point2f(*numbers[3:5])
+        )
+        si = scene.ray_intersect(ray)
+        bsdf, of_model = si.bsdf(ray), si.is_valid() & emitters.is_model(si.emitter(scene))
+        on_target = of_model & ~is_passed(bsdf.flags())
         side = dr.select(
             si.wi.z > 0, mi.UInt32(+mi.BSDFFlags.FrontSide), mi.UInt32(+mi.BSDFFlags.BackSide)
         )
-        met, behind = dr.count(on_target)[0], dr.count(on_target & (bsdf.flags() & side == 0))[0]
-    if not behind > MOST_BEHIND * met:
-        return []
-    return [
-        f"{percent(behind / met)} of what the first sensor sees of the model are backs of "
-        "one-sided surfaces, which are black; turn their facets, or wrap their BSDFs in twosided"
-    ]
-
-
-def reflections_of_nothing(scene: mi.Scene, emitters: EmitterTable) -> list[str]:
-    """Remark on rays of the first sensor whose first reflection escapes to where nothing emits.
-
-    Without surroundings a reflecting surface is as dark as in empty space. The remark says for
-    which share of the reflected light this is so.
-    """
-    numbers = random_numbers()
-    with dr.suspend_grad():
-        si, bsdf, on_target = first_hits(scene, emitters, numbers)
         sample = mi.Point2f(*numbers[5:7])
         bs, weight = bsdf.sample(mi.BSDFContext(), si, numbers[0], sample, on_target)
         reflected = dr.select(on_target, weight[0], 0)
-        beyond = scene.ray_intersect(emitters.spawn_ray(si, si.to_world(bs.wo)), on_target)
+        ray = emitters.spawn_ray(si, si.to_world(bs.wo))
+        beyond = scene.ray_intersect_preliminary(ray, active=on_target)
         escapes = on_target & ~beyond.is_valid()
         if scene.environment() is not None:
-            escapes &= scene.environment().eval(beyond)[0] == 0
-        met, total, lost = (
-            dr.sum(values)[0]
-            for values in (dr.select(on_target, mi.Float(1), 0), reflected, reflected * escapes)
-        )
-    if not lost > max(LEAST_SHARE * total, LEAST_REFLECTED * met):
-        return []
-    return [
-        f"{percent(lost / total)} of what the target reflects comes from nothing (0 K); an "
-        "emitter sky, [surroundings] of a scenario, or sky and ground of an import surround it"
-    ]
+            of_sky = beyond.compute_surface_interaction(ray, active=on_target)
+            escapes &= scene.environment().eval(of_sky)[0] == 0
+        is_behind = on_target & (bsdf.flags() & side == 0)
+        values = dr.select(on_target, mi.Float(1), 0), reflected, reflected * escapes
+        dr.eval(values, is_behind)  # in one kernel, as many shapes make each one slow
+        met, total, lost = (dr.sum(value)[0] for value in values)
+        behind = dr.count(is_behind)[0]
+    of_nothing, backs = [], []
+    if lost > max(LEAST_SHARE * total, LEAST_REFLECTED * met):
+        of_nothing = [
+            f"{percent(lost / total)} of what the target reflects comes from nothing (0 K); an "
+            "emitter sky, [surroundings] of a scenario, or sky and ground of an import surround it"
+        ]
+    if behind > MOST_BEHIND * met:
+        backs = [
+            f"{percent(behind / met)} of what the first sensor sees of the model are backs of "
+            "one-sided surfaces, which are black; turn their facets, or wrap their BSDFs in "
+            "twosided"
+        ]
+    return of_nothing, backs

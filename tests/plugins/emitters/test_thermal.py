@@ -10,6 +10,7 @@ import pytest
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.emissivity import Emissivities, emissivity_of
+from mi_lcair.plugins.emitters import thermal
 from tests.physics import thesis
 from tests.plugins.reflection_models import exact_HDR, seen_at, uniform
 from tests.plugins.small_scenes import (
@@ -235,6 +236,41 @@ def test_an_update_of_facet_temperatures_is_honoured(plate, integrator):
             0.7 * blackbody(temperatures[0]), rel=1e-5
         )  # seen from above: below the diagonal
         assert image[0, 0] == pytest.approx(0.7 * blackbody(temperatures[1]), rel=1e-5)
+
+
+def test_single_temperatures_of_a_scene_are_converted_together(monkeypatch):
+    """To the same numbers as one by one, once for each band, and again after each change."""
+    of_bands = {
+        f"{band}{T:.0f}": (T, band) for T in (280, 300.25, 3000) for band in ("LWIR", "MWIR")
+    }
+    lamps = {
+        name: {
+            "type": "rectangle",
+            "bsdf": {"type": "diffuse"},
+            "emitter": {"type": "thermal", "temperature": T, "band": band},
+        }
+        for name, (T, band) in of_bands.items()
+    }
+    loaded = mi.load_dict({"type": "scene", **lamps}, optimize=False)
+    emitters, calls = loaded.emitters(), []
+    convert = thermal.in_band_radiance
+    monkeypatch.setattr(thermal, "in_band_radiance", lambda *of: calls.append(1) or convert(*of))
+    for step in (0.0, 1.5, 3.0):
+        for emitter in emitters:
+            emitter.temperature = mi.Float(emitter.temperature + step)
+        calls.clear()
+        thermal.derive_together(emitters)
+        assert len(calls) == 2
+        together = [float(emitter.derived[0]) for emitter in emitters]
+        for emitter in emitters:
+            emitter.derive()
+        assert [float(emitter.derived[0]) for emitter in emitters] == together
+        calls.clear()
+        thermal.derive_together(emitters)
+        assert not calls  # nothing has changed
+    dr.enable_grad(emitters[0].temperature)
+    thermal.derive_together(emitters)
+    assert not dr.grad_enabled(emitters[0].derived)  # left to `refresh`
 
 
 @pytest.mark.slow
