@@ -428,6 +428,96 @@ def test_a_users_plugin_in_python_gets_a_new_tracer_each_time():
     assert differ(results)
 
 
+# ------------------------------------------------ Recordings of an earlier state
+
+
+NUMBERS = ("temperature", "radiance", "value", "emissivity", "transmittance", "reflectance")
+NUMBERS += ("epsilon", "rho_d", ".b", ".e", "vertex_positions", "temperature.scale")
+
+
+def changed(scene, key: str, factor: float) -> None:
+    """Multiply a parameter of a scene; vertices are moved by a part of a metre."""
+    parameters = mi.traverse(scene.mi)
+    value = parameters[key]
+    moved = value + dr.opaque(mi.Float, 0.25 * factor) if "vertex" in key else value * factor
+    parameters[key] = type(value)(moved)
+    parameters.update()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("draws", [False, True])
+@pytest.mark.parametrize("name", SCENES)
+def test_recordings_of_an_earlier_state_give_the_same(name, draws):
+    scene = load(name, **SCENES[name])
+    integrator = scene.mi.integrator()
+    integrator.emitter_sampling = draws
+    names = [key for key, _ in mi.traverse(scene.mi) if "sensor" not in key]
+    # The first parameter of each kind
+    kinds = {end: next((key for key in names if key.endswith(end)), None) for end in NUMBERS}
+    keys = [key for key in kinds.values() if key]
+    for key in keys:
+        before = check(scene)[1].recorded
+        for factor in (0.97, 0.96):
+            changed(scene, key, factor)
+            tracer = check(scene)[1]
+            # A texture of Mitsuba holds its scale as a number. Moved vertices may round, so that
+            # two triangles of an emitter no longer are a rectangle.
+            if "scale" in key:
+                assert tracer.recorded is not before
+            elif "vertex" not in key:
+                assert tracer.recorded is before
+    for lobe in ("mirror", "diffuse", "brdf") if scene.surfaces() else ():
+        scene.set_lobe(lobe)
+        check(scene)
+    for setting, values in {"max_bounces": (1, 2), "opening_sampling": (True, False)}.items():
+        for value in (*values, *values):
+            setattr(integrator, setting, value)
+            check(scene)
+            changed(scene, keys[0], 0.98)
+            check(scene)
+
+
+def test_what_a_kernel_holds_as_a_number_makes_a_new_recording():
+    scene = load("a340_landing", **SCENES["a340_landing"])
+    parameters, key = parameter(scene, "transmittance")
+    radiances, recordings = [], []
+    for transmittance in (0.5, 0.4, 0.0, 0.5):  # a plume without one is passed by no ray
+        parameters[key] = transmittance
+        parameters.update()
+        radiance, tracer = check(scene)
+        radiances.append(radiance)
+        recordings.append(tracer.recorded)
+    assert recordings[0] is recordings[1] and len({*map(id, recordings)}) == 3
+    plugin = next(node for node in nodes(scene.mi) if type(node).__name__ == "Thermal")
+    plugin.number_of_the_test = 1
+    before = check(scene)[1].recorded
+    plugin.number_of_the_test = 2
+    after = check(scene)[1].recorded
+    plugin.m_flags = mi.EmitterFlags.Surface | 0  # no attribute in Python
+    parameters[key] = 0.6
+    parameters.update()
+    assert len({*map(id, (before, after, check(scene)[1].recorded))}) == 3
+
+
+def test_moved_vertices_after_derivatives_are_found():
+    scene, results = load("two_plates"), []
+    shape = next(shape for shape in scene.mi.shapes() if shape.is_emitter())
+    # These do not tell the scene of changes
+    mesh, emitter = mi.traverse(shape), mi.traverse(shape.emitter())
+    places = [mi.Float(mesh["vertex_positions"]), mesh["vertex_positions"] * 0.5]
+    for k in (0, 1, 0):
+        mesh["vertex_positions"] = places[k]
+        mesh.update()
+        emitter["temperature"] = mi.Float(350.0)
+        if k:
+            dr.enable_grad(emitter["temperature"])
+        emitter.update()
+        with scene.prepared() as tracer:
+            results.append(tracer.trace(scene.sensor(0), Launch(1, 1, 1, 8, POINTS)).radiance)
+    assert differ(results[:2])
+    np.testing.assert_array_equal(results[0], results[2])
+
+
 # ------------------------------------------------ Kernels
 
 
