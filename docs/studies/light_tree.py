@@ -127,7 +127,8 @@ def variances(scene, tree: LightTree) -> np.ndarray:
 def tree_of(scene) -> LightTree:
     """The tree of a scene's emitting meshes, by their radiances."""
     with changed(scene, emitter_sampling=True), scene.prepared() as tracer:
-        return next(table.tree for table in tracer.emitters.tables if table.tree is not None)
+        choices = [table.panel_choice for table in tracer.emitters.tables]
+        return LightTree(next(choice.panels for choice in choices if choice is not None))
 
 
 def row(name: str, parameters: dict) -> str:

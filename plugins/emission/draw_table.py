@@ -14,7 +14,7 @@ import numpy as np
 
 from mi_lcair.plugins.derivatives import members
 from mi_lcair.plugins.emission.emissivity import reflects
-from mi_lcair.plugins.emission.panels import LightTree, Panels
+from mi_lcair.plugins.emission.panels import Panels, chosen
 from mi_lcair.plugins.emission.spherical_polygons import Receiver
 from mi_lcair.plugins.emission.triangles import Choice, TriangleTable, is_faceted, pointer_id
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
@@ -195,10 +195,11 @@ def parts_of_emitters(radiances: list, probabilities: list) -> tuple[np.ndarray,
 class DrawTable:
     """What is drawn: the panels of emitting meshes, and then all other emitters.
 
-    Panels are drawn by what they send to the receiver, see `LightTree`, other emitters with equal
-    probabilities. If there are both, each part gets one half.
+    Panels are drawn by what they send to the receiver, or by their power where they surround the
+    scene, see `chosen`. Other emitters have equal probabilities. If there are both, each part gets
+    one half.
 
-    tree: draws a panel; None without meshes. panel_count: number of panels. share:
+    panel_choice: draws a panel; None without meshes. panel_count: number of panels. share:
     probability that a panel is drawn. others: pointers to the other emitters as integers; None
     without any. choice: draws one of them. bound: bound of the radiance [W m^-2 sr^-1]. least:
     smallest probability. density_and_bound: pairs of the probability of another emitter, 0 for a
@@ -216,7 +217,7 @@ class DrawTable:
         self.preference = dr.opaque(mi.Float, preference)
         meshes = [emitter for emitter in emitters if is_mesh(emitter)]
         others = [emitter for emitter in emitters if not is_mesh(emitter)]
-        self.tree, counts = None, []
+        self.panel_choice, counts = None, []
         radiance, least = np.empty(0), np.empty(0)
         if meshes:
             table = TriangleTable([emitter.get_shape() for emitter in meshes])
@@ -227,17 +228,17 @@ class DrawTable:
             if (of_meshes * table.area).sum() > 0:
                 both_sides = per_triangle([emits_behind(e) for e in meshes], table.counts)
                 panels = Panels(table, of_meshes, both_sides)
-                self.tree = LightTree(panels)
-                radiance, least, counts = panels.radiance, self.tree.least, panels.counts
+                self.panel_choice = chosen(panels)
+                radiance, least, counts = panels.radiance, self.panel_choice.least, panels.counts
         self.panel_count = len(radiance)
         self.others = None
         if others:
             self.others = mi.UInt32([pointer_id(mi.EmitterPtr(emitter)) for emitter in others])
             self.choice = Choice(np.ones(len(others)))
         self.all_surfaces = all(e.flags() & int(mi.EmitterFlags.Surface) for e in others)
-        self.is_empty = self.tree is None and not others
+        self.is_empty = self.panel_choice is None and not others
         if not self.is_empty:
-            self.share = 0.0 if self.tree is None else 1.0 if not others else 0.5
+            self.share = 0.0 if self.panel_choice is None else 1.0 if not others else 0.5
             of_others = (1 - self.share) * self.choice.probability if others else np.empty(0)
             self.least = np.concatenate([self.share * least, of_others])
             bound_of_others = [
@@ -256,15 +257,15 @@ class DrawTable:
 
         receiver: where it is drawn; None without panels.
         """
-        if self.tree is None:
+        if self.panel_choice is None:
             return self.choice.pick(number, active), mi.Float(0)
         within = dr.float64_array_t(mi.Float)(number) * 2.0**-32
-        from_tree = active & (within < self.share)
-        index, probability = self.tree.draw(within / self.share, receiver, from_tree)
+        from_panels = active & (within < self.share)
+        index, probability = self.panel_choice.draw(within / self.share, receiver, from_panels)
         if self.others is not None:
             rest = mi.UInt32((within - self.share) / (1 - self.share) * 2.0**32)
-            other = self.panel_count + self.choice.pick(rest, active & ~from_tree)
-            index = dr.select(from_tree, index, other)
+            other = self.panel_count + self.choice.pick(rest, active & ~from_panels)
+            index = dr.select(from_panels, index, other)
         return index, self.share * probability
 
     def unmet(self, in_view: float, brightest: float) -> UnmetSources:

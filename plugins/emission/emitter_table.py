@@ -276,14 +276,14 @@ class EmitterTable:
         DrawnDirection
         """
         ds = dr.zeros(mi.DirectionSample3f)
-        receiver = None if table.tree is None else self.receiver(si)
+        receiver = None if table.panel_choice is None else self.receiver(si)
         index, probability = table.pick(triangles.random_integer(sample1), receiver, active)
         other, may_radiate, compared = None, mi.Bool(True), mi.Float(0)
         from_panels = active & (index < table.panel_count)
         from_others = active & ~from_panels
         density, bound = dr.gather(mi.Vector2f, table.density_and_bound, index, active)
-        if table.tree is not None:
-            seen = table.tree.panels.seen(index, receiver, from_panels)
+        if table.panel_choice is not None:
+            seen = table.panel_choice.panels.seen(index, receiver, from_panels)
             ds.d, ds.dist, ds.pdf = seen.draw(sample2)
             ds.p, ds.n = receiver.p + ds.dist * ds.d, mi.Normal3f(seen.n)
             ds.pdf *= probability
@@ -372,8 +372,8 @@ class EmitterTable:
         met: the hits to be compared. of_panels: whether a panel was drawn; both mi.Bool.
         """
         on_panel, on_other = mi.Bool(False), mi.Bool(False)
-        if table.tree is not None:
-            panel, known = table.tree.panels.find(pi.shape, pi.prim_index, met & of_panels)
+        if table.panel_choice is not None:
+            panel, known = table.panel_choice.panels.find(pi.shape, pi.prim_index, met & of_panels)
             on_panel = known & (panel == drawn.index)
         if table.others is not None:
             # A line hits a sphere, cylinder, disk or rectangle at most twice, from different sides.
@@ -505,11 +505,11 @@ class EmitterTable:
             not draw `emitter`.
         """
         table = self.tables[0]
-        density, known, tree = mi.Float(0), mi.Bool(False), table.tree
-        if tree is not None:
-            panel, known = tree.panels.find(si.shape, si.prim_index, active & si.is_valid())
-            density = table.share * tree.probability(panel, receiver, known)
-            seen = tree.panels.seen(panel, receiver, known)
+        density, known, choice = mi.Float(0), mi.Bool(False), table.panel_choice
+        if choice is not None:
+            panel, known = choice.panels.find(si.shape, si.prim_index, active & si.is_valid())
+            density = table.share * choice.probability(panel, receiver, known)
+            seen = choice.panels.seen(panel, receiver, known)
             density *= seen.along(si.to_world(-si.wi), distance)
         if table.others is not None:
             before = dr.zeros(mi.Interaction3f)

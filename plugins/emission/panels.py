@@ -13,6 +13,7 @@ from mi_lcair.plugins.emission.spherical_polygons import (
     SphericalTriangle,
 )
 from mi_lcair.plugins.emission.triangles import (
+    Choice,
     TriangleTable,
     is_faceted,
     loops,
@@ -354,6 +355,48 @@ def neighbours(centres, normals) -> np.ndarray:
         for column in bits.T:
             code = (code << np.uint64(1)) | ((column >> np.uint64(level)) & np.uint64(1))
     return np.argsort(code, kind="stable")
+
+
+# Part of their box that panels enclose, from which on they are drawn by power
+SURROUNDS = 0.45
+
+
+class ByPower:
+    """Draws a panel by radiance times area, wherever the receiver is; used as a `LightTree`.
+
+    Where emitting walls surround the scene, all reflected paths end at some of them, and a tree
+    costs more than it saves.
+    """
+
+    not_in_kernels = ("least",)
+
+    def __init__(self, panels: Panels):
+        choice = Choice(panels.radiance * panels.area)
+        self.panels, self.choice = panels, Choice.of_ends(choice.ends, choice.count)
+        self.least = choice.probability
+        self.probabilities = mi.Float(self.least)
+        dr.make_opaque(self.probabilities)
+
+    def draw(self, number, receiver: Receiver, active) -> tuple[mi.UInt32, mi.Float]:
+        panel = mi.UInt32(self.choice.pick(mi.UInt32(number * 2.0**32), active))
+        return panel, self.probability(panel, receiver, active)
+
+    def probability(self, panel, receiver: Receiver, active) -> mi.Float:
+        return dr.gather(mi.Float, self.probabilities, panel, active)
+
+
+def chosen(panels: Panels) -> LightTree | ByPower:
+    """What draws one of the panels in less time for the same noise.
+
+    It depends on the part of their box that panels enclose with their front sides, less what their
+    backs enclose. Each counts by its radiance relative to the brightest one; those that emit on
+    both sides do not.
+    """
+    low, high = panels.corners.min(axis=(0, 1)), panels.corners.max(axis=(0, 1))
+    inward = np.sum(panels.normal * ((low + high) / 2 - panels.corners[:, 0]), axis=1) / 3
+    power = panels.radiance * np.where(panels.emits_behind, 0, panels.area)
+    surround = power @ inward > SURROUNDS * np.prod(high - low) * panels.radiance.max()
+    return ByPower(panels) if surround or len(power) == 1 else LightTree(panels)
 
 
 # Openings of hollow bodies: reflected paths that would escape through them are drawn again

@@ -12,14 +12,7 @@ import numpy as np
 from mi_lcair.declared import Bounds, needs, one_of
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.plugins.derivatives import (
-    attached,
-    check_attached,
-    held,
-    members,
-    same_variables,
-    unrecorded,
-)
+from mi_lcair.plugins.derivatives import check_attached, held, members, same_variables, unrecorded
 from mi_lcair.plugins.emission import triangles
 from mi_lcair.plugins.emission.draw_table import largest, texture_bound
 from mi_lcair.plugins.emission.emissivity import Emissivities, emissivity_of, reflects
@@ -384,13 +377,12 @@ def derive_together(plugins) -> None:
 
     Those with derivatives are left out.
     """
-    stale = [p for p in plugins if isinstance(p, Thermal) and p.temperature is not None]
-    stale = [p for p in stale if p.is_stale() and not attached(p.sources())]
-    for band in {id(p.band): p.band for p in stale}.values():
-        of_band = [p for p in stale if p.band is band and dr.width(p.temperature) == 1]
-        if len(of_band) > 1:
-            Float64 = dr.float64_array_t(mi.Float)
-            temperatures = Float64(np.concatenate([p.temperature.numpy() for p in of_band]))
-            radiances = mi.Float(in_band_radiance(band, temperatures)).numpy()
-            for plugin, radiance in zip(of_band, radiances.tolist()):
-                plugin.derive(radiance)
+    single = [p for p in plugins if isinstance(p, Thermal) and p.temperature is not None]
+    single = [p for p in single if dr.width(p.temperature) == 1 and p.is_stale()]
+    single = [p for p in single if not dr.grad_enabled(p.temperature)]
+    for band in {id(p.band): p.band for p in single}.values():
+        of_band = [p for p in single if p.band is band]
+        temperatures = np.concatenate([p.temperature.numpy() for p in of_band])
+        radiances = in_band_radiance(band, dr.float64_array_t(mi.Float)(temperatures))
+        for plugin, radiance in zip(of_band, mi.Float(radiances).numpy().tolist()):
+            plugin.derive(radiance)

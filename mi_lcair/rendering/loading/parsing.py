@@ -161,8 +161,8 @@ def measures(values: list) -> dict[int, tuple]:
     kinds = mi.ScalarAffineTransform4d | mi.ScalarProjectiveTransform4d
     transforms = [value for value in values if isinstance(value, kinds)]
     matrix, inverse = (
-        np.array([np.array(of) for of in matrices], dtype=float).reshape(-1, 4, 4)
-        for matrices in ([t.matrix for t in transforms], [t.inverse_transpose for t in transforms])
+        np.array([np.array(getattr(t, name)) for t in transforms], float).reshape(-1, 4, 4)
+        for name in ("matrix", "inverse_transpose")
     )
     with np.errstate(all="ignore"):
         inverse, axes = inverse.swapaxes(1, 2), matrix[:, :3, :3]

@@ -5,9 +5,10 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from mi_lcair.plugins.emission.panels import ANYWHERE, LightTree, Panels
+from mi_lcair.plugins.emission.panels import ANYWHERE, ByPower, LightTree, Panels, chosen
 from mi_lcair.plugins.emission.spherical_polygons import Receiver
 from mi_lcair.plugins.emission.triangles import TriangleTable
+from tests.plugins.small_scenes import GREY, INTEGRATORS, blackbody, camera, runs, scene
 
 
 def mesh(vertices, faces):
@@ -38,9 +39,10 @@ def probabilities(tree, count, p, n):
     return tree.probability(dr.arange(mi.UInt32, count), at, mi.Bool(True)).numpy().astype(float)
 
 
+@pytest.mark.parametrize("kind", [LightTree, ByPower])
 @pytest.mark.parametrize("count", [1, 2, 3, 37, 200])
-def test_frequencies_are_the_probabilities(count):
-    tree = LightTree(scattered(count))
+def test_frequencies_are_the_probabilities(count, kind):
+    tree = kind(scattered(count))
     stated = probabilities(tree, count, (0.3, 0.1, -0.2), (0.6, 0, 0.8))
     assert stated.sum() == pytest.approx(1, abs=1e-5)
     assert np.all(stated >= tree.least * (1 - 1e-5))
@@ -49,9 +51,12 @@ def test_frequencies_are_the_probabilities(count):
     at = receiver((0.3, 0.1, -0.2), (0.6, 0, 0.8), draws)
     panel, probability = tree.draw(number, at, mi.Bool(True))
     # Evenly spaced numbers: each panel gets its probability in two intervals
-    counts = np.bincount(panel.numpy(), minlength=count)
+    panel = np.broadcast_to(panel.numpy(), draws)
+    counts = np.bincount(panel, minlength=count)
     np.testing.assert_allclose(counts / draws, stated, atol=2 * count / draws)
-    np.testing.assert_allclose(probability.numpy(), stated[panel.numpy()], rtol=1e-5)
+    np.testing.assert_allclose(
+        np.broadcast_to(probability.numpy(), draws), stated[panel], rtol=1e-5
+    )
 
 
 def test_panels_are_drawn_by_what_they_send():
@@ -85,6 +90,50 @@ def test_the_choice_between_two_is_by_their_projected_solid_angles():
     factor = np.array([1.0, 2.0**2 / (1**2 + 2**2) ** 2])
     expected = ANYWHERE / 2 + (1 - ANYWHERE) * factor / factor.sum()
     np.testing.assert_allclose(stated, expected, rtol=3e-3)
+
+
+def room(turned=1):
+    """Mesh of a cube of 2 m whose 6 squares have their fronts inside; turned = -1: outside."""
+    square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    vertices, faces = [], []
+    for axis in range(3):
+        for side in (-1, 1):
+            corners = np.roll(np.insert(square, 0, side, axis=1), axis, axis=1)
+            faces += [[len(vertices) + k for k in (0, *pair)] for pair in ((1, 2), (2, 3))]
+            vertices += corners[:: -side * turned].tolist()
+    return mesh(vertices, faces)
+
+
+def test_walls_that_surround_the_scene_are_drawn_by_power():
+    """Not those of a body, those with one bright part, a few plates, or plates with two sides."""
+    even, one_side = np.ones(12), np.zeros(12, bool)
+    bright = np.append([10.0, 10.0], np.ones(10))
+    for made, radiance, both_sides, kind in (
+        (room(), even, one_side, ByPower),
+        (room(-1), even, one_side, LightTree),
+        (room(), bright, one_side, LightTree),
+        (room(), even, ~one_side, LightTree),
+    ):
+        assert type(chosen(Panels(TriangleTable([made]), radiance, both_sides))) is kind
+    assert type(chosen(scattered(12))) is LightTree
+    assert type(chosen(scattered(1))) is ByPower
+
+
+@pytest.mark.parametrize("sampling", [True, "preferred", False])
+def test_a_room_that_is_drawn_by_power_has_its_closed_form(tmp_path, sampling):
+    """Walls of one temperature and of emissivity 0.7: what 3 reflections leave out is 0.3^4."""
+    file = str(tmp_path / "room.ply")
+    room().write_ply(file)
+    walls = {"type": "ply", "filename": file, "face_normals": True, "bsdf": GREY}
+    walls["emitter"] = {"type": "thermal", "temperature": 300.0, "band": "LWIR"}
+    integrator = {**INTEGRATORS["bounce_path"], "emitter_sampling": sampling}
+    loaded = scene(integrator, camera(height=1.5, origin=(0, 0, 0.9)), walls=walls)
+    with loaded.integrator().prepared(loaded) as tracer:
+        assert sampling is False or isinstance(tracer.emitters.tables[0].panel_choice, ByPower)
+    images = runs(loaded, 4, 2**12)
+    error = images.mean(axis=(1, 2)).std() / 2 + 1e-5 * images.mean()
+    assert images.mean() == pytest.approx(blackbody(300) * (1 - 0.3**4), abs=4 * error)
+    assert error < 1e-3 * images.mean()
 
 
 def test_a_panel_that_emits_backward_is_drawn_from_behind():
