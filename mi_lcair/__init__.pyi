@@ -8,6 +8,7 @@ from mi_lcair.api.heating import heat as heat
 from mi_lcair.api.images import derivative_images as derivative_images
 from mi_lcair.api.images import render as render
 from mi_lcair.api.images import render_with_errors as render_with_errors
+from mi_lcair.api.intensities import chart as chart
 from mi_lcair.api.intensities import signature as signature
 from mi_lcair.api.laboratory import audit as audit
 from mi_lcair.api.laboratory import cavity as cavity

@@ -3,9 +3,11 @@
 from collections.abc import Callable, Mapping
 
 from mi_lcair.api.scenes import sampling_of, scene_of
+from mi_lcair.declared import Bounds
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.reflections import reflecting
 from mi_lcair.rendering.scene import SceneLike
+from mi_lcair.signatures.cost_chart import CostChart, measure_cost_chart
 from mi_lcair.signatures.signature import Signature, measure_signature
 from mi_lcair.tasks import exclusively
 
@@ -80,3 +82,54 @@ def signature(
     scene = scene_of(scene, parameters)
     with reflecting(scene, max_bounces, each_pixel=False, sampling=sampling):
         return measure_signature(scene, sampling, by_spectrum, facets, excess)
+
+
+# `chart`, error against processor time over the ways to render a scene
+# ---------------------------------------------------------------------
+
+
+@exclusively
+def chart(
+    scene: SceneLike,
+    tolerance: float | str = 0.01,
+    seconds: float = 60.0,
+    seed: int = 0,
+    sensor: int = 0,
+    progress: Progress | None = None,
+    *,
+    parameters: Mapping[str, object] | None = None,
+) -> CostChart:
+    """Compare the ways in which a scene can be rendered: error of its intensity against time.
+
+    The ways are numbers of reflections, reflection models as the materials state them, as mirrors
+    or diffuse, and emitters that are drawn or not. What a way leaves out is a part of its error.
+
+    Parameters
+    ----------
+    scene : Scene, str, Path or mi.Scene
+        A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
+        Its sensor must be orthographic.
+    tolerance : float or str
+        Error that is wanted, as a fraction of the intensity, such as 0.01 or "1%": half of the 95 %
+        interval, and what is left out.
+    seconds : float
+        Time after which no further way is tried, s.
+    seed, sensor : int
+        As for `render`.
+    progress : callable or None
+        Called with (ways done, all ways).
+    parameters : mapping of str to object, optional
+        Values of the scene's $-parameters, for a name or a file.
+
+    Returns
+    -------
+    CostChart
+
+    Raises
+    ------
+    InputError
+        If the sensor is not orthographic, or if a tolerance cannot be reached.
+    """
+    Bounds(is_positive=True, unit="s").check(seconds, "seconds")
+    sampling = sampling_of(tolerance=tolerance, seed=seed, sensor=sensor, progress=progress)
+    return measure_cost_chart(scene_of(scene, parameters), sampling, seconds)

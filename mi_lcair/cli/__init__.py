@@ -24,6 +24,7 @@ PURPOSES = {
         "render": "radiometry",
         "signature": "radiometry",
         "trend": "radiometry",
+        "chart": "radiometry",
         "contrast": "radiometry",
         "image": "radiometry",
         "sweep": "radiometry",

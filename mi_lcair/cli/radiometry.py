@@ -204,6 +204,24 @@ def trend_command():
     """
 
 
+# mi-lcair chart: error against processor time
+# --------------------------------------------
+
+
+@options.command("chart", "mi-lcair chart cavity --tolerance 2% --seconds 5 -o chart.png")
+@options.loading
+@options.outputs("the table, or draw the chart", ".csv", ".json", *PICTURES)
+@options.calls("chart", "seconds", unit="ways")
+def chart_command():
+    """Which reflections and which emitters SCENE needs for a tolerance, and what that costs.
+
+    SCENE is a Mitsuba XML file or the name of a bundled scene with an orthographic sensor. It is
+    rendered with few and many reflections, with reflection models as they are, as mirrors and
+    diffuse, and with emitters drawn or not. Printed are error and processor time of each, and the
+    command of the fastest that meets the tolerance.
+    """
+
+
 # mi-lcair contrast: the contrast of a scenario's target at the sensor
 # --------------------------------------------------------------------
 

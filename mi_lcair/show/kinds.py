@@ -19,6 +19,7 @@ IMAGE, SIGNATURE, FIT, MODEL = "an image", "a signature", "a fit", "a model"
 SCENE, SCENARIO, MATERIAL = "a scene", "a scenario", "a material"
 BLACKBODIES, AIR, SKY = "blackbodies", "an atmosphere", "a sky"
 SOLUTION, BUDGET, AUDIT, CONTRAST = "a solution", "a budget", "an audit", "a contrast"
+CHART = "a chart"
 TREND, SPECTRUM, FACETS = "a trend", "a spectrum", "a table of facets"
 RESULTS = "a table of results"  # that of a sweep or a flight
 TEMPERATURES = re.compile(r"\d+(\.\d+)?K(,\d+(\.\d+)?K)*")  # such as 260K,300K
@@ -69,6 +70,8 @@ KINDS = {
     AUDIT: Kind(json="audit", made_by="mi_lcair.laboratory.audit:Audit", **TABLE),
     CONTRAST: Kind(json="contrast", page="result", drawn="result",
         made_by="mi_lcair.detection.contrast:Contrast"),
+    CHART: Kind(json="chart", drawn="result",
+        made_by="mi_lcair.signatures.cost_chart:CostChart", **TABLE),
     TREND: Kind(columns=("azimuth_deg", "elevation_deg", "intensity_W_sr"),
         page="trend", drawn="trend"),
     SPECTRUM: Kind(columns=("wavelength_um", "target_W_sr_um"), page="spectrum", drawn="spectrum"),
