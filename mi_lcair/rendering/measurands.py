@@ -167,6 +167,7 @@ MOST_PATHS = 2**40  # paths of one render; a processor traces about 10^7 paths i
 BYTES_PER_PIXEL, BYTES_PER_CHANNEL = 320, 15
 # The same for a source in a camera's frame: 4.4 between 69,696 and 272,484 parts with 448 sources
 BYTES_PER_SOURCE = 5
+ANY_MACHINE_HAS = 2**20  # bytes for which the free memory, which is slow to read, is not looked up
 GIB = 2**30
 
 
@@ -186,7 +187,8 @@ def check_memory(pixels: int, channels: int = 0, sources: int = 0) -> None:
     precision.
     """
     needed = pixels * (BYTES_PER_PIXEL + BYTES_PER_CHANNEL * channels + BYTES_PER_SOURCE * sources)
-    check_free(needed, f"an image of {pixels} pixels", "lower the resolution")
+    if needed > ANY_MACHINE_HAS:
+        check_free(needed, f"an image of {pixels} pixels", "lower the resolution")
 
 
 def check_free(needed: float, what: str, remedy: str) -> None:

@@ -1,7 +1,7 @@
 """Statistics of a render: means over windows, and their errors from randomisations."""
 
 from copy import copy
-from functools import reduce
+from functools import lru_cache, reduce, wraps
 from math import hypot
 
 import numpy as np
@@ -86,6 +86,8 @@ class Totals:
     def add(self, launch: Launch, sums: Sums) -> None:
         """Add the `Sums` of a launch to its windows."""
         run = launch.window_numbers
+        if len(run) == len(self.valid):
+            run = slice(None)  # which NumPy adds faster
         self.valid[run] += sums.valid
         self.traced[run] += launch.randomisations * launch.points
         self.radiance[run] += sums.radiance
@@ -155,7 +157,7 @@ class Totals:
     def sums_of(self, name: ChannelNames = None) -> np.ndarray:
         """Sums of the randomisations, (..., windows, randomisations)."""
         if isinstance(name, list):
-            return np.stack([self.sums_of(one) for one in name])
+            return np.array([self.radiance if one is None else self.sums[one] for one in name])
         return self.radiance if name is None else self.sums[name]
 
     def mean(self, name: ChannelNames = None) -> np.ndarray:
@@ -213,7 +215,7 @@ class Totals:
         error = np.hypot(self.random_error(name), self.systematic * mean)
         if name is None:
             return error
-        has_missed = is_part(name) | ((mean == 0) & each(lambda one: one is not None, name))
+        has_missed = is_part(name) | ((mean == 0) & is_channel(name))
         return np.where(has_missed, np.hypot(error, self.missed_error(name)), error)
 
     def missed_error(self, name: ChannelNames = None) -> np.ndarray:
@@ -256,7 +258,7 @@ class Totals:
         if aim is not None:
             weight = np.where(is_of_target(name), aim.largest_on_model, aim.largest_weight)
             starts = aim.direct
-        brightest = each(self.brightest_of, name)
+        brightest = self.brightest_of(name)
         reflected = self.unmet.after_reflection(self.unmet_sums, weight)
         if draws is not None:
             reflected = np.maximum(self.unmet.rare(draws), self.unmet_sums["largest"])
@@ -269,11 +271,13 @@ class Totals:
             bounds.append(starts.every * of_starts)
         return reduce(np.maximum, bounds)
 
-    def brightest_of(self, name: str | None) -> float:
+    def brightest_of(self, name: ChannelNames) -> float | np.ndarray:
         """Radiance of the brightest source of a channel's group; infinite without a group."""
-        if name is None or self.emitters is None:
-            return np.inf
-        return self.emitters.brightest_of.get(name.rpartition("group.")[2], np.inf)
+        known = {} if self.emitters is None else self.emitters.brightest_of
+        groups = group_of(name)
+        if isinstance(name, list):
+            return np.array([[known.get(group, np.inf)] for group in groups[:, 0].tolist()])
+        return known.get(groups, np.inf)
 
     def half_width(self, name: ChannelNames = None) -> np.ndarray:
         """Half of the 95 % interval of each window's mean, (..., windows).
@@ -320,19 +324,42 @@ class Totals:
         return None if rms > 0 else 0.0
 
 
-def each(of, name: ChannelNames):
-    """A function of a channel's name; for several names an array (channels, 1)."""
-    return np.array([[of(one)] for one in name]) if isinstance(name, list) else of(name)
+def each(of):
+    """Decorator: a function of a channel's name; for several names an array (channels, 1)."""
+
+    @lru_cache(64)
+    def of_names(*names: str | None) -> np.ndarray:
+        return np.array([[of(name)] for name in names])
+
+    @wraps(of)
+    def of_one_or_all(name: ChannelNames):
+        return of_names(*name) if isinstance(name, list) else of(name)
+
+    return of_one_or_all
 
 
-def is_of_target(name: ChannelNames):
+@each
+def is_channel(name: str | None) -> bool:
+    """Whether a name is that of a channel, not of the radiance."""
+    return name is not None
+
+
+@each
+def is_of_target(name: str | None) -> bool:
     """Whether a channel holds the target, or a part of it."""
-    return each(lambda one: (one or "").startswith("target"), name)
+    return (name or "").startswith("target")
 
 
-def is_part(name: ChannelNames):
+@each
+def is_part(name: str | None) -> bool:
     """Whether a channel is a part of the whole radiance, or of the target's."""
-    return each(lambda one: one not in WHOLES, name)
+    return name not in WHOLES
+
+
+@each
+def group_of(name: str | None) -> str:
+    """Name of the group that emitted what a channel holds; any other text for other channels."""
+    return "" if name is None else name.rpartition("group.")[2]
 
 
 def edge_share(randomisations: int) -> float:

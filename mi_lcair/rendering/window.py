@@ -10,7 +10,7 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.errors import InputError
-from mi_lcair.plugins.paths.launch import Aim, Launch, views_of
+from mi_lcair.plugins.paths.launch import Aim, Launch, by_camera, views_of
 from mi_lcair.rendering.measurands import check_paths
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.statistics import Totals
@@ -207,6 +207,7 @@ class Windows:
             )
 
 
+@by_camera
 def window(sensor) -> tuple[np.ndarray, ...]:
     """The (cropped) window of an orthographic sensor, in Float64.
 

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
 from itertools import count
 from typing import TYPE_CHECKING, Any
 
@@ -406,30 +407,37 @@ def intensities(total: Totals, area: float) -> dict[str, Intensity]:
     """
     channels = [None, *total.sums]
     means, errors = (
-        dict(zip(channels, (numbers[:, 0] * area).tolist()))
+        (numbers[:, 0] * area).tolist()
         for numbers in (total.mean(channels), total.standard_error(channels))
     )
     half_widths = (total.half_width(list(WHOLES))[:, 0] * area).tolist()
-
-    def parts(numbers: dict, beginning: str) -> dict[str, float]:
-        return {
-            name.removeprefix(beginning): number
-            for name, number in numbers.items()
-            if name is not None and name.startswith(beginning)
-        }
-
-    return {
-        prefix.removesuffix(".") or "scene": Intensity(
-            intensity=means[whole],
-            standard_error=errors[whole],
+    found = {}
+    for whole, half_width, places in zip(WHOLES, half_widths, places_of(*channels)):
+        parts = {}
+        for kind, *_ in KINDS:
+            for name, numbers in ((f"by_{kind}", means), (f"by_{kind}_error", errors)):
+                of_labels = {label: numbers[place] for label, place in places[kind].items()}
+                parts[name] = list(of_labels.values()) if kind == "bounce" else of_labels
+        place = channels.index(whole)
+        found[whole or "scene"] = Intensity(
+            intensity=means[place],
+            standard_error=errors[place],
             half_width=half_width,
-            by_bounce=list(parts(means, f"{prefix}bounce.").values()),
-            by_bounce_error=list(parts(errors, f"{prefix}bounce.").values()),
-            by_group=parts(means, f"{prefix}group."),
-            by_group_error=parts(errors, f"{prefix}group."),
-            by_seen=parts(means, f"{prefix}seen."),
-            by_seen_error=parts(errors, f"{prefix}seen."),
-            closure=means[f"{prefix}closure"],
+            closure=means[places["closure"][""]],
+            **parts,
         )
-        for whole, prefix, half_width in zip(WHOLES, ("", "target."), half_widths)
-    }
+    return found
+
+
+@lru_cache(64)
+def places_of(*channels: str | None) -> list[dict[str, dict[str, int]]]:
+    """Places of the parts of each of WHOLES among channels, by kind of part and label."""
+    found = []
+    for prefix in ("", "target."):
+        places = {kind: {} for kind in ("closure", *(kind for kind, *_ in KINDS))}
+        for place, channel in enumerate(channels):
+            if channel is not None and channel.startswith(prefix):
+                kind, _, label = channel.removeprefix(prefix).partition(".")
+                places.get(kind, {})[label] = place
+        found.append(places)
+    return found

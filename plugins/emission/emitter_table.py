@@ -13,7 +13,7 @@ from mi_lcair.plugins.emission.draw_table import DrawTable, FieldOfView, can_be_
 from mi_lcair.plugins.emission.sources import Groups, Sources, at_pointer
 from mi_lcair.plugins.emission.spherical_polygons import Receiver
 from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of, groups_of, is_thermal, one_sun
-from mi_lcair.plugins.paths.launch import Offsets
+from mi_lcair.plugins.paths.launch import Offsets, by_camera
 
 # Directions drawn toward emitters, what rays along them hit, and radiance by bin
 # -------------------------------------------------------------------------------
@@ -174,7 +174,7 @@ class EmitterTable:
         White diffuse surfaces in the sun count as well. All triangles are compared with a field of
         view once.
         """
-        field = FieldOfView(sensor)
+        field = field_of(sensor)
         key = field.normals.tobytes(), field.offsets.tobytes(), with_model
         if key not in self._in_view:
             self._in_view[key] = self.brightest_in(field, with_model)
@@ -518,6 +518,9 @@ class EmitterTable:
             other = emitter.pdf_direction(before, ds, active & ~known)
             density = dr.select(known, density, other * table.probability_of_other)
         return density * table.preference
+
+
+field_of = by_camera(FieldOfView)
 
 
 def brightest_of_groups(bounds: dict) -> dict[str, float]:

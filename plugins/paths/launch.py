@@ -2,14 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, wraps
 from math import sqrt
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.plugins.derivatives import children, own_memory
+from mi_lcair.plugins.derivatives import attached, children, held, members, own_memory, variables
 from mi_lcair.plugins.emission import triangles
 from mi_lcair.plugins.samplers.lattice import VECTOR, Lattice, hashed
 
@@ -439,6 +439,37 @@ def views_of(sensor) -> list:
     return [child for child in children(sensor) if isinstance(child, mi.Sensor)]
 
 
+MOST_CAMERAS = 64  # states of cameras of which something is kept
+
+
+def by_camera(function):
+    """Decorator: what a function gives of an orthographic sensor is kept while that is the same.
+
+    The keys are variables of Dr.Jit, which are kept with the results: otherwise their numbers
+    would be given to others.
+    """
+    known = {}
+
+    @wraps(function)
+    def of_camera(sensor):
+        if sensor.class_name() != "OrthographicCamera":
+            return function(sensor)
+        state = members(sensor)
+        of_place = variables(state["to_world"].matrix)
+        if attached(of_place):
+            return function(sensor)
+        numbers = [value for value in state.values() if isinstance(value, float)]
+        of_film = [tuple(value) for value in members(state["film"]).values()]
+        key = type(sensor), *numbers, *of_film, *(variable.index for variable in of_place)
+        if key not in known:
+            if len(known) >= MOST_CAMERAS:
+                known.clear()
+            known[key] = function(sensor), held(of_place)
+        return known[key][0]
+
+    return of_camera
+
+
 @dataclass
 class ParallelRays:
     """The rays of an orthographic sensor, or of a batch of them next to each other in a film.
@@ -459,6 +490,7 @@ class ParallelRays:
     sensors: mi.UInt32
 
     @staticmethod
+    @by_camera
     def of(sensor) -> "ParallelRays | None":
         """The rays of a sensor; None if it is not orthographic."""
         kinds = views_of(sensor)

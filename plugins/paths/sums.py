@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import reduce
+from itertools import chain
 from math import gcd
 
 import drjit as dr
@@ -116,6 +117,7 @@ def add_tail(last: list, of_model) -> tuple[mi.Float, Tail]:
 # Consecutive values summed in Float32, before sums in Float64. A Float32 sum of 16,000 equal
 # numbers has an error of 1e-5.
 SUMMED_IN_FLOAT32 = 8
+SUMMED_TOGETHER = 2**16  # values of all channels that NumPy sums in one call
 FEW_BLOCKS = 4  # NumPy sums so short a last axis several times slower than it adds arrays
 NO_RADIANCE = "range", "hit", "segments"  # channels that are not parts of the radiance
 EXTREMES = ("radiance", "target")  # what of which the darkest and the brightest path are known
@@ -145,8 +147,10 @@ class Sums:
     def of(blocks: "BlockSums", tail: Tail | None, launch: Launch) -> "Sums":
         """The sums of a launch, from those over its blocks of `block_size` paths."""
 
-        def total(values):
-            of_blocks = values.numpy().reshape(launch.windows, launch.randomisations, -1)
+        def total(arrays: list) -> np.ndarray:
+            """Sums of some arrays, (arrays, windows, randomisations)."""
+            values = np.concatenate([array.numpy() for array in arrays])
+            of_blocks = values.reshape(len(arrays), launch.windows, launch.randomisations, -1)
             if of_blocks.shape[-1] <= FEW_BLOCKS:
                 return reduce(np.add, np.moveaxis(of_blocks, -1, 0).astype(np.float64))
             return of_blocks.sum(axis=-1, dtype=np.float64)
@@ -155,7 +159,10 @@ class Sums:
             # In the order in which NumPy finds the extremes of many short rows fast
             return np.asfortranarray(values.numpy().reshape(launch.windows, -1), dtype=float)
 
-        channels = {name: total(values) for name, values in blocks.sums.items()}
+        arrays = list(blocks.sums.values())
+        some = max(1, SUMMED_TOGETHER // len(arrays[0]))
+        parts = [total(arrays[k : k + some]) for k in range(0, len(arrays), some)]
+        channels = dict(zip(blocks.sums, chain(*parts)))
         highest = {name: of_windows(v).max(axis=1) for name, v in blocks.highest.items()}
         unmet = {name: channels.pop(name).sum(axis=1) for name in SUMMED if name in channels}
         unmet |= {name: highest.pop(name) for name in LARGEST if name in highest}

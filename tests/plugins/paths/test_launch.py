@@ -8,9 +8,17 @@ import numpy as np
 import pytest
 
 import mi_lcair
-from mi_lcair.plugins.paths.launch import Aim, Launch, Offsets, extent, rounding_error
+from mi_lcair.plugins.paths.launch import (
+    Aim,
+    Launch,
+    Offsets,
+    ParallelRays,
+    extent,
+    rounding_error,
+)
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.loading.remarks import remarks_on_triangles
+from mi_lcair.rendering.window import window
 from tests.plugins.conftest import FILM
 
 SQUARES = np.array(  # the inner sides of a cube that is open at the top
@@ -249,3 +257,33 @@ def test_starts_on_facets_have_blocks_too():
     for block, direct in ((0, 0), (2048, 256), (4, 1)):
         of_rest, of_direct = Launch(1, 1, 0, 8, 2048, aim=aim, block=block).split()
         assert (of_rest.block, of_direct.block) == (block, direct)
+
+
+def test_the_rays_of_a_camera_follow_each_change():
+    """What is kept of a camera is that of its place, its film and its clip distances now."""
+    sensor = mi.load_dict(
+        {"type": "orthographic", "film": {"type": "hdrfilm", "pixel_format": "luminance"}}
+    )
+    parameters = mi.traverse(sensor)
+
+    def known():
+        rays = ParallelRays.of(sensor)
+        assert ParallelRays.of(sensor) is rays
+        corner, right, up, _ = window(sensor)
+        return [*corner, *right, *up, *np.ravel(rays.start), rays.length[0]]
+
+    seen = [known()]
+    for name, value in (
+        ("to_world", mi.Transform4f().translate([1, 2, 3])),
+        ("to_world", mi.Transform4f().translate([1, 2, 4])),
+        ("film.size", [64, 8]),
+        ("far_clip", 50.0),
+        ("far_clip", 60.0),
+    ):
+        parameters[name] = value
+        parameters.update()
+        expected = ParallelRays.of.__wrapped__(sensor)
+        assert np.array_equal(expected.start, ParallelRays.of(sensor).start)
+        assert np.array_equal(window.__wrapped__(sensor), window(sensor))
+        seen.append(known())
+    assert len(set(map(str, seen))) == len(seen)
