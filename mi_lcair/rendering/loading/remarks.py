@@ -352,7 +352,10 @@ def remarks_on_view(scene: mi.Scene, emitters: EmitterTable) -> tuple[list[str],
             escapes &= scene.environment().eval(of_sky)[0] == 0
         is_behind = on_target & (bsdf.flags() & side == 0)
         values = dr.select(on_target, mi.Float(1), 0), reflected, reflected * escapes
-        dr.eval(values, is_behind)  # in one kernel, as many shapes make each one slow
+        # In few kernels, as many shapes make each one slow. One for both rays ends the process in
+        # a scene of many kinds of shapes.
+        dr.eval(values[0], is_behind)
+        dr.eval(values[1:])
         met, total, lost = (dr.sum(value)[0] for value in values)
         behind = dr.count(is_behind)[0]
     of_nothing, backs = [], []
