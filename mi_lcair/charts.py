@@ -9,8 +9,8 @@ from typing import Any, TypedDict
 
 import numpy as np
 
-from mi_lcair.errors import check_known
 from mi_lcair.extras import named
+from mi_lcair.formats import check_channels
 from mi_lcair.sections import (
     Drawing,
     LongTable,
@@ -193,7 +193,7 @@ class ChannelImages(Picture):
 def named_channels(known: Mapping[str, np.ndarray], channels, scene_name: str) -> dict:
     """The named channels of `known`; raises InputError for a name that it does not have."""
     names = [channels] if isinstance(channels, str) else list(channels)
-    check_known(f"channel of the image of {scene_name}", known, *names)
+    check_channels(f"channel of the image of {scene_name}", known, *names)
     return {name: known[name] for name in names}
 
 

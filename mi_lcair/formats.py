@@ -12,7 +12,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
-from mi_lcair.errors import InputError, escaped
+from mi_lcair.errors import InputError, check_known, escaped, option
 from mi_lcair.extras import optional
 from mi_lcair.files import VTK, check_suffix, replacing, together, write_bytes
 from mi_lcair.sections import UNITS, quantity_of, unit_of
@@ -42,6 +42,7 @@ CHANNELS = {
     "sigma": ("standard uncertainty of radiance", RADIANCE),
     "d": ("derivative of radiance", f"{RADIANCE} per unit"),
 }
+OF_PARTS = ("bounce", "closure", "group.", "seen.")  # channels of a render with `parts`
 EMPTY_AT_0 = ("temperature", "range")  # channels in which 0 means that nothing was hit
 ENDS = {unit: end for end, unit in UNITS.items()}  # ends of columns' names by unit
 
@@ -63,6 +64,18 @@ def wavelengths_of(channels) -> dict[str, float]:
         if (match := re.fullmatch(rf"{SPECTRAL}\.([0-9]+,[0-9]+)nm", name))
     }
     return dict(sorted(known.items(), key=lambda item: item[1]))
+
+
+def check_channels(kind: str, known, *names) -> None:
+    """Raise InputError for the first name that is no known channel of an image; see `check_known`.
+
+    The error says what records it if the image was rendered without its parts.
+    """
+    for name in names:
+        if name.startswith(OF_PARTS) and not any(other.startswith(OF_PARTS) for other in known):
+            made = f"{option('parts', True)} of render makes it"
+            raise InputError(f"unknown {kind} '{name}'; {made}")
+        check_known(kind, known, name)
 
 
 def quantity_of_channel(channel: str) -> tuple[str, str]:

@@ -63,7 +63,7 @@ def measure(problem: Path, draw: int) -> None:
 def clean(scene, key: str, kept={}) -> np.ndarray:  # noqa: B006  images by key
     """The radiance without a camera's noise."""
     if key not in kept:
-        result = mi_lcair.render(scene, spp=2048, seed=999, split=None)
+        result = mi_lcair.render(scene, spp=2048, seed=999)
         kept[key] = result.channels["Y"].astype(float)
     return kept[key]
 

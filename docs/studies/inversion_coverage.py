@@ -56,7 +56,7 @@ def emissivity(folder: Path, draws: range):
     """Yield solutions and the truth: a lid's temperature and its emissivity, known to 0.02."""
     parameters = {"resolution": 24, "epsilon": EMISSIVITY, "lid_K": 300}
     scene = mi_lcair.load(LID, **parameters)
-    image = mi_lcair.render(scene, spp=2**13, seed=99, split=None).channels["Y"].astype(float)
+    image = mi_lcair.render(scene, spp=2**13, seed=99).channels["Y"].astype(float)
     sigma = noise_of_netd(scene.band, image, corner.NETD_MK)
     for draw in draws:
         random = np.random.default_rng((draw, 5))
@@ -78,7 +78,7 @@ def model(folder: Path, draws: range):
     """
     path = corner.write_scene(folder)
     scene = mi_lcair.load(path)
-    channels = mi_lcair.render(scene, spp=2**13, seed=99).channels
+    channels = mi_lcair.render(scene, spp=2**13, seed=99, parts=True).channels
     strips = np.array([channels[f"seen.s{k}.Y"] for k in range(len(corner.KELVIN))], float)
     for draw in draws:
         random = np.random.default_rng((draw, 7))
@@ -249,7 +249,7 @@ def facets(folder: Path, draws: range, is_seen: bool):
         random = np.random.default_rng((draw, 13))
         truth = 300 + 10 * root @ random.normal(size=count)
         scene = mi_lcair.load(waist.write_scene(folder, truth, size=48, views=1))
-        image = mi_lcair.render(scene, spp=2**11, seed=99, split=None).channels["Y"].astype(float)
+        image = mi_lcair.render(scene, spp=2**11, seed=99).channels["Y"].astype(float)
         np.save(folder / "view.npy", random.normal(image, noise_of_netd(scene.band, image, 2000)))
         path = str(waist.write_scene(folder, start, size=48, views=1))
         entry = {"scene": path, "image": str(folder / "view.npy"), "quantity": "radiance"}

@@ -71,7 +71,7 @@ def case(finish: str, band: str) -> Case:
     stacks = {}
     for lobe in ("mirror", "brdf"):
         scene = load(finish, band, lobe, RESOLUTION)
-        channels = mi_lcair.render(scene, spp=SPP, seed=1).channels
+        channels = mi_lcair.render(scene, spp=SPP, seed=1, parts=True).channels
         stacks[lobe] = np.array(
             [channels[f"bounce{k:02d}.Y"] for k in range(BOUNCES + 1)], dtype=float
         )

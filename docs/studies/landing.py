@@ -239,7 +239,7 @@ def radiance(position: int, band: str, bounces: int) -> dict:
     scene = mi_lcair.load(
         "a340_landing", position=position, band=band, max_bounces=bounces, resolution=384
     )
-    return mi_lcair.render(scene, spp=IMAGE_SPP, seed=1, split="target").channels
+    return mi_lcair.render(scene, spp=IMAGE_SPP, seed=1).channels
 
 
 def alone(channels: dict) -> np.ndarray:

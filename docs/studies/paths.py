@@ -212,9 +212,7 @@ def image(name: str, parameters: dict) -> tuple[str, dict[str, Curve]]:
         sampler: mi_lcair.load(name, resolution=RESOLUTION, sampler=sampler, **parameters)
         for sampler in ("independent", "lattice")
     }
-    pixels = lambda scene, spp, seed: mi_lcair.render(
-        scene, spp=spp, seed=seed, split=None
-    ).channels["Y"]
+    pixels = lambda scene, spp, seed: mi_lcair.render(scene, spp=spp, seed=seed).channels["Y"]
     converged = pixels(scenes["lattice"], CONVERGED, 1_000_000)
     curves = {
         sampler: Curve(

@@ -44,7 +44,7 @@ assert abs(result.target.intensity - exact) < result.target.half_width + 2e-4 * 
 # `bounce00.Y`, `bounce01.Y` and so on.
 
 # %%
-image = mi_lcair.render(scene, spp=64)
+image = mi_lcair.render(scene, spp=64, parts=True)
 by_bounce = [image.channels[f"bounce{k:02d}.Y"].mean() for k in range(8)]
 expected = emissivity * blackbody * kept ** np.arange(8)
 for k, (value, theory) in enumerate(zip(by_bounce, expected)):

@@ -157,7 +157,7 @@ else:
 
 # %%
 scene = mi_lcair.load("furnace", material="paint.json", band="MWIR", resolution=64)
-image = mi_lcair.render(scene, spp=64)
+image = mi_lcair.render(scene, spp=64, parts=True)
 blackbody = float(in_band_radiance(scene.band, 300.0))
 print(f"rendered  {image.mean:.5f} +- {image.mean_error:.5f} W m^-2 sr^-1 (standard error)")
 print(f"blackbody {blackbody:.5f} W m^-2 sr^-1")

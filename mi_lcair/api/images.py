@@ -8,6 +8,7 @@ from mi_lcair.api.scenes import sampling_of, scene_of
 from mi_lcair.derivatives.images import DerivativeImages, differentiate_image
 from mi_lcair.physics.air.atmosphere import Atmosphere
 from mi_lcair.physics.atmosphere import atmosphere as read_atmosphere
+from mi_lcair.plugins.recorders.channels import PARTS
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.images.render import Render, render_image
 from mi_lcair.rendering.images.with_errors import ImageWithErrors, image_with_errors
@@ -32,7 +33,7 @@ def render(
     max_spp: int | None = None,
     seed: int = 0,
     sensor: int = 0,
-    split: str | None = "image",
+    parts: bool = False,
     atmosphere: Atmosphere | str | PathLike[str] | None = None,
     range_m: float | None = None,
     progress: Progress | None = None,
@@ -60,8 +61,9 @@ def render(
         The same seed gives the same result.
     sensor : int
         Number of the sensor, counted from 0.
-    split : str or None
-        What is recorded beside the radiance, see `Channels`.
+    parts : bool
+        Also split the radiance by number of reflections, by emitting group and by the group that is
+        seen first (channels bounceNN.Y and closure.Y, group.LABEL.Y, seen.LABEL.Y).
     atmosphere : Atmosphere, str, Path or None
         Also compute the apparent radiance through this atmosphere (channels apparent.Y and
         path.Y): a bundled name, a CSV, a MODTRAN tape7, "vacuum", or one that is loaded.
@@ -98,6 +100,7 @@ def render(
     scene = scene_of(scene, parameters)
     atmosphere = None if atmosphere is None else read_atmosphere(atmosphere)
     with reflecting(scene, max_bounces, True, sampling):
+        split = PARTS if parts else ()
         return render_image(scene, sampling, split, atmosphere, range_m, bins, errors_um)
 
 

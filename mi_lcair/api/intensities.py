@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 
 from mi_lcair.api.scenes import sampling_of, scene_of
 from mi_lcair.declared import Bounds
+from mi_lcair.plugins.recorders.channels import PARTS
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.reflections import reflecting
 from mi_lcair.rendering.scene import SceneLike
@@ -30,6 +31,7 @@ def signature(
     *,
     parameters: Mapping[str, object] | None = None,
     max_bounces: int | str | None = None,
+    parts: bool = True,
 ) -> Signature:
     """Render a scene and integrate its radiance over the sensor's window.
 
@@ -65,6 +67,9 @@ def signature(
     max_bounces : int, "auto" or None
         Largest number of reflections, in place of the scene's. "auto" lets pilot paths choose it,
         so that at most a tenth of the tolerance (1 %) is left out. The errors include the rest.
+    parts : bool
+        Split the intensities by number of reflections, by emitting group and by the group that is
+        seen first.
 
     Returns
     -------
@@ -81,7 +86,8 @@ def signature(
     )
     scene = scene_of(scene, parameters)
     with reflecting(scene, max_bounces, each_pixel=False, sampling=sampling):
-        return measure_signature(scene, sampling, by_spectrum, facets, excess)
+        split = PARTS if parts else ()
+        return measure_signature(scene, sampling, by_spectrum, facets, excess, parts=split)
 
 
 # `chart`, error against processor time over the ways to render a scene

@@ -196,7 +196,7 @@ def of_scene(scene: Scene, request: Request) -> tuple[str, list[Section]]:
             "give spp instead"
         )
     of_image = {name: sampling[name] for name in ("spp", "seed", "sensor") if name in sampling}
-    sections = mi_lcair.render(scene, **of_image, progress=progress).sections()
+    sections = mi_lcair.render(scene, **of_image, parts=True, progress=progress).sections()
     if is_orthographic:
         signature = mi_lcair.signature(
             scene, **sampling, by_spectrum=not scene.band.is_total, facets=True, progress=progress
@@ -238,6 +238,7 @@ def of_scenario(what: str, request: Request) -> tuple[str, list[Section]]:
             image = mi_lcair.render(
                 view,
                 spp=render.spp or SPP,
+                parts=True,
                 atmosphere=setting.air,
                 range_m=scenario.observer.range_m,
                 **sampling,

@@ -8,7 +8,7 @@ import mi_lcair
 from mi_lcair.cli import completion, options, pictures
 from mi_lcair.cli.output import line_of, note, print_written
 from mi_lcair.drawing import PICTURES
-from mi_lcair.errors import InputError, check_known
+from mi_lcair.errors import InputError
 from mi_lcair.extras import named
 from mi_lcair.files import VTK, check_suffix, check_writable
 
@@ -87,11 +87,11 @@ def _way(source: str, scene):
 def _image(source, output, suffix, channel):
     """A channel of an EXR image as a TIFF."""
     from mi_lcair import formats
-    from mi_lcair.formats import or_nan, quantity_of_channel
+    from mi_lcair.formats import check_channels, or_nan, quantity_of_channel
     from mi_lcair.rendering.images.files import read_exr
 
     channels, header = read_exr(source)
-    check_known("channel", channels, channel)
+    check_channels("channel", channels, channel)
     is_radiance = "units" in header or "band" in header
     unit = quantity_of_channel(channel)[1] if is_radiance else "units of the image"
     values = or_nan(channel, channels[channel])

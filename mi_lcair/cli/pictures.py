@@ -8,7 +8,7 @@ import click
 import mi_lcair
 from mi_lcair.cli.output import print_result, print_sections
 from mi_lcair.drawing import write_figure
-from mi_lcair.errors import InputError, unknown
+from mi_lcair.errors import InputError, check_known
 from mi_lcair.files import check_writable
 
 USUAL = ("Y", "temperature.Y")  # channels of an image that are drawn where none is named
@@ -22,13 +22,14 @@ def drawn(figure, output: Path) -> None:
 
 def image(what, output, channels, outlines, scene, parameters, sensor, **scale):
     """Draw channels of an image."""
+    from mi_lcair.formats import check_channels
     from mi_lcair.rendering.images.files import read_exr, window_of
     from mi_lcair.show.pictures import image_channels
     from mi_lcair.show.pictures.image_channels import around_target
 
     file = Path(what)
     known, header = read_exr(file)
-    names = choose("channel", known, channels or usual(known))
+    names = choose("channel", known, channels or usual(known), check_channels)
     title = (
         ", ".join(filter(None, (str(header.get("scene", "")), band_of_header(header)))) or file.stem
     )
@@ -63,6 +64,7 @@ def pixel_spectrum(what, output, pixel):
 
 def comparison(what, output, channels, **scale):
     """Draw channels of two images beside each other, and their difference."""
+    from mi_lcair.formats import check_channels
     from mi_lcair.rendering.images.files import read_exr, window_of
     from mi_lcair.show.pictures.comparison import figure
     from mi_lcair.show.pictures.image_channels import around_target
@@ -70,7 +72,7 @@ def comparison(what, output, channels, **scale):
     files = [Path(name) for name in what]
     images, headers = zip(*map(read_exr, files))
     both = [name for name in images[0] if name in images[1]]
-    names = choose("channel of both images", both, channels or usual(both))
+    names = choose("channel of both images", both, channels or usual(both), check_channels)
     windows = [window_of(header) for header in headers]
     compared = figure(
         [{name: image[name] for name in names} for image in images],
@@ -249,10 +251,10 @@ def named_after(file: Path, kind: str) -> Path:
     return file.with_name(file.stem + (f"_{kind}" if not file.stem.endswith(kind) else "") + ".png")
 
 
-def choose(kind: str, known, patterns) -> list[str]:
+def choose(kind: str, known, patterns, check=check_known) -> list[str]:
     """Known names that match the patterns, in the order of the patterns, each once.
 
-    Raises InputError for a pattern without a match. `kind` names it in the message.
+    Raises InputError by `check` for a pattern without a match. `kind` names it in the message.
     """
     matching = {}
     for pattern in patterns:
@@ -262,6 +264,6 @@ def choose(kind: str, known, patterns) -> list[str]:
             else [name for name in known if fnmatchcase(name, pattern)]
         )
         if not matches:
-            raise unknown(kind, pattern, known)
+            check(kind, known, pattern)
         matching |= dict.fromkeys(matches)
     return list(matching)

@@ -28,6 +28,7 @@ from mi_lcair.files import VTK, check_writable, together
 )
 @options.sampling(
     "render",
+    "parts",
     "bins",
     atmosphere={"metavar": "TEXT"},
     range_m={"flag": "--range"},
@@ -43,10 +44,11 @@ def render_command(scene, outputs, atmosphere, range_m, bins, wavelengths, **sam
     """Render SCENE to a radiance image.
 
     SCENE is a Mitsuba XML file or the name of a bundled scene. Written is an OpenEXR file in W m^-2
-    sr^-1: channel Y is the total radiance, the other channels are its parts, its standard error,
-    the apparent temperature in K and the range in m. With --bins it also has the spectral radiance
-    in W m^-2 sr^-1 um^-1, which FILE.hdr makes an ENVI file, and FILE.nc a netCDF file with the
-    brightness temperatures. Printed are the mean and the error.
+    sr^-1: channel Y is the total radiance, the other channels are its standard error, the part of
+    the model, the apparent temperature in K and the range in m, and with --parts its parts. With
+    --bins it also has the spectral radiance in W m^-2 sr^-1 um^-1, which FILE.hdr makes an ENVI
+    file, and FILE.nc a netCDF file with the brightness temperatures. Printed are the mean and the
+    error.
     """
     if wavelengths is not None:
         from mi_lcair.rendering.images.spectral import even_wavelengths
@@ -84,7 +86,7 @@ def render_command(scene, outputs, atmosphere, range_m, bins, wavelengths, **sam
     "mi-lcair signature box/scene.xml --tolerance 1% --facets facets.csv --spectrum s.csv",
 )
 @options.loading
-@options.sampling("signature")
+@options.sampling("signature", parts={"flag": "--parts/--no-parts", "show_default": False})
 @options.file(
     "--spectrum spectra",
     "Write the spectral intensity, FILE.csv or FILE.nc (netCDF), or draw it, FILE.png, .svg or "

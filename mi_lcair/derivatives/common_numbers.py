@@ -20,6 +20,7 @@ from mi_lcair.rendering.statistics import Totals
 from mi_lcair.rendering.window import Windows, window_area
 
 PARTS = {"target": "target", "scene": None}  # channel of each part of the radiance
+USED = ("bounce", "group")  # parts of the radiance that are recorded
 METHOD = "difference"
 TEMPERATURE_STEP = 1e-3  # step of a temperature, as a fraction of it
 STEP = 0.02  # step of a radiance or an emissivity, as a fraction, and of a material's parameter
@@ -89,7 +90,7 @@ class CommonNumbers:
 
     def render(self, values: Mapping[str, float] | None = None) -> Totals:
         """Sums over the paths, with these values of parameters in place of the scene's."""
-        measurands = Measurands.of("target", self.by_spectrum)
+        measurands = Measurands.of("target", self.by_spectrum, parts=USED)
         with changed(self.scene, values or {}):
             self.take_aim()
             total = measure(
@@ -118,8 +119,9 @@ class CommonNumbers:
         """Choose where the paths begin, if their number is known and large enough for a pilot."""
         if self.aim is None and (self.paths or 0) >= WORTH_AIMING:
             with self.scene.prepared(self.by_spectrum) as tracer:
+                measurands = Measurands.of("target", parts=USED)
                 self.aim = aim_at_model(
-                    self.scene, tracer, self.camera, self.sampling.seed, Measurands.of("target")
+                    self.scene, tracer, self.camera, self.sampling.seed, measurands
                 )
 
 

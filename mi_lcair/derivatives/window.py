@@ -8,7 +8,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.derivatives.common_numbers import METHOD, PARTS, CommonNumbers, renders_beside
+from mi_lcair.derivatives.common_numbers import METHOD, PARTS, USED, CommonNumbers, renders_beside
 from mi_lcair.derivatives.motions.differences import Difference, Differences
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
@@ -390,7 +390,7 @@ def differentiate_intensity(
     differenced = by_difference(scene, names)
     along_paths = [name for name in names if name not in differenced]
     explored = explored_by(columns_of(scene, along_paths).values())
-    measurands = replace(Measurands.of(SPLITS[part], by_spectrum), explored=explored)
+    measurands = replace(Measurands.of(SPLITS[part], by_spectrum, parts=USED), explored=explored)
     rows, method, first = {}, {}, None
     with scene.prepared(by_spectrum, explored) as tracer:
         numbers.take_aim()
@@ -455,7 +455,7 @@ def differences_of(numbers: CommonNumbers, name: str, weights: Mapping | None = 
         numbers.scene,
         name,
         numbers.repeated,
-        Measurands.of("target", numbers.by_spectrum),
+        Measurands.of("target", numbers.by_spectrum, parts=()),
         rows_of_part(numbers, weights),
         PARTS[numbers.part],
         numbers.aim,

@@ -676,6 +676,7 @@ def rendered(
                 excess=excess if sampled.paths is None and sampling.has_tolerance else None,
                 aim=aim,
                 up_to=up_to,
+                parts=("bounce",) if up_to else (),
             )
 
     def step(k, done, total):

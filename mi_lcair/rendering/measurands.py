@@ -1,7 +1,7 @@
 """What is recorded of the paths of a measurement, and the error at which it has enough of them."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from mi_lcair.plugins.columns.tables import ColumnTables
 from mi_lcair.plugins.emission.sources import WAVELENGTHS
 from mi_lcair.plugins.paths.launch import Launch, ParallelRays
 from mi_lcair.plugins.paths.sums import Sums
-from mi_lcair.plugins.recorders.channels import Channels
+from mi_lcair.plugins.recorders.channels import PARTS, Channels
 from mi_lcair.plugins.recorders.radiance import MAX_BOUNCE_CHANNELS
 from mi_lcair.rendering.statistics import Totals, student_factor
 
@@ -46,9 +46,11 @@ class Measurands:
     bins: int = 0
 
     @staticmethod
-    def of(split: str | None, by_spectrum: bool = False, bins: int = 0) -> "Measurands":
-        """The channels of a split, see `Channels`."""
-        return Measurands(Channels(split), by_spectrum=by_spectrum, bins=bins)
+    def of(
+        split: str | None, by_spectrum: bool = False, bins: int = 0, parts: Sequence[str] = PARTS
+    ) -> "Measurands":
+        """The channels of a split and its parts, see `Channels`."""
+        return Measurands(Channels(split, tuple(parts)), by_spectrum=by_spectrum, bins=bins)
 
     def binning(self, tolerance: float | None) -> Binning:
         """What decides on the bins of wavelength, with the tolerance of the measurement.
@@ -201,13 +203,14 @@ def check_free(needed: float, what: str, remedy: str) -> None:
         )
 
 
-def channel_count(tracer, split: str | None) -> int:
-    """Number of channels that a render records in addition to the radiance, see `Channels`."""
-    if split is None:
+def channel_count(tracer, channels: Channels) -> int:
+    """Number of channels that a render records in addition to the radiance."""
+    if channels.split is None:
         return 0
-    count = min(tracer.max_bounces + 1, MAX_BOUNCE_CHANNELS) + 2 * len(tracer.emitters.labels) + 4
-    count += source_count(tracer)
-    return 2 * count if split == "target" else count
+    of_parts = dict.fromkeys(PARTS, len(tracer.emitters.labels))
+    of_parts["bounce"] = min(tracer.max_bounces + 1, MAX_BOUNCE_CHANNELS) + 1
+    count = 3 + sum(of_parts[part] for part in channels.parts) + source_count(tracer)
+    return 2 * count if channels.split == "target" else count
 
 
 def source_count(tracer) -> int:

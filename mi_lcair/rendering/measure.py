@@ -353,11 +353,10 @@ def measure(
     binning = measurands.binning(sampling.tolerance)
     with scene.prepared(measurands.by_spectrum, measurands.explored, binning) as tracer:
         kept = windows.count * (windows.randomisations if windows.by_randomisation else 1)
-        split = measurands.channels.split
         if measurands.reduced:
             check_memory(kept, sources=source_count(tracer))
         else:
-            check_memory(kept, channel_count(tracer, split))
+            check_memory(kept, channel_count(tracer, measurands.channels))
         if criterion is not None:
             criterion.check(tracer, scene.name)
         result = _until_met(scene, tracer, windows, sampling, measurands, criterion, aim)

@@ -144,7 +144,7 @@ class Probe:
             points = WINDOW_POINTS * factor
             launch = Launch(1, 1, seed, WINDOW_RANDOMISATIONS, points, aim=Aim.anywhere())
         with scene.prepared() as tracer:
-            sums = tracer.trace(camera, launch, Channels(split))
+            sums = tracer.trace(camera, launch, Channels(split, ("bounce",)))
             unmet, noted = tracer.unmet_sources(camera), in_all_windows(sums.unmet)
         valid = np.maximum(sums.valid, 1)
         names = [name for name in sums.channels if name.startswith(f"{prefix}bounce.")]

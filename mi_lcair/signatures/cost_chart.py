@@ -79,7 +79,8 @@ def ways(scene: Scene, sampling: Sampling) -> tuple[list[Way], Signature]:
 
     def made_with(lobe: str, ratio: float) -> Signature:
         with changed(scene, lobe=lobe or None, **settings):
-            return measure_signature(scene, replace(sampling, tolerance=ratio * sampling.tolerance))
+            part = replace(sampling, tolerance=ratio * sampling.tolerance)
+            return measure_signature(scene, part, parts=("bounce",))
 
     reference = made_with("", OF_REFERENCE)
     found = []
@@ -285,7 +286,8 @@ def row_of(scene: Scene, way: Way, sampling: Sampling) -> dict[str, Any]:
             if spent[1:] and sum(spent[1:]) > LONG:
                 break
             start = time.process_time()
-            made = measure_signature(scene, replace(sampling, tolerance=goal, seed=seed))
+            sampled = replace(sampling, tolerance=goal, seed=seed)
+            made = measure_signature(scene, sampled, parts=())
             spent.append(time.process_time() - start)
     noise = made.half_width / made.intensity if made.intensity > 0 else nan
     return {

@@ -12,6 +12,7 @@ import numpy as np
 from mi_lcair.charts import BarChart, BarCharts, label
 from mi_lcair.files import VTK
 from mi_lcair.plugins.paths.launch import Aim
+from mi_lcair.plugins.recorders.channels import PARTS as SPLITS
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.facets import FacetTable
 from mi_lcair.rendering.facets import write_vtk as write_vtk_of_facets
@@ -49,7 +50,7 @@ KINDS = (
 
 @dataclass(frozen=True)
 class Intensity:
-    """Intensity toward the sensor, W/sr, and its parts.
+    """Intensity toward the sensor, W/sr, and its parts, which are empty if they are not recorded.
 
     Attributes
     ----------
@@ -65,8 +66,9 @@ class Intensity:
         Part that each group emitted, W/sr, and its standard error.
     by_seen, by_seen_error : dict of str to float
         Part of the pixels that show each group, W/sr, and its standard error.
-    closure : float
-        Estimate of the reflections beyond max_bounces, W/sr. It is included in `intensity`.
+    closure : float or None
+        Estimate of the reflections beyond max_bounces, W/sr. It is included in `intensity`. None
+        without `by_bounce`.
     """
 
     intensity: float
@@ -78,7 +80,7 @@ class Intensity:
     by_group_error: dict[str, float]
     by_seen: dict[str, float]
     by_seen_error: dict[str, float]
-    closure: float
+    closure: float | None
 
     @property
     def up_to_bounce(self) -> list[float]:
@@ -128,17 +130,16 @@ def facts_of_entries(entries: dict, others: Sequence[Part | Section] = ()) -> It
         yield "wavelengths", entries["bins"]
     bounces = zip(*(column for part in parts for column in by_bounce(part)))
     both = [("target", WATTS), ("scene", WATTS)]
-    yield Table(
-        ["reflections", both[0], "up to these", both[1], "up to these"],
-        [[str(number), *cells] for number, cells in enumerate(bounces)],
-    )
+    if rows := [[str(number), *cells] for number, cells in enumerate(bounces)]:
+        yield Table(["reflections", both[0], "up to these", both[1], "up to these"], rows)
     for key, title in (("by_group", "emitted by"), ("by_seen", "seen first")):
         values = [(part[f"{key}_W_sr"], part[f"{key}_error_W_sr"]) for part in parts]
-        labels = entries["scene"][f"{key}_W_sr"]
-        rows = (
-            [label, *((value[label], error[label]) for value, error in values)] for label in labels
-        )
-        yield Table([title, *both], list(rows))
+        rows = [
+            [label, *((value[label], error[label]) for value, error in values)]
+            for label in entries["scene"][f"{key}_W_sr"]
+        ]
+        if rows:
+            yield Table([title, *both], rows)
     yield Remarks(invalid_remark(entries["invalid"], entries["paths"]))
     if "spectrum" in entries:
         yield spectrum_section(columns_of(entries["spectrum"]))
@@ -281,7 +282,7 @@ class Signature(Result):
         return facts_of_entries(self.as_dict(), others)
 
     def picture(self) -> BarCharts:
-        """Intensities by number of reflections, by emitter, and by what is seen."""
+        """Intensities by number of reflections, by emitter, and by what is seen, or the wholes."""
         parts = {part: getattr(self, part) for part in PARTS}
         charts = []
         for kind, title, places in KINDS:
@@ -295,7 +296,14 @@ class Signature(Result):
                 )
             else:
                 names = list(map(str, range(len(of["scene"]))))
-            charts.append(BarChart(title, names, label("intensity", WATTS), of, errors, places))
+            if names:
+                charts.append(BarChart(title, names, label("intensity", WATTS), of, errors, places))
+        if not charts:
+            of, errors = (
+                {part: [getattr(value, name)] for part, value in parts.items()}
+                for name in ("intensity", "standard_error")
+            )
+            charts = [BarChart("", ["all"], label("intensity", WATTS), of, errors, "")]
         value = f"{self.intensity:.6g} ± {self.half_width:.2g} W/sr (95 %)"
         return BarCharts(charts, f"{self.scene_name}, {self.band}: {self.main_part} {value}")
 
@@ -327,6 +335,7 @@ def measure_signature(
     excess: Callable[[Signature], float] | None = None,
     aim: Aim | None = None,
     up_to: tuple[int, ...] = (),
+    parts: Sequence[str] = SPLITS,
 ) -> Signature:
     """Integrate the radiance of a loaded scene over a sensor's window, under its own settings.
 
@@ -345,6 +354,8 @@ def measure_signature(
         Where in the window the paths begin, see `measure`.
     up_to : tuple of int
         Smaller numbers of reflections for `fewer` of the signature. They need `by_spectrum`.
+    parts : sequence of str
+        What intensities are split by, see `Channels`.
     """
     if by_spectrum:
         scene.band.check_limits(f"{scene.name}: spectrum")
@@ -358,7 +369,7 @@ def measure_signature(
         return Signature(
             scene_name=scene.name,
             band=scene.band.name,
-            **intensities(total, area),
+            **intensities(total, area, parts),
             effective_areas=effective_areas(total, scene, area) if by_spectrum else None,
             facets=None,
             window_area=area,
@@ -385,7 +396,9 @@ def measure_signature(
     elif sampling.tolerance is not None:
         criterion = IntensityInterval(sampling.tolerance)
     sums = FacetSums(FacetTable(scene), scene.mi.integrator().max_bounces) if facets else None
-    measurands = Measurands(Channels("target", up_to=up_to), sums, by_spectrum)
+    used = {*parts, *(["group"] if by_spectrum else []), *(["bounce"] if up_to else [])}
+    split = tuple(part for part in SPLITS if part in used)
+    measurands = Measurands(Channels("target", split, up_to=up_to), sums, by_spectrum)
     # A caller with a criterion of its own takes the aim to other scenes
     windows = replace(Windows.whole(camera), may_follow_facets=excess is None)
     total = measure(scene, windows, sampling, measurands, criterion, aim)
@@ -395,7 +408,7 @@ def measure_signature(
     return replace(result(total), facets=sums.results(scene, total, area, -direction))
 
 
-def intensities(total: Totals, area: float) -> dict[str, Intensity]:
+def intensities(total: Totals, area: float, parts: Sequence[str]) -> dict[str, Intensity]:
     """The Intensity of the scene and of the target.
 
     Parameters
@@ -404,8 +417,12 @@ def intensities(total: Totals, area: float) -> dict[str, Intensity]:
         Sums over the paths of one window.
     area : float
         Area of the sensor's window, m^2.
+    parts : sequence of str
+        What they are split by, see `Channels`.
     """
-    channels = [None, *total.sums]
+    kinds = "target", *parts, *(["closure"] if "bounce" in parts else [])
+    channels = [name for name in total.sums if name.removeprefix("target.").startswith(kinds)]
+    channels.insert(0, None)
     means, errors = (
         (numbers[:, 0] * area).tolist()
         for numbers in (total.mean(channels), total.standard_error(channels))
@@ -413,18 +430,18 @@ def intensities(total: Totals, area: float) -> dict[str, Intensity]:
     half_widths = (total.half_width(list(WHOLES))[:, 0] * area).tolist()
     found = {}
     for whole, half_width, places in zip(WHOLES, half_widths, places_of(*channels)):
-        parts = {}
+        split = {}
         for kind, *_ in KINDS:
             for name, numbers in ((f"by_{kind}", means), (f"by_{kind}_error", errors)):
                 of_labels = {label: numbers[place] for label, place in places[kind].items()}
-                parts[name] = list(of_labels.values()) if kind == "bounce" else of_labels
+                split[name] = list(of_labels.values()) if kind == "bounce" else of_labels
         place = channels.index(whole)
         found[whole or "scene"] = Intensity(
             intensity=means[place],
             standard_error=errors[place],
             half_width=half_width,
-            closure=means[places["closure"][""]],
-            **parts,
+            closure=means[places["closure"][""]] if "closure" in channels else None,
+            **split,
         )
     return found
 

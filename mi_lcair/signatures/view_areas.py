@@ -20,7 +20,6 @@ from mi_lcair.physics.bands import Band, Spectrum
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.emission.source import Source, kelvin
-from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.measurands import Criterion, Measurands, check_reachable
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling
@@ -410,8 +409,7 @@ def measure_view_areas(
         For settings out of bounds, for a tolerance that cannot be reached, and for band "total".
     """
     scene.band.check_limits(f"{scene.name}: effective areas")
-    # Reflections need not be recorded by their number, which saves channels
-    measurands = Measurands(Channels("model", counted=0), by_spectrum=True)
+    measurands = Measurands.of("model", by_spectrum=True, parts=())
     total, areas = totals_of_views(scene, views, resolution, sampling, measurands)
     return view_areas(total, scene, views, areas)
 

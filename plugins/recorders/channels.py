@@ -47,19 +47,21 @@ class LastCounts(Recorder):
         return add_tail(last, of_model)
 
 
+# Radiance is split by number of reflections (bounce.N, closure), by emitting group (group.LABEL),
+# and by the group that is hit first (seen.LABEL)
+PARTS = ("bounce", "group", "seen")
+
+
 @dataclass
 class Channels:
     """What is recorded beside the radiance of paths.
 
-    split: by what the radiance is split. None: by nothing. "image": by number of reflections
-    (bounce.N, closure), by emitting group (group.LABEL) and by the group that is hit first
-    (seen.LABEL), with range, hit (1 or 0) and target (the radiance of paths that first hit the
-    model), and source.N and wavelength.N where the tracer has sources by spectrum. "target": also,
-    for each channel NAME, the part of paths that first hit the model, target.NAME. "model": that
-    part alone, as NAME, without seen.LABEL; paths that first hit something else are not followed.
-    counted: largest number of reflections whose radiance is recorded separately, in one of SIZES;
-    that of more reflections is added to the last channel. None: as many as the tracer follows. 0:
-    numbers of reflections are not told apart, and there is no bounce.N and no closure.
+    split: whose radiance is recorded. None: that of all paths alone. "image": also range, hit (1 or
+    0), target (the radiance of paths that first hit the model), the `parts`, and source.N and
+    wavelength.N where the tracer has sources by spectrum. "target": also, for each channel NAME,
+    the part of paths that first hit the model, target.NAME. "model": that part alone, as NAME,
+    without seen.LABEL; paths that first hit something else are not followed.
+    parts: those of PARTS by which the radiance is split.
     counts_segments: whether the number of rays of each path is recorded, as `segments`.
     up_to: numbers of reflections up to which source.N, wavelength.N and group.LABEL are recorded as
     well, as upto.COUNT.NAME.
@@ -68,7 +70,7 @@ class Channels:
     """
 
     split: str | None = "image"
-    counted: int | None = None
+    parts: tuple[str, ...] = PARTS
     counts_segments: bool = False
     tables: ColumnTables | None = None
     up_to: tuple[int, ...] = ()
@@ -84,14 +86,12 @@ class Channels:
             tables, explores = self.tables, tracer.paths.explored is not None
             incoming = tables.incoming is None
             parts.append(Incoming.of(tables) if incoming else Columns.of(tables, cell, explores))
-        if (self.split or facets) and self.counted != 0:
-            parts.append(
-                ByBounce.up_to(tracer.max_bounces if self.counted is None else self.counted)
-            )
-        if self.split:
-            emitters = tracer.emitters
+        if facets or (self.split and "bounce" in self.parts):
+            parts.append(ByBounce.up_to(tracer.max_bounces))
+        sources = tracer.emitters.sources
+        if self.split and ("group" in self.parts or (sources.by_spectrum and not sources.by_bin)):
             for most in (None, *self.up_to):
-                parts.append(BySource.of(emitters.sources, emitters.labels, most))
+                parts.append(BySource.of(sources, tracer.emitters.labels, most))
         parts += [Segments(mi.Float(0))] if self.counts_segments else []
         if self.split or facets or is_tailed:
             parts.append(FirstHit.of(tracer.scene, tracer.emitters, facets, self.split == "model"))
@@ -106,7 +106,13 @@ class Channels:
         segments = recorders.of(Segments).samples(L) if self.counts_segments else {}
         if not self.split:
             return segments
-        channels = recorders.without((Columns, Incoming, Segments)).samples(L)
+        # Facets need the numbers of reflections, too
+        others = (Columns, Incoming, Segments, *(() if "bounce" in self.parts else (ByBounce,)))
+        channels = {
+            name: value
+            for name, value in recorders.without(others).samples(L).items()
+            if name.partition(".")[0] not in set(PARTS).difference(self.parts)
+        }
         of_model = recorders.of(FirstHit).of_model
         if self.split != "image":
             on_model = {name: value * of_model for name, value in channels.items()}

@@ -259,6 +259,19 @@ def test_show(run, image, pictures, args, expected):
     assert (result.exit_code, result.stdout, pictures) == (0, expected[0] + "\n", [expected])
 
 
+def test_show_says_what_records_parts(run, folder):
+    """Without them their channels are missing; another name is compared with the known ones."""
+    write_exr("lean.exr", {"Y": np.ones((3, 4)), "range.Y": np.ones((3, 4))}, {"band": "MWIR"})
+    for words in (("show", "lean.exr", "-c"), ("convert", "lean.exr", "lean.tif", "-c")):
+        for name in ("bounce00.Y", "group.hot.Y", "seen.hot.Y", "closure.Y"):
+            result = run(*words, name)
+            assert result.exit_code == 2 and not (folder / "lean.tif").exists()
+            line = f"unknown channel '{name}'; --parts of render makes it"
+            assert result.stderr.strip().endswith(line)
+        assert "unknown channel 'rang.Y'; known: range.Y, Y" in run(*words, "rang.Y").stderr
+    assert "'bounce0[0-2].Y'; --parts" in run("show", "lean.exr", "-c", "bounce0[0-2].Y").stderr
+
+
 def test_show_writes_a_picture(run, image, folder):
     assert run("show", "image.exr", "-c", "temperature.Y").exit_code == 0
     assert (folder / "image.png").read_bytes().startswith(b"\x89PNG")

@@ -34,7 +34,7 @@ def load(tmp_path):
 
 
 def image(scene, **settings):
-    return mi_lcair.render(scene, spp=16, seed=3, split=None, **settings).channels["Y"]
+    return mi_lcair.render(scene, spp=16, seed=3, **settings).channels["Y"]
 
 
 def matrix_of(scene, **settings):

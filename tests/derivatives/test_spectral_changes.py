@@ -145,7 +145,7 @@ def test_inversion(file, tmp_path):
     for seed, limits in enumerate(("3-4", "4-5")):
         loaded = mi_lcair.load(path, band=limits, size=4)
         with changed(loaded, truth):
-            image = mi_lcair.render(loaded, spp=64, seed=11, split=None).channels["Y"].astype(float)
+            image = mi_lcair.render(loaded, spp=64, seed=11).channels["Y"].astype(float)
         noise = np.random.default_rng(seed).standard_normal(image.shape)
         sigma = 2e-3 * float(image.mean())
         np.save(tmp_path / f"{seed}.npy", image + sigma * noise)

@@ -227,7 +227,7 @@ def test_the_sensor_is_framed_on_the_model(boxes, view, area):
     """
     scene = mi_lcair.load(boxes, band="total", resolution=64, **view)
     radiance = 5.670374419e-8 * 400**4 / np.pi
-    seen = mi_lcair.render(scene, spp=16).channels["group.self.Y"].mean() / radiance
+    seen = mi_lcair.render(scene, spp=16, parts=True).channels["group.self.Y"].mean() / radiance
     assert seen * 1.02**2 * (1 + 4 + 9) == pytest.approx(area, rel=0.02)
 
 
@@ -275,7 +275,7 @@ def test_a_sky_table_is_what_the_sky_shows(tmp_path):
     (tmp_path / "sky.csv").write_text(SKY)
     export(read(tmp_path / "model.obj"), tmp_path / "out", sky=tmp_path / "sky.csv")
     image = mi_lcair.render(
-        mi_lcair.load(tmp_path / "out" / "scene.xml", resolution=16), spp=1
+        mi_lcair.load(tmp_path / "out" / "scene.xml", resolution=16), spp=1, parts=True
     ).channels
     assert (
         image["group.sky.Y"][0, 0] == pytest.approx(3, rel=1e-5) and image["group.sky.Y"][8, 8] == 0

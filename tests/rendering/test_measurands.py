@@ -13,6 +13,7 @@ import pytest
 import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.draw_table import UnmetSources
+from mi_lcair.plugins.recorders.channels import PARTS
 from mi_lcair.rendering import measurands
 from mi_lcair.rendering.measurands import ExcessFunction, IntensityInterval
 from mi_lcair.rendering.pixels import PixelError
@@ -170,10 +171,11 @@ def test_an_image_that_needs_too_much(monkeypatch):
     """It is refused before anything is rendered, and says how much it needs."""
     monkeypatch.setattr(measurands, "available_memory", lambda: 2 * GIB)
     scene = mi_lcair.load("two_plates", resolution=20_000)
-    with pytest.raises(
-        InputError, match=r"400000000 pixels needs 175.1 GiB of memory, and 2.0 GiB"
-    ):
-        mi_lcair.render(scene, spp=1)
+    for parts, needed in ((True, 175.1), (False, 136.0)):
+        with pytest.raises(
+            InputError, match=f"400000000 pixels needs {needed} GiB of memory, and 2.0 GiB"
+        ):
+            mi_lcair.render(scene, spp=1, parts=parts)
     assert mi_lcair.render(mi_lcair.load("two_plates", resolution=8), spp=1).mean >= 0
     with pytest.raises(InputError, match=r"1048576 pixels needs 2.3 GiB"):
         measurands.check_memory(2**20, sources=400)
@@ -194,21 +196,24 @@ import mi_lcair
 used = []
 for resolution in (724, 1024):
     scene = mi_lcair.load("two_plates", resolution=resolution)
-    mi_lcair.render(scene, spp=4)
+    mi_lcair.render(scene, spp=4, parts=bool({parts}))
     status = Path("/proc/self/status").read_text()
     used.append(1024 * int(re.search(r"VmHWM:\\s*(\\d+) kB", status)[1]))
 with scene.prepared() as tracer:
     from mi_lcair.rendering import measurands as limits
-    channels = limits.channel_count(tracer, "image")
+    from mi_lcair.plugins.recorders.channels import Channels
+    channels = limits.channel_count(tracer, Channels("image", {parts}))
 stated = limits.BYTES_PER_PIXEL + limits.BYTES_PER_CHANNEL * channels
 print((used[1] - used[0]) / (1024**2 - 724**2) / stated)
 """
 
 
 @pytest.mark.slow
-def test_stated_memory():
+@pytest.mark.parametrize("parts", [(), PARTS])
+def test_stated_memory(parts):
     """What an image of a million pixels really takes: no more than stated, and most of it."""
+    code = CODE.replace("{parts}", str(parts))
     result = subprocess.run(
-        [sys.executable, "-c", CODE], capture_output=True, text=True, check=True
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )
     assert 0.5 < float(result.stdout.split()[-1]) < 1.1

@@ -101,6 +101,7 @@ def test_furnace(material, name, resolution, spp, metal):
         mi_lcair.load("furnace", material=material, band=name, resolution=resolution),
         spp=spp,
         seed=4,
+        parts=True,
     )
     expected = radiance(name, 300)
     allowed = np.maximum(2e-3 * expected, 10 * result.channels["stderr.Y"])

@@ -1,6 +1,7 @@
 """Tests of signatures: the sensor's window, the parts, and sensors without an intensity."""
 
 import gc
+import json
 import weakref
 from dataclasses import replace
 
@@ -11,6 +12,8 @@ import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.paths.launch import rounding_error
 from mi_lcair.rendering.scene import changed
+from mi_lcair.sections import Table
+from mi_lcair.signatures.signature import facts_of_entries
 
 SCENE = """<scene version="3.0.0">
     <default name="sensor" value="orthographic"/>
@@ -80,6 +83,37 @@ def test_as_dict():
             assert sum(parts) == pytest.approx(intensity, rel=1e-5)
         assert sum(own["by_bounce_W_sr"]) == pytest.approx(intensity, rel=1e-6)
     assert entries["paths"] == 64 * 256
+
+
+@pytest.mark.parametrize("asked", [{}, {"by_spectrum": True, "facets": True}])
+@pytest.mark.parametrize("name", ["cavity", "furnace"])
+def test_a_signature_without_parts(name, asked, tmp_path):
+    """The same numbers bit for bit, no tables, and files that can be read."""
+    scene = mi_lcair.load(name, resolution=16, band="MWIR", max_bounces=4)
+    whole, lean = (mi_lcair.signature(scene, spp=16, parts=parts, **asked) for parts in (1, 0))
+    for part in ("target", "scene"):
+        of_whole, of_lean = getattr(whole, part), getattr(lean, part)
+        for number in ("intensity", "standard_error", "half_width"):
+            assert getattr(of_lean, number) == getattr(of_whole, number)
+        assert of_lean.by_bounce == of_lean.up_to_bounce == [] and of_lean.closure is None
+        assert of_lean.by_group == of_lean.by_seen == {} and of_whole.by_group
+    assert (lean.missed, lean.paths, lean.systematic) == (
+        whole.missed,
+        whole.paths,
+        whole.systematic,
+    )
+    if asked:
+        np.testing.assert_array_equal(lean.effective_areas.error, whole.effective_areas.error)
+        for column, values in lean.facets.columns().items():
+            np.testing.assert_array_equal(values, whole.facets.columns()[column])
+    for suffix in (".json", ".csv", ".html", ".png"):
+        lean.save(tmp_path / f"lean{suffix}")
+    assert lean.columns()["part"].tolist() == ["all"]
+    entries = json.loads((tmp_path / "lean.json").read_text())
+    for result, tables in ((lean.as_dict(), 0), (entries, 0), (whole.as_dict(), 3)):
+        facts = facts_of_entries(result)
+        assert sum(isinstance(fact, Table) for fact in facts) == tables
+    assert [chart.names for chart in lean.picture().charts] == [["all"]]
 
 
 def test_reflections_and_closure_add_up_to_the_intensity():

@@ -100,7 +100,7 @@ def loaded(make, folder, emitter_sampling: bool):
 def test_what_is_met_by_chance_alone_is_not_claimed(tmp_path, name, emitter_sampling):
     scene = loaded(BY_CHANCE[name], tmp_path, emitter_sampling)
     for seed in range(2):
-        result = mi_lcair.render(scene, tolerance=0.5, max_spp=4096, seed=seed, split=None)
+        result = mi_lcair.render(scene, tolerance=0.5, max_spp=4096, seed=seed)
         assert not result.reached
 
 
@@ -113,12 +113,12 @@ def test_what_is_drawn_is_right_after_few_samples(tmp_path, name):
     cold, hot = (planck.in_band_radiance("MWIR", T) for T in (COLD, HOT))
     truth = (1 - REFLECTANCE) * cold + REFLECTANCE * share * hot
     for seed in range(2):
-        result = mi_lcair.render(scene, tolerance=0.5, max_spp=4096, seed=seed, split=None)
+        result = mi_lcair.render(scene, tolerance=0.5, max_spp=4096, seed=seed)
         assert result.reached
         assert result.spp < 256
         assert result.mean == pytest.approx(truth, rel=0.1)
     scene = loaded(DRAWN[name], tmp_path, False)
-    assert not mi_lcair.render(scene, tolerance=0.5, max_spp=4096, split=None).reached
+    assert not mi_lcair.render(scene, tolerance=0.5, max_spp=4096).reached
 
 
 @pytest.mark.slow

@@ -18,7 +18,7 @@ from mi_lcair.plugins.emission.emitter_table import EmitterTable
 def share(folder, reflectance, max_bounces, closure="none", spp=4, seed=0):
     """Render the cube; return the image and its mean radiance divided by the blackbody's."""
     scene = cube(folder, reflectance=reflectance, max_bounces=max_bounces, closure=closure)
-    result = mi_lcair.render(scene, spp=spp, seed=seed, split=None)
+    result = mi_lcair.render(scene, spp=spp, seed=seed)
     return result, result.mean / float(in_band_radiance(scene.band, 300))
 
 
@@ -63,7 +63,7 @@ def test_energy_balance(tmp_path):
     sixth of the lamp's radiance.
     """
     scene = cube(tmp_path, reflectance=1, max_bounces=32, walls="", lid=LAMP)
-    channels = mi_lcair.render(scene, spp=512).channels
+    channels = mi_lcair.render(scene, spp=512, parts=True).channels
     added = [channels[f"bounce{k:02d}.Y"].mean(dtype=float) for k in range(17)]
     # The last channel holds the reflections from the 16th to the 32nd
     assert np.mean([*added[8:16], added[16] / 17]) == pytest.approx(1 / 6, rel=0.01)

@@ -71,7 +71,7 @@ def exact():
 
 
 def images(scene, spp, seeds):
-    results = [mi_lcair.render(scene, spp=spp, seed=seed, split=None) for seed in range(seeds)]
+    results = [mi_lcair.render(scene, spp=spp, seed=seed) for seed in range(seeds)]
     return (
         np.array([result.channels[name] for result in results], dtype=float)
         for name in ("Y", "stderr.Y")

@@ -125,7 +125,7 @@ def image_to_tolerance(case: Case, scene, witness: Witness, rng) -> Iterator[Cla
     """The mean and the pixels of an image whose rms error over the pixels is below a tolerance."""
     tolerance, sensor = float(rng.choice([0.3, 0.1, 0.03])), int(rng.integers(case.file.sensors))
     sampling = {"tolerance": tolerance, "max_spp": 4096, "seed": int(rng.integers(1000))}
-    result = mi_lcair.render(scene, **sampling, sensor=sensor, split=None)
+    result = mi_lcair.render(scene, **sampling, sensor=sensor)
     if not result.reached:
         return
     yield witness.claim("tolerance, image", result.mean, case.mean, tolerance * case.mean)

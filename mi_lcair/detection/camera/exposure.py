@@ -153,7 +153,7 @@ def exposure(
 
     windows = windows_of(view, scene)
     measurands = Measurands(
-        Channels("model"), by_spectrum=True, reduced=partial(of_model, hidden=hidden)
+        Channels("model", ()), by_spectrum=True, reduced=partial(of_model, hidden=hidden)
     )
     criterion = None
     if sampling.tolerance is not None:

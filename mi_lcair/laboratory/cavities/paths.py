@@ -14,8 +14,6 @@ from mi_lcair.laboratory.cavities.rings import CavityView
 from mi_lcair.laboratory.cavities.shape import CavityWall
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.emission.triangles import set_triangles
-from mi_lcair.plugins.recorders.channels import Channels
-from mi_lcair.plugins.recorders.radiance import SIZES
 from mi_lcair.rendering.measurands import ExcessFunction, Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.sampling import Sampling
@@ -147,13 +145,13 @@ def effective_emissivity(scene: Scene, view: CavityView, excess, sampling: Sampl
     rays = Rays(view, scene.sensors[0].sampler())
     windows = Windows(rays, randomisations=RANDOMISATIONS)
     is_split = excess is not None
-    channels = Channels("model", counted=SIZES[0]) if is_split else Channels(None)
+    measurands = Measurands.of("model" if is_split else None, is_split, parts=("group",))
     criterion = None
     if sampling.tolerance is not None:
         criterion = ExcessFunction(
             lambda total: INTERVAL * _estimate(total, excess)[1].max() / sampling.tolerance
         )
-    total = measure(scene, windows, sampling, Measurands(channels, by_spectrum=is_split), criterion)
+    total = measure(scene, windows, sampling, measurands, criterion)
     return *_estimate(total, excess), int(total.traced[0])
 
 

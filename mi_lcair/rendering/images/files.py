@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from mi_lcair.declared import Bounds
-from mi_lcair.errors import InputError, check_known
+from mi_lcair.errors import InputError
 from mi_lcair.files import check_file, read_bytes, read_text, replacing
+from mi_lcair.formats import check_channels
 from mi_lcair.physics.bands import Band
 from mi_lcair.table import SEPARATORS
 
@@ -207,7 +208,7 @@ def from_exr(path: str, channel: str | None, quantity: str | None, band: Band) -
     channels, header = read_exr(path)
     usual = next((name for name in ("Y", "temperature.Y") if name in channels), "Y")
     channel = channel or (usual if len(channels) > 1 else next(iter(channels)))
-    check_known(f"channel of {path}", channels, channel)
+    check_channels(f"channel of {path}", channels, channel)
     stated = header.get("band")
     if quantity != "mask" and isinstance(stated, str) and stated not in (band.name, band.label):
         raise InputError(f"{path}: is of band {stated}, and not of band {band.name}")

@@ -22,8 +22,9 @@ from mi_lcair.charts import (
     named_channels,
 )
 from mi_lcair.declared import percent
-from mi_lcair.errors import InputError, check_known, option
+from mi_lcair.errors import InputError, option
 from mi_lcair.formats import (
+    check_channels,
     column_of,
     or_nan,
     pixel_axes,
@@ -157,7 +158,7 @@ class Render(Result):
     def by_bounce(self) -> list[float]:
         """Mean radiance of the paths with 0, 1, ... reflections [W m^-2 sr^-1].
 
-        The last entry holds all from the 16th on. It is empty without the channels bounceNN.Y.
+        The last entry holds all from the 16th on. It is empty without `parts`.
         """
         names = sorted(name for name in self.channels if name.startswith("bounce"))
         return [float(self.channels[name].mean(dtype=float)) for name in names]
@@ -262,7 +263,7 @@ def write_tiff(path, render: Render, channel: str = "Y") -> None:
     It is the radiance [W m^-2 sr^-1], or another channel such as "temperature.Y" [K], with
     NaN where a pixel has no value. Raises InputError if the render has no such channel.
     """
-    check_known(f"channel of the render of {render.scene_name}", render.channels, channel)
+    check_channels(f"channel of the render of {render.scene_name}", render.channels, channel)
     values = or_nan(channel, render.channels[channel])
     formats.write_tiff(path, values, f"{column_of(channel)} of {render.scene_name}")
 
@@ -364,7 +365,7 @@ def pixel_charts(channels: dict[str, np.ndarray], pixel: tuple[int, int]) -> lis
 def render_image(
     scene: Scene,
     sampling: Sampling,
-    split: str | None = "image",
+    parts: Sequence[str] = (),
     atmosphere: Atmosphere | None = None,
     range_m: float | None = None,
     bins: int = 0,
@@ -377,8 +378,8 @@ def render_image(
     scene : Scene
     sampling : Sampling
         Its tolerance is the rms standard error over the pixels, as a fraction of the mean.
-    split : str or None
-        What is recorded in addition to the radiance, see `Channels`.
+    parts : sequence of str
+        What the radiance is split by, see `Channels`.
     atmosphere : Atmosphere or None
         Air for the apparent radiance.
     range_m : float or None
@@ -393,15 +394,15 @@ def render_image(
         atmosphere.check_covers(scene.band)
         if range_m is not None:
             atmosphere.path(range_m)  # raises InputError here, before anything is rendered
-        split = "target"
     start = time.perf_counter()
     camera = scene.sensor(sampling.sensor)
     sampling = sampling.settled(camera)
     randomisations = min(PIXEL_RANDOMISATIONS, sampling.spp or PILOT_SPP)
     windows = Windows.of_image(camera, randomisations, by_randomisation=bool(errors_um))
-    measurands = Measurands.of(split, by_spectrum=atmosphere is not None)
+    split = "image" if atmosphere is None else "target"
+    measurands = Measurands.of(split, split == "target", parts=parts)
     if bins:
-        measurands = spectral_measurands(scene, split, bins)
+        measurands = spectral_measurands(scene, bins, parts)
     criterion = None if sampling.tolerance is None else PixelError(sampling.tolerance)
     with through(scene, atmosphere, range_m):
         total = measure(scene, windows, sampling, measurands, criterion)
@@ -460,22 +461,16 @@ def image_channels(total: Totals, band: Band, size: tuple[int, int]) -> dict[str
         channels["stderr.Y"] = pixel_errors(total, size)
     if np.ptp(total.traced):
         channels["spp.Y"] = total.traced
-    parts = {name: total.mean(name) for name in total.sums if not name.startswith("bin.")}
-    if parts:
-        by_bounce = [values for name, values in parts.items() if name.startswith("bounce.")]
-        for k in range(min(len(by_bounce), BOUNCE_CHANNELS)):
-            channels[f"bounce{k:02d}.Y"] = (
-                by_bounce[k] if k < BOUNCE_CHANNELS - 1 else sum(by_bounce[k:])
-            )
-        channels["closure.Y"] = parts["closure"]
-        channels.update(
-            (f"{name}.Y", values)
-            for name, values in parts.items()
-            if name.startswith(("group.", "seen."))
+    by_bounce = [total.mean(name) for name in total.sums if name.startswith("bounce.")]
+    for k in range(min(len(by_bounce), BOUNCE_CHANNELS)):
+        channels[f"bounce{k:02d}.Y"] = (
+            by_bounce[k] if k < BOUNCE_CHANNELS - 1 else sum(by_bounce[k:])
         )
-        channels["target.Y"] = parts["target"]
-        # Mean over the paths that hit something
-        channels["range.Y"] = parts["range"] / np.maximum(parts["hit"], 1e-30)
+    alike = ("closure", "group.", "seen.")
+    channels |= {f"{name}.Y": total.mean(name) for name in total.sums if name.startswith(alike)}
+    channels["target.Y"] = total.mean("target")
+    # Mean over the paths that hit something
+    channels["range.Y"] = total.mean("range") / np.maximum(total.mean("hit"), 1e-30)
     return channels
 
 

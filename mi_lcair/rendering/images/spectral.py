@@ -232,14 +232,14 @@ def check_bins(scene: Scene, bins: int, errors_um: Sequence[float], atmosphere) 
     of_band.check_all(np.array(errors_um), lambda k: "errors_um")
 
 
-def spectral_measurands(scene: Scene, split: str | None, bins: int) -> Measurands:
-    """What is recorded for a spectral image; split: of the other channels, see `Channels`.
+def spectral_measurands(scene: Scene, bins: int, parts: Sequence[str]) -> Measurands:
+    """What is recorded for a spectral image; parts: of its radiance in band, see `Channels`.
 
     Where all materials are constant in the band, the sources are enough.
     """
     if has_spectral_materials(scene.mi):
-        return Measurands.of(split, bins=bins)
-    return Measurands.of("image", by_spectrum=True)
+        return Measurands.of("image", bins=bins, parts=parts)
+    return Measurands.of("image", by_spectrum=True, parts=parts)
 
 
 def spectral_channels(

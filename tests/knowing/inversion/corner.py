@@ -54,7 +54,7 @@ def write_scene(folder) -> str:
 def clean(path, spp: int = 2**13, **parameters) -> np.ndarray:
     """The radiance of the scene without a camera's noise."""
     scene = mi_lcair.load(path, **parameters)
-    return mi_lcair.render(scene, spp=spp, seed=99, split=None).channels["Y"].astype(float)
+    return mi_lcair.render(scene, spp=spp, seed=99).channels["Y"].astype(float)
 
 
 def reflectances(values) -> dict:

@@ -42,7 +42,7 @@ def write_scene(folder):
 def measured(path, seed: int, netd_mK: float = 50, **parameters):
     """The radiance of a scene with a camera's noise, and its standard deviation."""
     scene = mi_lcair.load(path, **parameters)
-    radiance = mi_lcair.render(scene, spp=64, seed=11, split=None).channels["Y"].astype(float)
+    radiance = mi_lcair.render(scene, spp=64, seed=11).channels["Y"].astype(float)
     sigma = noise_of_netd(scene.band, radiance, netd_mK)
     return radiance + sigma * np.random.default_rng(seed).standard_normal(radiance.shape), sigma
 

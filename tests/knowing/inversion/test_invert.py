@@ -199,7 +199,7 @@ def cylinder():
     """Parameters of the cylinder, its band, and its image of 24 x 24 pixels without noise."""
     parameters = {"finish": "gloss_black", "resolution": 24, "max_bounces": 1}
     scene = mi_lcair.load("cylinder_ir_range", **parameters)
-    image = mi_lcair.render(scene, spp=2048, seed=99, split=None).channels["Y"].astype(float)
+    image = mi_lcair.render(scene, spp=2048, seed=99).channels["Y"].astype(float)
     return parameters, scene.band, image
 
 
@@ -362,7 +362,7 @@ def test_facet_temperatures(tmp_path):
     scene = mi_lcair.load(path)
     data = []
     for view in range(len(VIEWS)):
-        image = mi_lcair.render(scene, spp=1024, sensor=view, seed=50 + view, split=None)
+        image = mi_lcair.render(scene, spp=1024, sensor=view, seed=50 + view)
         image = image.channels["Y"].astype(float)
         sigma = noise_of_netd(scene.band, image, 50)
         image += sigma * np.random.default_rng(view).standard_normal(image.shape)
@@ -397,7 +397,7 @@ def test_facets_that_no_pixel_sees(tmp_path):
     truth = smooth_temperatures(6, 6)
     path = write_waist(tmp_path, truth, 6, 6, size=16)
     scene = mi_lcair.load(path)
-    image = mi_lcair.render(scene, spp=512, sensor=4, seed=3, split=None).channels["Y"]
+    image = mi_lcair.render(scene, spp=512, sensor=4, seed=3).channels["Y"]
     np.save(tmp_path / "top.npy", image)
     entry = {
         "scene": str(path),
@@ -423,7 +423,7 @@ def test_facets_that_follow_those_that_a_pixel_sees(tmp_path):
     ring = np.arange(rings * segments) // segments
     truth = 304 + 2 * np.cos(np.pi * ring / rings)
     scene = mi_lcair.load(write_waist(tmp_path, truth, rings, segments, size=16))
-    image = mi_lcair.render(scene, spp=512, sensor=4, seed=3, split=None).channels["Y"]
+    image = mi_lcair.render(scene, spp=512, sensor=4, seed=3).channels["Y"]
     np.save(tmp_path / "top.npy", image)
     path = write_waist(tmp_path, 300 + 0 * truth, rings, segments, size=16)
     entry = {"scene": str(path), "sensor": 4, "image": str(tmp_path / "top.npy"), "netd_mK": 50}

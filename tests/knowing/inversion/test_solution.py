@@ -59,7 +59,7 @@ def test_command_and_render_with_the_solution(folder, tmp_path):
     scene, image = folder / "plate.xml", tmp_path / "image.exr"
     result = run("render", scene, "-D", "R=0.3", "--solution", solution, "--json", "-o", image)
     assert result.exit_code == 0, result.output
-    direct = mi_lcair.render(mi_lcair.load(scene, R=0.3, T=kelvin), split=None).mean
+    direct = mi_lcair.render(mi_lcair.load(scene, R=0.3, T=kelvin)).mean
     assert json.loads(result.stdout)["mean_radiance_W_m2_sr"] == pytest.approx(direct, rel=1e-6)
     result = run("render", scene, "--solution", f"{solution}:hot", "-o", image)
     assert result.exit_code == 2 and "unknown state" in result.stderr
@@ -86,7 +86,7 @@ def test_states_must_be_named(folder, tmp_path):
 def test_material_of_a_solution(tmp_path):
     """The emissivity of the cylinder's paint; its file serves as a material."""
     scene = mi_lcair.load("cylinder_ir_range", **CYLINDER)
-    image = mi_lcair.render(scene, spp=1024, seed=3, split=None).channels["Y"]
+    image = mi_lcair.render(scene, spp=1024, seed=3).channels["Y"]
     np.save(tmp_path / "i.npy", image)
     entry = {
         "scene": "cylinder_ir_range",

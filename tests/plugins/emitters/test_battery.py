@@ -78,7 +78,7 @@ def test_render_and_channels(scene):
     means = []
     for sampling in (False, True):
         scene.mi.integrator().emitter_sampling = sampling
-        image = mi_lcair.render(scene, spp=SPP)
+        image = mi_lcair.render(scene, spp=SPP, parts=True)
         of_groups = sum(
             image.channels[f"group.{label}.Y"]
             for label in ("tried", "floor", "ground", "other")
@@ -110,7 +110,7 @@ def test_spectrum(scene):
 def test_parameters(scene):
     """Each is named with the declared unit and bounds; a radiance is linear in what scales it."""
     emitter, described = emitter_of(scene), mi_lcair.parameters(scene)
-    before = mi_lcair.render(scene, spp=64).channels["group.tried.Y"].mean()
+    before = mi_lcair.render(scene, spp=64, parts=True).channels["group.tried.Y"].mean()
     assert emitter.parameters()
     for own in emitter.parameters():
         name = name_of(own)
@@ -123,7 +123,7 @@ def test_parameters(scene):
         )
         if own.kind != "temperature" and name != "ground.emissivity":
             set_values(scene, {name: 0.5 * entry.value})
-            after = mi_lcair.render(scene, spp=64).channels["group.tried.Y"].mean()
+            after = mi_lcair.render(scene, spp=64, parts=True).channels["group.tried.Y"].mean()
             assert after == pytest.approx(0.5 * before, rel=1e-4)
             set_values(scene, {name: entry.value})
 
@@ -192,7 +192,7 @@ def test_effective_areas(scene):
 
 def test_save_and_load(scene, tmp_path):
     """An image keeps the emitter's channel, and two loads of the same scene agree."""
-    image = mi_lcair.render(scene, spp=64)
+    image = mi_lcair.render(scene, spp=64, parts=True)
     image.save(tmp_path / "image.exr")
     channels, header = read_exr(tmp_path / "image.exr")
     np.testing.assert_array_equal(channels["group.tried.Y"], image.channels["group.tried.Y"])

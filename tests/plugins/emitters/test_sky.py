@@ -211,7 +211,7 @@ def test_groups_and_what_is_seen():
     look = mi.ScalarTransform4f().look_at(origin=[0, 0, 0], target=[1, 0, 0], up=[0, 0, 1])
     sensor = {**camera(8), "type": "perspective", "fov": 30.0, "to_world": look}
     image = mi_lcair.render(
-        mi_lcair.load(scene(path(), sensor, sky={**NIGHT, "band": "LWIR"})), spp=64
+        mi_lcair.load(scene(path(), sensor, sky={**NIGHT, "band": "LWIR"})), spp=64, parts=True
     )
     sky, ground = (image.channels[f"group.{name}.Y"] for name in ("sky", "ground"))
     np.testing.assert_allclose(ground[4:], in_band_radiance(band("LWIR"), 288.0), rtol=1e-4)
@@ -238,7 +238,9 @@ def test_new_values():
         changed, {"sky.temperature": 270.0, "ground.temperature": 300.0, "ground.emissivity": 0.6}
     )
     for name in ("Y", "group.sky.Y", "group.ground.Y"):
-        a, b = (mi_lcair.render(made, spp=256).channels[name] for made in (changed, given))
+        a, b = (
+            mi_lcair.render(made, spp=256, parts=True).channels[name] for made in (changed, given)
+        )
         np.testing.assert_allclose(a, b, rtol=1e-4)
 
 

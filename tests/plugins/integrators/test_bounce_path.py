@@ -185,7 +185,7 @@ def cavity(opening, **integrator):
     )
     for name, value in integrator.items():
         setattr(scene.mi.integrator(), name, value)
-    result = mi_lcair.render(scene, spp=1024, seed=1)
+    result = mi_lcair.render(scene, spp=1024, seed=1, parts=True)
     unit = float(in_band_radiance(scene.band, 800.0))
     return result.mean / unit, result
 

@@ -18,7 +18,7 @@ def test_stated_errors_contain_the_rounding(tmp_path, bounces, reflectance):
     1e7 is lost at an edge; the median over the pixels knows nothing of it.)
     """
     scene = cube(tmp_path, reflectance=reflectance, max_bounces=bounces)
-    image = mi_lcair.render(scene, spp=512, split=None)
+    image = mi_lcair.render(scene, spp=512)
     unit = float(in_band_radiance(scene.band, 300.0))
     exact = unit * (1 - float(np.float32(reflectance)) ** (bounces + 1))
     off = abs(np.median(image.channels["Y"].astype(float)) / exact - 1)
@@ -31,7 +31,7 @@ def test_sums_of_many_equal_samples(tmp_path):
     """Float32 sums of 16,000 equal numbers are off by up to 1.6e-5."""
     scene = cube(tmp_path, reflectance=0.3, max_bounces=4)
     with changed(scene, max_bounces=0):
-        image = mi_lcair.render(scene, spp=2**14, split="image")
+        image = mi_lcair.render(scene, spp=2**14, parts=True)
     expected = 0.7 * float(in_band_radiance(scene.band, 300.0))
     np.testing.assert_allclose(image.channels["Y"], expected, rtol=5e-7)
     np.testing.assert_allclose(image.channels["bounce00.Y"], expected, rtol=5e-7)

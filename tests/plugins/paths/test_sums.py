@@ -182,7 +182,7 @@ def test_a_room_of_high_reflectance(tmp_path):
     tail multiplies by 1 / (1 - 0.99); it is stated.
     """
     scene = cube(tmp_path, reflectance=0.99, max_bounces=4, closure="tail")
-    result = mi_lcair.render(scene, spp=64, split=None)
+    result = mi_lcair.render(scene, spp=64)
     off = abs(result.mean / float(in_band_radiance(scene.band, 300)) - 1)
     assert off < 1e-4
     assert off * result.mean < 2 * result.closure_error < 1e-3 * result.mean

@@ -11,8 +11,10 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
+from mi_lcair.formats import OF_PARTS
 from mi_lcair.plugins.paths.walk import Walk
 from mi_lcair.rendering import window
+from mi_lcair.rendering.images.render import write_tiff
 
 
 def load(**parameters):
@@ -21,7 +23,7 @@ def load(**parameters):
 
 @pytest.fixture(scope="module")
 def image():
-    return mi_lcair.render(load(), spp=64, seed=1)
+    return mi_lcair.render(load(), spp=64, seed=1, parts=True)
 
 
 def total(image, kind):
@@ -37,6 +39,42 @@ def test_every_split_sums_to_the_radiance(image, kind):
     np.testing.assert_allclose(
         total(image, kind), image.channels["Y"], rtol=1e-6, atol=1e-6 * image.mean
     )
+
+
+@pytest.mark.parametrize(
+    "name, parameters",
+    [
+        ("open_box", {"max_bounces": 3}),
+        ("furnace", {"band": "MWIR"}),
+        ("a340_landing", {"position": 3, "band": "LWIR"}),
+    ],
+)
+@pytest.mark.parametrize("more", [{}, {"bins": 4}, {"atmosphere": "midlat_summer"}])
+def test_parts_change_no_other_channel(name, parameters, more):
+    """Bit for bit, with the same errors, and the image without them has nothing split."""
+    if more and name == "open_box":
+        parameters = parameters | {"band": "MWIR"}
+    scene = mi_lcair.load(name, resolution=16, **parameters)
+    whole, lean = (mi_lcair.render(scene, spp=16, parts=parts, **more) for parts in (True, False))
+    for channel, values in lean.channels.items():
+        np.testing.assert_array_equal(values, whole.channels[channel], err_msg=channel)
+    assert (lean.mean, lean.mean_error) == (whole.mean, whole.mean_error)
+    assert lean.rms_error == whole.rms_error and lean.by_bounce == []
+    split = set(whole.channels) - set(lean.channels)
+    assert split == {channel for channel in whole.channels if channel.startswith(OF_PARTS)}
+    assert {"Y", "temperature.Y", "stderr.Y", "target.Y", "range.Y"} <= set(lean.channels)
+
+
+def test_a_channel_of_parts_is_explained():
+    """The error of a channel that an image lacks says what records it."""
+    lean = mi_lcair.render(load(), spp=4)
+    for draw in (lambda: lean.picture("bounce00.Y"), lambda: write_tiff("x", lean, "seen.floor.Y")):
+        with pytest.raises(InputError, match=r"Y'; parts=True of render makes it$"):
+            draw()
+    with pytest.raises(InputError, match="unknown channel of the image of open_box 'y'; known: Y"):
+        lean.picture("y")
+    with pytest.raises(InputError, match="known: bounce0"):
+        mi_lcair.render(load(), spp=4, parts=True).picture("bounce09.Y")
 
 
 def test_splits_say_who(image):
@@ -168,16 +206,16 @@ def test_a_number_of_samples_stands_alone():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("closure", ["none", "tail"])
-@pytest.mark.parametrize("split", [None, "image", "target"])
-def test_paths_are_traced_once(closure, split):
+@pytest.mark.parametrize("parts", [False, True])
+def test_paths_are_traced_once(closure, parts):
     """One kernel of a render is large, that of the paths; whatever is reduced from them must not
     trace them again.
     """
     scene = load()
     scene.mi.integrator().closure = closure
-    mi_lcair.render(scene, spp=4, split=split)
+    mi_lcair.render(scene, spp=4, parts=parts)
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
-        mi_lcair.render(scene, spp=4, seed=1, split=split)
+        mi_lcair.render(scene, spp=4, seed=1, parts=parts)
         kernels = dr.kernel_history([dr.KernelType.JIT])
     assert sum(kernel["operation_count"] > 200 for kernel in kernels) == 1
 

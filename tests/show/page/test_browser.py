@@ -89,7 +89,7 @@ def test_opens_fast_without_errors_and_without_a_network(opened):
 
 def test_pixels_show_their_values(opened, scene):
     """The tip and the read-out have the values of every channel, at 20 pixels under the mouse."""
-    image = mi_lcair.render(scene, spp=8)
+    image = mi_lcair.render(scene, spp=8, parts=True)
     channels = image.channels
     seen = np.flatnonzero(channels["target.Y"] > 0)
     random = np.random.default_rng(1)

@@ -144,7 +144,9 @@ def goal_datum(
     views = views_of(scene, goal.aspects)
     is_contrast = goal.background_K is not None
     of_view = Sampling(spp=sampling.spp or SPP_OF_VIEWS, seed=sampling.seed)
-    signatures = [measure_signature(view, of_view, by_spectrum=is_contrast) for view in views]
+    signatures = [
+        measure_signature(view, of_view, by_spectrum=is_contrast, parts=()) for view in views
+    ]
     background = np.zeros(len(views))
     if is_contrast:
         area = np.array([result.effective_areas.projected_area for result in signatures])
@@ -184,7 +186,7 @@ def noise_model(entry: readings.Observation, band, sigma) -> Callable:
 def shares_of_groups(scene: Scene, sensor: int, counts) -> dict[str, np.ndarray]:
     """Share of the radiance of each pixel that counts, (n,), which leaves each group toward it."""
     sampling = Sampling(spp=SPP_OF_SHARES, sensor=sensor)
-    channels = render_image(scene, sampling).channels
+    channels = render_image(scene, sampling, ("seen",)).channels
     total = np.maximum(channels["Y"][counts], np.finfo(np.float32).tiny)
     return {
         name.removeprefix("seen.").removesuffix(".Y"): values[counts] / total
