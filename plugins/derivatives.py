@@ -11,6 +11,7 @@ import gc
 from abc import ABC, abstractmethod
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from functools import cache
 
 import drjit as dr
 import mitsuba as mi
@@ -123,13 +124,30 @@ def flatten(tree) -> list:
 
     Mitsuba's objects are left out.
     """
-    if dr.is_array_v(tree):
-        return [tree]
-    if isinstance(tree, mi.Object):
-        return []
-    branches = tree if isinstance(tree, (tuple, list, dict)) else getattr(tree, "__dict__", {})
-    branches = branches.values() if isinstance(branches, dict) else branches
-    return [array for branch in branches for array in flatten(branch)]
+    found = []
+    append_arrays(tree, found)
+    return found
+
+
+def append_arrays(tree, found: list) -> None:
+    """Append the arrays of a PyTree to a list, see `flatten`."""
+    kind = type(tree)
+    if has_no_arrays(kind):
+        return
+    if dr.is_array_v(kind):
+        found.append(tree)
+        return
+    branches = tree if isinstance(tree, (tuple, list, dict)) else vars(tree)
+    for branch in branches.values() if isinstance(branches, dict) else branches:
+        append_arrays(branch, found)
+
+
+@cache
+def has_no_arrays(kind: type) -> bool:
+    """Whether objects of a type hold no arrays that `flatten` gives."""
+    if dr.is_array_v(kind) or issubclass(kind, (tuple, list, dict)):
+        return False
+    return issubclass(kind, mi.Object) or kind.__dictoffset__ == 0
 
 
 def value_along(bsdf, ctx, si, sample1, sample2, bs, active=True):
