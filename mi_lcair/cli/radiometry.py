@@ -215,7 +215,7 @@ def trend_command():
 @options.outputs("the table, or draw the chart", ".csv", ".json", *PICTURES)
 @options.calls("chart", "seconds", unit="ways")
 def chart_command():
-    """Which reflections and which emitters SCENE needs for a tolerance, and what that costs.
+    """Chart error against processor time for SCENE.
 
     SCENE is a Mitsuba XML file or the name of a bundled scene with an orthographic sensor. It is
     rendered with few and many reflections, with reflection models as they are, as mirrors and

@@ -259,7 +259,11 @@ def measure_cost_chart(scene: Scene, sampling: Sampling, seconds: float) -> Cost
             report(number + 1, len(found))
     table = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     table["on_frontier"] = frontier(table["cpu_s"], table["error"])
-    met = np.flatnonzero(table["error"] <= sampling.tolerance)
+    met = [
+        row
+        for row in np.flatnonzero(table["error"] <= sampling.tolerance)
+        if found[row].noise(sampling.tolerance)  # others leave nothing for the noise of a render
+    ]
     best = min(met, key=lambda row: table["cpu_s"][row], default=None)
     return CostChart(
         scene_name=scene.name,
