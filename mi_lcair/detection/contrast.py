@@ -27,7 +27,7 @@ from mi_lcair.physics.air.levels import HEIGHT_M
 from mi_lcair.physics.imager import Detector
 from mi_lcair.physics.sun import OUTSIDE_AIR
 from mi_lcair.plugins.bsdfs.plume import spectral_plumes
-from mi_lcair.plugins.emission.source import BinOfBlackbody, Source
+from mi_lcair.plugins.emission.source import BinOfSpectrum, Source
 from mi_lcair.plugins.emitters.thermal_emitter import one_sun
 from mi_lcair.plugins.paths.launch import Aim
 from mi_lcair.plugins.recorders.radiance import MAX_BOUNCE_CHANNELS
@@ -492,10 +492,10 @@ def multiplied_light(setting: Setting, sources: list[Source]) -> list[str]:
     sun = one_sun(setting.view.mi.emitters())
     errors = {}
     for source in sources:
-        light = source.spectrum
+        part = source.spectrum
+        light = part.bin_of if isinstance(part, BinOfSpectrum) else part
         is_known = isinstance(light, AirLight) and setting.path.amounts is not None
-        is_emitted = light is None or isinstance(light, BinOfBlackbody)
-        if is_emitted or light.name == OUTSIDE_AIR or is_known:
+        if light is None or light.name == OUTSIDE_AIR or is_known:
             continue
         of_sun = sun is not None and source.group == sun.group
         errors[f"{source.group} ({light.name})"] = product_error(setting, light, of_sun)

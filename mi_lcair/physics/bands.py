@@ -8,6 +8,7 @@ import re
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -352,12 +353,14 @@ BUNDLED = Path(__file__).with_name("lowtran7")
 class Spectrum:
     """Spectral radiance over wavelength, linear between the rows.
 
-    wavelengths_um: rising wavelengths [um], (n,). radiance: [W m^-2 sr^-1 um^-1], (n,).
+    wavelengths_um: rising wavelengths [um], (n,). radiance: [W m^-2 sr^-1 um^-1], (n,). bin_of: the
+    spectrum of which it is a part, so that air transmits as much of both; None for no part.
     """
 
     name: str
     wavelengths_um: np.ndarray
     radiance: np.ndarray
+    bin_of: ClassVar["Spectrum | None"] = None
 
     def at(self, wavelengths_um: ArrayLike) -> np.ndarray:
         """Spectral radiance [W m^-2 sr^-1 um^-1] at these wavelengths [um]."""

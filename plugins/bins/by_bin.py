@@ -16,7 +16,6 @@ import scipy
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics import reflection
-from mi_lcair.physics.bands import Spectrum
 from mi_lcair.physics.reflection import microfacet_equations
 from mi_lcair.physics.reflection import sandford_robertson_equations as sr
 from mi_lcair.physics.reflection.interface import SMALLEST, cos_theta, sin2_theta
@@ -43,7 +42,7 @@ from mi_lcair.plugins.bsdfs.reflection_bsdf import (
 )
 from mi_lcair.plugins.derivatives import children, own_memory
 from mi_lcair.plugins.emission.emitter_table import BinnedRadiance
-from mi_lcair.plugins.emission.source import BinOfBlackbody, Source
+from mi_lcair.plugins.emission.source import BinOfSpectrum, Source
 from mi_lcair.plugins.emission.sources import at_pointer, numbered, spectra, table_by_pointer
 from mi_lcair.plugins.emission.triangles import pointer_id, table_size
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
@@ -360,10 +359,17 @@ class ByBin:
     """
 
     def __init__(
-        self, scene, band, ambient_temperature: float | None, count: int, binning: Binning
+        self,
+        scene,
+        band,
+        ambient_temperature: float | None,
+        count: int,
+        binning: Binning,
+        by_source: bool = False,
     ):
         """ambient_temperature: of the closure [K]; None without it. count: number of bins; 0 for as
-        many as the materials need. binning: decides on that.
+        many as the materials need. binning: decides on that. by_source: whether sources are told
+        apart, of which many leave fewer bins.
         """
         bsdfs = {shape.bsdf() for shape in scene.shapes()}
         spectral = {id(b): b for b in sorted(bsdfs, key=lambda b: b.id()) if is_spectral(b)}
@@ -382,6 +388,8 @@ class ByBin:
         some = np.linspace(0, len(self.sources) - 1, MOST_PROJECTED).round().astype(int)
         projected = [self.sources[k] for k in np.unique(some)]
         counts = (count,) if count else COUNTS
+        if by_source:
+            counts = [of for of in counts if of * len(self.sources) <= MOST_BY_BIN] or counts[:1]
         spectra_at = partial(radiances, projected)
         # A change of a spectrum, as for a derivative, must not change the number of bins
         measured = list(dict.fromkeys(layer.measured_spectrum for layer in layers))
@@ -414,10 +422,11 @@ class ByBin:
         hats = self.bins.hats(rows).T
         result = []
         for source, radiance in zip(self.sources, radiances(self.sources, rows)):
-            kind = BinOfBlackbody if source.spectrum is None else Spectrum
             name = source.name if source.spectrum is None else source.spectrum.name
             result += [
-                Source.of_bin(source, k, kind(name, rows, radiance * hat), band)
+                Source.of_bin(
+                    source, k, BinOfSpectrum(name, rows, radiance * hat, source.spectrum), band
+                )
                 for k, hat in enumerate(hats)
             ]
         return result

@@ -70,8 +70,11 @@ class Source:
         return [sources[k] for k in number.ravel()]
 
 
-class BinOfBlackbody(Spectrum):
-    """The spectrum of a blackbody in one bin of wavelength."""
+@dataclass(frozen=True, eq=False)
+class BinOfSpectrum(Spectrum):
+    """A spectrum in one bin of wavelength. bin_of: that spectrum; None for a blackbody's."""
+
+    bin_of: Spectrum | None
 
 
 def rounded(temperatures) -> np.ndarray:

@@ -373,9 +373,10 @@ class PathTracer(RBIntegrator):
             T = None if ambient is None else settings.ambient_temperature
             count = binning.recorded or settings.bins
             of_scene = replace(binning, reflections=max(most, 1))
-            paths.by_bin = ByBin(scene, emitters.band, T, count, of_scene)
+            by_source = by_spectrum and not binning.recorded
+            paths.by_bin = ByBin(scene, emitters.band, T, count, of_scene, by_source)
             binning_error = paths.by_bin.binning_error
-            if by_spectrum and not binning.recorded:
+            if by_source:
                 emitters.sources.split(paths.by_bin.sources_by_bin())
         parts = derivatives.derivations(derivatives.deriving(state.plugins))
         tabulated = [part for part in parts if isinstance(part, Emissivities | ReflectionBSDF)]

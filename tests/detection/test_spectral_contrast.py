@@ -54,3 +54,49 @@ def test_disc_through_air(folder, temperature, range_m):
     target = np.trapezoid(transmittance * emitted, x) * AREA / range_m**2
     assert got.target.value == pytest.approx(target, rel=3e-4)
     assert got.total.value == pytest.approx(total, abs=3e-4 * target)
+
+
+OUTSIDE = '[surroundings]\nsky = "clear"\nground = "288,0.95"\n'
+DAY = '"40,30"'
+
+
+def constant(folder, name, scenario, **entries):
+    """Row of a disc with an emissivity of 0.5, by wavelength or grey, between sky and ground."""
+    folder = folder / name
+    folder.mkdir()
+    write_disc(folder)
+    rows = "".join(f"{x},0.5\n" for x in (2, 6, 13))
+    (folder / "paint.csv").write_text("wavelength_um,emissivity\n" + rows)
+    (folder / "own.toml").write_text('[paint.spectral]\nemissivity = "paint.csv"\n')
+    surface = '<bsdf type="material"> <string name="materials" value="own.toml"/>'
+    xml = XML.replace('<bsdf type="sandford_robertson">', surface).replace("blackbody", name)
+    xml = xml.replace("TEMPERATURE", '<float name="temperature" value="300"/>')
+    (folder / "disc.xml").write_text(xml)
+    text = (folder / "disc.toml").read_text()
+    (folder / "disc.toml").write_text(text[: text.index("[background]")] + scenario)
+    return contrast(disc(folder, **entries))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "height_m, elevation_deg, sun", [(300.0, 40, None), (3158.0, -25, None), (300.0, 0, DAY)]
+)
+def test_a_constant_spectrum_is_grey(tmp_path, height_m, elevation_deg, sun):
+    """Also for what the surface reflects: sky, sun and ground have crossed air before the path."""
+    outside = OUTSIDE + (f"sun = {sun}\n" if sun else "")
+    more = '[sensor]\nband = "MWIR"\n[render]\nspp = 2\n'
+    rows = [
+        constant(
+            tmp_path,
+            name,
+            outside + more,
+            atmosphere__table="us_standard",
+            observer__range_m=3100.0,
+            observer__elevation_deg=elevation_deg,
+            target__height_m=height_m,
+        )
+        for name in ("0.5", "paint")
+    ]
+    grey, spectral = (made.rows[-1] for made in rows)
+    assert spectral.target.value == pytest.approx(grey.target.value, rel=3e-4)
+    assert not any("absorbers" in remark for made in rows for remark in made.remarks)

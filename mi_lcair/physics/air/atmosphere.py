@@ -154,6 +154,7 @@ class LineOfSight:
         Light that has crossed air before gets the amounts of both paths. For other light, and on
         the path of a table, it is the transmittance of the path.
         """
+        light = light and (light.bin_of or light)
         if self.amounts is None or not isinstance(light, AirLight):
             return self.at(wavelengths_um)[0]
         share = light.transmittance(self.amounts) if self.shares is None else self.shares(light)
@@ -269,11 +270,12 @@ class Atmosphere:
             ranges_m, extrapolate, lambda ranges: self.along(ranges, rows)[0] @ of_spectra.T
         ).T
         for mean, spectrum, share in zip(means, spectra, of_spectra):
-            if isinstance(spectrum, AirLight):
+            light = getattr(spectrum, "bin_of", None) or spectrum
+            if isinstance(light, AirLight):
                 mean[:] = self._in_pieces(
                     ranges_m,
                     extrapolate,
-                    lambda ranges: self.light_transmittance(spectrum, ranges, rows) @ share,
+                    lambda ranges: self.light_transmittance(light, ranges, rows) @ share,
                 )
         return means
 
