@@ -3,12 +3,18 @@
 BRDFs of one surface span five decades, and their errors are proportional to their values. The
 residuals are therefore differences of log10 (in decades). On the linear and the cube-root scale the
 few points of the peak outweigh all others. These two scales exist for comparison.
+
+Noise shifts levels on the logarithmic scale, by the square of its relative size. A fit that
+describes the data is therefore continued on the linear scale, with variances that depend on the
+fitted level and not on the reading. Sources: McCullagh and Nelder, Generalized Linear Models, 1989,
+chapter 9 (quasi-likelihood); Carroll and Ruppert, Transformation and Weighting in Regression, 1988.
 """
 
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
+from scipy.optimize import nnls
 
 from mi_lcair.declared import Bounds, Described, entry
 from mi_lcair.errors import InputError
@@ -31,6 +37,7 @@ SIGMA_FLOOR = 0.01
 # The detector is assumed to have saturated if at least PLATEAU points have the same largest value,
 # and if they are less than the share RARE of all points.
 PLATEAU, RARE = 3, 0.2
+TINY, VARIANCE_ROUNDS = 1e-18, 5  # least relative variance, and rounds in which it is determined
 DIRECTIONAL_STD = 0.02  # standard deviation of an emissivity or DHR for which none is given
 
 
@@ -141,6 +148,7 @@ class FitSettings(Described):
     max_angle_deg: float = entry(is_positive=True, upper=90)
     min_brdf: float = entry(lower=0)
     source_half_angle_deg: float = entry(lower=0, upper=np.nextafter(90.0, 0))
+    calibration: float | None = entry(None, lower=0, upper=1)
 
     @property
     def half_angle(self) -> float:
@@ -329,6 +337,28 @@ class Data:
         """
         change = SCALES[self.scale](f)[1] * f * np.log(10) / self.spread
         return np.concatenate([change, np.zeros(self.rows - self.points)])
+
+    def at_level(self, f: np.ndarray) -> "Data":
+        """The same points on the linear scale, weighted by fitted BRDFs f (points,).
+
+        If sigma was measured, the part of it that follows the noise of the reading is taken out:
+        log(sigma) is linear in log(f), its square, the residual log(brdf / f), and the product of
+        both. Otherwise the variance is a + b f + c f^2, which the squared residuals determine.
+        """
+        level, ratio = np.log(f), np.log(self.brdf / f)
+        if self.has_sigma:
+            level = level - level.mean()
+            of_noise = np.stack([ratio, ratio * level], axis=1)
+            columns = np.column_stack([np.ones_like(level), level, level**2, of_noise])
+            sigma = self.spread / SCALES[self.scale](self.brdf)[1]
+            slopes = np.linalg.lstsq(columns, np.log(sigma), rcond=1e-9)[0]
+            return replace(self, scale="linear", spread=sigma * np.exp(-of_noise @ slopes[3:]))
+        unit = np.median(f)
+        terms, squares = (f[:, None] / unit) ** np.arange(3), np.square(self.brdf - f) + f**2 * TINY
+        variance = f**2 * np.mean(squares / f**2)
+        for _ in range(VARIANCE_ROUNDS):
+            variance = terms @ nnls(terms / variance[:, None], squares / variance)[0]
+        return replace(self, scale="linear", spread=np.sqrt(variance))
 
     def jointly(self, variance: float, tables: list[DirectionalData]) -> "Data":
         """The same points, together with directional tables.

@@ -9,6 +9,7 @@ from typing import Literal
 import drjit as dr
 import numpy as np
 
+from mi_lcair.declared import fraction
 from mi_lcair.fitting.data import (
     Data,
     FitSettings,
@@ -22,7 +23,7 @@ from mi_lcair.fitting.model import Hemispherical, parameters_at
 from mi_lcair.fitting.quality import likely_cause, quality
 from mi_lcair.fitting.report import Fit
 from mi_lcair.fitting.scatterometer import reading
-from mi_lcair.fitting.search import COARSE, Noise, compare, descend
+from mi_lcair.fitting.search import COARSE, ROUND_OFF, Noise, assess, compare, descend
 from mi_lcair.fitting.uncertainty import judge
 from mi_lcair.progress import Progress, stepper
 from mi_lcair.tasks import exclusively
@@ -32,6 +33,7 @@ JOINT_STARTS = 16  # largest number of starts of a fit with an emissivity or DHR
 # Largest factor by which the BRDF's rms deviation may grow when an emissivity or DHR is fitted with
 # it.
 LARGEST_RMS_RATIO = 1.2
+LINEAR_ROUNDS = 4  # rounds in which the variances and the fit on the linear scale are found in turn
 # Angles at which the emissivity is predicted if none was measured [radians].
 EMISSIVITY_ANGLES = np.radians(np.arange(0.0, 86.0, 5.0))
 
@@ -53,6 +55,7 @@ def fit(
     max_angle_deg: float = 80,
     min_brdf: float = 1e-4,
     source_half_angle_deg: float | None = None,
+    calibration: float | str | None = None,
     progress: Progress | None = None,
 ) -> Fit:
     """Fit a reflection model to measured BRDFs, and to an emissivity or DHR if one is given.
@@ -81,7 +84,8 @@ def fit(
     seed
         Seed of the random starting points.
     loss
-        Scale on which BRDFs are compared.
+        Scale on which BRDFs are compared. With log, a fit that describes the data is continued on
+        the linear scale, with the variance of its own noise.
     robust
         Give outliers little weight.
     max_angle_deg
@@ -91,6 +95,9 @@ def fit(
     source_half_angle_deg
         Angular radius of the source [degrees], 0 for a point source (default: that of the
         measurements).
+    calibration
+        Standard deviation of a factor that all readings have in common, such as 0.05 or "5%"
+        (default: that of the measurements).
     progress
         Function of (steps done, steps in total).
 
@@ -114,8 +121,9 @@ def fit(
     }
     if source_half_angle_deg is None:
         source_half_angle_deg = float(np.degrees(measurements.source_half_angle))
+    calibration = measurements.calibration if calibration is None else fraction(calibration)
     compared = variants(model, form)
-    points = max_angle_deg, min_brdf, source_half_angle_deg
+    points = max_angle_deg, min_brdf, source_half_angle_deg, calibration
     settings = FitSettings(model, form, starts, seed, loss, robust, *points)
     fewest = min(len(variant.model.parameters) for variant in compared)
     selected, used, dropped = select(
@@ -124,11 +132,16 @@ def fit(
     compared = [v for v in compared if len(v.model.parameters) <= selected.points]
     steps = largest_steps(compared, bool(directional))
     search = searched(selected, compared, directional, settings, stepper(progress, steps))
+    fit_quality = quality(selected, search.best, robust, measurements.sigma_freedom)
+    if loss == "log" and not robust:
+        points, linear = on_linear_scale(search, selected)
+        of_linear = quality(points, linear.best, robust, measurements.sigma_freedom)
+        if not (of_linear.lack_of_fit or linear.noise.has_outliers(points.points)):
+            search, fit_quality = linear, of_linear
     measured = directional.get("emissivity")
     theta = EMISSIVITY_ANGLES if measured is None else np.asarray(measured.theta, dtype=float)
     curve = Hemispherical(search.best.variant.model, search.best.variant.form, theta, "emissivity")
-    certainty = judge(search.data, search.best, search.noise, robust, curve)
-    fit_quality = quality(selected, search.best, robust, measurements.sigma_freedom)
+    certainty = judge(search.data, search.best, search.noise, settings, curve, fit_quality)
     if cause := likely_cause(measurements, compared, settings, selected.rms_dex(search.best)):
         fit_quality = replace(fit_quality, verdict=f"{fit_quality.verdict}; {cause}")
     if progress:
@@ -216,6 +229,24 @@ def searched(
         data = relieved(data, best, largest_rms)
         best, candidates, noise = compare(data, compared, settings, step, candidates)
     return Search(data, best, candidates, noise, compile_seconds)
+
+
+def on_linear_scale(search: Search, points: Data) -> tuple[Data, Search]:
+    """Continue a search on the linear scale, where noise does not shift levels.
+
+    points: the BRDF points without tables. Returns them with their weights, and the search.
+    """
+    best, given = search.best, search.data
+    for _ in range(LINEAR_ROUNDS):
+        weighted = points.at_level(given.residuals(best.variant).instrument(best.u[None])[0][0])
+        data = weighted
+        if given.directional:
+            variance = assess(weighted, best).variance
+            data = weighted.jointly(variance, given.directional).with_std_factor(given.std_factor)
+        best = descend(best, data.residuals(best.variant), ROUND_OFF)
+    listed = [best if candidate is search.best else candidate for candidate in search.candidates]
+    noise = assess(data, best)
+    return weighted, replace(search, data=data, best=best, candidates=listed, noise=noise)
 
 
 def largest_steps(compared: list[Variant], is_joint: bool) -> int:

@@ -72,6 +72,15 @@ class Quality:
     correlation_by_chance: float | None
     systematic_dex: float
 
+    @property
+    def missed(self) -> str:
+        """What the model misses, in the words of verdicts on parameters; "" without lack of fit."""
+        if not self.lack_of_fit:
+            return ""
+        is_large = self.p_value is not None and self.p_value < verdicts.SIGNIFICANCE
+        how = f"(p = {self.p_value:.1g})" if is_large else f"by about {size(self.systematic_dex)}"
+        return f"the measured values {how}"
+
 
 def quality(
     data: Data, best: FittedVariant, robust: bool, sigma_freedom: float = np.inf

@@ -258,6 +258,9 @@ ROBUST_ROUNDS = 4  # rounds in which the scale of the residuals and the fit are 
 # Distance from the model beyond which a point is an outlier [standard deviations]. One normal error
 # in 16,000 lies beyond it.
 FAR = 4.0
+# Outliers are reported if they are more than the share MANY_OUTLIERS of the points, and if the
+# correlation of neighbours is below SCATTERED, so that they are single points.
+MANY_OUTLIERS, SCATTERED = 0.01, 0.3
 ROUND_OFF_DEX = 1e-9  # rounding error of a residual [decades]
 # Correlation of neighbours that white noise shows by chance, times the root of their number. Noise
 # exceeds it in 1 of 740 fits.
@@ -291,6 +294,10 @@ class Noise:
     brdf_effective: float
     level_dex: float
     outliers: int
+
+    def has_outliers(self, points: int) -> bool:
+        """Whether outliers are worth reporting: single points, and more than a share of all."""
+        return self.outliers > MANY_OUTLIERS * points and self.correlation < SCATTERED
 
 
 def compare(

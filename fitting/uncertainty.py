@@ -1,6 +1,6 @@
 """Uncertainty of the parameters of a fit: covariance, profile intervals, verdicts."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,11 +22,10 @@ NEAR_LOWER = 1.5
 # Smallest number of degrees of freedom. Correlated residuals can leave fewer, for which Student's t
 # is very large.
 LEAST_DOF = 3
-# Number of independent BRDF points below which the model is said to miss whole scans.
-LEAST_EFFECTIVE = 10
-# Outliers are reported if they are more than the share MANY_OUTLIERS of the points, and if the
-# correlation of neighbours is below SCATTERED, so that they are single points.
-MANY_OUTLIERS, SCATTERED = 0.01, 0.3
+# Calibration error of a scatterometer that does not state one, relative. A parameter that it moves
+# by more than the share FELT of its standard error depends on the level of the readings.
+CALIBRATION, FELT = 0.05, 0.25
+LEVEL = ", if the level is calibrated"
 
 
 @dataclass(frozen=True)
@@ -34,7 +33,8 @@ class Linearized:
     """A fit near its minimum, where the rows are linear in the coordinates.
 
     The prior of a coordinate is uniform in 0..1, so that its covariance is finite even if the data
-    do not determine it.
+    do not determine it. All coordinates move, also one that a simpler variant holds. Data that do
+    not require a parameter do not determine it either.
 
     Attributes
     ----------
@@ -42,8 +42,6 @@ class Linearized:
         The reflection model.
     u
         Coordinates of the minimum, (n,).
-    free
-        Mask of the coordinates that the variant lets move, (n,).
     slopes
         Derivatives of the rows with respect to the coordinates, (r, n).
     variance
@@ -55,7 +53,6 @@ class Linearized:
 
     model: ReflectionModel
     u: np.ndarray
-    free: np.ndarray
     slopes: np.ndarray
     variance: float
     level: np.ndarray
@@ -68,14 +65,8 @@ class Linearized:
     @cached_property
     def cube_covariance(self) -> np.ndarray:
         """Covariance of the coordinates, (n, n), without the error of the common scale."""
-        return self.cube_covariance_of(self.free)
-
-    def cube_covariance_of(self, free: np.ndarray) -> np.ndarray:
-        """`cube_covariance` if the coordinates in the mask `free` (n,) move."""
-        slopes = self.slopes * free
-        prior = 12 * np.eye(len(free))  # a uniform coordinate has the variance 1/12
-        inverse = np.linalg.inv(slopes.T @ slopes / self.variance + prior)
-        return inverse * np.outer(free, free)
+        prior = 12 * np.eye(len(self.u))  # a uniform coordinate has the variance 1/12
+        return np.linalg.inv(self.slopes.T @ self.slopes / self.variance + prior)
 
     @cached_property
     def shift(self) -> np.ndarray:
@@ -83,19 +74,18 @@ class Linearized:
         return self.cube_covariance @ (self.slopes.T @ self.level) / self.variance
 
     def covariance(self, with_level: bool = True) -> np.ndarray:
-        """Covariance of the parameters, (n, n); 0 for coordinates that are not free.
+        """Covariance of the parameters, (n, n).
 
         with_level: whether the error of the common scale is part of it.
         """
         cube = self.cube_covariance
         if with_level:
             cube = cube + np.outer(self.shift, self.shift)
-        derivative = parameters_at(self.model, self.u[None])[1][0] * self.free
+        derivative = parameters_at(self.model, self.u[None])[1][0]
         return derivative @ cube @ derivative.T
 
     def variance_of(self, derivative: np.ndarray) -> np.ndarray:
         """Variances (m,) of numbers with derivatives (m, n) with respect to the coordinates."""
-        derivative = derivative * self.free
         level = (derivative @ self.shift) ** 2
         return np.sum(derivative @ self.cube_covariance * derivative, axis=1) + level
 
@@ -103,9 +93,9 @@ class Linearized:
         """Change of the k-th parameter for one standard deviation of its coordinate.
 
         It is computed with finite steps in both directions and is thus finite at a bound, where the
-        parameter may have no derivative. The coordinate moves even if the variant holds it.
+        parameter may have no derivative.
         """
-        cube = self.cube_covariance_of(self.free | (np.arange(len(self.free)) == k))
+        cube = self.cube_covariance
         step = cube[k] / np.sqrt(cube[k, k])
         ends = parameters_at(self.model, np.clip([self.u + step, self.u - step], 0, 1))[0]
         return float(np.max(np.abs(ends[:, k] - self.parameters[k])))
@@ -205,7 +195,6 @@ def profile_intervals(
         minima = levenberg_marquardt(
             Held(model, residuals, which, value, stiffness),
             model.to_cube(start),
-            near.free | (np.arange(len(best)) == which[:, None]),
             iterations=30,
             tolerance=1e-5,
         )
@@ -233,7 +222,7 @@ def neighbour(model, best, matrix, k: int, target: float) -> np.ndarray:
     return model.nearest_feasible(np.where(near | (np.arange(len(best)) == k), moved, best), k)
 
 
-def judge(data, candidate, noise, robust: bool, curve: Hemispherical) -> dict:
+def judge(data, candidate, noise, settings, curve: Hemispherical, quality) -> dict:
     """Standard errors, intervals, verdicts and correlations of a candidate's parameters.
 
     The cost has no curvature in a parameter at its bound or in one that a restriction holds. Its
@@ -247,10 +236,12 @@ def judge(data, candidate, noise, robust: bool, curve: Hemispherical) -> dict:
         The chosen `FittedVariant` at its minimum.
     noise
         The `Noise` that the candidate leaves.
-    robust
-        Whether outliers were given little weight.
+    settings
+        The `FitSettings`.
     curve
         The emissivity that is predicted from the parameters.
+    quality
+        The `Quality` of the fit.
 
     Returns
     -------
@@ -261,14 +252,10 @@ def judge(data, candidate, noise, robust: bool, curve: Hemispherical) -> dict:
     """
     model, u = candidate.variant.model, candidate.u
     residuals = data.residuals(candidate.variant)
-    near = Linearized(
-        model=model,
-        u=u,
-        free=candidate.variant.free,
-        slopes=residuals(u[None])[1][0],
-        variance=noise.variance,
-        level=data.per_decade(residuals.instrument(u[None])[0][0]) * noise.level_dex,
-    )
+    slopes = residuals(u[None])[1][0]
+    decade = data.per_decade(residuals.instrument(u[None])[0][0])
+    level = np.hypot(noise.level_dex, (settings.calibration or 0) / np.log(10)) * decade
+    near = Linearized(model, u, slopes, noise.variance, level)
     matrix, values = near.covariance(), near.parameters
     dof = max(noise.effective - candidate.size, LEAST_DOF)
     intervals = profile_intervals(near, candidate.residuals, candidate.cost, noise.curvature, dof)
@@ -278,11 +265,12 @@ def judge(data, candidate, noise, robust: bool, curve: Hemispherical) -> dict:
         0.5 * (intervals[:, 1] - intervals[:, 0]),
         standard_errors(model, matrix),
     )
-    many = noise.outliers > MANY_OUTLIERS * data.points and noise.correlation < SCATTERED
-    outliers = noise.outliers if many and not robust else 0
-    doubt = Doubt(noise.brdf_effective < LEAST_EFFECTIVE, bool(data.directional), outliers)
+    is_drawn = noise.has_outliers(data.points) and not settings.robust
+    felt = replace(near, level=decade * CALIBRATION / np.log(10)).level_shift() > FELT * errors
+    doubt = Doubt(quality.missed, bool(data.directional), noise.outliers if is_drawn else 0)
     verdicts = [
-        verdict(*row, doubt) for row in zip(model.parameters, values, intervals, bounds, at_bounds)
+        verdict(*row, replace(doubt, of_level=settings.calibration is None and is_felt))
+        for *row, is_felt in zip(model.parameters, values, intervals, bounds, at_bounds, felt)
     ]
     emissivity_error, ends = curve_errors(near, curve, dof, intervals)
     _, decades = curve_errors(near, logarithm_of(residuals.instrument), dof, intervals)
@@ -336,13 +324,15 @@ def logarithm_of(curve):
 class Doubt:
     """Properties of a fit on which the verdicts on all of its parameters depend.
 
-    misses: whether the model misses whole scans. joint: whether a directional table was fitted with
-    the BRDF. outliers: number of outliers that had full weight and are worth reporting.
+    missed: what the model misses, in words, or "". joint: whether a directional table was fitted
+    with the BRDF. outliers: number of outliers that had full weight and are worth reporting.
+    of_level: whether the verdict holds only if the common factor of all readings is right.
     """
 
-    misses: bool
+    missed: str
     joint: bool
     outliers: int
+    of_level: bool = False
 
 
 def verdict(
@@ -371,8 +361,6 @@ def verdict(
     (low, high), (lowest, highest) = interval, bounds
     span = f"{low:.3g}..{high:.3g}"
     advice = f"; {parameter.advice}" if parameter.advice and not doubt.joint else ""
-    if doubt.misses and not (parameter.advice and doubt.joint):
-        return Verdict.MISSED.sentence(what="whole scans") + advice
     if parameter.at_lower and low <= NEAR_LOWER * lowest:
         return Verdict.ONE_SIDED.sentence(what=parameter.at_lower.format(high=high))
     precision = max(parameter.precision * value, parameter.absolute_precision)
@@ -381,5 +369,9 @@ def verdict(
     if doubt.outliers and result in (Verdict.DETERMINED, Verdict.WEAK):
         result = Verdict.WEAK
         advice = f", drawn by {doubt.outliers} outliers; try {option('robust', True)}"
+    if doubt.missed and Verdict.has_interval(result):
+        return Verdict.MISSED.sentence(what=doubt.missed) + advice
     sentence = result.sentence(span=span, bound=at_bound)
+    if doubt.of_level and result is not Verdict.WIDE:
+        sentence += LEVEL
     return sentence if result is Verdict.DETERMINED else sentence + advice

@@ -1,9 +1,14 @@
 """Long studies of the fit, run by hand.
 
-python -m docs.studies.fit recovery|coverage|emissivity|choice|surfaces|joint|losses|time [MODEL...]
+    python -m docs.studies.fit STUDY [MODEL...] [SURFACES]
+
+STUDY: recovery, coverage, emissivity, choice, surfaces, joint, losses, time; or claims, which
+writes the page docs/validation/fits.md.
 """
 
 import sys
+from collections import Counter
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from time import perf_counter
@@ -12,11 +17,12 @@ import numpy as np
 from scipy.optimize import least_squares
 
 import mi_lcair  # noqa: F401  it chooses the LLVM and must precede the import of Dr.Jit
+from docs.studies.page import write_page
 from mi_lcair.fitting import fit, read
-from mi_lcair.fitting.data import COMPARED, Variant, select
+from mi_lcair.fitting.data import AUTO, COMPARED, Variant, select
 from mi_lcair.fitting.estimation import emissivity_error
-from mi_lcair.fitting.model import Hemispherical, directional, model_of
-from mi_lcair.fitting.scatterometer.reading import read_directional
+from mi_lcair.fitting.model import Hemispherical, Scatterometer, directional, model_of
+from mi_lcair.fitting.scatterometer.reading import pool, read_directional
 from mi_lcair.fitting.search import COARSE, ROUND_OFF, explore, levenberg_marquardt
 from mi_lcair.physics.reflection.models import MODELS
 from tests.fitting.synthetic import ROUGH, THESIS_SETS, relative_errors, scan_of
@@ -245,8 +251,207 @@ def time(models, repetitions=5):
                 )
 
 
-STUDIES = (recovery, coverage, emissivity, choice, surfaces, joint, losses, time)
+# The generator of fits
+# ---------------------
+# Each row of the page is a kind of data. Each of its surfaces has other parameters, drawn over the
+# feasible set, other angles and other noise.
+
+LEVELS = (0.02, 0.05, 0.10)  # standard deviation of the noise, relative
+FALSE = 3  # a verdict "determined" is false if the value is off by more of its standard errors
+CALIBRATION = 0.05  # standard deviation of the common factor of all readings
+PAGE = Path(__file__).parents[1] / "validation" / "fits.md"
+COUNTED = ("determined", "false", "told", "lack of fit", "cause")
+LEVEL_WORDS = "if the level is calibrated"
+
+
+def of_truth(truth, s, rng):
+    """Noise whose sigma is stated as a share of the true value."""
+    return truth * (1 + s * rng.standard_normal(truth.size)), s * truth
+
+
+def of_reading(truth, s, rng):
+    """The same noise, with sigma as a share of the reading."""
+    brdf = of_truth(truth, s, rng)[0]
+    return brdf, s * np.abs(brdf)
+
+
+def unstated(truth, s, rng):
+    """The same noise without a sigma."""
+    return of_truth(truth, s, rng)[0], None
+
+
+def additive(truth, s, rng):
+    """Noise of one size for all readings, s times their median, which is stated."""
+    size = np.full(truth.size, s * np.median(truth))
+    return truth + size * rng.standard_normal(truth.size), size
+
+
+def shot(truth, s, rng):
+    """Noise that grows as the square root of the level, with the sigma of each reading."""
+    unit = s**2 * np.median(truth)
+    brdf = truth + np.sqrt(unit * truth) * rng.standard_normal(truth.size)
+    return brdf, np.sqrt(unit * np.maximum(brdf, unit))
+
+
+def repeated(truth, s, rng):
+    """The mean of three scans, whose scatter gives sigma."""
+    scans = truth * (1 + s * np.sqrt(3) * rng.standard_normal((3, truth.size)))
+    angle = np.tile(np.arange(truth.size) / 1e3, 3)
+    return pool(angle, angle, scans.ravel())[2:]
+
+
+NOISES = (of_truth, of_reading, unstated, additive, shot, repeated)
+
+
+def dense(data, rng):
+    """Scans as they are."""
+    return data
+
+
+def sparse(data, rng):
+    """One angle of incidence, every third observer."""
+    return kept(data, (data.theta_i == data.theta_i[0]) & (np.arange(len(data.brdf)) % 3 == 0))
+
+
+def gap(data, rng):
+    """Without the points within 6 degrees of the mirror direction."""
+    return kept(data, np.abs(data.theta_r - data.theta_i) > np.radians(6))
+
+
+def calibrated(data, rng):
+    """All readings times one factor, whose standard deviation is stated."""
+    return replace(uncalibrated(data, rng), calibration=CALIBRATION)
+
+
+def uncalibrated(data, rng):
+    """The same factor, which is not stated."""
+    return scaled(data, 1 + CALIBRATION * rng.standard_normal())
+
+
+def times_cos(data, rng):
+    """A mistake: the readings are BRDF x cos theta_r."""
+    return scaled(data, np.cos(data.theta_r))
+
+
+def offset(data, rng):
+    """A mistake: a floor of the instrument that is not subtracted, a tenth of the median."""
+    return replace(data, brdf=data.brdf + 0.1 * np.median(data.brdf))
+
+
+def unstated_floor(data, rng):
+    """A mistake: noise of one size, half of the median, that sigma does not contain."""
+    size = 0.5 * np.median(data.brdf) * rng.standard_normal(data.brdf.size)
+    return replace(data, brdf=np.abs(data.brdf + size))
+
+
+def opposite(data, rng):
+    """A mistake: the sign of theta_r."""
+    return replace(data, theta_r=-data.theta_r)
+
+
+def wide_source(data, rng):
+    """A mistake: a source of 2 degrees half-angle that is not stated."""
+    return data
+
+
+GEOMETRIES = (sparse, gap, calibrated, uncalibrated)
+MISTAKES = (times_cos, offset, unstated_floor, wide_source, opposite)
+
+
+def scaled(data, factor):
+    """The measurements with readings and sigma times a factor."""
+    sigma = None if data.sigma is None else data.sigma * factor
+    return replace(data, brdf=data.brdf * factor, sigma=sigma)
+
+
+def kept(data, mask):
+    """The measurements at the points of a mask."""
+    names = ("theta_i", "theta_r", "brdf", "sigma")
+    return replace(
+        data, **{n: getattr(data, n)[mask] for n in names if getattr(data, n) is not None}
+    )
+
+
+def through_wide_source(model, parameters, data):
+    """The readings (p,) with a source whose angular radius is 2 degrees."""
+    instrument = Scatterometer(model, model.forms[0], data.theta_i, data.theta_r, np.radians(2))
+    return instrument(model.to_cube([parameters]))[0][0]
+
+
+def claims_of(model, title, noise, s, change, count: int) -> dict:
+    """How many claims about `count` random surfaces are true; see `cases` for the arguments."""
+    tally = Counter()
+    for k, parameters in enumerate(map(model.values_at, model.starting_points(count, seed=12))):
+        rng = np.random.default_rng((k, round(1000 * s)))
+        first = rng.uniform(10, 30)
+        data = scan_of(model, parameters, incidence=(first, first + 20, first + 40), step=2)
+        if change is wide_source:
+            data = replace(data, brdf=through_wide_source(model, parameters, data))
+        brdf, sigma = noise(data.brdf, s, rng)
+        freedom = 2.0 * len(brdf) if noise is repeated else np.inf
+        data = change(replace(data, brdf=brdf, sigma=sigma, sigma_freedom=freedom), rng)
+        form = AUTO if len(model.forms) == 1 else model.forms[0]
+        result = fit(data, model=model.name, form=form, starts=6, seed=k, source_half_angle_deg=0)
+        tally.update(judged_by_truth(model, result, parameters))
+    return {"title": title, "s": s, "names": model.names, "tally": tally}
+
+
+def judged_by_truth(model, result, parameters) -> Counter:
+    """How many claims of a fit there are, by kind, and how many are true."""
+    tally = Counter(fits=1)
+    tally["lack of fit"] = int(bool(result.quality.lack_of_fit))
+    tally["cause"] = int("it fits" in result.quality.verdict)
+    for name, true in zip(model.names, parameters):
+        low, high = result.interval[name]
+        error, words = abs(result.parameters[name] - true), result.verdict[name]
+        is_determined = words.startswith("determined")
+        is_false = is_determined and error > FALSE * result.standard_error[name]
+        has_words = LEVEL_WORDS in words
+        tally[f"{name} held"] += low - 1e-9 <= true <= high + 1e-9
+        tally["determined"] += is_determined
+        tally["false"] += is_false and not has_words
+        tally["told"] += is_false and has_words
+    return tally
+
+
+def row_of(of: dict) -> str:
+    """A row of the page."""
+    tally = of["tally"]
+    held = [f"{tally[f'{name} held'] / tally['fits']:.3f}" for name in of["names"]]
+    counts = [str(tally[name]) for name in COUNTED]
+    row = [of["title"], f"{100 * of['s']:g} %", str(tally["fits"]), *held, *counts]
+    print(*row, sep=" | ", flush=True)
+    return f"| {' | '.join(row)} |"
+
+
+def cases(surfaces: int) -> list[tuple]:
+    """Title, noise, relative size, change of the data and number of surfaces of each row."""
+    noises = [(first_line(noise), noise, s, dense, surfaces) for noise in NOISES for s in LEVELS]
+    few = max(surfaces // 5, 5)
+    data = [(first_line(change), of_reading, 0.05, change, surfaces) for change in GEOMETRIES]
+    return noises + data + [(first_line(c), of_reading, 0.05, c, few) for c in MISTAKES]
+
+
+def first_line(function) -> str:
+    """The first line of a docstring, without its full stop."""
+    return function.__doc__.splitlines()[0].rstrip(".")
+
+
+def claims(models, surfaces=200, page=PAGE):
+    """Write the page of how many claims of fits are true."""
+    fields = {}
+    for name in models:
+        rows = [row_of(claims_of(MODELS[name], *case)) for case in cases(surfaces)]
+        parameters = " | ".join(f"`{parameter}`" for parameter in MODELS[name].names)
+        head = f"| data | noise | fits | {parameters} | {' | '.join(COUNTED)} |"
+        fields[name] = "\n".join([head, "|---" * (head.count("|") - 1) + "|", *rows])
+    write_page(page, "fits", surfaces=surfaces, **fields)
+
+
+STUDIES = (recovery, coverage, emissivity, choice, surfaces, joint, losses, time, claims)
 
 if __name__ == "__main__":
-    chosen, *models = sys.argv[1:]
-    {study.__name__: study for study in STUDIES}[chosen](models or list(COMPARED))
+    chosen, *rest = sys.argv[1:]
+    counts = [int(word) for word in rest if word.isdigit()]
+    models = [word for word in rest if not word.isdigit()] or list(COMPARED)
+    {study.__name__: study for study in STUDIES}[chosen](models, *counts)

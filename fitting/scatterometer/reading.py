@@ -13,7 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mi_lcair.errors import InputError, check_known, option, shown, unknown
+from mi_lcair.declared import fraction
+from mi_lcair.errors import InputError, check_known, errors_of, option, shown, unknown
 from mi_lcair.estimate import WIDTH
 from mi_lcair.files import read_bytes, read_text
 from mi_lcair.physics.bands import band as band_of
@@ -53,6 +54,8 @@ class Measurements:
         Name of the sample.
     reading
         How the reader understood the file: columns, signs and quantity.
+    calibration
+        Standard deviation of a factor that all BRDFs have in common, relative; None if unknown.
     """
 
     theta_i: np.ndarray
@@ -66,6 +69,7 @@ class Measurements:
     name: str = ""
     reading: dict = field(default_factory=dict)
     sigma_freedom: float = np.inf
+    calibration: float | None = None
 
 
 @dataclass
@@ -114,7 +118,7 @@ QUANTITIES = ("brdf", "brdf_cos")
 SIDES = ("specular", "source")
 NAMED = 2  # smallest number of known quantities in the line that names the columns
 # The keys of the header that change the numbers.
-KEYS = ("band_um", "source_half_angle_deg", "theta_r_positive", "quantity")
+KEYS = ("band_um", "source_half_angle_deg", "theta_r_positive", "quantity", "calibration")
 
 # Sine of the largest azimuth from the plane of incidence at which a row belongs to the plane.
 IN_PLANE = np.sin(np.radians(0.05))
@@ -240,6 +244,7 @@ def read(
         sigma_freedom=np.inf if sigma is not None or points[3] is None else float(scans),
         band_um=_band(table) if band is None else limits(band),
         source_half_angle=np.radians(_half_angle_deg(table)),
+        calibration=_calibration(table),
         source=[identity(path)],
         dropped={why: n for why, n in dropped.items() if n},
         name=table.header.get("sample", table.header.get("sample_name", (path.stem, 0)))[0],
@@ -549,6 +554,13 @@ def _band(table: TextTable) -> tuple[float, float] | None:
             "as 3 5"
         )
     return lower, upper
+
+
+def _calibration(table: TextTable) -> float | None:
+    """The fraction in the header's key calibration, as in `# calibration: 5 %`, or None."""
+    value, line = table.header.get("calibration", (None, 0))
+    with errors_of(f"{table.file}, line {line}: calibration"):
+        return fraction(value)
 
 
 def limits(band: str) -> tuple[float, float]:

@@ -318,7 +318,7 @@ def known_form(ctx, param, value):
 @options.of(
     "fit",
     *("quantity", "theta_r_positive", "model", "form", "loss", "robust", "starts", "seed"),
-    *("max_angle_deg", "min_brdf", "source_half_angle_deg"),
+    *("max_angle_deg", "min_brdf", "source_half_angle_deg", "calibration"),
     model={"type": click.Choice(["auto", *NAMES])},
     form={"callback": known_form},
     max_angle_deg={"type": click.FloatRange(0, 90, min_open=True)},
