@@ -20,7 +20,7 @@ from mi_lcair.fitting.data import (
     with_std,
 )
 from mi_lcair.fitting.model import Hemispherical, parameters_at
-from mi_lcair.fitting.quality import likely_cause, quality
+from mi_lcair.fitting.quality import likely_cause, mistake, quality
 from mi_lcair.fitting.report import Fit
 from mi_lcair.fitting.scatterometer import reading
 from mi_lcair.fitting.search import COARSE, ROUND_OFF, Noise, assess, compare, descend
@@ -142,7 +142,11 @@ def fit(
     theta = EMISSIVITY_ANGLES if measured is None else np.asarray(measured.theta, dtype=float)
     curve = Hemispherical(search.best.variant.model, search.best.variant.form, theta, "emissivity")
     certainty = judge(search.data, search.best, search.noise, settings, curve, fit_quality)
-    if cause := likely_cause(measurements, compared, settings, selected.rms_dex(search.best)):
+    misfit, freedom = selected.rms_dex(search.best), measurements.sigma_freedom
+    if cause := (
+        mistake(selected, search, fit_quality, robust, freedom)
+        or likely_cause(measurements, compared, settings, misfit)
+    ):
         fit_quality = replace(fit_quality, verdict=f"{fit_quality.verdict}; {cause}")
     if progress:
         progress(steps, steps)

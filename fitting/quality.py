@@ -8,7 +8,9 @@ classical test of lack of fit against pure error: Draper and Smith, Applied Regr
 Durbin and Watson (Biometrika 38, 1951): noise changes its sign from point to point, and the
 difference of two shapes does not.
 
-Of a gross misfit the likely causes are tried: signs of theta_r, and the unit of the BRDF.
+The likely causes of a misfit are tried: BRDF x cos theta_r, a floor that is not subtracted, noise
+that sigma does not contain, and a source wider than stated. Of a gross misfit these are signs of
+theta_r, and the unit of the BRDF, too.
 """
 
 from dataclasses import dataclass, replace
@@ -19,7 +21,14 @@ from scipy import stats
 from mi_lcair.errors import InputError, option
 from mi_lcair.fitting.data import Data, FitSettings, FittedVariant, Variant, select
 from mi_lcair.fitting.scatterometer.reading import Measurements
-from mi_lcair.fitting.search import BY_CHANCE, FAR, compare, neighbour_correlation
+from mi_lcair.fitting.search import (
+    BY_CHANCE,
+    COARSE,
+    FAR,
+    compare,
+    descend,
+    neighbour_correlation,
+)
 from mi_lcair.physics.estimation import verdicts
 
 # Largest reduced chi-square that is no lack of fit if the standard deviations come from repeats.
@@ -29,6 +38,8 @@ LARGEST_OF_REPEATS = 2.0
 # Largest difference between model and data that is not reported as lack of fit [decades]. It is
 # 0.5 %, less than the error of any scatterometer's calibration.
 NEGLIGIBLE_DEX = 0.002
+# Mistakes that are tried: floors as shares of a low percentile of the BRDF, and sizes of the source
+LOW, FLOORS, SOURCES_DEG = 5, (0.2, 0.4, 0.6, 0.8, 0.95), (0.5, 1, 2, 4)
 GROSS_DEX = 0.2  # misfit from which causes are tried [decades]: a factor of 1.6
 STARTS = 6  # starting points of each trial
 SHARE = 0.35  # a cause is likely if it leaves at most this share of the misfit [decades]
@@ -210,6 +221,41 @@ def size(dex: float) -> str:
     """A difference in decades as a percentage, or as a factor if it is large."""
     percent = 100 * (10**dex - 1)
     return f"a factor of {10**dex:.2g}" if percent > 100 else f"{percent:.2g} %"
+
+
+def mistake(data: Data, search, found: Quality, robust: bool, freedom: float) -> str:
+    """The mistake in the data without which the chosen model has no lack of fit, or "".
+
+    data: the BRDF points. search: the search, whose candidates are starts. found: the quality of
+    the fit. freedom: as `sigma_freedom` of `quality`.
+    """
+    if not found.lack_of_fit or data.scale != "log":
+        return ""
+    model, low, trials = search.best.variant.model, np.percentile(data.brdf, LOW), []
+    candidates = [each for each in search.candidates if each.variant.model is model]
+    of_cos = replace(data, brdf=data.brdf / np.cos(data.theta_r))
+    trials.append((of_cos, "the BRDF divided by cos theta_r (is it BRDF x cos?)"))
+    for share in FLOORS:
+        less = np.maximum(data.brdf - share * low, (1 - share) * low / 2)
+        spread = data.spread * data.brdf / less if data.has_sigma else data.spread
+        words = f"a floor of {share * low:.2g} 1/sr subtracted from the BRDF"
+        trials.append((replace(data, brdf=less, spread=spread), words))
+    if data.has_sigma:
+        f = data.residuals(candidates[0].variant).instrument(candidates[0].u[None])[0][0]
+        loose = replace(data, has_sigma=False).at_level(f)
+        ratio = loose.spread / data.at_level(f).spread
+        words = "sigma {:.2g} times as large at low BRDFs, {:.2g} at high ones (a floor of noise?)"
+        low, high = np.argsort(f)[[len(f) // 10, -1 - len(f) // 10]]
+        trials.append((loose, words.format(ratio[low], ratio[high])))
+    for degrees in () if data.half_angle else SOURCES_DEG:
+        wide = replace(data, half_angle=float(np.radians(degrees)))
+        trials.append((wide, f"a source of {degrees:g} degrees half-angle"))
+    for changed, words in trials:
+        for candidate in candidates:
+            fitted = descend(candidate, changed.residuals(candidate.variant), COARSE)
+            if quality(changed, fitted, robust, freedom).lack_of_fit is False:
+                return f"with {words} it fits; check the file"
+    return ""
 
 
 def likely_cause(
