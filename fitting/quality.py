@@ -117,7 +117,7 @@ def quality(
         kept = np.abs(rows) <= FAR * verdicts.inner_deviation(rows, 1e-12)
     noise_dex = None
     if data.has_sigma:
-        per_decade = data.per_decade(data.brdf)[: data.points]
+        per_decade = data.per_decade(data.brdf * 10**dex)[: data.points]
         noise_dex = float(np.sqrt(np.mean(np.square(1 / per_decade[kept]))))
     of_points = (column[kept] for column in (rows, dex, data.theta_i, data.theta_r))
     result = judged(*of_points, best.size, noise_dex, sigma_freedom)
