@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
+from scipy.optimize import minimize_scalar
 
 from mi_lcair.errors import InputError, option
 from mi_lcair.fitting.data import Data, FitSettings, FittedVariant, Variant, select
@@ -38,8 +39,8 @@ LARGEST_OF_REPEATS = 2.0
 # Largest difference between model and data that is not reported as lack of fit [decades]. It is
 # 0.5 %, less than the error of any scatterometer's calibration.
 NEGLIGIBLE_DEX = 0.002
-# Mistakes that are tried: floors as shares of a low percentile of the BRDF, and sizes of the source
-LOW, FLOORS, SOURCES_DEG = 5, (0.2, 0.4, 0.6, 0.8, 0.95), (0.5, 1, 2, 4)
+# Mistakes that are tried: floors up to this percentile of the BRDF, and sizes of the source
+LOW, SOURCES_DEG = 5, (0.5, 1, 2, 4)
 GROSS_DEX = 0.2  # misfit from which causes are tried [decades]: a factor of 1.6
 STARTS = 6  # starting points of each trial
 SHARE = 0.35  # a cause is likely if it leaves at most this share of the misfit [decades]
@@ -235,11 +236,18 @@ def mistake(data: Data, search, found: Quality, robust: bool, freedom: float) ->
     candidates = [each for each in search.candidates if each.variant.model is model]
     of_cos = replace(data, brdf=data.brdf / np.cos(data.theta_r))
     trials.append((of_cos, "the BRDF divided by cos theta_r (is it BRDF x cos?)"))
-    for share in FLOORS:
-        less = np.maximum(data.brdf - share * low, (1 - share) * low / 2)
+
+    def lowered(floor):
+        less = np.maximum(data.brdf - floor, (low - floor) / 2)
         spread = data.spread * data.brdf / less if data.has_sigma else data.spread
-        words = f"a floor of {share * low:.2g} 1/sr subtracted from the BRDF"
-        trials.append((replace(data, brdf=less, spread=spread), words))
+        return replace(data, brdf=less, spread=spread)
+
+    def misfit(floor):
+        less = lowered(floor)
+        return less.rms_dex(descend(search.best, less.residuals(search.best.variant), COARSE))
+
+    floor = minimize_scalar(misfit, bounds=(0, low), options={"xatol": 0.01 * low}).x
+    trials.append((lowered(floor), f"a floor of {floor:.2g} 1/sr subtracted from the BRDF"))
     if data.has_sigma:
         f = data.residuals(candidates[0].variant).instrument(candidates[0].u[None])[0][0]
         loose = replace(data, has_sigma=False).at_level(f)

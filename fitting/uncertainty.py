@@ -25,6 +25,7 @@ LEAST_DOF = 3
 # Calibration error of a scatterometer that does not state one, relative. A parameter that it moves
 # by more than the share FELT of its standard error depends on the level of the readings.
 CALIBRATION, FELT = 0.05, 0.25
+CURVED = 1.5  # ratio of both errors from which that of the interval counts, not that of the slopes
 LEVEL = ", if the level is calibrated"
 
 
@@ -265,6 +266,9 @@ def judge(data, candidate, noise, settings, curve: Hemispherical, quality) -> di
         0.5 * (intervals[:, 1] - intervals[:, 0]),
         standard_errors(model, matrix),
     )
+    # Where another parameter has no slope at its bound, the interval shows what the slopes do not
+    shown = np.abs(intervals - values[:, None]).max(axis=1) / student_factor(dof)
+    errors = np.where(shown > CURVED * errors, shown, errors)
     is_drawn = noise.has_outliers(data.points) and not settings.robust
     felt = replace(near, level=decade * CALIBRATION / np.log(10)).level_shift() > FELT * errors
     doubt = Doubt(quality.missed, bool(data.directional), noise.outliers if is_drawn else 0)

@@ -8,10 +8,12 @@ import pytest
 from scipy import stats
 
 from mi_lcair import fitting
+from mi_lcair.fitting.model import Scatterometer
 from mi_lcair.fitting.quality import NEGLIGIBLE_DEX, judged, shift_of_log, size
 from mi_lcair.fitting.scatterometer.reading import Measurements, pool
+from mi_lcair.physics.estimation.verdicts import Verdict
 from mi_lcair.physics.reflection.models import MODELS
-from tests.fitting.synthetic import ROUGH, fit, scan, scan_of
+from tests.fitting.synthetic import MODEL, ROUGH, fit, scan, scan_of
 
 PARAMETERS = 4
 SIGMA_DEX = 0.02
@@ -247,3 +249,35 @@ def test_no_cause_is_named_without_one():
     data = scan((0.1, 0.05, 0.1, 0.05), step=8)
     data.brdf = data.brdf * np.exp(2 * rng.standard_normal(len(data.brdf)))
     assert "it fits" not in fit(data, starts=4, source_half_angle_deg=0).quality.verdict
+
+
+def mistaken(data, mistake):
+    """Data with a mistake, and the words that name it."""
+    random, low = np.random.default_rng(4), np.median(data.brdf)
+    if mistake == "cos":
+        factor = np.cos(data.theta_r)
+        return replace(data, brdf=data.brdf * factor, sigma=data.sigma * factor), "cos theta_r"
+    if mistake == "floor":
+        return replace(data, brdf=data.brdf + 0.4 * low), r"floor of \S+ 1/sr"
+    noise = 0.4 * low * random.standard_normal(data.brdf.size)
+    return replace(data, brdf=np.abs(data.brdf + noise)), "a floor of noise?"
+
+
+@pytest.mark.parametrize("mistake", ["cos", "floor", "noise"])
+def test_nothing_is_determined_beside_a_lack_of_fit(mistake):
+    data = scan((0.3, 0.05, 0.4, 0.1), step=4, noise=0.03)
+    data, words = mistaken(replace(data, sigma=0.03 * data.brdf), mistake)
+    result = fit(data, form="thesis", starts=4, source_half_angle_deg=0)
+    assert result.quality.lack_of_fit and re.search(words, result.quality.verdict)
+    assert not any(Verdict.has_interval(verdict) for verdict in result.verdict.values())
+    assert any("the model misses the measured values" in v for v in result.verdict.values())
+
+
+def test_a_source_that_is_wider_than_stated_is_named():
+    data = scan((0.3, 0.05, 0.4, 0.02), step=2)
+    half_angle = np.radians(2)
+    instrument = Scatterometer(MODEL, "thesis", data.theta_i, data.theta_r, half_angle)
+    brdf = instrument(MODEL.to_cube([(0.3, 0.05, 0.4, 0.02)]))[0][0]
+    brdf *= 1 + 0.03 * np.random.default_rng(4).standard_normal(brdf.size)
+    result = fit(replace(data, brdf=brdf), form="thesis", starts=4, source_half_angle_deg=0)
+    assert "with a source of 2 degrees half-angle it fits" in result.quality.verdict

@@ -1,6 +1,7 @@
 """Error bars against scipy and against repeated fits, also for correlated residuals."""
 
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -41,8 +42,9 @@ ALUMINUM = THESIS_SETS["bare aluminum MWIR"]
 
 def test_standard_errors_and_correlation_are_those_of_scipy():
     data = scan(ROUGH, step=1)
+    data = without(data, data.brdf < 0.12)  # so bright that no reading is left out
     data.sigma = np.full(data.brdf.size, 0.011 * np.max(data.brdf))
-    data.brdf += 0.98 * data.sigma * np.random.default_rng(5).standard_normal(data.brdf.size)
+    data.brdf += data.sigma * np.random.default_rng(5).standard_normal(data.brdf.size)
     model = lambda angles, *parameters: brdf(*angles, *parameters)
     angles = data.theta_i, data.theta_r
     expected, covariance = curve_fit(model, angles, data.brdf, ROUGH, data.sigma, True)
@@ -230,6 +232,32 @@ def test_intervals_end_at_the_feasible_range():
     near = Linearized(MODEL, U, rows(U[None])[1][0], 1.0, np.zeros(4))
     found = profile_intervals(near, rows, 0.0, 1.0, 30)
     np.testing.assert_allclose(found.T, MODEL.feasible_range(best))
+
+
+def test_a_parameter_that_is_held_can_move_when_others_are_judged():
+    """Without k the data are described as well, with another n. The interval of n knows it."""
+    true = (0.2, 2.5, 2.5, 1.0, 0.1)
+    data = scan_of(MODELS["microfacet"], true, step=5, noise=0.05, seed=0)
+    result = fitting.fit(data, model="microfacet", starts=4)
+    assert result.restriction == "k = 0" and abs(result.parameters["n"] - 2.5) > 0.4
+    assert inside(result, "n", 2.5) and result.standard_error["n"] > 0.2
+
+
+def test_a_common_factor_of_all_readings():
+    """Stated, it widens the interval of a level; not stated, the verdict says "if"."""
+    data = scan(ROUGH, step=4, noise=0.02)
+    data.brdf *= 1.06
+    settings = {"form": "thesis", "starts": 2}
+    unstated = fit(data, **settings)
+    assert unstated.verdict["rho_d"] == "determined, if the level is calibrated"
+    assert unstated.verdict["b"] == "determined" and not inside(unstated, "rho_d", ROUGH[1])
+    stated = fit(data, calibration="5 %", **settings)
+    assert stated.settings["calibration"] == 0.05 and "calibrated" not in str(stated.verdict)
+    assert inside(stated, "rho_d", ROUGH[1]) and inside(stated, "epsilon", ROUGH[0])
+    assert stated.standard_error["rho_d"] == pytest.approx(0.05 * ROUGH[1] * 1.06, rel=0.3)
+    assert stated.parameters == unstated.parameters
+    of_data = fit(replace(data, calibration=0.05), **settings)
+    assert of_data.interval == stated.interval
 
 
 def inside(result, name, true):
