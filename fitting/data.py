@@ -345,6 +345,7 @@ class Data:
         log(sigma) is linear in log(f), its square, the residual log(brdf / f), and the product of
         both. Otherwise the variance is a + b f + c f^2, which the squared residuals determine.
         """
+        f = np.maximum(f, DARKEST)
         level, ratio = np.log(f), np.log(self.brdf / f)
         if self.has_sigma:
             level = level - level.mean()
@@ -355,7 +356,7 @@ class Data:
             return replace(self, scale="linear", spread=sigma * np.exp(-of_noise @ slopes[3:]))
         unit = np.median(f)
         terms, squares = (f[:, None] / unit) ** np.arange(3), np.square(self.brdf - f) + f**2 * TINY
-        variance = f**2 * np.mean(squares / f**2)
+        variance = f**2 * np.median(squares / f**2)
         for _ in range(VARIANCE_ROUNDS):
             variance = terms @ nnls(terms / variance[:, None], squares / variance)[0]
         return replace(self, scale="linear", spread=np.sqrt(variance))

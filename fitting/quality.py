@@ -19,7 +19,7 @@ import numpy as np
 from scipy import stats
 from scipy.optimize import minimize_scalar
 
-from mi_lcair.errors import InputError, option
+from mi_lcair.errors import InputError
 from mi_lcair.fitting.data import Data, FitSettings, FittedVariant, Variant, select
 from mi_lcair.fitting.scatterometer.reading import Measurements
 from mi_lcair.fitting.search import (
@@ -129,18 +129,13 @@ def quality(
 def shift_of_log(noise_dex: float) -> str:
     """What noise does to a level that is fitted on a logarithmic scale, in words if it counts.
 
-    With a relative standard deviation s, the mean of log(1 + s z) is -s^2 / 2. If sigma is that of
-    the true value, bright readings have too large a weight, sigma / reading, which adds 2 s^2.
+    A relative standard deviation s shifts it by -s^2 / 2 if sigma is a share of the reading, and by
+    2 s^2 more if it is one of the true value, as bright readings then have too large a weight.
     """
-    variance = min((noise_dex * np.log(10)) ** 2, 1.0)
-    down, up = np.log10(1 - variance / 2), np.log10(1 + 1.5 * variance)
-    if up < NEGLIGIBLE_DEX:
-        return ""
-    return (
-        f"; noise of {100 * np.sqrt(variance):.2g} % shifts levels on the logarithmic scale, by "
-        f"{size(down)} if sigma is a share of each reading, and by +{size(up)}, which "
-        f"{option('loss', 'linear')} avoids, if it is that of the true value"
-    )
+    s = min(noise_dex * np.log(10), 1.0)
+    up = np.log10(1 + 1.5 * s**2)
+    words = f"; noise of {100 * s:.2g} % shifts levels on the logarithmic scale by up to {size(up)}"
+    return words if up >= NEGLIGIBLE_DEX else ""
 
 
 def judged(
@@ -249,12 +244,11 @@ def mistake(data: Data, search, found: Quality, robust: bool, freedom: float) ->
     floor = minimize_scalar(misfit, bounds=(0, low), options={"xatol": 0.01 * low}).x
     trials.append((lowered(floor), f"a floor of {floor:.2g} 1/sr subtracted from the BRDF"))
     if data.has_sigma:
-        f = data.residuals(candidates[0].variant).instrument(candidates[0].u[None])[0][0]
+        f = data.residuals(search.best.variant).instrument(search.best.u[None])[0][0]
         loose = replace(data, has_sigma=False).at_level(f)
-        ratio = loose.spread / data.at_level(f).spread
+        ratio = (loose.spread / data.at_level(f).spread)[np.argsort(f)]
         words = "sigma {:.2g} times as large at low BRDFs, {:.2g} at high ones (a floor of noise?)"
-        low, high = np.argsort(f)[[len(f) // 10, -1 - len(f) // 10]]
-        trials.append((loose, words.format(ratio[low], ratio[high])))
+        trials.append((loose, words.format(*ratio[[len(f) // 10, -1 - len(f) // 10]])))
     for degrees in () if data.half_angle else SOURCES_DEG:
         wide = replace(data, half_angle=float(np.radians(degrees)))
         trials.append((wide, f"a source of {degrees:g} degrees half-angle"))

@@ -63,6 +63,7 @@ def test_defaults(run, asked):
         "max_angle_deg": 80,
         "min_brdf": 1e-4,
         "source_half_angle_deg": None,
+        "calibration": None,
     }
 
 
@@ -95,6 +96,8 @@ def test_every_option_arrives(run, asked):
         0.01,
         "--source-half-angle-deg",
         0.5,
+        "--calibration",
+        "5 %",
     )
     assert result.exit_code == 0, result.output
     ((measurements, options),) = asked.calls
@@ -114,6 +117,7 @@ def test_every_option_arrives(run, asked):
         "max_angle_deg": 70,
         "min_brdf": 0.01,
         "source_half_angle_deg": 0.5,
+        "calibration": 0.05,
     }
 
 

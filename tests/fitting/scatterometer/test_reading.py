@@ -183,10 +183,12 @@ def test_options_overrule_names_and_header(file):
 def test_header_keys(file):
     text = (
         "# A plate\n# sample: plate 7\n# band_um: 3 5.5\n"
-        "# Source_half_angle_deg : 0.9\n# quite: another\n" + LAYOUTS["the project's own"]
+        "# Source_half_angle_deg : 0.9\n# calibration: 5 %\n# quite: another\n"
+        + LAYOUTS["the project's own"]
     )
     measured = read(file(text))
     assert (measured.name, measured.band_um) == ("plate 7", (3.0, 5.5))
+    assert measured.calibration == 0.05
     assert measured.source_half_angle == pytest.approx(math.radians(0.9), rel=1e-12)
     assert measured.source == [
         {"file": "scan.csv", "sha256": hashlib.sha256(text.encode()).hexdigest()}
@@ -196,6 +198,7 @@ def test_header_keys(file):
     assert measured.source_half_angle == pytest.approx(math.radians(0.9), rel=1e-12)
     measured = read(file(LAYOUTS["the project's own"]))
     assert (measured.name, measured.band_um, measured.source_half_angle) == ("scan", None, 0.0)
+    assert measured.calibration is None
 
 
 @pytest.mark.parametrize("option", ["quantity", "theta_r_positive"])
@@ -447,6 +450,10 @@ BAD = {
     "aperture": (
         "# source_half_angle_deg: wide\n" + OWN + "20,30,1\n",
         ", line 1: source_half_angle_deg is 'wide'",
+    ),
+    "calibration": (
+        "# calibration: 5\n" + OWN + "20,30,1\n",
+        ", line 1: calibration: '5' is not a fraction",
     ),
     "side": (
         "# theta_r_positive: left\n" + OWN + "20,30,1\n",
