@@ -279,21 +279,8 @@ def relieved(data: Data, best: FittedVariant, most: float) -> Data:
     """Raise the tables' standard deviations until the BRDF's rms deviation is acceptable.
 
     A model that cannot describe both BRDF and tables fits both worse. This limits how much worse it
-    fits the BRDF.
-
-    Parameters
-    ----------
-    data
-        Points and tables.
-    best
-        The candidate from which the descents start.
-    most
-        Largest rms deviation of the BRDF [decades].
-
-    Returns
-    -------
-    Data
-        The data with a larger std_factor, at most 32.
+    fits the BRDF. best: the candidate from which the descents start. most: largest rms deviation of
+    the BRDF [decades]. Returns the data with a larger std_factor, at most 32.
     """
     low, high = 1.0, 32.0
     for _ in range(7):

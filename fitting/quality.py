@@ -143,20 +143,10 @@ def judged(
 ) -> Quality:
     """The `Quality` of residuals.
 
-    Parameters
-    ----------
-    rows
-        Residuals in units of their standard deviations, if these are known, (p,).
-    dex
-        The same residuals in decades, (p,).
-    theta_i, theta_r
-        Elevations of source and observer [radians], (p,).
-    parameters
-        Number of free parameters.
-    noise_dex
-        Rms of the standard deviations [decades]; None if they are not known.
-    sigma_freedom
-        As for `quality`.
+    rows, dex: residuals in units of their standard deviations, if these are known, and in decades,
+    (p,). theta_i, theta_r: elevations of source and observer [radians], (p,). parameters: number of
+    free ones. noise_dex: rms of the standard deviations [decades], None if they are not known.
+    sigma_freedom: as for `quality`.
     """
     chi_square = freedom = p_value = None
     missed = large = False

@@ -342,25 +342,11 @@ class Doubt:
 def verdict(
     parameter: ModelParameter, value: float, interval, bounds, at_bound: str | None, doubt: Doubt
 ) -> str:
-    """The verdict on one parameter, in words.
+    """The verdict on one parameter, in one line.
 
-    Parameters
-    ----------
-    parameter
-        The model's description of the parameter.
-    value
-        Its fitted value.
-    interval, bounds
-        Its 95 % interval and its feasible range (low, high).
-    at_bound
-        Name of the bound on which it lies, or None.
-    doubt
-        Properties of the whole fit.
-
-    Returns
-    -------
-    str
-        The verdict, in one line.
+    parameter, value: its description and fitted value. interval, bounds: its 95 % interval and its
+    feasible range (low, high). at_bound: name of the bound on which it lies, or None. doubt: what
+    concerns the whole fit.
     """
     (low, high), (lowest, highest) = interval, bounds
     span = f"{low:.3g}..{high:.3g}"
