@@ -219,8 +219,8 @@ def chart_command():
 
     SCENE is a Mitsuba XML file or the name of a bundled scene with an orthographic sensor. It is
     rendered with few and many reflections, with reflection models as they are, as mirrors and
-    diffuse, and with emitters drawn or not. Printed are error and processor time of each, and the
-    command of the fastest that meets the tolerance.
+    diffuse, and with emitters drawn or not. Printed are the intensity in W/sr, the error and the
+    processor time in seconds of each, and the command of the fastest that meets the tolerance.
     """
 
 
