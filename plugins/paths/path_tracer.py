@@ -58,9 +58,7 @@ MOST_RECORDINGS = 16  # of one tracer; the one used least recently is dropped
 PACKAGE = __name__.partition(".")[0] + "."
 # Mitsuba's objects of which `dr.freeze` finds all arrays. Others may end the process while it
 # records: a bitmap texture does.
-RECORDABLE = {"Scene", "PLYMesh", "Rectangle", "Cube", "Sphere", "Disk", "Cylinder"}
-RECORDABLE |= {"SmoothDiffuse", "SmoothConductor", "RoughConductor", "SmoothPlastic"}
-RECORDABLE |= {"RoughPlastic", "TwoSidedBRDF", "UniformSpectrum", "MeshAttribute"}
+RECORDABLE = {"Scene", "PLYMesh", "SmoothDiffuse", "UniformSpectrum", "MeshAttribute"}
 NUMBERS = bool, int, float, str, bytes  # what `same` compares by value
 PLACES = VERTICES, FACES
 UNCHANGING = type, Band, Spectrum, ReflectionModel, SpectralParameters  # told apart by identity
@@ -86,9 +84,6 @@ class SceneState:
             members = derivatives.members(node)
             values = [node, *members.values()]
             places += [members[name] for name in PLACES if name in members]
-            if "to_world" in members:  # an object that stays the same when its entries change
-                of_place = derivatives.variables(members["to_world"].matrix)
-                arrays, places = arrays + of_place, places + of_place
             if type(node).__module__.startswith(PACKAGE):
                 self.plugins.append(node)
                 values += vars(node).values()

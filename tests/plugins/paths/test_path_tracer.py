@@ -13,7 +13,7 @@ from mi_lcair.api.sweeps import trend
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.derivatives import nodes
-from mi_lcair.plugins.paths.launch import Aim, Launch, Offsets
+from mi_lcair.plugins.paths.launch import Aim, Launch
 from mi_lcair.plugins.paths.path_tracer import OFF, is_recordable
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.facets import FacetTable
@@ -237,47 +237,6 @@ def test_temperatures_by_vertex_are_traced(tmp_path):
     result = signature(scene, spp=4)
     assert result.scene.intensity == pytest.approx(expected * result.window_area, rel=1e-5)
     assert is_recordable(mi.load_dict({**texture, "name": "face_temperature"}))
-
-
-OF_MITSUBA = {
-    **{name: {"type": name} for name in ("rectangle", "cube", "sphere", "disk", "cylinder")},
-    **{
-        name: {"type": "cube", "bsdf": bsdf}
-        for name, bsdf in {
-            "twosided": {"type": "twosided", "of": {"type": "diffuse", "reflectance": 0.5}},
-            "conductor": {"type": "conductor"},
-            "roughconductor": {"type": "roughconductor", "alpha": 0.2},
-            "plastic": {"type": "plastic"},
-            "roughplastic": {"type": "roughplastic", "alpha": 0.2},
-        }.items()
-    },
-}
-
-
-@pytest.mark.parametrize("kind", OF_MITSUBA)
-def test_objects_of_mitsuba_are_recorded(kind):
-    """A recording follows their places, sizes and temperatures, each changed twice."""
-    emitter = {"type": "thermal", "band": "LWIR", "temperature": 300.0, "emissivity": 0.5}
-    bsdf = {"type": "diffuse", "reflectance": 0.5}
-    shape = {"bsdf": bsdf, **OF_MITSUBA[kind], "emitter": emitter}
-    scene = load(small_scene({"type": "bounce_path"}, camera(4, 1.0), object=shape))
-    parameters = mi.traverse(scene.mi)
-    temperature = next(key for key, _ in parameters if key.endswith("emitter.temperature"))
-    place = next(k for k in ("object.to_world", "object.vertex_positions") if k in parameters)
-    seen = [check(scene)[0]]
-    for factor in (0.3, 0.2):
-        if place.endswith("to_world"):
-            parameters[place] = mi.Transform4f().rotate([1, 0, 0], 30).scale(factor)
-        else:
-            parameters[place] = parameters[place] * factor
-        parameters.update()
-        radiance, tracer = check(scene)
-        seen.append(radiance)
-        np.testing.assert_array_equal(tracer.emitters.offsets.of_size, Offsets(scene.mi).of_size)
-        parameters[temperature] = mi.Float(500 * factor + 100)
-        parameters.update()
-        seen.append(check(scene)[0])
-    assert len({radiance.tobytes() for radiance in seen}) == len(seen)
 
 
 def test_recording_is_switched_off(monkeypatch):
