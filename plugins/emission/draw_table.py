@@ -209,8 +209,6 @@ class DrawTable:
     reflected rays, for the weights of multiple importance sampling.
     """
 
-    not_in_kernels = "bound", "least"
-
     def __init__(self, emitters, bounds: dict, brightest: float, preference: float = 1.0):
         """bounds: bound of the radiance of the emitters that a ray can hit; None if unknown."""
         # Opaque, so that one kernel serves every preference

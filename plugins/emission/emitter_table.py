@@ -108,17 +108,7 @@ class EmitterTable:
     surfaces that rays pass, see `is_passed`.
     """
 
-    not_in_kernels = "bounds", "brightest", "brightest_of"
-
-    def __init__(
-        self,
-        scene,
-        sampling: bool,
-        by_spectrum: bool = False,
-        preference: float = 1.0,
-        offsets: Offsets | None = None,
-    ):
-        """offsets: those of the scene; None: they are computed."""
+    def __init__(self, scene, sampling: bool, by_spectrum: bool = False, preference: float = 1.0):
         emitters = list(scene.emitters())
         self.groups = Groups(scene, emitters)
         self.labels = self.groups.labels
@@ -162,7 +152,7 @@ class EmitterTable:
         self.transmits = any(
             of_bsdf & int(mi.BSDFFlags.Transmission) and not is_passed(of_bsdf) for of_bsdf in flags
         )
-        self.offsets = offsets or Offsets(scene)
+        self.offsets = Offsets(scene)
         dr.make_opaque(self.sun_id, self.divided_id, self.spectral_plumes)
 
     def spawn_ray(self, si, d):

@@ -34,8 +34,6 @@ class Panels:
     emit on both sides. These three are NumPy, (n,).
     """
 
-    not_in_kernels = "area", "corners", "normal", "radiance"
-
     def __init__(self, table: TriangleTable, radiance, emits_behind):
         """radiance, emits_behind: one for each triangle."""
         self.table = table
@@ -205,8 +203,6 @@ class LightTree:
     nodes: see the function `nodes`. sides: for each leaf, the bound of the radiance, and 1 where it
     emits on both sides, 0 elsewhere. least: smallest probability of each panel, (n,), NumPy.
     """
-
-    not_in_kernels = ("least",)
 
     def __init__(self, panels: Panels):
         power = panels.radiance * panels.area

@@ -185,8 +185,6 @@ class TriangleTable:
     counts: number of triangles of each mesh. area: (n,), NumPy Float64 [m^2].
     """
 
-    not_in_kernels = ("area",)
-
     def __init__(self, meshes):
         corners, first = [], {}
         for mesh in meshes:

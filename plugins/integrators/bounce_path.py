@@ -15,7 +15,7 @@ from mi_lcair.errors import InputError, errors_of
 from mi_lcair.physics.spectra.bins import Binning
 from mi_lcair.plugins.bsdfs.reflection_bsdf import SpectralBSDF, has_spectrum
 from mi_lcair.plugins.columns.tables import explored_by_gradients, places_of, surface_numbers
-from mi_lcair.plugins.derivatives import deriving, leaves, nodes, same_variables
+from mi_lcair.plugins.derivatives import deriving, leaves, nodes
 from mi_lcair.plugins.emission.draw_table import PREFERRED
 from mi_lcair.plugins.emission.triangles import refresh_geometry
 from mi_lcair.plugins.emitters.thermal import derive_together
@@ -172,36 +172,22 @@ class BouncePath(RBIntegrator):
         """A tracer for the present state of a scene and its objects: a kept one, or a new one.
 
         One is kept for each of the last MOST_KEPT settings of the integrator. of_tracer: whether
-        emission is recorded by spectrum, the BSDFs that are explored, and the `Binning`. A new
-        tracer takes over the recordings of the one before where they hold for it.
+        emission is recorded by spectrum, the BSDFs that are explored, and the `Binning`.
         """
         settings = [getattr(self, entry.name) for entry in self.PROPERTIES]
         settings = [False if value == AUTO else value for value in settings]
         state, key = SceneState(objects, scene, *settings), (*of_tracer, *settings)
-        # The tracer used last: a change of places since would have led to another one
-        latest, offsets = next(reversed(kept.values()), None), None
-        stays = latest is not None and same_variables(state.places, latest[0].places)
         if key in kept and kept[key][0] == state:
-            if not stays:
-                refresh_geometry(scene)
-            kept[key] = kept.pop(key)
             return kept[key][1]
-        if stays and state.is_recordable:
-            offsets = latest[1].emitters.offsets
-        else:  # shapes without vertices may have moved, too
-            refresh_geometry(scene)
+        refresh_geometry(scene)
         by_spectrum, explored, binning = of_tracer
         numbers = None  # of the surfaces that are explored
         if explored:
             bsdfs = [node for node in objects if isinstance(node, mi.BSDF)]
             numbers = surface_numbers(places_of(bsdfs), explored)
-        tracer = PathTracer(self, scene, by_spectrum, state, numbers, binning, offsets)
-        if state.has_gradients and not stays:
-            kept.clear()  # their shapes have moved, which the newest of them does not know
-        elif not state.has_gradients:
-            before = kept.pop(key, None)
-            if before and before[1].recorded.serves(tracer.recorded):
-                vars(tracer)["recorded"] = before[1].recorded
+        tracer = PathTracer(self, scene, by_spectrum, state, numbers, binning)
+        if not state.has_gradients:
+            kept.pop(key, None)
             kept[key] = state, tracer
             if len(kept) > MOST_KEPT:
                 kept.pop(next(iter(kept)))

@@ -10,15 +10,11 @@ from math import hypot
 
 import drjit as dr
 import mitsuba as mi
-import numpy as np
 from mitsuba.python.ad.integrators.common import RBIntegrator
 
 from mi_lcair.errors import InputError
-from mi_lcair.physics.bands import Band, Spectrum
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.physics.reflection.interface import ReflectionModel
 from mi_lcair.physics.spectra.bins import Binning
-from mi_lcair.physics.spectra.parameters import SpectralParameters
 from mi_lcair.plugins import derivatives
 from mi_lcair.plugins.bins.by_bin import ByBin
 from mi_lcair.plugins.bins.sums import MOST_SUMS, BinSums, ByBinOfPath, SourceSums, SpectralSums
@@ -29,12 +25,10 @@ from mi_lcair.plugins.emission.draw_table import PREFERENCE, PREFERRED, UnmetSou
 from mi_lcair.plugins.emission.emissivity import Emissivities
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
 from mi_lcair.plugins.emission.panels import Openings
-from mi_lcair.plugins.emission.triangles import FACES, VERTICES
 from mi_lcair.plugins.paths.launch import (
     Aim,
     FacetStarts,
     Launch,
-    Offsets,
     ParallelRays,
     Paths,
     rounding_error,
@@ -49,9 +43,9 @@ from mi_lcair.plugins.recorders.recorder import Recorders
 # -------------------------------------------------------------------------------------------
 # Dr.Jit's `freeze` records which kernels a function launches, and launches them again for other
 # arrays. An array that it was not given is an error, but a Python number goes into the recording
-# unseen. A recording belongs to a `PathTracer`, whose scene does not change. What differs between
-# its launches is an array, a number or a text among the arguments. The tracer of a later state
-# takes the recordings over if the two differ in entries of arrays alone, see `form`.
+# unseen. A recording must therefore never outlive the state of the scene for which it was made. It
+# belongs to a `PathTracer`, whose scene does not change. What differs between its launches is an
+# array, a number or a text among the arguments.
 
 OFF = "MI_LCAIR_NO_RECORDING"  # environment variable; not empty: nothing is recorded
 MOST_RECORDINGS = 16  # of one tracer; the one used least recently is dropped
@@ -59,9 +53,6 @@ PACKAGE = __name__.partition(".")[0] + "."
 # Mitsuba's objects of which `dr.freeze` finds all arrays. Others may end the process while it
 # records: a bitmap texture does.
 RECORDABLE = {"Scene", "PLYMesh", "SmoothDiffuse", "UniformSpectrum", "MeshAttribute"}
-NUMBERS = bool, int, float, str, bytes  # what `same` compares by value
-PLACES = VERTICES, FACES
-UNCHANGING = type, Band, Spectrum, ReflectionModel, SpectralParameters  # told apart by identity
 OF_VERTICES = 'name = "vertex_'  # in the text of an attribute; a temperature of it ends the process
 
 
@@ -77,13 +68,10 @@ class SceneState:
 
     def __init__(self, objects, *settings):
         """objects: those of a scene, see `nodes`."""
-        self.values, self.plugins, self.is_known = list(settings), [], True
-        arrays, places = [], []
+        self.values, self.plugins, self.is_known, arrays = list(settings), [], True, []
         self.is_recordable = True
         for node in objects:
-            members = derivatives.members(node)
-            values = [node, *members.values()]
-            places += [members[name] for name in PLACES if name in members]
+            values = [node, *derivatives.members(node).values()]
             if type(node).__module__.startswith(PACKAGE):
                 self.plugins.append(node)
                 values += vars(node).values()
@@ -98,7 +86,6 @@ class SceneState:
                 self.is_recordable = False
             for value in values:
                 (arrays if dr.is_array_v(value) else self.values).append(value)
-        self.objects, self.places = objects, derivatives.held(places)
         self.variables = derivatives.held(
             [variable for array in arrays for variable in derivatives.variables(array)]
         )
@@ -106,18 +93,6 @@ class SceneState:
     @property
     def has_gradients(self) -> bool:
         return derivatives.attached(self.variables)
-
-    def form(self) -> list:
-        """What decides on the kernels of a path in the scene but its tracer, see `form`."""
-        found, plugins = [], set(self.plugins)
-        for node in self.objects:
-            of_mitsuba = () if node in plugins else derivatives.members(node).items()
-            for name, value in of_mitsuba:
-                form((name, value), found).extend(map(dr.width, derivatives.variables(value)))
-            # Not an attribute in Python, and a kernel holds it as a number
-            flags = int(node.flags()) if isinstance(node, mi.BSDF | mi.Emitter) else 0
-            found += [node, flags]
-        return form([vars(plugin) for plugin in self.plugins], found)
 
     def __eq__(self, other):
         return (
@@ -128,37 +103,6 @@ class SceneState:
         )
 
 
-def form(value, found: list) -> list:
-    """Append to a list what decides on the kernels of an object, and return the list.
-
-    That is all that the object holds but the entries of arrays: the kinds of arrays, numbers,
-    texts, and objects by identity. Two forms are compared by `same`. A class names in
-    `not_in_kernels` what no kernel depends on. Whatever is not named there counts.
-    """
-    kind = type(value)
-    if kind in NUMBERS or value is None:
-        found.append(value)
-    elif dr.is_array_v(kind):
-        found.append(kind)
-    elif kind is np.ndarray:
-        found += [str(value.dtype), str(value.shape), value.tobytes()]
-    elif isinstance(value, (tuple, list, dict)):
-        found += [kind, len(value), *(value if isinstance(value, dict) else ())]
-        for part in value.values() if isinstance(value, dict) else value:
-            form(part, found)
-    elif (
-        not kind.__module__.startswith(PACKAGE)
-        or isinstance(value, (mi.Object, *UNCHANGING))
-        or not hasattr(value, "__dict__")
-    ):
-        found.append(value)
-    else:
-        left_out = getattr(value, "not_in_kernels", ())
-        found.append(kind)
-        form({name: part for name, part in vars(value).items() if name not in left_out}, found)
-    return found
-
-
 def is_recordable(node) -> bool:
     """Whether `dr.freeze` can record an object of Mitsuba."""
     kind = node.class_name().partition("[")[0]
@@ -167,7 +111,7 @@ def is_recordable(node) -> bool:
 
 def same(a, b) -> bool:
     """Whether two values are the same object, or equal numbers or texts."""
-    return a is b or (type(a) is type(b) and type(a) in NUMBERS and a == b)
+    return a is b or (type(a) is type(b) and isinstance(a, (bool, int, float, str)) and a == b)
 
 
 class Recordings:
@@ -178,7 +122,7 @@ class Recordings:
 
     def __init__(self, state: SceneState):
         """state: the state of the tracer's scene."""
-        self.plugins, self.form = state.plugins, []
+        self.plugins = state.plugins
         self.frozen = dr.freeze(run, limit=MOST_RECORDINGS, warn_after=2**31 - 1)
         self.reason = None
         if os.environ.get(OFF):
@@ -187,16 +131,6 @@ class Recordings:
             self.reason = "the scene has objects that are not known to be recordable"
         elif state.has_gradients:
             self.reason = "parameters have gradients"
-
-    def take_form(self, tracer, state: SceneState) -> None:
-        """Note what decides on the kernels of launches of a tracer, see `form`."""
-        if self.reason is None and tracer.paths.by_bin is None:
-            self.form = form((vars(tracer.paths), tracer.ambient_radiance), state.form())
-
-    def serves(self, other) -> bool:
-        """Whether the recordings hold for the tracer of other ones."""
-        forms = self.form, other.form
-        return bool(self.form) and len(self.form) == len(other.form) and all(map(same, *forms))
 
     @property
     def count(self) -> int:
@@ -338,24 +272,17 @@ class PathTracer(RBIntegrator):
     """
 
     def __init__(
-        self,
-        settings,
-        scene,
-        by_spectrum: bool,
-        state: SceneState,
-        explored,
-        binning: Binning,
-        offsets: Offsets | None = None,
+        self, settings, scene, by_spectrum: bool, state: SceneState, explored, binning: Binning
     ):
         """settings: the integrator `bounce_path`, with its properties. explored: see `Walk`.
-        binning: decides on the bins of wavelength. offsets: those of shapes that have not moved.
+        binning: decides on the bins of wavelength.
         """
         super().__init__(mi.Properties())
         has_bins, binning_error = has_spectral_materials(scene), 0.0
         in_detail = by_spectrum and not has_bins
         samples = settings.emitter_sampling in (True, PREFERRED)
         preference = PREFERENCE if settings.emitter_sampling == PREFERRED else 1.0
-        emitters = EmitterTable(scene, samples, in_detail, preference, offsets)
+        emitters = EmitterTable(scene, samples, in_detail, preference)
         ambient = None
         if settings.closure == "ambient":
             ambient = mi.Float(in_band_radiance(emitters.band, settings.ambient_temperature))
@@ -393,7 +320,6 @@ class PathTracer(RBIntegrator):
             recorded=Recordings(state),
             is_complete=True,
         )
-        self.recorded.take_form(self, state)
 
     def __setattr__(self, name, value):
         if vars(self).get("is_complete"):
