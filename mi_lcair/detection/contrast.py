@@ -475,11 +475,11 @@ STAND_IN = "us_standard"  # clear air that stands for air of which only a table 
 STAND_IN_DEG = 45.0  # elevation of light that stands for a table's
 
 
-def product_errors(setting: Setting, sources: list[Source]) -> list[float]:
-    """Relative errors of the light of sources for which transmittances are multiplied, or 0.
+def multiplied_light(setting: Setting, sources: list[Source]) -> list[str]:
+    """Remark on the light that the product of transmittances changes most, in a list.
 
-    That is light that has crossed air before the target. The amounts of absorbers of both paths add
-    only if both are known, which tables do not state. The size of the error is that of clear air.
+    It has crossed air before the target. The amounts of absorbers of both paths add only if both
+    are known, which tables do not state. The size of the error is that of clear air.
 
     Parameters
     ----------
@@ -487,35 +487,26 @@ def product_errors(setting: Setting, sources: list[Source]) -> list[float]:
     sources : list of Source
         Sources of the scene.
     """
-    sun, known = one_sun(setting.view.mi.emitters()), {}
-
-    def error(source: Source) -> float:
+    if setting.air.is_vacuum:
+        return []
+    sun = one_sun(setting.view.mi.emitters())
+    errors = {}
+    for source in sources:
         part = source.spectrum
         light = part.bin_of if isinstance(part, BinOfSpectrum) else part
         is_known = isinstance(light, AirLight) and setting.path.amounts is not None
-        if setting.air.is_vacuum or light is None or light.name == OUTSIDE_AIR or is_known:
-            return 0.0
+        if light is None or light.name == OUTSIDE_AIR or is_known:
+            continue
         of_sun = sun is not None and source.group == sun.group
-        if (id(light), of_sun) not in known:
-            known[id(light), of_sun] = product_error(setting, light, of_sun)
-        return known[id(light), of_sun]
-
-    return list(map(error, sources))
-
-
-def multiplied_light(errors: list[float], sources: list[Source], share: str = "") -> list[str]:
-    """Remark on the light that the product of transmittances changes most, in a list.
-
-    errors: see `product_errors`. share: what all such light may change, in words.
-    """
-    number = max(range(len(errors)), key=lambda k: abs(errors[k]), default=0)
-    if not any(errors):
+        errors[f"{source.group} ({light.name})"] = product_error(setting, light, of_sun)
+    if not errors:
         return []
-    source, sign = sources[number], "bright" if errors[number] > 0 else "dark"
+    name = max(errors, key=lambda key: abs(errors[key]))
+    sign = "bright" if errors[name] > 0 else "dark"
     return [
-        f"light of {source.group} ({source.spectrum.name}) has crossed air before the target, but "
-        "a table does not state its absorbers: transmittances are multiplied, which in clear air "
-        f"makes this light {abs(errors[number]):.0%} too {sign}{share}"
+        f"light of {name} has crossed air before the target, but a table does not state its "
+        "absorbers: transmittances are multiplied, which in clear air makes this light "
+        f"{abs(errors[name]):.0%} too {sign}"
     ]
 
 
@@ -589,14 +580,7 @@ def measure_contrast(scenario: Scenario, progress) -> Contrast:
     view, target, observer = setting.view, setting.target, scenario.observer
     rows, invalid, paths = [], 0, 0
     for bounces, irradiance, result in rendered(setting, scenario.render, progress):
-        errors = product_errors(setting, irradiance.areas.sources)
-        of_product = irradiance.of_sources(path, np.abs(errors))
-        made = row(bounces, irradiance, path, detector, target, result.reached)
-        if of_product > 0:
-            half_width = made.half_width + of_product
-            holds = half_width <= scenario.render.allowed(made.total.value)
-            made = replace(made, half_width=half_width, reached=made.reached and holds)
-        rows.append(made)
+        rows.append(row(bounces, irradiance, path, detector, target, result.reached))
         invalid, paths = max(invalid, result.invalid), max(paths, result.paths)
     irradiance = rows[-1].irradiance
     transmittance, radiance = path.at(irradiance.wavelengths_um)
@@ -621,11 +605,7 @@ def measure_contrast(scenario: Scenario, progress) -> Contrast:
             *([f"through the air, and with the sensor: {result.bins}"] if result.bins else []),
             *invalid_remark(invalid, paths),
             *unlit_sky(view, scenario, detector),
-            *multiplied_light(
-                errors,
-                irradiance.areas.sources,
-                f"; the interval contains {of_product:.2g} W/m^2 for all such light",
-            ),
+            *multiplied_light(setting, irradiance.areas.sources),
             *remarks(rows, detector, target, observer.range_m),
             *terrain_remark(view, [observer.view], observer.range_m),
             *averaged_plumes(view, [setting]),

@@ -3,7 +3,7 @@
 All spectra are taken through the air first, and integrated over the band last.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import NamedTuple
 
@@ -226,11 +226,6 @@ class Irradiance(LineOfSources):
             name: Estimate(float(value), float(error))
             for name, value, error in zip(names, per_amount @ self.amounts, errors)
         }
-
-    def of_sources(self, path: LineOfSight, factors: Sequence[float]) -> float:
-        """Sum of the target's irradiances by source at the end of a path, times factors."""
-        of_target = self.per_amount(path)[1] * self.amounts
-        return float(of_target[: len(factors)] @ factors)
 
     def half_width(self, path: LineOfSight) -> float:
         """Half of the 95 % interval of the contrast at the end of a path, W m^-2.

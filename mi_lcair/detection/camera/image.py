@@ -13,7 +13,7 @@ from mi_lcair.detection.camera.measures import Measures, measured
 from mi_lcair.detection.camera.ranges import RangedTarget, Silhouette, at_ranges, table_ranges
 from mi_lcair.detection.camera.scenery import Scenery
 from mi_lcair.detection.camera.view import CameraView
-from mi_lcair.detection.contrast import averaged_plumes, multiplied_light, product_errors
+from mi_lcair.detection.contrast import averaged_plumes, multiplied_light
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import rendered_as, setting_of
 from mi_lcair.errors import InputError
@@ -155,7 +155,7 @@ def record_image(scenario: Scenario, frames: int, seed: int, progress) -> Image:
         remarks=[
             *scene.remarks,
             *scenery.missing(),
-            *multiplied_light(product_errors(setting, exposed.sources.list), exposed.sources.list),
+            *multiplied_light(setting, exposed.sources.list),
             *averaged_plumes(scene, [setting]),
             *invalid_remark(exposed.invalid, exposed.paths),
             *terrain_remark(scene, [observer.view], observer.range_m),
