@@ -26,7 +26,7 @@ import numpy as np
 
 from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError, check_known, errors_of, shown
-from mi_lcair.toml_table import dotted, table_of
+from mi_lcair.toml_table import LARGEST, dotted, table_of
 
 # Units as ends of columns' names
 UNIT_NAMES = {"W/sr": "_W_sr", "W m^-2": "_W_m2", "K": "_K", "m": "_m"}
@@ -35,7 +35,7 @@ KINDS = ("uniform", "triangular", "lognormal", "normal")
 ENDS = ("lower", "upper")  # further entries of a normal distribution
 RELATIVE = re.compile(r"\s*([0-9.eE+-]+)\s*%\s*")
 Stated = float | str | Mapping  # an entry of [sigma], such as 2.0, "5 %" or {uniform = 2}
-WIDTH = Bounds(is_positive=True)  # standard deviations, half widths and factors
+WIDTH = Bounds(is_positive=True, upper=LARGEST)  # standard deviations, half widths and factors
 
 
 @dataclass(frozen=True)
@@ -290,7 +290,9 @@ def uncertain(given: object, name: str, bounds: Bounds = Bounds()) -> Estimate:
                 f"{name} {shown(str(given))} is no number; give one, such as 0.9 or 0.9+-0.02"
             ) from None
     bounds.check(value, name)
-    Bounds(lower=0, unit=bounds.unit).check(sigma, f"standard uncertainty of {name}")
+    room = bounds.upper - max(bounds.lower, 0 if bounds.is_positive else -np.inf)
+    most = Bounds(lower=0, upper=min(room, LARGEST), unit=bounds.unit)
+    most.check(sigma, f"standard uncertainty of {name}")
     return Estimate(value, sigma, bounds.unit)
 
 

@@ -96,11 +96,13 @@ def table_of(tree: Mapping, name: str) -> Mapping:
 def dotted(table: Mapping, of_value=(), before: str = "") -> dict:
     """The entries of a table with dotted names, as TOML nests a key such as a.b without quotes.
 
-    of_value: keys that mark a table as the value of an entry.
+    of_value: keys that mark a table as the value of an entry, as an empty table then is one.
     """
     entries = {}
     for key, value in table.items():
-        is_nested = isinstance(value, Mapping) and not set(value) & set(of_value)
+        is_nested = isinstance(value, Mapping) and not (
+            of_value and (not value or set(value) & set(of_value))
+        )
         name = f"{before}{key}"
         entries |= dotted(value, of_value, f"{name}.") if is_nested else {name: value}
     return entries
@@ -200,6 +202,8 @@ def converted(value, kind, where: str):
     if get_origin(kind) is Literal:
         kind = str  # the word itself is checked with the table
     if get_origin(kind) is tuple:
+        if value == [] and ... in get_args(kind) and get_args(kind)[0] in (int, float):
+            raise InputError(f"{where} = []; give at least one number")
         return tuple(
             converted(item, get_args(kind)[0], where)
             for item in (value if isinstance(value, list) else [value])

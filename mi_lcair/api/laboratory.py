@@ -33,6 +33,7 @@ from mi_lcair.rendering.images.files import (
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import SceneLike
 from mi_lcair.tasks import exclusively
+from mi_lcair.toml_table import LARGEST
 
 # `temperature`, the temperature of an object from an image of a thermographic camera
 # -----------------------------------------------------------------------------------
@@ -136,7 +137,8 @@ def temperature(
 
 def named_image(image: ApparentTemperatures, sigma: float) -> tuple:
     """Name of an image, the image or its number, and the uncertainty of its temperatures [K]."""
-    Bounds(lower=0, unit="K").check(sigma, "sigma")
+    size = Bounds(lower=0, upper=LARGEST, unit="K")
+    size.check(sigma, "sigma")
     if np.ndim(image):
         return "an array", np.asarray(image), sigma
     try:
@@ -150,6 +152,7 @@ def named_image(image: ApparentTemperatures, sigma: float) -> tuple:
         return Path(image).name, image, sigma
     if error and sigma:
         raise InputError(f"'{image}' states its uncertainty; leave sigma out")
+    size.check(error, f"uncertainty of '{image}'")
     return f"{number:g} K", np.array(number), error or sigma
 
 

@@ -11,7 +11,7 @@ from mi_lcair.table import read_table
 POSITION, ATTITUDE = ("x_m", "y_m", "z_m"), ("yaw_deg", "pitch_deg", "roll_deg")
 OBSERVER = tuple(f"observer_{name}" for name in POSITION)
 NEEDED = ("time_s", *POSITION, *ATTITUDE)
-HISTORIES = Bounds(lower=0, upper=1e5, unit="K")
+HISTORIES = Bounds(lower=60, upper=1e5, unit="K")  # a smaller number is probably in Celsius
 HISTORY = "temperature."  # beginning of the columns that are temperatures of groups
 MOST_MOMENTS = 1_000_000
 
@@ -66,7 +66,7 @@ class FlightTable(Described, where="[flight]"):
             line = table.rows[int(np.argmax(np.diff(time_s) <= 0)) + 1][0]
             raise InputError(f"{table.file}, line {line}: time_s must rise from row to row")
         for name in histories:
-            table.check_range(name, rows[name], HISTORIES)
+            table.check_range(name, rows[name], HISTORIES, "; kelvin are Celsius + 273.15")
         for name in ATTITUDE:
             rows[name] = np.unwrap(rows[name], period=360)
         at = time_s

@@ -221,6 +221,7 @@ def write_csv(path, temperature: Temperature) -> None:
 # chapter History and Theory of Infrared Technology, Equations 2 to 4. For air by wavelength, tau
 # W(T) is the integral of transmittance and Planck's law together.
 
+COLDEST_K = 120.0  # an apparent temperature that no sky and no air has
 STEP = 0.01  # half of a difference that gives a sensitivity, in standard uncertainties
 
 
@@ -317,6 +318,7 @@ def temperature_of(
         For conditions that are incomplete, and if no object can have any of the temperatures.
     """
     band.check_limits("camera")
+    given = conditions.quantities
     conditions, remarks = conditions.completed()
     stated = {"apparent": Estimate(0.0, sigma, "K"), **conditions.quantities}
     values = {quantity: number.value for quantity, number in stated.items()}
@@ -339,6 +341,14 @@ def temperature_of(
         if not np.isfinite(kelvin).any():
             raise InputError(f"{name}: {text}; check emissivity, reflected and the air")
         remarks.append(f"{text}; they have no temperature (NaN)")
+    kelvins = {"the warmest pixel": np.nanmax(apparent)} | {
+        name: given[name].value for name in ("reflected", "air_temperature") if name in given
+    }
+    remarks += [
+        f"{what} is {value:g} K, colder than any sky; is it in degrees Celsius?"
+        for what, value in kelvins.items()
+        if value < COLDEST_K
+    ]
     rows = []
     for quantity, number in stated.items():
         if sigma := number.standard_error:

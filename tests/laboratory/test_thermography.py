@@ -241,8 +241,33 @@ def test_impossible_pixels_are_counted():
 
 
 @pytest.mark.parametrize(
+    "given, what",
+    [
+        ({"image": 45.0, "emissivity": 1, "reflected": None}, "the warmest pixel is 45 K"),
+        ({"reflected": 80.0}, "reflected is 80 K"),
+        ({"transmittance": 0.9, "air_temperature": 75.0}, "air_temperature is 75 K"),
+        ({"reflected": 200.0}, None),
+        ({"emissivity": 1, "reflected": None}, None),
+    ],
+)
+def test_kelvin_that_are_celsius_are_remarked(given, what):
+    arguments = {"image": 300.0, "emissivity": 0.9, "reflected": 290} | given
+    arguments = {name: value for name, value in arguments.items() if value is not None}
+    remarks = mi_lcair.temperature(arguments.pop("image"), "LWIR", **arguments).remarks
+    assert [f"{what}, colder than any sky; is it in degrees Celsius?"] * bool(what) == list(remarks)
+
+
+@pytest.mark.parametrize(
     "given, words",
     [
+        (
+            {"emissivity": (0.9, 1e30)},
+            "standard uncertainty of emissivity = 1e.30; must lie in 0..1",
+        ),
+        ({"reflected": (290, 1e30)}, "standard uncertainty of reflected = 1e.30 K; must lie in"),
+        ({"sigma": 1e30}, "sigma = 1e.30 K; must lie in"),
+        ({"image": "300+-1e30"}, "= 1e.30 K; must lie in"),
+        ({"image": "300+--1"}, "= -1 K; must lie in"),
         ({"emissivity": 0}, "emissivity = 0; must be positive and at most 1"),
         ({"emissivity": 1.2}, "emissivity = 1.2; must be positive"),
         ({"transmittance": 0}, "transmittance = 0; must be positive"),

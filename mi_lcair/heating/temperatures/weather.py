@@ -39,6 +39,7 @@ LIMITS = {
     for entry in fields(WeatherTable)
     if (bounds := entry.metadata.get("bounds"))
 }
+INFRARED = Bounds(lower=10, upper=9999)  # of an EPW file [W m^-2]: a row without it may have 0
 COLD_AIR_K = 120.0  # less than any air of the atmosphere has
 # Largest shares of the beam's energy below the horizon: from rows that are means of an hour without
 # a remark, and with one, as of a clock that is an hour off
@@ -209,7 +210,7 @@ def epw_rows(path: Path, given: WeatherTable) -> tuple[TextTable, dict, dict]:
             raise InputError(f"{where}, line {of_day[int(absent.argmax())][0]}: {name} is missing")
     numbers["air_K"] += ZERO_CELSIUS
     if "infrared" in numbers:
-        table.check_range("infrared", numbers["infrared"], Bounds(lower=0, upper=9999))
+        table.check_range("infrared", numbers["infrared"], INFRARED)
         numbers["sky_K"] = (numbers.pop("infrared") / STEFAN_BOLTZMANN) ** 0.25
     *names, _ = PLACE
     head = TextTable(where, names, [(1, lines[0][6:9])])

@@ -115,6 +115,8 @@ def parsed(tree: Mapping, name: str, folder: Path) -> Uncertainties:
     fits = {key: read_fit(folder, value, key) for key, value in tables["fits"].items()}
     facets = {}
     for group, value in tables["facets"].items():
+        if isinstance(value, Mapping):
+            raise InputError(f"[facets]: {group} = {dict(value)}; must be kelvin, or a CSV file")
         if isinstance(value, str):
             facets[group] = folder / value
         else:
@@ -142,7 +144,8 @@ def read_correlated(group: Mapping, sigma: Mapping) -> Correlated:
     if isinstance(matrix, (int, float)) and len(names) == 2:
         matrix = [[1, matrix], [matrix, 1]]
     try:
-        matrix = np.array(matrix, dtype=float)
+        has_words = any(type(number) is bool for number in np.array(matrix, object).flat)
+        matrix = np.empty(0) if has_words else np.array(matrix, dtype=float)
     except (TypeError, ValueError):
         matrix = np.empty(0)
     if matrix.shape != (len(names),) * 2 or not np.all(np.isfinite(matrix)):

@@ -14,7 +14,7 @@ from tests.knowing.budgets.statements import REPORT, inputs
 
 def test_keys_without_quotes(tmp_path):
     path = tmp_path / "sigma.toml"
-    path.write_text("[sigma]\nself.temperature = 2\npaint.a = 0.1\n[sigma.paint2]\n")
+    path.write_text("[sigma]\nself.temperature = 2\npaint.a = 0.1\n")
     assert inputs(path).names == ["self.temperature", "paint.a"]
 
 
@@ -42,7 +42,7 @@ PAIR = ["self.temperature", "sky.radiance"]
             {"sigma": {"self.temperature": True}},
             "must be a standard deviation in the quantity's unit",
         ),
-        ({"sigma": {"self.temperature": "-5 %"}}, "must be positive and finite"),
+        ({"sigma": {"self.temperature": "-5 %"}}, "must be positive and at most"),
         ({"sigma": {"other.a": "5 %"}}, "relative to a value of 0; give a number"),
         ({"scenario": {"range_m": 5}}, "quantity of a contrast scenario, and the scene is a scene"),
         (
@@ -68,6 +68,21 @@ PAIR = ["self.temperature", "sky.radiance"]
             {"sigma": dict.fromkeys(PAIR, 1), "correlated": [{"names": PAIR, "covariance": []}]},
             "give names and correlation, nothing else",
         ),
+        *(
+            (
+                {
+                    "sigma": dict.fromkeys(PAIR, 1),
+                    "correlated": [{"names": PAIR, "correlation": value}],
+                },
+                "must be a matrix of 2 x 2",
+            )
+            for value in (True, [[1, True], [True, 1]])
+        ),
+        ({"sigma": {"self.temperature": 1, "paint.a": {}}}, "'paint.a' = {}: must have one of"),
+        ({"sigma": {"self.temperature": 1e30}}, "= 1e+30; must be positive and at most 1e+12"),
+        ({"sigma": {"self.temperature": "1e30 %"}}, "= 1e+28; must be positive and at most"),
+        ({"sigma": {"paint.a": {"uniform": 1e30}}}, "= 1e+30; must be positive and at most"),
+        ({"facets": {"walls": {"uniform": 2}}}, "walls = {'uniform': 2}; must be kelvin, or a CSV"),
         ({"correlated": 3}, "correlated must be tables, [[correlated]]"),
         ({"correlated": [3]}, "correlated must be tables, [[correlated]]"),
         ({"sigma": [3]}, "[sigma] must be a table"),
