@@ -5,6 +5,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
+from scipy.special import ndtr, ndtri
 
 from mi_lcair import formats
 from mi_lcair.declared import Bounds, Described, excludes, needs, rule
@@ -114,6 +115,9 @@ class Temperature(Result):
     estimate : Estimate
         Temperatures [K], of the image's shape, with their errors; NaN for nothing. The errors of
         the quantities are independent, and each is the same in all pixels.
+    interval_K : tuple of float
+        Interval that holds 95 % of the temperatures for random quantities, where the image has its
+        median. Quantities are drawn from normal distributions that are cut off at their bounds.
     conditions : dict of str to Estimate
         The quantities of the measurement.
     transmittance : float
@@ -124,6 +128,7 @@ class Temperature(Result):
     name: str = entry("image")
     band: Band = entry("band", "label")
     estimate: Estimate = entry()
+    interval_K: tuple[float, float]
     conditions: dict[str, Estimate]
     transmittance: float
     remarks: tuple[str, ...] = ()
@@ -177,7 +182,7 @@ class Temperature(Result):
         if not typical.contributions:
             yield "uncertainty", "none is stated; 0.92+-0.02 states one"
         else:
-            yield "expanded", typical.expanded
+            yield "interval", "{:.5g}..{:.5g} K (95 %, from draws)".format(*self.interval_K)
         yield "transmittance", f"{self.transmittance:.4f}, mean in the band"
         if self.kelvin.size > 1:
             yield "pixels", f"{self.pixels} of {self.kelvin.size} have a temperature"
@@ -222,6 +227,11 @@ def write_csv(path, temperature: Temperature) -> None:
 # W(T) is the integral of transmittance and Planck's law together.
 
 COLDEST_K = 120.0  # an apparent temperature that no sky and no air has
+DRAWS = 4096  # of the uncertain quantities
+INTERVAL = 0.025, 0.975
+# Difference of an end of the interval from the linear one, relative to half its width, from which
+# the linear uncertainty fails
+FAILS = 0.15
 STEP = 0.01  # half of a difference that gives a sensitivity, in standard uncertainties
 
 
@@ -363,14 +373,76 @@ def temperature_of(
             rows.append(
                 Contribution.of(quantity, sigma, of_quantity, value=value, unit=number.unit)
             )
+    estimate = Estimate.of(np.asarray(kelvin), "K", rows)
+    # The coldest pixel, the median and the warmest one
+    pixels = np.argsort(kelvin, axis=None)[: np.isfinite(kelvin).sum()]
+    pixels = pixels[[0, (len(pixels) - 1) // 2, -1]]
+    linear = estimate.standard_error.flat[pixels]
+    ends, lost = drawn(np.ravel(apparent)[pixels], stated, conditions, band)
+    off = abs(ends - kelvin.flat[pixels] - np.outer([-2, 2], linear)).max(axis=0)
+    if (off > FAILS * 2 * linear + 1e-6).any():
+        k = int(np.argmax(off))
+        without = f"; {lost[k]:.0%} of the draws have no temperature" if lost[k] > 0.005 else ""
+        remarks.append(
+            f"at {kelvin.flat[pixels[k]]:.4g} K +- {linear[k]:.3g} K the linear uncertainty fails: "
+            f"95 % of draws lie in {ends[0, k]:.4g}..{ends[1, k]:.4g} K{without}"
+        )
     return Temperature(
         name=name,
         band=band,
-        estimate=Estimate.of(np.asarray(kelvin), "K", rows),
+        estimate=estimate,
+        interval_K=tuple(ends[:, 1].tolist()),
         conditions=conditions.quantities,
         transmittance=conditions.air(band, values).transmittance(float(np.nanmedian(kelvin))),
         remarks=tuple(remarks),
     )
+
+
+def drawn(
+    apparent: np.ndarray, stated: dict[str, Estimate], conditions: ImageConditions, band: Band
+) -> tuple[np.ndarray, np.ndarray]:
+    """Ends of the intervals that hold 95 % of the temperatures for random quantities, (2, n).
+
+    Also returned is the share of draws without a temperature, (n,). `in_terms` of computed air are
+    taken from one standard uncertainty of each of its quantities to both sides.
+
+    apparent: apparent temperatures, (n,). stated: the quantities and `apparent`, an offset.
+    """
+    random, values = np.random.default_rng(0), {}
+    for name, number in stated.items():
+        values[name], sigma = number.pair
+        if sigma:
+            at = (np.array(limits(QUANTITIES.get(name, Bounds()))) - values[name]) / sigma
+            share = (random.permutation(DRAWS)[:, None] + 0.5) / DRAWS
+            values[name] = number.value + sigma * ndtri(ndtr(at[0]) + np.ptp(ndtr(at)) * share)
+    means = {name: number.value for name, number in stated.items()}
+    air = conditions.air(band, means)
+    if "distance" not in stated:
+        through, glow = values["transmittance"], in_band_radiance(band, values["air_temperature"])
+    else:
+        depth, glow = in_terms(air, means)
+        for name in ("distance", "humidity", "air_temperature"):
+            if sigma := name in stated and stated[name].standard_error:
+                ends = np.clip(means[name] + np.array([-sigma, sigma]), *limits(QUANTITIES[name]))
+                airs = (conditions.air(band, means | {name: float(end)}) for end in ends)
+                low, high = (in_terms(of_end, means) for of_end in airs)
+                z = (values[name] - means[name]) / np.ptp(ends)
+                depth, glow = depth * (high[0] / low[0]) ** z, glow + z * (high[1] - low[1])
+        through = np.exp(-depth)
+    factor, path = through / air.transmittance(means["reflected"]), (1 - through) * glow
+    light = (1 - values["emissivity"]) * factor * air.transmitted(values["reflected"])
+    emitted = in_band_radiance(band, apparent + values["apparent"]) - path - light
+    kelvin = air.source_temperature(emitted / (values["emissivity"] * factor))
+    kelvin = np.broadcast_to(kelvin, (DRAWS, len(apparent)))
+    return np.nanquantile(kelvin, INTERVAL, axis=0), np.isnan(kelvin).mean(axis=0)
+
+
+def in_terms(air: AirPath, values: dict[str, float]) -> tuple[float, float]:
+    """Optical depth of an air for the reflected light, and in-band radiance of its path if it were
+    opaque.
+    """
+    through = min(air.transmittance(values["reflected"]), 1 - 1e-12)  # of a very short path
+    return -np.log(through), air.path / (1 - through)
 
 
 def limits(bounds: Bounds) -> tuple[float, float]:

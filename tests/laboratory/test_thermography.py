@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
-from scipy.stats import norm, qmc
+from scipy.stats import norm, qmc, truncnorm
 
 import mi_lcair
 from mi_lcair import formats
@@ -145,6 +145,46 @@ def test_the_uncertainty_is_that_of_draws(case):
     ]
     np.testing.assert_allclose(result.sigma, np.std(drawn, axis=0, ddof=1), rtol=0.02)
     assert {row.quantity for row in result.estimate.contributions} == {"apparent", *given}
+
+
+@pytest.mark.parametrize("emissivity, sigma", [(0.1, 0.04), (0.2, 0.1), (0.5, 0.02), (1.0, 0.05)])
+def test_the_interval_holds_95_percent_of_draws(emissivity, sigma):
+    """20,000 draws by the formula. The linear answer is remarked where it fails."""
+    seen, N, rng = 295.0, 20_000, np.random.default_rng(8)
+    lwir, given = band("LWIR"), {"reflected": (290.0, 2.0), "air_temperature": (285.0, 2.0)}
+    given |= {"emissivity": (emissivity, sigma), "transmittance": (0.9, 0.02)}
+    result = mi_lcair.temperature(seen, lwir, sigma=0.2, **given)
+    e, tau = (truncnorm.rvs(-m / s, (1 - m) / s, m, s, N, random_state=rng) for m, s in (
+        given["emissivity"], given["transmittance"]
+    ))  # fmt: skip
+    around, air, read = (rng.normal(*pair, N) for pair in ((290, 2), (285, 2), (seen, 0.2)))
+    arriving = (in_band_radiance(lwir, read) - (1 - tau) * in_band_radiance(lwir, air)) / tau
+    own = (arriving - (1 - e) * in_band_radiance(lwir, around)) / e
+    drawn = brightness_temperature(lwir, own[own > 0])
+    low, high = result.interval_K
+    assert 0.94 < np.mean((drawn >= low) & (drawn <= high)) < 0.96
+    ends = np.quantile(drawn, (0.025, 0.975))
+    assert [low, high] == pytest.approx(ends, abs=0.05 * np.ptp(ends))
+    remarked = [line for line in result.remarks if "the linear uncertainty fails: 95 %" in line]
+    assert len(remarked) == (emissivity != 0.5)
+    assert result.as_dict()["interval_K"] == pytest.approx([low, high])
+
+
+def test_the_interval_in_computed_air_is_that_of_draws():
+    given = {"emissivity": (0.9, 0.03), "reflected": (290, 3), "distance": (1500, 300)}
+    given |= {"humidity": (0.6, 0.2), "air_temperature": (285, 3)}
+    result = mi_lcair.temperature(320.0, "LWIR", **given)
+    points = norm.ppf(qmc.Sobol(len(given), seed=7).random(128))
+    drawn = [
+        mi_lcair.temperature(
+            320.0, "LWIR", **{k: min(m + z * s, 0.98 if k == "humidity" else 1e4)
+                              for z, (k, (m, s)) in zip(point, given.items())}
+        ).kelvin
+        for point in points
+        if point[0] < 3.3
+    ]  # fmt: skip
+    ends = np.quantile(drawn, (0.025, 0.975))
+    assert result.interval_K == pytest.approx(ends, abs=0.1 * np.ptp(ends))
 
 
 def test_contributions_of_computed_air():
