@@ -99,7 +99,7 @@ data = Measurements(theta_i=theta_i, theta_r=theta_r, brdf=brdf)
 found = fit(data, model="auto")
 assert found.model == model, found.candidates
 np.testing.assert_allclose(list(found.parameters.values()), list(surface.values()), rtol=0.02)
-assert set(found.verdict.values()) == {"determined"}, found.verdict
+assert all(words.startswith("determined") for words in found.verdict.values()), found.verdict
 print("all of it works")
 """
 

@@ -180,7 +180,7 @@ def test_a_tolerance_instead_of_a_number_of_samples(written):
         ({"render.tolerance_W_m2": -1.0}, "tolerance_W_m2 = -1; must be positive"),
         ({"render.tolerance": 0.1, "render.max_spp": 1}, "max_spp = 1; must lie in 2.."),
         ({"render.max_spp": 8}, "max_spp needs tolerance, tolerance_W_m2 or to_noise"),
-        ({"render.max_bounces": "[]"}, "max_bounces = []; give at least one number"),
+        ({"render.max_bounces": "[]"}, r"max_bounces = \[\]; give at least one number"),
         ({"render.max_bounces": "[1, -1]"}, "max_bounces = -1; must lie in 0..10000"),
         ({"render.max_bounces": "[1, 2.5]"}, "max_bounces = 2.5; must be a whole number"),
         ({"render.resolution": 0}, "resolution = 0"),
