@@ -364,12 +364,9 @@ class ByPower:
     costs more than it saves.
     """
 
-    not_in_kernels = ("least",)
-
     def __init__(self, panels: Panels):
-        choice = Choice(panels.radiance * panels.area)
-        self.panels, self.choice = panels, Choice.of_ends(choice.ends, choice.count)
-        self.least = choice.probability
+        self.panels, self.choice = panels, Choice(panels.radiance * panels.area)
+        self.least = self.choice.probability
         self.probabilities = mi.Float(self.least)
         dr.make_opaque(self.probabilities)
 
