@@ -12,8 +12,8 @@ from scipy.linalg import hadamard
 from scipy.sparse import csr_array
 
 from mi_lcair.charts import facets_section
+from mi_lcair.coincident import weld
 from mi_lcair.errors import InputError, check_known
-from mi_lcair.models3d.coincident import weld
 from mi_lcair.physics.bands import known_band
 from mi_lcair.plugins.emission.triangles import (
     Choice,

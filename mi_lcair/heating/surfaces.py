@@ -13,9 +13,9 @@ import mitsuba as mi
 import numpy as np
 from scipy import sparse
 
+from mi_lcair.coincident import unique_rows
 from mi_lcair.errors import InputError
 from mi_lcair.heating.conductors import RINGS_DEG
-from mi_lcair.models3d.coincident import unique_rows
 from mi_lcair.physics import materials
 from mi_lcair.physics.bands import Band, band
 from mi_lcair.physics.blackbody import in_band_radiance

@@ -3,7 +3,7 @@
 import numpy as np
 import scipy
 
-from mi_lcair.models3d.coincident import TOLERANCE, overlaps, unique_rows
+from mi_lcair.coincident import TOLERANCE, overlaps, unique_rows
 from mi_lcair.models3d.model import Model
 from mi_lcair.models3d.modellers.naming import TYPES
 
@@ -180,7 +180,6 @@ def _corners(model):
 # --------------------------------------------------
 
 COLD = 200.0  # lower temperatures, K, are remarked because they are rare on a surface
-OVERLAPS = (("back_to_back", "back to back"), ("one_on_the_other", "one on the other"))
 
 
 def report(model: Model) -> dict:
@@ -257,14 +256,14 @@ def remarkable(figures: dict, materials):
             f"{count} model facet{'s face' if count > 1 else ' faces'} inward{called}; the back of "
             "a facet neither emits nor reflects: turn their normals outward"
         )
-    for key, how in OVERLAPS:
-        if count := figures[key]["count"]:
-            a, b = (
-                f"{facet} ({name})" if name else f"{facet}"
-                for facet, name in zip(figures[key]["first"], figures[key]["names"])
-            )
-            more = f" ({count - 1} more pairs)" if count > 1 else ""
-            yield (
-                f"facets {a} and {b} lie {how} in one plane{more}; which of them is seen is left "
-                "to rounding"
-            )
+    pairs = figures["one_on_the_other"]
+    if count := pairs["count"]:
+        a, b = (
+            f"{facet} ({name})" if name else f"{facet}"
+            for facet, name in zip(pairs["first"], pairs["names"])
+        )
+        more = f" ({count - 1} more pairs)" if count > 1 else ""
+        yield (
+            f"facets {a} and {b} lie one on the other in one plane{more}; which of them is seen is "
+            "left to rounding"
+        )

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
+from mi_lcair.coincident import weld
 from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError, errors_of, option, shown
 from mi_lcair.extras import named
 from mi_lcair.files import read_text
-from mi_lcair.models3d.coincident import weld
 from mi_lcair.models3d.modellers import exchange
 from mi_lcair.models3d.modellers.naming import (
     TYPES,

@@ -34,6 +34,7 @@ from mi_lcair.plugins.emission.triangles import (
 )
 from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of, groups_of, is_thermal
 from mi_lcair.plugins.paths.launch import FacetStarts, Offsets, ParallelRays, views_of
+from mi_lcair.plugins.paths.sheets import Sheets, nearest_hit
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import model_shapes
 from mi_lcair.rendering.window import window, window_axes
@@ -216,7 +217,7 @@ def seen_shares(scene, sensor, area: np.ndarray) -> np.ndarray:
     # Opaque numbers, so that one kernel serves all sensors and models
     of_sensor, size = dr.opaque(mi.UInt32, windows), dr.opaque(mi.UInt32, 1 + count)
     ray = rays.at(window_of_ray, mi.UInt32(0), position, of_sensor, mi.UInt32(1))
-    hit = scene.mi.ray_intersect_preliminary(ray, coherent=True)
+    hit = nearest_hit(scene.mi, Sheets.of(scene.mi), ray, coherent=True)
     triangle = triangles.at(hit.shape, hit.prim_index, hit.is_valid())
     counts = dr.zeros(mi.UInt32, windows * (1 + count))
     dr.scatter_add(counts, mi.UInt32(1), window_of_ray * size + triangle)
@@ -512,7 +513,7 @@ def seen_facets(scene: Scene, facets: FacetTable, sensor: int = 0) -> np.ndarray
     The facet is the one that the ray through the pixel's centre hits.
     """
     ray, shape = pixel_rays(scene.sensor(sensor))
-    hit = scene.mi.ray_intersect_preliminary(ray, coherent=True)
+    hit = nearest_hit(scene.mi, Sheets.of(scene.mi), ray, coherent=True)
     return facets.number(hit.shape, hit.prim_index).numpy().astype(np.int32).reshape(shape)
 
 
@@ -623,7 +624,7 @@ class FacetTracer:
 
     def __init__(self, scene, table: FacetTable, surfaces: list[Radiator], of_shape: list[int]):
         self.scene, self.table, self.surfaces = scene.mi, table, surfaces
-        self.name, self.offsets = scene.name, Offsets(scene.mi)
+        self.name, self.offsets, self.sheets = scene.name, Offsets(scene.mi), Sheets.of(scene.mi)
         self.ids = [pointer_id(mi.ShapePtr(shape)) for shape in scene.mi.shapes()]
         of_pointer = np.zeros(max(self.ids) + 1, dtype=np.uint32)
         of_pointer[self.ids] = of_shape
@@ -632,7 +633,7 @@ class FacetTracer:
 
     def meet(self, ray, active=True) -> tuple[mi.SurfaceInteraction3f, mi.UInt32]:
         """What rays hit, and the number of its facet; ABSENT (2^32 - 1) if there is no hit."""
-        pi = self.scene.ray_intersect_preliminary(ray, coherent=False, active=active)
+        pi = nearest_hit(self.scene, self.sheets, ray, active=active)
         si = pi.compute_surface_interaction(ray, mi.RayFlags.All, active)
         return si, self.table.number(si.shape, si.prim_index, si.is_valid())
 

@@ -14,6 +14,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import known_band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.plugins.paths.sheets import nearest_hit
 from mi_lcair.plugins.recorders.radiance import BOUNCE_CHANNELS, MAX_BOUNCE_CHANNELS
 from mi_lcair.rendering.facets import WRITERS, FacetTable
 from mi_lcair.rendering.scene import Scene
@@ -465,9 +466,8 @@ def first_hit(tracer, facets: FacetTable, p, n, direction) -> np.ndarray:
     """
     si = dr.zeros(mi.SurfaceInteraction3f, dr.width(direction))
     si.p, si.n, si.sh_frame = p, n, mi.Frame3f(n)
-    hit = tracer.scene.ray_intersect_preliminary(
-        tracer.emitters.spawn_ray(si, direction), coherent=False
-    )
+    emitters = tracer.emitters
+    hit = nearest_hit(tracer.scene, emitters.sheets, emitters.spawn_ray(si, direction))
     return facets.number(hit.shape, hit.prim_index).numpy().astype(np.int32)  # ABSENT becomes -1
 
 

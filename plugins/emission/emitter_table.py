@@ -14,6 +14,7 @@ from mi_lcair.plugins.emission.sources import Groups, Sources, at_pointer
 from mi_lcair.plugins.emission.spherical_polygons import Receiver
 from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of, groups_of, is_thermal, one_sun
 from mi_lcair.plugins.paths.launch import Offsets, by_camera
+from mi_lcair.plugins.paths.sheets import Sheets, nearest_hit
 
 # Directions drawn toward emitters, what rays along them hit, and radiance by bin
 # -------------------------------------------------------------------------------
@@ -105,7 +106,7 @@ class EmitterTable:
     emitters to draw. brightest: upper bound of the radiance of all emitters that a ray can hit
     [W m^-2 sr^-1]. brightest_of: the same by group. unbounded: descriptions of the emitters without
     a known bound. sun: the emitter `sun`; None if the scene has none. passes: whether the scene has
-    surfaces that rays pass, see `is_passed`.
+    surfaces that rays pass, see `is_passed`. sheets: those of the scene; None if it has none.
     """
 
     def __init__(self, scene, sampling: bool, by_spectrum: bool = False, preference: float = 1.0):
@@ -152,7 +153,7 @@ class EmitterTable:
         self.transmits = any(
             of_bsdf & int(mi.BSDFFlags.Transmission) and not is_passed(of_bsdf) for of_bsdf in flags
         )
-        self.offsets = Offsets(scene)
+        self.offsets, self.sheets = Offsets(scene), Sheets.of(scene)
         dr.make_opaque(self.sun_id, self.divided_id, self.spectral_plumes)
 
     def spawn_ray(self, si, d):
@@ -328,7 +329,7 @@ class EmitterTable:
         active = active & (ds.pdf > 0)
         of_panels = active & (drawn.index < table.panel_count)
         ray = self.spawn_ray(si, ds.d)
-        pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active)
+        pi = nearest_hit(scene, self.sheets, ray, active=active)
         transmittance, distance, passed = None, ds.dist, []
         if self.passes:
             with dr.suspend_grad():
@@ -411,7 +412,7 @@ class EmitterTable:
             # Aimed at the drawn point again, because the start moves sideways by the offset
             start = self.offsets.leave(si, ray.d)
             ray = mi.Ray3f(start, dr.normalize(drawn.ds.p - start))
-            pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active)
+            pi = nearest_hit(scene, self.sheets, ray, active=active)
             active &= (transmittance > 0) & self.continues(table, ray, pi, drawn, active)
         return ray, pi, transmittance, times
 

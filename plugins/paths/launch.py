@@ -11,6 +11,7 @@ import numpy as np
 
 from mi_lcair.plugins.derivatives import attached, children, held, members, own_memory, variables
 from mi_lcair.plugins.emission import triangles
+from mi_lcair.plugins.paths.sheets import nearest_hit
 from mi_lcair.plugins.samplers.lattice import VECTOR, Lattice, hashed
 
 # Starts on facets: paths that begin where the sensor sees a drawn point of a facet
@@ -64,7 +65,7 @@ class FacetPoint:
     primitive: mi.UInt32
     extent: mi.Float
 
-    def first_hit(self, scene, ray) -> tuple[mi.PreliminaryIntersection3f, mi.Bool]:
+    def first_hit(self, scene, sheets, ray) -> tuple[mi.PreliminaryIntersection3f, mi.Bool]:
         """What a sensor's ray toward the point hits first, and whether that is the triangle.
 
         The start of the ray is known to a rounding of its coordinates, which may be more than the
@@ -74,9 +75,7 @@ class FacetPoint:
         distance = dr.dot(self.p - ray.o, ray.d)
         near = dr.minimum(distance, self.extent)
         start, before = self.p - near * ray.d, distance - near
-        hit = scene.ray_intersect_preliminary(
-            mi.Ray3f(start, ray.d, ray.maxt - before, 0, []), coherent=False
-        )
+        hit = nearest_hit(scene, sheets, mi.Ray3f(start, ray.d, ray.maxt - before, 0, []))
         hidden = scene.ray_test(mi.Ray3f(start, -ray.d, before, 0, []), before > 0)
         same = dr.reinterpret_array(mi.UInt32, hit.shape) == self.shape
         same &= hit.is_valid() & (hit.prim_index == self.primitive)

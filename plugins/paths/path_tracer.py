@@ -33,6 +33,7 @@ from mi_lcair.plugins.paths.launch import (
     Paths,
     rounding_error,
 )
+from mi_lcair.plugins.paths.sheets import nearest_hit
 from mi_lcair.plugins.paths.sums import BlockSums, Sums, Tail, block_size
 from mi_lcair.plugins.paths.walk import Replay, Walk
 from mi_lcair.plugins.recorders.channels import Channels, LastCounts, cell_of
@@ -342,7 +343,7 @@ class PathTracer(RBIntegrator):
             first_hit = FirstHit.of(scene, self.emitters)
             recorders = Recorders([first_hit, LastCounts.of(self.max_bounces)])
         replay = None if mode == dr.ADMode.Primal else Replay(mode, δL, state_in)
-        first = ray, scene.ray_intersect_preliminary(ray, coherent=True, active=active)
+        first = ray, nearest_hit(scene, self.emitters.sheets, ray, coherent=True, active=active)
         (L, state), valid, recorders = self.paths.walk(
             sampler, first, active, recorders, replay=replay
         )
@@ -488,9 +489,9 @@ class PathTracer(RBIntegrator):
         active = mi.Bool(True)
         if facet is None:
             # Without an aim, the paths of a pixel follow each other
-            hit = self.scene.ray_intersect_preliminary(ray, coherent=paths.aim is None)
+            hit = nearest_hit(self.scene, self.emitters.sheets, ray, coherent=paths.aim is None)
         else:
-            hit, active = facet.first_hit(self.scene, ray)
+            hit, active = facet.first_hit(self.scene, self.emitters.sheets, ray)
             weight = dr.select(active, weight, 0)
         recorders = recorders_of(cell_of(paths, column, row, position))
         if bins is not None:

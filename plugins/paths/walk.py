@@ -17,6 +17,7 @@ from mi_lcair.plugins.emission.emitter_table import MOST_PASSED, DrawnDirection,
 from mi_lcair.plugins.emission.panels import Openings
 from mi_lcair.plugins.emission.spherical_polygons import Receiver
 from mi_lcair.plugins.paths.launch import DIRECT, OTHER_THAN_DIRECT, WHOLE
+from mi_lcair.plugins.paths.sheets import nearest_hit
 from mi_lcair.plugins.recorders.recorder import Emission, Recorders, Reflection
 
 # Undrawn directions are NaN, and NaN * 0 is NaN. This valid direction replaces them.
@@ -469,7 +470,8 @@ class Walk:
     def mirrored(self, hit: Hit, active) -> mi.Float:
         """Radiance that is emitted toward each hit along the mirror direction [W m^-2 sr^-1]."""
         ray = self.emitters.spawn_ray(hit.si, hit.si.to_world(mi.reflect(hit.si.wi)))
-        si = self.scene.ray_intersect(ray, active)
+        pi = nearest_hit(self.scene, self.emitters.sheets, ray, active=active)
+        si = pi.compute_surface_interaction(ray, active=active)
         return dr.select(active, si.emitter(self.scene, active).eval(si, active)[0], 0)
 
     def turn(self, path: PathState, hit: Hit, scattering: Scattering, active) -> None:
@@ -491,7 +493,7 @@ class Walk:
         path.bounce += dr.select(passes, mi.UInt32(0), 1)
         # The offset from the surface is smaller than Mitsuba's in a small scene
         path.ray = self.emitters.spawn_ray(si, to)
-        path.pi = self.scene.ray_intersect_preliminary(path.ray, coherent=False, active=active)
+        path.pi = nearest_hit(self.scene, self.emitters.sheets, path.ray, active=active)
 
 
 def roulette(path: PathState, si, scattering: Scattering) -> mi.Spectrum:

@@ -22,8 +22,11 @@ from tests.heating.scenes import (
     spheres,
     square,
 )
+from tests.scenes.view_factors import parallel
 
 T = mi.ScalarTransform4f()
+OTHER_DIAGONAL = T.rotate([1, 0, 0], 180)  # turns a square over
+SAME_DIAGONAL = OTHER_DIAGONAL @ T.rotate([0, 0, 1], 90)
 
 
 @pytest.mark.parametrize(("e1", "e2"), [(0.9, 0.9), (0.5, 0.2), (0.1, 0.1)])
@@ -238,3 +241,29 @@ def test_a_rough_lobe_that_is_not_reciprocal_gets_a_remark(e, is_remarked):
     numbers = {"epsilon": 0.2, "rho_d": 0.05, "b": 0.1, "e": e}
     result = exchange(strip_between({"type": "sandford_robertson", **numbers}), rays=65536)
     assert any("not reciprocal" in remark for remark in result.remarks) == is_remarked
+
+
+@pytest.mark.parametrize("turn", [SAME_DIAGONAL, OTHER_DIAGONAL])
+@pytest.mark.parametrize("is_first", [True, False])
+@pytest.mark.parametrize("gap", [0, 1e-5])
+def test_a_sheet_of_two_facets_back_to_back(turn, is_first, gap):
+    """Squares of 2 m above and below it: each sees one side, whichever facet comes first."""
+    front = square(grey(1.0), emitter=emits("front"))
+    back = square(grey(1.0), T.translate([0, 0, -gap]) @ turn, emitter=emits("back"))
+    above, below = T.translate([0, 0, 1]) @ turn, T.translate([0, 0, -2])
+    sheet = {"front": front, "back": back} if is_first else {"back": back, "front": front}
+    result = exchange(
+        scene_of(
+            **sheet,
+            above=square(grey(1.0), above, emitter=emits("above")),
+            below=square(grey(1.0), below, emitter=emits("below")),
+        ),
+        rays=8192,
+    )
+    factors, errors = result.by_group(lambda C: C.between.toarray())
+    side = np.array([-1.0, 1.0, -1.0, 1.0])
+    F1, F2 = (4 * parallel(side, side, distance) for distance in (1, 2))
+    assert result.facets.groups == ("above", "back", "below", "front")
+    expected = np.array([[0, 0, 0, F1], [0, 0, F2, 0], [0, F2, 0, 0], [F1, 0, 0, 0]])
+    assert np.all(np.abs(factors - expected) <= 3 * errors + 1e-12)
+    assert result.remarks == ()

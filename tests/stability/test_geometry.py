@@ -180,7 +180,7 @@ def test_coincident_facets(tmp_path, gap, parted):
     """Two plates at a small distance are distinguished down to a gap of 0.1 um.
 
     A plate of 400 K is above one of 300 K. Both are 2 m wide and seen from 1 m. With a smaller gap
-    the image shows one, the other or both, depending on their order in the file, without a remark.
+    the image shows one, the other or both, depending on their order in the file, with a remark.
     """
     plates = {
         "below": (SQUARE, [(0, 1, 2, 3)], 0, 300),

@@ -4,8 +4,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mi_lcair.coincident import overlaps
 from mi_lcair.declared import percent
-from mi_lcair.models3d.coincident import overlaps
 from mi_lcair.models3d.modellers.naming import ICE_POINT, LOWEST
 from mi_lcair.plugins.bsdfs.plume import is_passed
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf, reflection_layers
@@ -20,13 +20,12 @@ from mi_lcair.plugins.emission.triangles import (
 )
 from mi_lcair.plugins.emitters.thermal_emitter import one_sun, thermal_shapes
 from mi_lcair.plugins.paths.launch import OF_POSITION, UNIT, numbers
+from mi_lcair.plugins.paths.sheets import corners_of, is_one_sided, nearest_hit
 from mi_lcair.rendering.loading import parsing
 
 # Remarks on triangles and rectangles of a scene: sheets in one plane, and parts too small
 # ----------------------------------------------------------------------------------------
 
-CORNERS = np.array([[-1, -1, 0, 1], [1, -1, 0, 1], [1, 1, 0, 1], [-1, 1, 0, 1]])  # of a rectangle
-HALVES = np.array([[0, 1, 2], [0, 2, 3]])  # its triangles
 # Relative error of what is reflected between facets whose size is that of one rounding of their
 # coordinates. True errors of 22 cubes of 1 mm to 1 km, up to 100 km from the origin, were at most
 # 1.7 times as large. In five of them they were 4 to 17 times smaller, as rounding is random. Errors
@@ -36,16 +35,12 @@ ERROR, RESOLVED = 2.0, 1e-3
 
 def remarks_on_triangles(scene: mi.Scene) -> list[str]:
     """Remarks on the triangles of meshes and the rectangles of a scene, one line each."""
-    corners, shapes = [], []
-    for shape in scene.shapes():
-        of_shape = triangles(shape)
-        if of_shape is not None:
-            corners.append(of_shape)
-            shapes.append(shape)
-    if not corners:
+    shapes = [shape for shape in scene.shapes() if shape.is_mesh()]
+    if not shapes:
         return []
-    first = np.cumsum([0, *map(len, corners)])
-    corners = np.concatenate(corners)
+    meshes = list(map(corners_of, shapes))
+    first, corners = np.cumsum([0, *map(len, meshes)]), np.concatenate(meshes).astype(float)
+    one_sided = np.repeat(list(map(is_one_sided, shapes)), np.diff(first))
 
     def name(number: int) -> str:
         shape = int(np.searchsorted(first, number, side="right")) - 1
@@ -55,19 +50,9 @@ def remarks_on_triangles(scene: mi.Scene) -> list[str]:
 
     return [
         *without_area(corners, shapes, first),
-        *thin_sheets(corners, name),
+        *thin_sheets(corners, one_sided, name),
         *small_parts(corners, name),
     ]
-
-
-def triangles(shape) -> np.ndarray | None:
-    """Corners of a mesh's or a rectangle's triangles, (n, 3, 3) [m]; None for other shapes."""
-    if is_faceted(shape):
-        return np.stack(triangle_corners(shape), axis=1).astype(float)
-    if shape.class_name() != "Rectangle":
-        return None
-    to_world = np.array(members(shape)["to_world"].matrix, dtype=float).reshape(4, 4)
-    return (CORNERS @ to_world.T)[HALVES, :3]
 
 
 def without_area(corners: np.ndarray, shapes: list, first: np.ndarray) -> list[str]:
@@ -90,14 +75,18 @@ def sizes(corners: np.ndarray) -> np.ndarray:
     return np.sqrt(np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1))
 
 
-def thin_sheets(corners: np.ndarray, name) -> list[str]:
+def thin_sheets(corners: np.ndarray, one_sided: np.ndarray, name) -> list[str]:
     """Remarks on triangles that overlap in one plane, where rays hit either one at random.
 
-    corners: (n, 3, 3) [m]. name: function that gives the name of a triangle by its number.
+    One-sided triangles back to back are none of them, see `Sheets`.
+
+    corners: (n, 3, 3) [m]. one_sided: whether each is, (n,). name: function that gives the name of
+    a triangle by its number.
     """
     sheets, remarks = overlaps(corners), []
+    seen = ~one_sided[sheets.back_to_back].all(axis=1)
     for pairs, how in (
-        (sheets.back_to_back, "back to back"),
+        (sheets.back_to_back[seen], "back to back"),
         (sheets.same_side, "one on the other"),
     ):
         if len(pairs):
@@ -335,7 +324,8 @@ def remarks_on_view(scene: mi.Scene, emitters: EmitterTable) -> tuple[list[str],
         ray, _ = scene.sensors()[0].sample_ray(
             0.0, numbers[0], mi.Point2f(*numbers[1:3]), mi.Point2f(*numbers[3:5])
         )
-        si = scene.ray_intersect(ray)
+        pi = nearest_hit(scene, emitters.sheets, ray)
+        si = pi.compute_surface_interaction(ray)
         bsdf, of_model = si.bsdf(ray), si.is_valid() & emitters.is_model(si.emitter(scene))
         on_target = of_model & ~is_passed(bsdf.flags())
         side = dr.select(
@@ -345,7 +335,7 @@ def remarks_on_view(scene: mi.Scene, emitters: EmitterTable) -> tuple[list[str],
         bs, weight = bsdf.sample(mi.BSDFContext(), si, numbers[0], sample, on_target)
         reflected = dr.select(on_target, weight[0], 0)
         ray = emitters.spawn_ray(si, si.to_world(bs.wo))
-        beyond = scene.ray_intersect_preliminary(ray, active=on_target)
+        beyond = nearest_hit(scene, emitters.sheets, ray, active=on_target)
         escapes = on_target & ~beyond.is_valid()
         if scene.environment() is not None:
             of_sky = beyond.compute_surface_interaction(ray, active=on_target)

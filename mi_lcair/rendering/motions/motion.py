@@ -24,9 +24,9 @@ import mitsuba as mi
 import numpy as np
 import scipy
 
+from mi_lcair.coincident import weld
 from mi_lcair.errors import InputError, check_known
 from mi_lcair.files import check_file
-from mi_lcair.models3d.coincident import weld
 from mi_lcair.plugins.emission.triangles import is_faceted, triangle_vertices, vertex_positions
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal, one_sun
 from mi_lcair.rendering.loading.files import survey_values

@@ -273,9 +273,12 @@ def test_damaged_obj(tmp_path):
 
 
 def test_thin_sheets_are_remarked(tmp_path):
-    """Facets back to back, and one on the other: which is seen is left to rounding."""
+    """Two-sided facets back to back, and one on the other: which is seen is left to rounding."""
     write_ply(tmp_path / "plate.ply", SQUARE, [*HALVES, [0, 2, 1]])
     scene = mi_lcair.load(write(tmp_path, PATH, SENSOR, mesh(PAINT + THERMAL)))
+    assert not any("triangles" in remark for remark in scene.remarks)
+    both = f'<bsdf type="twosided">{PAINT}</bsdf>'
+    scene = mi_lcair.load(write(tmp_path, PATH, SENSOR, mesh(both + THERMAL)))
     assert any("1 pair of triangles" in r and "back to back" in r for r in scene.remarks)
     smaller = placed('<scale value="0.5"/>')
     write_ply(tmp_path / "plate.ply", SQUARE, HALVES)

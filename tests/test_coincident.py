@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mi_lcair.models3d.coincident import overlaps
+from mi_lcair.coincident import overlaps
 from tests.calls import calls_of
 
 SQUARE = np.array([[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]]], float)
