@@ -341,6 +341,7 @@ def checked(loaded: mi.Scene, path: Path | None, parameters: dict[str, str]) -> 
         notes=[
             *remarks.remarks_on_materials(loaded),
             *remarks.suns_below_the_horizon(loaded),
+            *remarks.skies_by_night(loaded),
             *of_nothing,
             *behind,
             *of_bins,

@@ -18,7 +18,7 @@ from mi_lcair.plugins.emission.triangles import (
     triangle_corners,
     triangle_vertices,
 )
-from mi_lcair.plugins.emitters.thermal_emitter import one_sun, thermal_shapes
+from mi_lcair.plugins.emitters.thermal_emitter import is_thermal, one_sun, thermal_shapes
 from mi_lcair.plugins.paths.launch import OF_POSITION, UNIT, numbers
 from mi_lcair.plugins.paths.sheets import corners_of, is_one_sided, nearest_hit
 from mi_lcair.rendering.loading import parsing
@@ -209,6 +209,24 @@ def suns_below_the_horizon(scene: mi.Scene) -> list[str]:
         f"{sun.group}: elevation_deg = {sun.elevation_deg:g} is below the horizon, and the sun "
         "lights the scene from below; choose one above 0"
     ]
+
+
+def skies_by_night(scene: mi.Scene) -> list[str]:
+    """Remarks on an emitter sky that does not know the sun of the scene."""
+    sun, sky = one_sun(scene.emitters()), scene.environment()
+    if sun is None or sun.elevation_deg < 1 or not is_thermal(sky) or not sky.is_divided:
+        return []
+    if sky.sun_elevation_deg is not None or sky.values["sky"] == "overcast":
+        return []
+    emissivity = sky.ground_emissivity
+    unlit = ["a sky without scattered sunlight"] * (sky.values["sky"] == "clear")
+    unlit += ["ground in the dark"] * (emissivity is not None and float(emissivity[0]) < 1)
+    given = {"sun_elevation_deg": sun.elevation_deg, "sun_azimuth_deg": sun.azimuth_deg}
+    properties = " ".join(f'<float name="{name}" value="{at:g}"/>' for name, at in given.items())
+    return [
+        f"{sky.group}: without sun_elevation_deg it is {' and '.join(unlit)} beside the emitter "
+        f"sun; add {properties}"
+    ] * bool(unlit)
 
 
 def in_celsius(scene: mi.Scene) -> list[str]:

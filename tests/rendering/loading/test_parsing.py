@@ -371,6 +371,42 @@ def test_a_sun_below_the_horizon_is_remarked(tmp_path, elevation, is_remarked):
     assert any("below the horizon" in remark for remark in scene.remarks) is is_remarked
 
 
+@pytest.mark.parametrize(
+    "properties, remarked",
+    [
+        ('<string name="sky" value="250"/> GROUND', "ground in the dark beside"),
+        (
+            '<string name="sky" value="clear"/> GROUND',
+            "a sky without scattered sunlight and ground in the dark beside the emitter sun; "
+            'add <float name="sun_elevation_deg" value="20"/> <float name="sun_azimuth_deg" '
+            'value="60"/>',
+        ),
+        ('<string name="sky" value="250"/>', ""),
+        ('<string name="sky" value="overcast"/> GROUND', ""),
+        (
+            '<string name="sky" value="250"/> GROUND <float name="sun_elevation_deg" value="20"/>',
+            "",
+        ),
+    ],
+)
+def test_a_sky_by_night_beside_a_sun_is_remarked(tmp_path, properties, remarked):
+    """Its grey ground is dark, and a clear sky scatters no sunlight."""
+    ground = (
+        '<float name="ground_temperature" value="290"/> '
+        '<float name="ground_emissivity" value="0.7"/> '
+        '<float name="sun_azimuth_deg" value="60"/>'
+    )
+    sky = f'<emitter type="sky"> <string name="band" value="LWIR"/> {properties} </emitter>'
+    sky = sky.replace("GROUND", ground)
+    sun = (
+        '<emitter type="sun"> <float name="elevation_deg" value="20"/> '
+        '<float name="azimuth_deg" value="60"/> <string name="band" value="LWIR"/> </emitter>'
+    )
+    scene = mi_lcair.load(write(tmp_path, PATH, SENSOR, shape(PAINT + THERMAL), sun, sky))
+    of_sky = [remark for remark in scene.remarks if "sun_elevation_deg" in remark]
+    assert len(of_sky) == bool(remarked) and all(remarked in remark for remark in of_sky)
+
+
 # Scenes far from their origin: moved there in double precision, or refused
 # -------------------------------------------------------------------------
 
