@@ -73,7 +73,7 @@ def spread(f, inputs, slopes):
     number = Formula(f, dict(zip(inputs.names, inputs.values)))
     sigma = float(np.sqrt(slopes @ inputs.covariance @ slopes))
     checks = check(number, inputs, slopes, sigma)
-    curved = second_order(checks, number.value, sigma, inputs.distributions)
+    curved = second_order(number, checks, sigma, inputs.distributions)
     return sigma, curved, monte_carlo(number, inputs, slopes, 0.0, 4000, 1)
 
 
@@ -152,7 +152,7 @@ def test_intervals_of_curved_sums_hold_what_they_claim(seed):
 
     number = Formula(f, dict.fromkeys(names, 5.0))
     sigma = float(np.sqrt(a @ inputs.covariance @ a))
-    found = second_order(check(number, inputs, a, sigma), number.value, sigma, inputs.distributions)
+    found = second_order(number, check(number, inputs, a, sigma), sigma, inputs.distributions)
     laws = inputs.distributions
     draws = {
         name: laws[name].law.rvs(2**16, random_state=rng)

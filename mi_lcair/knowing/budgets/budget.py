@@ -5,7 +5,7 @@ import pickle
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -188,7 +188,9 @@ MATTERS = 0.01  # share of the variance from which a quantity is checked
 # Difference between the change of the result and its linear estimate, relative to that estimate,
 # from which the linear answer fails
 FAILS = 0.1
+SIDES = "plus", "minus"
 POINTS = 17  # logarithm to base 2 of the number of points of the distribution to the second order
+BLOCKS = 32  # into which they are divided, for the memory
 INTERVAL = 0.025, 0.975  # quantiles at the ends of an interval
 
 
@@ -206,6 +208,9 @@ class Check:
         quantity cannot have such a value.
     holds : bool
         Whether all of them agree.
+    cubic : ndarray, shape (3, m)
+        Coefficients of z, z^2 and z^3 in the change of what the result follows from, for z standard
+        deviations (`Linear.smooth`). Only the first is not 0 without both sides.
     """
 
     quantity: str
@@ -213,13 +218,11 @@ class Check:
     plus: float | None
     minus: float | None
     holds: bool
+    cubic: np.ndarray | None = field(default=None, repr=False)
 
-    def change(self, z: np.ndarray) -> np.ndarray:
-        """Change of the result for z standard deviations: a cubic, or linear without both sides."""
-        a, b, c = self.linear, 0.0, 0.0
-        if None not in (self.plus, self.minus):
-            b, c = (self.plus + self.minus) / 2, (self.plus - self.minus) / 2 - a
-        return z * (a + z * (b + z * c))
+    def as_dict(self) -> dict[str, Any]:
+        """The check for JSON."""
+        return {name: getattr(self, name) for name in ("quantity", "linear", *SIDES, "holds")}
 
     def cells(self) -> list[str]:
         """The check as a row of a table."""
@@ -271,19 +274,23 @@ def check(number: Number, inputs: Inputs, derivative: np.ndarray, total: float) 
         names = [inputs.quantities[k].name for k in group.index]
         if len(names) == 1:
             step = np.abs(step)
-        linear, changes = float(c @ step), []
+        a = sum(s * number.slopes.get(n, np.array([d])) for s, n, d in zip(step, names, c))
+        linear, changes, cubic = float(c @ step), [], np.array([a, 0 * a, 0 * a])
         for sign in (1, -1):
             values = dict(zip(names, inputs.values[group.index] + sign * step))
-            feasible = number.is_feasible(values)
-            changes.append(number.at(values) - number.value if feasible else None)
-        plus, minus = changes
+            there = number.linear_at(values) if number.is_feasible(values) else None
+            changes.append(there and (there.value - number.value, there.smooth - number.present))
+        if None not in changes:
+            up, down = (change for _, change in changes)
+            cubic[1:] = (up + down) / 2, (up - down) / 2 - a
+        plus, minus = (change and change[0] for change in changes)
         differences = [
             abs(change - expected)
             for change, expected in ((plus, linear), (minus, -linear))
             if change is not None
         ]
         holds = None not in changes and max(differences) <= FAILS * abs(linear)
-        checks.append(Check(group.label, linear, plus, minus, holds))
+        checks.append(Check(group.label, linear, plus, minus, holds, cubic))
     return checks
 
 
@@ -299,11 +306,14 @@ class SecondOrder:
         Its standard deviation.
     interval : tuple of float
         Interval that holds about 95 % of the results.
+    other_sign : float
+        Probability that the contrast behind a ratio or a range has the other sign.
     """
 
     shift: float
     sigma: float
     interval: tuple[float, float]
+    other_sign: float = 0.0
 
     def words(self, unit: str) -> str:
         """The distribution in one line."""
@@ -311,25 +321,33 @@ class SecondOrder:
         sigma = in_unit(f"{self.sigma:.3g}", unit)
         return f"mean {self.shift:+.2g}, sigma {sigma}, about 95 % in {low:.5g}..{high:.5g}"
 
+    def sentence(self) -> str | None:
+        """Why the linear answer fails, in one line; None if the contrast keeps its sign."""
+        if self.other_sign < MATTERS:
+            return None
+        return (
+            f"the contrast has the other sign with a probability of {percent(self.other_sign)}; "
+            "the second order includes that, and the linear answer does not"
+        )
+
 
 def second_order(
+    number: Number,
     checks: list[Check],
-    value: float,
     sigma: float,
     distributions: Mapping[str, Distribution] = MappingProxyType({}),
 ) -> SecondOrder | None:
     """The distribution of a result to the second order and beyond.
 
-    Along the direction of each check, the result is the cubic a z + b z^2 + c z^3 through its
-    changes at z = 1 and z = -1, with the derivative a. The z are drawn from their distributions, as
-    a Sobol sequence, which needs no render. What was not checked is linear and normal, and what has
-    no value on one side is linear.
+    Along the direction of each check, what the result follows from is the cubic a z + b z^2 + c z^3
+    through its changes at z = 1 and z = -1, with the derivative a. The z are drawn from their
+    distributions, as a Sobol sequence, which needs no render. What was not checked is linear and
+    normal, and what has no value on one side is linear.
 
     Parameters
     ----------
+    number : Number
     checks : list of Check
-    value : float
-        The result.
     sigma : float
         Its combined standard uncertainty by the law of propagation.
     distributions : mapping of str to Distribution
@@ -348,14 +366,22 @@ def second_order(
     points = stats.qmc.Sobol(len(used) + 1, seed=0).random_base2(POINTS)
     normal = stats.norm.ppf(points)
     rest = sigma**2 - sum(term.linear**2 for term in used)
-    drawn = value + np.sqrt(max(rest, 0.0)) * normal[:, -1]
     for term, z, u in zip(used, normal.T, points.T):
         if term.quantity in distributions:
             of_entry = distributions[term.quantity]
-            z = (of_entry.law.ppf(u) - of_entry.centre) / of_entry.law.std()
-        drawn += term.change(z)
-    ends = np.quantile(drawn, INTERVAL)
-    return SecondOrder(float(drawn.mean() - value), float(drawn.std()), tuple(ends.tolist()))
+            z[:] = (of_entry.law.ppf(u) - of_entry.centre) / of_entry.law.std()
+    cubics = np.concatenate([term.cubic for term in used])
+    drawn, other = [], 0
+    for z in np.split(normal, BLOCKS):
+        powers = z[:, :-1, None] ** [1, 2, 3]
+        smooth = number.present + powers.reshape(len(z), -1) @ cubics
+        smooth += np.sqrt(max(rest, 0.0)) * z[:, -1:] * number.unit_change
+        drawn.append(number.results(smooth))
+        if number.signed_column is not None:
+            other += np.sum((smooth * number.present)[:, number.signed_column] < 0)
+    drawn = np.concatenate(drawn)
+    ends, shift = np.quantile(drawn, INTERVAL), float(drawn.mean() - number.value)
+    return SecondOrder(shift, float(drawn.std()), tuple(ends.tolist()), float(other / len(drawn)))
 
 
 # What the budget of a scenario may be of
@@ -518,7 +544,7 @@ def draw_up(
         estimate = Estimate.of(number.value, number.unit, rows)
         sigma = estimate.standard_error
         checks = check(number, inputs, derivative, sigma)
-        distribution = None
+        curved, distribution = second_order(number, checks, sigma, inputs.distributions), None
         if draws is not None:
             independent = np.hypot.reduce([*facets.values(), 0])
             how = draws, sampling.seed, sampling.progress
@@ -529,9 +555,9 @@ def draw_up(
             estimate=estimate,
             inputs=inputs,
             checks=checks,
-            second_order=second_order(checks, number.value, sigma, inputs.distributions),
+            second_order=curved,
             monte_carlo=distribution,
-            remarks=remarks(number, checks, distribution),
+            remarks=remarks(number, checks, curved, distribution),
             renders=number.renders,
             paths=number.numbers.paths,
             seconds=time.perf_counter() - start,
@@ -564,13 +590,12 @@ def result_of(what: Scene | Scenario, sampling: Sampling, names=(), of: str = "c
         yield contrast_number.IntensityNumber(what, replace(sampling, progress=None))
 
 
-def remarks(number: Number, checks: list[Check], distribution: MonteCarlo | None) -> list[str]:
-    """Limits of a budget, one line each."""
+def remarks(number: Number, checks: list[Check], *distributions) -> list[str]:
+    """Limits of a budget, one line each. distributions: `SecondOrder`, `MonteCarlo`, or None."""
     total = number.total
     lines = [*invalid_remark(total.invalid, int(total.traced.sum()))]
     lines += [entry.sentence(number.unit) for entry in checks if not entry.holds]
     if number.numbers.reached is False:
         lines.append("the tolerance was not reached; the noise of the rendering has its own row")
-    if distribution is not None and distribution.sentence():
-        lines.append(distribution.sentence())
-    return lines
+    sentences = [of_one.sentence() for of_one in distributions if of_one is not None]
+    return [*lines, *filter(None, sentences)]

@@ -17,7 +17,7 @@ from mi_lcair.detection.camera.electronics import Camera, electron_band
 from mi_lcair.detection.camera.measures import background_noise, netd
 from mi_lcair.detection.camera.ranges import Silhouette
 from mi_lcair.detection.camera.view import CameraView
-from mi_lcair.detection.detection_range import detection_range
+from mi_lcair.detection.detection_range import SLOPE_STEP, detection_range, searched_ranges
 from mi_lcair.detection.irradiance import (
     QUANTITIES,
     TERMS,
@@ -378,6 +378,7 @@ def in_um(name: str) -> tuple[float, ...]:
 # Numbers that follow from what arrives at a sensor: temperature, range, noise
 # ----------------------------------------------------------------------------
 
+NEWTON = 4  # steps to the end of a detection between two ranges
 NEAR = 1.5  # ratio of ranges within which a changed detection range is sought first
 
 
@@ -389,7 +390,8 @@ class DerivedNumber(ContrastNumber):
     sensor.optics_transmittance, nei, snr     entries of [sensor] that the scenario states
     camera.f_number, read_noise_e, ...        numbers of [camera]
 
-    A subclass sets title and unit and defines `value_of`.
+    A subclass sets title and unit and defines `value_of`. If that is the size of something with a
+    sign, `smooth_of` is what has the sign.
     """
 
     has_weights = False
@@ -404,15 +406,27 @@ class DerivedNumber(ContrastNumber):
         return known | numbers_of("camera", self.scenario.camera)
 
     def linear(self, total, areas, quantities):
-        value = self.value_of(self.seen(total, areas, quantities))
-        return Linear(np.ones(1), np.array([value]), np.zeros((1, 1)))
+        seen = self.seen(total, areas, quantities)
+        return Linear.known(self.value_of(seen), partial(self.smooth_of, seen))
+
+    def smooth_of(self, seen: Seen) -> np.ndarray:
+        """What the number follows from, smooth in all quantities, (m,)."""
+        return np.array([self.value_of(seen)])
+
+    def closed_derivative(self, name, sigma):
+        (high, low), width = self.closed_ends(name, sigma)
+        return self.along(name, (high.smooth - low.smooth) / width), 0.0
 
     @cached_property
+    def brighter(self):
+        seen = self.seen(self.total, self.areas, {})
+        low, high = (self.smooth_of(replace(seen, brightness=1 + end)) for end in (-SMALL, SMALL))
+        return (high - low) / (2 * SMALL)
+
+    @property
     def of_intensity(self) -> float:
         """Derivative of the number with respect to the logarithm of the target's irradiance."""
-        seen = self.seen(self.total, self.areas, {})
-        low, high = (self.value_of(replace(seen, brightness=1 + end)) for end in (-SMALL, SMALL))
-        return (high - low) / (2 * SMALL)
+        return self.slope(self.brighter)
 
     @property
     def most_of_intensity(self) -> float:
@@ -489,14 +503,63 @@ class DetectionRangeNumber(DerivedNumber):
         if self.first is not None:
             last = np.inf if air.is_vacuum else air.ranges_m[-1]
             ends = self.first / NEAR, min(self.first * NEAR, last)
-            if excess(ends[0]) > 0 > excess(ends[1]):
+            is_last = air.is_vacuum or excess(last) < 0
+            if is_last and excess(ends[0]) > 0 > excess(ends[1]):
                 return float(brentq(excess, *ends, rtol=1e-10))
         result = detection_range(seen, detector, air, seen.setting.target.radius)
-        if result.largest_m is None or result.at_least:
-            raise InputError(f"has no end of the detection for a budget: {result.summary()}")
         if self.first is None:
+            if result.largest_m is None or result.at_least:
+                raise InputError(f"has no end of the detection for a budget: {result.summary()}")
             self.first = result.largest_m
-        return result.largest_m
+        return result.largest_m or 0.0
+
+    # The signal over the least one, with its sign, at each range. The number is the largest range
+    # where its size is 1 or more.
+
+    @cached_property
+    def ranges_m(self) -> np.ndarray:
+        """Rising ranges, of which `first` is one; in vacuum the only one."""
+        if self.setting.air.is_vacuum:
+            return np.array([self.first])
+        return np.union1d(searched_ranges(self.setting.air, self.setting.target.radius), self.first)
+
+    def signals(self, seen: Seen, ranges_m) -> np.ndarray:
+        detector = seen.setting.detector
+        contrasts = np.array([seen.contrast(range_m) for range_m in ranges_m])
+        return detector.signal(contrasts) / (detector.snr * detector.nei)
+
+    def smooth_of(self, seen):
+        return self.signals(seen, self.ranges_m)
+
+    def results(self, smooth):
+        r, nearest = self.ranges_m, self.setting.target.radius
+        if len(r) == 1:  # in vacuum the signal falls as 1 / range^2
+            largest = r * np.sqrt(np.abs(smooth[:, 0]))
+            return np.where(largest > nearest, largest, 0.0)
+        last = len(r) - 1 - np.argmax(np.abs(smooth[:, ::-1]) >= 1, axis=1)
+        draw, k = np.arange(len(smooth)), np.minimum(last, len(r) - 2)
+        # Between two ranges the signal times range^2 is linear in the logarithm of range
+        ends = smooth[draw, [k, k + 1]] * r[[k, k + 1]] ** 2 * np.sign(smooth[draw, k])
+        width, t = np.log(r[k + 1] / r[k]), np.ones(len(smooth))
+        for _ in range(NEWTON):
+            least, slope = (r[k] * np.exp(width * t)) ** 2, ends[1] - ends[0]
+            t -= (ends[0] + t * slope - least) / (slope - 2 * width * least)
+        largest = np.where(last == len(r) - 1, r[-1], r[k] * np.exp(width * np.clip(t, 0, 1)))
+        return np.where(np.any(np.abs(smooth) >= 1, axis=1), largest, 0.0)
+
+    def slope(self, direction):
+        seen, step = self.seen(self.total, self.areas, {}), SLOPE_STEP * self.first
+        low, high = self.signals(seen, [self.first - step, self.first + step])
+        return float(-direction[self.signed_column] * 2 * step / (high - low))
+
+    @property
+    def signed_column(self) -> int:
+        return int(np.searchsorted(self.ranges_m, self.first))
+
+    @property
+    def unit_change(self):
+        change = self.brighter if self.of_intensity else self.present
+        return change / self.slope(change)
 
 
 class SignalToNoise(DerivedNumber):
@@ -509,18 +572,33 @@ class SignalToNoise(DerivedNumber):
             return detector.band
         return electron_band(detector.band, imager, detector.optics_transmittance)
 
+    signed_column = 0
+
     def value_of(self, seen):
+        return abs(self.signed(seen))
+
+    def smooth_of(self, seen):
+        return np.array([self.signed(seen)])
+
+    def results(self, smooth):
+        return np.abs(smooth[:, 0])
+
+    def slope(self, direction):
+        return float(np.copysign(1, self.present[0]) * direction[0])
+
+    def signed(self, seen: Seen) -> float:
+        """The ratio with the sign of the contrast."""
         contrast, detector, imager = seen.contrast(), seen.setting.detector, seen.imager
         if imager is None:
             if detector.nei is None:
                 raise InputError(f"{self.title}: needs a table [camera], or nei of [sensor]")
-            return float(abs(detector.signal(contrast)) / detector.nei)
+            return float(detector.signal(contrast) / detector.nei)
         camera, range_m, target = self.camera(seen), seen.path.range_m, seen.setting.target
         view = CameraView.of(target, self.scenario.observer.view, range_m, imager)
         silhouette = Silhouette.of(self.scene, view, range_m)
         spread, _ = silhouette.spread(camera.optics.at(range_m), range_m)
         electrons = contrast / imager.pixel_angle**2
-        return float(abs(electrons) * spread / background_noise(camera))
+        return float(electrons * spread / background_noise(camera))
 
 
 class Netd(DerivedNumber):

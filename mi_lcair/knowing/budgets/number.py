@@ -7,9 +7,11 @@ another render, which repeats the same paths.
 
 import pickle
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from math import isclose
+from types import MappingProxyType
 
 import numpy as np
 
@@ -36,15 +38,27 @@ class Linear:
     """A result as a sum of factors times amounts, such as radiances times effective areas.
 
     factors, amounts: (n,). covariance: (n, n), covariance of the amounts from the rendering.
+    of_smooth: gives `smooth`; None for the value itself.
     """
 
     factors: np.ndarray
     amounts: np.ndarray
     covariance: np.ndarray
+    of_smooth: Callable[[], np.ndarray] | None = None
 
     @property
     def value(self) -> float:
         return float(self.factors @ self.amounts)
+
+    @property
+    def smooth(self) -> np.ndarray:
+        """What changes smoothly with all quantities, and from which the value follows, (m,)."""
+        return self.of_smooth() if self.of_smooth else np.array([self.value])
+
+    @classmethod
+    def known(cls, value: float, of_smooth=None) -> "Linear":
+        """A value without a noise."""
+        return cls(np.ones(1), np.array([value]), np.zeros((1, 1)), of_smooth)
 
     @property
     def error(self) -> float:
@@ -81,7 +95,10 @@ class Number(ABC):
     numbers: CommonNumbers
     part: str = "target"
     columns = 0  # renders of derivatives so far
-    of_motions = ()  # (name, value, number for this value) of motions
+    of_motions = ()  # (name, value, `Linear` for this value) of motions
+    # Derivatives of `smooth` by name, (m,), where they are not those of the number
+    slopes: Mapping[str, np.ndarray] = MappingProxyType({})
+    signed_column: int | None = None  # of `smooth`, the contrast, if its sign is not the number's
     sent: tuple  # a function that makes the number again on a worker, and its arguments
 
     def __reduce__(self) -> tuple:
@@ -135,18 +152,42 @@ class Number(ABC):
 
     def at(self, values: Mapping[str, float]) -> float:
         """The number for other values of some quantities, from the same random numbers."""
+        return self.linear_at(values).value
+
+    def linear_at(self, values: Mapping[str, float]) -> Linear:
+        """The same as a sum, with what the number follows from."""
         quantities = {name: value for name, value in values.items() if self.is_stated(name)}
         rest = {name: value for name, value in values.items() if not self.is_own(name)}
-        for name, end, number in self.of_motions:
+        for name, end, there in self.of_motions:
             if list(values) == [name] and isclose(values[name], end, rel_tol=1e-9):
-                return number
+                return there
         checked_names = {name: v for name, v in rest.items() if not self.is_emission(name)}
         if not checked_names:
-            return self.linear(self.total, self.changed(self.areas, rest), quantities).value
+            return self.linear(self.total, self.changed(self.areas, rest), quantities)
         total = self.numbers.render(checked_names)
         areas = self.areas_of(total)
         emission = {name: value for name, value in rest.items() if name not in checked_names}
-        return self.linear(total, self.changed(areas, emission), quantities).value
+        return self.linear(total, self.changed(areas, emission), quantities)
+
+    # ------------------------------------------------------------------ From what is smooth
+
+    @cached_property
+    def present(self) -> np.ndarray:
+        """`smooth` of the number itself."""
+        return self.base.smooth
+
+    def results(self, smooth: np.ndarray) -> np.ndarray:
+        """The number for each row of what it follows from, (n, m): (n,)."""
+        return smooth[:, 0]
+
+    def slope(self, direction: np.ndarray) -> float:
+        """Derivative of the number where `smooth` changes in a direction, (m,)."""
+        return float(direction[0])
+
+    @property
+    def unit_change(self) -> np.ndarray:
+        """Change of `smooth` that changes the number by about 1, (m,)."""
+        return np.ones(1)
 
     def is_feasible(self, values: Mapping[str, float]) -> bool:
         """Whether the quantities can have these values together."""
@@ -239,6 +280,14 @@ class Number(ABC):
 
     def closed_derivative(self, name: str, sigma: float) -> tuple[float, float]:
         """Derivative with respect to a quantity that needs no render, and its standard error."""
+        (high, low), width = self.closed_ends(name, sigma)
+        slope = replace(self.base, factors=(high.factors - low.factors) / width)
+        # Amounts change only with quantities that have no noise, such as that of the sensor
+        of_amounts = self.base.factors @ (high.amounts - low.amounts) / width
+        return slope.value + float(of_amounts), slope.error
+
+    def closed_ends(self, name: str, sigma: float) -> tuple[list[Linear], float]:
+        """The number a small step above and below a quantity, and the width of both steps."""
         step, value = SMALL * sigma, self.known[name].value
         if value:
             step = float(np.clip(step, *(bound * abs(value) for bound in STEPS)))
@@ -248,11 +297,7 @@ class Number(ABC):
             rest = {} if self.is_own(name) else {name: end}
             areas = self.changed(self.areas, rest)
             ends.append(self.linear(self.total, areas, quantities))
-        high, low = ends
-        slope = replace(self.base, factors=(high.factors - low.factors) / (limits[0] - limits[1]))
-        # Amounts change only with quantities that have no noise, such as that of the sensor
-        of_amounts = self.base.factors @ (high.amounts - low.amounts) / (limits[0] - limits[1])
-        return slope.value + float(of_amounts), slope.error
+        return ends, limits[0] - limits[1]
 
     def source_slope(self, k: int) -> float:
         """Derivative of the number with respect to the temperature of source number k."""
@@ -293,8 +338,14 @@ class Number(ABC):
                 continue
             errors.append(np.nan)
             low, high = (self.within(name, self.known[name].value + s) for s in (-step, step))
-            slopes.append((self.at({name: high}) - self.at({name: low})) / (high - low))
+            change = self.linear_at({name: high}).smooth - self.linear_at({name: low}).smooth
+            slopes.append(self.along(name, change / (high - low)))
         return np.array([slopes, errors])
+
+    def along(self, name: str, direction: np.ndarray) -> float:
+        """Note the derivative of `smooth` with respect to a quantity; return the number's."""
+        self.slopes = {**self.slopes, name: direction}
+        return self.slope(direction)
 
     def moved_difference(self, name: str, sigma: float) -> tuple[float, float]:
         """Derivative with respect to a motion over a standard deviation, and its standard error.
@@ -306,16 +357,19 @@ class Number(ABC):
         self.numbers.count += 2
         step, present = difference.step, self.known[name].value
         high, low = (
-            self.linear(total, self.areas_of(total), {}).value for total in difference.ends
+            self.linear(total, self.areas_of(total), {}).smooth for total in difference.ends
         )
         mean = self.total.mean(PARTS[self.part])[0]
-        factor = self.of_intensity / mean if mean else self.numbers.area
+        factor = self.brighter / mean if mean else np.array([self.numbers.area])
         below, above = difference.one_sided
         bend = factor * (above - below) * step / 2
         for sign in (1, -1):
-            change = sign * (high - low) / 2 + bend
-            self.of_motions += ((name, present + sign * step, self.value + change),)
-        return (high - low) / (2 * step), abs(factor) * difference.error
+            smooth = self.present + sign * (high - low) / 2 + bend
+            here, there = self.results(np.array([self.present, smooth]))
+            moved = Linear.known(self.value + there - here, partial(np.copy, smooth))
+            self.of_motions += ((name, present + sign * step, moved),)
+        slope = self.along(name, (high - low) / (2 * step))
+        return slope, abs(self.slope(factor)) * difference.error
 
     def within(self, name: str, value: float) -> float:
         """The value, or the bound of the quantity that it would cross."""
@@ -355,3 +409,8 @@ class Number(ABC):
     def of_intensity(self) -> float:
         """The part of the number that is proportional to the intensity."""
         return self.value
+
+    @property
+    def brighter(self) -> np.ndarray:
+        """Derivative of `smooth` with respect to the logarithm of the intensity, (m,)."""
+        return np.array([self.of_intensity])

@@ -3,18 +3,21 @@
 import numpy as np
 
 from mi_lcair.knowing.budgets.inputs import Group, Inputs
+from mi_lcair.knowing.budgets.number import Linear, Number
 from mi_lcair.rendering.parameters.entries import Parameter
 
 
-class Formula:
+class Formula(Number):
     """A number f(values of all quantities) with bounds on each of them."""
 
     def __init__(self, f, values, lower=-np.inf, upper=np.inf):
         self.f, self.values, self.bounds = f, dict(values), (lower, upper)
-        self.value = f(**self.values)
+        self.base = self.linear_at({})
 
-    def at(self, values):
-        return self.f(**self.values | values)
+    def linear_at(self, values):
+        return Linear.known(self.f(**self.values | values))
+
+    linear = None
 
     def is_feasible(self, values):
         lower, upper = self.bounds

@@ -450,12 +450,14 @@ def test_sentences():
 
 
 def test_a_check_in_a_table_and_along_its_direction():
-    """A cubic with the slope 2 through 3 and -2.5: 2 z + 0.25 z^2 + 0.75 z^3."""
-    found, z = Check("a", 2.0, 3.0, -2.5, False), np.array([-1.0, 0.0, 1.0, 2.0])
-    np.testing.assert_allclose(found.change(z), [-2.5, 0, 3, 11])
+    """2 z + 0.25 z^2 + 0.75 z^3 is 3 at 1 and -2.5 at -1. With one side the cubic is linear."""
+    f, stated = lambda a: a * (2 + a * (0.25 + a * 0.75)), inputs({"a": 0.0}, [[1.0]])
+    (found,) = check(Formula(f, {"a": 0.0}), stated, np.array([2.0]), 2.0)
+    np.testing.assert_allclose(found.cubic[:, 0], [2, 0.25, 0.75])
     assert found.cells() == ["a", "+-2", "+3", "-2.5", "FAILS"]
+    (one_sided,) = check(Formula(f, {"a": 0.0}, upper=0.5), stated, np.array([2.0]), 2.0)
+    np.testing.assert_allclose(one_sided.cubic[:, 0], [2, 0, 0])
     one_sided = Check("a", -0.123456, None, 0.5, True)
-    np.testing.assert_allclose(one_sided.change(z), -0.123456 * z)
     assert one_sided.cells() == ["a", "+-0.1235", "outside its bounds", "+0.5", "holds"]
 
 

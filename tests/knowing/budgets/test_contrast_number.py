@@ -13,6 +13,7 @@ from mi_lcair.estimate import with_error
 from mi_lcair.knowing.budgets.budget import result_of
 from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance, spectral_radiance
 from mi_lcair.rendering.parameters.values import set_values
+from mi_lcair.rendering.sampling import Sampling
 from tests.detection.disc_scenario import AREA, disc, triangles, write_disc
 from tests.detection.disc_scenario import AREA as DISC_AREA
 from tests.knowing.budgets.plate_scene import TEMPERATURE, plate_scene, row, slope, triangle_areas
@@ -164,6 +165,49 @@ def test_signal_to_noise_of_a_sensor(folder):
     for name, expected in (relative | {"scenario.range_m": -0.02}).items():
         assert parts[name] == pytest.approx(found.value * expected, rel=1e-3), name
     assert f"ratio {with_error(found.value, found.sigma)} (one standard" in found.summary()
+
+
+@pytest.mark.parametrize("of", ["snr", "detection_range"])
+def test_a_contrast_of_uncertain_sign(folder, of):
+    """A disc 2 +- 2 K above a background of 294 +- 1.5 K, against 100,000 draws of closed forms."""
+    scenario = blackbody_disc(folder, sensor__nei=1e-9, target__parameters={"temperature": 296.0})
+    stated = {"self.temperature": 2.0, "scenario.background_temperature": 1.5}
+    found, _ = contributions(scenario, of, **stated)
+    band, rng = scenario.sensor.detector().band, np.random.default_rng(0)
+    disc_B, behind_B = (
+        np.interp(rng.normal(kelvin, sigma, 100_000), x, in_band_radiance(band, x))
+        for kelvin, sigma, x in ((296, 2, np.arange(280, 310.0)), (294, 1.5, np.arange(280, 310.0)))
+    )
+    drawn = AREA * np.abs(disc_B - behind_B) / (1e-9 * RANGE**2)  # signal-to-noise ratio
+    if of == "detection_range":
+        drawn = RANGE * np.sqrt(drawn / scenario.sensor.detector().snr)
+    curved = found.second_order
+    assert curved.sigma == pytest.approx(drawn.std(), rel=0.03)
+    assert curved.interval == pytest.approx(np.quantile(drawn, (0.025, 0.975)), rel=0.03, abs=30)
+    assert found.value + curved.shift == pytest.approx(drawn.mean(), rel=0.02)
+    assert curved.interval[0] > 0 and curved.other_sign == pytest.approx(0.21, abs=0.01)
+    assert any("other sign with a probability of 21 %" in remark for remark in found.remarks)
+
+
+def test_a_range_in_air_follows_from_the_signals_at_many_ranges(folder):
+    """Also where the contrast has the other sign, and where nothing is detected: at 0 m."""
+    scenario = blackbody_disc(
+        folder, atmosphere__table="us_standard", target__parameters={"temperature": 299.0}
+    )
+    with result_of(scenario, Sampling(), of="detection_range") as number:
+        number.start()
+        name, ranges = "scenario.background_temperature", []
+        for kelvin in (294.0, 296.5, 291.0, 299.4):
+            there = number.linear_at({name: kelvin})
+            ranges.append(there.value)
+            (of_signals,) = number.results(there.smooth[None])
+            assert of_signals == pytest.approx(there.value, rel=0.01)
+        silent = number.linear_at({"sensor.nei": 1.0})
+        assert silent.value == 0 == number.results(silent.smooth[None])[0]
+        (slope, _), h = number.closed_derivative("sensor.nei", 1e-9), 1e-10
+        ends = [number.at({"sensor.nei": NEI + step}) for step in (-h, h)]
+        assert slope == pytest.approx((ends[1] - ends[0]) / (2 * h), rel=1e-3)
+    assert len(set(ranges)) == 4 and ranges[0] == pytest.approx(number.value)
 
 
 def electrons(scenario, kelvin):

@@ -14,7 +14,7 @@ def distribution(f, slopes, sigmas):
     stated = inputs(values, np.diag(np.square(list(sigmas.values()))))
     number, slopes = Formula(f, values), np.array(slopes, dtype=float)
     sigma = float(np.sqrt(slopes @ stated.covariance @ slopes))
-    return second_order(check(number, stated, slopes, sigma), number.value, sigma)
+    return second_order(number, check(number, stated, slopes, sigma), sigma)
 
 
 def test_a_linear_result():
@@ -66,5 +66,5 @@ def test_nothing_without_both_sides():
     stated = inputs(values, [[1.0]])
     number = Formula(lambda a: a, values, lower=-0.5)
     checks = check(number, stated, np.ones(1), 1.0)
-    assert second_order(checks, 0.0, 1.0) is None and second_order([], 0.0, 1.0) is None
-    assert second_order([Check("a", 0.0, 0.1, 0.1, False)], 0.0, 0.0) is None
+    assert second_order(number, checks, 1.0) is None and second_order(number, [], 1.0) is None
+    assert second_order(number, [Check("a", 0.0, 0.1, 0.1, False)], 0.0) is None
