@@ -132,6 +132,8 @@ class Section:
 # -----------------------------------------------------------------------------------------
 
 NO_VALUE = "no value"
+NORMAL = 1.96  # standard errors to the end of a 95 % interval
+FAR = 2  # ratio of an interval to that from which it is explained
 # Units as pages write them, by UDUNITS' parts
 WRITTEN = {"m2": "m²", "um": "µm", "degree": "°"}
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -213,7 +215,17 @@ def cell_text(value: object, digits: int = 6) -> str:
 
 def is_number(text: str) -> bool:
     """Whether a cell's text is a number, also with its error, or says that there is none."""
-    return text in (NO_VALUE, "") or NUMBER.fullmatch(text.partition(" +- ")[0]) is not None
+    number = text.removeprefix("< ").partition(" +- ")[0]
+    return text in (NO_VALUE, "") or NUMBER.fullmatch(number) is not None
+
+
+def part_cell(value: float, error: float, most: float = np.inf) -> object:
+    """A part that is 0 or more, and its standard error, as a cell.
+
+    If the error is larger than the part, the cell is the end of its 95 % interval. most: that of
+    the whole, which is never exceeded.
+    """
+    return f"< {min(value + NORMAL * error, most):.2g}" if value < error else (value, error)
 
 
 def unpacked(value: object) -> object:
@@ -250,6 +262,14 @@ def interval(half_width: float, value: float, unit: str, of: str, absolute: bool
         return f"the 95 % interval is +- {width}, and {of} may be zero"
     fraction = percent(half_width / abs(value))
     return f"the 95 % interval is +- {f'{width}, ' if absolute else ''}{fraction} of {of}"
+
+
+def interval_rows(half_width: float, error: float) -> list[tuple[str, str]]:
+    """Row that says why half a 95 % interval is far more than 1.96 standard errors, if it is."""
+    if half_width <= FAR * NORMAL * error:
+        return []
+    reason = "it includes a source that no path has hit, and the standard error does not"
+    return [("interval", f"wider than 1.96 standard errors: {reason}; trace more paths")]
 
 
 def error_row(

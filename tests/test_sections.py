@@ -161,3 +161,15 @@ def test_entries_in_json_become_pairs():
 def test_numbers_are_known(text):
     assert sections.is_number(text)
     assert not sections.is_number(f"about {text}")
+
+
+def test_a_part_below_its_error_is_the_end_of_its_interval():
+    assert sections.part_cell(3.0, 1.0) == (3.0, 1.0) and sections.part_cell(0.0, 0.0) == (0, 0)
+    assert sections.part_cell(3.2e-7, 0.0083) == "< 0.016" and sections.is_number("< 0.016")
+    assert sections.part_cell(1.0, 2.0, most=1.5) == "< 1.5"
+
+
+def test_an_interval_far_wider_than_its_standard_errors_has_a_reason():
+    assert sections.interval_rows(3.9, 1.0) == []
+    ((label, reason),) = sections.interval_rows(37.0, 0.65)
+    assert label == "interval" and "no path has hit" in reason

@@ -36,7 +36,7 @@ from mi_lcair.rendering.scene import Scene, changed
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.rendering.views import Target, terrain_remark
 from mi_lcair.results import Result, entry
-from mi_lcair.sections import Section, Table, error_row, interval
+from mi_lcair.sections import Section, Table, error_row, interval, interval_rows, part_cell
 from mi_lcair.signatures.signature import Signature, measure_signature
 from mi_lcair.tasks import exclusively
 
@@ -227,7 +227,9 @@ def setting(entries: dict) -> list[tuple[str, str]]:
     if entries["no_target_W_m2"] is not None:
         empty = f"{entries['no_target_W_m2']:.5g} W/m^2 in the field of view"
         rows.append(("without target", empty))
-    return [*rows, accuracy(entries)]
+    total = row["total_W_m2"]
+    reason = interval_rows(row["half_width_W_m2"], total["standard_error"])
+    return [*rows, accuracy(entries), *reason]
 
 
 def irradiances(entries: list[dict]) -> Table:
@@ -263,7 +265,7 @@ def groups(parts: dict) -> list[Table]:
     rows = [
         [
             group,
-            *(tuple(estimate.values()) for estimate in part.values()),
+            *(part_cell(*estimate.values()) for estimate in part.values()),
             f"{part['target_W_m2']['value'] / whole:.1%}",
         ]
         for group, part in parts.items()

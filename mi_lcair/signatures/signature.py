@@ -23,7 +23,17 @@ from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import WHOLES, Totals, invalid_remark
 from mi_lcair.rendering.window import Windows, window, window_area
 from mi_lcair.results import Result, columns_of, details, entry
-from mi_lcair.sections import Part, Remarks, Section, Table, error_row, heading, interval
+from mi_lcair.sections import (
+    Part,
+    Remarks,
+    Section,
+    Table,
+    error_row,
+    heading,
+    interval,
+    interval_rows,
+    part_cell,
+)
 from mi_lcair.signatures.effective_areas import (
     PARTS,
     EffectiveAreas,
@@ -109,7 +119,8 @@ def facts_of_entries(entries: dict, others: Sequence[Part | Section] = ()) -> It
     main = entries[entries["main_part"]]
     yield (
         "The target is what comes from the model's facets, the scene is all that lies in the "
-        "sensor's window. Errors in the tables are standard errors."
+        "sensor's window. Errors in the tables are standard errors. A part that is less than its "
+        "error is stated by the end of its 95 % interval."
     )
     error = interval(
         main["half_width_W_sr"],
@@ -125,18 +136,18 @@ def facts_of_entries(entries: dict, others: Sequence[Part | Section] = ()) -> It
             f"standard error {part['standard_error_W_sr']:.2g}",
         )
     yield error_row(error, entries["tolerance"], entries["reached"])
+    yield from interval_rows(main["half_width_W_sr"], main["standard_error_W_sr"])
     yield "paths", entries["paths"]
     if entries.get("bins"):
         yield "wavelengths", entries["bins"]
-    bounces = zip(*(column for part in parts for column in by_bounce(part)))
     both = [("target", WATTS), ("scene", WATTS)]
-    if rows := [[str(number), *cells] for number, cells in enumerate(bounces)]:
+    if rows := by_bounce(parts):
         yield Table(["reflections", both[0], "up to these", both[1], "up to these"], rows)
     for key, title in (("by_group", "emitted by"), ("by_seen", "seen first")):
-        values = [(part[f"{key}_W_sr"], part[f"{key}_error_W_sr"]) for part in parts]
+        names = f"{key}_W_sr", f"{key}_error_W_sr"
         rows = [
-            [label, *((value[label], error[label]) for value, error in values)]
-            for label in entries["scene"][f"{key}_W_sr"]
+            [label, *(cell_of(part, *(part[name][label] for name in names)) for part in parts)]
+            for label in entries["scene"][names[0]]
         ]
         if rows:
             yield Table([title, *both], rows)
@@ -150,10 +161,38 @@ def facts_of_entries(entries: dict, others: Sequence[Part | Section] = ()) -> It
     yield details(entries, "How the signature was made")
 
 
-def by_bounce(part: dict) -> tuple[list, list]:
-    """Two columns of a part of the signature: by number of reflections, and their sums."""
-    values, errors = part["by_bounce_W_sr"], part["by_bounce_error_W_sr"]
-    return list(zip(values, errors)), part["up_to_bounce_W_sr"]
+def cell_of(whole: dict, value: float, error: float) -> object:
+    """A cell of a part of target or scene, which is no more than that."""
+    return part_cell(value, error, whole["intensity_W_sr"] + whole["half_width_W_sr"])
+
+
+def by_bounce(wholes: list[dict]) -> list[list]:
+    """Rows by number of reflections, and their sums, of target and scene.
+
+    The last ones are one row if all of them are less than their errors. No scatter of a part is
+    larger than the part, and a source that no path has hit counts once, for the largest error.
+    """
+    names = "by_bounce_W_sr", "by_bounce_error_W_sr", "up_to_bounce_W_sr"
+    values, errors, sums = (np.array([whole[name] for whole in wholes]) for name in names)
+    if not values.size:
+        return []
+    last = values.shape[1] - 1
+    is_known = np.flatnonzero((values >= errors).any(axis=0))
+    first = min(is_known[-1] + 1, last) if len(is_known) else 0  # of the rows that become one
+    labels = list(map(str, range(first + 1)))
+    if first < last:
+        labels[-1] += f" to {last}"
+        rest, largest = values[:, first:].sum(axis=1), errors[:, first:].max(axis=1)
+        values[:, first], errors[:, first], sums[:, first] = (
+            rest,
+            np.hypot(rest, largest),
+            sums[:, -1],
+        )
+    rows = []
+    for k, label_of_row in enumerate(labels):
+        pairs = ((cell_of(w, v[k], e[k]), s[k]) for w, v, e, s in zip(wholes, values, errors, sums))
+        rows.append([label_of_row, *(cell for pair in pairs for cell in pair)])
+    return rows
 
 
 @dataclass(frozen=True, repr=False)

@@ -194,3 +194,17 @@ def test_a_scene_is_deleted_with_its_last_name(tmp_path):
         assert gone() is None
     finally:
         gc.enable()
+
+
+def test_no_part_is_known_worse_than_the_whole():
+    """Few paths in a furnace: late reflections are one row, and no cell is less than its error."""
+    found = mi_lcair.signature("furnace", spp=1, parameters={"resolution": 16})
+    tables = (part for section in found.sections() for part in section.parts)
+    bounces, *others = (part for part in tables if isinstance(part, Table))
+    *rows, last = bounces.rows
+    assert last[0] == f"{len(rows)} to {len(found.target.by_bounce) - 1}"
+    assert last[2] == found.target.up_to_bounce[-1]
+    most = found.target.intensity + found.target.half_width
+    assert sum(found.target.by_bounce[len(rows) :]) < float(last[1].removeprefix("< ")) <= most
+    cells = [cell for table in (bounces, *others) for row in table.rows for cell in row]
+    assert all(cell[0] >= cell[1] for cell in cells if isinstance(cell, tuple))
