@@ -28,6 +28,7 @@ UNTESTED = {
 }
 OF_UNKNOWN = ("label", "name", "kind", "unit", "is_sought", "facet")  # fields of an `Unknown`
 LONGEST_WORDS = 12  # largest number of directions that are put into words
+ASSUMED = 0.5  # part of a variance, made by assumed ranges, from which the data say nothing
 
 
 @dataclass(frozen=True)
@@ -71,7 +72,7 @@ class Direction:
 
 def answers(unknowns: list[Unknown], state: State, is_goal: bool = False) -> list[Answer]:
     """The answer for each unknown. is_goal: whether the values were chosen to reach a goal."""
-    result = []
+    result, assumed = [], assumed_share(unknowns, state.covariance)
     for k, unknown in enumerate(unknowns):
         value, error = float(state.x[k]), float(np.sqrt(max(state.covariance[k, k], 0)))
         low, high = state.intervals[k]
@@ -80,6 +81,8 @@ def answers(unknowns: list[Unknown], state: State, is_goal: bool = False) -> lis
         half, at_bound = max(value - low, high - value), state.at_bound[k]
         is_precise = unknown.is_determined(value, half)
         verdict = Verdict.of(high - low, unknown.span, at_bound != 0, is_precise)
+        if assumed[k] > ASSUMED:
+            verdict = Verdict.ASSUMED
         if state.held[k]:
             verdict = Verdict.HIDDEN
         verdict = verdict.of_goal if is_goal else verdict
@@ -91,6 +94,18 @@ def answers(unknowns: list[Unknown], state: State, is_goal: bool = False) -> lis
         words = verdict.sentence(span=span, bound=bound)
         result.append(Answer(**same, **estimate, verdict=words))
     return result
+
+
+def assumed_share(unknowns: list[Unknown], covariance: np.ndarray) -> np.ndarray:
+    """Part of each variance, (N,), that comes from the ranges of modes without a prior.
+
+    The range of an amplitude is no knowledge, unlike those of other unknowns. If the data leave a
+    direction of modes open, it limits all that change along it, even to a narrow interval.
+    """
+    modes = [k for k, u in enumerate(unknowns) if u.kind == "mode" and u.prior is None]
+    spans = np.array([unknowns[k].span for k in modes])
+    variance = np.maximum(np.diag(covariance), np.finfo(float).tiny)
+    return np.sum((covariance[:, modes] / spans) ** 2, axis=1) / variance
 
 
 def withdrawn(answers: list[Answer], words: str) -> list[Answer]:

@@ -41,6 +41,8 @@ SCALED = (
     "the errors are those of {:.3g} times the stated noise, as scale_errors asks; chi-square then "
     "does not test the model"
 )
+# Inputs of a heat balance whose common factor changes no temperature
+SCALED_TOGETHER = {"absorptance", "emissivity", "h", "conductivity", "density", "heat_capacity"}
 LARGEST_MODEL_ERROR = 0.1  # relative error of a model above which it is not proposed to state it
 
 
@@ -196,6 +198,9 @@ def reasons(everything: list[Unknown], data: list[Datum]):
     """Function of two unknowns' numbers that says why the data cannot separate them."""
 
     def why(first: int, second: int) -> str:
+        bare = {everything[k].name.rpartition(".")[2] for k in (first, second)}
+        if {everything[k].kind for k in (first, second)} == {"mode"} and bare <= SCALED_TOGETHER:
+            return "one factor of all that heats, cools and stores changes no temperature"
         used = [data[k] for k in {*everything[first].data, *everything[second].data}]
         bands = len({datum.where.band for datum in used})
         states = len({datum.where.state for datum in used})

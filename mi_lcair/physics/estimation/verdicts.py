@@ -27,6 +27,7 @@ class Verdict(StrEnum):
     AT_BOUND = "at its bound {bound}: interval {span}"
     WIDE = "not determined by these data: anything in {span} fits"
     ONE_SIDED = "not determined by these data: {what}"
+    ASSUMED = "not determined by these data: only the ranges of amplitudes limit it; give a prior"
     MISSED = "not determined by these data: the model misses {what}"
     HIDDEN = "not determined: the noise of the render hides its effect; raise spp of [render]"
     UNFINISHED = "not converged: the value still moves, and its error may be too small"
@@ -85,6 +86,7 @@ OF_GOALS = {
     Verdict.DETERMINED: Verdict.CHOSEN,
     Verdict.WEAK: Verdict.CHOSEN_AMONG,
     Verdict.WIDE: Verdict.FREE,
+    Verdict.ASSUMED: Verdict.FREE,
 }
 
 

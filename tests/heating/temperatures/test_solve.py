@@ -151,3 +151,20 @@ def test_randomisations_that_agree_leave_an_error():
     inverse = np.linalg.inv([[1.0, -0.1], [-0.1, 1.0]])
     expected = power * np.sqrt(np.sum(inverse**2, axis=1)) / (4 * T**3)
     assert noise == pytest.approx(expected, rel=1e-3)
+
+
+def test_one_factor_of_all_that_heats_and_cools_changes_no_temperature():
+    """Of absorptance, emissivity, h, conductivity and density; of thick soil twice conductivity."""
+    angle = 2 * np.pi * np.arange(1, 49) / 48
+    sunshine = np.maximum(0, -np.cos(angle)) * 900
+    conditions = weather(48, sun_W_m2=sunshine, air_K=290 - 8 * np.cos(angle))
+    outside = ("absorptance", "emissivity", "h")
+    for wall, inputs in (
+        (SOIL, {**dict.fromkeys(outside, 1), "conductivity": 2}),
+        ({"thickness_mm": 5.0} | PANEL, dict.fromkeys((*outside, "conductivity", "density"), 1)),
+    ):
+        plate = network([[0]], [0.7], [0.1], conditions, beam=[0.5], groups={"g0": wall})
+        changes = course(plate, [plate.column(name, "1 %") for name in inputs]).changes
+        changes = changes[: len(inputs), :, 0]
+        total = list(inputs.values()) @ changes
+        assert abs(total).max() < 1e-3 * abs(changes).max()

@@ -76,6 +76,19 @@ def test_profile_intervals_take_the_place_of_linear_ones():
         assert answer.verdict.startswith(words) and answer.standard_error == 0.001
 
 
+def test_the_range_of_an_amplitude_is_no_knowledge():
+    """a and 1000 h trade: the range of a, not the data, limits h to 0.2. A prior of a is known."""
+    mode = {"kind": "mode", "lower": -100.0, "upper": 100.0, "start": 0.0}
+    h, known = unknown("heat.h", **mode), unknown("heat.sky_K", **mode)
+    ratio, data = np.array([1.0, 1e-3, 0.0]), 1e-6 * np.eye(3)
+    a = unknown("heat.absorptance", **mode)
+    found = answers([a, h, known], estimated([0.0] * 3, 200**2 * np.outer(ratio, ratio) + data))
+    assert [one.verdict for one in found] == [Verdict.ASSUMED, Verdict.ASSUMED, "determined"]
+    a = unknown("heat.absorptance", prior=(0.0, 1.0), **mode)
+    found = answers([a, h, known], estimated([0.0] * 3, np.outer(ratio, ratio) + data))
+    assert found[0].verdict.startswith("weakly") and found[1].is_determined
+
+
 def test_unknowns_that_trade():
     """The one with a unit is said to change; the worst pair comes first."""
     ones = [unknown("paint.b"), kelvin("lid.temperature [hot]"), unknown("paint.e")]
