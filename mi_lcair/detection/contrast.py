@@ -6,28 +6,24 @@ effective areas.
 """
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from typing import Any
 
 import numpy as np
 
 from mi_lcair.charts import Curve, LineChart, LineCharts, by_wavelength
-from mi_lcair.declared import percent
+from mi_lcair.detection import approximations
 from mi_lcair.detection.detection_range import DetectionRange, detection_range
 from mi_lcair.detection.irradiance import Irradiance, RenderError
 from mi_lcair.detection.scenario import RenderTable, Scenario
 from mi_lcair.detection.setting import Setting, rendered_as, setting_of
 from mi_lcair.errors import InputError, option
 from mi_lcair.estimate import Estimate
-from mi_lcair.physics.air.atmosphere import AirLight, Atmosphere, LineOfSight
-from mi_lcair.physics.air.clear_air import ClearPaths, clear_air
-from mi_lcair.physics.air.levels import HEIGHT_M
+from mi_lcair.physics.air.atmosphere import Atmosphere, LineOfSight
 from mi_lcair.physics.imager import Detector
-from mi_lcair.physics.sun import OUTSIDE_AIR
-from mi_lcair.plugins.bsdfs.plume import spectral_plumes
-from mi_lcair.plugins.emission.source import BinOfSpectrum, Source
+from mi_lcair.plugins.emission.source import Source
 from mi_lcair.plugins.emitters.thermal_emitter import one_sun
 from mi_lcair.plugins.paths.launch import Aim
 from mi_lcair.plugins.recorders.radiance import MAX_BOUNCE_CHANNELS
@@ -36,9 +32,16 @@ from mi_lcair.rendering.scene import Scene, changed
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.rendering.views import Target, terrain_remark
 from mi_lcair.results import Result, entry
-from mi_lcair.sections import Section, Table, error_row, interval, interval_rows, part_cell
+from mi_lcair.sections import (
+    NORMAL,
+    Section,
+    Table,
+    error_row,
+    interval,
+    interval_rows,
+    part_cell,
+)
 from mi_lcair.signatures.signature import Signature, measure_signature
-from mi_lcair.tasks import exclusively
 
 # What `contrast` returns: values with errors for each number of reflections
 # --------------------------------------------------------------------------
@@ -68,6 +71,8 @@ class ContrastRow:
         Contrast, W m^-2, positive or negative (3.19).
     half_width : float
         Half of the 95 % interval of the contrast, W m^-2.
+    approximated : float
+        Its part that is due to approximations, which remarks name, W m^-2.
     reached : bool or None
         Whether the half width is within a tolerance; None without one.
     nei_max : Estimate
@@ -93,6 +98,7 @@ class ContrastRow:
     background: Estimate
     total: Estimate
     half_width: float
+    approximated: float
     reached: bool | None
     nei_max: Estimate
     projected_area: Estimate
@@ -120,6 +126,7 @@ class ContrastRow:
         """The other entries by name with the unit, such as half_width_W_m2."""
         return {
             "half_width_W_m2": self.half_width,
+            "approximated_W_m2": self.approximated,
             "solid_angle_sr": self.solid_angle,
             "observed_W_m2": self.observed,
             "reached": self.reached,
@@ -228,7 +235,9 @@ def setting(entries: dict) -> list[tuple[str, str]]:
         empty = f"{entries['no_target_W_m2']:.5g} W/m^2 in the field of view"
         rows.append(("without target", empty))
     total = row["total_W_m2"]
-    reason = interval_rows(row["half_width_W_m2"], total["standard_error"])
+    approximated = row.get("approximated_W_m2", 0.0)
+    error = float(np.hypot(total["standard_error"], approximated / NORMAL))
+    reason = interval_rows(row["half_width_W_m2"], error)
     return [*rows, accuracy(entries), *reason]
 
 
@@ -304,12 +313,18 @@ def accuracy(entries: dict) -> tuple[str, str]:
     several = len(rows) > 1
     of = f"the contrast with {widest['max_bounces']} reflections" if several else "the contrast"
     remedy = f"give {option('tolerance_W_m2')}, as no fraction of zero can be reached"
+    is_zero, approximated = half_width >= abs(total) and absolute is None, ""
+    part = widest.get("approximated_W_m2", 0.0)
+    if part > MOST_APPROXIMATED * half_width:
+        approximated = ", most of it from an approximation that a note names"
+        if not is_zero:
+            is_zero, remedy = True, "more paths do not change that"
     return error_row(
-        interval(half_width, total, "W/m^2", of, absolute is not None),
+        interval(half_width, total, "W/m^2", of, absolute is not None) + approximated,
         " or ".join(allowed) or None,
         entries["reached"],
         where=f"in {len(stated)} of {len(rows)} rows" if several else "",
-        remedy=remedy if half_width >= abs(total) and absolute is None else "",
+        remedy=remedy if is_zero else "",
     )
 
 
@@ -470,94 +485,8 @@ class Contrast(Result):
         }
 
 
-# Remarks on what a contrast and an image approximate, with the size of the error
-# -------------------------------------------------------------------------------
-
-STAND_IN = "us_standard"  # clear air that stands for air of which only a table is known
-STAND_IN_DEG = 45.0  # elevation of light that stands for a table's
-
-
-def multiplied_light(setting: Setting, sources: list[Source]) -> list[str]:
-    """Remark on the light that the product of transmittances changes most, in a list.
-
-    It has crossed air before the target. The amounts of absorbers of both paths add only if both
-    are known, which tables do not state. The size of the error is that of clear air.
-
-    Parameters
-    ----------
-    setting : Setting
-    sources : list of Source
-        Sources of the scene.
-    """
-    if setting.air.is_vacuum:
-        return []
-    sun = one_sun(setting.view.mi.emitters())
-    errors = {}
-    for source in sources:
-        part = source.spectrum
-        light = part.bin_of if isinstance(part, BinOfSpectrum) else part
-        is_known = isinstance(light, AirLight) and setting.path.amounts is not None
-        if light is None or light.name == OUTSIDE_AIR or is_known:
-            continue
-        of_sun = sun is not None and source.group == sun.group
-        errors[f"{source.group} ({light.name})"] = product_error(setting, light, of_sun)
-    if not errors:
-        return []
-    name = max(errors, key=lambda key: abs(errors[key]))
-    sign = "bright" if errors[name] > 0 else "dark"
-    return [
-        f"light of {name} has crossed air before the target, but a table does not state its "
-        "absorbers: transmittances are multiplied, which in clear air makes this light "
-        f"{abs(errors[name]):.0%} too {sign}"
-    ]
-
-
-def product_error(setting: Setting, light, of_sun: bool) -> float:
-    """Relative error of the product of spectrum and transmittance in the band, in clear air."""
-    sight, path, band = setting.sight, setting.path, setting.detector.band
-    clear = clear_air(STAND_IN)
-    if path.amounts is None:
-        heights = [h for h in (sight.observer_m, sight.target_m) if h is not None]
-        low, up = min(heights, default=HEIGHT_M), abs(sight.elevation_deg)
-        path = ClearPaths(STAND_IN, clear, low, up, True, path.range_m).path(path.range_m)
-    if not isinstance(light, AirLight):
-        height_m = HEIGHT_M if sight.target_m is None else sight.target_m
-        light = (clear.sun if of_sun else clear.sky)(height_m, STAND_IN_DEG)
-    band.check_covered(path.wavelengths_um, f"air '{STAND_IN}'")
-    product = band.integral(path.wavelengths_um, light.radiance * path.transmittance)
-    return float(product / band.integral(path.wavelengths_um, light.through(path.amounts)) - 1)
-
-
-@exclusively
-def averaged_plumes(scene: Scene, lines: Iterable) -> list[str]:
-    """Remark on plumes by wavelength before a background that is no sky of the scene, in a list.
-
-    lines: lines of sight to the scene, each with its `detector`, `path` and `backdrop`.
-    """
-    plumes = [] if scene.mi.environment() is not None else spectral_plumes(scene.mi)
-    error = max((error_behind(plume, line) for line in lines for plume in plumes), default=0.0)
-    if not error:
-        return []
-    return [
-        "where no sky of the scene is behind a plume by wavelength, the background shines through "
-        f"with its mean transmittance, {percent(error)} of this background off at two "
-        "crossings; [surroundings] in place of [background] is by wavelength"
-    ]
-
-
-def error_behind(plume, line) -> float:
-    """Error of the background behind a plume by wavelength, as a share of this background."""
-    band, path, backdrop = line.detector.band, line.path, line.backdrop
-    fine = np.linspace(band.lower_um, band.upper_um, 257)
-    wavelengths_um = band.rows(fine, path.wavelengths_um, backdrop.rows_um)
-    behind = backdrop.at_sensor(path.range_m).at(wavelengths_um)
-    if not behind.any():
-        return 0.0
-    passed = 1 - plume.spectrum.at(wavelengths_um)["emissivity"]
-    through = band.integral(wavelengths_um, behind * passed**2)
-    share = through / band.integral(wavelengths_um, behind)
-    return abs(float(share - plume.transmittance[0] ** 2))
-
+# Measurement of a contrast, and remarks on its limits
+# ---------------------------------------------------
 
 THERMAL_UM = 5.0  # wavelength from which on a sky scatters no sunlight worth mentioning, um
 SIGNIFICANT = 3  # standard errors by which a contrast must differ from zero
@@ -571,6 +500,8 @@ REMEDIES = {
     True: "lower the tolerance",
     False: "no fraction of zero can be reached, so give tolerance_W_m2 of [render]",
 }
+# Approximations up to this part of the allowed half width are made up for by more paths
+MOST_APPROXIMATED = 0.7
 NEAR = 10  # range, in radii of the target, below which rays to the observer are not parallel
 
 
@@ -582,7 +513,9 @@ def measure_contrast(scenario: Scenario, progress) -> Contrast:
     view, target, observer = setting.view, setting.target, scenario.observer
     rows, invalid, paths = [], 0, 0
     for bounces, irradiance, result in rendered(setting, scenario.render, progress):
-        rows.append(row(bounces, irradiance, path, detector, target, result.reached))
+        allowed = scenario.render.allowed(irradiance.at(path)["total"].value)
+        reached = result.reached and irradiance.half_width(path) <= allowed
+        rows.append(row(bounces, irradiance, path, detector, target, reached))
         invalid, paths = max(invalid, result.invalid), max(paths, result.paths)
     irradiance = rows[-1].irradiance
     transmittance, radiance = path.at(irradiance.wavelengths_um)
@@ -607,10 +540,12 @@ def measure_contrast(scenario: Scenario, progress) -> Contrast:
             *([f"through the air, and with the sensor: {result.bins}"] if result.bins else []),
             *invalid_remark(invalid, paths),
             *unlit_sky(view, scenario, detector),
-            *multiplied_light(setting, irradiance.areas.sources),
+            *approximations.multiplied_light(
+                irradiance.areas.sources, irradiance.render_error.of_light
+            ),
             *remarks(rows, detector, target, observer.range_m),
             *terrain_remark(view, [observer.view], observer.range_m),
-            *averaged_plumes(view, [setting]),
+            *approximations.averaged_plumes(view, [setting]),
         ],
         seconds=time.perf_counter() - start,
     )
@@ -644,10 +579,18 @@ def rendered(
     is_auto = sampling.most_bounces == "auto"
     bounces = (largest,) if is_auto or not sampling.max_bounces else sampling.max_bounces
 
+    of_background = approximations.share_of_background(view, [setting])
+
+    @cache
+    def of_light(sources: tuple[Source, ...]) -> np.ndarray:
+        return approximations.shares_of_light(setting, list(sources))
+
     def irradiance(result: Signature) -> Irradiance:
+        of_paths = result.degrees_of_freedom, result.missed, result.systematic
+        approximated = of_light(tuple(result.effective_areas.sources)), of_background
         return Irradiance(
             result.effective_areas,
-            RenderError(result.degrees_of_freedom, result.missed, result.systematic),
+            RenderError(*of_paths, *approximated),
             setting.detector.band,
             setting.air,
             setting.backdrop,
@@ -665,7 +608,10 @@ def rendered(
             terms = irradiance(each)
             check_reachable(sampling, terms, path)
             allowed = sampling.allowed(terms.at(path)["total"].value)
-            ratios.append(terms.half_width(path) / allowed if allowed > 0 else np.inf)
+            # No number of paths reduces an approximation
+            by_paths = terms.approximated(path) > MOST_APPROXIMATED * allowed
+            width = terms.half_width_of_paths(path) if by_paths else terms.half_width(path)
+            ratios.append(width / allowed if allowed > 0 else np.inf)
         return max(ratios)
 
     def measured(k: int, sampled: Sampling, aim: Aim | None, up_to=()) -> Signature:
@@ -775,6 +721,7 @@ def row(
         max_bounces,
         **terms,
         half_width=irradiance.half_width(path),
+        approximated=irradiance.approximated(path),
         reached=reached,
         nei_max=nei_max,
         projected_area=area,

@@ -86,11 +86,16 @@ class RenderError(NamedTuple):
         Intensity that a source which no path has hit may add to the target, W/sr.
     systematic : float
         Relative error of the intensity that more paths do not reduce.
+    of_light, of_background : float or ndarray
+        Shares of the light of the sources, (sources,), and of the hidden background that may be
+        wrong at the range of the scenario, by its approximations.
     """
 
     degrees_of_freedom: float = np.inf
     missed: float = 0.0
     systematic: float = 0.0
+    of_light: np.ndarray | float = 0.0
+    of_background: float = 0.0
 
 
 class LineOfSources:
@@ -230,12 +235,27 @@ class Irradiance(LineOfSources):
     def half_width(self, path: LineOfSight) -> float:
         """Half of the 95 % interval of the contrast at the end of a path, W m^-2.
 
-        It includes a source that no path of the render has hit.
+        It includes a source that no path of the render has hit, and approximations.
         """
-        degrees_of_freedom, missed, _ = self.render_error
+        of_paths = self.half_width_of_paths(path)
+        return float(np.hypot(of_paths, self.approximated(path)))
+
+    def half_width_of_paths(self, path: LineOfSight) -> float:
+        """The part of `half_width` that is due to the paths of the render, W m^-2."""
+        degrees_of_freedom, missed, *_ = self.render_error
         missed *= self.per_intensity(path)
         error = self.at(path)["total"].standard_error
         return float(student_factor(degrees_of_freedom) * error + missed)
+
+    def approximated(self, path: LineOfSight) -> float:
+        """The part of `half_width` that is due to approximations, W m^-2.
+
+        Those of several sources have the same cause. Their sizes are added.
+        """
+        error, per_amount = self.render_error, self.per_amount(path)
+        light = per_amount[1, :-1] * self.amounts[:-1] * error.of_light
+        background = per_amount[3, -1] * self.amounts[-1] * error.of_background
+        return float(abs(light.sum()) + abs(background))
 
     def least_half_width(self, path: LineOfSight) -> float:
         """The part of `half_width` that more paths do not reduce, W m^-2."""

@@ -82,3 +82,21 @@ def disc(folder: Path, **changes) -> Scenario:
     return Scenario.read(
         folder / "disc.toml", **{key.replace("__", "."): value for key, value in changes.items()}
     )
+
+
+SUN = """<emitter type="sun"> <string name="band" value="MWIR"/>
+    <float name="azimuth_deg" value="30"/> <float name="elevation_deg" value="45"/>
+    <string name="air" value="{air}"/> </emitter></scene>"""
+
+
+def lit(folder, air="us_standard"):
+    """A white diffuse disc at 0 K, but for its temperature of 1 K, in the sun."""
+    write_disc(folder)
+    text = (folder / "disc.xml").read_text().replace("</scene>", SUN.format(air=air))
+    text = text.replace(
+        '<string name="material" value="blackbody"/> <string name="band" value="$band"/>',
+        '<float name="epsilon" value="0"/> <float name="rho_d" value="1"/>'
+        '<float name="b" value="0"/> <float name="e" value="1"/>',
+    )
+    (folder / "disc.xml").write_text(text)
+    return folder

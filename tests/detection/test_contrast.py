@@ -13,16 +13,15 @@ import mi_lcair
 from mi_lcair.api.scenarios import contrast
 from mi_lcair.detection import contrast as module
 from mi_lcair.detection import setting
-from mi_lcair.detection.contrast import check_met, check_reachable, multiplied_light, remarks
+from mi_lcair.detection.contrast import check_met, check_reachable, remarks
 from mi_lcair.detection.irradiance import TERMS, Backdrop, Irradiance, RenderError
 from mi_lcair.detection.scenario import RenderTable, Scenario
-from mi_lcair.detection.setting import setting_of
 from mi_lcair.errors import InputError
 from mi_lcair.estimate import Estimate
 from mi_lcair.physics.air.clear_air import clear_air
 from mi_lcair.physics.air.levels import TABLES, bands
 from mi_lcair.physics.atmosphere import atmosphere
-from mi_lcair.physics.bands import Spectrum, band
+from mi_lcair.physics.bands import band
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.imager import Detector
@@ -31,7 +30,7 @@ from mi_lcair.plugins.emission.source import Source
 from mi_lcair.rendering.scene import changed
 from mi_lcair.rendering.views import Target, View, seen_from
 from mi_lcair.signatures.effective_areas import EffectiveAreas
-from tests.detection.disc_scenario import AREA, disc, triangles, write_disc
+from tests.detection.disc_scenario import AREA, disc, lit, triangles, write_disc
 
 LIMITS = {"MWIR": (3.0, 5.0), "LWIR": (8.0, 12.0)}
 
@@ -803,6 +802,7 @@ def irradiance_of(contrast, half_width, least):
         at=lambda path: dict.fromkeys(TERMS, Estimate(1.0, 0.5)) | {"total": contrast},
         half_width=lambda path: half_width,
         least_half_width=lambda path: least,
+        approximated=lambda path: 0.0,
         projected_area=Estimate(3.0, 0.1),
         background=lambda path: np.full(2, 20.0),
         in_band=lambda spectrum: float(spectrum.sum()),
@@ -856,23 +856,6 @@ def test_a_row():
 
 # Reflected sunlight and skylight through the air: summed amounts, and remarks where none are
 # -------------------------------------------------------------------------------------------
-
-SUN = """<emitter type="sun"> <string name="band" value="MWIR"/>
-    <float name="azimuth_deg" value="30"/> <float name="elevation_deg" value="45"/>
-    <string name="air" value="{air}"/> </emitter></scene>"""
-
-
-def lit(folder, air="us_standard"):
-    """A white diffuse disc at 0 K, but for its temperature of 1 K, in the sun."""
-    write_disc(folder)
-    text = (folder / "disc.xml").read_text().replace("</scene>", SUN.format(air=air))
-    text = text.replace(
-        '<string name="material" value="blackbody"/> <string name="band" value="$band"/>',
-        '<float name="epsilon" value="0"/> <float name="rho_d" value="1"/>'
-        '<float name="b" value="0"/> <float name="e" value="1"/>',
-    )
-    (folder / "disc.xml").write_text(text)
-    return folder
 
 
 def amounts_of_levels(heights, lengths):
@@ -932,38 +915,3 @@ def test_reflected_sun_has_the_amounts_of_both_paths(tmp_path, range_m):
     )
     assert share == pytest.approx(expected, rel=0.015)
     assert product < 0.92 * expected
-
-
-def test_a_table_multiplies_with_a_remark(tmp_path):
-    """A user's table does not state its absorbers. The size is that of clear air."""
-    folder = lit(tmp_path)
-    rows = [f"{R},{x},{0.9**R},0.1" for R in (1, 5) for x in np.linspace(3, 5, 99)]
-    header = "range_km,wavelength_um,transmittance,path_radiance_W_m2_sr_um"
-    (folder / "air.csv").write_text("\n".join([header, *rows]))
-    table = str(folder / "air.csv")
-    setting = setting_of(disc(folder, atmosphere__table=table, observer__range_m=5000))
-    light = clear_air("us_standard").sun(50.0, 45.0)
-    sources = [Source("sun", light.name, 1.0, spectrum=light), Source("hot", "400 K", 1.0, 400.0)]
-    (remark,) = multiplied_light(setting, sources)
-    assert "light of sun (us_standard 45 deg) has crossed air" in remark
-    assert "15% too dark" in remark
-    x = light.wavelengths_um
-    cloudy = [Source("sky", "stratus", 1.0, spectrum=Spectrum("stratus", x, 1 + 0 * x))]
-    assert (
-        "61% too bright"
-        in multiplied_light(
-            setting_of(disc(folder, atmosphere__table="us_standard", observer__range_m=5000)),
-            cloudy,
-        )[0]
-    )
-
-
-@pytest.mark.parametrize(
-    "table, air",
-    [("us_standard", "us_standard"), ("us_standard", "none"), ("vacuum", "us_standard")],
-)
-def test_known_light_has_no_remark(tmp_path, table, air):
-    setting = setting_of(disc(lit(tmp_path, air), atmosphere__table=table))
-    sources = [source for emitter in setting.view.mi.emitters() for source in emitter.spectra()]
-    assert any(source.spectrum is not None for source in sources)
-    assert multiplied_light(setting, sources) == []

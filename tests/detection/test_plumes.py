@@ -92,6 +92,9 @@ def test_a_plume_by_wavelength_tells_how_far_its_background_is_off(tmp_path):
     (remark,) = [text for text in result.remarks if "a plume by wavelength" in text]
     stated = float(remark.split("transmittance, ")[1].split(" %")[0]) / 100
     assert stated == pytest.approx(error, rel=0.1)
+    row = result.rows[-1]
+    assert row.half_width >= row.approximated
+    assert row.approximated == pytest.approx(error * irradiance(BEHIND_K), rel=0.1)
     sweep = {"base": {"scenario": str(path)}, "conditions": {"range_m": [RANGE, 2 * RANGE]}}
     with pytest.warns(UserWarning, match=re.escape(remark)):
         mi_lcair.sweep(sweep)

@@ -6,6 +6,7 @@ from dataclasses import asdict
 import numpy as np
 
 import mi_lcair
+from mi_lcair.detection import approximations
 from mi_lcair.detection.camera.electronics import AVERAGED, Camera
 from mi_lcair.detection.camera.exposure import Exposure, exposure
 from mi_lcair.detection.camera.image_result import Image
@@ -13,7 +14,6 @@ from mi_lcair.detection.camera.measures import Measures, measured
 from mi_lcair.detection.camera.ranges import RangedTarget, Silhouette, at_ranges, table_ranges
 from mi_lcair.detection.camera.scenery import Scenery
 from mi_lcair.detection.camera.view import CameraView
-from mi_lcair.detection.contrast import averaged_plumes, multiplied_light
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import rendered_as, setting_of
 from mi_lcair.errors import InputError
@@ -155,8 +155,11 @@ def record_image(scenario: Scenario, frames: int, seed: int, progress) -> Image:
         remarks=[
             *scene.remarks,
             *scenery.missing(),
-            *multiplied_light(setting, exposed.sources.list),
-            *averaged_plumes(scene, [setting]),
+            *approximations.multiplied_light(
+                exposed.sources.list,
+                approximations.shares_of_light(setting, exposed.sources.list),
+            ),
+            *approximations.averaged_plumes(scene, [setting]),
             *invalid_remark(exposed.invalid, exposed.paths),
             *terrain_remark(scene, [observer.view], observer.range_m),
             *remarks(imager, view, channels, measures, exposed.reached),

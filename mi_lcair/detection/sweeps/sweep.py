@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 import mi_lcair
-from mi_lcair.detection.contrast import averaged_plumes
+from mi_lcair.detection.approximations import averaged_plumes
 from mi_lcair.detection.detection_range import largest_ranges
 from mi_lcair.detection.irradiance import AirOfLight, LineOfSources
 from mi_lcair.detection.sweeps.subject import (
