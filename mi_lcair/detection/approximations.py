@@ -30,8 +30,8 @@ from mi_lcair.tasks import exclusively
 # it. The rest, L - B, has passed air that transmits t. Behind the path, of transmittance T, it is
 # (L - B) t(both) / t and not (L - B) T, whether it comes from a cloud, from space or from the sun.
 # Clear air at a low elevation stands for t. It has more absorbers than most ways through the air
-# below a cloud or to space, so that the size bounds the error. In 1 and 5 km of clear air it is 1 to
-# 2.7 times that of clear skies from 4.5 degrees up, and at most 0.11 of the light of low clouds.
+# below a cloud or to space, so that the size bounds the error. In 1 and 5 km of clear air it is 1
+# to 2.7 times that of clear skies from 4.5 degrees up, and at most 0.11 of the light of low clouds.
 
 STAND_IN = "us_standard"  # clear air that stands for air of which only a table is known
 STAND_IN_DEG = 10.0  # elevation of the way through it

@@ -253,7 +253,8 @@ class Irradiance(LineOfSources):
         Those of several sources have the same cause. Their sizes are added.
         """
         error, per_amount = self.render_error, self.per_amount(path)
-        light = per_amount[1, :-1] * self.amounts[:-1] * error.of_light
+        n = len(self.areas.sources)
+        light = per_amount[1, :n] * self.amounts[:n] * error.of_light
         background = per_amount[3, -1] * self.amounts[-1] * error.of_background
         return float(abs(light.sum()) + abs(background))
 

@@ -15,7 +15,6 @@ from mi_lcair.rendering.scene import Scene
 
 RAYS = 1024  # paths of each side of a facet
 MOST_LOST = 1e-3  # share of a group's radiation that may end on backs and passive surfaces
-ASYMMETRY, SIGNIFICANT = 0.01, 4.0  # relative difference of two directions and its z for a remark
 
 
 def combined(means: surfaces.Means, facets: Facets, rays: int) -> Traced:
@@ -144,10 +143,10 @@ def check_lost(facets: Facets, lost: np.ndarray, shape: mi.Shape, name: str) -> 
 
 def remarks_on_asymmetry(asymmetry: Asymmetry, facets: Facets) -> list[str]:
     """Remarks on conductors between groups whose two directions differ."""
-    differs = (asymmetry.relative > ASYMMETRY) & (asymmetry.z > SIGNIFICANT)
     return [
         f"the exchange between {facets.groups[a]} and {facets.groups[b]} differs by "
         f"{asymmetry.relative[a, b]:.1%} between the two directions (z = {asymmetry.z[a, b]:.1f}), "
-        "because a reflection model is not reciprocal; their mean is used"
-        for a, b in np.argwhere(differs)
+        "because a reflection model is not reciprocal; their mean is used, and half of the "
+        "difference is part of its error"
+        for a, b in np.argwhere(asymmetry.is_certain)
     ]

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     import xarray
 
 PARTS = ("sky", "ground", "itself", "other groups")  # of what a group emits
+ASYMMETRY, SIGNIFICANT = 0.01, 4.0  # relative difference of two directions and its z for a remark
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +35,11 @@ class Asymmetry:
 
     relative: np.ndarray
     z: np.ndarray
+
+    @property
+    def is_certain(self) -> np.ndarray:
+        """Whether the first direction is larger, by more than chance, (groups, groups)."""
+        return (self.relative > ASYMMETRY) & (self.z > SIGNIFICANT)
 
 
 @dataclass(frozen=True, repr=False)
@@ -109,6 +115,17 @@ class Exchange(Result):
         errors = self.traced.standard_error(of_groups)
         return of_groups(self.conductors), with_unmet(errors, path)
 
+    def between_groups(self) -> tuple[np.ndarray, np.ndarray]:
+        """Conductors between groups and their standard errors [m^2], (groups, groups).
+
+        Which of two directions that differ is right is not known. Half of the difference is part of
+        the error.
+        """
+        GR, error = self.by_group(lambda C: C.between.toarray())
+        certain = self.asymmetry.is_certain
+        half = np.where(certain | certain.T, np.abs(self.asymmetry.relative) / 2 * GR, 0)
+        return GR, np.hypot(error, half)
+
     def error(self, function: Callable[[Conductors], np.ndarray]) -> np.ndarray:
         """Standard errors of areas of the facets, (n, ...) [m^2]; see `with_unmet`."""
         return with_unmet(self.traced.standard_error(function), self.traced.path_area)
@@ -139,7 +156,7 @@ class Exchange(Result):
 
     def group_areas(self) -> dict[str, np.ndarray]:
         """Conductors between groups with their errors [m^2], and shares that reach nothing."""
-        conductors, errors = self.by_group(lambda C: C.between.toarray())
+        conductors, errors = self.between_groups()
         return {
             "groups": self.facets.groups,
             "conductors_m2": conductors,
@@ -161,7 +178,7 @@ class Exchange(Result):
         shares = ((area / emitted[:, None]).T for area in areas)
         astray = {k: self.facets.share_of_groups(v) for k, v in self.astray.items()}
         counts, area = M.sum(axis=1).astype(int), M @ self.facets.area
-        GR, error = self.by_group(lambda C: C.between.toarray())
+        GR, error = self.between_groups()
         pairs = np.triu(GR, 1).nonzero()
         yield summary_of(self)
         yield Table.of(

@@ -241,6 +241,14 @@ def test_a_rough_lobe_that_is_not_reciprocal_gets_a_remark(e, is_remarked):
     numbers = {"epsilon": 0.2, "rho_d": 0.05, "b": 0.1, "e": e}
     result = exchange(strip_between({"type": "sandford_robertson", **numbers}), rays=65536)
     assert any("not reciprocal" in remark for remark in result.remarks) == is_remarked
+    (GR, error), scatter = (
+        result.between_groups(),
+        result.by_group(lambda C: C.between.toarray())[1],
+    )
+    assert (error > 1.5 * scatter).any() == is_remarked
+    assert np.all(
+        error >= is_remarked * (result.asymmetry.z > 4) * result.asymmetry.relative * GR / 2
+    )
 
 
 @pytest.mark.parametrize("turn", [SAME_DIAGONAL, OTHER_DIAGONAL])
@@ -260,7 +268,7 @@ def test_a_sheet_of_two_facets_back_to_back(turn, is_first, gap):
         ),
         rays=8192,
     )
-    factors, errors = result.by_group(lambda C: C.between.toarray())
+    factors, errors = result.between_groups()
     side = np.array([-1.0, 1.0, -1.0, 1.0])
     F1, F2 = (4 * parallel(side, side, distance) for distance in (1, 2))
     assert result.facets.groups == ("above", "back", "below", "front")
