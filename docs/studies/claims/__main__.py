@@ -4,6 +4,7 @@
                                   [--only NAME ...] [--repeats R] [--paths N]
                                   [--csv FILE] [--page FILE]
                                   [--read FILE ...] [--repeated FILE ...]
+                                  [--pairs] [--paired FILE ...]
                                   [--workers N | --dask ADDRESS]
 
 A scene takes about two seconds. `--scenes 1 --first K` repeats the scene K of the seed S and prints
@@ -11,7 +12,9 @@ its claims. `--only to_tolerance --repeats 10` runs that command alone, ten time
 random numbers, which share what a scene's load and its kernels cost. Several runs,
 of more seeds or of further scenes, may add to one `--csv`. `--read` takes all claims of such files
 in place of a run, and `--repeated` those of runs with repeats, which have a section of their own on
-the page. `--page docs/validation/claims.md` writes the page.
+the page. `--pairs` compares pairs of scenes that must agree in place of other claims, in about four
+seconds a scene, and `--paired` takes those of such files to the page. `--page
+docs/validation/claims.md` writes the page.
 """
 
 import argparse
@@ -26,6 +29,7 @@ import mi_lcair
 from docs.studies.claims.claims import Claim, claims
 from docs.studies.claims.coverage import FALSE, defects, is_tolerance, rows
 from docs.studies.claims.page import write
+from docs.studies.claims.pairs import claims_of_pairs
 from docs.studies.claims.scenes import case
 from docs.studies.claims.witness import MOST_PATHS
 from mi_lcair.tasks import in_order
@@ -44,6 +48,8 @@ def parsed(arguments=None) -> argparse.Namespace:
     parser.add_argument("--csv", help="file to which a row for each claim is added")
     parser.add_argument("--read", nargs="+", help="CSV files of earlier runs, in place of a run")
     parser.add_argument("--repeated", nargs="+", default=[], help="such files of runs with repeats")
+    parser.add_argument("--pairs", action="store_true", help="compare pairs that must agree")
+    parser.add_argument("--paired", nargs="+", default=[], help="CSV files of runs with --pairs")
     parser.add_argument("--workers", type=int, help="draw the scenes in this number of processes")
     parser.add_argument("--dask", help="draw them on the workers of this Dask scheduler")
     return parser.parse_args(arguments)
@@ -52,10 +58,12 @@ def parsed(arguments=None) -> argparse.Namespace:
 def run(seed: int, numbers, kind: str = "", path: str | None = None, **tried) -> list[Claim]:
     """The claims of the cases with these numbers; those of each case are added to a CSV file.
 
-    tried: `only`, `repeats` and `most_paths` of `claims`.
+    tried: `only`, `repeats` and `most_paths` of `claims`; `pairs` for those of pairs alone.
     """
-    found = []
-    tasks = [partial(claims_of, seed, number, kind, **tried) for number in numbers]
+    found, of_one = [], claims_of
+    if tried.pop("pairs", False):
+        of_one, tried = claims_of_pairs, {}
+    tasks = [partial(of_one, seed, number, kind, **tried) for number in numbers]
     for of_case in tqdm(in_order(tasks), unit="scene", total=len(tasks)):
         found += of_case
         if path:
@@ -109,6 +117,7 @@ def main(arguments=None) -> None:
     else:
         with mi_lcair.workers(options.workers, options.dask):
             tried = {"only": options.only, "repeats": options.repeats, "most_paths": options.paths}
+            tried["pairs"] = options.pairs
             found = run(options.seed, numbers, options.kind, options.csv, **tried)
     if options.scenes == 1:
         for claim in found:
@@ -118,7 +127,7 @@ def main(arguments=None) -> None:
     for (name, kind), text in defects(found).items():
         print(f"DEFECT {name}; {kind}: {text}")
     if options.page:
-        write(options.page, found, read_from(options.repeated))
+        write(options.page, found, *map(read_from, (options.repeated, options.paired)))
 
 
 if __name__ == "__main__":

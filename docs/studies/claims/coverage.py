@@ -98,11 +98,13 @@ def defects(claims: Iterable[Claim], by_kind: bool = True) -> dict[tuple[str, st
     """Names of claims that do not hold, and kinds of scenes, each with its number.
 
     These are intervals whose coverage is below AT_LEAST beyond chance or that are missed by more
-    than FAR times, tolerances that are missed by more than three times, and faults.
+    than FAR times, tolerances that are missed by more than three times, pairs that differ, and
+    faults.
     """
     result = {}
     for entry in rows(claims, by_kind, level=1 - 2 * SURE):
-        is_false = entry.worst.excess > (FALSE[-1] if is_tolerance(entry.name) else FAR)
+        limit = FALSE[-1] if is_tolerance(entry.name) else FAR
+        is_false = entry.worst.excess > (1 if entry.name.startswith("pair") else limit)
         if entry.upper < AT_LEAST or is_false or entry.name.startswith("fault"):
             result[entry.name, entry.kind] = (
                 f"{entry.claims - round(entry.held * entry.claims)} of {entry.claims} false, "

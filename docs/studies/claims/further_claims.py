@@ -1,6 +1,7 @@
 """Claims of shapes, heat and materials by wavelength, beside those of the scene as it was drawn."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -84,27 +85,33 @@ def balance(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
         yield witness.claim("temperature of a balance", value, truth, error)
 
 
+def with_spectra(case: Case, scene: Path, spectra: dict[str, list[tuple]]) -> Path:
+    """A scene file with spectra, pairs of wavelength [um] and reflectance, for the materials."""
+    text, entries = scene.read_text(encoding="utf-8"), []
+    for name, value in case.materials.items():
+        owner = name.partition(".")[0]
+        table = "".join(f"{x!r},{1 - rho!r}\n" for x, rho in spectra[name])
+        scene.with_name(f"{owner}.csv").write_text("wavelength_um,emissivity\n" + table)
+        entries.append(f'[of_{owner}.spectral]\nemissivity = "{owner}.csv"\n')
+        text = text.replace(diffuse(value, owner), SPECTRAL.format(name=owner, entry=f"of_{owner}"))
+    scene.with_name("spectral.toml").write_text("".join(entries), encoding="utf-8")
+    path = scene.with_name("spectral.xml")
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
 def by_wavelength(case: Case, scene, witness: Witness, rng) -> Iterator[Claim]:
     """Interval or tolerance with materials whose reflectances have a step in the band."""
     lower, upper = planck.BANDS_UM[case.band]
     middle = float(rng.uniform(0.9 * lower + 0.1 * upper, 0.1 * lower + 0.9 * upper))
-    text, entries = scene.path.read_text(encoding="utf-8"), []
-    parts = [{}, {}]
+    parts, spectra = [{}, {}], {}
+    ends = 0.9 * lower, middle, middle + STEP_UM, upper + 1
     for name, value in case.materials.items():
-        owner, folder = name.partition(".")[0], scene.path.parent
         reflectances = value, float(rng.uniform(0.05, 0.95))
         for part, reflectance in zip(parts, reflectances):
             part[name] = reflectance
-        rows = zip(
-            (0.9 * lower, middle, middle + STEP_UM, upper + 1), np.repeat(reflectances, 2).tolist()
-        )
-        table = "".join(f"{x!r},{1 - rho!r}\n" for x, rho in rows)
-        (folder / f"{owner}.csv").write_text("wavelength_um,emissivity\n" + table)
-        entries.append(f'[of_{owner}.spectral]\nemissivity = "{owner}.csv"\n')
-        text = text.replace(diffuse(value, owner), SPECTRAL.format(name=owner, entry=f"of_{owner}"))
-    (scene.path.parent / "spectral.toml").write_text("".join(entries), encoding="utf-8")
-    path = scene.path.with_name("spectral.xml")
-    path.write_text(text, encoding="utf-8")
+        spectra[name] = list(zip(ends, np.repeat(reflectances, 2).tolist()))
+    path = with_spectra(case, scene.path, spectra)
     truth = 0.0
     for limits, materials in zip(((lower, middle), (middle, upper)), parts):
         pixels = case.response(case.radiances_within(*limits), materials)

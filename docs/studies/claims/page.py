@@ -58,13 +58,13 @@ def of_repeats(repeated: list[Claim]) -> dict[str, str]:
     }
 
 
-def write(path: str, found: list[Claim], repeated: list[Claim]) -> None:
-    """Write the page from claims. repeated: those of runs with repeats."""
+def write(path: str, found: list[Claim], repeated: list[Claim], paired: list[Claim]) -> None:
+    """Write the page from claims. repeated: those of runs with repeats. paired: those of pairs."""
     all_rows = rows(found)
     tolerances = [row for row in all_rows if is_tolerance(row.name)]
     intervals = [row for row in all_rows if not is_tolerance(row.name)]
     worst = max((row.worst for row in tolerances), key=lambda claim: claim.excess, default=None)
-    failed = defects([*found, *repeated], by_kind=False)
+    failed = defects([*found, *repeated, *paired], by_kind=False)
     listed = [f"- {name}: {text}." for (name, _), text in sorted(failed.items())]
     write_page(
         path,
@@ -77,6 +77,8 @@ def write(path: str, found: list[Claim], repeated: list[Claim]) -> None:
         tolerances="\n".join(map(line, tolerances)),
         kinds=by_kind(found),
         **of_repeats(repeated),
+        pairs="\n".join(map(line, rows(paired))),
+        paired_runs=runs(paired),
         worst="" if worst is None else f"scene {worst.number} of seed {worst.seed}, {worst.kind}",
         worst_excess=0 if worst is None else worst.excess,
         defects="\n".join(listed) or "None.",

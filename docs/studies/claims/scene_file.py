@@ -1,6 +1,7 @@
 """Text of a scene file: shapes that are placed, scaled and turned together."""
 
-from dataclasses import dataclass, field
+import re
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import mitsuba as mi
@@ -36,6 +37,7 @@ element face {faces}
 property list uchar int vertex_indices
 {attribute}end_header
 """
+NAMED = re.compile(r'<bsdf type="\w+" id="(\w+)">.*?</bsdf>')
 UP = np.array([0.0, 0.0, 1.0])
 SUN_UM, SUN_SPECTRAL = np.arange(0.5, 15.01, 0.1), 30.0  # of the sun's table; W m^-2 um^-1
 WIDEST = 5.0  # largest half of a window of a camera with a lens, in distances
@@ -45,11 +47,20 @@ FARTHEST = 5e8  # radius of a room; the loader refuses shapes beyond 1e9 m
 
 @dataclass(frozen=True)
 class Place:
-    """Where the whole scene stands: points p become scale * rotation @ p + shift [m]."""
+    """Where the whole scene stands: points p become scale * rotation @ p + shift [m].
+
+    rotation: may be a reflection. halves: whether rectangles without a texture are written as two.
+    """
 
     scale: float = 1.0
     rotation: np.ndarray = field(default_factory=lambda: np.eye(3))
     shift: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    halves: bool = False
+
+    @property
+    def side(self) -> float:
+        """-1 for a reflection, which turns front sides to the back, else 1."""
+        return float(np.sign(np.linalg.det(self.rotation)))
 
     def points(self, points) -> np.ndarray:
         return self.scale * self.vectors(points) + self.shift
@@ -118,7 +129,15 @@ class SceneFile:
 
     def rectangle(self, centre, u, v, inside: str, kind: str = "rectangle") -> None:
         """The rectangle centre +- u +- v, or the disc in it; its front side is that of u x v."""
+        if self.place.halves and kind == "rectangle" and "<texture" not in inside:
+            self.place, whole = replace(self.place, halves=False), self.place
+            for sign in (-1, 1):
+                self.rectangle(centre + sign * np.asarray(u) / 2, np.asarray(u) / 2, v, inside)
+                inside = NAMED.sub(r'<ref id="\1"/>', inside)  # a name is given once
+            self.place = whole
+            return
         u, v = (self.place.scale * self.place.vectors(half) for half in (u, v))
+        u = self.place.side * u
         normal = np.cross(u, v)
         normal *= np.sqrt(np.linalg.norm(u) * np.linalg.norm(v)) / np.linalg.norm(normal)
         transform = f'<matrix value="{matrix_text((u, v, normal), self.place.points(centre))}"/>'
@@ -138,7 +157,7 @@ class SceneFile:
 
         temperatures: those of the polygons, for a `mesh_attribute` face_temperature [K].
         """
-        polygons = np.asarray(polygons, float)
+        polygons = np.asarray(polygons, float)[:, :: int(self.place.side)]
         count, corners, _ = polygons.shape
         name = f"mesh{len(self.meshes)}.ply"
         first = np.arange(count) * corners
@@ -193,6 +212,7 @@ class SceneFile:
         left = np.cross(up, direction)
         left /= np.linalg.norm(left)
         axes = [self.place.vectors(axis) for axis in (left, np.cross(direction, left), direction)]
+        axes[0] = self.place.side * axes[0]
         half = self.place.scale * half_window
         clips = {
             "near": float(1e-5 * far * self.place.scale),

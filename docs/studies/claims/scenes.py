@@ -1,5 +1,7 @@
 """The kinds of scenes, and the case of a seed and a number."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from docs.studies.claims import bodies, combined, enclosed, lit, seen
@@ -26,14 +28,17 @@ KINDS = {
 DARKEST = 1e-9  # least mean radiance of a scene; Float32 underflows at 1e-38 [W m^-2 sr^-1]
 
 
-def case(seed: int, number: int) -> Case:
-    """The case of a number; it is the same for the same seed, whatever the other cases are."""
+def case(seed: int, number: int, draw: Callable[..., Draw] = Draw) -> Case:
+    """The case of a number; it is the same for the same seed, whatever the other cases are.
+
+    draw: makes the random choices of a case from their generator.
+    """
     rng = np.random.default_rng([seed, number])
     kinds, weights = list(KINDS), np.array(list(KINDS.values()), float)
     while True:
         kind = kinds[rng.choice(len(kinds), p=weights / weights.sum())]
         try:
-            result = kind(Draw(rng))
+            result = kind(draw(rng))
         except Unsuitable:
             continue
         if result.mean > DARKEST:

@@ -1,11 +1,16 @@
 """What the commands claim about adverse scenes holds."""
 
+import tempfile
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from docs.studies.claims.__main__ import add_to, main, run
 from docs.studies.claims.claims import Claim
 from docs.studies.claims.coverage import defects, interval, rows
+from docs.studies.claims.pairs import COMBINED, Pairs
+from docs.studies.claims.scenes import case
 
 SEED, SCENES = 1, 4
 
@@ -93,3 +98,17 @@ def test_repeats_of_a_command_have_other_random_numbers():
     found = run(SEED, [2], only=["to_tolerance"], repeats=2, most_paths=2**12)
     first, second = (entry.error for entry in found if entry.name == "interval, stopped")
     assert first != second
+
+
+@pytest.mark.slow
+def test_pairs_that_must_agree():
+    """A box that is mirrored, and one whose rectangles are halved; a pair that differs is told."""
+    with tempfile.TemporaryDirectory() as folder:
+        number = next(k for k in range(100) if case(SEED, k).kind == "box")
+        pairs = Pairs(SEED, number, Path(folder))
+        value, half = pairs.mean(pairs.case)
+        for other, half_of_other in (pairs.mirrored(), pairs.divided()):
+            assert other != value
+            assert abs(other - value) < COMBINED * np.hypot(half, half_of_other)
+    far = Claim("pair, turned", "box", "on", 1, 7, 1.1, 0.01)
+    assert list(defects([far])) == [("pair, turned", "box")]
