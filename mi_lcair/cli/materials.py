@@ -97,7 +97,7 @@ def materials_command(files):
 # mi-lcair import: convert a model of a modelling program to meshes and a scene
 # -----------------------------------------------------------------------------
 
-FIRST = 0.02  # tolerance of the first intensity of a model
+FIRST, MOST_SPP = 0.02, 128  # tolerance and most paths per pixel of the first intensity of a model
 AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
 
 
@@ -225,7 +225,9 @@ def import_command(ctx, file, output, check, overwrite, materials, band, **setti
     files = _write(model, output, materials, words, overwrite) if output else []
     rows, more = [], {"files": files}
     if band:
-        first = mi_lcair.signature(output, tolerance=FIRST, parameters={"band": band})
+        # A model without light, such as a plate seen edge-on, would take all paths
+        most = {"tolerance": FIRST, "max_spp": MOST_SPP}
+        first = mi_lcair.signature(output, **most, parameters={"band": band})
         rows.append(("intensity", first.summary()))
         more["signature"] = first.as_dict()
     if output:

@@ -275,6 +275,15 @@ def test_thin_sheets_are_remarked(run, folder):
     assert "lie" not in run("import", "model.obj", "--check").stderr
 
 
+@pytest.mark.slow
+def test_a_plate_seen_edge_on_ends(run, folder):
+    """Its first intensity is 0, to which no number of paths is near enough."""
+    plate = "o f*bareAl*300*\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n"
+    (folder / "model.obj").write_text(plate)
+    result = run("import", "model.obj", "-o", "plate", "--band", "LWIR")
+    assert "scene 0 +- " in result.stdout
+
+
 def test_edited_files_are_not_replaced_silently(run, refused, folder):
     """A second import names all files that were edited, and replaces them with --overwrite only."""
     options = ("--materials", "own.toml", "--material", "rust")
