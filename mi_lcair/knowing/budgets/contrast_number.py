@@ -80,16 +80,25 @@ class Seen:
     def per_amount(self, range_m: float | None = None) -> np.ndarray:
         """Irradiances of target, path and background per amount, (3, amounts), also at a range [m].
 
-        A factor of the transmittance is one of the optical depth, which grows with the range.
+        The optical depth of the mean transmittance has the same relative error at all ranges.
         """
         path = self.path if range_m is None else self.setting.air.path(range_m)
-        power, irradiance = path.range_m / self.path.range_m, self.irradiance
+        power, irradiance = 1.0, self.irradiance
+        if range_m is not None and (self.factors[0] != 1 or np.any(self.shares != 1)):
+            depth = self.depth(self.path)
+            power = self.depth(path) / depth if depth > 0 else 1.0
         per_amount = irradiance.per_amount(path)[[TARGET, PATH, BACKGROUND]]
         if np.any(self.shares != 1):
             weights = irradiance.weights_um * self.shares**power / path.range_m**2
             per_amount[0, :-1] = irradiance.arriving(path) @ weights
         factors = self.factors ** [power, 1, 1] * [self.brightness, 1, 1]
         return per_amount * factors[:, None]
+
+    def depth(self, path: LineOfSight) -> float:
+        """Optical depth of the mean transmittance of a path, without `factors`."""
+        weights = self.irradiance.weights_um
+        mean = path.at(self.irradiance.wavelengths_um)[0] @ weights / weights.sum()
+        return -float(np.log(max(mean, np.finfo(float).tiny)))
 
     def parts(self, range_m: float | None = None) -> np.ndarray:
         """Irradiances of target, path and background, (3,), also at a range [m]."""

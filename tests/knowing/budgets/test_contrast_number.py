@@ -137,7 +137,7 @@ def test_detection_range(folder, at_optics):
 
 
 def test_a_range_through_air_grows_with_the_transmittance(folder):
-    """A factor f of the transmittance at R is f^(r / R) at r: an optical depth per length."""
+    """A factor f of the transmittance t at R is f^(ln t(r) / ln t(R)) at r."""
     scenario = blackbody_disc(folder, atmosphere__table="us_standard")
     found, parts = contributions(scenario, "detection_range", **{"scenario.transmittance": 1e-5})
     contrast = mi_lcair.contrast(scenario)
@@ -146,9 +146,10 @@ def test_a_range_through_air_grows_with_the_transmittance(folder):
     steps = found.value * np.array([0.999, 1.001])
     irradiance = contrast.rows[-1].irradiance
     low, high = (irradiance.at(contrast.air.path(r)) for r in steps)
-    d_target = low["target"].value * found.value / RANGE
+    band, tau = scenario.sensor.detector().band, contrast.transmittance
+    there = contrast.air.transmittance_mean(band, found.value)
+    d_target = low["target"].value * np.log(there) / np.log(tau)
     d_range = (high["total"].value - low["total"].value) / (steps[1] - steps[0])
-    tau = contrast.transmittance
     assert parts["scenario.transmittance"] == pytest.approx(
         -1e-5 / tau * d_target / d_range, rel=0.01
     )
