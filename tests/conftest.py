@@ -23,6 +23,14 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Whoever leaves out slow tests leaves out studies."""
+    for item in items:
+        if item.get_closest_marker("study"):
+            item.add_marker("slow")
+
+
 def pytest_collection_finish():
     """Take what is alive before the first test out of all later collections of garbage."""
     gc.collect()

@@ -110,7 +110,7 @@ def test_the_stub_is_the_registry_of_public_names():
 
 @pytest.mark.slow
 def test_a_users_script_under_mypy(tmp_path):
-    """In a process of its own, because mypy's trees stay and slow all later collections of garbage."""
+    """In a process of its own: mypy's trees stay, and slow each later collection of garbage."""
     script = tmp_path / "script.py"
     script.write_text(
         "import mi_lcair\n"

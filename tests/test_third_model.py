@@ -130,11 +130,8 @@ def python(root, *arguments):
     )
 
 
-every_new_model = pytest.mark.parametrize("model", SURFACES)
-
-
 @pytest.mark.slow
-@every_new_model
+@pytest.mark.parametrize("model", ["phong", pytest.param("minnaert", marks=pytest.mark.study)])
 def test_everything_takes_the_new_model(copy, model):
     done = python(copy, "-c", USE_IT, model, json.dumps(SURFACES[model]))
     assert done.returncode == 0 and "all of it works" in done.stdout, done.stderr

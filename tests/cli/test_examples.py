@@ -26,9 +26,6 @@ def lines(command):
     return [line.strip() for line in text if line.strip().startswith("mi-lcair")]
 
 
-ON_PAGES = ("cavity", "sweep")  # whose examples are run by tests of pages
-
-
 @pytest.mark.parametrize("name", [name for name, _ in leaves()])
 def test_every_command_has_an_example_of_itself(name):
     assert any(
@@ -60,23 +57,18 @@ def test_help_says_what_is_written_and_in_which_unit(name):
     assert any(unit in help for unit in units) or name == "show", help
 
 
-@pytest.mark.parametrize("name", ON_PAGES)
-def test_pages_have_the_examples_that_are_not_run_here(name):
-    shown = [
-        words
-        for fence in all_fences()
-        if fence.is_run and fence.language == "sh"
-        for words in commands(fence)
-    ]
-    assert all(shlex.split(line) in shown for line in lines(dict(leaves())[name]))
-
-
 @pytest.mark.slow
 def test_examples_run_in_order(tmp_path, monkeypatch):
-    """In one folder with the sample files. Some use what earlier ones have written."""
+    """In one folder with the sample files. Some use what earlier ones have written.
+
+    Lines that a page shows are run by the test of the page.
+    """
+    fences = [fence for fence in all_fences() if fence.is_run and fence.language == "sh"]
+    shown = [words for fence in fences for words in commands(fence)]
     shutil.copytree(EXAMPLES, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
     run_command(shlex.split("mi-lcair import box.obj -o box"), "preparation")
     for name, command in leaves():
-        for line in lines(command) if name not in ON_PAGES else []:
-            run_command(shlex.split(line), name)
+        for words in map(shlex.split, lines(command)):
+            if words not in shown:
+                run_command(words, name)

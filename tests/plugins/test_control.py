@@ -8,6 +8,7 @@ import pytest
 import mi_lcair
 from mi_lcair.plugins.paths import path_tracer
 from tests.derivatives.dark_scenes import plate
+from tests.matrix import some_of
 
 mi.set_variant("llvm_ad_mono")
 SEEDS = 8
@@ -36,7 +37,7 @@ def without_control(monkeypatch, scene, keys) -> np.ndarray:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("e", [0.004, 0.01, 0.03])
+@pytest.mark.parametrize("e", some_of([0.004, 0.01, 0.03], 3))
 def test_gloss_black_under_a_sky(tmp_path, monkeypatch, e):
     """The incoming radiance is constant, so that nearly all noise of the score of `e` cancels."""
     case = plate("sandford_robertson", (0.88, 0.00075, 0.16, e), 3, 300.0, 280.0)
@@ -51,7 +52,7 @@ def test_gloss_black_under_a_sky(tmp_path, monkeypatch, e):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("emitter_sampling", [False, True])
+@pytest.mark.parametrize("emitter_sampling", some_of([True, False], 2))
 def test_uneven_surroundings(corner, monkeypatch, emitter_sampling):
     """The same means as without it, also for surfaces that reflect each other and are drawn."""
     integrator = {"type": "bounce_path", "max_bounces": 3, "emitter_sampling": emitter_sampling}

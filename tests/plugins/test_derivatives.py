@@ -96,15 +96,16 @@ def reverse(make, keys, order, index=0):
     return {key: np.mean(values) for key, values in found.items()}
 
 
-def forward(make, key, order, index=0):
-    """Mean and standard error."""
+def forward(make, key, order, index=0, keys=()):
+    """Mean and standard error. The other keys have tangents of 0, so that all share one kernel."""
     images = []
     for seed in range(SEEDS):
-        scene, parameters, leaves = prepared(make, [key], order)
-        tangent = np.zeros(dr.width(leaves[key]))
-        tangent[index] = 1
+        scene, parameters, leaves = prepared(make, keys or [key], order)
         image = mi.render(scene, parameters, spp=SPP, seed=seed)
-        dr.set_grad(leaves[key], mi.Float(tangent))
+        for name, leaf in leaves.items():
+            tangent = np.zeros(dr.width(leaf))
+            tangent[index] = name == key
+            dr.set_grad(leaf, mi.Float(tangent))
         dr.forward_to(image)
         images.append(np.array(dr.grad(image)).ravel())
     return mean_and_error(np.array(images, dtype=np.float64))
@@ -115,7 +116,7 @@ def assert_derivatives(make, key, step, order="enable, update", index=0, in_reve
     the same error.
     """
     reference, reference_error = central_difference(make, key, step, index)
-    value, error = forward(make, key, order, index)
+    value, error = forward(make, key, order, index, tuple(in_reverse or ()))
     in_reverse = reverse(make, [key], order, index) if in_reverse is None else in_reverse
     allowed = max(0.02 * abs(reference), 3 * np.hypot(error, reference_error))
     for mode, found in (("forward", value), ("reverse", in_reverse[key])):

@@ -4,10 +4,11 @@ import pytest
 
 import mi_lcair
 from docs.studies.points import SCENES, coverage
+from tests.matrix import some_of
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name, parameters", SCENES, ids=[name for name, _ in SCENES])
+@pytest.mark.parametrize("name, parameters", some_of(SCENES, 4), ids=[name for name, _ in SCENES])
 def test_intervals_hold_the_truth(name, parameters):
     """In 90-98 % of 200 runs, for the target and for every channel of more than 2 % of it.
 
