@@ -51,11 +51,17 @@ def figure(model: Model, title: str = TITLE):
     """Matplotlib Figure of a model from its left side, from the front and from above.
 
     Sky and terrain are drawn behind the model where they face the observer. Backs of model facets
-    have a colour of their own.
+    have a colour of their own. Where all sides show backs, as those of a room do, the backs are
+    left out, so that the walls behind them are seen.
     """
     box, longest = _window(model)
     sizes = np.diff(box, axis=0)[0]
     images = [_triangles_seen(model, view, box, longest / PIXELS) for view in VIEWS]
+    is_room = False
+    if all(image.max() < 0 for image in images):  # no front is seen
+        inner = [_triangles_seen(model, view, box, longest / PIXELS, True) for view in VIEWS]
+        is_room = all(image.max() >= 0 for image in inner)
+        images = inner if is_room else images
     widths = [sizes[view.right[0]] for view in VIEWS]
     heights = [sizes[view.up[0]] for view in VIEWS]
     scale = WIDTH / max(*widths, *heights)
@@ -63,7 +69,7 @@ def figure(model: Model, title: str = TITLE):
     drawn = new_figure(np.maximum(size, (8, 3)), dpi=100, layout="constrained")
     panels = drawn.subplots(1, 3, width_ratios=widths)
     _draw_materials(drawn, panels, model, images, box, longest)
-    drawn.suptitle(plain(title))
+    drawn.suptitle(plain(title + ", seen through the nearest walls" * is_room))
     return drawn
 
 
@@ -146,7 +152,7 @@ def _extent(view, box):
     return edges
 
 
-def _triangles_seen(model, view, box, pixel):
+def _triangles_seen(model, view, box, pixel, without_backs=False):
     """The number of the triangle (H, W) that each pixel shows, NOTHING or BEHIND."""
     corners = model.vertices[model.triangles]
     left, _, bottom, _ = _extent(view, box)
@@ -161,9 +167,9 @@ def _triangles_seen(model, view, box, pixel):
     sizes = np.ceil(np.diff(box, axis=0)[0] / pixel).astype(int)
     image = nearest_triangles(points, depth, (sizes[view.up[0]], sizes[view.right[0]]))
     turned = _area(*np.moveaxis(points, 1, 0)) < 0
-    of_target = model.facets_of("f")[model.triangle_facet]
-    if turned[~of_target].any():  # the backs of sky and terrain hide nothing
-        kept = np.flatnonzero(of_target | ~turned)
+    opaque = model.facets_of("f")[model.triangle_facet] & (not without_backs)
+    if turned[~opaque].any():  # the backs of sky and terrain hide nothing
+        kept = np.flatnonzero(opaque | ~turned)
         image = nearest_triangles(points[kept], depth[kept], image.shape)
         image[image >= 0] = kept[image[image >= 0]]
     image[(image >= 0) & turned[np.maximum(image, 0)]] = BEHIND

@@ -4,11 +4,20 @@ from io import BytesIO
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 from PIL import Image
 
 from mi_lcair.models3d import read
 from mi_lcair.show.pictures import model as model_picture
-from mi_lcair.show.pictures.model import BEHIND, NOTHING, VIEWS, figure, nearest_triangles, png
+from mi_lcair.show.pictures.model import (
+    BACK,
+    BEHIND,
+    NOTHING,
+    VIEWS,
+    figure,
+    nearest_triangles,
+    png,
+)
 from tests.models3d.shapes import SIDES, cube, obj
 
 SIDE_NAMES = ("tail", "nose", "right", "left", "bottom", "top")
@@ -115,3 +124,18 @@ def test_labels_of_ticks_do_not_touch(load):
         boxes = [tick.label1.get_window_extent() for tick in panel.xaxis.get_major_ticks()]
         ends = sorted((box.x0, box.x1) for box in boxes)
         assert len(ends) > 3 and all(a[1] + 4 < b[0] for a, b in zip(ends, ends[1:]))
+
+
+def colours(model):
+    """All colours (N, 3) of the three views."""
+    panels = figure(model).axes[:3]
+    return np.concatenate([np.reshape(panel.images[0].get_array(), (-1, 3)) for panel in panels])
+
+
+def test_a_room_shows_its_far_walls(load):
+    """Backs are left out where no front is seen, unless they are all that there is."""
+    back = to_rgb(BACK)
+    room, sheet = cube(size=2, flip=range(6)), obj([(0, 0, 0), (0, 1, 0), (1, 0, 0)], [(0, 1, 2)])
+    for text, is_shown in ((room, False), (cube(flip=[2, 3]), True), (sheet, True)):
+        assert (colours(load(text)) == back).all(axis=1).any() == is_shown
+    assert len(np.unique(colours(load(room)), axis=0)) > 1
