@@ -46,7 +46,7 @@ def test_ratio_is_one_of_times(monkeypatch):
     [
         *(
             lambda name=name: errors.track_time_to_error(name, tolerance=0.2, rounds=1)
-            for name in errors.SCENES
+            for name in list(errors.SCENES)[::3]
         ),
         lambda: errors.track_openings(paths=2**12, seeds=3),
         lambda: errors.track_small_launch(rounds=1),

@@ -10,6 +10,7 @@ from mi_lcair.fitting import read
 from mi_lcair.fitting.model import Hemispherical
 from mi_lcair.fitting.scatterometer.reading import DirectionalData, read_directional
 from tests.fitting.synthetic import MODEL, ROUGH, THESIS_SETS, fit, relative_errors, scan, without
+from tests.matrix import some_of
 
 SURFACES = Path(__file__).parents[2].parent / "shared" / "data" / "mwir_brdf"
 real_data = pytest.mark.skipif(not SURFACES.is_dir(), reason="the measured surfaces are not here")
@@ -37,14 +38,17 @@ def test_the_same_seed_gives_the_same_bits():
 @real_data
 @pytest.mark.parametrize(
     "name, thesis, normalized",
-    [
-        ("aluminium", 0.3294, 0.3556),
-        ("aluminium_sandblasted", 0.0764, 0.0703),
-        ("copper", 0.7475, 0.7475),
-        ("paint_rough", 0.1947, 0.1844),
-        ("paint_smooth", 0.2698, 0.2699),
-        ("steel_sandblasted", 0.0918, 0.0874),
-    ],
+    some_of(
+        [
+            ("aluminium", 0.3294, 0.3556),
+            ("aluminium_sandblasted", 0.0764, 0.0703),
+            ("copper", 0.7475, 0.7475),
+            ("paint_rough", 0.1947, 0.1844),
+            ("paint_smooth", 0.2698, 0.2699),
+            ("steel_sandblasted", 0.0918, 0.0874),
+        ],
+        2,
+    ),
 )
 def test_real_surfaces_as_well_as_a_global_search(name, thesis, normalized):
     """The expected rms deviations come from an independent global optimization of the residuals."""

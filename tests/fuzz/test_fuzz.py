@@ -5,7 +5,7 @@ import pytest
 from tests.fuzz.kinds import KINDS
 from tests.fuzz.mutants import Worker, campaign
 
-MUTANTS = 40  # of each kind
+MUTANTS = 25  # of each kind
 
 
 @pytest.fixture(scope="module")

@@ -17,6 +17,7 @@ from mi_lcair.laboratory.cavities.rings import (
 )
 from mi_lcair.laboratory.cavities.shape import Shape
 from tests.laboratory.cavities import meridian
+from tests.matrix import some_of
 
 WANTED = 2e-5  # largest stated error; the true one is below a tenth of it
 
@@ -67,7 +68,7 @@ def shapes():
         )
 
 
-@pytest.mark.parametrize("shape", list(shapes()), ids=lambda shape: shape.kind)
+@pytest.mark.parametrize("shape", some_of(shapes(), 2), ids=lambda shape: shape.kind)
 def test_integral_equation(shape):
     """Isothermal and with a gradient of 30 %, seen from all directions and along the axis."""
     rng = np.random.default_rng(int(1e6 * shape.radius_m))
@@ -88,7 +89,7 @@ def test_integral_equation(shape):
             assert error < WANTED
 
 
-@pytest.mark.parametrize("shape", list(shapes()), ids=lambda shape: shape.kind)
+@pytest.mark.parametrize("shape", some_of(shapes(), 2), ids=lambda shape: shape.kind)
 def test_stated_error_holds(shape):
     """The error that two numbers of rings give is larger than the difference to many rings."""
     rng = np.random.default_rng(int(1e6 * shape.radius_m) + 1)

@@ -11,6 +11,7 @@ from scipy.integrate import dblquad, quad
 
 from mi_lcair.physics.reflection import microfacet_equations
 from mi_lcair.physics.reflection.microfacet import MODEL, facet_reflectance
+from tests.matrix import some_of
 from tests.physics.reflection import microfacet_equations as printed
 from tests.physics.reflection.test_microfacet import random_parameters, surface
 
@@ -107,7 +108,7 @@ def test_parts_are_the_whole():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("alpha", [1e-4, 0.01, 0.1])
-@pytest.mark.parametrize("gamma", [0.5, 1.2, 2, 4])
+@pytest.mark.parametrize("gamma", some_of([0.5, 1.2, 4, 2], 2))
 @pytest.mark.parametrize("n, k", [(1.001, 0), (50, 0), (50, 100)])
 def test_a_table_holds_1e_5(alpha, gamma, n, k):
     """A Float32 table at 1024 even values of sqrt(cos) interpolates HDR up to 89.5 degrees."""
