@@ -12,7 +12,7 @@ from typing import Literal, get_args, get_origin
 import numpy as np
 
 from mi_lcair.declared import required
-from mi_lcair.errors import InputError, check_known, errors_of, shortened
+from mi_lcair.errors import InputError, check_known, errors_of, shortened, unknown
 from mi_lcair.files import parse_toml, read_text
 
 EXPECTED = {
@@ -23,8 +23,28 @@ EXPECTED = {
     dict: "a table",
     date: "a date without quotes, such as 2026-06-21",
 }
+# Tables by which a file is known that was given to the command of another kind
+TELLING = {
+    "scenario": ("observer", "atmosphere", "background", "surroundings", "sensor", "camera"),
+    "sweep": ("base", "conditions"),
+    "cavity": ("shape", "wall"),
+    "heat balance": ("weather", "groups"),
+    "inversion": ("data", "unknowns"),
+}
 SMALLEST, LARGEST = 1e-30, 1e12  # sizes of numbers whose squares and ratios stay finite
 SIZES = f"{SMALLEST:g}..{LARGEST:g}"
+
+
+def check_tables(known, tree: Mapping) -> None:
+    """Raise an InputError if a file has other tables than the known ones.
+
+    It names the kind of file that has these tables.
+    """
+    names = [name for name in tree if name not in known]
+    owners = [(each, kind) for each in names for kind, of in TELLING.items() if each in of]
+    if names:
+        hint = "; [{}] is a table of a {}".format(*owners[0]) if owners else ""
+        raise InputError(f"{unknown('table', names[0], known)}{hint}")
 
 
 def read(source, of, kind: str):

@@ -8,7 +8,7 @@ import pytest
 
 from mi_lcair.declared import entry, required
 from mi_lcair.errors import InputError
-from mi_lcair.toml_table import converted, filled, located, plain, read
+from mi_lcair.toml_table import check_tables, converted, filled, located, plain, read
 
 
 @dataclass
@@ -95,3 +95,14 @@ def test_the_declared_files_of_a_table_are_located(tmp_path):
     found = filled(Files, values, "[files]", tmp_path)
     assert found == Files(str(tmp_path / "a.xml"), (str(tmp_path / "b.py"),), "c.txt")
     assert filled(Files, values, "[files]") == Files("a.xml", ("b.py",), "c.txt")
+
+
+def test_a_file_of_another_kind_is_named():
+    known = ("shape", "wall", "view", "sigma")
+    check_tables(known, {"shape": {}, "wall": {}})
+    with pytest.raises(
+        InputError, match=r"'pose'; known: .*; \[observer\] is a table of a sc"
+    ):
+        check_tables(known, {"pose": {}, "observer": {}})
+    with pytest.raises(InputError, match="unknown table 'walls'; known: wall, [a-z, ]*$"):
+        check_tables(known, {"walls": {}})

@@ -28,7 +28,7 @@ from mi_lcair.declared import (
     together,
 )
 from mi_lcair.detection.flight_path import FlightTable, Moments
-from mi_lcair.errors import InputError, check_known, errors_of
+from mi_lcair.errors import InputError, errors_of
 from mi_lcair.files import parse_toml, read_text
 from mi_lcair.physics.air.atmosphere import VACUUM
 from mi_lcair.physics.air.levels import Weather
@@ -41,7 +41,7 @@ from mi_lcair.physics.surroundings import Words, sky_name
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.motions.table import MOTIONS, Declared, motions_of
 from mi_lcair.rendering.sampling import Sampling
-from mi_lcair.toml_table import filled, located, located_files, plain
+from mi_lcair.toml_table import check_tables, filled, located, located_files, plain
 
 if TYPE_CHECKING:
     from mi_lcair.rendering.views import View
@@ -494,7 +494,7 @@ class Scenario:
         """
         path, name, title, tree = tables_of(source, changes)
         with errors_of(f"scenario '{source}'"):
-            check_known("table", [*TABLES, MOTIONS], *tree)
+            check_tables([*TABLES, MOTIONS], tree)
             words = tree.get("surroundings")
             if isinstance(words, dict):
                 tree["surroundings"] = dict(map(worded, *zip(*words.items())))

@@ -19,7 +19,7 @@ from mi_lcair.declared import Described, entry, fraction, needs, one_of
 from mi_lcair.detection.irradiance import AirOfLight, Backdrop
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import line_of, sun_over, target_scene
-from mi_lcair.errors import InputError, check_known, errors_of, shortened
+from mi_lcair.errors import InputError, errors_of, shortened
 from mi_lcair.extras import optional
 from mi_lcair.files import check_writable
 from mi_lcair.physics.air.atmosphere import Atmosphere, LineOfSight
@@ -35,7 +35,7 @@ from mi_lcair.signatures.trend import TrendRows
 from mi_lcair.signatures.view_areas import ViewAreas, measure_view_areas, of_dataset
 from mi_lcair.table import read_table
 from mi_lcair.tasks import exclusively
-from mi_lcair.toml_table import dotted, filled, plain
+from mi_lcair.toml_table import check_tables, dotted, filled, plain
 
 # The table of conditions of a sweep: what changes, over which values, and how they combine
 # -----------------------------------------------------------------------------------------
@@ -178,7 +178,7 @@ class Conditions:
 
 def conditions_of(tree: Mapping, folder: Path, name: str) -> Conditions:
     """The conditions of the tables of a file in a folder."""
-    check_known("table", TABLES, *tree)
+    check_tables(TABLES, tree)
     stated = tree.get("conditions")
     if not isinstance(stated, Mapping) or not stated:
         raise InputError("[conditions]: is missing; give at least one condition and its values")

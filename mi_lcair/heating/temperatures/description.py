@@ -11,10 +11,9 @@ import numpy as np
 
 from mi_lcair import toml_table
 from mi_lcair.declared import Described, entry, excludes, needs, rule, together
-from mi_lcair.errors import check_known
 from mi_lcair.estimate import Stated, sigmas
 from mi_lcair.heating.temperatures.balance import HeatWall
-from mi_lcair.toml_table import filled, table_of
+from mi_lcair.toml_table import check_tables, filled, table_of
 
 KELVIN = {"lower": 10, "upper": 6000, "unit": "K"}
 # More than any surface takes up or gives off; numbers beyond are of another unit
@@ -215,7 +214,7 @@ class HeatDescription:
 
 def described(tree: Mapping, folder: Path, _name: str) -> HeatDescription:
     """The description of the tables of a file in a folder."""
-    check_known("table", ["target", *KINDS, "groups", "sigma"], *tree)
+    check_tables(["target", *KINDS, "groups", "sigma"], tree)
     target = filled(TargetTable, tree.get("target", {}), "[target]", folder)
     tables = {
         key: filled(kind, tree.get(key, {}), f"[{key}]")

@@ -16,7 +16,7 @@ from mi_lcair.physics.reflection.models import MODELS
 from mi_lcair.rendering.motions.motion import ANGLES, OBSERVER
 from mi_lcair.rendering.motions.table import MOTIONS, Declared, motions_of
 from mi_lcair.rendering.parameters.entries import AT, Parameter
-from mi_lcair.toml_table import filled, table_of, tables_of
+from mi_lcair.toml_table import check_tables, filled, table_of, tables_of
 
 # An inverse problem: measurements, unknowns, and what is known beforehand, read from a TOML file
 # -----------------------------------------------------------------------------------------------
@@ -78,7 +78,7 @@ class InverseProblem(Described, rules=PROBLEM):
         """
         folder = Path(folder)
         with errors_of(f"problem '{name}'"):
-            check_known("table", TABLES, *tree)
+            check_tables(TABLES, tree)
             data = rows(tree, "data", Measurement, folder)
             candidates = rows(tree, "candidates", Candidate, folder)
             goal = tree.get("goal")

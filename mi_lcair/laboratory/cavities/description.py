@@ -19,7 +19,7 @@ from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.materials import NamedMaterial, bands_of, material
 from mi_lcair.physics.spectra.files import spectrum_of
 from mi_lcair.table import read_table
-from mi_lcair.toml_table import filled
+from mi_lcair.toml_table import check_tables, filled
 
 KELVIN = {"lower": 10, "upper": 6000, "unit": "K"}
 WAVELENGTHS = {"lower": 0.2, "upper": 100, "unit": "um"}
@@ -140,7 +140,7 @@ class CavityDescription:
     @staticmethod
     def of(tables: Mapping, folder: Path, name: str) -> "CavityDescription":
         """The description of the tables of a file in a folder."""
-        check_known("table of a cavity", TABLES, *tables)
+        check_tables(TABLES, tables)
         for key in ("shape", "wall"):
             if key not in tables:
                 raise InputError(f"table [{key}] is missing")

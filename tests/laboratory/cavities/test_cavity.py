@@ -170,7 +170,7 @@ BAD = {
     ),
     "too large": ({"sigma": {"radius_m": 0.4}}, "sigma: radius_m = 0.4"),
     "profile": ({"wall": {"emissivity": 0.5, "profile": "none.csv"}}, "none.csv"),
-    "table": ({"walls": {}}, "unknown table of a cavity 'walls'"),
+    "table": ({"walls": {}}, "unknown table 'walls'; known: wall"),
 }
 
 
