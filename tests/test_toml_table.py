@@ -100,9 +100,7 @@ def test_the_declared_files_of_a_table_are_located(tmp_path):
 def test_a_file_of_another_kind_is_named():
     known = ("shape", "wall", "view", "sigma")
     check_tables(known, {"shape": {}, "wall": {}})
-    with pytest.raises(
-        InputError, match=r"'pose'; known: .*; \[observer\] is a table of a sc"
-    ):
+    with pytest.raises(InputError, match=r"'pose'; known: .*; \[observer\] is a table of a sc"):
         check_tables(known, {"pose": {}, "observer": {}})
     with pytest.raises(InputError, match="unknown table 'walls'; known: wall, [a-z, ]*$"):
         check_tables(known, {"walls": {}})
