@@ -66,7 +66,7 @@ def emissivity(folder: Path, draws: range):
             "lid.temperature": {"start": (299.0, 301.0, 290.0)[draw % 3]},
             "paint.epsilon": {"prior": [float(random.normal(EMISSIVITY, 0.02)), 0.02]},
         }
-        noise = {"quantity": "radiance", "netd_mK": corner.NETD_MK}
+        noise = {"quantity": "radiance", "netd_mK": corner.NETD_MK, **corner.EXACT}
         tree = {"data": [entry | noise], "unknowns": unknowns, "render": {"seed": draw}}
         yield solved(tree), (300.0, EMISSIVITY)
 
@@ -141,7 +141,11 @@ def camera(folder: Path, draws: range):
     image = mi_lcair.image(scenario, frames=draws.stop, spp=2**13)
     for draw in draws:
         np.save(folder / "counts.npy", image.counts[draw])
-        entry = {"scene": scenario, "image": str(folder / "counts.npy"), "quantity": "counts"}
+        entry = {
+            "scene": scenario,
+            "image": str(folder / "counts.npy"),
+            "quantity": "counts",
+        } | corner.EXACT
         unknowns = {name: {"start": 310.0} for name in corner.NAMES}
         render = {"seed": 100 + draw, "spp": 64}
         yield solved({"data": [entry], "unknowns": unknowns, "render": render}), corner.KELVIN
@@ -253,7 +257,10 @@ def facets(folder: Path, draws: range, is_seen: bool):
         np.save(folder / "view.npy", random.normal(image, noise_of_netd(scene.band, image, 2000)))
         path = str(waist.write_scene(folder, start, size=48, views=1))
         entry = {"scene": path, "image": str(folder / "view.npy"), "quantity": "radiance"}
-        tree = {"data": [entry | {"netd_mK": 2000}], "render": {"spp": 64, "seed": draw}}
+        tree = {
+            "data": [entry | {"netd_mK": 2000} | corner.EXACT],
+            "render": {"spp": 64, "seed": draw},
+        }
         alone = solved(tree | {"unknowns": {"body.facets": temperature}})
         alike = {"body.facets": temperature | {"correlation_m": LENGTH}}
         solution = solved(tree | {"unknowns": alike})

@@ -19,6 +19,8 @@ from mi_lcair.rendering.parameters.values import changed
 
 HOTTER_K = 20.0  # difference of temperatures in the heating states that are proposed
 BANDS = ("MWIR", "LWIR")  # bands that are proposed where the scene has a parameter `band`
+# Entries of an image that the same image in another band has, too
+ALIKE = ("scene", "sensor", "state", "netd_mK", "camera_sigma", "model_sigma")
 PRIORS = {"material": 0.01, "emissivity": 0.01, "temperature": 1.0}  # sigmas that are proposed
 WORTH = 0.8  # ratio of standard errors below which a proposal is worth mentioning
 MOST_UNKNOWNS = 200  # unknowns up to which measurements are proposed
@@ -74,10 +76,8 @@ def advice(
         total = np.diag(np.append(np.zeros(count), spans))
         total[:count, :count] += now
         inverse = np.linalg.inv(total + proposal.information)
-        errors = {
-            answers[k].label: float(min(np.sqrt(inverse[k, k]), answers[k].standard_error))
-            for k in wanted
-        }
+        after = np.sqrt(np.diag(inverse)[:count] + np.square(state.model_errors))
+        errors = {answers[k].label: float(min(after[k], answers[k].standard_error)) for k in wanted}
         before = {answers[k].label: answers[k].standard_error for k in wanted}
         if min(errors[label] / before[label] for label in errors) > WORTH:
             continue
@@ -251,9 +251,7 @@ def other_bands(data: list[Datum], loader: Loader, first: int) -> dict[str, list
                 and band != datum.scene.band.name
                 and "band" in survey(datum.scene.path, datum.scene.parameters)
             ):
-                same = {
-                    name: getattr(entry, name) for name in ("scene", "sensor", "state", "netd_mK")
-                }
+                same = {name: getattr(entry, name) for name in ALIKE}
                 in_band = {**entry.parameters, "band": band}
                 candidate = Candidate(**same, name=f"{entry.name} in {band}", parameters=in_band)
                 with suppress(InputError):
@@ -268,7 +266,7 @@ def rendered(
     datum: Datum, unknowns: list[Unknown], x: np.ndarray, sampling: RenderSettings
 ) -> DatumBlock:
     block = datum.block(unknowns, x, sampling)
-    return replace(block, weight=datum.weight(unknowns, x, sampling))
+    return block.weighed(datum.weighing(unknowns, x, sampling))
 
 
 def information(block: DatumBlock, x: np.ndarray) -> np.ndarray:

@@ -1,10 +1,14 @@
 """What an estimate says: errors, verdicts, and the directions that the data cannot separate."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 from scipy import stats
 
+from mi_lcair.declared import percent
+from mi_lcair.knowing.inversion.data.readings import ASSUMED_SIGMA
 from mi_lcair.knowing.inversion.least_squares.prediction import DatumBlock, weighed_product
 from mi_lcair.knowing.inversion.least_squares.solve import State
 from mi_lcair.knowing.inversion.unknowns import Unknown
@@ -18,6 +22,8 @@ from mi_lcair.physics.estimation.verdicts import (
 
 HALF_WIDTH = student_factor(np.inf)  # half of a 95 % interval, standard errors
 LEAST_FREEDOM = 1.0  # smallest number of degrees of freedom with which residuals are tested
+MOST_ASSUMED = 5.0  # factor by which what is assumed may widen an interval that is determined
+NAMED = 0.1  # share of a variance from which what is assumed is named
 ALIKE = 0.95  # correlation from which two unknowns are said to trade
 # The entries of `chi_square` where there is nothing to test
 UNTESTED = {
@@ -53,7 +59,7 @@ class Answer:
 
     @property
     def is_determined(self) -> bool:
-        return self.verdict == Verdict.DETERMINED
+        return self.verdict.startswith(Verdict.DETERMINED)
 
 
 @dataclass(frozen=True)
@@ -70,9 +76,18 @@ class Direction:
     words: str
 
 
-def answers(unknowns: list[Unknown], state: State, is_goal: bool = False) -> list[Answer]:
-    """The answer for each unknown. is_goal: whether the values were chosen to reach a goal."""
-    result, assumed = [], assumed_share(unknowns, state.covariance)
+def answers(
+    unknowns: list[Unknown],
+    state: State,
+    is_goal: bool = False,
+    assumed: Mapping[str, np.ndarray] = MappingProxyType({}),
+) -> list[Answer]:
+    """The answer for each unknown.
+
+    is_goal: whether the values were chosen to reach a goal. assumed: what errors that nobody stated
+    add to the standard errors (N,), by name.
+    """
+    result, free = [], assumed_share(unknowns, state.covariance)
     for k, unknown in enumerate(unknowns):
         value, error = float(state.x[k]), float(np.sqrt(max(state.covariance[k, k], 0)))
         low, high = state.intervals[k]
@@ -81,17 +96,22 @@ def answers(unknowns: list[Unknown], state: State, is_goal: bool = False) -> lis
         half, at_bound = max(value - low, high - value), state.at_bound[k]
         is_precise = unknown.is_determined(value, half)
         verdict = Verdict.of(high - low, unknown.span, at_bound != 0, is_precise)
-        if assumed[k] > ASSUMED:
+        if free[k] > ASSUMED:
             verdict = Verdict.ASSUMED
         if state.held[k]:
             verdict = Verdict.HIDDEN
+        shares = {name: of[k] ** 2 / error**2 for name, of in assumed.items() if error}
+        without = half * np.sqrt(max(1 - sum(shares.values()), 0))
+        is_near = unknown.is_determined(value, half / MOST_ASSUMED)
+        if verdict == Verdict.WEAK and is_near and unknown.is_determined(value, without):
+            verdict = Verdict.CONDITIONAL
         verdict = verdict.of_goal if is_goal else verdict
         low, high = np.clip((low, high), unknown.lower, unknown.upper).tolist()
         span = f"{low:.4g}..{high:.4g} {unknown.unit.removesuffix('1')}".rstrip()
         bound = f"{unknown.lower if at_bound < 0 else unknown.upper:.4g}"
         estimate = {"value": value, "standard_error": error, "lower": low, "upper": high}
         same = {name: getattr(unknown, name) for name in OF_UNKNOWN}
-        words = verdict.sentence(span=span, bound=bound)
+        words = verdict.sentence(span=span, bound=bound, what=condition(shares))
         result.append(Answer(**same, **estimate, verdict=words))
     return result
 
@@ -106,6 +126,13 @@ def assumed_share(unknowns: list[Unknown], covariance: np.ndarray) -> np.ndarray
     spans = np.array([unknowns[k].span for k in modes])
     variance = np.maximum(np.diag(covariance), np.finfo(float).tiny)
     return np.sum((covariance[:, modes] / spans) ** 2, axis=1) / variance
+
+
+def condition(shares: dict[str, float]) -> str:
+    """The assumption on which an interval rests. shares: of the variance, by name."""
+    names = [name for name, share in shares.items() if share > NAMED]
+    verb = "is" if len(names) == 1 else "are"
+    return f"{' and '.join(names)} {verb} right within {percent(ASSUMED_SIGMA)}"
 
 
 def withdrawn(answers: list[Answer], words: str) -> list[Answer]:
@@ -191,7 +218,7 @@ def chi_square(blocks: list[DatumBlock], x: np.ndarray, determined: float) -> di
         prediction = block.at(x)
         w, R = block.weight, len(prediction.radiance)
         r = [row[:, None] for row in prediction.residuals]
-        total += float(np.ravel(weighed_product(block, r, r))[0])
+        total += float(np.ravel(weighed_product(w, block.common, r, r))[0])
         measured, rendered = w * prediction.noise**2, w * prediction.variance
         expected += float(measured.sum())
         if block.common:

@@ -9,7 +9,7 @@ import numpy as np
 from mi_lcair.errors import InputError
 from mi_lcair.knowing.inversion.data.datum import Datum
 from mi_lcair.knowing.inversion.data.loader import Loader, check_units, goal_datum
-from mi_lcair.knowing.inversion.least_squares.prediction import DatumBlock, cost_of
+from mi_lcair.knowing.inversion.least_squares.prediction import DatumBlock, Weighing, cost_of
 from mi_lcair.knowing.inversion.least_squares.solve import State, solve
 from mi_lcair.knowing.inversion.tables import Goal, RenderSettings
 from mi_lcair.knowing.inversion.unknowns import (
@@ -23,6 +23,8 @@ from mi_lcair.knowing.inversion.unknowns import (
 from mi_lcair.progress import Progress
 from mi_lcair.tasks import in_order, kept
 
+# Factor of the number of randomisations where noise hides an unknown, and the largest number
+MORE, MOST_RANDOMISATIONS = 4, 16
 DRAWS = 100  # random values drawn for one first guess that a surface can have
 
 
@@ -81,7 +83,10 @@ def unknowns_of(problem: InverseProblem, data: list[Datum], more=()) -> list[Unk
 def estimate(
     everything: list[Unknown], data: list[Datum], sampling: RenderSettings, progress
 ) -> State:
-    """The estimate of the unknowns from the data."""
+    """The estimate of the unknowns from the data.
+
+    If the noise of the render hides the effect of an unknown, it is made with more randomisations.
+    """
     is_checked = False
 
     def render(x) -> list[DatumBlock]:
@@ -93,13 +98,17 @@ def estimate(
             is_checked = True
         return blocks
 
-    def weigh(x) -> list[np.ndarray]:
-        return [datum.weight(everything, x, sampling) for datum in data]
+    def weigh(x) -> list[Weighing]:
+        return [datum.weighing(everything, x, sampling) for datum in data]
 
     is_exact = all(
         datum.follows(everything[k]) for datum in data for k in datum.numbers(everything)
     )
-    return solve(everything, render, weigh, is_exact, sampling.iterations, progress)
+    state = solve(everything, render, weigh, is_exact, sampling.iterations, progress)
+    more = MORE * sampling.randomisations
+    if state.held.any() and more <= MOST_RANDOMISATIONS:
+        return estimate(everything, data, replace(sampling, randomisations=more), progress)
+    return state
 
 
 def check_seen(everything: list[Unknown], blocks: list[DatumBlock]) -> None:

@@ -1,6 +1,7 @@
 """Inversion: the unknowns of a scene from measurements, with errors, verdicts and advice."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 from scipy import sparse
@@ -27,12 +28,16 @@ from mi_lcair.knowing.inversion.answers import (
     withdrawn,
 )
 from mi_lcair.knowing.inversion.data.datum import Datum
+from mi_lcair.knowing.inversion.data.nuisances import GAIN, GRADIENT, MODEL, OFFSET, VIGNETTING
+from mi_lcair.knowing.inversion.data.readings import ASSUMED_SIGMA
+from mi_lcair.knowing.inversion.dead_pixels import gathering
 from mi_lcair.knowing.inversion.estimate import achieved, best_of_starts, loaded, unknowns_of
 from mi_lcair.knowing.inversion.least_squares.newton import is_informed
 from mi_lcair.knowing.inversion.least_squares.prediction import DatumBlock
-from mi_lcair.knowing.inversion.least_squares.solve import State, with_noise
+from mi_lcair.knowing.inversion.least_squares.solve import State, shared_errors, with_noise
 from mi_lcair.knowing.inversion.solution import Fitted, Solution
 from mi_lcair.knowing.inversion.unknowns import INSTRUMENT, InverseProblem, Unknown
+from mi_lcair.physics.blackbody import in_band_radiance, in_band_slope
 from mi_lcair.physics.estimation.verdicts import OVERSTATED, SIGNIFICANCE, Verdict, correlation
 from mi_lcair.progress import Progress
 
@@ -43,6 +48,9 @@ SCALED = (
 )
 # Inputs of a heat balance whose common factor changes no temperature
 SCALED_TOGETHER = {"absorptance", "emissivity", "h", "conductivity", "density", "heat_capacity"}
+LEAST_SHARE = 0.01  # share of a variance from which what is assumed is listed
+LARGEST_SIZE = 3.0  # size of an error, in its standard deviations, from which it is reported
+KINDS = GAIN, OFFSET, VIGNETTING, GRADIENT, MODEL
 LARGEST_MODEL_ERROR = 0.1  # relative error of a model above which it is not proposed to state it
 
 
@@ -51,7 +59,7 @@ def fitted(datum: Datum, block: DatumBlock, everything: list[Unknown], x: np.nda
     prediction = block.at(x)
     predicted = prediction.mean
     weight = np.where(block.weight > 0, block.weight, np.nan)  # bad pixels have no residual
-    residual = prediction.residuals.mean(axis=0) * np.sqrt(weight)
+    residual = prediction.without_common(prediction.residuals.mean(axis=0)) * np.sqrt(weight)
     image = datum.image if datum.is_image else lambda values: values
     own_unknowns = [everything[k] for k in datum.numbers(everything)]
     facets = {}
@@ -157,14 +165,21 @@ def solve_problem(problem: InverseProblem, advise: bool, progress: Progress | No
             factor = chi["chi_square"] / chi["degrees_of_freedom"]
             state, tested = with_noise(state, factor), UNTESTED
             scaling = [SCALED.format(np.sqrt(factor))]
-        answered = answers(everything, state)
+        errors = model_errors(everything, data, state.x)
+        state = replace(state.widened(np.diag(errors**2)), model_errors=errors)
+        assumed = assumptions(data, state)
+        answered = answers(everything, state, assumed=assumed)
         if not state.converged:
             answered = withdrawn(answered, Verdict.UNFINISHED)
-        notes = [*scaling, *remarks(state, answered, tested), *remarks_on_pixels(data, state)]
+        notes = [*scaling, *remarks_on_assumptions(assumed, answered, state.covariance)]
+        notes += remarks(
+            state, answered, tested, any(d.entry.model_sigma and d.entry.model_error for d in data)
+        )
+        notes += [*remarks_on_faults(data, state), *remarks_on_pixels(data, state)]
         pairs, advised = directions(answered, state.covariance, reasons(everything, data)), []
         if advise and any(answer.is_sought and not answer.is_determined for answer in answered):
             advised = advice_for(problem, everything, state, answered, data, proposed, loader)
-        if words := misfit(tested["p_value"]):
+        if words := misfit(tested["p_value"]) or misfit_of_pixels(data, state):
             answered = withdrawn(answered, words)
     return Solution(
         problem=problem.name,
@@ -212,7 +227,71 @@ def reasons(everything: list[Unknown], data: list[Datum]):
     return why
 
 
-def remarks(state: State, answered: list[Answer], chi: dict) -> list[str]:
+def model_errors(everything: list[Unknown], data: list[Datum], x: np.ndarray) -> np.ndarray:
+    """Errors (N,) of unknown temperatures from errors of the radiances of their groups.
+
+    A group that emits more is as one that is hotter, also in all reflections. No residual shows it.
+    """
+    errors = np.zeros(len(x))
+    for datum in data:
+        for k in datum.numbers(everything):
+            if datum.is_image and everything[k].kind in ("temperature", "facet"):
+                band = datum.scene.band
+                kelvin = in_band_radiance(band, x[k]) / in_band_slope(band, x[k])
+                errors[k] = max(errors[k], datum.entry.model_error * kelvin)
+    return errors
+
+
+def assumptions(data: list[Datum], state: State) -> dict[str, np.ndarray]:
+    """What errors that the problem does not state add to the standard errors (N,), by name."""
+    result = {}
+    for datum, errors in zip(data, shared_errors(state, [datum.nuisances for datum in data])):
+        if datum.is_image and MODEL in datum.assumed:
+            result.setdefault(MODEL, state.model_errors)
+        for name in errors.keys() & datum.assumed:
+            result[name] = np.hypot(result.get(name, 0.0), errors[name])
+    return {name: result[name] for name in KINDS if name in result}
+
+
+def remarks_on_assumptions(assumed: dict[str, np.ndarray], answered, covariance) -> list[str]:
+    """One line with the errors that are assumed, and the largest part of a variance of each."""
+    parts = []
+    for name, errors in assumed.items():
+        shares = errors**2 / np.maximum(np.diag(covariance), np.finfo(float).tiny)
+        worst = int(np.argmax(np.where([a.is_sought for a in answered], shares, 0)))
+        if shares[worst] < LEAST_SHARE:
+            continue
+        parts.append(f"{name} ({shares[worst]:.0%} of the variance of {answered[worst].label})")
+    if not parts:
+        return []
+    return [
+        f"assumed to be right within {percent(ASSUMED_SIGMA)}: {', '.join(parts)}; camera_sigma "
+        "and model_sigma of [[data]] state other errors"
+    ]
+
+
+def remarks_on_faults(data: list[Datum], state: State) -> list[str]:
+    """Errors that the pixels of an image share and that are larger than stated or assumed."""
+    lines = []
+    for datum, block in zip(data, state.blocks):
+        if datum.nuisances is None:
+            continue
+        prediction = block.at(state.x)
+        residual = prediction.residuals.mean(axis=0)
+        labels = datum.nuisances.labels
+        sizes = block.common.sizes(block.weight, residual)[-len(labels) :]
+        for label, size, of in zip(labels, sizes, np.abs(datum.nuisances.patterns).max(axis=0)):
+            if abs(size) > LARGEST_SIZE:
+                lines.append(
+                    f"{datum.label}: the image shows an error of the {label} of "
+                    f"{100 * size * of:+.2g} %, {abs(size):.2g} times its standard deviation"
+                )
+    return lines
+
+
+def remarks(
+    state: State, answered: list[Answer], chi: dict, is_model_stated: bool = False
+) -> list[str]:
     """What a user should know about a solution, one line each."""
     lines = []
     if not state.converged:
@@ -236,10 +315,10 @@ def remarks(state: State, answered: list[Answer], chi: dict) -> list[str]:
             f"the noise of the render dominates the error of {len(noisy)} unknowns, such as "
             f"{noisy[0]}; raise spp of [render]"
         )
-    return [*lines, *remarks_on_residuals(state, chi)]
+    return [*lines, *remarks_on_residuals(state, chi, is_model_stated)]
 
 
-def remarks_on_residuals(state: State, chi: dict) -> list[str]:
+def remarks_on_residuals(state: State, chi: dict, is_model_stated: bool) -> list[str]:
     """What the size of the residuals says about the model and the given noise."""
     p = chi["p_value"]
     if p is None:
@@ -254,21 +333,40 @@ def remarks_on_residuals(state: State, chi: dict) -> list[str]:
             f"the residuals are larger than the noise explains {sums}: the scene misses something, "
             f"or the noise is understated; {remedy}"
         ]
-    if p > 1 - SIGNIFICANCE and not any(len(b.model) for b in state.blocks):
+    if p > 1 - SIGNIFICANCE and not is_model_stated:
         return [f"{OVERSTATED} {sums}: the noise is overstated, and so are the errors"]
     return []
+
+
+def misfit_of_pixels(data: list[Datum], state: State) -> str | None:
+    """The verdict on unknowns if the pixels of an image that were left out are not scattered."""
+    for datum, block in zip(data, state.blocks):
+        if where := gathering(datum, block):
+            what = f"pixels of {datum.label} that were left out and {where}"
+            return Verdict.MISSED.sentence(what=what)
+    return None
 
 
 def remarks_on_pixels(data: list[Datum], state: State) -> list[str]:
     """Which pixels of the images were left out, one line for each image."""
     lines = []
     for datum, block in zip(data, state.blocks):
+        if datum.plateau is not None and (count := int(datum.plateau.sum())):
+            lines.append(
+                f"{datum.label}: {count} pixels have the same largest value and are left out as "
+                "saturated; state saturation = inf if they are not"
+            )
         places = [f"({row}, {column})" for row, column in datum.bad_pixels(block)]
         if places:
             what = "1 pixel is" if len(places) == 1 else f"{len(places)} pixels are"
             lines.append(
                 f"{datum.label}: {what} left out as dead, hot or saturated (row, column): "
                 f"{listed(places)}; the JSON lists all"
+            )
+        if where := gathering(datum, block):
+            lines.append(
+                f"{datum.label}: the pixels that are left out {where}, as dead ones do not: the "
+                "scene misses something there"
             )
     return lines
 
@@ -279,6 +377,7 @@ def model_error(state: State) -> float:
     for block in state.blocks:
         prediction = block.at(state.x)
         r, is_good = prediction.residuals.mean(axis=0), block.weight > 0
+        r = prediction.without_common(r)
         excess += float(np.sum((r**2 - prediction.noise**2 - prediction.variance)[is_good]))
         power += float(np.sum(prediction.mean[is_good] ** 2))
     return float(np.sqrt(max(excess, 0) / power))

@@ -157,14 +157,13 @@ PRECISION = {
     "spectrum": (0.02, 0.05),
     "gain": (0.0, 0.05),
     "offset": (np.inf, 0.0),
-    "model": (np.inf, 0.0),
 }
 # The same of motions by their unit, and the width of the interval that is known beforehand
 OF_MOTIONS = {"deg": (0.1, 10.0), "pixel": (0.1, 10.0), "m": (0.01, 1.0), "1": (0.02, 0.5)}
 # Half widths of 95 % intervals of the weather, by unit, up to which it is determined
 OF_WEATHER = {"K": 1.0, "1": 0.05, "hPa": 10.0, "km": 2.0, "ppmv": 20.0}
 # Kinds of unknowns that are no parameters of a scene: how an image differs from the radiance
-INSTRUMENT = ("gain", "offset", "model")
+INSTRUMENT = ("gain", "offset")
 # Where the observer of a scenario is: entries of its table [observer], which are no unknowns
 PLACE = {f"{OBSERVER}.{name}": name for name in (*ANGLES, "range_m")}
 
@@ -181,7 +180,7 @@ class Unknown:
         Name of the scene's parameter.
     kind : str
         "temperature", "facet", "mode", "radiance", "emissivity", "material", "spectrum", "motion",
-        "scenario" (of weather), "gain", "offset" or "model".
+        "scenario" (of weather), "gain" or "offset".
     unit : str
         Unit of the value.
     start, lower, upper : float
@@ -442,7 +441,7 @@ def with_entry(plain: Unknown, entry: UnknownEntry) -> Unknown:
 
 
 def instruments(data) -> list[Unknown]:
-    """The unknown gains, offsets and errors of the model of data."""
+    """The unknown gains and offsets of data."""
     result = []
     for datum in data:
         entry = datum.entry
@@ -461,12 +460,4 @@ def instruments(data) -> list[Unknown]:
             unit = "electrons" if entry.is_of_camera else "W m^-2 sr^-1"
             prior = entry.offset_prior
             of_image(f"offset [{entry.name}]", "offset", unit, 0.0, -np.inf, np.inf, prior)
-        for group in datum.shares:
-            label, prior = model_label(group, entry.name), (0.0, entry.model_error)
-            of_image(label, "model", "1", 0.0, -1.0, 1.0, prior)
     return result
-
-
-def model_label(group: str, name: str) -> str:
-    """Label of the relative error of the prediction for a group in a datum."""
-    return f"model error of {group} [{name}]"

@@ -23,6 +23,7 @@ class Verdict(StrEnum):
     """
 
     DETERMINED = "determined"
+    CONDITIONAL = "determined if {what}: interval {span}"
     WEAK = "weakly determined: interval {span}"
     AT_BOUND = "at its bound {bound}: interval {span}"
     WIDE = "not determined by these data: anything in {span} fits"

@@ -5,6 +5,7 @@ import numpy as np
 import mi_lcair
 from mi_lcair.knowing.inversion.data.readings import noise_of_netd
 from tests.derivatives.dark_scenes import EMITTER, plate
+from tests.knowing.inversion.corner import EXACT
 
 NETD_MK = 50
 BALL = """<shape type="sphere"> <float name="radius" value="0.3"/>
@@ -33,6 +34,7 @@ def problem(folder, path: str, image: np.ndarray, start: float, draw: int) -> di
         "image": str(folder / "ball.npy"),
         "quantity": "radiance",
         "netd_mK": NETD_MK,
+        **EXACT,
     }
     return {
         "data": [datum],

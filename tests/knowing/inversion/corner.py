@@ -8,6 +8,7 @@ from mi_lcair.knowing.inversion.data.readings import noise_of_netd
 KELVIN = (290.0, 300.0, 310.0, 320.0, 330.0, 340.0)
 NAMES = tuple(f"s{number}.temperature" for number in range(len(KELVIN)))
 NETD_MK = 50
+EXACT = {"camera_sigma": "0", "model_sigma": "0"}  # of a camera and a scene without faults
 # Rotations that take the floor z = 0 to the walls x = 0 and y = 0
 TURNS = (
     "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1",
@@ -75,6 +76,7 @@ def problem(folder, path, image, start, draw: int, **render) -> dict:
                 "image": str(folder / f"corner{draw}.npy"),
                 "quantity": "radiance",
                 "netd_mK": NETD_MK,
+                **EXACT,
             }
         ],
         "unknowns": {name: {"start": start} for name in NAMES},

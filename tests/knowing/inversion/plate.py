@@ -4,6 +4,7 @@ import numpy as np
 
 import mi_lcair
 from mi_lcair.knowing.inversion.data.readings import noise_of_netd
+from tests.knowing.inversion.corner import EXACT
 
 # The plate fills the image. Its radiance is (1 - R) B(T) + R B(S), without noise of the render.
 XML = """<scene version="3.0.0">
@@ -59,4 +60,5 @@ def datum(folder, name: str, seed: int, state: str = "", start: dict | None = No
         "quantity": "radiance",
         "netd_mK": 50,
         "state": state,
+        **EXACT,
     }

@@ -20,6 +20,7 @@ from mi_lcair.knowing.inversion.advice import (
 )
 from mi_lcair.knowing.inversion.answers import answers
 from mi_lcair.knowing.inversion.data.readings import Observation
+from mi_lcair.knowing.inversion.least_squares.prediction import Weighing
 from tests.knowing.inversion.blocks import block, estimated, kelvin, unknown
 
 UNKNOWNS = [kelvin("a.temperature"), unknown("paint.b")]
@@ -31,7 +32,8 @@ def estimate():
     covariance = np.linalg.inv(INFORMATION + np.diag(PRIOR))
     found = answers(UNKNOWNS, estimated([300.0, 0.3], covariance))
     assert not any(answer.is_determined for answer in found)
-    state = SimpleNamespace(equations=SimpleNamespace(information=INFORMATION), prior=PRIOR)
+    normal = SimpleNamespace(information=INFORMATION)
+    state = SimpleNamespace(equations=normal, prior=PRIOR, model_errors=0.0)
     return state, found
 
 
@@ -72,7 +74,7 @@ def test_a_proposal_is_worth_a_fifth_of_an_error():
     """Of an unknown alone: from an error of 1 to 0.81 or 0.79."""
     ones = [unknown("a", kind="emissivity")]
     state = SimpleNamespace(
-        equations=SimpleNamespace(information=np.ones((1, 1))), prior=np.zeros(1)
+        equations=SimpleNamespace(information=np.ones((1, 1))), prior=np.zeros(1), model_errors=0.0
     )
     found = answers(ones, estimated([0.3], np.ones((1, 1))))
     for error, count in ((0.81, 0), (0.79, 1)):
@@ -121,8 +123,8 @@ class Camera:
         columns = self.J[:, : len(self.numbers(unknowns))] * x[self.numbers(unknowns)]
         return block([np.ones(9)], [columns], np.ones(9), unknown=np.array(self.numbers(unknowns)))
 
-    def weight(self, unknowns, x, sampling):
-        return np.full(9, 4.0)
+    def weighing(self, unknowns, x, sampling):
+        return Weighing(np.full(9, 4.0))
 
     def expected(self, unknowns, x, count):
         own = self.numbers(unknowns)

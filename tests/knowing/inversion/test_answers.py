@@ -1,5 +1,6 @@
 """Verdicts, trades and chi-square of invented estimates."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -37,9 +38,25 @@ def answer(one, value, error, at_bound=0, held=False):
     ],
 )
 def test_verdicts(one, value, error, verdict):
-    import re
-
     assert re.fullmatch(verdict, answer(one, value, error).verdict)
+
+
+@pytest.mark.parametrize(
+    ("error", "gain", "offset", "verdict"),
+    [
+        (0.9, 0.8, 0.0, "determined if the gain is right within 1 %: interval 298.2..301.8 K"),
+        (0.9, 0.6, 0.6, "determined if the gain and the offset are right within 1 %: interval .*"),
+        (0.5, 0.4, 0.0, "determined"),
+        (0.9, 0.7, 0.2, "weakly determined: interval 298.2..301.8 K"),  # 1.96 x 0.53 K without it
+        (2.6, 2.59, 0.0, "weakly determined: interval 294.9..305.1 K"),  # more than 5 K
+    ],
+)
+def test_a_verdict_on_an_assumption(error, gain, offset, verdict):
+    """An interval that would be short without what is assumed, and is not much longer with it."""
+    assumed = {"the gain": np.array([gain]), "the offset": np.array([offset])}
+    (result,) = answers([kelvin()], estimated([300.0], [[error**2]]), assumed=assumed)
+    assert re.fullmatch(verdict, result.verdict)
+    assert result.is_determined == verdict.startswith("determined")
 
 
 def test_intervals_end_at_the_bounds():

@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 
 from mi_lcair.errors import InputError
-from mi_lcair.knowing.inversion.estimate import achieved, best_of_starts, check_seen, first_guesses
+from mi_lcair.knowing.inversion.estimate import (
+    achieved,
+    best_of_starts,
+    check_seen,
+    estimate,
+    first_guesses,
+)
 from mi_lcair.knowing.inversion.tables import Goal, RenderSettings
 from tests.knowing.inversion.blocks import block, kelvin, unknown
 
@@ -68,6 +74,24 @@ def test_how_near_a_goal_is():
     assert achieved(datum, state, UNKNOWNS, RenderSettings()) == (
         "rms contrast over 2 aspects: 3.162 W/sr before, 0.7071 W/sr after; wanted at most 2.5 W/sr"
     )
+
+
+def test_more_randomisations_where_noise_hides_an_unknown(monkeypatch):
+    """Four times as many, once: the unknown is still hidden, and stays so."""
+    used = []
+
+    def solve(unknowns, render, weigh, *others):
+        render(None)
+        return SimpleNamespace(held=np.array([True, False]))
+
+    datum = SimpleNamespace(
+        is_image=False,
+        block=lambda unknowns, x, sampling: used.append(sampling.randomisations),
+        numbers=lambda unknowns: [],
+    )
+    for name, stub in (("solve", solve), ("check_units", print), ("check_seen", print)):
+        monkeypatch.setattr(f"mi_lcair.knowing.inversion.estimate.{name}", stub)
+    assert estimate([], [datum], RenderSettings(), None).held.any() and used == [4, 16]
 
 
 def test_the_best_of_several_starts(monkeypatch):

@@ -94,6 +94,8 @@ def test_material_of_a_solution(tmp_path):
         "image": str(tmp_path / "i.npy"),
         "quantity": "radiance",
         "netd_mK": 50,
+        "camera_sigma": "0",
+        "model_sigma": "0",
     }
     unknown = {"gloss_black.epsilon": {"start": 0.8}}
     found = mi_lcair.invert({"data": [entry], "unknowns": unknown}, advise=False)

@@ -197,9 +197,7 @@ def test_instruments():
         Measurement("cavity", "plain", **camera),
         Measurement("cavity", "camera", gain=True, offset=True, offset_prior=(0.4, 0.1), **camera),
     ]
-    data = [
-        SimpleNamespace(entry=entry, number=number, shares={}) for number, entry in enumerate(data)
-    ]
+    data = [SimpleNamespace(entry=entry, number=number) for number, entry in enumerate(data)]
     gain, offset = instruments(data)
     assert (gain.label, gain.kind, gain.unit) == ("gain [camera]", "gain", "1")
     assert (gain.start, gain.lower, gain.upper, gain.data) == (1, 0, np.inf, (1,))
@@ -209,16 +207,6 @@ def test_instruments():
         (0.4, 0.1),
     )
     assert (offset.start, offset.lower, offset.is_sought) == (0.4, -np.inf, False)
-
-
-def test_errors_of_the_model():
-    """One for each group that the image shows; the given standard deviation is its prior."""
-    entry = Measurement("cavity", "camera", image="a.npy", netd_mK=50, model_sigma="2 %")
-    datum = SimpleNamespace(entry=entry, number=4, shares={"lid": None, "ground": None})
-    lid, ground = instruments([datum])
-    assert lid.label == "model error of lid [camera]"
-    assert ground.label == "model error of ground [camera]"
-    assert (lid.start, lid.prior, lid.data, lid.is_sought) == (0.0, (0.0, 0.02), (4,), False)
 
 
 def test_facets_that_are_alike():

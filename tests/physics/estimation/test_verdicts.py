@@ -155,7 +155,7 @@ def test_sentences():
     assert texts[Verdict.AT_BOUND.of_goal] == "at its bound 0: interval 1..2 K"
     assert texts[Verdict.WIDE.of_goal] == "free: anything in 1..2 K does as well"
     with_interval = {verdict for verdict in Verdict if Verdict.has_interval(texts[verdict])}
-    assert with_interval == {Verdict.DETERMINED, Verdict.WEAK}
+    assert with_interval == {Verdict.DETERMINED, Verdict.CONDITIONAL, Verdict.WEAK}
 
 
 def test_chi_square_in_words():

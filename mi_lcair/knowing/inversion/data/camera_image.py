@@ -165,8 +165,9 @@ class CameraImage:
         h = fft.irfft2(self.camera.optics.transfer(shape), shape)
         return float(1 / (OVERSAMPLING**2 * np.sum(h**2)))
 
-    def measured(self, entry) -> tuple[np.ndarray, np.ndarray]:
-        """Electrons of the scene in each pixel of a measurement, and which pixels count, (H, W).
+    def measured(self, entry) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Electrons of the scene in each pixel of a measurement, which pixels count, and which do
+        not because they seem to be saturated, (H, W).
 
         The illumination and the emission of the optics are corrected. Saturated pixels, and those
         without a temperature, do not count.
@@ -176,7 +177,9 @@ class CameraImage:
         quantity = entry.quantity or (TEMPERATURE if is_exr else None)
         channel = entry.channel or (CHANNELS.get(quantity) if is_exr else None)
         size = imager.height, imager.width
-        values, quantity, counts = values_that_count(entry, channel, quantity, camera.band, size)
+        values, quantity, counts, plateau = values_that_count(
+            entry, channel, quantity, camera.band, size
+        )
         if quantity == COUNTS:
             values = camera.design.applied(signal_of(imager, values))
         elif quantity == TEMPERATURE:
@@ -187,7 +190,7 @@ class CameraImage:
         collected = camera.design.undone(values) + imager.dark
         counts &= collected < imager.well - FULL * imager.noise(imager.well)
         check_counts(entry.image, counts)
-        return values, counts
+        return values, counts, plateau
 
     def noise(self, is_corrected: bool, counts: np.ndarray):
         """Function that gives the standard deviation of pixels for predicted electrons, (n,).

@@ -15,10 +15,12 @@ from mi_lcair.knowing.inversion.data.camera_image import ROOM, CameraImage
 from mi_lcair.knowing.inversion.least_squares.prediction import (
     CommonNoise,
     DatumBlock,
+    Nuisances,
+    Weighing,
     variance_of_mean,
 )
 from mi_lcair.knowing.inversion.tables import Goal, RenderSettings
-from mi_lcair.knowing.inversion.unknowns import INSTRUMENT, Unknown, Where, model_label
+from mi_lcair.knowing.inversion.unknowns import INSTRUMENT, Unknown, Where
 from mi_lcair.physics.blackbody import in_band_slope
 from mi_lcair.rendering.parameters.modes import with_facets
 from mi_lcair.rendering.parameters.values import changed
@@ -60,8 +62,14 @@ class Datum:
         Intensity of the background that the target hides [W/sr], for a wanted contrast.
     sight : MeasuredContrast, optional
         Line of sight along which a contrast was measured.
+    nuisances : Nuisances, optional
+        Errors of the camera and of the scene that pixels share.
+    assumed : frozenset of str
+        Names of those of them that the problem does not state.
+    plateau : ndarray of bool, shape (H, W), or None
+        Pixels that do not count because they seem to be saturated.
     shares : dict of str to ndarray, shape (n,)
-        Share of each value that comes from a group whose prediction has an error of its own.
+        Share of each value that comes from each group; empty if it is not known.
     camera : CameraImage, optional
         Camera whose image was measured; the values are electrons.
     common : CommonNoise, optional
@@ -84,6 +92,9 @@ class Datum:
     goal: Goal | None = None
     background: np.ndarray | float = 0.0
     sight: readings.MeasuredContrast | None = None
+    nuisances: Nuisances | None = None
+    assumed: frozenset[str] = frozenset()
+    plateau: np.ndarray | None = None
     shares: dict[str, np.ndarray] = field(default_factory=dict)
     camera: CameraImage | None = None
     common: CommonNoise | None = None
@@ -175,17 +186,18 @@ class Datum:
                 datum = replace(datum, camera=datum.camera.facing(ROOM))
             yield datum
 
-    def weight(
+    def weighing(
         self, unknowns: list[Unknown], x: np.ndarray, sampling: RenderSettings
-    ) -> np.ndarray:
-        """Weights (n,) of the measured values: inverse variances of measurement and render.
+    ) -> Weighing:
+        """Weights of the measured values, inverse variances of measurement and render, and errors
+        that they share.
 
         They come from a render of their own. A variance of few samples is correlated with their
         mean: a pixel whose samples all missed a bright edge is too dark and seems to have no noise.
-        Weights from the same samples would bias the solution.
+        Weights from the same samples would bias the solution, and so would shared errors.
         """
         if self.goal is not None:
-            return self.noise(self.measured) ** -2.0
+            return Weighing(self.noise(self.measured) ** -2.0)
         with self.at(unknowns, x) as datum:
             if not self.is_image:
                 radiance, _ = datum._traced_numbers([], sampling, self._seed(sampling, PILOT))
@@ -194,7 +206,10 @@ class Datum:
                 images = datum._images(sampling, self._seed(sampling, PILOT))
                 radiance = images[:, self.counts]
                 variance = maximum_filter(variance_of_mean(images), NEIGHBOURS)[self.counts]
-        return 1 / (self.noise(radiance.mean(axis=0)) ** 2 + self._spread * variance)
+        predicted, common = radiance.mean(axis=0), self.common
+        if self.nuisances is not None:
+            common = self.nuisances.added_to(common, predicted)
+        return Weighing(1 / (self.noise(predicted) ** 2 + self._spread * variance), common)
 
     @property
     def _spread(self) -> float:
@@ -215,7 +230,7 @@ class Datum:
     def block(self, unknowns: list[Unknown], x: np.ndarray, sampling: RenderSettings) -> DatumBlock:
         """The prediction and its derivatives at the values x of the unknowns.
 
-        Its weights are 1, see `weight`. Raises InputError for values that no surface can have.
+        Its weights are 1, see `weighing`. Raises InputError for values that no surface can have.
         """
         numbers = self.numbers(unknowns)
         dense = [k for k in numbers if unknowns[k].kind not in ("facet", *INSTRUMENT)]
@@ -236,7 +251,6 @@ class Datum:
                     else of_facets
                 )
         kinds = {unknowns[k].kind: k for k in numbers}
-        number_of = {unknowns[k].label: k for k in numbers}
         linear_in_value = self.camera or self.is_spectral
         columns_of = np.array([*dense, *facets], dtype=int)
         return DatumBlock(
@@ -257,14 +271,11 @@ class Datum:
             weight=np.ones(len(self.measured)),
             gain=kinds.get("gain"),
             offset=kinds.get("offset"),
-            model=np.array([number_of[model_label(name, self.label)] for name in self.shares], int),
-            shares=np.array(list(self.shares.values())).reshape(-1, len(self.measured)).T,
             paths=self._paths(sampling),
             is_image=self.is_image,
             spread=self._spread,
             # One direction says little about the products of a temperature and many nodes
             learns_curvature=self.spectrum is None,
-            common=self.common,
             half_width=self.goal.value if self.goal is not None and self.goal.at_most else 0.0,
         )
 

@@ -1,7 +1,7 @@
 """The data of a problem: measured images, numbers and trends, each with its scene."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
@@ -11,14 +11,24 @@ from mi_lcair.estimate import WIDTH
 from mi_lcair.knowing.inversion.data import readings
 from mi_lcair.knowing.inversion.data.camera_image import COUNTS, CameraImage
 from mi_lcair.knowing.inversion.data.datum import SPP_OF_VIEWS, Datum
-from mi_lcair.knowing.inversion.least_squares.prediction import CommonNoise, DatumBlock
+from mi_lcair.knowing.inversion.data.nuisances import (
+    GAIN,
+    GRADIENT,
+    MODEL,
+    OFFSET,
+    VIGNETTING,
+    camera_faults,
+    group_errors,
+    shares_of_groups,
+)
+from mi_lcair.knowing.inversion.least_squares.newton import MOST_FACETS
+from mi_lcair.knowing.inversion.least_squares.prediction import CommonNoise, DatumBlock, Nuisances
 from mi_lcair.knowing.inversion.tables import Goal, RenderSettings
 from mi_lcair.knowing.inversion.unknowns import Where
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.bsdfs.reflection_bsdf import has_spectral_materials
 from mi_lcair.plugins.paths.launch import UNIT
 from mi_lcair.rendering.facets import FacetTable
-from mi_lcair.rendering.images.render import render_image
 from mi_lcair.rendering.motions.table import Declared
 from mi_lcair.rendering.parameters.modes import facet_temperatures
 from mi_lcair.rendering.parameters.values import load_with_values, parameters_of
@@ -28,7 +38,6 @@ from mi_lcair.rendering.views import View, seen_from
 from mi_lcair.signatures.signature import measure_signature
 from mi_lcair.table import read_table
 
-SPP_OF_SHARES = 16  # samples per pixel that tell which groups a pixel shows
 DETAIL = 1e-3  # deviation from a goal that counts as one standard deviation, relative
 RESOLUTION = 64  # pixels along each side of an aspect's view, which `spp` counts by
 ASPECT, INTENSITY, ERROR = (
@@ -72,14 +81,17 @@ class Loader:
         width, height = scene.sensor(entry.sensor).film().crop_size()
         scene.mi.integrator().check_differentiable()
         counts, views, aspects, sigma, common, spectrum = None, (), (), None, None, None
+        plateau = None
         if isinstance(entry, readings.Candidate):
             counts = np.ones((height, width), dtype=bool)
             measured = np.full(height * width, np.nan)
         elif camera:
-            values, counts = camera.measured(entry)
+            values, counts, plateau = camera.measured(entry)
             measured = values[counts]
         elif entry.image is not None:
-            values, sigma, counts = readings.measured_radiance(entry, scene.band, (height, width))
+            values, sigma, counts, plateau = readings.measured_radiance(
+                entry, scene.band, (height, width)
+            )
             measured = values[counts]
             sigma = None if sigma is None else sigma[counts]
         elif entry.trend is not None:
@@ -91,14 +103,13 @@ class Loader:
             measured = np.array([entry.contrast])
         else:
             measured, views = np.array([entry.intensity]), (scene,)
-        noise, shares = noise_model(entry, scene.band, sigma), {}
+        measured_noise = noise_model(entry, scene.band, sigma)
         if camera:
             is_corrected = camera.scenario.camera.nuc and entry.quantity != COUNTS
-            noise = camera.noise(is_corrected, counts)
+            measured_noise = camera.noise(is_corrected, counts)
+        noise = with_pixel_errors(measured_noise, entry)
         if not isinstance(entry, readings.Candidate):
             check_noise(noise(measured), measured)
-            if entry.model_error:
-                shares = shares_of_groups(scene, entry.sensor, counts)
             if counts is not None:
                 ratios = entry.row_noise, entry.column_noise, entry.frame_noise
                 common = CommonNoise.of_image(counts, float(np.mean(noise(measured))), *ratios)
@@ -115,6 +126,9 @@ class Loader:
                 f"the facets of {min(where.facets)} are unknown, which needs images; this is a "
                 "number"
             )
+        has_few_facets = sum(map(len, where.facets.values())) <= MOST_FACETS
+        has_shares = has_few_facets and counts is not None and camera is None
+        shares = shares_of_groups(scene, entry.sensor, counts) if has_shares else {}
         return Datum(
             entry,
             number,
@@ -127,6 +141,9 @@ class Loader:
             aspects,
             sight=sight,
             shares=shares,
+            nuisances=nuisances_of(entry, counts, shares) if has_few_facets else None,
+            assumed=assumed_of(entry),
+            plateau=plateau,
             camera=camera,
             common=common,
             is_spectral=has_spectral_materials(scene.mi),
@@ -169,13 +186,7 @@ def goal_datum(
 
 
 def noise_model(entry: readings.Observation, band, sigma) -> Callable:
-    """Function that gives the standard deviation of a measurement for predicted values.
-
-    It contains the error of each pixel's prediction that `model_sigma` states.
-    """
-    if isinstance(entry, readings.Measurement) and entry.model_error:
-        measured = noise_model(replace(entry, model_sigma=None), band, sigma)
-        return lambda predicted: np.hypot(measured(predicted), entry.model_error * predicted)
+    """Function that gives the standard deviation of a measurement for predicted values."""
     if sigma is not None:
         return lambda predicted: sigma
     if entry.netd_mK is not None:
@@ -183,16 +194,28 @@ def noise_model(entry: readings.Observation, band, sigma) -> Callable:
     return lambda predicted: np.full(len(predicted), entry.sigma)
 
 
-def shares_of_groups(scene: Scene, sensor: int, counts) -> dict[str, np.ndarray]:
-    """Share of the radiance of each pixel that counts, (n,), which leaves each group toward it."""
-    sampling = Sampling(spp=SPP_OF_SHARES, sensor=sensor)
-    channels = render_image(scene, sampling, ("seen",)).channels
-    total = np.maximum(channels["Y"][counts], np.finfo(np.float32).tiny)
-    return {
-        name.removeprefix("seen.").removesuffix(".Y"): values[counts] / total
-        for name, values in channels.items()
-        if name.startswith("seen.") and values[counts].any()
-    }
+def with_pixel_errors(noise: Callable, entry: readings.Observation) -> Callable:
+    """Standard deviations with the error of each pixel's prediction that `model_sigma` states."""
+    if entry.model_sigma is None:
+        return noise
+    return lambda predicted: np.hypot(noise(predicted), entry.model_error * predicted)
+
+
+def nuisances_of(entry: readings.Observation, counts, shares: dict) -> Nuisances | None:
+    """The errors that the pixels of an image share; None for a number, and without any."""
+    if counts is None:
+        return None
+    own = [getattr(entry, key, False) for key in ("gain", "offset")]
+    result = camera_faults(counts, entry.camera_error, *(not is_own for is_own in own))
+    if shares and entry.model_error:
+        result = result.beside(group_errors(shares, entry.model_error))
+    return result if result.names else None
+
+
+def assumed_of(entry: readings.Observation) -> frozenset[str]:
+    """Names of the errors that an entry does not state."""
+    faults = {GAIN, OFFSET, VIGNETTING, GRADIENT} if entry.camera_sigma is None else set()
+    return frozenset(faults | ({MODEL} if entry.model_sigma is None else set()))
 
 
 def check_noise(noise: np.ndarray, measured: np.ndarray) -> None:

@@ -23,6 +23,7 @@ from mi_lcair.physics.spectra.bins import Bins
 from mi_lcair.physics.spectra.parameters import Change
 from mi_lcair.physics.spectral_table import WAVELENGTH
 from mi_lcair.plugins.bsdfs.reflection_bsdf import has_spectral_materials
+from mi_lcair.plugins.paths.launch import UNIT
 from mi_lcair.rendering.images.files import TEMPERATURE, check_kelvin, read_values
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
@@ -38,6 +39,9 @@ from mi_lcair.table import read_table
 NETD_K = 300.0  # temperature of the blackbody for which a NETD holds, K
 RADIANCE, SIGMA = "radiance_W_m2_sr_um", "sigma_W_m2_sr_um"
 UNEVEN = 1e-3  # largest error of a wavelength, in distances of two wavelengths
+# Saturated pixels have the same value. Of noisy pixels fewer do, and of rounded ones others, too.
+LEAST_PLATEAU = 4  # number of pixels with the largest value from which they may be saturated
+EXCESS = 4.0  # ratio of this number to that of any other value
 WEATHER_SIGMA = 0.01  # standard deviation of the weather whose derivative is wanted, of its range
 
 
@@ -60,6 +64,8 @@ def measured_radiance(measurement, band: Band, size: tuple[int, int]) -> tuple:
         Standard deviation of `sigma_image`, W m^-2 sr^-1.
     counts : ndarray of bool, shape (H, W)
         Pixels that are finite, not masked and not saturated.
+    plateau : ndarray of bool, shape (H, W)
+        Pixels that do not count because of `is_on_plateau`.
 
     Raises
     ------
@@ -67,7 +73,7 @@ def measured_radiance(measurement, band: Band, size: tuple[int, int]) -> tuple:
         For a file that cannot be read, another size, band or unit, and if no pixel counts.
     """
     path, sigma = measurement.image, None
-    values, quantity, counts = values_that_count(
+    values, quantity, counts, plateau = values_that_count(
         measurement, measurement.channel, measurement.quantity, band, size
     )
     check_counts(path, counts)
@@ -84,12 +90,12 @@ def measured_radiance(measurement, band: Band, size: tuple[int, int]) -> tuple:
         if sigma is not None:
             sigma = sigma * in_band_slope(band, kelvin)
         values = in_band_radiance(band, kelvin)
-    return values, sigma, counts
+    return values, sigma, counts, plateau
 
 
 def values_that_count(measurement, channel, quantity, band: Band, size: tuple[int, int]) -> tuple:
-    """Scaled values of a measured image, their quantity, and which are finite, not saturated and
-    not masked.
+    """Scaled values of a measured image, their quantity, which are finite, not saturated and not
+    masked, and which of the others seem to be saturated.
 
     channel, quantity: those of the file. size: height and width of the film.
     """
@@ -99,11 +105,22 @@ def values_that_count(measurement, channel, quantity, band: Band, size: tuple[in
     counts = np.isfinite(values)
     if measurement.saturation is not None:
         counts &= values < measurement.saturation
+    plateau = np.zeros_like(counts)
     if measurement.mask is not None:
         mask, _ = read_values(measurement.mask, None, "mask", band)
         check_size(measurement.mask, mask, size)
         counts &= np.isfinite(mask) & (mask != 0)
-    return values, quantity, counts
+    if measurement.saturation is None and counts.any():
+        plateau = is_on_plateau(values, counts)
+    return values, quantity, counts & ~plateau, plateau
+
+
+def is_on_plateau(values: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """Pixels (H, W) at which a detector seems to be saturated: many have the largest value."""
+    some = values[counts]
+    _, number = np.unique(some.astype(np.float32), return_counts=True)
+    is_many = number[-1] >= max(LEAST_PLATEAU, EXCESS * max(number[:-1], default=0))
+    return counts & (values >= np.max(some) * (1 - UNIT)) & (is_many and len(number) > 1)
 
 
 def check_counts(path, counts: np.ndarray) -> None:
@@ -340,8 +357,22 @@ def deviation(number: ContrastNumber, name: str) -> float:
 QUANTITIES = ("radiance", "apparent_temperature")
 CAMERA_QUANTITIES = ("counts", "apparent_temperature")
 NOISES = ("netd_mK", "sigma", "sigma_image")
-OF_AN_IMAGE = ("model_sigma", "row_noise", "column_noise", "frame_noise", "gain", "offset")
+ASSUMED_SIGMA = 0.01  # standard deviation of faults of a camera and a scene that nobody states
+OF_AN_IMAGE = (
+    "camera_sigma",
+    "model_sigma",
+    "row_noise",
+    "column_noise",
+    "frame_noise",
+    "gain",
+    "offset",
+)
 NAME_KEY = re.compile(r"[^\[\],]{1,64}")
+
+
+def relative(text: str) -> float:
+    """A relative standard deviation as a number; "0" for none."""
+    return 0.0 if text.strip(" %") == "0" else fraction(text)
 
 
 def named(key: str) -> Rule:
@@ -375,6 +406,15 @@ class Observation(Described, rules=(named("name"), named("state"))):
     sigma : float, optional
         Standard deviation of the noise: W m^-2 sr^-1 for an image, W/sr for an intensity, W m^-2
         for a contrast.
+    camera_sigma : str, optional
+        Standard deviation of faults of the camera, such as "0.5%" ("1%"): of its gain, of its
+        offset relative to the mean of the image, of the vignetting at the corners, and of linear
+        gradients at the edges. "0" for a camera without them.
+    model_sigma : str, optional
+        Standard deviation of the error of the predicted radiance itself, such as "1%", for a
+        geometry or a material that is slightly wrong. There is one such error for each group that
+        an image shows, common to all pixels that see the group, and one for each pixel. Without it
+        the groups have errors of 1 %, and the pixels none. "0" for a scene without errors.
     """
 
     scene: str = entry(is_file=True)
@@ -384,6 +424,22 @@ class Observation(Described, rules=(named("name"), named("state"))):
     state: str = ""
     netd_mK: float | None = entry(None, is_positive=True)
     sigma: float | None = entry(None, is_positive=True)
+    camera_sigma: str | None = None
+    model_sigma: str | None = None
+
+    def complete(self) -> None:
+        """Raise InputError for a standard deviation that is no fraction."""
+        _ = self.camera_error, self.model_error
+
+    @property
+    def camera_error(self) -> float:
+        """camera_sigma as a number."""
+        return ASSUMED_SIGMA if self.camera_sigma is None else relative(self.camera_sigma)
+
+    @property
+    def model_error(self) -> float:
+        """model_sigma of groups as a number."""
+        return ASSUMED_SIGMA if self.model_sigma is None else relative(self.model_sigma)
 
     def scene_parameters(self) -> dict[str, str]:
         """The scene's $-parameters as text."""
@@ -425,7 +481,7 @@ def known_quantity(data: "Measurement") -> None:
 OF_A_MEASUREMENT = (
     one_of("image", "intensity", "contrast", "trend", "spectrum"),
     excludes("contrast", "sensor", why="a scenario has its observer"),
-    *map(without_camera, ("model_sigma", "sensor", "sigma_image")),
+    *map(without_camera, ("sensor", "sigma_image")),
     rule(
         lambda t: not (t.is_of_camera and t.offset) or t.offset_prior,
         "offset of a camera's image needs offset_prior, in electrons",
@@ -458,17 +514,14 @@ class Measurement(Observation, rules=OF_A_MEASUREMENT):
     mask : str, optional
         PNG, TIFF, CSV or NPY file; pixels that are 0 do not count.
     saturation : float, optional
-        Pixels of this value and above do not count. In the unit of `quantity`.
+        Pixels of this value and above do not count. In the unit of `quantity`. Without it, pixels
+        do not count if many have the same largest value; `inf` for a detector without saturation.
     sigma_image : str, optional
         Image of the noise's standard deviation in the unit of `quantity`.
     gain, offset : bool
         Whether measured = gain x radiance + offset, with an unknown gain or offset.
     gain_prior, offset_prior : tuple of float, optional
         Mean and standard deviation that are known beforehand.
-    model_sigma : str, optional
-        Standard deviation of the error of the predicted radiance itself, such as "1%", for a
-        geometry or a material that is slightly wrong. There is one such error for each group that
-        an image shows, common to all pixels that see the group, and one for each pixel.
     row_noise, column_noise, frame_noise : float
         Standard deviation of an error that all pixels of a row, of a column, or of the image share,
         relative to the noise that each pixel has for itself.
@@ -496,7 +549,6 @@ class Measurement(Observation, rules=OF_A_MEASUREMENT):
     offset: bool = False
     gain_prior: tuple[float, float] | None = None
     offset_prior: tuple[float, float] | None = None
-    model_sigma: str | None = None
     row_noise: float = entry(0.0, lower=0)
     column_noise: float = entry(0.0, lower=0)
     frame_noise: float = entry(0.0, lower=0)
@@ -505,18 +557,10 @@ class Measurement(Observation, rules=OF_A_MEASUREMENT):
     trend: str | None = entry(None, is_file=True)
     spectrum: str | None = entry(None, is_file=True)
 
-    def complete(self) -> None:
-        fraction(self.model_sigma)  # raises InputError for what is none
-
     @property
     def is_of_camera(self) -> bool:
         """Whether the image is that of a scenario's camera."""
         return self.image is not None and self.scene.endswith(".toml")
-
-    @property
-    def model_error(self) -> float:
-        """model_sigma as a number; 0 without it."""
-        return fraction(self.model_sigma) or 0.0
 
 
 @dataclass(frozen=True)

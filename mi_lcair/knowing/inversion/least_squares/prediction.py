@@ -14,12 +14,13 @@ each pixel has for itself, the inverse covariance of all noise is w - w U (1 + U
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
-from scipy.linalg import cho_solve, solve_triangular
+from scipy.linalg import cho_solve
 
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import in_band_radiance, in_band_slope
@@ -33,10 +34,11 @@ SIGNIFICANT = 3  # standard errors by which the squared derivatives must exceed 
 class CommonNoise:
     """Standard deviations of errors that values share.
 
-    columns: sparse (n, G), the change of each value for one standard deviation of each error.
+    columns: (n, G), dense or sparse, the change of each value for one standard deviation of each
+    error.
     """
 
-    columns: sparse.csr_array
+    columns: np.ndarray | sparse.csr_array
 
     @staticmethod
     def of_image(counts: np.ndarray, sigma: float, row: float, column: float, frame: float):
@@ -55,9 +57,13 @@ class CommonNoise:
         ]
         return CommonNoise(sparse.hstack(parts, format="csr")) if parts else None
 
+    def beside(self, columns: np.ndarray) -> "CommonNoise":
+        """These errors and others, (n, G) each, behind them."""
+        return CommonNoise(beside(self.columns, columns))
+
     def factor(self, w: np.ndarray) -> np.ndarray:
         """Cholesky factor (G, G) of 1 + U^T w U, lower triangle."""
-        inner = (self.columns.T @ (sparse.diags_array(w) @ self.columns)).toarray()
+        inner = dense(self.columns.T @ weighted(self.columns, w))
         return np.linalg.cholesky(np.eye(len(inner)) + inner)
 
     def whitened(self, w: np.ndarray, values: list) -> list:
@@ -65,17 +71,18 @@ class CommonNoise:
 
         a^T W b is a^T w b less the product of what a and b lose.
         """
-        lower = self.factor(w)
-        return [
-            solve_triangular(lower, dense(self.columns.T @ weighted(of, w)), lower=True)
-            for of in values
-        ]
+        inverse = np.linalg.inv(self.factor(w))
+        return [inverse @ dense(self.columns.T @ weighted(of, w)) for of in values]
 
     def removed(self, w: np.ndarray, values) -> np.ndarray:
         """Values (n, K) without their best estimate of the shared errors."""
-        lower = self.factor(w)
-        (lost,) = self.whitened(w, [values])
-        return dense(values) - self.columns @ solve_triangular(lower, lost, lower=True, trans="T")
+        inverse = np.linalg.inv(self.factor(w))
+        lost = inverse @ dense(self.columns.T @ weighted(values, w))
+        return dense(values) - self.columns @ (inverse.T @ lost)
+
+    def sizes(self, w: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Best estimate (G,) of the shared errors in values (n,), in their standard deviations."""
+        return cho_solve((self.factor(w), True), self.columns.T @ (w * values))
 
     def expected(self, w: np.ndarray, variance: np.ndarray) -> float:
         """What the shared errors add to the expectation of the weighted squared residuals.
@@ -84,8 +91,41 @@ class CommonNoise:
         inverse.
         """
         columns, lower = self.columns, self.factor(w)
-        inner = (columns.T @ (sparse.diags_array(w - w**2 * variance) @ columns)).toarray()
+        inner = dense(columns.T @ weighted(columns, w - w**2 * variance))
         return float(np.trace(cho_solve((lower, True), inner)))
+
+
+@dataclass(frozen=True)
+class Nuisances:
+    """Errors that values share, relative to the predicted values.
+
+    names: of each, by its kind. labels: of each, by itself. patterns: (n, G), the relative change
+    for one standard deviation. is_offset: (G,) of bool, those that are relative to the mean value.
+    """
+
+    names: list[str]
+    labels: list[str]
+    patterns: np.ndarray
+    is_offset: np.ndarray
+
+    def added_to(self, common: CommonNoise | None, predicted: np.ndarray) -> CommonNoise:
+        """These errors of predicted values (n,) behind others that the values share."""
+        columns = self.columns(predicted)
+        return CommonNoise(columns) if common is None else common.beside(columns)
+
+    def columns(self, predicted: np.ndarray) -> np.ndarray:
+        """Changes (n, G) of predicted values (n,) for one standard deviation of each error."""
+        level = np.where(self.is_offset, predicted.mean(), predicted[:, None])
+        return level * self.patterns
+
+    def beside(self, other: "Nuisances") -> "Nuisances":
+        """These errors and others behind them."""
+        return Nuisances(
+            [*self.names, *other.names],
+            [*self.labels, *other.labels],
+            np.hstack([self.patterns, other.patterns]),
+            np.append(self.is_offset, other.is_offset),
+        )
 
 
 def weighted(columns, w: np.ndarray):
@@ -97,6 +137,13 @@ def weighted(columns, w: np.ndarray):
 
 def dense(values) -> np.ndarray:
     return values.toarray() if sparse.issparse(values) else values
+
+
+class Weighing(NamedTuple):
+    """How measured values are weighed: weights (n,), and noise that they share."""
+
+    weight: np.ndarray
+    common: CommonNoise | None = None
 
 
 @dataclass(frozen=True)
@@ -125,10 +172,6 @@ class DatumBlock:
         Weights, independent of the randomisations of `radiance` and `columns`.
     gain, offset : int or None
         Numbers of the unknown gain and offset.
-    model : ndarray of int, shape (G,)
-        Numbers of the unknown relative errors of the prediction.
-    shares : ndarray, shape (n, G)
-        Share of each value to which each of them applies.
     half_width : float
         Values that differ from the measured ones by less than this are as good as equal.
     paths : int
@@ -156,8 +199,6 @@ class DatumBlock:
     weight: np.ndarray
     gain: int | None = None
     offset: int | None = None
-    model: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
-    shares: np.ndarray | None = None
     half_width: float = 0.0
     paths: int = 0
     spread: float = 1.0
@@ -187,6 +228,14 @@ class DatumBlock:
         change = np.abs(self.at(x).mean - rendered)
         return float(np.max(change / np.maximum(rendered, np.mean(rendered))))
 
+    def weighed(self, weighing: Weighing) -> "DatumBlock":
+        return replace(self, weight=weighing.weight, common=weighing.common)
+
+    def weighed_as(self, other: "DatumBlock") -> "DatumBlock":
+        """This block with the covariance and the second derivatives of another one."""
+        names = "weight", "curvature", "common"
+        return replace(self, **{name: getattr(other, name) for name in names})
+
     def at(self, x: np.ndarray) -> "Prediction":
         """The prediction for the values x of all unknowns, (N,)."""
         u, rate = self.coordinates(x[self.unknown])
@@ -201,26 +250,21 @@ class DatumBlock:
             bent = self.curvature @ moved
             radiance = [F + of @ moved / 2 for F, of in zip(radiance, bent)]
             columns = [J + of * rate for J, of in zip(columns, bent)]
-        extra = [k for k in (self.gain, self.offset) if k is not None] + self.model.tolist()
+        extra = [k for k in (self.gain, self.offset) if k is not None]
         unknown = np.append(self.unknown, extra).astype(int)
         if extra:
             gain = 1.0 if self.gain is None else x[self.gain]
             zero = 0.0 if self.offset is None else x[self.offset]
-            error = np.ones(len(self.measured))
-            if len(self.model):
-                error += self.shares @ x[self.model]
             columns = [
-                beside(weighted(J, gain * error), self.instrument_columns(F, error, gain))
-                for J, F in zip(columns, radiance)
+                beside(J * gain, self.instrument_columns(F)) for J, F in zip(columns, radiance)
             ]
-            radiance = [gain * error * F + zero for F in radiance]
+            radiance = [gain * F + zero for F in radiance]
         return Prediction(self, np.array(radiance), columns, unknown)
 
-    def instrument_columns(self, radiance, error, gain) -> np.ndarray:
-        """Derivatives of gain * error * radiance + offset: (n, those of the three that exist)."""
-        columns = [] if self.gain is None else [error * radiance]
+    def instrument_columns(self, radiance) -> np.ndarray:
+        """Derivatives of gain * radiance + offset: (n, those of the two that exist)."""
+        columns = [] if self.gain is None else [radiance]
         columns += [] if self.offset is None else [np.ones(len(radiance))]
-        columns += [gain * radiance * share for share in (self.shares.T if len(self.model) else ())]
         return np.stack(columns, axis=1)
 
 
@@ -233,9 +277,15 @@ class Prediction:
     columns: list
     unknown: np.ndarray
 
-    @property
+    @cached_property
     def mean(self) -> np.ndarray:
         return self.radiance.mean(axis=0)
+
+    def without_common(self, residual: np.ndarray) -> np.ndarray:
+        """Residuals (n,) without the best estimate of the errors that values share."""
+        if self.block.common is None:
+            return residual
+        return self.block.common.removed(self.block.weight, residual[:, None])[:, 0]
 
     @property
     def variance(self) -> np.ndarray:
@@ -337,12 +387,13 @@ def equations(blocks: list[DatumBlock], x: np.ndarray, is_sparse: bool = False) 
         prediction = block.at(x)
         w, J, r = block.weight, prediction.columns, [row[:, None] for row in prediction.residuals]
         unknown = prediction.unknown
-        gradient[unknown] += np.ravel(weighed_product(block, J, r))
+        common = block.common
+        gradient[unknown] += np.ravel(weighed_product(w, common, J, r))
         mean, variance = sum(J[1:], J[0]) * (1 / len(J)), prediction.noise**2
-        matrix = placed(matrix, weighed_product(block, J, J), unknown)
-        if block.common:
-            mean = block.common.removed(w, mean)
-            shared = block.common.columns.T @ weighted(mean, w)
+        matrix = placed(matrix, weighed_product(w, common, J, J), unknown)
+        if common:
+            mean = common.removed(w, mean)
+            shared = common.columns.T @ weighted(mean, w)
             noise, measured = (placed(of, shared.T @ shared, unknown) for of in (noise, measured))
         both = weighted(mean, w**2 * (variance + block.spread * prediction.variance))
         noise = placed(noise, mean.T @ both, unknown)
@@ -356,7 +407,9 @@ def change_of_gradient(blocks: list[DatumBlock], x: np.ndarray, new: np.ndarray)
     for block in blocks:
         here, there = block.at(x), block.at(new)
         moved = [row[:, None] for row in there.radiance - here.radiance]
-        change[here.unknown] += np.ravel(weighed_product(block, here.columns, moved))
+        change[here.unknown] += np.ravel(
+            weighed_product(block.weight, block.common, here.columns, moved)
+        )
     return change
 
 
@@ -365,16 +418,17 @@ def cost_of(blocks: list[DatumBlock], x: np.ndarray) -> float:
     total = 0.0
     for block in blocks:
         r = [row[:, None] for row in block.at(x).residuals]
-        total += float(np.ravel(weighed_product(block, r, r))[0])
+        total += float(np.ravel(weighed_product(block.weight, block.common, r, r))[0])
     return total
 
 
-def weighed_product(block: DatumBlock, a: list, b: list):
-    """`product` with the inverse covariance of all noise of a block's measured values."""
-    total = product(a, block.weight, b)
-    if block.common is None:
+def weighed_product(w: np.ndarray, common: CommonNoise | None, a: list, b: list):
+    """`product` with the inverse covariance of all noise of values: weights w and shared errors."""
+    total = product(a, w, b)
+    if common is None:
         return total
-    lost_a, lost_b = (block.common.whitened(block.weight, of) for of in (a, b))
+    lost_a = common.whitened(w, a)
+    lost_b = lost_a if b is a else common.whitened(w, b)
     lost = product(lost_a, np.ones(len(lost_a[0])), lost_b)
     return (total.toarray() if sparse.issparse(total) else total) - lost
 

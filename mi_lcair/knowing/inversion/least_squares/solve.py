@@ -19,9 +19,13 @@ from mi_lcair.knowing.inversion.least_squares import newton
 from mi_lcair.knowing.inversion.least_squares.prediction import (
     DatumBlock,
     Equations,
+    Nuisances,
+    Weighing,
     cost_of,
+    dense,
     equations,
     hidden,
+    weighted,
     without,
 )
 from mi_lcair.knowing.inversion.unknowns import Unknown
@@ -65,9 +69,12 @@ def profile_intervals(
         profile = Profile(blocks, x, prior, k, covariance[k] / np.sqrt(covariance[k, k]), normal)
         if profile.rise_of_error <= 0:
             continue  # the noise of the render is larger than the rise
-        if all(profile.is_straight(side) for side in (-1, 1)):
-            continue
-        ends[k] = [profile.end(side, render) for side in (-1, 1)]
+        half = WIDTH * np.sqrt(covariance[k, k])
+        straight = [profile.straight_end(side) for side in (-1, 1)]
+        if None in straight:
+            ends[k] = [profile.end(side, render) for side in (-1, 1)]
+        elif any(abs(abs(end - x[k]) / half - 1) > STRAIGHT for end in straight):
+            ends[k] = straight
     return ends
 
 
@@ -91,12 +98,16 @@ class Profile:
         rise = cost_of(blocks, x) + self.prior.cost(x) - self.cost
         return float(np.sqrt(max(rise, 0) / self.rise_of_error))
 
-    def is_straight(self, side: int) -> bool:
-        """Whether the linear interval ends within all bounds, where the cost is as expected."""
-        x = self.x + side * WIDTH * self.direction
+    def straight_end(self, side: int) -> float | None:
+        """The end of the interval on a straight line in the radiances of temperatures.
+
+        None if the line leaves the bounds before, or if the cost is not as expected there.
+        """
+        x = newton.followed(self.blocks, self.x, side * WIDTH * self.direction)
         if (x < self.prior.lower).any() or (x > self.prior.upper).any():
-            return False
-        return abs(self.errors(self.blocks, x) / WIDTH - 1) < STRAIGHT
+            return None
+        is_straight = abs(self.errors(self.blocks, x) / WIDTH - 1) < STRAIGHT
+        return float(x[self.k]) if is_straight else None
 
     def at(self, blocks, start: np.ndarray, value: float) -> np.ndarray:
         """The best values (N,) of the others if the unknown has this value."""
@@ -129,10 +140,7 @@ class Profile:
                 rendered = render(place)
             except InputError:
                 break  # no surface can have these values
-            blocks = [
-                newton.bent(replace(new, weight=old.weight, curvature=old.curvature), old)
-                for new, old in zip(rendered, blocks)
-            ]
+            blocks = [newton.bent(new.weighed_as(old), old) for new, old in zip(rendered, blocks)]
             place = self.at(blocks, place, place[self.k])
             errors = self.errors(blocks, place)
             if abs(errors - predicted) < STRAIGHT * WIDTH:
@@ -184,7 +192,7 @@ class BadPixelSearch:
         self.bad = [np.zeros(len(block.measured), dtype=bool) for block in blocks]
         self.rounds = 0
 
-    def continues(self, blocks: list[DatumBlock], x: np.ndarray, weights) -> bool:
+    def continues(self, blocks: list[DatumBlock], x: np.ndarray, weighings) -> bool:
         """Look for bad pixels at a solution x; whether others are bad than before.
 
         If they stay too many, the scene misses something, and no pixel counts as bad.
@@ -192,7 +200,7 @@ class BadPixelSearch:
         if self.rounds >= ROUNDS:
             return False
         self.rounds += 1
-        listed = [bad_pixels(block, x, weight) for block, weight in zip(blocks, weights)]
+        listed = [bad_pixels(block, x, of.weight) for block, of in zip(blocks, weighings)]
         before, self.bad = self.bad, [is_bad for is_bad, _ in listed]
         is_new = any((now != then).any() for now, then in zip(self.bad, before))
         are_many = any(many for _, many in listed)
@@ -201,11 +209,11 @@ class BadPixelSearch:
             return True
         return is_new
 
-    def weighed(self, blocks: list[DatumBlock], weights) -> list[DatumBlock]:
+    def weighed(self, blocks: list[DatumBlock], weighings) -> list[DatumBlock]:
         """The blocks with weights, which are 0 for bad pixels."""
         return [
-            replace(block, weight=np.where(is_bad, 0.0, weight))
-            for block, weight, is_bad in zip(blocks, weights, self.bad)
+            block.weighed(of._replace(weight=np.where(is_bad, 0.0, of.weight)))
+            for block, of, is_bad in zip(blocks, weighings, self.bad)
         ]
 
 
@@ -216,14 +224,13 @@ def bad_pixels(block: DatumBlock, x: np.ndarray, weight: np.ndarray) -> tuple[np
     the solution. Of many pixels only those with the largest residuals are bad, because they may
     have made the other residuals. Data that are no images have none.
 
-    weight: weights (n,) of all pixels, see `Datum.weight`. The second result is whether the
+    weight: weights (n,) of all pixels, see `Datum.weighing`. The second result is whether the
     residuals are too many, or too large everywhere, to come from bad pixels.
     """
     if not block.is_image:
         return np.zeros(len(weight), dtype=bool), False
-    residuals = block.at(x).residuals.mean(axis=0)
-    if block.common:
-        residuals = block.common.removed(block.weight, residuals[:, None])[:, 0]
+    prediction = block.at(x)
+    residuals = prediction.without_common(prediction.residuals.mean(axis=0))
     sigmas = np.abs(residuals) * np.sqrt(weight)
     scale = verdicts.inner_deviation(sigmas, 1.0)
     is_bad = sigmas > scale * stats.norm.isf(FALSE_ALARM / 2 / len(weight))
@@ -256,11 +263,13 @@ class State:
 
     x: values (N,). blocks: the data's predictions, rendered at or near x. equations: the normal
     equations at x. prior: inverse variances (N,), or inverse covariance (N, N). covariance: (N, N).
+    response: change of the estimate for a change of the gradient, (N, N).
     render_share: part of each variance that the noise of the render makes, (N,). at_bound: -1 or 1
     where a value lies at its lower or upper bound, else 0. held: unknowns whose derivatives the
     noise of the render hides, so that they stay at the first guess, (N,). renders: number of
     renders of each datum. converged: whether the last step was small. trace: all values that were
     tried. intervals: ends (N, 2) of profile-likelihood intervals, NaN where the linear one holds.
+    model_errors: what errors of the scene that no residual shows add to the standard errors (N,).
     """
 
     x: np.ndarray
@@ -268,6 +277,7 @@ class State:
     equations: Equations
     prior: np.ndarray
     covariance: np.ndarray
+    response: np.ndarray
     render_share: np.ndarray
     at_bound: np.ndarray
     held: np.ndarray
@@ -275,12 +285,34 @@ class State:
     converged: bool
     trace: list[Step]
     intervals: np.ndarray
+    model_errors: np.ndarray | float = 0.0
+
+    def widened(self, covariance: np.ndarray) -> "State":
+        """The State with further errors, of covariance (N, N), that are independent of others."""
+        before, more = np.diag(self.covariance), np.diag(covariance)
+        x, far = self.x[:, None], self.intervals - self.x[:, None]
+        return replace(
+            self,
+            covariance=self.covariance + covariance,
+            render_share=self.render_share * before / (before + more),
+            intervals=x + np.sign(far) * np.hypot(far, WIDTH * np.sqrt(more)[:, None]),
+        )
+
+    def changes(self, block: DatumBlock, columns: np.ndarray) -> np.ndarray:
+        """Changes (N, G) of the estimate for changes (n, G) of the values of a block."""
+        prediction = block.at(self.x)
+        mean = sum(prediction.columns[1:], prediction.columns[0]) * (1 / len(prediction.columns))
+        if block.common:
+            mean = block.common.removed(block.weight, mean)
+        return (
+            self.response[:, prediction.unknown] @ dense(columns.T @ weighted(mean, block.weight)).T
+        )
 
 
 def solve(
     unknowns: list[Unknown],
     render: Callable[[np.ndarray], list[DatumBlock]],
-    weigh: Callable[[np.ndarray], list[np.ndarray]],
+    weigh: Callable[[np.ndarray], list[Weighing]],
     is_exact: bool,
     iterations: int,
     progress=None,
@@ -294,7 +326,7 @@ def solve(
         Gives the blocks of all data at values x, (N,). Raises InputError for values that no surface
         can have.
     weigh : callable
-        Gives the weights of all data at values x, (N,), see `Datum.weight`.
+        Gives the weights of all data at values x, (N,), see `Datum.weighing`.
     is_exact : bool
         Whether the blocks of one render hold for all values.
     iterations : int
@@ -329,11 +361,11 @@ def solve(
         trace.append(Step(done, paths, distance, cost_of(blocks, x), is_kept, x.tolist()))
         return distance
 
-    first, start, weights = x, x, weigh(x)
+    first, start, weighings = x, x, weigh(x)
     blocks = rendered(x)
     search, is_first, is_searching = BadPixelSearch(blocks), True, True
     while is_searching:
-        blocks = search.weighed(blocks, weights)
+        blocks = search.weighed(blocks, weighings)
         if is_first:
             held = hidden(blocks, len(x), is_correlated)
         blocks = [without(block, held) for block in blocks]
@@ -348,7 +380,7 @@ def solve(
         # Weights at the first guess are not the best ones, so they are found once more
         is_searching = is_first and is_far
         if converged:
-            is_searching |= search.continues(blocks, x, weights)
+            is_searching |= search.continues(blocks, x, weighings)
             # The derivatives of a lobe that has become much narrower may be noise
             lost = hidden(blocks, len(x), is_correlated) & ~held
             if lost.any():
@@ -356,7 +388,7 @@ def solve(
                 blocks = rendered(x)
         is_first = False
         if is_searching and is_far:
-            start, weights = x, weigh(x)
+            start, weighings = x, weigh(x)
             if is_exact and max(block.change(x) for block in blocks) > FAR:
                 blocks = rendered(x)
     if is_exact:
@@ -369,6 +401,8 @@ def solve(
         result = replace(result, intervals=intervals)
     if is_correlated:
         held = np.zeros_like(held)  # what no pixel shows follows from its neighbours
+    if held.any():
+        result = with_held(result, render(x), held, prior.information**-0.5)
     return replace(result, held=held, renders=done, converged=converged, trace=trace)
 
 
@@ -407,10 +441,7 @@ def descent(blocks, x, prior: newton.Prior, is_sparse: bool, rendered, record, i
         is_near = distance <= NEAR
         near_by = normal if is_near else None
         predicted = cost_change(blocks, x, blocks, new, prior, near_by)
-        trial = [
-            replace(block, weight=old.weight, curvature=old.curvature)
-            for block, old in zip(trial, blocks)
-        ]
+        trial = [block.weighed_as(old) for block, old in zip(trial, blocks)]
         if newton.length(new - x, normal, prior) > NEAR:
             # The noise of the render hides what a shorter step says about second derivatives
             trial = [newton.bent(block, old) for block, old in zip(trial, blocks)]
@@ -464,6 +495,7 @@ def state(blocks, x, prior: newton.Prior, is_sparse: bool) -> State:
         equations=normal,
         prior=prior.information if prior.correlated is None else prior.correlated,
         covariance=covariance,
+        response=response(normal, covariance),
         render_share=np.clip(1 - measured / variance, 0, 1),
         at_bound=at_bound,
         held=np.zeros(len(x), dtype=bool),
@@ -474,17 +506,45 @@ def state(blocks, x, prior: newton.Prior, is_sparse: bool) -> State:
     )
 
 
+def shared_errors(state: State, nuisances: list[Nuisances | None]) -> list[dict[str, np.ndarray]]:
+    """What the nuisances of each datum add to the standard errors (N,), by name."""
+    result = []
+    for block, of in zip(state.blocks, nuisances):
+        of_block = {}
+        if of:
+            changes = state.changes(block, of.columns(block.at(state.x).mean))
+            for name in dict.fromkeys(of.names):
+                which = np.array(of.names) == name
+                of_block[name] = np.linalg.norm(changes[:, which], axis=1)
+        result.append(of_block)
+    return result
+
+
+def with_held(state: State, blocks: list[DatumBlock], held: np.ndarray, width: np.ndarray) -> State:
+    """The State with the errors that held unknowns, (N,) of bool, make in the others.
+
+    blocks: those of the State with the derivatives of the held unknowns. width: standard deviations
+    (N,) of what is known of unknowns beforehand.
+    """
+    for block, full in zip(state.blocks, blocks):
+        is_held = held[block.unknown]
+        columns = sum(full.columns[1:], full.columns[0])[:, is_held] / len(full.columns)
+        changes = state.changes(block, columns * width[block.unknown[is_held]])
+        state = state.widened(changes @ changes.T)
+    return state
+
+
 def with_noise(state: State, factor: float) -> State:
     """The State with errors for a measurement's noise of `factor` times the given variance.
 
-    The noise of the render stays as it is.
+    The noise of the render, and errors that pixels share, stay as they are.
     """
-    before, is_correlated = state.equations, state.prior.ndim == 2
-    normal = replace(
-        before,
-        noise=before.noise + (factor - 1) * before.measured_noise,
-        measured_noise=factor * before.measured_noise,
-    )
+    is_correlated = state.prior.ndim == 2
+    blocks = [
+        replace(block, noise=lambda predicted, of=block.noise: np.sqrt(factor) * of(predicted))
+        for block in state.blocks
+    ]
+    normal = equations(blocks, state.x, sparse.issparse(state.equations.matrix))
     information = np.diag(state.prior) if is_correlated else state.prior
     correlated = state.prior if is_correlated else None
     known = newton.Prior(state.x, information, state.x, state.x, correlated)
@@ -495,9 +555,15 @@ def with_noise(state: State, factor: float) -> State:
         state,
         equations=normal,
         covariance=covariance,
+        response=response(normal, covariance),
         render_share=np.clip(1 - measured / variance, 0, 1),
         intervals=x + wider * (state.intervals - x),
     )
+
+
+def response(normal: Equations, covariance: np.ndarray) -> np.ndarray:
+    """Change (N, N) of the estimate of an inverse `covariance` for a change of the gradient."""
+    return covariance if sparse.issparse(normal.matrix) else covariance @ normal.transfer
 
 
 def feasible(rendered, x, new):

@@ -12,7 +12,7 @@ from mi_lcair.detection.scenario import Scenario
 from mi_lcair.errors import InputError
 from mi_lcair.knowing.inversion.data.camera_image import CameraImage, numbers_of
 from mi_lcair.rendering.parameters.values import changed
-from tests.knowing.inversion.corner import KELVIN, NAMES, write_scenario
+from tests.knowing.inversion.corner import EXACT, KELVIN, NAMES, write_scenario
 
 mi.set_variant("llvm_ad_mono")
 
@@ -64,14 +64,14 @@ def test_derivatives_of_the_electrons(camera):
 def test_measured_electrons_and_pixels_that_count(camera, seen, tmp_path):
     """Counts and temperatures of the file give the same electrons, but for their rounding."""
     seen.save(tmp_path / "seen.exr")
-    values, counts = camera.measured(entry(tmp_path / "seen.exr"))
-    from_counts, _ = camera.measured(entry(tmp_path / "seen.exr", quantity="counts"))
-    assert counts.all()
+    values, counts, plateau = camera.measured(entry(tmp_path / "seen.exr"))
+    from_counts, *_ = camera.measured(entry(tmp_path / "seen.exr", quantity="counts"))
+    assert counts.all() and not plateau.any()
     np.testing.assert_allclose(values, from_counts, rtol=1e-5)
     frame = np.array(seen.counts[0], dtype=float)
     frame[0, 0] = 2**14 - 1
     np.save(tmp_path / "counts.npy", frame)
-    _, counts = camera.measured(entry(tmp_path / "counts.npy", quantity="counts"))
+    _, counts, _ = camera.measured(entry(tmp_path / "counts.npy", quantity="counts"))
     assert np.argwhere(~counts).tolist() == [[0, 0]]
     with pytest.raises(InputError, match="a camera's image has counts or apparent_temperature"):
         camera.measured(entry(tmp_path / "counts.npy", quantity="radiance"))
@@ -104,7 +104,7 @@ def test_values_that_share_an_error(camera):
 def test_temperatures_from_an_image(scenario, seen, tmp_path):
     seen.save(tmp_path / "seen.exr")
     given = {
-        "data": [{"scene": scenario, "image": str(tmp_path / "seen.exr")}],
+        "data": [{"scene": scenario, "image": str(tmp_path / "seen.exr"), **EXACT}],
         "unknowns": {name: {"start": 300.0} for name in NAMES},
         "render": {"spp": 64},
     }
@@ -121,7 +121,7 @@ def test_what_a_camera_s_image_does_not_take(scenario, tmp_path):
     given = {"data": [data], "unknowns": {NAMES[3]: {}}, "render": {"spp": 16}}
     for changes, message in (
         ({"netd_mK": 50}, "has its own; leave it out"),
-        ({"model_sigma": "1%"}, "model_sigma does not go with the image of a scenario's camera"),
+        ({"sensor": 1}, "sensor does not go with the image of a scenario's camera"),
         ({"offset": True}, "needs offset_prior, in electrons"),
         ({"quantity": "radiance"}, "quantity"),
         ({"parameters": {"camera.width": 12}}, "has 24 x 24 pixels"),
@@ -159,7 +159,7 @@ def test_derivatives_with_respect_to_materials(camera):
 def test_a_temperature_and_a_reflectance_from_an_image(scenario, seen, tmp_path):
     seen.save(tmp_path / "seen.exr")
     given = {
-        "data": [{"scene": scenario, "image": str(tmp_path / "seen.exr")}],
+        "data": [{"scene": scenario, "image": str(tmp_path / "seen.exr"), **EXACT}],
         "unknowns": {NAMES[5]: {"start": 330.0}, "paint5.reflectance": {"start": 0.4}},
         "render": {"spp": 64},
     }
@@ -235,8 +235,9 @@ def test_humidity_from_an_image(scenario, tmp_path):
     humid = even | {"atmosphere.humidity": 0.6}
     there = Scenario.read(scenario, **humid, **{"render.spp": 64, "render.seed": 3})
     mi_lcair.image(there).save(tmp_path / "humid.exr")
+    datum = {"scene": scenario, "image": str(tmp_path / "humid.exr"), **EXACT}
     given = {
-        "data": [{"scene": scenario, "image": str(tmp_path / "humid.exr"), "parameters": even}],
+        "data": [datum | {"parameters": even}],
         "unknowns": {"scenario.air_humidity": {}},
         "render": {"spp": 4, "randomisations": 2},
     }

@@ -83,4 +83,4 @@ def test_block_and_weights_in_closed_form(plate):
     # 300 K, and shot noise above
     L = 0.6 * B(320) + 0.4 * B(290)
     variance = (0.05 * (B(300.5) - B(299.5))) ** 2 * L / B(300)
-    np.testing.assert_allclose(plate.weight(ones, x, sampling), 1 / variance, rtol=2e-3)
+    np.testing.assert_allclose(plate.weighing(ones, x, sampling).weight, 1 / variance, rtol=2e-3)

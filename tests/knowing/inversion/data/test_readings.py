@@ -17,6 +17,7 @@ from mi_lcair.knowing.inversion.data.readings import (
     Observation,
     check_radiance,
     check_size,
+    is_on_plateau,
     measured_radiance,
     noise_of_netd,
 )
@@ -112,11 +113,21 @@ def test_pixels_that_count(tmp_path):
     values = np.array([[1.0, np.nan, 4.0], [2.0, 3.0, 2.5]])
     np.save(tmp_path / "m.npy", np.array([[1, 1, 1], [0, 1, np.nan]]))
     one = measurement(tmp_path, values, scale=2.0, saturation=8.0, mask=str(tmp_path / "m.npy"))
-    radiance, sigma, counts = measured_radiance(one, LWIR, (2, 3))
+    radiance, sigma, counts, _ = measured_radiance(one, LWIR, (2, 3))
     np.testing.assert_array_equal(counts, [[True, False, False], [False, True, False]])
     assert sigma is None and radiance[counts].tolist() == [2, 6]
     with pytest.raises(InputError, match="all pixels are masked, saturated or not finite"):
         measured_radiance(measurement(tmp_path, values, saturation=1.0), LWIR, (2, 3))
+
+
+@pytest.mark.parametrize(("rounded", "is_plateau"), [(1e-6, True), (10.0, False)])
+def test_pixels_with_the_same_largest_value_are_saturated(rounded, is_plateau):
+    """Unless all values are so coarsely rounded that others are the same, too."""
+    values = np.random.default_rng(2).normal(300, 5, size=(16, 16))
+    values = np.minimum(rounded * np.round(values / rounded), 306.0)
+    plateau = is_on_plateau(values, np.ones((16, 16), dtype=bool))
+    np.testing.assert_array_equal(plateau, (values == 306.0) & is_plateau)
+    assert not is_on_plateau(np.full((4, 4), 300.0), np.ones((4, 4), dtype=bool)).any()
 
 
 def test_apparent_temperatures_become_radiances(tmp_path):
@@ -126,7 +137,7 @@ def test_apparent_temperatures_become_radiances(tmp_path):
     one = measurement(
         tmp_path, kelvin, quantity="apparent_temperature", sigma_image=str(tmp_path / "s.npy")
     )
-    radiance, sigma, counts = measured_radiance(one, LWIR, (1, 2))
+    radiance, sigma, counts, _ = measured_radiance(one, LWIR, (1, 2))
     np.testing.assert_allclose(radiance, B(kelvin))
     rate = B(kelvin + 0.5) - B(kelvin - 0.5)
     np.testing.assert_allclose(sigma, [[0.1, 0.2]] * rate, rtol=1e-4)

@@ -10,6 +10,7 @@ from scipy.sparse import csr_array
 from mi_lcair.errors import InputError
 from mi_lcair.knowing.inversion.least_squares import newton
 from mi_lcair.knowing.inversion.least_squares.newton import bent, matern, precision
+from mi_lcair.knowing.inversion.least_squares.prediction import Weighing
 from mi_lcair.knowing.inversion.least_squares.solve import solve
 from mi_lcair.physics.blackbody import brightness_temperature
 from tests.knowing.inversion.blocks import LWIR, SKY, VALUES, block, kelvin, unknown, wall
@@ -116,7 +117,7 @@ def test_a_curved_valley_is_followed(start):
         return [wall(x, measured=measured, weight=np.full(VALUES, sigma**-2.0), **changes)]
 
     both = [kelvin(start=start[0], upper=2000.0), unknown(start=start[1])]
-    state = solve(both, render, lambda x: [np.full(VALUES, sigma**-2.0)], False, 20)
+    state = solve(both, render, lambda x: [Weighing(np.full(VALUES, sigma**-2.0))], False, 20)
     assert state.converged and state.trace[-1].renders <= 12
     # The nearest point by a search along the valley
     R = np.linspace(0, 0.95, 20_001)

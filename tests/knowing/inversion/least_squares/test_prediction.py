@@ -10,6 +10,7 @@ from mi_lcair.knowing.inversion.answers import chi_square
 from mi_lcair.knowing.inversion.least_squares import prediction
 from mi_lcair.knowing.inversion.least_squares.prediction import (
     CommonNoise,
+    Nuisances,
     cost_of,
     equations,
     weighed_product,
@@ -62,7 +63,7 @@ def test_products_have_the_inverse_covariance(kind):
     one, W = image(), np.linalg.inv(covariance())
     (J,) = one.columns
     b = SHARED.normal(size=(PIXELS, 2))
-    result = weighed_product(one, [kind(J)], [kind(b)])
+    result = weighed_product(one.weight, one.common, [kind(J)], [kind(b)])
     np.testing.assert_allclose(result, J.T @ W @ b, rtol=1e-9)
     residual = one.measured - one.radiance[0]
     assert cost_of([one], np.zeros(3)) == pytest.approx(residual @ W @ residual, rel=1e-9)
@@ -183,20 +184,28 @@ def test_gain_and_offset(is_sparse):
         np.testing.assert_allclose(J.toarray() if is_sparse else J, wanted)
 
 
-def test_errors_of_the_model():
-    """gain (1 + S d) (F + J x) + offset: derivatives against differences of the prediction."""
-    shares = RANDOM.random((N, 2))
-    camera = replace(NOISY, gain=3, offset=4, model=np.array([5, 6]), shares=shares)
-    x = np.concatenate([X, [1.1, -0.5, 0.03, -0.02]])
-    predicted = camera.at(x)
-    plain = RADIANCE + np.einsum("rnk,k->rn", COLUMNS, X)
-    factor = 1.1 * (1 + shares @ [0.03, -0.02])
-    np.testing.assert_allclose(predicted.radiance, factor * plain - 0.5)
-    assert predicted.unknown.tolist() == list(range(7))
-    for k in range(7):
-        step = 1e-4 * np.eye(7)[k]
-        change = (camera.at(x + step).radiance - camera.at(x - step).radiance) / 2e-4
-        np.testing.assert_allclose([J[:, k] for J in predicted.columns], change, atol=1e-8)
+def test_nuisances():
+    """Relative to each predicted value, or to their mean, behind other shared errors."""
+    patterns = np.array([[0.1, 0.2], [0.3, 0.4]])
+    errors = Nuisances(["a", "b"], ["a", "b"], patterns, np.array([False, True]))
+    predicted = np.array([2.0, 6.0])
+    expected = [[0.2, 0.8], [1.8, 1.6]]
+    np.testing.assert_allclose(errors.added_to(None, predicted).columns, expected)
+    rows = CommonNoise(csr_array([[1.0], [1.0]]))
+    columns = errors.added_to(rows, predicted).columns.toarray()
+    np.testing.assert_allclose(columns, np.hstack([[[1], [1]], expected]))
+
+
+def test_sizes_of_shared_errors():
+    """The estimate with a prior of 1 and noise of 1 / sqrt(w), from the normal equations."""
+    columns, values = RANDOM.normal(size=(N, 2)), RANDOM.normal(size=N)
+    W = np.diag(WEIGHT)
+    expected = np.linalg.solve(np.eye(2) + columns.T @ W @ columns, columns.T @ W @ values)
+    np.testing.assert_allclose(CommonNoise(columns).sizes(WEIGHT, values), expected)
+    left = values - columns @ expected
+    shared = block([np.zeros(N)], np.zeros((1, N, 1)), values, common=CommonNoise(columns))
+    found = replace(shared, weight=WEIGHT).at(np.zeros(1)).without_common(values)
+    np.testing.assert_allclose(found, left)
 
 
 def test_values_within_the_half_width_are_equal():

@@ -11,7 +11,13 @@ from scipy.sparse import csr_array
 from mi_lcair.errors import InputError
 from mi_lcair.knowing.inversion.least_squares.newton import Prior, is_informed, length, matern
 from mi_lcair.knowing.inversion.least_squares.newton import solved as damped
-from mi_lcair.knowing.inversion.least_squares.prediction import DatumBlock, Equations, equations
+from mi_lcair.knowing.inversion.least_squares.prediction import (
+    DatumBlock,
+    Equations,
+    Weighing,
+    equations,
+    without,
+)
 from mi_lcair.knowing.inversion.least_squares.solve import (
     ROUNDS,
     WIDTH,
@@ -22,6 +28,7 @@ from mi_lcair.knowing.inversion.least_squares.solve import (
     feasible,
     profile_intervals,
     solve,
+    with_held,
     with_noise,
 )
 from mi_lcair.physics.bands import band
@@ -81,9 +88,9 @@ def test_a_search_ends_when_it_finds_the_same_pixels():
     measured = 0 * NOISE
     measured[7] = 100.0
     image = block(np.zeros((2, N)), np.zeros((2, N, 1)), measured, PIXEL_SIGMA, is_image=True)
-    search, x = BadPixelSearch([image]), np.zeros(1)
-    assert search.continues([image], x, [WEIGHT]) and not search.continues([image], x, [WEIGHT])
-    (weighed,) = search.weighed([image], [WEIGHT])
+    search, x, weighings = BadPixelSearch([image]), np.zeros(1), [Weighing(WEIGHT)]
+    assert search.continues([image], x, weighings) and not search.continues([image], x, weighings)
+    (weighed,) = search.weighed([image], weighings)
     assert np.flatnonzero(weighed.weight != WEIGHT).tolist() == [7] and weighed.weight[7] == 0
 
 
@@ -96,14 +103,36 @@ def test_a_search_gives_up_where_residuals_are_large_everywhere():
         measured[random.integers(N)] = 1e9
         image = block(np.zeros((2, N)), np.zeros((2, N, 1)), measured, PIXEL_SIGMA, is_image=True)
         count += 1
-        if not search.continues([image], x, [WEIGHT]):
+        if not search.continues([image], x, [Weighing(WEIGHT)]):
             break
     assert count == ROUNDS + 1 and not search.bad[0].any()
 
 
 def solved(blocks, unknowns, is_exact=True, iterations=5, **options):
-    weights = [one.weight for one in blocks]
+    weights = [Weighing(one.weight, one.common) for one in blocks]
     return solve(unknowns, lambda x: blocks, lambda x: weights, is_exact, iterations, **options)
+
+
+def test_a_held_unknown_widens_the_errors_of_others():
+    """It shifts them by what its effect has in common with theirs, times what is known of it."""
+    state = solved([without(EXACT, np.array([False, True]))], PAINTS)
+    width = np.array([1.0, 0.2])
+    found = with_held(state, [EXACT], np.array([False, True]), width)
+    alone = J[:, 0] @ J[:, 0] / SIGMA**2 + Prior.of(PAINTS).information[0]
+    shift = 0.2 * J[:, 0] @ J[:, 1] / SIGMA**2 / alone
+    np.testing.assert_allclose(found.covariance[0, 0], 1 / alone + shift**2, rtol=1e-6)
+    assert found.covariance[0, 0] > 1.2 * state.covariance[0, 0]
+    assert found.covariance[1, 1] == pytest.approx(state.covariance[1, 1])
+
+
+def test_further_errors_widen_intervals():
+    """3 and 5 standard errors of a profile's ends, and 4 more of another error."""
+    state = solved([EXACT], PAINTS)
+    ends = state.x[:, None] + WIDTH * np.array([[-3.0, 4.0], [np.nan, np.nan]])
+    wide = replace(state, intervals=ends).widened(np.diag([16.0, 1.0]))
+    far = wide.intervals - state.x[:, None]
+    np.testing.assert_allclose(far, WIDTH * np.array([[-5.0, 32**0.5], [np.nan, np.nan]]))
+    np.testing.assert_allclose(wide.covariance - state.covariance, np.diag([16.0, 1.0]))
 
 
 def test_least_squares_with_priors():
@@ -135,7 +164,7 @@ def test_a_render_that_must_be_repeated():
     state = solve(
         unknowns,
         render,
-        lambda x: [EXACT.weight],
+        lambda x: [Weighing(EXACT.weight)],
         False,
         30,
         lambda *counts: done.append(counts),
@@ -144,7 +173,7 @@ def test_a_render_that_must_be_repeated():
     np.testing.assert_allclose(state.x, np.sqrt(squared), rtol=5e-3)
     assert state.converged and 3 < state.renders == len(rendered) < 20
     assert done == [(k, 30) for k in range(1, len(rendered) + 1)]
-    once = solve(unknowns, render, lambda x: [EXACT.weight], False, 1)
+    once = solve(unknowns, render, lambda x: [Weighing(EXACT.weight)], False, 1)
     assert not once.converged and once.renders == 1
 
 
@@ -166,7 +195,7 @@ def test_convergence_where_paths_change_with_the_values():
     weight = np.full(20, 1 / (26 * SIGMA**2))
     for start in (0.3, 0.5, 0.9):
         both = [unknown("a", start=start), unknown("b", start=start)]
-        state = solve(both, render, lambda x: [weight], False, 20)
+        state = solve(both, render, lambda x: [Weighing(weight)], False, 20)
         assert state.converged and state.trace[-1].renders < 12
         error = np.sqrt(np.diag(state.covariance))
         assert (np.abs(state.x - np.sqrt([0.4, 0.7])) < 4 * error).all()
@@ -186,7 +215,7 @@ def test_a_derivative_that_becomes_noise_on_the_way():
         return [replace(made, reference=x)]
 
     unknowns = [unknown("a"), unknown("b", start=0.5)]
-    state = solve(unknowns, render, lambda x: [np.full(20, SIGMA**-2.0)], False, 20)
+    state = solve(unknowns, render, lambda x: [Weighing(np.full(20, SIGMA**-2.0))], False, 20)
     assert state.converged and state.held.tolist() == [False, True]
     assert state.x[1] == pytest.approx(0.5, rel=1e-12) and np.isnan(state.intervals[1]).all()
     assert state.covariance[1, 1] == pytest.approx(unknowns[1].span ** 2, rel=1e-6)
@@ -402,7 +431,7 @@ def test_noise_of_the_matrix_causes_no_bias():
         weight=np.ones(pixels),
     )
     facets = [kelvin(f"f[{k}]", kind="facet", facet=k) for k in range(5)]
-    found = solve(facets, lambda x: [block], lambda x: [np.ones(pixels)], True, 1)
+    found = solve(facets, lambda x: [block], lambda x: [Weighing(np.ones(pixels))], True, 1)
     error = np.sqrt(np.diag(found.covariance))
     assert (np.abs(found.x - truth) < 3 * error).all() and (error < 2).all()
     ordinary = np.linalg.lstsq(noisy.mean(axis=0), measured, rcond=None)[0]
@@ -460,7 +489,7 @@ def product(x, measured):
 
 
 def profile_solved(measured, unknowns):
-    weights = [np.full(COUNT, PROFILE_SIGMA**-2.0)]
+    weights = [Weighing(np.full(COUNT, PROFILE_SIGMA**-2.0))]
     return solve(unknowns, lambda x: [product(x, measured)], lambda x: weights, False, 30)
 
 
@@ -516,12 +545,12 @@ def test_linear_intervals_stay():
     measured = 5 + DESIGN @ [0.5, 0.5]
     weight = np.full(COUNT, PROFILE_SIGMA**-2.0)
     exact = block([np.full(COUNT, 5.0)], [DESIGN], measured, PROFILE_SIGMA, weight=weight)
-    state = solve(unknowns, lambda x: [exact], lambda x: [weight], True, 1)
+    state = solve(unknowns, lambda x: [exact], lambda x: [Weighing(weight)], True, 1)
     assert np.isnan(state.intervals).all()
     assert state.renders <= 2
     # At a bound both depend on it, without a render
     narrow = [unknown("a", upper=0.49), unknown("b")]
-    state = solve(narrow, lambda x: [exact], lambda x: [weight], True, 1)
+    state = solve(narrow, lambda x: [exact], lambda x: [Weighing(weight)], True, 1)
     assert state.at_bound.tolist() == [1, 0] and state.intervals[0, 1] == 0.49
     assert np.isfinite(state.intervals).all() and state.renders <= 2
     thin = replace(exact, columns=[csr_array(DESIGN)])
@@ -543,7 +572,8 @@ def test_a_profile_has_the_errors_of_the_estimate():
         profile = Profile([exact], x, prior, 0, direction, equations([exact], x))
         assert profile.rise_of_error == pytest.approx(factor, rel=0.01)
         assert profile.errors([exact], x + 1.5 * direction) == pytest.approx(1.5, rel=0.01)
-        assert profile.is_straight(1) and profile.is_straight(-1)
+        for side in (-1, 1):
+            assert profile.straight_end(side) == pytest.approx(0.5 + side * WIDTH * direction[0])
 
 
 def test_noise_of_other_renders_does_not_end_a_profile():
@@ -612,7 +642,7 @@ def test_a_valley_between_a_cliff_and_a_slope(monkeypatch):
         return [wall(x, measured=measured, weight=np.full(VALUES, sigma**-2.0), **changes)]
 
     both = [kelvin(start=320.0, upper=2000.0), unknown(start=0.5)]
-    state = solve(both, render, lambda x: [np.full(VALUES, sigma**-2.0)], False, 20)
+    state = solve(both, render, lambda x: [Weighing(np.full(VALUES, sigma**-2.0))], False, 20)
     R = np.linspace(0, 0.99, 100_001)
     T = brightness_temperature(LWIR, (measured[0] - R * SKY) / (1 - R))
     rise = ((T - 320) / 100) ** 2 + (R - 0.5) ** 2
