@@ -206,7 +206,7 @@ def determined(state: State) -> float:
     normal = state.equations
     if sparse.issparse(normal.matrix):
         return float(np.count_nonzero(is_informed(normal, state.prior)))
-    return float(np.sum(state.covariance * normal.information))
+    return float(np.sum(state.response * normal.matrix.T))
 
 
 def reasons(everything: list[Unknown], data: list[Datum]):

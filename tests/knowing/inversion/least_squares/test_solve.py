@@ -9,6 +9,7 @@ from scipy.optimize import brentq, least_squares, minimize_scalar
 from scipy.sparse import csr_array
 
 from mi_lcair.errors import InputError
+from mi_lcair.knowing.inversion.invert import determined
 from mi_lcair.knowing.inversion.least_squares.newton import Prior, is_informed, length, matern
 from mi_lcair.knowing.inversion.least_squares.newton import solved as damped
 from mi_lcair.knowing.inversion.least_squares.prediction import (
@@ -133,6 +134,8 @@ def test_further_errors_widen_intervals():
     far = wide.intervals - state.x[:, None]
     np.testing.assert_allclose(far, WIDTH * np.array([[-5.0, 32**0.5], [np.nan, np.nan]]))
     np.testing.assert_allclose(wide.covariance - state.covariance, np.diag([16.0, 1.0]))
+    # They do not change what the data determine, which chi-square counts
+    assert determined(wide) == determined(state) == pytest.approx(2, abs=0.5)
 
 
 def test_least_squares_with_priors():
