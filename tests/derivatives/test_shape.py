@@ -120,6 +120,7 @@ def test_equal_to_attached_differences(max_bounces):
     assert abs(sum_ - expected.derivative) < 3.5 * np.hypot(error, expected.error)
 
 
+@pytest.mark.slow
 def test_shade_of_the_sun(tmp_path):
     """A panel that the sensor does not see moves its shade over a sunlit one."""
     parts = [{"type": "sun", "azimuth_deg": 0.0, "elevation_deg": 70.0, "band": "MWIR"}]

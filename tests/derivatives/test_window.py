@@ -254,7 +254,7 @@ def test_a_control_variate_removes_the_noise_of_a_narrow_lobe():
     assert scatter < plain.error[1] / 2.5
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_intervals_cover_the_truth(load):
     """Of 40 runs with 8 randomisations each, Student's 95 % intervals cover 90-98 % or so."""
     scene, names = load("brdf"), (*NAMES["brdf"], "ball.temperature")

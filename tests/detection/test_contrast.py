@@ -191,7 +191,7 @@ def test_errors_over_seeds(folder, monkeypatch):
     assert total < 0.3 * target
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @pytest.mark.parametrize("spp", [4])
 def test_the_intervals_cover_the_closed_form(folder, monkeypatch, spp):
     """The 95 % intervals of 90 % and more of 100 renders of 256 paths each hold the contrast.

@@ -35,7 +35,7 @@ def test_noise_free_data_give_the_parameters_back(name, surface):
     assert result.converged and result.rms_dex < 1e-9 and result.model == name
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @pytest.mark.parametrize("name, surface", SURFACES)
 def test_intervals_hold_the_true_values(name, surface):
     """Most 95 % intervals contain the true value, in 8 repetitions with 5 % noise.

@@ -19,7 +19,6 @@ from mi_lcair.rendering.measurands import ExcessFunction, IntensityInterval
 from mi_lcair.rendering.pixels import PixelError
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.views import View
-from tests.matrix import some_of
 from tests.rendering.made_totals import totals
 from tests.signatures.rendered_views import render_views
 
@@ -210,7 +209,7 @@ print((used[1] - used[0]) / (1024**2 - 724**2) / stated)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("parts", some_of([PARTS, ()], 2))
+@pytest.mark.parametrize("parts", [PARTS, pytest.param((), marks=pytest.mark.study)])
 def test_stated_memory(parts):
     """What an image of a million pixels really takes: no more than stated, and most of it."""
     code = CODE.replace("{parts}", str(parts))

@@ -61,7 +61,7 @@ def test_a_step_ends_at_a_bound(plate):
         differences(plate, ["plate.temperature"], 0.0)
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_error_of_a_derivative_covers_the_truth():
     """24 seeds agree within the standard errors that each of them states."""
     scene = mi_lcair.load("cylinder_ir_range", finish="gloss_black", resolution=16, spp=16)

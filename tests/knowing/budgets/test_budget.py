@@ -182,7 +182,7 @@ def test_monte_carlo_stays_inside_the_bounds(tmp_path):
     assert f"{mc.outside} of {100 + mc.outside} draws were outside" in found.remarks[-1]
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @pytest.mark.parametrize("sigma", [2.0, 8.0])
 def test_error_of_the_monte_carlo_covers_the_truth(tmp_path, sigma):
     """The scatter of the standard deviation over seeds is what each of them states.

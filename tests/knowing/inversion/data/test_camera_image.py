@@ -229,7 +229,7 @@ def test_derivatives_with_respect_to_the_weather(scenario):
     np.testing.assert_array_equal(again, of(0.5).predicted([], 4, 5, 1)[0][0])
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_humidity_from_an_image(scenario, tmp_path):
     even = HUMID | {"surroundings.sky": 260}  # the derivatives above are those below a clear one
     humid = even | {"atmosphere.humidity": 0.6}

@@ -105,6 +105,7 @@ def test_frame_of_a_moved_model(scenario, tmp_path):
         assert misfit((truth | {name: 0.0}).values()) > 10
 
 
+@pytest.mark.study
 def test_contrast_of_a_larger_target(scenario):
     """Of a convex body, it is proportional to the square of the size, as its window grows."""
     sight = MeasuredContrast.of(scenario, ONE_WINDOW)

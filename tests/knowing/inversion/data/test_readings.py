@@ -367,7 +367,7 @@ def test_ground_below_and_behind_a_target(tmp_path):
     assert answer.standard_error == pytest.approx(0.01 / abs(slope), rel=0.1)
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_weather_from_a_contrast(tmp_path):
     """Humidity from the contrast of a disc that reflects most of the sky, 5 km away.
 
