@@ -156,6 +156,8 @@ def test_inversion(file, tmp_path):
                 "image": str(tmp_path / f"{seed}.npy"),
                 "quantity": "radiance",
                 "sigma": sigma,
+                "camera_sigma": "0",
+                "model_sigma": "0",
             }
         )
     unknowns = {"plate.temperature": {"start": 320}, "g.scale": {}}
