@@ -101,6 +101,7 @@ class Change:
 SAMPLES = 4001  # even wavelengths of a band at which a spectral material is evaluated
 ROOM_K, HOT_K = 300.0, 800.0  # the average is compared with that for the farther temperature
 COSINES = np.linspace(0, 1, 65)[1:] ** 2  # at which Fresnel reflectances are averaged
+PACKET = 16  # numbers that Dr.Jit reads at once, at most
 NODES_OF_COSINE = np.linspace(0, 1, 513) ** 2  # at which emissivities by angle are averaged
 ANGLE_DEG = Bounds(meaning="angle of incidence", unit="degrees", lower=0, upper=89)
 # What makes an entry: the key of its file, the model, and the common parameters of the entry.
@@ -310,9 +311,20 @@ def fresnel_reflectance(n: np.ndarray, k: np.ndarray, cos: np.ndarray) -> np.nda
     """Fresnel reflectance of the indices n + ik at cosines, in the shape of their broadcast."""
     n, k, cos = np.broadcast_arrays(n, k, cos)
     contrast, nk = (n - 1) * (n + 1) - k**2, n * k
-    # Lists go into memory of Dr.Jit; NumPy's is aligned by chance, which makes other kernels
-    arrays = [Float64(values.ravel().tolist()) for values in (cos, contrast, nk)]
+    arrays = [Float64(in_packets(values.ravel())) for values in (cos, contrast, nk)]
     return microfacet_equations.reflectance(*arrays).numpy().reshape(n.shape)
+
+
+def in_packets(values: np.ndarray) -> np.ndarray:
+    """A copy of numbers (n,) from the beginning of a packet, and with room up to the end of one.
+
+    Dr.Jit reads NumPy's memory as it is, and compiles another kernel where it is not aligned.
+    """
+    room = np.empty(len(values) + 2 * PACKET)
+    start = -(room.ctypes.data // room.itemsize) % PACKET
+    aligned = room[start : start + len(values)]
+    aligned[:] = values
+    return aligned
 
 
 def fitted_index(target: np.ndarray, n: float, k: float) -> tuple[float, float]:
