@@ -46,6 +46,13 @@ def room(module: str) -> str:
     return max((name for name in FLOORS if f"{module}.".startswith(f"{name}.")), key=len)
 
 
+@pytest.fixture(autouse=True, scope="module")
+def no_trees_stay():
+    """They would slow each later collection of garbage."""
+    yield
+    modules.cache_clear()
+
+
 @cache
 def modules() -> dict:
     """The syntax tree of every module of the package, by name."""
