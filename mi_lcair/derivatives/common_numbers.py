@@ -69,7 +69,7 @@ class CommonNumbers:
         self.scene, self.part, self.by_spectrum = scene, part, by_spectrum
         self.camera = scene.sensor(sampling.sensor)
         self.area = window_area(self.camera, scene.name)
-        self.windows = replace(Windows.whole(self.camera), may_be_one_lattice=False)
+        self.windows = Windows.whole(self.camera)
         if criterion is None and sampling.tolerance is not None:
             criterion = IntensityInterval(sampling.tolerance, PARTS[part], or_whole=False)
         if criterion is None:

@@ -42,7 +42,7 @@ class Windows:
     columns, rows : int
         Number of windows along the sides of the film.
     randomisations : int
-        Randomisations of the points of each window, independent or blocks of one lattice.
+        Independent randomisations of the points of each window.
     pixels, parts : int
         Pixels of a window, or windows of a pixel, by which samples per pixel are counted.
     are_pixels : bool
@@ -51,9 +51,6 @@ class Windows:
         Whether `Totals` keeps the channels for each randomisation.
     may_follow_facets : bool
         Whether paths may begin on facets of the model. Such an aim is for one state of the scene.
-    may_be_one_lattice : bool
-        Whether the randomisations of many points may be blocks of one lattice. Their scatter
-        overstates the error of the mean. Independent ones show it.
     """
 
     sensor: mi.Sensor
@@ -65,7 +62,6 @@ class Windows:
     are_pixels: bool = False
     by_randomisation: bool = True
     may_follow_facets: bool = False
-    may_be_one_lattice: bool = True
 
     @staticmethod
     def whole(sensor) -> "Windows":
@@ -170,7 +166,6 @@ class Windows:
         seed: int,
         aim: Aim | None,
         most_rows: int,
-        block: int = 0,
     ) -> Iterator[Launch]:
         """The launches that add points to some windows.
 
@@ -185,8 +180,6 @@ class Windows:
             Where in the windows the paths begin.
         most_rows : int
             Most windows times randomisations of a launch.
-        block : int
-            As for `Launch`.
         """
         rows = min(PASS_SAMPLES // points, most_rows)
         each = max(1, rows // self.randomisations)  # windows of a launch
@@ -199,7 +192,6 @@ class Windows:
                 randomisations=self.randomisations,
                 points=points,
                 first_point=done,
-                block=block,
                 first=first,
                 windows=len(some),
                 listed=None if len(active) == self.count else tuple(some.tolist()),

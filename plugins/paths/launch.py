@@ -289,11 +289,7 @@ class Launch:
     columns, rows: number of windows along the sides of the film. first, windows, stride: numbers of
     the windows, counted row by row: `windows` windows from `first` on, every `stride`-th one.
     listed: their numbers instead, in rising order. randomisations: number of randomisations of each
-    window. first_point, points: the points of each randomisation. block: 0, and the randomisations
-    are independent; or their number of points once all are traced, and they are consecutive blocks
-    of one lattice. Its mean has a smaller error than that of independent ones. A block is itself a
-    lattice, moved by a part of the distance of its points, so that the scatter of the blocks is at
-    least the error. seed: seed of all random numbers.
+    window. first_point, points: the points of each randomisation. seed: seed of all random numbers.
     aim: density of the positions in each window; None for a constant one. part: what the paths
     bring; WHOLE, DIRECT or OTHER_THAN_DIRECT.
 
@@ -312,7 +308,6 @@ class Launch:
     listed: Sequence[int] | None = None
     aim: Aim | FacetStarts | None = None
     part: str = WHOLE
-    block: int = 0
 
     @property
     def paths(self) -> int:
@@ -339,7 +334,7 @@ class Launch:
             lane,
             windows,
             *map(opaque, (self.columns, self.rows, self.seed, self.randomisations, self.points)),
-            *map(opaque, (self.first_point, self.block)),
+            opaque(self.first_point),
             mi.UInt32(VECTOR) if is_lattice else None,
             self.aim and self.aim.tables,
             self.part,
@@ -354,7 +349,6 @@ class Launch:
         starts, rest = self.aim.direct, replace(self.aim, direct=None)
         first, end = (n // starts.every for n in (self.first_point, self.first_point + self.points))
         those = {"first_point": first, "points": max(end - first, 1), "seed": self.seed ^ FACETS}
-        those["block"] = max(self.block // starts.every, min(self.block, 1))
         return (
             replace(self, aim=rest, part=OTHER_THAN_DIRECT),
             replace(self, aim=starts, part=DIRECT, **those),
@@ -377,7 +371,6 @@ class Paths:
     randomisations: mi.UInt32
     points: mi.UInt32
     first_point: mi.UInt32
-    block: mi.UInt32
     vector: mi.UInt32 | None
     aim: CellTable | StartTable | None
     part: str = WHOLE
@@ -388,17 +381,14 @@ class Paths:
         Also the `FacetPoint` on which it begins, with None for the position; or None for paths that
         begin anywhere.
         """
-        row, point = self.lane // self.points, self.first_point + self.lane % self.points
-        window = dr.gather(mi.UInt32, self.windows, row // self.randomisations)
+        randomisation, point = self.lane // self.points, self.first_point + self.lane % self.points
+        window = dr.gather(mi.UInt32, self.windows, randomisation // self.randomisations)
         if self.vector is None:
             first = dr.gather(mi.UInt32, self.windows, mi.UInt32(0))
             start = hashed(self.seed + hashed(first + hashed(self.first_point)))
             sampler = Random(start, self.lane)
         else:
-            randomisation = row % self.randomisations
-            independent = window * self.randomisations + randomisation
-            number = dr.select(self.block == 0, independent, window)
-            point += randomisation * self.block
+            number = window * self.randomisations + randomisation % self.randomisations
             sampler = Lattice.at(number, point, self.seed, self.vector)
         weight, facet = mi.Float(1), None
         if isinstance(self.aim, StartTable):

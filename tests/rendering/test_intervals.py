@@ -17,13 +17,7 @@ def test_intervals_hold_the_truth(name, parameters):
     for a source that no path has hit. That also covers groups that few paths meet, whose scatter
     alone holds the truth less often (the plume of the airliner: 87 %).
     """
-    loaded = mi_lcair.load(name, **parameters)
-    ((_, scatter, stated, channels, error),) = coverage(loaded, (2**13,))
-    assert stated >= 0.9
-    if name != "furnace":
-        assert 0.89 <= scatter <= 0.985 and min(channels) >= 0.84
-    # The blocks of one lattice overstate its error, which is not larger
-    ((_, scatter, stated, channels, of_blocks),) = coverage(loaded, (2**13,), blocks=True)
-    assert stated >= 0.95 and min(channels) >= 0.84
-    assert of_blocks < 1.15 * error  # the errors of 200 runs are known to 5 %
-    assert name == "furnace" or scatter >= 0.95
+    for _, scatter, stated, channels in coverage(mi_lcair.load(name, **parameters), (2**12,)):
+        assert stated >= 0.9
+        if name != "furnace":
+            assert 0.89 <= scatter <= 0.985 and min(channels) >= 0.84

@@ -17,14 +17,7 @@ from mi_lcair.rendering import measure as aiming
 from mi_lcair.rendering import measure as module
 from mi_lcair.rendering import measure as pilots
 from mi_lcair.rendering.measurands import ExcessFunction, IntensityInterval, Measurands
-from mi_lcair.rendering.measure import (
-    LEAST_OF_BLOCK,
-    cheapest,
-    cost,
-    measure,
-    needed_paths,
-    open_settings,
-)
+from mi_lcair.rendering.measure import cheapest, cost, measure, needed_paths, open_settings
 from mi_lcair.rendering.pixels import PixelError
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.views import View
@@ -93,22 +86,6 @@ def test_a_fixed_number_of_paths():
     total = run(tracer, Sampling(paths=100, progress=lambda *done: work.append(done)))
     assert tracer.traced == [13] and total.traced == [104] and total.mean() == [1]
     assert total.reached is None and work == [(104, 104)]
-
-
-@pytest.mark.parametrize("paths, block", [(8 * LEAST_OF_BLOCK - 8, 0), (8 * LEAST_OF_BLOCK, 1024)])
-def test_many_fixed_paths_are_one_lattice(paths, block):
-    tracer = Tracer()
-    run(tracer, Sampling(paths=paths))
-    assert [launch.block for launch in tracer.launches] == [block]
-
-
-def test_pixels_and_paths_to_a_tolerance_are_independent():
-    tracer, windows = Tracer(), Windows(ANY_SENSOR, are_pixels=True)
-    run(tracer, Sampling(spp=8 * LEAST_OF_BLOCK), windows=windows)
-    assert {launch.block for launch in tracer.launches} == {0}
-    tracer = Tracer([0.5])
-    run(tracer, Sampling(tolerance=0.1), IntensityInterval(0.1, None))
-    assert {launch.block for launch in tracer.launches} == {0}
 
 
 @pytest.mark.parametrize("by_randomisation, kept", [(True, 24), (False, 3)])

@@ -259,7 +259,7 @@ class Differences:
         for pose, aim in zip(poses, aims):
             settings = changed(self.scene, emitter_sampling=kind.emitter_sampling)
             with moved(self.scene, pose), settings:
-                windows = replace(Windows.whole(self.camera), may_be_one_lattice=False)
+                windows = Windows.whole(self.camera)
                 renders.append(measure(self.scene, windows, sampling, self.measurands, aim=aim))
         return renders
 

@@ -1,15 +1,11 @@
 """Rays leave surfaces without hitting them, also at small parts far from the origin."""
 
-from dataclasses import replace
-from types import SimpleNamespace
-
 import mitsuba as mi
 import numpy as np
 import pytest
 
 import mi_lcair
 from mi_lcair.plugins.paths.launch import (
-    Aim,
     Launch,
     Offsets,
     ParallelRays,
@@ -223,40 +219,6 @@ def test_rectangles_in_one_plane_are_remarked():
 def test_a_mesh_that_rounding_makes_a_point_is_remarked(tmp_path):
     (remark,) = remarks_on_triangles(open_cube(tmp_path, 1e-3, 1e5))
     assert "'cube' has no area: all of its 10 triangles" in remark
-
-
-def positions(launch: Launch) -> np.ndarray:
-    """Where in the window the paths of a launch begin, (paths, 2)."""
-    paths = launch.paths_from(mi.load_dict({"type": "lattice"}))
-    return np.array(paths.begin()[3]).T
-
-
-@pytest.mark.parametrize("seed, points", [(0, 256), (7, 100)])
-def test_blocks_are_one_lattice(seed, points):
-    """The blocks, also in two passes, have the points of a single longer randomisation."""
-    whole = positions(Launch(1, 1, seed, 1, 8 * points))
-    blocks = positions(Launch(1, 1, seed, 8, points, block=points))
-    np.testing.assert_array_equal(blocks, whole)
-    half = [
-        positions(Launch(1, 1, seed, 8, points // 2, first, block=points)).reshape(8, -1, 2)
-        for first in (0, points // 2)
-    ]
-    np.testing.assert_array_equal(np.concatenate(half, axis=1).reshape(-1, 2), whole)
-    assert not np.array_equal(positions(Launch(1, 1, seed, 8, points)), whole)
-
-
-def test_windows_have_different_lattices():
-    of_windows = positions(Launch(2, 1, 0, 4, 8, windows=2, block=8)).reshape(2, 32, 2)
-    assert not np.isclose(of_windows[0], of_windows[1]).any()
-
-
-def test_starts_on_facets_have_blocks_too():
-    """One of `every` points begins on a facet; its blocks are as much shorter, but not empty."""
-    starts = SimpleNamespace(every=8, tables=None)
-    aim = replace(Aim.anywhere(2), direct=starts)
-    for block, direct in ((0, 0), (2048, 256), (4, 1)):
-        of_rest, of_direct = Launch(1, 1, 0, 8, 2048, aim=aim, block=block).split()
-        assert (of_rest.block, of_direct.block) == (block, direct)
 
 
 def test_the_rays_of_a_camera_follow_each_change():
