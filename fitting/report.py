@@ -15,6 +15,7 @@ from mi_lcair.extras import named
 from mi_lcair.fitting.model import model_of
 from mi_lcair.fitting.quality import Quality
 from mi_lcair.fitting.scatterometer.reading import DirectionalData, Measurements
+from mi_lcair.fitting.uncertainty import LEVEL
 from mi_lcair.physics import reflection
 from mi_lcair.physics.reflection.models import MODELS
 from mi_lcair.results import Result, entry
@@ -336,7 +337,9 @@ def emissivities(report: dict) -> list[Table]:
         error = f"{table['standard_error'][k]:.2g}"
         interval = f"{low:.4g} to {high:.4g}"
         rows.append([f"{angles[k]:g}", f"{table['predicted'][k]:.4g}", error, interval])
-    return [Table(["theta (deg)", "emissivity", "standard error", "95 % interval"], rows)]
+    condition = LEVEL if any(LEVEL in words for words in report["verdict"].values()) else ""
+    names = ["theta (deg)", "emissivity", "standard error", f"95 % interval{condition}"]
+    return [Table(names, rows)]
 
 
 def correlated(report: dict) -> str:

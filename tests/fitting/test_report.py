@@ -8,8 +8,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from mi_lcair.errors import InputError
-from mi_lcair.fitting.report import as_dict, bands, check_bands, to_json
+from mi_lcair.fitting.report import as_dict, bands, check_bands, emissivities, to_json
 from mi_lcair.fitting.scatterometer.reading import DirectionalData
+from mi_lcair.fitting.uncertainty import LEVEL
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.materials import material
 from mi_lcair.show.pictures.fit import draw_brdf, draw_directional, draw_fit, draw_table, save_plot
@@ -268,3 +269,11 @@ def test_a_fit_is_a_result(tmp_path):
         tmp_path / "other.json", (fitted.measurements, fitted, fitted.directional)
     )
     assert material(str(tmp_path / "fit.json"), band("MWIR")).values == tuple(PARAMETERS.values())
+
+
+@pytest.mark.parametrize("words", ["determined", "determined" + LEVEL])
+def test_emissivities_state_the_condition_of_the_verdicts(words):
+    table = {"theta_deg": [0.0], "predicted": [0.9], "standard_error": [0.01]}
+    report = {"emissivity": table | {"interval": [(0.88, 0.92)]}, "verdict": {"b": words}}
+    (shown,) = emissivities(report)
+    assert str(shown.columns[-1]) == words.replace("determined", "95 % interval")

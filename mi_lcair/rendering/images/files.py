@@ -219,8 +219,9 @@ def from_exr(path: str, channel: str | None, quantity: str | None, band: Band) -
 
 def from_npy(path: str) -> np.ndarray:
     """The array in a NumPy file."""
+    content = read_bytes(path)
     try:
-        values = np.load(io.BytesIO(read_bytes(path)), allow_pickle=False)
+        values = np.load(io.BytesIO(content), allow_pickle=False)
     except MemoryError:
         raise InputError(f"{path}: states a size that does not fit into the memory") from None
     except (ValueError, EOFError) as error:

@@ -324,7 +324,7 @@ def test_a_fault_of_the_camera_that_nobody_states(tmp_path, fault):
         assert answer.verdict.startswith("determined if the camera's gain and ")
         within(answer, truth, 3)
     assert found.remarks[0].startswith("assumed to be right within 1 %: the camera's gain (")
-    is_named = any("shows an error of the vignetting" in line for line in found.remarks)
+    is_named = any("shows an error of the vignetting of -" in line for line in found.remarks)
     assert is_named == (fault == "vignetting")
 
 

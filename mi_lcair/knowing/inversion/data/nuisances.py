@@ -39,7 +39,7 @@ def camera_faults(counts: np.ndarray, sigma: float, gain: bool, offset: bool) ->
     patterns = {
         (GAIN, "gain"): one * gain,
         (OFFSET, "offset"): one * offset,
-        (VIGNETTING, "vignetting"): -(x**2 + y**2) / 2,
+        (VIGNETTING, "vignetting"): (x**2 + y**2) / 2,
         (GRADIENT, "gradient from left to right"): x,
         (GRADIENT, "gradient from top to bottom"): y,
     }

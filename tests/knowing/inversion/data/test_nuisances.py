@@ -26,7 +26,7 @@ def test_faults_of_a_camera():
     assert faults.is_offset.tolist() == [False, True, False, False, False]
     x = np.array([-3, -1, 3, -3, -1, 1, 3]) / 4
     y = np.array([-1, -1, -1, 1, 1, 1, 1]) / 2
-    expected = 0.02 * np.array([1 + 0 * x, 1 + 0 * x, -(x**2 + y**2) / 2, x, y])
+    expected = 0.02 * np.array([1 + 0 * x, 1 + 0 * x, (x**2 + y**2) / 2, x, y])
     np.testing.assert_allclose(faults.patterns.T, expected)
 
 

@@ -98,6 +98,13 @@ def test_bad_images(tmp_path, name, content, message):
         read_values(str(tmp_path / name), None, "radiance", band("LWIR"))
 
 
+def test_a_missing_image_is_named_once(tmp_path):
+    path = str(tmp_path / "missing.npy")
+    with pytest.raises(InputError) as caught:
+        read_values(path, None, "radiance", band("LWIR"))
+    assert str(caught.value) == f"{path}: cannot be read: No such file or directory"
+
+
 def test_an_image_that_is_larger_than_any_memory(tmp_path):
     """The header of the file states 728 TiB."""
     path = tmp_path / "a.npy"
