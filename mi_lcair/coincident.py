@@ -25,6 +25,12 @@ class Overlaps:
     same_side: np.ndarray
 
 
+def unit_normals(corners: np.ndarray) -> np.ndarray:
+    """Unit normals of triangles (n, 3, 3), (n, 3); 0 for those without an area."""
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+
+
 def overlaps(corners: np.ndarray) -> Overlaps:
     """The pairs of triangles (T, 3, 3) that overlap in one plane.
 

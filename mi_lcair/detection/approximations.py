@@ -121,9 +121,10 @@ def share_of_background(scene: Scene, lines: Iterable) -> float:
     It is 0 without such plumes, and before a sky of the scene. lines: lines of sight to the scene,
     each with its `detector`, `path` and `backdrop`.
     """
-    plumes = [] if scene.mi.environment() is not None else spectral_plumes(scene.mi)
-    hidden = {plume: max(1 - float(plume.transmittance[0]) ** 2, 1e-6) for plume in plumes}
-    errors = (error_behind(plume, line) / hidden[plume] for line in lines for plume in plumes)
+    errors = (
+        error / max(1 - float(plume.transmittance[0]) ** 2, 1e-6)
+        for plume, error in errors_behind(scene, lines)
+    )
     return max(errors, default=0.0)
 
 
@@ -133,8 +134,7 @@ def averaged_plumes(scene: Scene, lines: Iterable) -> list[str]:
 
     lines: as for `share_of_background`.
     """
-    plumes = [] if scene.mi.environment() is not None else spectral_plumes(scene.mi)
-    error = max((error_behind(plume, line) for line in lines for plume in plumes), default=0.0)
+    error = max((error for _, error in errors_behind(scene, lines)), default=0.0)
     if not error:
         return []
     return [
@@ -142,6 +142,12 @@ def averaged_plumes(scene: Scene, lines: Iterable) -> list[str]:
         f"with its mean transmittance, {percent(error)} of this background off at two "
         "crossings; [surroundings] in place of [background] is by wavelength"
     ]
+
+
+def errors_behind(scene: Scene, lines: Iterable) -> list[tuple]:
+    """Plumes by wavelength, each with the error of the background behind it, for each line."""
+    plumes = [] if scene.mi.environment() is not None else spectral_plumes(scene.mi)
+    return [(plume, error_behind(plume, line)) for line in lines for plume in plumes]
 
 
 def error_behind(plume, line) -> float:

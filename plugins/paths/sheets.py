@@ -9,7 +9,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mi_lcair.coincident import SINGLE, overlaps
+from mi_lcair.coincident import SINGLE, overlaps, unit_normals
 from mi_lcair.plugins.derivatives import held, own_memory
 from mi_lcair.plugins.emission.emissivity import SIDES
 from mi_lcair.plugins.emission.triangles import PrimitiveTable, pointer_id
@@ -128,12 +128,6 @@ def corners_of(shape) -> np.ndarray:
     """Corners of the triangles of a mesh or a rectangle, (n, 3, 3) [m], Float32."""
     vertices = shape.vertex_positions_buffer().numpy().reshape(-1, 3)
     return vertices[shape.faces_buffer().numpy().reshape(-1, 3)]
-
-
-def unit_normals(corners: np.ndarray) -> np.ndarray:
-    """Unit normals of triangles (n, 3, 3), (n, 3); 0 for those without an area."""
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
 
 
 def back_to_back(corners: np.ndarray, turn: np.ndarray) -> np.ndarray:

@@ -37,7 +37,7 @@ from mi_lcair.errors import InputError, check_known
 from mi_lcair.estimate import Stated, check_sigma, sigmas
 from mi_lcair.files import read_text
 from mi_lcair.rendering.motions.table import MOTIONS, Declared, motions_of
-from mi_lcair.toml_table import read, table_of, tables_of
+from mi_lcair.toml_table import check_tables, read, table_of, tables_of
 
 TABLES = ("sigma", "scenario", "fits", "facets", "correlated", MOTIONS)
 OF_A_FIT = ("model", "parameters", "standard_error", "correlation")
@@ -105,7 +105,7 @@ class Uncertainties:
 
 
 def parsed(tree: Mapping, name: str, folder: Path) -> Uncertainties:
-    check_known("table", TABLES, *tree)
+    check_tables(TABLES, tree)
     tables = {table: table_of(tree, table) for table in ("scenario", "fits", "facets")}
     scenario = {f"scenario.{key}": value for key, value in tables["scenario"].items()}
     sigma = sigmas(tree) | scenario

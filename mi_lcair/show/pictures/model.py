@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mi_lcair.coincident import unit_normals
 from mi_lcair.drawing import content_of, new_figure, plain, styled
 from mi_lcair.models3d.model import Model
 from mi_lcair.models3d.modellers.naming import TYPES
@@ -85,9 +86,7 @@ def _draw_materials(drawn, panels, model, images, box, longest):
     colours = {name: palette[number % len(palette)] for number, name in enumerate(names)}
     of_label = np.array([colours[kind] for kind in kinds])
     of_triangle = of_label[model.label[model.triangle_facet]]
-    corners = model.vertices[model.triangles]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    normals = unit_normals(model.vertices[model.triangles])
     patches = [Patch(color=colours[name], label=plain(name)) for name in names]
     for panel, view, image in zip(panels, VIEWS, images):
         # Facets are darker the more they are turned away, so that the shape can be seen

@@ -135,6 +135,11 @@ def weighted(columns, w: np.ndarray):
     return w[:, None] * columns
 
 
+def mean_of(columns: list):
+    """Mean (n, K) of the derivatives of all randomisations, dense or sparse."""
+    return sum(columns[1:], columns[0]) * (1 / len(columns))
+
+
 def dense(values) -> np.ndarray:
     return values.toarray() if sparse.issparse(values) else values
 
@@ -389,7 +394,7 @@ def equations(blocks: list[DatumBlock], x: np.ndarray, is_sparse: bool = False) 
         unknown = prediction.unknown
         common = block.common
         gradient[unknown] += np.ravel(weighed_product(w, common, J, r))
-        mean, variance = sum(J[1:], J[0]) * (1 / len(J)), prediction.noise**2
+        mean, variance = mean_of(J), prediction.noise**2
         matrix = placed(matrix, weighed_product(w, common, J, J), unknown)
         if common:
             mean = common.removed(w, mean)

@@ -25,6 +25,7 @@ from mi_lcair.knowing.inversion.least_squares.prediction import (
     dense,
     equations,
     hidden,
+    mean_of,
     weighted,
     without,
 )
@@ -301,7 +302,7 @@ class State:
     def changes(self, block: DatumBlock, columns: np.ndarray) -> np.ndarray:
         """Changes (N, G) of the estimate for changes (n, G) of the values of a block."""
         prediction = block.at(self.x)
-        mean = sum(prediction.columns[1:], prediction.columns[0]) * (1 / len(prediction.columns))
+        mean = mean_of(prediction.columns)
         if block.common:
             mean = block.common.removed(block.weight, mean)
         return (
@@ -528,7 +529,7 @@ def with_held(state: State, blocks: list[DatumBlock], held: np.ndarray, width: n
     """
     for block, full in zip(state.blocks, blocks):
         is_held = held[block.unknown]
-        columns = sum(full.columns[1:], full.columns[0])[:, is_held] / len(full.columns)
+        columns = mean_of(full.columns)[:, is_held]
         changes = state.changes(block, columns * width[block.unknown[is_held]])
         state = state.widened(changes @ changes.T)
     return state
