@@ -23,6 +23,7 @@ from mi_lcair.tasks import exclusively
 # ------------------------------------------------------------------------------------------
 
 LARGEST_RATIO = 0.999  # ratio of successive bounces; a larger one is mostly noise
+KNOWN = 3  # standard errors, above which an intensity is known well enough to continue it
 
 
 def fewest_bounces(by_bounce: np.ndarray, budget: float, each_pixel: bool) -> tuple[int, float]:
@@ -76,7 +77,8 @@ def fewest_bounces(by_bounce: np.ndarray, budget: float, each_pixel: bool) -> tu
 def beyond_last(means: np.ndarray, summed: int = 0) -> float:
     """Estimate of all reflections beyond the last recorded number, relative to the last entry.
 
-    The reflections are continued by a geometric series.
+    The reflections are continued by a geometric series, with the mean ratio of the last quarter of
+    the numbers.
 
     Parameters
     ----------
@@ -85,14 +87,32 @@ def beyond_last(means: np.ndarray, summed: int = 0) -> float:
     summed : int
         Larger numbers of reflections that the last entry holds too.
     """
-    if len(means) < 2:
+    single = means[:-1] if summed else means
+    span = max(1, len(single) // 4)
+    if len(single) < 2 or not single[-1 - span] > 0:
         return 0.0
-    last, before = means[-1], means[-2]
-    if summed:
-        whole = last + before
-        return min(last / whole, LARGEST_RATIO) ** (summed + 1) if whole > 0 else 0.0
-    ratio = min(last / before, LARGEST_RATIO) if before > 0 else 0.0
+    ratio = min((single[-1] / single[-1 - span]) ** (1 / span), LARGEST_RATIO) ** (summed + 1)
     return ratio / (1 - ratio)
+
+
+def left_out(by_bounce: Sequence[float], errors: Sequence[float], most: int) -> float:
+    """Estimate of the reflections beyond the largest number; 0 where there is none.
+
+    The series is continued only where it falls and its last two entries are known.
+
+    Parameters
+    ----------
+    by_bounce, errors : sequence of float
+        Intensity of the paths with 0, 1, ... reflections, and its standard error. The last entry
+        may hold larger numbers of reflections too.
+    most : int
+        Largest number of reflections.
+    """
+    values, summed = np.array(by_bounce), most + 1 - len(by_bounce)
+    if len(values) < 3 or (np.diff(values[-3 : -1 if summed else None]) >= 0).any():
+        return 0.0
+    is_known = (values > KNOWN * np.array(errors))[-2:].all()
+    return float(beyond_last(values, summed) * values[-1]) if is_known else 0.0
 
 
 def upper(values: np.ndarray) -> float:

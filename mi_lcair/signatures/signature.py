@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mi_lcair.charts import BarChart, BarCharts, label
+from mi_lcair.declared import percent
 from mi_lcair.files import VTK
 from mi_lcair.plugins.paths.launch import Aim
 from mi_lcair.plugins.recorders.channels import PARTS as SPLITS
@@ -18,6 +19,7 @@ from mi_lcair.rendering.facets import FacetTable
 from mi_lcair.rendering.facets import write_vtk as write_vtk_of_facets
 from mi_lcair.rendering.measurands import ExcessFunction, IntensityInterval, Measurands
 from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.reflections import SHARE, left_out
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import WHOLES, Totals, invalid_remark
@@ -79,6 +81,10 @@ class Intensity:
     closure : float or None
         Estimate of the reflections beyond max_bounces, W/sr. It is included in `intensity`. None
         without `by_bounce`.
+    left_out : float
+        Estimate of the reflections beyond max_bounces that neither `intensity` nor `half_width`
+        holds, W/sr: `by_bounce`, continued by a geometric series. 0 with a closure, and where the
+        series is not known.
     """
 
     intensity: float
@@ -90,7 +96,8 @@ class Intensity:
     by_group_error: dict[str, float]
     by_seen: dict[str, float]
     by_seen_error: dict[str, float]
-    closure: float | None
+    closure: float | None = None
+    left_out: float = 0.0
 
     @property
     def up_to_bounce(self) -> list[float]:
@@ -135,7 +142,9 @@ def facts_of_entries(entries: dict, others: Sequence[Part | Section] = ()) -> It
             f"{part['intensity_W_sr']:.6g} W/sr +- {part['half_width_W_sr']:.2g} (95 %), "
             f"standard error {part['standard_error_W_sr']:.2g}",
         )
-    yield error_row(error, entries["tolerance"], entries["reached"])
+    left_out = remark_on_left_out(main, entries["tolerance"])
+    remedy = "raise max_bounces" if left_out else ""
+    yield error_row(error, entries["tolerance"], entries["reached"], remedy=remedy)
     yield from interval_rows(main["half_width_W_sr"], main["standard_error_W_sr"])
     yield "paths", entries["paths"]
     if entries.get("bins"):
@@ -151,7 +160,7 @@ def facts_of_entries(entries: dict, others: Sequence[Part | Section] = ()) -> It
         ]
         if rows:
             yield Table([title, *both], rows)
-    yield Remarks(invalid_remark(entries["invalid"], entries["paths"]))
+    yield Remarks(invalid_remark(entries["invalid"], entries["paths"]) + left_out)
     if "spectrum" in entries:
         yield spectrum_section(columns_of(entries["spectrum"]))
         rows = entries["effective_areas"]
@@ -159,6 +168,23 @@ def facts_of_entries(entries: dict, others: Sequence[Part | Section] = ()) -> It
         yield Section("Effective areas", [Table(heads, [list(row.values()) for row in rows])])
     yield from others
     yield details(entries, "How the signature was made")
+
+
+def remark_on_left_out(whole: dict, tolerance: float | None) -> list[str]:
+    """A remark if what is left out beyond max_bounces is more than the error, or than allowed."""
+    intensity, half_width = whole["intensity_W_sr"], whole["half_width_W_sr"]
+    beyond = whole.get("left_out_W_sr", 0)
+    is_too_much = beyond > half_width
+    if tolerance is not None:
+        allowed = tolerance * intensity
+        is_too_much = beyond > SHARE * allowed and np.hypot(beyond, half_width) > allowed
+    if not is_too_much:
+        return []
+    worth = f"{beyond:.2g} W/sr ({percent(beyond / intensity)})"
+    return [
+        f"reflections beyond max_bounces, worth about {worth}, are left out, and no error holds "
+        "them; raise max_bounces, or set it to auto"
+    ]
 
 
 def cell_of(whole: dict, value: float, error: float) -> object:
@@ -408,7 +434,7 @@ def measure_signature(
         return Signature(
             scene_name=scene.name,
             band=scene.band.name,
-            **intensities(total, area, parts),
+            **intensities(total, area, parts, scene.mi.integrator().max_bounces),
             effective_areas=effective_areas(total, scene, area) if by_spectrum else None,
             facets=None,
             window_area=area,
@@ -441,13 +467,19 @@ def measure_signature(
     # A caller with a criterion of its own takes the aim to other scenes
     windows = replace(Windows.whole(camera), may_follow_facets=excess is None)
     total = measure(scene, windows, sampling, measurands, criterion, aim)
+    found = result(total)
+    if left_out := remark_on_left_out(found.main.as_dict(), found.tolerance):
+        reached = None if found.tolerance is None else False
+        found = replace(found, reached=reached, remarks=[*found.remarks, *left_out])
     if not facets:
-        return result(total)
+        return found
     *_, direction = window(camera)
-    return replace(result(total), facets=sums.results(scene, total, area, -direction))
+    return replace(found, facets=sums.results(scene, total, area, -direction))
 
 
-def intensities(total: Totals, area: float, parts: Sequence[str]) -> dict[str, Intensity]:
+def intensities(
+    total: Totals, area: float, parts: Sequence[str], most: int
+) -> dict[str, Intensity]:
     """The Intensity of the scene and of the target.
 
     Parameters
@@ -458,6 +490,8 @@ def intensities(total: Totals, area: float, parts: Sequence[str]) -> dict[str, I
         Area of the sensor's window, m^2.
     parts : sequence of str
         What they are split by, see `Channels`.
+    most : int
+        Largest number of reflections.
     """
     kinds = "target", *parts, *(["closure"] if "bounce" in parts else [])
     channels = [name for name in total.sums if name.removeprefix("target.").startswith(kinds)]
@@ -474,12 +508,15 @@ def intensities(total: Totals, area: float, parts: Sequence[str]) -> dict[str, I
             for name, numbers in ((f"by_{kind}", means), (f"by_{kind}_error", errors)):
                 of_labels = {label: numbers[place] for label, place in places[kind].items()}
                 split[name] = list(of_labels.values()) if kind == "bounce" else of_labels
-        place = channels.index(whole)
+        place, closure = channels.index(whole), places["closure"]
+        if closure:
+            of_bounces = split["by_bounce"], split["by_bounce_error"]
+            split["closure"] = means[closure[""]]
+            split["left_out"] = 0.0 if split["closure"] else left_out(*of_bounces, most)
         found[whole or "scene"] = Intensity(
             intensity=means[place],
             standard_error=errors[place],
             half_width=half_width,
-            closure=means[places["closure"][""]] if "closure" in channels else None,
             **split,
         )
     return found

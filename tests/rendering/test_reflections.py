@@ -13,6 +13,7 @@ from mi_lcair.rendering.reflections import (
     beyond_last,
     bounce_settings,
     fewest_bounces,
+    left_out,
     needed_bounces,
     pixels_launch,
     reflecting,
@@ -177,17 +178,28 @@ def test_a_batch_that_met_nothing_knows_nothing():
 
 
 def test_what_lies_beyond_the_last():
-    """A geometric series of the last two; of a sum of several, the same ratio by their number."""
+    """A geometric series of the last numbers; the last entry may hold several of them."""
     assert beyond_last(np.array([8.0, 4.0, 3.0])) == pytest.approx(0.75 / 0.25)
     assert beyond_last(np.array([4.0, 5.0])) == pytest.approx(0.999 / 0.001)
     assert beyond_last(np.array([4.0])) == beyond_last(np.array([4.0, 0.0])) == 0
     assert beyond_last(np.array([0.0, 4.0])) == beyond_last(np.zeros(3), 2) == 0
-    # 1, r, and r^2 + r^3 + r^4 together: beyond are r^5 + ... = r^3 of r^2 + r^3 + ...
     r = 0.5
-    whole = r**2 / (1 - r)
-    part = whole * (1 - r**3)
-    ratio = part / (part + r)
-    assert beyond_last(np.array([1.0, r, part]), 2) == pytest.approx(ratio**3)
+    part = r**2 + r**3 + r**4
+    rest = r**5 / (1 - r)
+    assert beyond_last(np.array([1.0, r, part]), 2) * part == pytest.approx(rest)
+    falling = 0.9 ** np.arange(40)
+    falling[-1] *= 1.2  # noise of one number
+    assert beyond_last(falling) == pytest.approx(9, rel=0.25)
+
+
+def test_what_max_bounces_leaves_out():
+    """The rest of a series, and nothing where it is not known, or may not be one."""
+    series, no_error = 0.9 ** np.arange(80), np.zeros(80)
+    assert left_out(series[:20], no_error[:20], 19) == pytest.approx(series[20] * 10)
+    merged = np.append(series[:64], series[64:].sum())
+    assert left_out(merged, no_error[:65], 79) == pytest.approx(0.9**80 * 10)
+    assert left_out(series[:20], no_error[:20] + series[18] / 2, 19) == 0
+    assert left_out([1.0, 0.5], [0, 0], 1) == left_out([1.0, 0.2, 0.3], [0, 0, 0], 2) == 0
 
 
 # Probes: the radiance by number of reflections, through a window or some pixels

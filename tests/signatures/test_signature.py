@@ -61,6 +61,58 @@ def test_window(scene, crop, area):
     assert result.target.intensity == pytest.approx(result.intensity)
 
 
+CLOSED = """<scene version="3.0.0">
+    <default name="max_bounces" value="60"/> <default name="closure" value="none"/>
+    <integrator type="bounce_path">
+        <integer name="max_bounces" value="$max_bounces"/> <string name="closure" value="$closure"/>
+    </integrator>
+    <sensor type="orthographic">
+        <transform name="to_world">
+            <lookat origin="0, 0, 1.2" target="0, 0, 0" up="0, 1, 0"/>
+        </transform>
+        <film type="hdrfilm">
+            <integer name="width" value="8"/> <integer name="height" value="8"/>
+            <rfilter type="box"/> <string name="pixel_format" value="luminance"/>
+        </film>
+    </sensor>
+    <shape type="sphere">
+        <float name="radius" value="0.7"/>
+        <bsdf type="grey"><float name="emissivity" value="0.15"/></bsdf>
+        <emitter type="thermal">
+            <string name="band" value="LWIR"/> <float name="temperature" value="300"/>
+        </emitter>
+    </shape>
+    <shape type="sphere">
+        <float name="radius" value="2"/> <boolean name="flip_normals" value="true"/>
+        <bsdf type="grey"><float name="emissivity" value="0.02"/></bsdf>
+        <emitter type="thermal">
+            <string name="band" value="LWIR"/> <float name="temperature" value="300"/>
+        </emitter>
+    </shape>
+</scene>"""
+
+
+@pytest.mark.parametrize("tolerance", [None, 0.01])
+@pytest.mark.parametrize("most, is_told", [(60, True), (100, True), (400, False)])
+def test_reflections_that_are_left_out(tmp_path, most, is_told, tolerance):
+    """A sphere in a sphere, all at 300 K, is a black body: what is missing is what is told."""
+    path = tmp_path / "closed.xml"
+    path.write_text(CLOSED)
+    scene = mi_lcair.load(path, max_bounces=most)
+    result = mi_lcair.signature(scene, tolerance=tolerance, spp=None if tolerance else 256)
+    missing = 4 * L_300 - result.intensity
+    assert result.target.left_out == pytest.approx(missing, rel=0.15, abs=result.half_width)
+    remarks = [line for line in result.remarks if line.startswith("reflections beyond max_bounces")]
+    assert len(remarks) == is_told and result.reached == (tolerance and not is_told)
+
+
+def test_a_closure_leaves_nothing_out(tmp_path):
+    path = tmp_path / "closed.xml"
+    path.write_text(CLOSED)
+    scene = mi_lcair.load(path, closure="tail")
+    assert mi_lcair.signature(scene, spp=16).target.left_out == 0
+
+
 def test_as_dict():
     result = mi_lcair.signature(mi_lcair.load("open_box", resolution=16, max_bounces=2), spp=64)
     entries = result.as_dict()
