@@ -119,6 +119,9 @@ def print_written(*paths) -> None:
 
 # Arguments that let the renderer choose the number of samples. None of them goes with --spp.
 CHOOSING = ("tolerance", "tolerance_W_m2", "max_spp")
+# Commands to which only an option gives a tolerance. A trend has one by default, and the file of a
+# scenario may state one.
+WITHOUT = ("render", "signature")
 
 
 class Called(click.Command):
@@ -141,8 +144,7 @@ class Called(click.Command):
         if values.get("spp") and chosen:
             problem = "--spp sets a fixed number of samples; {} cannot go with it"
             raise click.UsageError(problem.format(listed(chosen)), ctx)
-        # A trend has a tolerance by default, and the file of a scenario may state one
-        if "sensor" in values and values.get("max_spp") and values["tolerance"] is None:
+        if self.name in WITHOUT and values["max_spp"] and values["tolerance"] is None:
             problem = "--max-spp needs --tolerance; --spp sets a fixed number of samples"
             raise click.UsageError(problem, ctx)
         return super().invoke(ctx)

@@ -66,6 +66,11 @@ def test_image_of_another_program(run, folder):
     assert '"name": "R"' in (folder / "rgb.html").read_text()
 
 
+def test_a_scenario_may_have_the_tolerance_that_a_limit_needs(refused):
+    message = refused("report", "no.toml", "--max-spp", 8, "-o", "a.html")
+    assert "no.toml" in message and "needs" not in message
+
+
 def test_several_on_one_page(run, image, folder):
     (folder / "spectrum.csv").write_text("wavelength_um,target_W_sr_um\n3,1\n4,2\n")
     result = run("report", image, "spectrum.csv", "-o", "both.html")
