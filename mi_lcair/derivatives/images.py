@@ -270,7 +270,7 @@ def differentiate_image(
         ),
         method=tuple(method[name] for name in names),
         scene_name=scene.name,
-        band=scene.band.name,
+        band=scene.band.label,
         units=units(scene, names),
     )
 

@@ -443,7 +443,7 @@ def differentiate_intensity(
         by_bounce=numbers.by_reflections(first),
         paths=int(first.traced[0]),
         scene_name=scene.name,
-        band=scene.band.name,
+        band=scene.band.label,
         units=units(scene, names),
         differences={name: d.scaled(numbers.area) for name, d in differences.items()},
     )

@@ -457,7 +457,7 @@ def account(scene: Scene, table: FacetTable, tally: Tally, photons: int) -> Audi
     total_by_batch, total = total, materials.pop("scene")
     return Audit(
         scene_name=scene.name,
-        band=scene.band.name,
+        band=scene.band.label,
         total=total,
         materials=materials,
         shares=shares,

@@ -204,7 +204,7 @@ def write_exr(path, temperature: Temperature) -> None:
     """Write the temperatures and their standard uncertainties [K] as an EXR, 0 for nothing."""
     images = {"temperature.Y": temperature.kelvin, "sigma_K.Y": temperature.sigma}
     channels = {name: np.nan_to_num(np.atleast_2d(values)) for name, values in images.items()}
-    write_channels(path, channels, {"band": temperature.band.name, "scene": temperature.name})
+    write_channels(path, channels, temperature.band.header | {"scene": temperature.name})
 
 
 def write_csv(path, temperature: Temperature) -> None:

@@ -148,6 +148,11 @@ class Band:
         )
 
     @property
+    def header(self) -> dict[str, str]:
+        """The band in the header of an image: its name and its limits."""
+        return {"band": self.name, "wavelengths_um": f"{self.lower_um:g} {self.upper_um:g}"}
+
+    @property
     def label(self) -> str:
         """The band as a title names it, with its limits: "MWIR 3-5 um"."""
         if self.is_total:

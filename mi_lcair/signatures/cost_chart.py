@@ -65,10 +65,6 @@ class Way:
             return 0.0
         return float(np.sqrt(tolerance**2 - left_out**2))
 
-    def __str__(self) -> str:
-        count = f"{self.max_bounces} reflection{'' if self.max_bounces == 1 else 's'}"
-        return ", ".join(filter(None, (count, self.lobe, DRAWN_WORDS[self.drawn])))
-
 
 def ways(scene: Scene, sampling: Sampling) -> tuple[list[Way], Signature]:
     """The ways to render a scene that differ, and its intensity with all reflections.
@@ -121,6 +117,7 @@ def left_out(made: Signature, count: int, reference: Signature, beyond: float) -
     whole = reference.intensity
     change = (made.main.up_to_bounce[count] - whole) / whole
     if made is reference:  # the same paths, but those of further reflections
+        change = -sum(made.main.by_bounce[count + 1 :]) / whole
         errors = [error / whole for error in made.main.by_bounce_error[count + 1 :]]
     else:
         errors = [made.standard_error / whole, reference.standard_error / whole]
@@ -197,14 +194,9 @@ class CostChart(Result):
 
     def words(self, row: int) -> str:
         """What a row leaves out, in words."""
-        lobe = self.table["reflection"][row]
-        way = Way(
-            int(self.table["max_bounces"][row]),
-            "" if lobe == "scene" else str(lobe),
-            next(key for key, words in DRAWN_WORDS.items() if words == self.table["drawn"][row]),
-            *(float(self.table[name][row]) for name in ("left_out", "left_out_error")),
-        )
-        return str(way)
+        count, lobe, drawn = (self.table[k][row] for k in ("max_bounces", "reflection", "drawn"))
+        reflections = f"{count} reflection{'' if count == 1 else 's'}"
+        return ", ".join(filter(None, (reflections, lobe != "scene" and lobe, drawn)))
 
     def facts(self) -> Iterator[Any]:
         """What is recommended, what it leaves out, and all ways."""
@@ -267,7 +259,7 @@ def measure_cost_chart(scene: Scene, sampling: Sampling, seconds: float) -> Cost
     best = min(met, key=lambda row: table["cpu_s"][row], default=None)
     return CostChart(
         scene_name=scene.name,
-        band=scene.band.name,
+        band=scene.band.label,
         tolerance=sampling.tolerance,
         intensity_W_sr=reference.intensity,
         half_width_W_sr=reference.half_width,

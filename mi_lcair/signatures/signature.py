@@ -433,7 +433,7 @@ def measure_signature(
     def with_fewer(total: Totals, fewer: tuple[Signature, ...]) -> Signature:
         return Signature(
             scene_name=scene.name,
-            band=scene.band.name,
+            band=scene.band.label,
             **intensities(total, area, parts, scene.mi.integrator().max_bounces),
             effective_areas=effective_areas(total, scene, area) if by_spectrum else None,
             facets=None,

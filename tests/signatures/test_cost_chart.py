@@ -42,6 +42,10 @@ def test_what_few_reflections_leave_out(chart):
         assert change == pytest.approx(-(REFLECTED ** (count + 1)), abs=4 * error + 1e-5)
         assert error < 0.002
     assert {2, 3, 4} <= set(table["max_bounces"])
+    # With all reflections it is the reference, without an error of rounding
+    assert table["left_out"][(table["reflection"] == "scene").nonzero()[0]].max() == 0
+    assert chart.words(chart.recommended).startswith(f"{table['max_bounces'][chart.recommended]} r")
+    assert ", LWIR 8-12 um: for 1 % take" in chart.summary()
 
 
 def test_the_cheapest_way_that_meets_the_tolerance_is_recommended(chart, room):

@@ -127,7 +127,7 @@ class Flight(Result):
             ["range_km"],
             half={"contrast_W_m2": "contrast_half_width_W_m2"},
             words={"contrast_W_m2": "contrast with 95 % interval", "snr": "signal-to-noise ratio"},
-            title=f"{self.scenario.name}, {self.scenario.sensor.band}",
+            title=f"{self.scenario.name}, {self.scenario.sensor.detector().band.label}",
         )
         if snr:
             least = np.full(len(columns["snr"]), self.scenario.sensor.snr)

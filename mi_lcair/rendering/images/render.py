@@ -479,8 +479,7 @@ def header(scene: Scene, sampling: Sampling, spp: int, total: Totals, closure_er
     integrator = scene.mi.integrator()
     entries = {
         "scene": scene.name,
-        "band": scene.band.name,
-        "wavelengths_um": f"{scene.band.lower_um:g} {scene.band.upper_um:g}",
+        **scene.band.header,
         "units": "W m^-2 sr^-1 (temperature.Y: K, range.Y: m, 0 where nothing was hit)",
         "parameters": json.dumps(scene.parameters),
         "sensor": sampling.sensor,
@@ -501,7 +500,7 @@ def header(scene: Scene, sampling: Sampling, spp: int, total: Totals, closure_er
     if total.bins:
         entries["wavelengths"] = total.bins
     if size is not None:
-        entries["window_m"] = f"{size[0]:.9g} {size[1]:.9g}"
+        entries["window_m"] = f"{size[0]:.6g} {size[1]:.6g}"
     if closure_error is not None:
         entries["closure_error"] = closure_error
     return entries

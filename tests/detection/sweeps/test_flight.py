@@ -47,6 +47,7 @@ def test_disc_that_passes_has_the_closed_form(tmp_path):
     assert np.mean(off <= table["contrast_half_width_W_m2"] + 2e-5 * exact) > 0.95
     assert table["snr"] == pytest.approx(table["contrast_W_m2"] / 1e-6)
     assert made.plot().axes[1].get_ylabel() == "signal-to-noise ratio"
+    assert made.picture().title.endswith(", MWIR 3-5 um")
     is_traced = table["traced"] > 0
     assert np.all(table["interpolation_error_W_m2"][is_traced] == 0)
     assert is_traced.sum() == made.views
