@@ -1,6 +1,7 @@
 """Tests of mi-lcair image: files, tables, and errors before anything is written."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from mi_lcair import formats
 from mi_lcair.errors import InputError
 from mi_lcair.rendering.images.files import read_exr
-from tests.detection.disc_scenario import write_disc
+from tests.detection.disc_scenario import AREA, write_disc
 
 CAMERA = """
 [camera]
@@ -41,10 +42,12 @@ def test_files_and_tables(run, folder, figures):
         "NETD                    predicted ",
         "MTF at Nyquist          predicted 0.183, measured 0.18",
         "the same in all frames; 18 paths through a pixel",
-        "detected by a matched filter up to 23492 m, by the peak pixel up to 23492 m, with a "
-        "signal-to-noise ratio of 10 and 1 pixels on the target",
+        "with a signal-to-noise ratio of 10 and 1 pixels on the target",
     ):
         assert text in result.stdout
+    ends = re.findall(r"(?:filter|pixel) up to (\d+) m, ", result.stdout)
+    # A pixel of 150 urad then holds the whole disc
+    assert [*map(float, ends)] == pytest.approx([AREA**0.5 / 1.5e-4] * 2, rel=1e-3)
     rows = [line.split() for line in result.stdout.splitlines()]
     heads = "range m pixels electrons snr peak snr detected lacks peak detected"
     assert heads.split() in rows
@@ -52,6 +55,7 @@ def test_files_and_tables(run, folder, figures):
     assert "the detector is saturated in 28 % of the pixels" in result.stderr
     assert "wrote seen.tif" in result.stderr
     channels, header = read_exr(folder / "seen.exr")
+    assert header["wavelengths_um"] == "3 5"  # for the title of a picture
     assert header["frames"] == 3 and header["camera_pitch_um"] == 15
     with Image.open(folder / "seen.tif") as pages:
         assert pages.n_frames == 3
@@ -62,7 +66,7 @@ def test_files_and_tables(run, folder, figures):
     assert (folder / "seen.png").stat().st_size > 10_000
     titles = [axes.get_title() for axes in figures[0].axes]
     assert "(b) MTF up to Nyquist" in titles
-    assert "(c) over range, by matched filter: detected up to 23492 m" in titles
+    assert f"(c) over range, by matched filter: detected up to {ends[0]} m" in titles
 
 
 @pytest.mark.slow

@@ -11,7 +11,13 @@ from mi_lcair.detection.camera.electronics import AVERAGED, Camera
 from mi_lcair.detection.camera.exposure import Exposure, exposure
 from mi_lcair.detection.camera.image_result import Image
 from mi_lcair.detection.camera.measures import Measures, measured
-from mi_lcair.detection.camera.ranges import RangedTarget, Silhouette, at_ranges, table_ranges
+from mi_lcair.detection.camera.ranges import (
+    NEAREST,
+    RangedTarget,
+    Silhouette,
+    at_ranges,
+    table_ranges,
+)
 from mi_lcair.detection.camera.scenery import Scenery
 from mi_lcair.detection.camera.view import CameraView
 from mi_lcair.detection.scenario import Scenario
@@ -69,7 +75,7 @@ def header(
     return {
         "scenario": scenario.name,
         "scene": scene.name,
-        "band": scenario.sensor.detector().band.name,
+        **scenario.sensor.detector().band.header,
         "units": "apparent.Y: W m^-2 sr^-1; electrons, counts.Y: 1; others: K",
         "max_bounces": bounces,
         "spp": exposed.spp,
@@ -129,11 +135,12 @@ def record_image(scenario: Scenario, frames: int, seed: int, progress) -> Image:
         exposed.area / view.pixel_m**2,
     )
     silhouette = Silhouette.of(scene, view, observer.range_m)
+    shortest_m = max(NEAREST * target.radius, silhouette.fits_from(imager))
     ranged = (scene.band, setting.air, measures.noise, scenario.sensor.snr)
     ranges, detected_to_m, peak_detected_to_m = at_ranges(
         RangedTarget(camera, exposed, silhouette, *ranged),
         setting.backdrop,
-        table_ranges(setting.air, target.radius, observer.range_m),
+        table_ranges(setting.air, shortest_m, observer.range_m),
     )
     return Image(
         scenario=scenario,

@@ -1,5 +1,6 @@
 """The outline of a target, and how the camera spreads it over pixels from other ranges."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import attrgetter
@@ -15,6 +16,7 @@ from mi_lcair.detection.irradiance import Backdrop
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.atmosphere import Atmosphere
 from mi_lcair.physics.bands import Band
+from mi_lcair.physics.imager import Imager
 from mi_lcair.rendering.images.spectral import Arrival
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import meets_model
@@ -100,6 +102,14 @@ class Silhouette:
         """Range at which the grid is LARGEST pixels long, m."""
         return max(np.ptp(self.across), np.ptp(self.down)) / self.pixel_angle / LARGEST
 
+    def fits_from(self, imager: Imager) -> float:
+        """Shortest range at which the whole outline is in the imager's frame, m."""
+        across, down = self.across / self.pixel_angle, self.down / self.pixel_angle
+        (column, row), (width, height) = self.middle, (imager.width, imager.height)
+        ends = (-across[0], column), (across[-1], width - column)
+        ends += (-down[0], row), (down[-1], height - row)
+        return max(end / room for end, room in ends if room > 0)
+
     @cached_property
     def area(self) -> np.ndarray:
         """Cells that the target fills above and to the left of each corner, (r + 1, c + 1)."""
@@ -137,10 +147,11 @@ class Silhouette:
 # Signal-to-noise ratio and number of pixels of a target at other ranges
 # ----------------------------------------------------------------------
 
-NEAREST = 4  # shortest range of the table, in radii of the target
+NEAREST = 4  # shortest range of the table, in radii of the target, if that fits into the frame
 FARTHEST = 1000  # longest range of the table in vacuum, in ranges of the scenario
 STEPS = (1, 2, 5)  # ranges of the table in each decade
-FINE = 400  # ranges at which the end of the detection is sought
+FINE = 100  # ranges at which the end of the detection is sought, and again between two of them
+FINEST = 1.0001  # ratio of the ranges between which it is not sought any more
 SPREADS = 32  # ranges between which the spread of the target over pixels is interpolated, for that
 
 
@@ -245,24 +256,28 @@ def at_ranges(
     detect it; None for nowhere.
     """
     ranges, levels = backgrounds(backdrop, target.camera.band, ranges_m)
-    fine, knots = (np.geomspace(min(ranges), max(ranges), n) for n in (FINE, SPREADS))
+    knots = np.geomspace(min(ranges), max(ranges), SPREADS)
     logarithms = np.log(target.spread(knots))
-    spread = np.exp([np.interp(np.log(fine), np.log(knots), values) for values in logarithms])
-    fine_rows = target.rows(fine, np.interp(fine, ranges, levels), spread)
-    farthest = (
-        max((row.range_m for row in fine_rows if detected(row)), default=None)
-        for detected in (attrgetter("detected"), attrgetter("peak_detected"))
-    )
-    return target.rows(ranges, levels, target.spread(ranges)), *farthest
+
+    def farthest(detected: Callable[[RangeRow], bool], within: np.ndarray) -> float | None:
+        spread = np.exp([np.interp(np.log(within), np.log(knots), values) for values in logarithms])
+        fine_rows = target.rows(within, np.interp(within, ranges, levels), spread)
+        last = max((k for k, row in enumerate(fine_rows) if detected(row)), default=None)
+        if last is None or within[-1] < FINEST * within[0]:
+            return last if last is None else float(within[last])
+        return farthest(detected, np.geomspace(within[last], within[last : last + 2][-1], FINE))
+
+    fine = np.geomspace(min(ranges), max(ranges), FINE)
+    ends = (farthest(attrgetter(name), fine) for name in ("detected", "peak_detected"))
+    return target.rows(ranges, levels, target.spread(ranges)), *ends
 
 
-def table_ranges(air: Atmosphere, radius_m: float, range_m: float) -> np.ndarray:
-    """Ranges 1, 2, 5, 10, ... m of a table, and `range_m`.
+def table_ranges(air: Atmosphere, shortest_m: float, range_m: float) -> np.ndarray:
+    """Ranges 1, 2, 5, 10, ... m of a table from `shortest_m` on, and `range_m`.
 
-    They begin at NEAREST radii of the target. They end where the air's table does, and in vacuum at
-    FARTHEST times `range_m`.
+    They end where the air's table does, and in vacuum at FARTHEST times `range_m`.
     """
-    shortest = min(NEAREST * radius_m, range_m)
+    shortest = min(shortest_m, range_m)
     longest = FARTHEST * range_m if air.is_vacuum else max(air.ranges_m[-1], range_m)
     decades = np.arange(np.floor(np.log10(shortest)), np.ceil(np.log10(longest)) + 1)
     series = (10.0 ** decades[:, None] * STEPS).ravel()

@@ -131,7 +131,7 @@ def test_largest_range_of_a_detection():
     )
     assert [row.range_m for row in found] == [1000, 10_000, 40_000]
     assert [row.detected for row in found] == [True, True, False]
-    assert 16_330 * 40 ** (-1 / 399) < detected_to_m < 16_330
+    assert 16_329 < detected_to_m < np.sqrt(12 / 2) / 1.5e-4
     assert by_peak_to_m == detected_to_m
     assert at_ranges(target(atmosphere("vacuum"), 1e9), backdrop, np.array([1e3, 4e4]))[1:] == (
         None,
@@ -165,17 +165,17 @@ def test_a_target_that_is_too_near_for_the_frame():
 
 
 def test_ranges_of_the_table():
-    """1, 2, 5 in each decade from 4 radii of the target on, and the scenario's own range."""
+    """1, 2, 5 in each decade from the shortest range on, and the scenario's own range."""
     vacuum, air = atmosphere("vacuum"), grey(0.4)
-    assert table_ranges(air, 2.6, 3000.0).tolist() == [
+    assert table_ranges(air, 10.4, 3000.0).tolist() == [
         *(20, 50, 100, 200, 500, 1000, 2000, 3000, 5000, 10_000)
     ]
-    assert table_ranges(air, 2.5, 3000.0)[0] == 10
-    assert table_ranges(air, 2.5, 7.0)[0] == 7  # nearer than 4 radii
-    assert table_ranges(air, 50.0, 20_000.0).tolist()[-2:] == [10_000, 20_000]
-    assert table_ranges(vacuum, 50.0, 300.0)[[0, 1, 2, -1]].tolist() == [200, 300, 500, 200_000]
-    assert table_ranges(vacuum, 50.0, 200.0)[[0, -1]].tolist() == [200, 200_000]
-    assert table_ranges(vacuum, 50.0, 499.6)[-1] == 200_000
+    assert table_ranges(air, 10.0, 3000.0)[0] == 10
+    assert table_ranges(air, 10.0, 7.0)[0] == 7  # nearer than the shortest range
+    assert table_ranges(air, 200.0, 20_000.0).tolist()[-2:] == [10_000, 20_000]
+    assert table_ranges(vacuum, 200.0, 300.0)[[0, 1, 2, -1]].tolist() == [200, 300, 500, 200_000]
+    assert table_ranges(vacuum, 200.0, 200.0)[[0, -1]].tolist() == [200, 200_000]
+    assert table_ranges(vacuum, 200.0, 499.6)[-1] == 200_000
 
 
 def test_ranges_at_which_the_background_is_known():
@@ -229,6 +229,14 @@ def test_a_target_of_300_pixels_is_nearest():
     assert cropped.samples(3000.0).sum() == pytest.approx(square().samples(3000.0).sum(), rel=1e-12)
     aside = replace(square(), meets=np.pad(square().meets, ((7, 0), (0, 3)))[:-7, 3:]).cropped()
     assert aside.samples(3e3).shape == (33, 33) and aside.down[0] == pytest.approx(-1.5 + 7 * 0.06)
+
+
+@pytest.mark.parametrize("width, room", [(64, 31.7), (40, 8.3), (25, 24.2)])
+def test_nearest_range_at_which_the_frame_holds_the_target(width, room):
+    """Half of the square is 1.5 m. Beside a middle outside the frame only the other side counts."""
+    imager = replace(IMAGER, width=width, height=60)
+    nearest = 1.5 / (min(room, 24.2) * 1e-4)
+    assert square().cropped().fits_from(imager) == pytest.approx(nearest, rel=1e-9)
 
 
 @pytest.mark.parametrize("range_m", [1000.0, 10_000.0, 100_000.0])
