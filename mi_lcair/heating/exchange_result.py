@@ -187,8 +187,8 @@ class Exchange(Result):
                 "facets": counts,
                 "area_m2": area,
                 "emissivity": emitted / (M @ self.facets.radiating_area),
-                **with_errors(*zip(PARTS, repeat(""), *shares)),
-                "inside bodies": astray["buried"],
+                **with_errors(*zip(map("share to {}".format, PARTS), repeat(""), *shares)),
+                "share inside bodies": astray["buried"],
             }
         )
         if pairs[0].size:
@@ -312,7 +312,7 @@ def sky_table(result: Exchange, emitted: np.ndarray) -> Table:
     shares = ((area / emitted[:, None]).T for area in result.by_group(lambda C: C.to_sky))
     rings = [f"{low:g}-{high:g} deg" for low, high in zip(RINGS_DEG, RINGS_DEG[1:])]
     columns = with_errors(*zip(rings, repeat(""), *shares))
-    return Table.of({"sky at elevations of": result.facets.groups} | columns)
+    return Table.of({"share to sky at elevations of": result.facets.groups} | columns)
 
 
 def sun_table(result: Exchange) -> list[Table]:

@@ -475,7 +475,7 @@ def thermal_scene(
     if lamps:
         remarks.append(f"lamps ({lamps}) have the temperature of all shapes; change theirs")
     if others:
-        remarks.append(f"left out: {', '.join(others)}; an emitter `sky` surrounds the scene")
+        remarks.append(f"left out: {', '.join(others)}; put an emitter `sky` around the scene")
     return remarks
 
 

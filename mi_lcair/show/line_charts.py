@@ -3,6 +3,8 @@
 from textwrap import fill
 
 import numpy as np
+from matplotlib.patheffects import withStroke
+from matplotlib.ticker import MaxNLocator
 
 from mi_lcair.charts import Curve, LineChart
 from mi_lcair.drawing import new_figure, plain, styled
@@ -46,6 +48,9 @@ def draw_polar(panel, chart: LineChart) -> None:
         half = np.zeros(len(chart.x)) if curve.half is None else np.nan_to_num(curve.half)
         draw_with_band(panel, np.radians(chart.x), curve.values, half, linewidth=1.3, **style)
     panel.set(ylim=(0, None), title=chart.title)
+    panel.yaxis.set_major_locator(MaxNLocator(5))
+    for text in panel.get_yticklabels():  # they lie on the curves
+        text.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
     panel.legend(loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=4)
 
 

@@ -1,6 +1,7 @@
 """Picture of a chart of errors: each way to render a scene, over its processor time."""
 
 import numpy as np
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from mi_lcair.declared import percent
@@ -28,8 +29,9 @@ def figure(chart: CostChart):
                 )  # fmt: skip
     for x, y, count in zip(table["cpu_s"], table["error"], table["max_bounces"]):
         axes.annotate(
-            str(count), (x, 100 * y), xytext=(4, 3), textcoords="offset points", fontsize=7
-        )
+            str(count), (x, 100 * y), xytext=(4, 3), textcoords="offset points", fontsize=7,
+            path_effects=[withStroke(linewidth=2, foreground="white")],
+        )  # fmt: skip
     on_it = np.flatnonzero(table["on_frontier"])
     on_it = on_it[np.argsort(table["cpu_s"][on_it])]
     axes.step(table["cpu_s"][on_it], 100 * table["error"][on_it], "0.5", where="post", zorder=0)
