@@ -12,8 +12,8 @@ its claims. `--only to_tolerance --repeats 10` runs that command alone, ten time
 random numbers, which share what a scene's load and its kernels cost. Several runs,
 of more seeds or of further scenes, may add to one `--csv`. `--read` takes all claims of such files
 in place of a run, and `--repeated` those of runs with repeats, which have a section of their own on
-the page. `--pairs` compares pairs of scenes that must agree in place of other claims, in about four
-seconds a scene, and `--paired` takes those of such files to the page. `--page
+the page. `--pairs` compares pairs of scenes that must agree in place of other claims, in two to
+four seconds a scene, and `--paired` takes those of such files to the page. `--page
 docs/validation/claims.md` writes the page.
 """
 

@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 import mi_lcair
-from docs.studies.claims import further_claims, planck
+from docs.studies.claims import further_claims, planck, scenario_claims
 from docs.studies.claims.case import Case, Draw
-from docs.studies.claims.scene_file import Place
+from docs.studies.claims.scene_file import NAMED, PIXELS, Place
 from docs.studies.claims.scenes import case as drawn_case
 from docs.studies.claims.witness import Claim, Witness
 from mi_lcair.errors import InputError
@@ -26,6 +26,7 @@ from mi_lcair.errors import InputError
 SPP = 256
 COMBINED = 2.0  # allowed difference in combined half intervals
 SCALE, SHIFT = 7.3, 2.0  # of lengths, and in sizes of the scene
+SOME = 4  # partners of each case, so that many cases can be tried
 ONE_K = 400.0  # temperature of everything [K]
 TEMPERATURE = re.compile(r'(name="temperature" value=")[^"]*')
 DOUBTS = ("single precision", "left to rounding")  # in remarks that withdraw all claims
@@ -52,6 +53,11 @@ class Pairs:
     def __init__(self, seed: int, number: int, folder: Path):
         self.seed, self.number, self.folder = seed, number, folder
         self.case, self.rng = drawn_case(seed, number), np.random.default_rng([seed, number, 3])
+
+    def as_drawn(self) -> Path:
+        """The scene file of the case."""
+        case = self.case
+        return case.file.write(self.folder, case.band, case.bounces, case.sampling)
 
     def mean(self, case: Case, **changed) -> tuple[float, float]:
         """Mean radiance of a case in its window, written with other arguments."""
@@ -100,6 +106,13 @@ class Pairs:
     def without_emitter_sampling(self):
         return self.mean(self.case, sampling="false" if self.case.sampling != "false" else "true")
 
+    def aimed(self):
+        """To a tolerance, for which paths begin where the model is."""
+        target = mi_lcair.signature(
+            self.as_drawn(), tolerance=0.01, max_spp=4 * SPP, seed=self.seed
+        ).target
+        return target.intensity / self.case.area, target.half_width / self.case.area
+
     def sum_of_two_bands(self):
         lower, upper = planck.BANDS_UM[self.case.band]
         if np.isinf(upper) or 'type="area"' in "".join(self.case.file.parts):
@@ -118,34 +131,82 @@ class Pairs:
             raise Unpaired
         lower, upper = planck.BANDS_UM[case.band]
         spectra = {name: [(0.9 * lower, x), (upper + 1, x)] for name, x in case.materials.items()}
-        path = case.file.write(self.folder, case.band, case.bounces, case.sampling)
+        path = self.as_drawn()
         return path, further_claims.with_spectra(case, path, spectra)
 
     # ------------------------------------------------------------------ Pairs
 
     def all(self) -> Iterator[tuple[str, tuple[float, float], tuple[float, float]]]:
-        """Yield the name, and the values of both, of each pair that the case has."""
+        """Yield the name, and the values of both, of some partners and of all other pairs."""
         first = self.mean(self.case)
-        for name in (*PARTNERS, *OTHERS):
+        for name in (*self.rng.choice(PARTNERS, SOME, replace=False), *OTHERS):
             with suppress(Unpaired, InputError):
                 found = getattr(self, name.replace(" ", "_"))()
                 yield name, *((first, found) if name in PARTNERS else found)
 
     def constant_spectrum_in_air(self):
         """Contrasts of a body between clear sky and ground, through 4 km of air."""
-        if self.case.body is None or not self.case.kind.endswith("void"):
+        if not self.case.kind.endswith("void"):
             raise Unpaired
-        azimuth, elevation = map(float, self.rng.uniform((0, 5), (360, 60)))
-        rows = []
-        for scene in self.with_constant_spectra():
-            path = self.folder / "air.toml"
-            text = IN_AIR.format(
-                scene=scene.name, azimuth=azimuth, elevation=elevation, band=self.case.band
-            )
-            path.write_text(text, encoding="utf-8")
-            row = mi_lcair.contrast(path).rows[-1]
-            rows.append((row.total.value, row.half_width))
-        return rows
+        return [self.contrast(*self.in_air(scene)) for scene in self.with_constant_spectra()]
+
+    def contrast_of_a_sweep(self):
+        """A contrast, and that row of a sweep."""
+        path, view = self.in_air(self.as_drawn())
+        sampling = {"spp": SPP, "resolution": PIXELS, "seed": self.seed + 1}
+        conditions = {"base": {"scenario": str(path)}, "conditions": view, "sampling": sampling}
+        return [self.contrast(path, view), row_of(mi_lcair.sweep(conditions).columns())]
+
+    def contrast_of_a_flight(self):
+        """A contrast, and a target that stands still before a flight's observer."""
+        path, view = self.in_air(self.as_drawn())
+        (direction,) = scenario_claims.directions([view["azimuth_deg"]], [view["elevation_deg"]])
+        path.with_name("path.csv").write_text(STANDS, encoding="utf-8")
+        text, flown = path.read_text(encoding="utf-8"), path.with_name("flown.toml")
+        where = f"[flight]\npath = 'path.csv'\nobserver_m = {(DISTANCE * direction).tolist()}\n"
+        text = OBSERVER.sub(where + "ground_m = -2000\n", text).replace("height_m = 2000", "")
+        flown.write_text(text, encoding="utf-8")
+        return [self.contrast(path, view), row_of(mi_lcair.flight(flown, seed=self.seed + 2).table)]
+
+    def in_air(self, scene: Path) -> tuple[Path, dict[str, float]]:
+        """A scenario of a body between clear sky and ground, or its own, and its view."""
+        if self.case.body is None:
+            raise Unpaired
+        around = CLEAR if self.case.kind.endswith("void") else BEHIND
+        rng = np.random.default_rng([self.seed, self.number, 4])
+        azimuth, elevation = map(float, rng.uniform((0, 5), (360, 60)))
+        view = {"azimuth_deg": azimuth, "elevation_deg": elevation}
+        path = self.folder / "air.toml"
+        text = IN_AIR.format(
+            scene=scene.name, around=around, band=self.case.band, range=DISTANCE, **view
+        )
+        path.write_text(text, encoding="utf-8")
+        return path, view
+
+    @staticmethod
+    def contrast(path: Path, view) -> tuple[float, float]:
+        row = mi_lcair.contrast(path).rows[-1]
+        return row.total.value, row.half_width
+
+    def two_sheets(self):
+        """Rectangles with two sides, and two rectangles with one side each, back to back."""
+        case, sides = self.case, ([], [])
+        for part in case.file.parts:
+            both, reverse = part, ""
+            if 'type="rectangle"' in part and (found := BSDF.search(part)) and "plume" not in part:
+                both = part.replace(found[0], f'<bsdf type="twosided"> {found[0]} </bsdf>')
+                reverse = NAMED.sub(r'<ref id="\1"/>', part)
+                reverse = reverse.replace("<matrix", '<rotate y="1" angle="180"/> <matrix')
+            sides[0].append(both)
+            sides[1].append(part + reverse)
+        if sides[0] == case.file.parts:
+            raise Unpaired
+        pair = []
+        for parts in sides:
+            file = copy(case.file)
+            file.parts = parts
+            pair.append(self.mean(replace(case, file=file)))
+        return pair
 
     def one_temperature(self):
         """Everything at one temperature is a blackbody, if the target sees nothing else."""
@@ -154,7 +215,7 @@ class Pairs:
         sees_all = abs(case.response(ones, case.materials).mean(axis=(1, 2)).sum() - 1) < 1e-6
         if not sees_all or case.unlimited or any(word in text for word in OTHER_SOURCES):
             raise Unpaired
-        path = case.file.write(self.folder, case.band, case.bounces, case.sampling)
+        path = self.as_drawn()
         content = TEMPERATURE.sub(rf"\g<1>{ONE_K}", path.read_text(encoding="utf-8"))
         path.write_text(content, encoding="utf-8")
         return (planck.in_band_radiance(case.band, ONE_K), 0.0), self.of_file(path, case.area)
@@ -169,27 +230,44 @@ PARTNERS = (  # of the scene as it was drawn
     "divided",
     "in another order",
     "without emitter sampling",
+    "aimed",
     "sum of two bands",
     "constant spectrum",
 )
-OTHERS = ("one temperature", "constant spectrum in air")
+OTHERS = (
+    "one temperature",
+    "two sheets",
+    "constant spectrum in air",
+    "contrast of a sweep",
+    "contrast of a flight",
+)
+DISTANCE = 4000.0  # of the observer in air [m]
+BSDF = re.compile(r'<bsdf type="(?!twosided)\w+".*?</bsdf>')
+OBSERVER = re.compile(r"\[observer\]\n(.*= .*\n)*")
+STANDS = "time_s,x_m,y_m,z_m,yaw_deg,pitch_deg,roll_deg\n" + "0,0,0,0,0,0,0\n1,0,0,0,0,0,0\n"
+CLEAR = '[surroundings]\nsky = "clear"\nground = "295,0.9"'
+BEHIND = "[background]\ntemperature = 285"
 IN_AIR = """[target]
 scene = "{scene}"
+height_m = 2000
 [observer]
-range_m = 4000
-azimuth_deg = {azimuth!r}
-elevation_deg = {elevation!r}
+range_m = {range}
+azimuth_deg = {azimuth_deg!r}
+elevation_deg = {elevation_deg!r}
 [atmosphere]
 table = "us_standard"
-[surroundings]
-sky = "clear"
-ground = "295,0.9"
+{around}
 [sensor]
 band = "{band}"
 [render]
 resolution = 8
 spp = 256
 """
+
+
+def row_of(table) -> tuple[float, float]:
+    """The contrast of the first row of a table, and half of its 95 % interval."""
+    return tuple(float(table[f"contrast_{name}W_m2"][0]) for name in ("", "half_width_"))
 
 
 def claims_of_pairs(seed: int, number: int, kind: str = "") -> list[Claim]:

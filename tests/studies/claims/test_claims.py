@@ -102,12 +102,14 @@ def test_repeats_of_a_command_have_other_random_numbers():
 
 @pytest.mark.slow
 def test_pairs_that_must_agree():
-    """A box that is mirrored, and one whose rectangles are halved; a pair that differs is told."""
+    """A box that is mirrored, halved, aimed at or of two sheets; a pair that differs is told."""
     with tempfile.TemporaryDirectory() as folder:
         number = next(k for k in range(100) if case(SEED, k).kind == "box")
         pairs = Pairs(SEED, number, Path(folder))
         value, half = pairs.mean(pairs.case)
-        for other, half_of_other in (pairs.mirrored(), pairs.divided()):
+        one_sheet, two_sheets = pairs.two_sheets()
+        assert abs(one_sheet[0] - two_sheets[0]) < COMBINED * np.hypot(one_sheet[1], two_sheets[1])
+        for other, half_of_other in (pairs.mirrored(), pairs.divided(), pairs.aimed()):
             assert other != value
             assert abs(other - value) < COMBINED * np.hypot(half, half_of_other)
     far = Claim("pair, turned", "box", "on", 1, 7, 1.1, 0.01)
