@@ -9,7 +9,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from mi_lcair.declared import percent
-from mi_lcair.detection.setting import Setting
+from mi_lcair.detection.setting import Setting, Sightline
 from mi_lcair.physics.air.atmosphere import AirLight, LineOfSight
 from mi_lcair.physics.air.clear_air import ClearAir, ClearPaths, clear_air
 from mi_lcair.physics.air.levels import HEIGHT_M
@@ -18,7 +18,6 @@ from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.sun import OUTSIDE_AIR
 from mi_lcair.plugins.bsdfs.plume import spectral_plumes
 from mi_lcair.plugins.emission.source import BinOfSpectrum, Source
-from mi_lcair.plugins.emitters.thermal_emitter import one_sun
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.tasks import exclusively
 
@@ -37,16 +36,15 @@ STAND_IN = "us_standard"  # clear air that stands for air of which only a table 
 STAND_IN_DEG = 10.0  # elevation of the way through it
 
 
-def shares_of_light(setting: Setting, sources: list[Source]) -> np.ndarray:
+def shares_of_light(setting: Setting | Sightline, sources: list[Source]) -> np.ndarray:
     """Shares of the light of sources that the product of transmittances adds, (sources,).
 
     They are negative for light that is too dark, and 0 where the amounts of absorbers add, or where
     no light crosses air before the target.
     """
-    shares = np.zeros(len(sources))
+    shares, sun = np.zeros(len(sources)), setting.one_sun
     if setting.air.is_vacuum:
         return shares
-    sun = one_sun(setting.view.mi.emitters())
     for k, source in enumerate(sources):
         part = source.spectrum
         light = part.bin_of if isinstance(part, BinOfSpectrum) else part
@@ -57,7 +55,7 @@ def shares_of_light(setting: Setting, sources: list[Source]) -> np.ndarray:
     return shares
 
 
-def share_of_product(setting: Setting, light: Spectrum, sun_deg: float | None) -> float:
+def share_of_product(setting: Setting | Sightline, light: Spectrum, sun_deg: float | None) -> float:
     """Share of a light in the band that the product of transmittances adds, at most 1.
 
     sun_deg: elevation of the sun [degrees] if the light is the sun's; None for that of a sky.
@@ -81,7 +79,7 @@ def share_of_product(setting: Setting, light: Spectrum, sun_deg: float | None) -
     return min(float(band.integral(x, added) / product), 1.0) if product > 0 else 0.0
 
 
-def path_of(setting: Setting, air: ClearAir) -> LineOfSight:
+def path_of(setting: Setting | Sightline, air: ClearAir) -> LineOfSight:
     """The path from target to sensor with its amounts of absorbers, those of clear air for a table.
 
     air: that clear air.

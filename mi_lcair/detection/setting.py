@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -62,6 +63,11 @@ class Setting:
     sun: tuple[float, float] | None = None
     light: AirOfLight = AirOfLight(None)
 
+    @property
+    def one_sun(self) -> Any:
+        """The sun among the emitters of the scene; None without one."""
+        return one_sun(self.view.mi.emitters())
+
     def through(self, scenario: Scenario) -> "Setting":
         """The setting for its scenario with other air or background.
 
@@ -70,6 +76,28 @@ class Setting:
         sight, path, behind = line_of(scenario, self.detector, self.sun)
         light = AirOfLight.of(scenario, sight.target_m)
         return replace(self, sight=sight, air=sight.air, path=path, backdrop=behind, light=light)
+
+
+@dataclass(frozen=True, eq=False)
+class Sightline:
+    """Line of sight, path and background of some cases of a sweep, and their detector.
+
+    radius_m: of the target [m]. one_sun: the sun among the emitters of the scene; None without one.
+    direction: text that two lines have in common if they differ by their range alone.
+    """
+
+    detector: Detector
+    sight: Sight
+    path: LineOfSight
+    backdrop: Backdrop
+    radius_m: float
+    one_sun: Any
+    direction: str
+
+    @property
+    def air(self) -> Atmosphere:
+        """Air between target and sensor."""
+        return self.sight.air
 
 
 def setting_of(scenario: Scenario, scene: Scene | None = None) -> Setting:

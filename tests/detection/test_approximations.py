@@ -35,6 +35,14 @@ def cloud(air, elevation_deg, base_m=1000.0, height_m=50.0):
     return air.emitted(along).plus(AirLight.of("cloud", black[None], along.amounts[-1:]))
 
 
+def air_table(folder) -> str:
+    """A file of air at 1 and 5 km."""
+    rows = [f"{R},{x},{0.9**R},0.1" for R in (1, 5) for x in np.linspace(3, 5, 99)]
+    header = "range_km,wavelength_um,transmittance,path_radiance_W_m2_sr_um"
+    (folder / "air.csv").write_text("\n".join([header, *rows]))
+    return str(folder / "air.csv")
+
+
 @pytest.mark.parametrize("band", ["MWIR", "LWIR"])
 @pytest.mark.parametrize("name", ["us_standard", "midlat_summer"])
 def test_the_size_of_a_product_bounds_that_of_exact_light(tmp_path, name, band):
@@ -75,10 +83,7 @@ def test_a_table_multiplies_with_a_remark(tmp_path):
 def test_an_approximation_is_part_of_the_interval(tmp_path, tolerance, reached):
     """Sunlight through a table of air: its error is in the interval, and no tolerance hides it."""
     folder = lit(tmp_path)
-    rows = [f"{R},{x},{0.9**R},0.1" for R in (1, 5) for x in np.linspace(3, 5, 99)]
-    header = "range_km,wavelength_um,transmittance,path_radiance_W_m2_sr_um"
-    (folder / "air.csv").write_text("\n".join([header, *rows]))
-    given = {"atmosphere__table": str(folder / "air.csv"), "observer__range_m": 5000}
+    given = {"atmosphere__table": air_table(folder), "observer__range_m": 5000}
     given |= {"background__temperature": 1.0, "target__parameters__temperature": 1}
     result = mi_lcair.contrast(disc(folder, render__tolerance=tolerance, **given))
     (row,) = result.rows
@@ -88,6 +93,23 @@ def test_an_approximation_is_part_of_the_interval(tmp_path, tolerance, reached):
     assert row.half_width >= row.approximated > 0
     assert row.reached is result.reached is reached
     assert ("more paths do not change that" in accuracy(result.as_dict())[1]) is not reached
+
+
+def test_a_sweep_and_a_flight_have_the_approximation(tmp_path):
+    """Their intervals are that of the contrast, and a remark names the light."""
+    folder = lit(tmp_path)
+    changes = {"atmosphere.table": air_table(folder), "observer.range_m": 5000}
+    given = {name.replace(".", "__"): value for name, value in changes.items()}
+    (row,) = mi_lcair.contrast(disc(folder, **given)).rows
+    conditions = {
+        "base": {"scenario": str(folder / "disc.toml")},
+        "conditions": {name: [value] for name, value in changes.items()},
+        "sampling": {"spp": 256, "resolution": 8},
+    }
+    with pytest.warns(UserWarning, match="transmittances are multiplied"):
+        table = mi_lcair.sweep(conditions).columns()
+    assert table["contrast_half_width_W_m2"][0] == pytest.approx(row.half_width, rel=0.05)
+    assert row.approximated > 0.5 * row.half_width
 
 
 @pytest.mark.parametrize(

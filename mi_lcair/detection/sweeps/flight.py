@@ -165,6 +165,7 @@ def measure_flight(
     aspects = Aspects(scenario, scenario.flight.moments(), folder)
     errors = aspects.refine(scenario.flight.tolerance)
     table = table_of(aspects, errors, progress)
+    aspects.doubts.warn()
     return Flight(
         scenario=scenario,
         table=table,
@@ -214,6 +215,7 @@ class Aspects:
         self.sun = sun_over(scenario, self.scene)
         self.lines: dict[int, Line] = {}
         self.areas: dict[int, ViewAreas] = {}
+        self.doubts = sweep.Doubts()
         first = self.line(0)
         temperatures_of(sweep.sources_of(first.subject, first.light), first.temperatures)
 
@@ -255,7 +257,8 @@ class Aspects:
         line = self.line(number)
         areas, sight = self.areas[traced].at_temperatures(line.temperatures), line.sight
         amounts = LineOfSources(areas, sight.detector.band, sight.air, sight.backdrop)
-        return sweep.terms_of(amounts, sight.path, amounts.per_amount(sight.path))
+        shares = self.doubts.shares(sight, areas.sources)
+        return sweep.terms_of(amounts, sight.path, amounts.per_amount(sight.path), shares)
 
     def between(self, number: int, pair: tuple[int, int]) -> dict[str, Estimate]:
         """The TERMS of a moment between two that were traced.

@@ -16,15 +16,14 @@ import numpy as np
 import mi_lcair
 from mi_lcair import formats, toml_table
 from mi_lcair.declared import Described, entry, fraction, needs, one_of
-from mi_lcair.detection.irradiance import AirOfLight, Backdrop
+from mi_lcair.detection.irradiance import AirOfLight
 from mi_lcair.detection.scenario import Scenario
-from mi_lcair.detection.setting import line_of, sun_over, target_scene
+from mi_lcair.detection.setting import Sightline, line_of, sun_over, target_scene
 from mi_lcair.errors import InputError, errors_of, shortened
 from mi_lcair.extras import optional
 from mi_lcair.files import check_writable
-from mi_lcair.physics.air.atmosphere import Atmosphere, LineOfSight
-from mi_lcair.physics.imager import Detector
 from mi_lcair.plugins.emitters.distant_emitter import DistantEmitter
+from mi_lcair.plugins.emitters.thermal_emitter import one_sun
 from mi_lcair.rendering.parameters.values import check_same, load_with_values, whole_path
 from mi_lcair.rendering.reflections import bounce_settings
 from mi_lcair.rendering.sampling import Sampling
@@ -482,22 +481,7 @@ class Line:
     subject: Subject
     light: AirOfLight | None
     temperatures: dict[str, float]
-    sight: "Sightline | None" = None
-
-
-@dataclass(frozen=True, eq=False)
-class Sightline:
-    """Air, path and background of a line, its detector, and the radius of the target, m.
-
-    direction: text that two lines have in common if they differ by their range alone.
-    """
-
-    detector: Detector
-    air: Atmosphere
-    path: LineOfSight
-    backdrop: Backdrop
-    radius_m: float
-    direction: str
+    sight: Sightline | None = None
 
 
 def lines_of(conditions: Conditions) -> Iterator[Line]:
@@ -615,7 +599,8 @@ def sightline(scenario: Scenario, scene: Scene, sun, values: dict) -> tuple:
     rest = {name: v for name, v in values.items() if ENTRIES.get(name, name) != ENTRIES["range_m"]}
     lower_m = "" if sight.observer_m is None else f"{min(sight.observer_m, sight.target_m):.3f}"
     direction = f"{rest} {scenario.observer.azimuth_deg} {lower_m}"
-    made = Sightline(detector, sight.air, path, behind, target.radius, direction)
+    sun = one_sun(scene.mi.emitters())
+    made = Sightline(detector, sight, path, behind, target.radius, sun, direction)
     return light, temperatures_of(values), made
 
 

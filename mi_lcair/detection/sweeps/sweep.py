@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 import mi_lcair
-from mi_lcair.detection.approximations import averaged_plumes
+from mi_lcair.detection.approximations import averaged_plumes, multiplied_light, shares_of_light
 from mi_lcair.detection.detection_range import largest_ranges
 from mi_lcair.detection.irradiance import AirOfLight, LineOfSources
+from mi_lcair.detection.setting import Sightline
 from mi_lcair.detection.sweeps.subject import (
     AreasFolder,
     Batch,
     Conditions,
     Line,
-    Sightline,
     Subject,
     Value,
     Views,
@@ -151,7 +151,9 @@ def array_of(values: list[Value]) -> np.ndarray:
 SLOPE_STEP_K = 0.01  # step of temperature for the slope of Planck's law, K
 
 
-def rows_of(line: Line, areas: ViewAreas) -> dict[str, np.ndarray]:
+def rows_of(
+    line: Line, areas: ViewAreas, shares: np.ndarray | float = 0.0
+) -> dict[str, np.ndarray]:
     """Quantities of the cases of a line by name with the unit, (cases,), without ranges.
 
     Parameters
@@ -159,11 +161,13 @@ def rows_of(line: Line, areas: ViewAreas) -> dict[str, np.ndarray]:
     line : Line
     areas : ViewAreas
         Effective areas toward the views of the cases, at the temperatures of the scene.
+    shares : ndarray or float
+        Shares of the light that may be wrong, see `terms_of`.
     """
     areas = areas.at_temperatures(line.temperatures)
     rows = of_estimates("intensity", "W_sr", areas.intensity()) if line.sight is None else {}
     if line.sight is not None:
-        rows = of_sight(line.sight, areas)
+        rows = of_sight(line.sight, areas, shares)
     return rows | {
         "projected_area_m2": areas.amounts[:, -1],
         "paths": areas.paths.astype(float),
@@ -171,11 +175,13 @@ def rows_of(line: Line, areas: ViewAreas) -> dict[str, np.ndarray]:
     }
 
 
-def of_sight(sight: Sightline, areas: ViewAreas) -> dict[str, np.ndarray]:
+def of_sight(
+    sight: Sightline, areas: ViewAreas, shares: np.ndarray | float
+) -> dict[str, np.ndarray]:
     """Quantities of a target at the end of a path, as `contrast` has them."""
     line = LineOfSources(areas, sight.detector.band, sight.air, sight.backdrop)
     _, target, path, _, _ = per_amount = line.per_amount(sight.path)
-    terms = terms_of(line, sight.path, per_amount)
+    terms = terms_of(line, sight.path, per_amount, shares)
     return {
         **of_terms(terms),
         **beside_noise(sight.detector, terms["total"]),
@@ -184,22 +190,32 @@ def of_sight(sight: Sightline, areas: ViewAreas) -> dict[str, np.ndarray]:
 
 
 def terms_of(
-    line: LineOfSources, along: LineOfSight, per_amount: np.ndarray
+    line: LineOfSources,
+    along: LineOfSight,
+    per_amount: np.ndarray,
+    shares: np.ndarray | float = 0.0,
 ) -> dict[str, Estimate]:
     """The TERMS of each view at the end of a path, from those per amount there.
 
     Those of path and background have the error of the projected area alone.
+
+    shares: of the light of each source that may be wrong, see `shares_of_light`.
     """
     # An intensity that was missed arrives at most as this irradiance
     areas, at_most = line.areas, line.per_intensity(along)
     intensity, target, path, background, total = per_amount
-    nothing = np.zeros_like(target)
+    nothing, n = np.zeros_like(target), len(areas.sources)
+    approximated = np.abs(areas.amounts[:, :n] @ (target[:n] * shares))
+
+    def uncertain(term: Estimate) -> Estimate:
+        return replace(term, half_width=np.hypot(term.half_width, approximated))
+
     return {
         "intensity": areas.estimates(intensity, intensity, 1.0),
-        "target": areas.estimates(target, target, at_most),
+        "target": uncertain(areas.estimates(target, target, at_most)),
         "path": areas.estimates(path, nothing, 0.0),
         "background": areas.estimates(background, nothing, 0.0),
-        "total": areas.estimates(total, target, at_most),
+        "total": uncertain(areas.estimates(total, target, at_most)),
     }
 
 
@@ -369,6 +385,7 @@ def table_of(
     """Quantities of all cases, by name with the unit."""
     table: dict[str, np.ndarray] = {}
     lit, areas, numbers, of_views, ranges = None, None, {}, {}, {}
+    doubts = Doubts()
     for line in lines:
         if (line.subject, line.light) != lit:
             lit = line.subject, line.light
@@ -377,7 +394,7 @@ def table_of(
         if line.views not in of_views:  # what is derived from the areas serves many lines
             of_views[line.views] = areas.of_views([numbers[view] for view in line.views])
         of_line = of_views[line.views]
-        rows = rows_of(line, of_line)
+        rows = rows_of(line, of_line, doubts.shares(line.sight, areas.sources))
         if conditions.base.detection_range:
             key = line.sight.direction, line.views
             if key not in ranges:
@@ -385,7 +402,28 @@ def table_of(
             rows |= ranges[key]
         for name, values in rows.items():
             table.setdefault(name, np.full(conditions.count, np.nan))[line.cases] = values
+    doubts.warn()
     return table
+
+
+class Doubts:
+    """The light behind a table that a product of transmittances changes most, over many lines."""
+
+    def __init__(self):
+        self.worst: tuple[list[Source], np.ndarray] = [], np.zeros(0)
+
+    def shares(self, sight: Sightline | None, sources: list[Source]) -> np.ndarray | float:
+        """The `shares_of_light` of the sources on a line of sight."""
+        if sight is None:
+            return 0.0
+        shares = shares_of_light(sight, sources)
+        if np.abs(shares).max(initial=0) > np.abs(self.worst[1]).max(initial=0):
+            self.worst = sources, shares
+        return shares
+
+    def warn(self) -> None:
+        for remark in multiplied_light(*self.worst):
+            warnings.warn(remark, stacklevel=2)
 
 
 # A trend: a sweep over the aspect alone, with the parts of each intensity

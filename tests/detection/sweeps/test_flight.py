@@ -121,7 +121,8 @@ def test_contrast_of_the_approach_is_that_of_a_position(tmp_path):
     (tmp_path / "path.csv").write_text(f"{COLUMNS}\n0,-1100,0,55,0,10,0\n2,-1000,0,50,0,10,0\n")
     changes = {"render.tolerance": 0.03, "render.max_bounces": 4}
     path = {"flight.path": str(tmp_path / "path.csv"), "flight.rate_hz": 0.5}
-    flight = mi_lcair.flight(Scenario.read("a340_landing/approach", **changes, **path)).table
+    with pytest.warns(UserWarning, match="light of sky .* transmittances are multiplied"):
+        flight = mi_lcair.flight(Scenario.read("a340_landing/approach", **changes, **path)).table
     row = mi_lcair.contrast("a340_landing/position_1", parameters=changes).rows[0]
     half_width = np.hypot(flight["contrast_half_width_W_m2"][-1], row.half_width)
     assert abs(flight["contrast_W_m2"][-1] - row.total.value) < half_width

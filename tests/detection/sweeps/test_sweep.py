@@ -11,8 +11,8 @@ import pytest
 import mi_lcair
 from mi_lcair import formats
 from mi_lcair.detection.scenario import Scenario
-from mi_lcair.detection.setting import line_of
-from mi_lcair.detection.sweeps.subject import Conditions, Line, Sightline
+from mi_lcair.detection.setting import Sightline, line_of
+from mi_lcair.detection.sweeps.subject import Conditions, Line
 from mi_lcair.detection.sweeps.sweep import rows_of
 from mi_lcair.errors import InputError
 from mi_lcair.physics.air.atmosphere import VACUUM
@@ -492,7 +492,7 @@ def line(folder, air="us_standard"):
     detector = scenario.sensor.detector()
     sight, path, behind = line_of(scenario, detector, None)
     return Line(
-        np.arange(1), (), None, None, {}, Sightline(detector, sight.air, path, behind, 2.0, "")
+        np.arange(1), (), None, None, {}, Sightline(detector, sight, path, behind, 2.0, None, "")
     )
 
 
