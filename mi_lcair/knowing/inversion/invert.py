@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -34,7 +35,7 @@ from mi_lcair.knowing.inversion.dead_pixels import gathering
 from mi_lcair.knowing.inversion.estimate import achieved, best_of_starts, loaded, unknowns_of
 from mi_lcair.knowing.inversion.least_squares.newton import is_informed
 from mi_lcair.knowing.inversion.least_squares.prediction import DatumBlock
-from mi_lcair.knowing.inversion.least_squares.solve import State, shared_errors, with_noise
+from mi_lcair.knowing.inversion.least_squares.solve import State, with_noise
 from mi_lcair.knowing.inversion.solution import Fitted, Solution
 from mi_lcair.knowing.inversion.unknowns import INSTRUMENT, InverseProblem, Unknown
 from mi_lcair.physics.blackbody import in_band_radiance, in_band_slope
@@ -166,8 +167,10 @@ def solve_problem(problem: InverseProblem, advise: bool, progress: Progress | No
             state, tested = with_noise(state, factor), UNTESTED
             scaling = [SCALED.format(np.sqrt(factor))]
         errors = model_errors(everything, data, state.x)
-        state = replace(state.widened(np.diag(errors**2)), model_errors=errors)
-        assumed = assumptions(data, state)
+        changes = changes_by_fault(data, state)
+        state = state.widened(np.diag(errors**2)).widened(common_errors(changes))
+        state = replace(state, model_errors=errors)
+        assumed = assumptions(data, state, changes)
         answered = answers(everything, state, assumed=assumed)
         if not state.converged:
             answered = withdrawn(answered, Verdict.UNFINISHED)
@@ -242,14 +245,53 @@ def model_errors(everything: list[Unknown], data: list[Datum], x: np.ndarray) ->
     return errors
 
 
-def assumptions(data: list[Datum], state: State) -> dict[str, np.ndarray]:
-    """What errors that the problem does not state add to the standard errors (N,), by name."""
+class Fault(NamedTuple):
+    """An error that pixels share: its name, its label, its band, and whether it is not stated."""
+
+    name: str
+    label: str
+    band: str
+    is_assumed: bool
+
+
+def changes_by_fault(data: list[Datum], state: State) -> dict[Fault, np.ndarray]:
+    """Changes (images, N) of the estimate for one standard deviation of each error of images."""
+    changes = {}
+    for datum, block in zip(data, state.blocks):
+        if (of := datum.nuisances) is not None:
+            by_error = state.changes(block, of.columns(block.at(state.x).mean)).T
+            for name, label, change in zip(of.names, of.labels, by_error):
+                fault = Fault(name, label, datum.where.band, name in datum.assumed)
+                changes.setdefault(fault, []).append(change)
+    return {fault: np.array(rows) for fault, rows in changes.items()}
+
+
+def common_errors(changes: dict[Fault, np.ndarray]) -> np.ndarray:
+    """What is missing in the covariance (N, N) if all images of a band have the same errors.
+
+    Least squares takes the errors of two images for independent. One camera has the same in all its
+    images. What that adds to a variance counts, and what it takes away does not.
+    """
+    more = 0.0
+    for rows in changes.values():
+        whole = rows.sum(axis=0)
+        more = more + np.outer(whole, whole) - rows.T @ rows
+    sizes, directions = np.linalg.eigh(np.atleast_2d(more))
+    return (directions * np.maximum(sizes, 0)) @ directions.T
+
+
+def assumptions(data: list[Datum], state: State, changes) -> dict[str, np.ndarray]:
+    """What errors that the problem does not state add to the standard errors (N,), by name.
+
+    changes: see `changes_by_fault`.
+    """
     result = {}
-    for datum, errors in zip(data, shared_errors(state, [datum.nuisances for datum in data])):
-        if datum.is_image and MODEL in datum.assumed:
-            result.setdefault(MODEL, state.model_errors)
-        for name in errors.keys() & datum.assumed:
-            result[name] = np.hypot(result.get(name, 0.0), errors[name])
+    if any(datum.is_image and MODEL in datum.assumed for datum in data):
+        result[MODEL] = state.model_errors
+    for fault, rows in changes.items():
+        if fault.is_assumed:
+            errors = np.maximum(np.abs(rows.sum(axis=0)), np.linalg.norm(rows, axis=0))
+            result[fault.name] = np.hypot(result.get(fault.name, 0.0), errors)
     return {name: result[name] for name in KINDS if name in result}
 
 

@@ -328,6 +328,19 @@ def test_a_fault_of_the_camera_that_nobody_states(tmp_path, fault):
     assert is_named == (fault == "vignetting")
 
 
+def test_faults_that_two_images_have_in_common(tmp_path):
+    """A second image of one camera does not tell more about its gain than the first one does."""
+    path = write_corner(tmp_path)
+    given = corner_problem(tmp_path, path, clean(path), 300.0, 7, spp=128)
+    given["data"][0] |= {"camera_sigma": "2%"}
+    one = mi_lcair.invert(given, advise=False)
+    given["data"].append(dict(given["data"][0]))
+    two = mi_lcair.invert(given, advise=False)
+    for of_one, of_two in zip(one.answers, two.answers):
+        ratio = of_two.standard_error / of_one.standard_error
+        assert 0.9 < ratio < 1.01  # without what they have in common 0.7
+
+
 def test_bad_pixels_that_lie_together(tmp_path):
     """A warm spot that the scene does not have: its pixels are left out, and nothing is claimed."""
     path = write_corner(tmp_path)

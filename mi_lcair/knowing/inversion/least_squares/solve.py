@@ -19,7 +19,6 @@ from mi_lcair.knowing.inversion.least_squares import newton
 from mi_lcair.knowing.inversion.least_squares.prediction import (
     DatumBlock,
     Equations,
-    Nuisances,
     Weighing,
     cost_of,
     dense,
@@ -505,20 +504,6 @@ def state(blocks, x, prior: newton.Prior, is_sparse: bool) -> State:
         trace=[],
         intervals=np.full((len(x), 2), np.nan),
     )
-
-
-def shared_errors(state: State, nuisances: list[Nuisances | None]) -> list[dict[str, np.ndarray]]:
-    """What the nuisances of each datum add to the standard errors (N,), by name."""
-    result = []
-    for block, of in zip(state.blocks, nuisances):
-        of_block = {}
-        if of:
-            changes = state.changes(block, of.columns(block.at(state.x).mean))
-            for name in dict.fromkeys(of.names):
-                which = np.array(of.names) == name
-                of_block[name] = np.linalg.norm(changes[:, which], axis=1)
-        result.append(of_block)
-    return result
 
 
 def with_held(state: State, blocks: list[DatumBlock], held: np.ndarray, width: np.ndarray) -> State:
