@@ -283,6 +283,13 @@ def own_memory(arrays):
     return arrays
 
 
+def is_aligned(variable) -> bool:
+    """Whether memory of a variable begins as that of Dr.Jit's; that of NumPy's does by chance."""
+    if dr.backend_v(variable) != dr.JitBackend.LLVM or variable.state != dr.VarState.Evaluated:
+        return True
+    return variable.numpy().ctypes.data % 64 == 0
+
+
 def gathered(array):
     """The entries of an array, read one by one."""
     if dr.depth_v(array) > 1:

@@ -20,7 +20,7 @@ from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
 from mi_lcair.plugins.derivatives import deriving, nodes
 from mi_lcair.plugins.integrators.bounce_path import BouncePath
 from mi_lcair.plugins.paths.launch import numbers
-from mi_lcair.plugins.paths.path_tracer import SceneState
+from mi_lcair.plugins.paths.scene_state import SceneState
 from mi_lcair.rendering.loading import parsing, remarks
 from mi_lcair.rendering.loading.files import survey
 from mi_lcair.rendering.loading.meshes import (

@@ -493,14 +493,12 @@ def tables(model: ReflectionModel, values: tuple, form: str) -> tuple:
 
 def tabulated(reflectance) -> mi.Float:
     """Table of a function of theta_r [rad], a Float64 array, at even steps of sqrt(cos)."""
-    Float64 = dr.float64_array_t(mi.Float)
-
-    def quadratures(t):
-        return reflectance(dr.acos(dr.square(t)))
-
-    coarse = quadratures(dr.linspace(Float64, 0, 1, STEPS // STEPS_PER_QUADRATURE + 1))
-    fine = quadratures(dr.arange(Float64, STEPS_AT_HORIZON) / STEPS)
-    node = dr.arange(mi.UInt32, STEPS + 1)
+    Float64, count = dr.float64_array_t(mi.Float), STEPS // STEPS_PER_QUADRATURE + 1
+    # One quadrature for all, which is traced once
+    t = dr.concat([dr.linspace(Float64, 0, 1, count), dr.arange(Float64, STEPS_AT_HORIZON) / STEPS])
+    values, node = reflectance(dr.acos(dr.square(t))), dr.arange(mi.UInt32, STEPS + 1)
+    coarse = gather(values, dr.arange(mi.UInt32, count))
+    fine = gather(values, count + dr.arange(mi.UInt32, STEPS_AT_HORIZON))
     table = dr.select(
         node < STEPS_AT_HORIZON,
         gather(fine, dr.minimum(node, STEPS_AT_HORIZON - 1)),

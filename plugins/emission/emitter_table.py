@@ -1,5 +1,7 @@
 """The emitters of a scene: their labels, and sampling of directions toward them."""
 
+from collections.abc import Set
+from copy import copy
 from dataclasses import dataclass, field, replace
 
 import drjit as dr
@@ -8,6 +10,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.bsdfs.plume import is_passed, spectral_plumes
+from mi_lcair.plugins.derivatives import children
 from mi_lcair.plugins.emission import triangles
 from mi_lcair.plugins.emission.draw_table import DrawTable, FieldOfView, can_be_hit, radiance_bound
 from mi_lcair.plugins.emission.sources import Groups, Sources, at_pointer
@@ -93,6 +96,7 @@ class BinnedRadiance:
 # Largest number of surfaces in a row that a ray passes. A path that needs more is not a number, so
 # that it is counted and reported as an invalid sample.
 MOST_PASSED = 32
+MOST_HIDDEN = 64  # pairs of a field of view and a shape of which a table keeps what is outside
 
 
 class EmitterTable:
@@ -109,8 +113,11 @@ class EmitterTable:
     surfaces that rays pass, see `is_passed`. sheets: those of the scene; None if it has none.
     """
 
+    UNRECORDED = ("bounds", "brightest", "brightest_of", "unbounded", "_in_view", "_hidden")
+
     def __init__(self, scene, sampling: bool, by_spectrum: bool = False, preference: float = 1.0):
-        emitters = list(scene.emitters())
+        emitters = self.emitters = list(scene.emitters())
+        self.sampling, self.by_spectrum, self.preference = sampling, by_spectrum, preference
         self.groups = Groups(scene, emitters)
         self.labels = self.groups.labels
         self.sun = one_sun(emitters)
@@ -123,27 +130,8 @@ class EmitterTable:
         self.divided_id = None
         if self.divided is not None:
             self.divided_id = mi.UInt32(triangles.pointer_id(mi.EmitterPtr(self.divided)))
-        self.sources = Sources(emitters, self.labels, self.band, by_spectrum)
-
-        bounds = {emitter: radiance_bound(emitter) for emitter in emitters if can_be_hit(emitter)}
-        self.unbounded = [describe(emitter) for emitter, bound in bounds.items() if bound is None]
-        self.bounds = [(emitter.get_shape(), bound) for emitter, bound in bounds.items()]
-        largest = [float(bound.max()) for bound in bounds.values() if bound is not None]
-        self.brightest = max(largest, default=0.0)
-        self.brightest_of = brightest_of_groups(bounds)
-        self.opaque_brightest = dr.opaque(mi.Float, self.brightest)
-        self._in_view = {}  # results of `brightest_in_view`
-
-        drawn = [e for e in emitters if sampling or not can_be_hit(e)]
-        # The sun has a drawn direction of its own, where it would take its place among others
-        of_sun = [e for e in drawn if sampling and e is self.sun]
-        rest = [e for e in drawn if e not in of_sun]
-        tables = [
-            DrawTable(rest, bounds, self.brightest, preference),
-            DrawTable(of_sun, bounds, self.brightest),
-        ]
-        self.tables = [table for table in tables if not table.is_empty]
-        self.draws = bool(self.tables)
+        self._hidden, self.bounds, self.sources, self.tables = {}, {}, None, []
+        self.set_radiances()
         flags = {int(bsdf.flags()) for bsdf in {shape.bsdf() for shape in scene.shapes()}}
         self.passes = any(map(is_passed, flags))
         # Drawn rays count how often they pass each plume that depends on wavelength
@@ -155,6 +143,48 @@ class EmitterTable:
         )
         self.offsets, self.sheets = Offsets(scene), Sheets.of(scene)
         dr.make_opaque(self.sun_id, self.divided_id, self.spectral_plumes)
+
+    def with_radiances(self, changed: set) -> "EmitterTable":
+        """The table of the same scene with other radiances of what emits.
+
+        changed: the emitters, shapes and textures whose arrays have changed. None of these is
+        geometry.
+        """
+        table = copy(self)
+        table.set_radiances(changed)
+        return table
+
+    def set_radiances(self, changed: Set = frozenset()) -> None:
+        """Set all that depends on the radiances of the emitters."""
+        emitters, sampling = self.emitters, self.sampling
+        if self.sources is None or self.by_spectrum:
+            self.sources = Sources(emitters, self.labels, self.band, self.by_spectrum)
+        # To read those of all emitters takes longer than all else here
+        known = {
+            e: bound
+            for e, bound in self.bounds.items()
+            if changed.isdisjoint((e, e.get_shape(), *children(e)))
+        }
+        hit = filter(can_be_hit, emitters)
+        bounds = self.bounds = {e: known[e] if e in known else radiance_bound(e) for e in hit}
+        self.unbounded = [describe(emitter) for emitter, bound in bounds.items() if bound is None]
+        largest = [float(bound.max()) for bound in bounds.values() if bound is not None]
+        self.brightest = max(largest, default=0.0)
+        self.brightest_of = brightest_of_groups(bounds)
+        self.opaque_brightest = dr.opaque(mi.Float, self.brightest)
+        self._in_view = {}  # results of `brightest_in_view`
+
+        drawn = [e for e in emitters if sampling or not can_be_hit(e)]
+        # The sun has a drawn direction of its own, where it would take its place among others
+        of_sun = [e for e in drawn if sampling and e is self.sun]
+        rest = [e for e in drawn if e not in of_sun]
+        before = self.tables[0] if self.tables else None
+        tables = [
+            DrawTable(rest, bounds, self.brightest, self.preference, before),
+            DrawTable(of_sun, bounds, self.brightest),
+        ]
+        self.tables = [table for table in tables if not table.is_empty]
+        self.draws = bool(self.tables)
 
     def spawn_ray(self, si, d):
         return mi.Ray3f(self.offsets.leave(si, d), d)
@@ -176,14 +206,24 @@ class EmitterTable:
         brightest = 0.0
         if self.sun is not None:
             brightest = float(dr.detach(self.sun.scale)[0]) / np.pi
-        for shape, bound in self.bounds:
+        for emitter, bound in self.bounds.items():
+            shape = emitter.get_shape()
             is_model = shape and facet_type_of(shape.emitter()) == "model"
             if bound is None or bound.max() <= brightest or (is_model and not with_model):
                 continue
-            hidden = field.excludes(hulls(shape)) if shape else np.zeros(1, bool)
+            hidden = self.hidden(field, shape) if shape else np.zeros(1, bool)
             bounds = np.broadcast_to(bound, hidden.shape) if len(bound) == 1 else bound
             brightest = max(brightest, float(bounds[~hidden].max(initial=0.0)))
         return brightest
+
+    def hidden(self, field: FieldOfView, shape) -> np.ndarray:
+        """Which parts of a shape are outside of a field of view, see `hulls`."""
+        key = field.normals.tobytes(), field.offsets.tobytes(), shape
+        if key not in self._hidden:
+            if len(self._hidden) >= MOST_HIDDEN:
+                self._hidden.clear()
+            self._hidden[key] = field.excludes(hulls(shape))
+        return self._hidden[key]
 
     def label(self, emitter, d):
         """Index into `labels` of an emitter that is met along `d`; that of `other` for none."""

@@ -1,6 +1,8 @@
 """The panels of emitting meshes, toward which directions are drawn: rectangles and triangles."""
 
+from copy import copy
 from dataclasses import dataclass
+from functools import cached_property
 
 import drjit as dr
 import mitsuba as mi
@@ -34,14 +36,18 @@ class Panels:
     emit on both sides. These three are NumPy, (n,).
     """
 
+    UNRECORDED = ("may_pair", "pairs", "first", "counts", "area", "radiance", "emits_behind")
+    UNRECORDED += ("corners", "normal", "order", "spheres")
+
     def __init__(self, table: TriangleTable, radiance, emits_behind):
         """radiance, emits_behind: one for each triangle."""
         self.table = table
         rows = table.rows.numpy().astype(np.float64).reshape(-1, 3, 4)
         mesh = np.repeat(np.arange(len(table.counts)), table.counts)
-        vertices, like = vertices_of(rows), np.stack([mesh, radiance, emits_behind], 1)
+        vertices = vertices_of(rows)
         corner = right_angle(vertices)
-        pairs = rectangles(vertices, corner, like)
+        self.may_pair = rectangles(vertices, corner) & (mesh[:-1] == mesh[1:])
+        pairs = self.pairs = paired(self.may_pair, radiance, emits_behind)
         is_second = np.zeros(len(rows), bool)
         is_second[pairs + 1] = True
         self.first = np.flatnonzero(~is_second)
@@ -63,6 +69,24 @@ class Panels:
         self.of_triangles = mi.UInt32(np.cumsum(~is_second) - 1)
         self.kinds = mi.UInt32(self.is_rectangle)
         dr.make_opaque(self.rows, self.of_triangles, self.kinds)
+
+    def at(self, radiance, emits_behind) -> "Panels":
+        """Those of the same triangles with other radiances, one for each triangle."""
+        if not np.array_equal(self.pairs, paired(self.may_pair, radiance, emits_behind)):
+            return Panels(self.table, radiance, emits_behind)
+        panels = copy(self)
+        panels.radiance, panels.emits_behind = radiance[self.first], emits_behind[self.first]
+        return panels
+
+    @cached_property
+    def order(self) -> np.ndarray:
+        """Order of the panels in a tree, see `neighbours`."""
+        return neighbours(self.corners.mean(axis=1), self.normal)
+
+    @cached_property
+    def spheres(self) -> np.ndarray:
+        """Spheres around the nodes of a tree in that order, see `spheres`."""
+        return spheres(self.corners[self.order])
 
     def find(self, shape, prim_index, active=True) -> tuple[mi.UInt32, mi.Bool]:
         """The panel of a shape's triangle, and whether there is one."""
@@ -140,10 +164,10 @@ def norms(vectors) -> np.ndarray:
     return np.linalg.norm(vectors, axis=-1)
 
 
-def rectangles(vertices, corner, like) -> np.ndarray:
-    """Numbers of the triangles that form a rectangle with the next one.
+def rectangles(vertices, corner) -> np.ndarray:
+    """Which triangles form a rectangle with the next one, (n - 1,).
 
-    corner: the result of `right_angle`. like: what both must have in common, (n, m).
+    corner: the result of `right_angle`.
     """
     turn = (corner[:, None] + np.arange(3)) % 3
     right, end_1, end_2 = np.moveaxis(np.take_along_axis(vertices, turn[:, :, None], 1), 1, 0)
@@ -158,10 +182,16 @@ def rectangles(vertices, corner, like) -> np.ndarray:
         end_1[1:] - end_2[:-1],
         end_2[1:] - end_1[:-1],
     ]
-    is_pair = is_right[:-1] & (like[:-1] == like[1:]).all(axis=1)
+    is_pair = is_right[:-1]
     for gap in apart:
-        is_pair &= norms(gap) < ROUNDING * size[:-1]
+        is_pair = is_pair & (norms(gap) < ROUNDING * size[:-1])
+    return is_pair
+
+
+def paired(may_pair, radiance, emits_behind) -> np.ndarray:
+    """Numbers of the triangles that are one panel with the next one, which emits the same."""
     pairs, last = [], -2
+    is_pair = may_pair & (radiance[:-1] == radiance[1:]) & (emits_behind[:-1] == emits_behind[1:])
     for number in np.flatnonzero(is_pair):
         if number > last + 1:
             pairs.append(number)
@@ -200,17 +230,19 @@ class LightTree:
 
     panels: the `Panels`. panel_of: the panel of each leaf; leaf_of: the leaf of each panel. levels,
     count: number of levels below the root, and of panels. powers: share of each node in the power.
-    nodes: see the function `nodes`. sides: for each leaf, the bound of the radiance, and 1 where it
+    nodes: `spheres` and `emission`. sides: for each leaf, the bound of the radiance, and 1 where it
     emits on both sides, 0 elsewhere. least: smallest probability of each panel, (n,), NumPy.
     """
+
+    UNRECORDED = ("least",)
 
     def __init__(self, panels: Panels):
         power = panels.radiance * panels.area
         self.panels, self.least = panels, ANYWHERE * power / power.sum()
-        order = neighbours(panels.corners.mean(axis=1), panels.normal)
-        depth = max(int(len(order) - 1).bit_length(), 1)
+        order, depth = panels.order, depth_of(panels.order)
         leaves, both_sides = power[order] / power.sum(), panels.emits_behind[order]
-        rows = nodes(panels.corners[order], panels.normal[order], leaves, both_sides, depth)
+        of_emission = emission(panels.normal[order], leaves, both_sides)
+        rows = np.concatenate([panels.spheres, of_emission], axis=1)
         self.nodes = mi.Float(rows.ravel())
         self.powers = mi.Float(of_levels(np.pad(leaves, (0, 2**depth - len(order)))))
         self.sides = mi.Float(np.stack([panels.radiance[order], both_sides], axis=1).ravel())
@@ -314,27 +346,39 @@ def of_levels(leaves, combine=np.add) -> np.ndarray:
     return np.concatenate([np.zeros_like(leaves[:1]), *levels[::-1]])
 
 
-def nodes(corners, normal, power, is_two_sided, depth: int) -> np.ndarray:
-    """Spheres around the nodes, and their emission, (nodes, 8).
+def depth_of(leaves) -> int:
+    """Number of levels of a tree below its root."""
+    return max(int(len(leaves) - 1).bit_length(), 1)
 
-    corners: (n, 4, 3) [m]. A sphere is its centre and radius [m]. The emission is a vector and a
-    number: in a direction of unit length, a node emits its product with the vector where that is
-    positive, and the number. The vector is the sum of power times normal. The rest of the power is
-    assumed to have random normals: the mean cosine of one side is 1/4, of both 1/2.
+
+def spheres(corners) -> np.ndarray:
+    """Centres and radii of spheres around the nodes of a tree, (nodes, 4) [m].
+
+    corners: those of the leaves, (n, 4, 3) [m].
     """
-    missing = (0, 2**depth - len(power))
+    missing = (0, 2 ** depth_of(corners) - len(corners))
     low = np.pad(corners.min(axis=1), [missing, (0, 0)], constant_values=np.inf)
     high = np.pad(corners.max(axis=1), [missing, (0, 0)], constant_values=-np.inf)
     low, high = of_levels(low, np.minimum), of_levels(high, np.maximum)
     is_empty = ~(low <= high).all(axis=1, keepdims=True)
     low, high = (np.where(is_empty, 0, corner) for corner in (low, high))
-    radius = 0.5 * norms(high - low)
+    return np.concatenate([0.5 * (low + high), 0.5 * norms(high - low)[:, None]], axis=1)
+
+
+def emission(normal, power, is_two_sided) -> np.ndarray:
+    """Emission of the nodes of a tree, (nodes, 4), from normal and power of the leaves.
+
+    It is a vector and a number: in a direction of unit length, a node emits its product with the
+    vector where that is positive, and the number. The vector is the sum of power times normal. The
+    rest of the power is assumed to have random normals: the mean cosine of one side is 1/4, of both
+    1/2.
+    """
+    missing = (0, 2 ** depth_of(power) - len(power))
     of_one, of_both = np.where(is_two_sided, 0, power), np.where(is_two_sided, power, 0)
     preferred = of_levels(np.pad(normal * of_one[:, None], [missing, (0, 0)]))
     of_one, of_both = (of_levels(np.pad(share, missing)) for share in (of_one, of_both))
     rest = np.maximum(of_one - norms(preferred), 0) / 4 + of_both / 2
-    columns = 0.5 * (low + high), radius[:, None], preferred, rest[:, None]
-    return np.concatenate(columns, axis=1)
+    return np.concatenate([preferred, rest[:, None]], axis=1)
 
 
 def neighbours(centres, normals) -> np.ndarray:
@@ -363,6 +407,8 @@ class ByPower:
     Where emitting walls surround the scene, all reflected paths end at some of them, and a tree
     costs more than it saves.
     """
+
+    UNRECORDED = ("least",)
 
     def __init__(self, panels: Panels):
         self.panels, self.choice = panels, Choice(panels.radiance * panels.area)

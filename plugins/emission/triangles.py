@@ -138,6 +138,8 @@ class Choice:
     the same shape, NumPy Float64. count: n.
     """
 
+    UNRECORDED = ("probability",)
+
     def __init__(self, weights):
         parts = np.cumsum(weights, axis=-1) / np.sum(weights, axis=-1, keepdims=True)
         ends = np.rint(parts * 2.0**32).astype(np.uint64)
@@ -184,6 +186,8 @@ class TriangleTable:
 
     counts: number of triangles of each mesh. area: (n,), NumPy Float64 [m^2].
     """
+
+    UNRECORDED = ("counts", "area")
 
     def __init__(self, meshes):
         corners, first = [], {}

@@ -12,7 +12,15 @@ import numpy as np
 from mi_lcair.declared import Bounds, needs, one_of
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import in_band_radiance
-from mi_lcair.plugins.derivatives import check_attached, held, members, same_variables, unrecorded
+from mi_lcair.plugins.derivatives import (
+    check_attached,
+    held,
+    is_aligned,
+    members,
+    own_memory,
+    same_variables,
+    unrecorded,
+)
 from mi_lcair.plugins.emission import triangles
 from mi_lcair.plugins.emission.draw_table import largest, texture_bound
 from mi_lcair.plugins.emission.emissivity import Emissivities, emissivity_of, reflects
@@ -155,6 +163,8 @@ class Thermal(ThermalEmitter):
         for parameter in (self.temperature, self.radiance, self.given_emissivity):
             if parameter is not None:
                 dr.make_opaque(parameter)
+        # In the memory of NumPy's, they would need recordings of their own
+        own_memory([a for a in self.sources() if not (dr.grad_enabled(a) or is_aligned(a))])
         self.derived_from = held(self.sources())
         for temperature in self.derived_from:
             values = dr.detach(temperature).numpy()

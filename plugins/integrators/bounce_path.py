@@ -19,7 +19,8 @@ from mi_lcair.plugins.derivatives import deriving, leaves, nodes
 from mi_lcair.plugins.emission.draw_table import PREFERRED
 from mi_lcair.plugins.emission.triangles import refresh_geometry
 from mi_lcair.plugins.emitters.thermal import derive_together
-from mi_lcair.plugins.paths.path_tracer import PathTracer, SceneState
+from mi_lcair.plugins.paths.path_tracer import PathTracer
+from mi_lcair.plugins.paths.scene_state import SceneState
 from mi_lcair.plugins.properties import HOTTEST, Property, read
 from mi_lcair.tasks import exclusive, tracing
 
@@ -142,8 +143,9 @@ class BouncePath(RBIntegrator):
         by_spectrum : bool
             Record emission separately for each spectrum of a group, not only for each group.
         kept : dict or None
-            The tracers of this scene that were made before, with the states of the scene. One of
-            them is given again if nothing has changed since, and a new one is added.
+            The tracers of this scene that were made before. One of them is given again if nothing
+            has changed since. Otherwise a new one takes its place, with its recordings and those of
+            its tables that stay the same.
         explored : set of mi.BSDF or None
             BSDFs that are explored, see `exploring`. None: those whose gradients need it.
         binning : Binning
@@ -177,18 +179,19 @@ class BouncePath(RBIntegrator):
         settings = [getattr(self, entry.name) for entry in self.PROPERTIES]
         settings = [False if value == AUTO else value for value in settings]
         state, key = SceneState(objects, scene, *settings), (*of_tracer, *settings)
-        if key in kept and kept[key][0] == state:
-            return kept[key][1]
+        before = kept.get(key)
+        if before is not None and before.state == state:
+            return before
         refresh_geometry(scene)
         by_spectrum, explored, binning = of_tracer
         numbers = None  # of the surfaces that are explored
         if explored:
             bsdfs = [node for node in objects if isinstance(node, mi.BSDF)]
             numbers = surface_numbers(places_of(bsdfs), explored)
-        tracer = PathTracer(self, scene, by_spectrum, state, numbers, binning)
+        tracer = PathTracer(self, scene, by_spectrum, state, numbers, binning, before)
         if not state.has_gradients:
             kept.pop(key, None)
-            kept[key] = state, tracer
+            kept[key] = tracer
             if len(kept) > MOST_KEPT:
                 kept.pop(next(iter(kept)))
         return tracer

@@ -21,6 +21,7 @@ from mi_lcair.plugins.bins.sums import MOST_SUMS, BinSums, ByBinOfPath, SourceSu
 from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.bsdfs.reflection_bsdf import ReflectionBSDF, has_spectral_materials
 from mi_lcair.plugins.columns.control import control_of
+from mi_lcair.plugins.derivatives import is_aligned
 from mi_lcair.plugins.emission.draw_table import PREFERENCE, PREFERRED, UnmetSources
 from mi_lcair.plugins.emission.emissivity import Emissivities
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
@@ -33,6 +34,7 @@ from mi_lcair.plugins.paths.launch import (
     Paths,
     rounding_error,
 )
+from mi_lcair.plugins.paths.scene_state import EMISSION, GEOMETRY, Form, SceneState
 from mi_lcair.plugins.paths.sheets import nearest_hit
 from mi_lcair.plugins.paths.sums import BlockSums, Sums, Tail, block_size
 from mi_lcair.plugins.paths.walk import Replay, Walk
@@ -40,98 +42,58 @@ from mi_lcair.plugins.recorders.channels import Channels, LastCounts, cell_of
 from mi_lcair.plugins.recorders.radiance import SIZES, ByBounce, FirstHit, UnmetSource
 from mi_lcair.plugins.recorders.recorder import Recorders
 
-# The state of a scene, and the recording of launches in it, whose Python code then runs once
-# -------------------------------------------------------------------------------------------
+# The recording of launches, whose Python code then runs once
+# -----------------------------------------------------------
 # Dr.Jit's `freeze` records which kernels a function launches, and launches them again for other
 # arrays. An array that it was not given is an error, but a Python number goes into the recording
-# unseen. A recording must therefore never outlive the state of the scene for which it was made. It
-# belongs to a `PathTracer`, whose scene does not change. What differs between its launches is an
-# array, a number or a text among the arguments.
+# unseen. Recordings therefore belong to a `Form`, in which all numbers are. What differs between
+# launches is an array, or a number or a text among the arguments. The tables of a changed scene are
+# other arrays: its tracer takes the recordings over if the form is the same.
 
 OFF = "MI_LCAIR_NO_RECORDING"  # environment variable; not empty: nothing is recorded
 MOST_RECORDINGS = 16  # of one tracer; the one used least recently is dropped
-PACKAGE = __name__.partition(".")[0] + "."
-# Mitsuba's objects of which `dr.freeze` finds all arrays. Others may end the process while it
-# records: a bitmap texture does.
-RECORDABLE = {"Scene", "PLYMesh", "SmoothDiffuse", "UniformSpectrum", "MeshAttribute"}
-OF_VERTICES = 'name = "vertex_'  # in the text of an attribute; a temperature of it ends the process
-
-
-class SceneState:
-    """All objects of a scene that a path meets, their parameters and their attributes.
-
-    `==` tells whether nothing has changed. It holds references to everything, so that the identity
-    of an object or of a Dr.Jit variable says whether it is still the same one. Derivatives of
-    parameters are a part of the state. plugins: the plugins in Python of this package. is_known:
-    whether everything can be seen; False with a plugin in Python from elsewhere, whose attributes
-    may change in any way. is_recordable: whether launches in the scene can be recorded.
-    """
-
-    def __init__(self, objects, *settings):
-        """objects: those of a scene, see `nodes`."""
-        self.values, self.plugins, self.is_known, arrays = list(settings), [], True, []
-        self.is_recordable = True
-        for node in objects:
-            values = [node, *derivatives.members(node).values()]
-            if type(node).__module__.startswith(PACKAGE):
-                self.plugins.append(node)
-                values += vars(node).values()
-                arrays += (
-                    derivatives.flatten(tuple(node.derivations))
-                    if isinstance(node, derivatives.Deriving)
-                    else []
-                )
-            elif not type(node).__module__.startswith("mitsuba"):
-                self.is_known = self.is_recordable = False
-            elif not is_recordable(node):
-                self.is_recordable = False
-            for value in values:
-                (arrays if dr.is_array_v(value) else self.values).append(value)
-        self.variables = derivatives.held(
-            [variable for array in arrays for variable in derivatives.variables(array)]
-        )
-
-    @property
-    def has_gradients(self) -> bool:
-        return derivatives.attached(self.variables)
-
-    def __eq__(self, other):
-        return (
-            self.is_known
-            and len(self.values) == len(other.values)
-            and all(map(same, self.values, other.values))
-            and derivatives.same_variables(self.variables, other.variables)
-        )
-
-
-def is_recordable(node) -> bool:
-    """Whether `dr.freeze` can record an object of Mitsuba."""
-    kind = node.class_name().partition("[")[0]
-    return kind in RECORDABLE and not (kind == "MeshAttribute" and OF_VERTICES in str(node))
-
-
-def same(a, b) -> bool:
-    """Whether two values are the same object, or equal numbers or texts."""
-    return a is b or (type(a) is type(b) and isinstance(a, (bool, int, float, str)) and a == b)
 
 
 class Recordings:
-    """Recordings of `PathTracer.block_sums` for one tracer.
+    """Recordings of `PathTracer.block_sums` for tracers of one form.
 
     reason: why launches are traced and not recorded; None if they are recorded.
     """
 
-    def __init__(self, state: SceneState):
-        """state: the state of the tracer's scene."""
-        self.plugins = state.plugins
-        self.frozen = dr.freeze(run, limit=MOST_RECORDINGS, warn_after=2**31 - 1)
-        self.reason = None
+    def __init__(self, state: SceneState, tables: tuple, changed: dict[str, set], before=None):
+        """state: that of the tracer's scene. tables: all else that a recording has, in memory of
+        Dr.Jit's. changed: see `SceneState.follow`. before: recordings of the scene in the state
+        before, which may serve this tracer, too; None without any.
+        """
+        self.plugins, self.reason = state.plugins, None
         if os.environ.get(OFF):
             self.reason = f"{OFF} is set"
         elif not state.is_recordable:
             self.reason = "the scene has objects that are not known to be recordable"
         elif state.has_gradients:
             self.reason = "parameters have gradients"
+        self.frozen = dr.freeze(run, limit=MOST_RECORDINGS, warn_after=2**31 - 1)
+        self.forms = None
+        if self.reason is None:
+            self.forms = state.forms, Form(tables)
+            # Embree's acceleration structure keeps its place when geometry changes
+            if changed[GEOMETRY] and dr.backend_v(mi.Float) != dr.JitBackend.LLVM:
+                before = None
+            self.follow(state, set().union(*changed.values()), before)
+
+    def follow(self, state: SceneState, changed: set, before: "Recordings | None") -> None:
+        """Take earlier recordings over, if they serve for the present arrays.
+
+        Dr.Jit 1.5 does not see whether an array is aligned as that of the recording was. If it is
+        not, the kernels read it wrongly. changed: the objects whose arrays are others.
+        """
+        follows = before is not None and before.forms == self.forms
+        some = changed if follows else state.values.keys() - {None}
+        now = {node for node in some if not all(map(is_aligned, state.arrays(node)))}
+        unaligned = before.unaligned - changed if follows else set()
+        if follows and changed.isdisjoint(before.unaligned | now):
+            self.frozen = before.frozen
+        self.unaligned = unaligned | now
 
     @property
     def count(self) -> int:
@@ -211,7 +173,12 @@ class Unseen:
 def run(call, scene, pointers, arrays, *arguments):
     """The function that is recorded. `freeze` compares all arguments but `call`."""
     tracer, plugins, attributes = call.content
-    with attributes_replaced(plugins, attributes):
+    tables = tracer.recorded.forms[1].unrecorded
+    recorded = tuple(
+        {name: value for name, value in vars(table).items() if name not in table.UNRECORDED}
+        for table in tables
+    )
+    with attributes_replaced((*plugins, *tables), (*attributes, *recorded)):
         return tracer.block_sums(*arguments)
 
 
@@ -273,25 +240,44 @@ class PathTracer(RBIntegrator):
     """
 
     def __init__(
-        self, settings, scene, by_spectrum: bool, state: SceneState, explored, binning: Binning
+        self,
+        settings,
+        scene,
+        by_spectrum: bool,
+        state: SceneState,
+        explored,
+        binning: Binning,
+        before: "PathTracer | None" = None,
     ):
         """settings: the integrator `bounce_path`, with its properties. explored: see `Walk`.
-        binning: decides on the bins of wavelength.
+        binning: decides on the bins of wavelength. before: that of an earlier state of the scene.
         """
         super().__init__(mi.Properties())
         has_bins, binning_error = has_spectral_materials(scene), 0.0
         in_detail = by_spectrum and not has_bins
         samples = settings.emitter_sampling in (True, PREFERRED)
         preference = PREFERENCE if settings.emitter_sampling == PREFERRED else 1.0
-        emitters = EmitterTable(scene, samples, in_detail, preference)
+        like = None  # the tracer before, if tables that depend on the geometry alone are the same
+        changed = state.follow(before and before.state)
+        if before is not None and state.is_known and not (has_bins or changed[GEOMETRY]):
+            like = before if state.forms == before.state.forms else None
+        if like is None:
+            emitters = EmitterTable(scene, samples, in_detail, preference)
+        else:
+            emitters = like.emitters
+            if changed[EMISSION]:
+                emitters = emitters.with_radiances(changed[EMISSION])
         ambient = None
         if settings.closure == "ambient":
             ambient = mi.Float(in_band_radiance(emitters.band, settings.ambient_temperature))
         most = settings.max_bounces
         paths = Walk(scene, emitters, most, samples, ambient, explored)
         if settings.opening_sampling is True and not emitters.passes and emitters.sun is None:
-            paths.openings = Openings.of(scene)
-        derivatives.own_memory(derivatives.flatten((emitters, paths.openings)))
+            paths.openings = Openings.of(scene) if like is None else like.paths.openings
+        owned = derivatives.flatten(like and (like.emitters, like.paths.openings))
+        owned = set(map(id, owned))
+        tables = derivatives.flatten((emitters, paths.openings))
+        derivatives.own_memory([array for array in tables if id(array) not in owned])
         if has_bins:
             T = None if ambient is None else settings.ambient_temperature
             count = binning.recorded or settings.bins
@@ -306,6 +292,7 @@ class PathTracer(RBIntegrator):
         of_tables = max((part.relative_error for part in tabulated), default=0.0)
         vars(self).update(
             scene=scene,
+            state=None if state.has_gradients else state,  # it would keep their graph
             plugins=derivatives.deriving(state.plugins),
             emitters=emitters,
             max_bounces=most,
@@ -318,7 +305,7 @@ class PathTracer(RBIntegrator):
             ),
             bins=str(paths.by_bin or ""),
             records_bins=has_bins and bool(binning.recorded),
-            recorded=Recordings(state),
+            recorded=Recordings(state, (vars(paths), ambient), changed, before and before.recorded),
             is_complete=True,
         )
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import benchmarks
-from benchmarks import errors, gpu, speed, timing, work
+from benchmarks import errors, gpu, loop, speed, timing, work
 from mi_lcair.fitting.report import Fit
 
 ROOT = Path(__file__).parents[2]
@@ -69,6 +69,13 @@ def test_throughput():
     case = speed.Throughput()
     ratios = case.setup_cache(bounces=2, spp=4, resolution=16, repeats=1)
     assert all(case.track_paths(ratios, against) > 0 for against in case.params)
+
+
+@pytest.mark.slow
+def test_a_loop_changes_each_kind_of_parameter():
+    times = loop.milliseconds("cavity", rounds=1)
+    kinds = ["nothing", "temperature", "reflectance.value", "sensor.to_world", "vertex_positions"]
+    assert list(times) == kinds and min(times.values()) > 0
 
 
 @pytest.mark.slow

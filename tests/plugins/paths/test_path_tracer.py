@@ -14,7 +14,8 @@ from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.derivatives import nodes
 from mi_lcair.plugins.paths.launch import Aim, Launch
-from mi_lcair.plugins.paths.path_tracer import OFF, is_recordable
+from mi_lcair.plugins.paths.path_tracer import OFF
+from mi_lcair.plugins.paths.scene_state import is_recordable
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.facets import FacetTable
 from mi_lcair.rendering.scene import load

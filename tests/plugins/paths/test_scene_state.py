@@ -6,7 +6,7 @@ import pytest
 
 from mi_lcair.api.intensities import signature
 from mi_lcair.plugins.derivatives import nodes
-from mi_lcair.plugins.paths.path_tracer import SceneState
+from mi_lcair.plugins.paths.scene_state import SceneState
 from mi_lcair.rendering.scene import load
 from tests.plugins.small_scenes import SCENES
 
