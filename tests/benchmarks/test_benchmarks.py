@@ -41,6 +41,7 @@ def test_ratio_is_one_of_times(monkeypatch):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("default:light of sky")  # a remark of the airliner's sweep
 @pytest.mark.parametrize(
     "track",
     [
