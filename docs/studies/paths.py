@@ -17,6 +17,7 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
 from statistics import median
+from unittest.mock import patch
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from benchmarks.methods.propagation import exact
 from docs.studies.page import label, write_page
 from mi_lcair.drawing import drawing
 from mi_lcair.physics.blackbody import in_band_radiance
+from mi_lcair.plugins.emission.hot_parts import HotParts
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.recorders.channels import Channels
 from mi_lcair.rendering.measurands import IntensityInterval, Measurands
@@ -249,17 +251,22 @@ def with_tolerances(name: str, parameters: dict) -> str:
 
 
 def with_facets(position: int, band: str) -> str:
-    """A row of the table of paths to 1 %: with one path for both parts, and with rays to facets."""
+    """A row of the table of paths to 1 %: one path for both parts, rays to facets, guided rays."""
     scene = mi_lcair.load("a340_landing", position=position, band=band)
     whole, texts = Windows.whole(scene.sensor(0)), []
-    for follows in (False, True):
+    for follows, hot_parts in ((False, no_parts), (True, no_parts), (True, HotParts.of)):
         windows, totals = replace(whole, may_follow_facets=follows), []
-        for seed in range(TOLERANCE_SEEDS):
-            plan = Sampling(tolerance=0.01, seed=seed), Measurands.of("target")
-            totals.append(measure(scene, windows, *plan, IntensityInterval(0.01)))
+        with patch.object(HotParts, "of", hot_parts):
+            for seed in range(TOLERANCE_SEEDS):
+                plan = Sampling(tolerance=0.01, seed=seed), Measurands.of("target")
+                totals.append(measure(scene, windows, *plan, IntensityInterval(0.01)))
         texts.append(", ".join(f"{int(total.traced[0]):,}" for total in totals))
     emission = float(totals[0].mean("target.bounce.0")[0] / totals[0].mean("target")[0])
-    return f"| {position}, {band} | {emission:.0%} | {texts[0]} | {texts[1]} |"
+    return f"| {position}, {band} | {emission:.0%} | {' | '.join(texts)} |"
+
+
+def no_parts(emitters) -> None:
+    """In place of `HotParts.of`, so that no rays are guided."""
 
 
 def draw(path, panels: dict[str, tuple[str, dict[str, Curve]]]) -> None:

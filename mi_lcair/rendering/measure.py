@@ -12,6 +12,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.emitter_table import hulls
+from mi_lcair.plugins.emission.hot_parts import HotParts
 from mi_lcair.plugins.emission.panels import Openings
 from mi_lcair.plugins.integrators.bounce_path import AUTO
 from mi_lcair.plugins.paths.launch import (
@@ -80,27 +81,95 @@ def aim_at_model(
         That of `aim_over_model`, if it is known. Its `direct` is that of the aim.
     """
     over = over or aim_over_model(scene, sensor)
-    views, cells = views_of(sensor), cells_of(sensor)
-    columns, recorded = cells * len(views), measurands.with_columns(None)
-    hit = "hit" if measurands.channels.split == "model" else "target.hit"
-    part = WHOLE if over.direct is None else OTHER_THAN_DIRECT
-    # A row of the film is one of all windows
-    seen = np.flatnonzero(over.may_be_model.swapaxes(0, 1)).astype(np.uint32)
-    noted = np.zeros((3, cells * columns))
-    for first in range(0, len(seen), MOST_PATHS // POINTS):
-        some = seen[first : first + MOST_PATHS // POINTS]
-        of_cells = {"windows": len(some), "listed": some, "aim": Aim.anywhere(cells), "part": part}
-        sums = recorded.trace(tracer, sensor, Launch(columns, cells, seed, 1, POINTS, **of_cells))
-        values = sums.channels[hit], sums.highest["target"], sums.channels["target"]
-        noted[:, some] = [np.ravel(of_some) for of_some in values]
-    importance = np.zeros((len(views), cells, cells))
-    for values in noted.reshape(3, cells, len(views), cells).swapaxes(1, 2):
-        importance += shared_out(blurred(values))
-    importance[~values.any(axis=(1, 2))] = 0  # of the radiance
-    on_model = ON_MODEL if len(views) == 1 and over.direct is None else ON_MODEL_OF_MANY
+    cells = CellSums(tracer, sensor, seed, measurands, over)
+    importance = np.zeros(over.may_be_model.shape)
+    cells.trace(cells.of_model, POINTS)
+    for values in cells.noted[:3]:
+        importance += shared_out(blurred(cells.of_views(values)))
+    importance[~cells.of_views(cells.noted[2]).any(axis=(1, 2))] = 0  # of the radiance
+    on_model = ON_MODEL if len(importance) == 1 and over.direct is None else ON_MODEL_OF_MANY
     on_model += ANYWHERE - over.anywhere
     aim = Aim.at(importance, over.may_be_model, on_model, over.anywhere)
     return replace(aim, direct=over.direct)
+
+
+# Paths of the second pilot in each of the most important cells of a view, and their number
+POINTS_OF_IMPORTANT, IMPORTANT = 32, 512
+ON_MODEL_GUIDED = 0.5  # as ON_MODEL_OF_MANY, where reflected rays are guided
+
+
+def aim_at_images(
+    scene, tracer, sensor, seed: int, measurands: Measurands, over: Aim
+) -> Aim | None:
+    """An aim at where the model shows bright parts in its reflections, with guided rays.
+
+    The density follows the rms radiance of the cells, which gives a sum the least variance. It is
+    known well only where bright paths are met. A first pilot therefore also uses the chance of each
+    path to meet a hot part, which is known where none has met it. A second pilot has many paths in
+    the cells that the first one finds important. The arguments are those of `aim_at_model`. None
+    without `HotParts`, or where rays cannot be guided.
+    """
+    hot = HotParts.of(tracer.emitters) if tracer.paths.may_be_guided else None
+    if hot is None:
+        return None
+    cells = CellSums(tracer, sensor, seed, measurands, over, hot)
+    cells.trace(cells.of_model, POINTS)
+    rms, of_chance = cells.rms(tracer.emitters.brightest)
+    first = blurred(rms) + 0.5 * (of_chance + blurred(of_chance))
+    by_cell = shared_out(first).swapaxes(0, 1).ravel()
+    some = np.argsort(-by_cell)[: IMPORTANT * len(rms)]
+    some = np.sort(some[by_cell[some] > 0])
+    cells.trace(some, POINTS_OF_IMPORTANT, first_point=POINTS)
+    is_known = np.zeros(by_cell.shape, bool)
+    is_known[some] = True
+    rms, of_chance = cells.rms(tracer.emitters.brightest)
+    well_known = rms + 0.3 * blurred(rms) + 0.1 * of_chance
+    importance = np.where(cells.of_views(is_known), well_known, first)
+    on_model = ON_MODEL_GUIDED + ANYWHERE - over.anywhere
+    aim = Aim.at(importance, over.may_be_model, on_model, over.anywhere)
+    return replace(aim, direct=over.direct, hot=hot)
+
+
+class CellSums:
+    """Pilots with a window for each cell of the windows, and what they have noted.
+
+    A row of the film is one of all windows. of_model: numbers of the cells where the model may be.
+    noted: of each cell the share that the model covers, the radiance of its brightest path and the
+    mean radiance [W m^-2 sr^-1], and the mean of `chance_squares` of `UnmetSource`.
+    """
+
+    def __init__(self, tracer, sensor, seed, measurands, over: Aim, hot: HotParts | None = None):
+        """over: an aim over the model; the others: see `aim_at_model`."""
+        self.tracer, self.sensor, self.seed = tracer, sensor, seed
+        self.recorded, self.shape = measurands.with_columns(None), over.may_be_model.shape
+        self.hit = "hit" if measurands.channels.split == "model" else "target.hit"
+        self.part = WHOLE if over.direct is None else OTHER_THAN_DIRECT
+        self.aim = replace(Aim.anywhere(self.shape[-1]), hot=hot)
+        self.of_model = np.flatnonzero(over.may_be_model.swapaxes(0, 1))
+        self.noted = np.zeros((4, over.may_be_model.size))
+
+    def trace(self, cells: np.ndarray, points: int, first_point: int = 0) -> None:
+        """Trace paths in some cells, and note their results in place of earlier ones."""
+        rows = self.shape[-1]
+        for first in range(0, len(cells), MOST_PATHS // points):
+            some = cells[first : first + MOST_PATHS // points].astype(np.uint32)
+            of_cells = {"windows": len(some), "listed": some, "aim": self.aim, "part": self.part}
+            of_cells["first_point"] = first_point
+            launch = Launch(rows * self.shape[0], rows, self.seed, 1, points, **of_cells)
+            sums = self.recorded.trace(self.tracer, self.sensor, launch)
+            chances = sums.unmet.get("chance_squares", np.zeros(len(some)))
+            channels = sums.channels[self.hit], sums.channels["target"]
+            hit, mean = (channel.ravel() / points for channel in channels)
+            self.noted[:, some] = hit, sums.highest["target"], mean, chances / points
+
+    def of_views(self, values: np.ndarray) -> np.ndarray:
+        """Values of all cells, (windows, cells, cells)."""
+        return values.reshape(self.shape[-1], *self.shape[:2]).swapaxes(0, 1)
+
+    def rms(self, brightest: float) -> tuple[np.ndarray, np.ndarray]:
+        """Rms radiances of the cells, about, from the paths and from chances to meet hot parts."""
+        _, highest, mean, chances = map(self.of_views, self.noted)
+        return np.sqrt(highest * mean), brightest * np.sqrt(chances)
 
 
 def aim_over_model(scene, sensor, model_alone: bool = False) -> Aim:
@@ -180,6 +249,10 @@ DRAWN_RAYS = {"emitter_sampling": 2, "opening_sampling": 4}
 WORTH_ASKING = 3
 # Cost of a ray to a facet, as a part of that of a path. Measured for an airliner.
 FACET_RAY = 0.5
+# Reflected rays are guided where an emitter is HOT times as bright as the model on average, and
+# where so many paths are needed that a comparison pays. Few paths tell little about rare bright
+# ones, so that MORE times as many are compared. The cost is that of a path, relative to another.
+HOT, LEAST_GUIDED, MORE, COST_OF_GUIDED = 100.0, 2**16, 4, 1.3
 PATHS_OF_A_START = 1, 8  # choices of the number of paths for each one that begins on a facet
 # Randomisations of the pilots of one window. With 32, two equal variances differ by less than 1.8.
 RANDOMISATIONS = 32
@@ -243,35 +316,48 @@ def best_aim(scene, tracer, windows, sampling, measurands, criterion) -> Aim:
 
     That part has hardly any noise then. Where emission and reflections add up to a constant, as in
     a closed isothermal scene, paths that bring both have none. Important parts of the windows are
-    looked for if more paths are needed than that takes. Without a model, paths begin anywhere. The
-    arguments are those of `measure`.
+    looked for if more paths are needed than that takes, and images of hot parts if these pay.
+    Without a model, paths begin anywhere. The arguments are those of `measure`.
     """
     if not model_shapes(scene):
         return Aim.anywhere()
 
-    def needed(aim: Aim) -> float:
-        return pilot(scene, windows, sampling, measurands, criterion, aim)[0]
+    def tried(aim: Aim, *times: int) -> tuple[float, Totals]:
+        return pilot(scene, windows, sampling, measurands, criterion, aim, *times)
 
     model_alone = measurands.channels.split == "model"
     best, starts = aim_over_model(scene, windows.sensor, model_alone), None
-    paths = needed(best)
+    paths, _ = tried(best)
     if windows.may_follow_facets and tracer.closure == "none":
         starts = starts_on_facets(scene, windows.sensor, tracer.emitters.brightest)
     for every in PATHS_OF_A_START if starts is not None else ():
         split = replace(best, direct=replace(starts, every=every))
-        paths_of_split = needed(split) * (1 + FACET_RAY / every)
+        paths_of_split = tried(split)[0] * (1 + FACET_RAY / every)
         if paths_of_split < paths:
             best, paths = split, paths_of_split
     if paths < pilot_paths(windows.sensor):
         return best
-    return aim_at_model(scene, tracer, windows.sensor, sampling.seed, measurands, best)
+    arguments = scene, tracer, windows.sensor, sampling.seed, measurands
+    plain = aim_at_model(*arguments, best)
+    if not windows.may_follow_facets:
+        return plain
+    paths, total = tried(plain, MORE)
+    hit = "hit" if measurands.channels.split == "model" else "target.hit"
+    mean = total.mean("target").sum() / total.mean(hit).sum()
+    if paths < LEAST_GUIDED or tracer.emitters.brightest < HOT * mean:
+        return plain
+    if starts is not None and best.direct is None:
+        best = replace(best, direct=replace(starts, every=PATHS_OF_A_START[-1]))
+    guided = aim_at_images(*arguments, best)
+    pays = guided is not None and COST_OF_GUIDED * tried(guided, MORE)[0] < paths
+    return guided if pays else plain
 
 
-def pilot(scene, windows, sampling, measurands, criterion, aim: Aim | None = None) -> tuple:
-    """Number of paths that a window needs, and the totals of the first paths."""
+def pilot(scene, windows, sampling, measurands, criterion, aim=None, times: int = 1) -> tuple:
+    """Number of paths that a window needs, and the totals of the first paths, or of more."""
     if not windows.are_pixels:
         windows = replace(windows, randomisations=RANDOMISATIONS)
-    points = min(windows.first_points(), windows.points(sampling.limit))
+    points = min(times * windows.first_points(), windows.points(sampling.limit))
     active, rays = np.arange(windows.count), ParallelRays.of(windows.sensor)
     binning = measurands.binning(sampling.tolerance)
     with scene.prepared(measurands.by_spectrum, binning=binning) as tracer:
@@ -291,16 +377,36 @@ def needed_paths(total: Totals, excess: float | np.ndarray) -> float:
 
     excess: ratio of the error to the allowed error, of each window or of all.
     """
-    scatter = 1.0
-    if total.by_randomisation:
-        channel = "target" if "target" in total.sums else None
-        random = student_factor(total.randomisations - 1) * total.scatter_error(channel)
-        whole = total.half_width(channel)
-        scatter = np.divide(random, whole, out=np.ones_like(whole), where=whole > 0) ** 2
+    scatter = scatter_share(total)
     square = np.minimum(excess, 1e60) ** 2
     of_scatter, of_rest = square * scatter, square * (1 - scatter)
-    ratio = (of_scatter + np.sqrt(of_scatter**2 + 4 * of_rest)) / 2
-    return float(np.mean(ratio * total.traced))
+    # More paths know the bound of missed sources better
+    bounds = [
+        total.largest_unmet(target_of(total), times=times)
+        for times in (1.0, np.mean(solution(of_scatter, of_rest)))
+    ]
+    now, later = bounds
+    of_rest = of_rest * np.divide(later, now, out=np.ones_like(now), where=now > 0) ** 2
+    return float(np.mean(solution(of_scatter, of_rest) * total.traced))
+
+
+def solution(of_scatter, of_rest):
+    """Positive root of x^2 = of_scatter x + of_rest."""
+    return (of_scatter + np.sqrt(of_scatter**2 + 4 * of_rest)) / 2
+
+
+def target_of(total: Totals) -> str | None:
+    """Name of the channel of the target; None, the whole, without one."""
+    return "target" if "target" in total.sums else None
+
+
+def scatter_share(total: Totals) -> float | np.ndarray:
+    """Part of the squared interval of each window that comes from scatter."""
+    if not total.by_randomisation:
+        return 1.0
+    random = student_factor(total.randomisations - 1) * total.scatter_error(target_of(total))
+    whole = total.half_width(target_of(total))
+    return np.divide(random, whole, out=np.ones_like(whole), where=whole > 0) ** 2
 
 
 # Ratio of the error to the allowed error, after the first paths, from which on the paths are aimed
@@ -414,7 +520,12 @@ def _until_met(
         check_valid(total.invalid, int(total.traced.sum()), scene.name)
         if criterion is not None and done >= goal:
             needed = total.excess = np.broadcast_to(criterion.excess(total), windows.count)
-            if settings and needed.max() > WORTH_ASKING:
+            aims = may_aim and needed.max() > WORTH_AIMING
+            if aims:
+                aim = best_aim(scene, tracer, windows, sampling, measurands, criterion)
+            # Where rays are guided, no other setting pays
+            asks = settings and needed.max() > WORTH_ASKING and not (aims and aim.hot)
+            if asks:
                 best = cheapest(scene, settings, windows, sampling, measurands, criterion)
                 if any(best.values()):
                     return best
@@ -423,7 +534,7 @@ def _until_met(
                 # The error of a lattice falls at most as 1 / points. A smaller estimate is luck,
                 # and to end there would state too small an error too often.
                 needed = np.maximum(needed, last * before / done)
-            last, before = needed, done
+            last, before = needed * np.sqrt(scatter_share(total)), done
             more = active[needed[active] > 1]
             if len(more):
                 active, goal = more, min(limit, windows.next_points(done, needed[more].min()))
@@ -433,9 +544,8 @@ def _until_met(
                     if shared is not None:
                         # From here on numbers of points are means. They begin with the pilot's.
                         allocation, may_share, done = shared, False, 0
-            if needed.max() > WORTH_AIMING and may_aim:
+            if aims:
                 # Begin again in all windows, with the same number of paths
-                aim = best_aim(scene, tracer, windows, sampling, measurands, criterion)
                 total, may_aim = windows.totals(tracer, aim), False
                 active, last = np.arange(windows.count), np.zeros(windows.count)
                 goal, done = done, 0

@@ -241,13 +241,14 @@ class Totals:
         return UNSEEN * self.largest_unmet(name) / np.maximum(self.paths, 1)
 
     def largest_unmet(
-        self, name: ChannelNames = None, draws: np.ndarray | None = None
+        self, name: ChannelNames = None, draws: np.ndarray | None = None, times: float = 1.0
     ) -> np.ndarray:
         """Largest contribution of a path to a source that no path has hit, (..., windows).
 
         It is at least the mean, because a shadow that no path has hit removes a path's radiance.
 
         draws: numbers of draws of parts of the only window, in place of those of the windows.
+        times: for so many times as many paths, if the others are like these.
         """
         recorded = dict(zip(self.sums, self.sums))
         is_one = not isinstance(name, list)
@@ -259,7 +260,8 @@ class Totals:
             weight = np.where(is_of_target(name), aim.largest_on_model, aim.largest_weight)
             starts = aim.direct
         brightest = self.brightest_of(name)
-        reflected = self.unmet.after_reflection(self.unmet_sums, weight)
+        sums = {name: v * times if name in SUMMED else v for name, v in self.unmet_sums.items()}
+        reflected = self.unmet.after_reflection(sums, weight)
         if draws is not None:
             reflected = np.maximum(self.unmet.rare(draws), self.unmet_sums["largest"])
         # Where no facet is in view, the weights are 0, and the brightest source may be unknown

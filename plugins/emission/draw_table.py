@@ -126,7 +126,8 @@ class UnmetSources:
     [W m^-2 sr^-1]. undrawn: that of the brightest source that a path meets by chance alone after a
     reflection. probability, radiance: the parts of emitters that are drawn, by rising probability
     of a draw, and the largest radiance of each part and of those before it [W m^-2 sr^-1].
-    brightest: radiance of the brightest source.
+    brightest: radiance of the brightest source. darker: where rays are guided, that of the
+    brightest source that is not one of the `HotParts`; None elsewhere.
     """
 
     in_view: float
@@ -134,6 +135,7 @@ class UnmetSources:
     probability: np.ndarray = field(default_factory=lambda: np.empty(0))
     radiance: np.ndarray = field(default_factory=lambda: np.empty(0))
     brightest: float = 0.0
+    darker: float | None = None
 
     def rare(self, draws: np.ndarray) -> np.ndarray:
         """Radiance of the brightest source met by chance alone after a reflection [W m^-2 sr^-1].
@@ -150,11 +152,17 @@ class UnmetSources:
         """What a path adds that meets a source by chance after a reflection [W m^-2 sr^-1].
 
         A source is as likely to be met at one reflection as at another, but for their throughput.
+        Hot parts are as likely to be met as their chance at each reflection says.
         Of sources that are drawn and at least BRIGHT, it is what the paths could have met instead
         of the throughput. sums: by the names of `UnmetSource`. largest_weight: that of a path.
         """
         rare = self.rare(sums["draws"])
-        rare = rare * self_weighted(sums["draws"], sums["squares"], largest_weight)
+        of_draws = self_weighted(sums["draws"], sums["squares"], largest_weight)
+        if self.darker is None:
+            rare = rare * of_draws
+        else:
+            of_hot = self_weighted(sums["chances"], sums["chance_squares"], largest_weight)
+            rare = np.maximum(rare * of_hot, self.darker * of_draws)
         potentials = sums["potential"], sums["potential_squares"]
         largest = sums["largest"] / (self.brightest or 1.0)
         bright = self.brightest * self_weighted(*potentials, largest)

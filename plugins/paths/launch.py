@@ -11,6 +11,7 @@ import numpy as np
 
 from mi_lcair.plugins.derivatives import attached, children, held, members, own_memory, variables
 from mi_lcair.plugins.emission import triangles
+from mi_lcair.plugins.emission.hot_parts import HotParts
 from mi_lcair.plugins.paths.sheets import nearest_hit
 from mi_lcair.plugins.samplers.lattice import VECTOR, Lattice, hashed
 
@@ -99,6 +100,7 @@ class FacetStarts:
     largest_direct: np.ndarray
     every: int = 1
     direct: "FacetStarts | None" = None
+    hot = None  # no path is reflected
 
     @staticmethod
     def at(meshes, corners, area, choice: triangles.Choice, direct=0.0) -> "FacetStarts":
@@ -184,7 +186,8 @@ class Aim:
     (1,) if all have the same density. largest_on_model: the same for paths that begin where the
     model may be. may_be_model: whether the model can be in a cell, (windows, cells, cells).
     anywhere: share of the paths that begin anywhere in the window. direct: where paths begin that
-    bring what the model shows without a reflection; None: all paths bring it.
+    bring what the model shows without a reflection; None: all paths bring it. hot: parts toward
+    which reflected rays are guided, or None.
     """
 
     tables: CellTable
@@ -193,6 +196,7 @@ class Aim:
     may_be_model: np.ndarray
     anywhere: float
     direct: FacetStarts | None = None
+    hot: HotParts | None = None
 
     @staticmethod
     def at(
@@ -338,6 +342,7 @@ class Launch:
             mi.UInt32(VECTOR) if is_lattice else None,
             self.aim and self.aim.tables,
             self.part,
+            self.aim and self.aim.hot,
         )
 
     def split(self) -> "tuple[Launch, Launch]":
@@ -360,7 +365,8 @@ class Paths:
     """The paths of a launch, as Dr.Jit arrays, so that one kernel serves all launches.
 
     lane: (paths,), number of each path. windows: (windows,), their numbers. vector: the lattice;
-    None for independent numbers. aim: see `Aim.tables`. The others are those of `Launch`.
+    None for independent numbers. aim: see `Aim.tables`. hot: see `Aim`. The others are those of
+    `Launch`.
     """
 
     lane: mi.UInt32
@@ -374,6 +380,7 @@ class Paths:
     vector: mi.UInt32 | None
     aim: CellTable | StartTable | None
     part: str = WHOLE
+    hot: HotParts | None = None
 
     def begin(self) -> tuple:
         """Sampler of each path, column and row of its window, its position there, its weight.

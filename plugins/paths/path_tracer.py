@@ -25,6 +25,7 @@ from mi_lcair.plugins.derivatives import is_aligned
 from mi_lcair.plugins.emission.draw_table import PREFERENCE, PREFERRED, UnmetSources
 from mi_lcair.plugins.emission.emissivity import Emissivities
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
+from mi_lcair.plugins.emission.hot_parts import darker
 from mi_lcair.plugins.emission.panels import Openings
 from mi_lcair.plugins.paths.launch import (
     Aim,
@@ -396,6 +397,7 @@ class PathTracer(RBIntegrator):
             return rest.plus(direct, of_rest.points / of_direct.points)
         with dr.suspend_grad():
             paths = launch.paths_from(sensor.sampler())
+            paths.hot = paths.hot if self.paths.may_be_guided else None
             rays = ParallelRays.of(sensor) if rays is None else rays
             channels = channels or Channels()
             # `freeze` does not compare a number that comes after the tables of the channels
@@ -436,7 +438,7 @@ class PathTracer(RBIntegrator):
         It may be recorded. It therefore uses only the tracer and its arguments, and launches
         kernels but reads no values. rays: ParallelRays or a sensor.
         """
-        of_cells = partial(channels.recorders, self, None)
+        of_cells = partial(channels.recorders, self, None, guides=paths.hot is not None)
         L, recorders, weight, _ = self.follow(paths, rays, of_cells, bins)
         return block_sums(L, channels, recorders, weight, size)
 
@@ -444,7 +446,7 @@ class PathTracer(RBIntegrator):
         self, paths: Paths, rays, channels: Channels, facets, launch: Launch, bins: BinSums | None
     ) -> tuple[BlockSums, Tail | None]:
         """As `block_sums`, also for facets and for closure = tail, which read values."""
-        of_cells = partial(channels.recorders, self, facets)
+        of_cells = partial(channels.recorders, self, facets, guides=paths.hot is not None)
         L, recorders, weight, _ = self.follow(paths, rays, of_cells, bins)
         first_hit, by_bounce = recorders.of(FirstHit), recorders.of(ByBounce)
         tail = None
@@ -483,7 +485,9 @@ class PathTracer(RBIntegrator):
         recorders = recorders_of(cell_of(paths, column, row, position))
         if bins is not None:
             recorders.parts.append(ByBinOfPath.of(self.scene, self.emitters, bins, paths, weight))
-        (L, _), _, recorders = self.paths.walk(sampler, (ray, hit), active, recorders, paths.part)
+        (L, _), _, recorders = self.paths.walk(
+            sampler, (ray, hit), active, recorders, paths.part, hot=paths.hot
+        )
         if bins is not None:
             recorders.of(ByBinOfPath).end()
         return L[0], recorders, weight, facet
@@ -508,7 +512,9 @@ class PathTracer(RBIntegrator):
         in_view = self.emitters.brightest_in_view(sensor, aim is None or aim.direct is None)
         if self.emitter_sampling and self.emitters.draws:
             return self.emitters.tables[0].unmet(in_view, self.emitters.brightest)
-        return UnmetSources(in_view, self.emitters.brightest if self.max_bounces else 0.0)
+        undrawn = self.emitters.brightest if self.max_bounces else 0.0
+        hot = aim.hot if aim is not None and self.paths.may_be_guided else None
+        return UnmetSources(in_view, undrawn, darker=None if hot is None else darker(self.emitters))
 
 
 def block_sums(L, channels: Channels, recorders: Recorders, weight, size: int) -> BlockSums:

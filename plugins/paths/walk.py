@@ -14,6 +14,7 @@ from mi_lcair.plugins.bins.by_bin import ByBin
 from mi_lcair.plugins.bsdfs.plume import is_passed
 from mi_lcair.plugins.derivatives import value_along
 from mi_lcair.plugins.emission.emitter_table import MOST_PASSED, DrawnDirection, EmitterTable
+from mi_lcair.plugins.emission.hot_parts import SeenParts
 from mi_lcair.plugins.emission.panels import Openings
 from mi_lcair.plugins.emission.spherical_polygons import Receiver
 from mi_lcair.plugins.paths.launch import DIRECT, OTHER_THAN_DIRECT, WHOLE
@@ -101,7 +102,8 @@ class Scattering:
     its density. drawn: the first direction drawn toward an emitter; None if none are drawn.
     brought: the radiance that all of them bring to the sensor, with derivatives [W m^-2 sr^-1].
     latent: the same along a latent path, without derivatives. becomes_latent: whether the path
-    becomes a latent one. Both are None where nothing is explored.
+    becomes a latent one. Both are None where nothing is explored. seen: the hot parts toward which
+    the direction may be drawn; None where rays are not guided.
     """
 
     numbers: tuple
@@ -111,6 +113,7 @@ class Scattering:
     brought: mi.Spectrum
     latent: mi.Spectrum | None
     becomes_latent: mi.Bool | None
+    seen: SeenParts | None = None
 
     @property
     def is_delta(self) -> mi.Bool:
@@ -141,8 +144,13 @@ class Walk:
         self.openings: Openings | None = None
         self.control = None  # control variate of a replay, see `Control`
 
+    @property
+    def may_be_guided(self) -> bool:
+        """Whether reflected rays may be guided: where nothing else changes their density."""
+        return not self.emitters.draws and self.explored is None and self.openings is None
+
     @dr.syntax
-    def walk(self, sampler, first, active, recorders: Recorders, part: str = WHOLE, replay=None):
+    def walk(self, sampler, first, active, recorders: Recorders, part=WHOLE, replay=None, hot=None):
         """Trace paths from the observer.
 
         Parameters
@@ -157,6 +165,8 @@ class Walk:
         replay : Replay or None
             None: the radiance. Otherwise its derivative. The same paths are traced again and the
             radiance of the primal pass is used up step by step (path replay).
+        hot : HotParts or None
+            Parts toward which rays are guided, without a replay, see `may_be_guided`.
 
         Returns
         -------
@@ -197,7 +207,7 @@ class Walk:
             latent = accounted(latent, of_latent, primal)
             L = dr.select(lost, dr.nan, L)
 
-            scattering = self.scatter(primal, path, hit, most, sampler, recorders)
+            scattering = self.scatter(primal, path, hit, most, sampler, recorders, hot)
             L = accounted(L, scattering.brought, primal)
             latent = accounted(latent, scattering.latent, primal)
             if dr.hint(self.explored is None, mode="scalar"):
@@ -333,14 +343,20 @@ class Walk:
             recorders.emission(replace(emission, latent=first(latent_sun), by_bin=by_bin))
         return Le, latent
 
-    def scatter(self, primal: bool, path: PathState, hit: Hit, most, sampler, recorders):
+    def scatter(self, primal: bool, path: PathState, hit: Hit, most, sampler, recorders, hot):
         """Sample a direction at each hit, and what a direction drawn toward an emitter brings."""
         ctx, si, bsdf = mi.BSDFContext(), hit.si, hit.bsdf
         if not self.emitters.draws:
             numbers = sampler.next_1d(), sampler.next_2d()
-            bs, weight = bsdf.sample(ctx, si, *numbers, hit.goes_on)
+            seen = None
+            if hot is None:
+                bs, weight = bsdf.sample(ctx, si, *numbers, hit.goes_on)
+            else:
+                seen = hot.seen(si, bsdf, hit.reflects & (path.bounce < most))
+                bs, weight = seen.sample(ctx, si, bsdf, *numbers, hit.goes_on)
             bs, weight, becomes_latent = self.reflected(path, hit, sampler, bs, weight)
-            return Scattering(numbers, bs, weight, None, mi.Spectrum(0), None, becomes_latent)
+            nothing = mi.Spectrum(0)
+            return Scattering(numbers, bs, weight, None, nothing, None, becomes_latent, seen)
         # A delta lobe does not reflect light from a drawn direction. Beyond the last reflection
         # there is no emission, which the ambient radiance replaces.
         is_smooth = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
@@ -464,6 +480,7 @@ class Walk:
                 receives=receives,
                 becomes_latent=scattering.becomes_latent,
                 mirrored=self.mirrored(hit, receives) if recorders.needs_mirrored else None,
+                seen=scattering.seen,
             )
         )
 

@@ -75,11 +75,11 @@ class Channels:
     tables: ColumnTables | None = None
     up_to: tuple[int, ...] = ()
 
-    def recorders(self, tracer, facets, cell) -> Recorders:
+    def recorders(self, tracer, facets, cell, guides: bool = False) -> Recorders:
         """Recorders of these channels, and of what a tracer needs itself.
 
         facets: numbering of the facets that paths hit first, see `FirstHit`; or None. cell: cell of
-        the film in which each path begins, see `Columns`.
+        the film in which each path begins, see `Columns`. guides: whether rays are guided.
         """
         parts, is_tailed = [], tracer.closure == "tail"
         if self.tables is not None:
@@ -98,7 +98,7 @@ class Channels:
         parts += [LastCounts.of(tracer.max_bounces)] if is_tailed else []
         # Without it, a path is taken to bring all of a source that it meets by chance
         if tracer.emitters.draws or (self.split and self.tables is None and tracer.max_bounces):
-            parts.append(UnmetSource.of(tracer.emitters))
+            parts.append(UnmetSource.of(tracer.emitters, guides))
         return Recorders(parts)
 
     def by_name(self, L: mi.Float, recorders: Recorders) -> dict:

@@ -10,6 +10,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
+from mi_lcair.plugins.emission.hot_parts import BRIGHT
 from mi_lcair.plugins.emission.sources import WAVELENGTHS, Sources
 from mi_lcair.plugins.emission.triangles import ABSENT, PrimitiveTable, pointer_id
 from mi_lcair.plugins.paths.launch import Launch, ParallelRays
@@ -318,9 +319,8 @@ class Segments(recorder.Recorder):
 # -------------------------------------------------------------------------------------
 
 # Names of what is added up over paths, and of that of which the largest value counts
-SUMMED = "draws", "squares", "potential", "potential_squares"
+SUMMED = "draws", "squares", "chances", "chance_squares", "potential", "potential_squares"
 LARGEST = "largest", "darker"
-BRIGHT = 0.5  # part of the brightest source's radiance from which on sources are alike
 
 
 @dataclass
@@ -331,27 +331,37 @@ class UnmetSource(recorder.Recorder):
     are drawn, `EmitterTable.by_chance` bounds what one such hit would add.
 
     draws: number of reflections, at which directions toward emitters may be drawn, each times the
-    throughput. squares: the same with the squared throughput. The others are None where nothing is
-    drawn. potential, potential_squares: sums of the bounds of sources that are at least BRIGHT, and
-    of their squares, in parts of the radiance of the brightest source. largest: largest bound [W
-    m^-2 sr^-1]. darker: that of other sources.
+    throughput. squares: the same with the squared throughput. chances: chances of meeting one of
+    the `HotParts`, each times the throughput; None where rays are not guided. chance_squares: the
+    same times the throughput of a hit. The others are None where nothing is drawn. potential,
+    potential_squares: sums of the bounds of sources that are at least BRIGHT, and of their squares,
+    in parts of the radiance of the brightest source. largest: largest bound [W m^-2 sr^-1]. darker:
+    that of other sources.
     """
 
     emitters: EmitterTable
     draws: mi.Float
     squares: mi.Float
+    chances: mi.Float | None
+    chance_squares: mi.Float | None
     potential: mi.Float | None
     potential_squares: mi.Float | None
     largest: mi.Float | None
     darker: mi.Float | None
 
     @staticmethod
-    def of(emitters: EmitterTable) -> "UnmetSource":
+    def of(emitters: EmitterTable, guides: bool = False) -> "UnmetSource":
         # Dr.Jit may fail on a loop with variables that never change
         drawn = [mi.Float(0) if emitters.draws else None for _ in range(4)]
-        return UnmetSource(emitters, mi.Float(0), mi.Float(0), *drawn)
+        chances = [mi.Float(0) if guides else None for _ in range(2)]
+        return UnmetSource(emitters, mi.Float(0), mi.Float(0), *chances, *drawn)
 
     def reflect(self, reflection: recorder.Reflection) -> None:
+        if reflection.seen is not None:
+            before = dr.select(reflection.receives, reflection.throughput, 0)
+            chance = before * reflection.seen.chance
+            self.chances += chance
+            self.chance_squares += before * chance * reflection.seen.weight_of_hit
         receives = reflection.receives & (reflection.weight != 0)
         throughput = dr.select(receives, reflection.throughput * reflection.weight, 0)
         self.draws += throughput

@@ -18,6 +18,7 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.plugins.emission.emitter_table import BinnedRadiance, DrawnDirection
+from mi_lcair.plugins.emission.hot_parts import SeenParts
 from mi_lcair.plugins.emission.triangles import PrimitiveTable
 
 
@@ -66,7 +67,8 @@ class Reflection:
     none are drawn. active: whether the path goes on from here. receives: whether it is reflected
     and then receives emission. becomes_latent: whether it becomes a latent path; None where nothing
     is explored, see `columns/tables.py`. mirrored: radiance that surfaces emit toward here along
-    the mirror direction [W m^-2 sr^-1]; None unless a recorder needs it.
+    the mirror direction [W m^-2 sr^-1]; None unless a recorder needs it. seen: the hot parts as
+    seen from here; None where rays are not guided.
     """
 
     bsdf: mi.BSDFPtr
@@ -81,6 +83,7 @@ class Reflection:
     receives: mi.Bool
     becomes_latent: mi.Bool | None
     mirrored: mi.Float | None
+    seen: SeenParts | None = None
 
 
 class Recorder:

@@ -43,6 +43,19 @@ def test_a_path_that_meets_a_source_by_chance_brings_a_typical_throughput():
     assert UnmetSources(7.0, 50.0).after_reflection(sums, 2.0) == pytest.approx(expected)
 
 
+def test_hot_parts_are_met_where_their_chance_says():
+    """By hand: chances add up to 4, with hits worth 0.5 each; others as without hot parts."""
+    sums = dict.fromkeys(("potential", "potential_squares", "largest"), 0.0) | {"darker": 0.0}
+    sums |= {"draws": 13.0, "squares": 10.3, "chances": 4.0, "chance_squares": 4 * 0.5}
+    unmet = UnmetSources(7.0, 50.0, darker=2.0)
+    assert unmet.after_reflection(sums, 2.0) == pytest.approx(50 * (2 + 3 * 4) / (4 + 3 * 2))
+    bright = UnmetSources(7.0, 50.0, darker=45.0)
+    expected = 45 * (10.3 + 3 * 4) / (13 + 3 * 2)
+    assert bright.after_reflection(sums | {"chance_squares": 0.1}, 2.0) == pytest.approx(
+        max(expected, 50 * 12.1 / 10)
+    )
+
+
 def test_drawn_sources_bring_a_typical_bound_or_the_largest_of_darker_ones():
     """By hand: 100 bounds of 20 and 2 of 80, where the brightest source has 100."""
     nothing = {"draws": 0.0, "squares": 0.0}
