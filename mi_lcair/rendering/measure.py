@@ -256,6 +256,7 @@ HOT, LEAST_GUIDED, MORE, COST_OF_GUIDED = 100.0, 2**16, 4, 1.3
 PATHS_OF_A_START = 1, 8  # choices of the number of paths for each one that begins on a facet
 # Randomisations of the pilots of one window. With 32, two equal variances differ by less than 1.8.
 RANDOMISATIONS = 32
+MOST_EXCESS = 1e60  # ratio of an error to the allowed one, in place of infinity
 
 
 def cost(segments: float, drawn_rays: float = 0) -> float:
@@ -343,8 +344,8 @@ def best_aim(scene, tracer, windows, sampling, measurands, criterion) -> Aim:
         return plain
     paths, total = tried(plain, MORE)
     hit = "hit" if measurands.channels.split == "model" else "target.hit"
-    mean = total.mean("target").sum() / total.mean(hit).sum()
-    if paths < LEAST_GUIDED or tracer.emitters.brightest < HOT * mean:
+    radiance, covered = total.mean("target").sum(), total.mean(hit).sum()
+    if paths < LEAST_GUIDED or tracer.emitters.brightest * covered < HOT * radiance:
         return plain
     if starts is not None and best.direct is None:
         best = replace(best, direct=replace(starts, every=PATHS_OF_A_START[-1]))
@@ -378,7 +379,7 @@ def needed_paths(total: Totals, excess: float | np.ndarray) -> float:
     excess: ratio of the error to the allowed error, of each window or of all.
     """
     scatter = scatter_share(total)
-    square = np.minimum(excess, 1e60) ** 2
+    square = np.minimum(excess, MOST_EXCESS) ** 2
     of_scatter, of_rest = square * scatter, square * (1 - scatter)
     # More paths know the bound of missed sources better
     bounds = [
@@ -534,7 +535,7 @@ def _until_met(
                 # The error of a lattice falls at most as 1 / points. A smaller estimate is luck,
                 # and to end there would state too small an error too often.
                 needed = np.maximum(needed, last * before / done)
-            last, before = needed * np.sqrt(scatter_share(total)), done
+            last, before = np.minimum(needed, MOST_EXCESS) * np.sqrt(scatter_share(total)), done
             more = active[needed[active] > 1]
             if len(more):
                 active, goal = more, min(limit, windows.next_points(done, needed[more].min()))
