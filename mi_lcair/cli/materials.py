@@ -188,6 +188,14 @@ AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
     "Also print the intensity of the model in this band, toward the scene's sensor.",
     metavar="MWIR|LWIR|A-B",
 )
+@options.option(
+    "--emissivity",
+    "Emissivity of the shapes and BSDFs of a Mitsuba scene with this id, or of BSDFs of this "
+    "plugin; a number alone is for all surfaces that need one. May be repeated.",
+    multiple=True,
+    metavar="[NAME=]NUMBER",
+)
+@options.changes("Set a $-parameter of a Mitsuba scene, such as spp=16", "parameters")
 @options.json
 @click.pass_context
 def import_command(ctx, file, output, check, overwrite, materials, band, **settings):
@@ -207,8 +215,11 @@ def import_command(ctx, file, output, check, overwrite, materials, band, **setti
 
         bands.band(band)  # raises InputError, before anything is written
     if file.suffix.lower() == ".xml":
-        _import_scene(ctx, file, output, settings["temperature"], band or "LWIR", overwrite)
+        _import_scene(ctx, file, output, band or "LWIR", settings)
         return
+    for name, option in (("emissivity", "--emissivity"), ("parameters", "-D")):
+        if settings.pop(name):
+            raise click.UsageError(f"{option} goes with a scene of Mitsuba, MODEL.xml", ctx)
     if bool(output) == check:
         raise click.UsageError("give either -o FOLDER or --check", click.get_current_context())
     words = {name: settings.pop(name) for name in ("sky", "ground", "sun", "atmosphere")}
@@ -240,16 +251,18 @@ def import_command(ctx, file, output, check, overwrite, materials, band, **setti
         print_next([*words, "-o", file.stem])
 
 
-def _import_scene(ctx, file, output, temperature, band, overwrite) -> None:
+def _import_scene(ctx, file, output, band, settings) -> None:
     """Write a thermal version of a scene that was written for Mitsuba."""
-    from mi_lcair.models3d.export import thermal_scene
-
-    options.check_given(
-        ctx, ("file", "output", "temperature", "band", "overwrite"), "a scene of Mitsuba"
-    )
+    taken = ("temperature", "emissivity", "parameters")
+    options.check_given(ctx, ("file", "output", "band", "overwrite", *taken), "a scene of Mitsuba")
+    temperature, *others = (settings[name] for name in taken)
     if output is None or temperature is None:
         raise click.UsageError("a scene of Mitsuba needs -o FOLDER and --temperature K", ctx)
-    for remark in thermal_scene(file, output, temperature, band, overwrite):
+    from mi_lcair.rendering.conversion import thermal_scene
+
+    for remark in thermal_scene(
+        file, output, temperature, band, *others, overwrite=ctx.params["overwrite"]
+    ):
         note(remark)
     print_written(output / "scene.xml")
     print_next(["render", output / "scene.xml", "-o", f"{output.name}.exr"])

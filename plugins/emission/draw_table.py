@@ -72,9 +72,15 @@ def texture_bound(texture, shape) -> np.ndarray | None:
     return reduce(np.maximum, bounds)  # some of width 1, some per triangle
 
 
+def texels(values) -> np.ndarray:
+    """Values of a texture as numbers; those of 8-bit files are kept as integers, 255 for 1."""
+    held = np.asarray(dr.detach(values))
+    return held / (np.iinfo(held.dtype).max if held.dtype.kind == "u" else 1.0)
+
+
 def largest(values) -> np.ndarray:
     """The largest value, as an array of width 1."""
-    return np.atleast_1d(np.max(np.asarray(dr.detach(values), dtype=np.float64)))
+    return np.atleast_1d(np.max(texels(values)))
 
 
 class FieldOfView:

@@ -101,12 +101,13 @@ def test_the_image_of_a_thermograph(walk, refused, folder):
 @pytest.mark.parametrize(
     "change, message",
     [
-        (("<scene", "<stage"), "is no XML"),
-        (('type="sphere"', 'type="instance"'), "a shape instance cannot emit"),
-        (("<integrator", '<default name="band" value="1"/><integrator'), "a parameter band of its"),
+        (("<scene", "<stage"), "is not XML"),
+        (("plate.ply", "no.ply"), "file not found"),
+        (('<ref id="white"/>', '<bsdf type="dielectric"/>'), "give --emissivity NUMBER"),
     ],
 )
 def test_scenes_that_cannot_become_thermal(refused, folder, change, message):
+    copied(folder, "plate.ply")
     (folder / "a.xml").write_text(STOCK.replace(*change))
     assert message in refused("import", "a.xml", "-o", "a", "--temperature", 300)
     assert "needs -o FOLDER and --temperature" in refused("import", "a.xml", "-o", "a")

@@ -16,6 +16,7 @@ from mi_lcair.physics.air.levels import TABLES
 from mi_lcair.physics.bands import BUNDLED
 from mi_lcair.physics.materials import BUILT_IN
 from mi_lcair.plugins.derivatives import members
+from mi_lcair.plugins.emission.draw_table import texels
 from mi_lcair.plugins.emission.triangles import NORMALS, TEXTURE, VERTICES, is_faceted
 from mi_lcair.plugins.properties import TEMPERATURE, beside_scene
 from mi_lcair.rendering.loading.parsing import BOUNDS, REACHED, properties
@@ -220,8 +221,8 @@ def check_texture(shape, texture, what: str, bounds: Bounds) -> None:
     if texture.class_name() == "MeshAttribute":
         values, of = mesh_attribute(shape, texture, name)
     else:
-        arrays = [value for value in members(texture).values() if hasattr(value, "numpy")]
-        values = np.concatenate([array.numpy().ravel() for array in arrays] or [np.empty(0)])
+        arrays = [texels(v).ravel() for v in members(texture).values() if hasattr(v, "numpy")]
+        values = np.concatenate(arrays or [np.empty(0)])
     bounds.check_all(values, lambda k: f"{name} of {of} {k}")
 
 
