@@ -16,6 +16,9 @@ from pathlib import Path
 
 from mi_lcair.errors import printable
 
+# Variants of Mitsuba that can render thermal scenes; the first is set if none is
+VARIANTS = ("llvm_ad_mono", "cuda_ad_mono", "metal_ad_mono")
+
 # The folder in which Dr.Jit keeps compiled kernels: tried before `drjit` is imported
 # -----------------------------------------------------------------------------------
 # Where a kernel cannot be written, Dr.Jit 1.5 reports it and tries again for ever, deaf to Ctrl-C.

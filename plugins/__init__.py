@@ -15,8 +15,7 @@ import mitsuba as mi
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.reflection import NAMES
-
-DEFAULT_VARIANT = "llvm_ad_mono"
+from mi_lcair.startup import VARIANTS
 
 
 @dataclass(frozen=True)
@@ -70,7 +69,7 @@ def register() -> None:
     Sets the variant llvm_ad_mono if none is set.
     """
     if mi.variant() is None:
-        mi.set_variant(DEFAULT_VARIANT)
+        mi.set_variant(VARIANTS[0])
     mi.detail.add_variant_callback(define)
     define(None, mi.variant())
 

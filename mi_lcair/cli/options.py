@@ -29,8 +29,8 @@ from mi_lcair.cli.output import (
 from mi_lcair.declared import fraction
 from mi_lcair.errors import InputError
 from mi_lcair.files import check_suffix, check_writable
+from mi_lcair.startup import VARIANTS
 
-VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
 FILE = click.Path(path_type=Path)
 
 
@@ -130,7 +130,8 @@ def prepare_renderer(variant: str | None, threads: int | None, plugins: tuple[Pa
         except ImportError as error:
             raise InputError(
                 f"variant '{variant}' cannot start on this machine (cuda_ad_mono needs an NVIDIA "
-                f"GPU and its driver); leave it out or use {VARIANTS[0]}"
+                "GPU and its driver, metal_ad_mono an Apple GPU); leave it out or use "
+                f"{VARIANTS[0]}"
             ) from error
     if threads:
         import drjit

@@ -17,7 +17,7 @@ from mi_lcair.files import replacing
 from mi_lcair.models3d.modellers.naming import kelvin
 from mi_lcair.plugins.emission.emissivity import emissivity_of
 from mi_lcair.rendering.loading import parsing
-from mi_lcair.rendering.loading.files import survey_values
+from mi_lcair.rendering.loading.files import survey
 from mi_lcair.rendering.loading.meshes import check_mesh_files, check_shapes
 from mi_lcair.rendering.scene import checked
 from mi_lcair.tasks import exclusively
@@ -86,14 +86,14 @@ def thermal_scene(
     if written.exists() and (written.samefile(path) or not overwrite):
         instead = f"name another folder or give {option('overwrite', True)}"
         raise InputError(f"{written}: exists; {instead}")
-    values = survey_values(path, given)
-    check_known(f"parameter of {path.name}", values, *given)
+    names = survey(path, given)
+    check_known(f"parameter of {path.name}", names, *given)
     with parsing.searching(path.parent):
         try:
             state = mi.parser.parse_file(parsing.configuration(), str(path), **given)
             mi.parser.transform_all(parsing.configuration(), state)
-            if state.root.props.plugin_name() != "scene":
-                raise InputError(f"{path}: holds no <scene>")
+            if state.root.props.plugin_name() != "scene" or not held(state, 0, SHAPE):
+                raise InputError(f"{path}: must be a <scene> with at least one shape")
             parsing.check_nodes(state)
             check_mesh_files(state)
             remarks = [VISIBLE, *convert(state)]
@@ -114,8 +114,8 @@ def thermal_scene(
             f"surfaces with a given emissivity are {percent(share(scene, ids))} of the first "
             "sensor's image; it need not be 1 - reflectance, and holds for all of their area"
         )
-    if values:
-        remarks.append(f"$-parameters are numbers now: {', '.join(sorted(values))}; -D sets them")
+    if names:
+        remarks.append(f"$-parameters are numbers now: {', '.join(sorted(names))}; -D sets them")
     written.parent.mkdir(parents=True, exist_ok=True)
     with replacing(written) as partial:
         partial.write_text(text, encoding="utf-8")

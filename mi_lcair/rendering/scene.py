@@ -30,9 +30,9 @@ from mi_lcair.rendering.loading.meshes import (
     fingerprint,
     source_digest,
 )
+from mi_lcair.startup import VARIANTS
 from mi_lcair.tasks import discarded, exclusive, exclusively
 
-VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
 # Largest number of moves of a scene to the origin. One move may not be enough, because the position
 # of a very distant scene is known only in single precision.
 MOVES = 3

@@ -401,7 +401,7 @@ def test_render_json(run, renderer):
         (["--seed", "-1"], "--seed"),
         (["--seed", str(2**32)], "--seed"),
         (["-t", "0"], "--threads"),
-        (["--variant", "scalar_rgb"], "'llvm_ad_mono', 'cuda_ad_mono'"),
+        (["--variant", "scalar_rgb"], "'llvm_ad_mono', 'cuda_ad_mono', 'metal_ad_mono'"),
         (["--nonsense"], "--nonsense"),
         (["second"], "second"),
     ],
@@ -549,11 +549,11 @@ def test_a_reader_that_leaves_is_no_news():
 
 @pytest.fixture
 def machine(monkeypatch):
-    """Substitute for mitsuba and drjit. The variant cuda_ad_mono fails as without a GPU."""
+    """Substitute for mitsuba and drjit. Variants for GPUs fail as without one."""
     seen = SimpleNamespace(calls=[])
 
     def set_variant(name):
-        if name == "cuda_ad_mono":
+        if name != "llvm_ad_mono":
             raise ImportError("jit_init_thread_state(): the CUDA backend hasn't been initialized.")
         seen.calls.append(name)
 
@@ -572,10 +572,11 @@ def test_variant_and_threads(run, renderer, machine):
     assert machine.calls == ["llvm_ad_mono", 2]
 
 
-def test_a_variant_without_its_hardware(refused, renderer, machine):
-    assert "needs an NVIDIA GPU" in refused(
-        "render", "cavity", "-o", "out.exr", "--variant", "cuda_ad_mono"
-    )
+@pytest.mark.parametrize("variant", ["cuda_ad_mono", "metal_ad_mono"])
+def test_a_variant_without_its_hardware(refused, renderer, machine, variant):
+    message = refused("render", "cavity", "-o", "out.exr", "--variant", variant)
+    assert f"'{variant}' cannot start" in message and "needs an NVIDIA GPU" in message
+    assert "metal_ad_mono an Apple GPU" in message
     assert not hasattr(renderer, "loaded")
 
 

@@ -47,7 +47,8 @@ def scene(*parts):
 INCLUDES = {
     "scene.xml": scene(
         '<default name="wall" value=".5"/> <path value="data"/>',
-        f'<bsdf type="diffuse" id="painted"> {GREY("$wall")} </bsdf> <alias id="painted" as="wall"/>',
+        f'<bsdf type="diffuse" id="painted"> {GREY("$wall")} </bsdf>',
+        '<alias id="painted" as="wall"/>',
         '[[ <emitter type="area" id="lamp"> <float name="radiance" value="7"/> </emitter> ]]',
         '<include filename="room.xml"/> <include filename="camera.xml"/>',
     ),
@@ -79,8 +80,8 @@ INSTANCES = {
         *(PATH, CAMERA, WHITE, FLOOR),
         '<shape type="shapegroup" id="group"> <shape type="cube"> <transform name="to_world">',
         '<scale value=".3"/> </transform> <ref id="white"/> </shape>',
-        '<shape type="sphere"> <point name="center" x="0" y="0" z=".6"/> <float name="radius" value=".3"/>',
-        '<ref id="white"/> </shape> </shape>',
+        '<shape type="sphere"> <point name="center" x="0" y="0" z=".6"/>',
+        '<float name="radius" value=".3"/> <ref id="white"/> </shape> </shape>',
         *(
             f'<shape type="instance"> <ref id="group"/> <transform name="to_world"> <rotate z="1" '
             f'angle="{40 * x}"/> <translate x="{x}" z=".4"/> </transform> </shape>'
@@ -171,7 +172,8 @@ def lit(match):
         if "x" not in match[1]
         else (
             f'<texture type="bitmap" name="radiance"> <string name="filename" value="{match[1]}"/> '
-            '<boolean name="raw" value="true"/> <string name="filter_type" value="nearest"/></texture>'
+            '<boolean name="raw" value="true"/> <string name="filter_type" value="nearest"/> '
+            "</texture>"
         )
     )
     return f'<emitter type="area"> {value} </emitter>'
@@ -216,3 +218,91 @@ def test_images_are_those_of_mitsuba(tmp_path, case):
     off = (ours.channels["Y"] - image) / both
     assert abs(off.mean()) < 3 / np.sqrt(off.size), (off.mean(), off)
     assert np.mean(abs(off) > 3) < 0.08 and abs(off).max() < 9, off  # of 8 images, Student's t
+
+
+def room(*inside):
+    """A closed isothermal room around these shapes."""
+    wall = '<shape type="cube"> <boolean name="flip_normals" value="true"/> <bsdf type="diffuse">'
+    place = '<transform name="to_world"> <scale value="5"/> </transform> </shape>'
+    depth = '<integrator type="path"/>'
+    return scene(depth, CAMERA, wall, GREY(0.4), "</bsdf>", place, *inside)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "bsdf",
+    [
+        '<bsdf type="conductor"> <string name="material" value="Cu"/> </bsdf>',
+        '<bsdf type="principled"> <float name="metallic" value=".6"/> </bsdf>',
+        '<bsdf type="roughplastic"/>',
+    ],
+)
+def test_an_isothermal_room_is_a_blackbody(tmp_path, bsdf):
+    """Emissivities that follow from reflectances: whatever a surface reflects, it does not emit."""
+    path = tmp_path / "room.xml"
+    path.write_text(room(BALL.format(bsdf)))
+    thermal_scene(path, tmp_path / "thermal", 300)
+    image = mi_lcair.render(tmp_path / "thermal" / "scene.xml", spp=256).channels["Y"]
+    assert image.mean() == pytest.approx(B, rel=3e-3)
+
+
+def test_names_and_files_are_kept(tmp_path):
+    path, _ = written(tmp_path, INCLUDES)
+    remarks = thermal_scene(path, tmp_path / "away" / "thermal", 310, parameters={"spp": "9"})
+    made = mi_lcair.load(tmp_path / "away" / "thermal" / "scene.xml", temperature=320)
+    assert {shape.id() for shape in made.mi.shapes()} == {"floor", "ball", "obj"}
+    assert {shape.emitter().first_temperatures[0] for shape in made.mi.shapes()} == {320}
+    assert made.mi.sensors()[0].id() == "camera"
+    assert made.mi.sensors()[0].sampler().sample_count() == 9
+    assert made.mi.integrator().max_bounces == 4
+    assert any("lamps (1) have the temperature" in remark for remark in remarks)
+    assert any("$-parameters are numbers now: spp, wall" in remark for remark in remarks)
+    assert not any("left out" in remark or "limit" in remark for remark in remarks)
+
+
+def test_what_is_left_out_is_told(tmp_path):
+    path, _ = written(tmp_path, {"scene.xml": CBOX["scene.xml"].replace(PATH, "")})
+    remarks = " ".join(thermal_scene(path, tmp_path / "thermal", 300))
+    assert "left out: constant, point, spot, directional, projector; put" in remarks
+    assert "sets no limit; max_bounces is 30" in remarks and "share" not in remarks
+    path, _ = written(tmp_path, MEDIUM)
+    remarks = " ".join(thermal_scene(path, tmp_path / "thermal", 300, overwrite=True))
+    assert "mediums are left out: homogeneous" in remarks
+    made = mi_lcair.load(tmp_path / "thermal" / "scene.xml")
+    assert len(made.mi.shapes()) == 2 and len(made.sensors) == 2
+
+
+def test_the_share_of_surfaces_with_a_given_emissivity(tmp_path):
+    """A sheet that fills the left half of the image."""
+    sensor = CAMERA.replace("perspective", "orthographic").replace(
+        '<float name="fov" value="50"/>', ""
+    )
+    sheet = '<shape type="rectangle"> <bsdf type="thindielectric"/> <transform name="to_world">'
+    turned = (
+        '<rotate x="1" angle="90"/> <scale value="9"/> <translate x="9"/> </transform> </shape>'
+    )
+    path = tmp_path / "half.xml"
+    path.write_text(scene(PATH, sensor, sheet, turned))
+    remarks = " ".join(thermal_scene(path, tmp_path / "thermal", 300, emissivity=["0.8"]))
+    assert re.search(r"are (49|50|51) % of the first sensor's image", remarks), remarks
+
+
+@pytest.mark.parametrize(
+    "files, options, message",
+    [
+        (NESTED, {}, r"bsdf glass \(SmoothDielectric\) transmits.* each of glass, bark, mixed"),
+        (NESTED, {"emissivity": [".6", "brass=.1"]}, "unknown shape or BSDF 'brass'"),
+        (NESTED, {"emissivity": ["glass=lots"]}, "'glass=lots': must be NUMBER or NAME=NUMBER"),
+        (NESTED, {"emissivity": ["glass=1.5"]}, "'glass=1.5' = 1.5; must lie in 0..1"),
+        (INCLUDES, {"parameters": {"walls": "1"}}, "unknown parameter of scene.xml 'walls'"),
+        ({"scene.xml": scene(PATH, FLOOR)}, {}, '"white"'),
+        ({"scene.xml": scene('<include filename="no.xml"/>')}, {}, "no.xml"),
+        ({"scene.xml": scene(PATH, CAMERA)}, {}, "at least one shape"),
+        ({"scene.xml": '<bsdf version="3.0.0" type="diffuse"/>'}, {}, "must be a <scene>"),
+    ],
+)
+def test_refused_with_nothing_written(tmp_path, files, options, message):
+    path, _ = written(tmp_path, files)
+    with pytest.raises(InputError, match=message) as refusal:
+        thermal_scene(path, tmp_path / "thermal", 300, **options)
+    assert "\n" not in str(refusal.value) and not (tmp_path / "thermal").exists()

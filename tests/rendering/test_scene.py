@@ -332,8 +332,8 @@ def test_other_variants_are_refused():
         [sys.executable, "-c", "import mi_lcair; " + code], capture_output=True, text=True
     )
     assert (
-        "variant scalar_rgb cannot render thermal scenes; set one of llvm_ad_mono, cuda_ad_mono"
-        in result.stderr
+        "variant scalar_rgb cannot render thermal scenes; set one of llvm_ad_mono, cuda_ad_mono, "
+        "metal_ad_mono" in result.stderr
     )
 
 

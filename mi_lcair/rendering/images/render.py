@@ -198,7 +198,13 @@ class Render(Result):
         yield "samples per pixel", self.spp
         if self.closure_error is not None:
             yield "closure error", f"{self.closure_error:.2g} W m^-2 sr^-1 (estimated)"
-        yield Remarks(invalid_remark(self.invalid, self.paths))
+        remarks = invalid_remark(self.invalid, self.paths)
+        if not self.channels["Y"].any():
+            remarks.append(
+                "the image is 0 everywhere: nothing that the sensor sees emits or reflects; is it "
+                "turned away, or does it see the backs of surfaces?"
+            )
+        yield Remarks(remarks)
         image, made = image_sections(self.channels, self.header)
         yield from [*image.parts, made]
 

@@ -6,6 +6,7 @@ import mitsuba as mi
 import pytest
 
 import mi_lcair
+from mi_lcair.sections import Remarks
 from tests.plugins.small_scenes import GREY, camera, scene
 
 PATH = {"type": "bounce_path", "max_bounces": 1}
@@ -80,3 +81,14 @@ def test_once_and_in_json():
     result = mi_lcair.signature(made, spp=4).as_dict()
     (remark,) = [line for line in result["remarks"] if "comes from nothing (0 K)" in line]
     assert remark.startswith("100 % of what the target reflects") and "an emitter sky" in remark
+
+
+def test_an_image_of_nothing():
+    away = {
+        **camera(4, 1.0),
+        "to_world": mi.ScalarTransform4f().look_at([0, 0, 5], [0, 0, 9], [0, 1, 0]),
+    }
+    for sensor, expected in ((away, True), (camera(4, 1.0), False)):
+        render = mi_lcair.render(mi_lcair.load(scene(PATH, sensor, plate=PLATE)), spp=2)
+        remarks = [fact for fact in render.facts() if isinstance(fact, Remarks)]
+        assert any("0 everywhere" in line for fact in remarks for line in fact.lines) == expected
