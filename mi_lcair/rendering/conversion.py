@@ -135,7 +135,10 @@ def add(state, parent: int, kind, entries: dict) -> None:
 
 
 def place_groups(state) -> None:
-    """Put shapes in place of the instances of their group, and of those that hold them."""
+    """Put shapes in place of the instances of their group, and of those that hold them.
+
+    Raises InputError for shapes that cannot be placed.
+    """
     for name, number in held(state, 0, SHAPE):
         plugin, outer = state.nodes[number].props.plugin_name(), state.nodes[number]
         if plugin not in GROUPS:
@@ -146,6 +149,11 @@ def place_groups(state) -> None:
         shapes = [shape for _, group in groups for _, shape in held(state, group, SHAPE)]
         for k, shape in enumerate(shapes if plugin != "shapegroup" else []):
             placed = mi.parser.SceneNode(state.nodes[shape])
+            if placed.props.plugin_name() == "sdfgrid":  # Mitsuba does not turn it
+                raise InputError(
+                    f"{mi.parser.file_location(state, placed)}: sdfgrid: its instances cannot "
+                    "become shapes; use a mesh in its place"
+                )
             own = parsing.properties(placed).get("to_world", mi.ScalarAffineTransform4d())
             placed.props["to_world"] = place @ own
             placed.props.set_id("")  # there may be several of them

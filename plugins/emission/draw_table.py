@@ -13,7 +13,7 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.plugins.derivatives import members
-from mi_lcair.plugins.emission.emissivity import reflects
+from mi_lcair.plugins.emission.emissivity import emits
 from mi_lcair.plugins.emission.panels import Panels, chosen
 from mi_lcair.plugins.emission.spherical_polygons import Receiver
 from mi_lcair.plugins.emission.triangles import Choice, TriangleTable, is_faceted, pointer_id
@@ -304,7 +304,7 @@ def is_mesh(emitter) -> bool:
 def emits_behind(emitter) -> bool:
     """Whether the surface of an emitter also emits on the side away from its normal."""
     bsdf = emitter.get_shape().bsdf()
-    return is_thermal(emitter) and reflects(int(bsdf.flags()), -1.0)
+    return is_thermal(emitter) and emits(int(bsdf.flags()), -1.0)
 
 
 def per_triangle(values: list, counts: list[int]) -> np.ndarray:

@@ -18,6 +18,8 @@ from mi_lcair.plugins.bsdfs.reflection_bsdf import interpolate
 # BSDFs that return 0 as the emissivity of the BSDF that they wrap.
 HIDING = ("MaskBSDF", "BumpMap", "NormalMap", "BlendBSDF")
 SIDES = ((1, mi.BSDFFlags.FrontSide), (-1, mi.BSDFFlags.BackSide))
+# Flags of BSDFs around a body that light enters; sheets have the flag Null, or transmit diffusely
+REFRACTS = int(mi.BSDFFlags.DeltaTransmission | mi.BSDFFlags.GlossyTransmission)
 NO_ID = re.compile(r"object_\d+")  # name that Mitsuba gives to an object without an id
 GRAZING = 1e-4  # cosine of a table's first node, because a BSDF is not defined at cosine 0
 # Nodes of a table over t, with cos(theta) = t^2. Linear interpolation has an error below 3e-5.
@@ -126,6 +128,15 @@ def reflects(flags: int, cos):
     """
     front, back = bool(flags & mi.BSDFFlags.FrontSide), bool(flags & mi.BSDFFlags.BackSide)
     return ((cos > 0) & front) | ((cos < 0) & back)
+
+
+def emits(flags: int, cos):
+    """Whether a surface with a given emissivity emits on the side of `cos`.
+
+    It emits where it reflects, but not into a body of glass: what emits there is inside of the
+    body, and `dielectric` would let it out in addition to the given emissivity.
+    """
+    return reflects(flags, cos) & ((cos > 0) | (flags & REFRACTS == 0))
 
 
 def emissivity_of(bsdf) -> Emissivity | Emissivities:

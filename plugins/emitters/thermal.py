@@ -23,7 +23,7 @@ from mi_lcair.plugins.derivatives import (
 )
 from mi_lcair.plugins.emission import triangles
 from mi_lcair.plugins.emission.draw_table import largest, texture_bound
-from mi_lcair.plugins.emission.emissivity import Emissivities, emissivity_of, reflects
+from mi_lcair.plugins.emission.emissivity import Emissivities, emissivity_of, emits
 from mi_lcair.plugins.emitters.thermal_emitter import EmitterParameter, ThermalEmitter
 from mi_lcair.plugins.properties import BRIGHTEST, HOTTEST, RADIANCE_UNIT, Property
 from mi_lcair.tasks import is_traced
@@ -56,7 +56,8 @@ class Thermal(ThermalEmitter):
         </emitter>
 
     The emissivity comes from the shape's BSDF (see `emissivity`), so a surface emits from the sides
-    from which it reflects. A source with `radiance` or `spectrum` emits that radiance, times
+    from which it reflects. With a given `emissivity` a body that refracts, such as `dielectric`,
+    emits from its front only. A source with `radiance` or `spectrum` emits that radiance, times
     `emissivity` if it is given. Facet temperatures are a parameter of the mesh
     (`SHAPE.face_temperature`). `bounce_path` converts them to radiance in Float64 whenever they
     change. In two cases the radiance is computed at every hit, which gives the same result but is
@@ -254,7 +255,7 @@ class Thermal(ThermalEmitter):
     def emissivity(self, si, active):
         self.find_emissivity()
         if self.given_emissivity is not None:
-            return dr.select(reflects(int(self.bsdf.flags()), si.wi.z), self.given_emissivity, 0)
+            return dr.select(emits(int(self.bsdf.flags()), si.wi.z), self.given_emissivity, 0)
         return self.material_emissivity.eval(self.bsdf, si, active)
 
     def eval(self, si, active=True):

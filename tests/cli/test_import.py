@@ -463,6 +463,8 @@ def test_two_fits_of_one_name(refused, folder):
         ),
         (BOXES, ["-o", "out", "--sky", "none.csv"], "none.csv: cannot be read"),
         (BOXES, ["-o", "out", "--sky", "t.csv"], "spectrum t.csv: the header must name"),
+        (BOXES, ["-o", "out", "--emissivity", "1"], "--emissivity goes with a scene of Mitsuba"),
+        (BOXES, ["--check", "-D", "spp=1"], "-D goes with a scene of Mitsuba"),
         (BOXES, ["-o", "t.csv"], "output 't.csv' is not a folder"),
         (BOXES, ["-o", "none/out"], "output folder 'none' does not exist"),
         (BOXES, ["-o", "busy"], "it is a folder; remove it"),

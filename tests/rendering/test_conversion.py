@@ -102,7 +102,6 @@ PLACED = scene(
         )
     ),
 )
-# Below the sheet that transmits is nothing: its lower side emits too, and that of `area` does not
 NESTED = {
     "scene.xml": scene(
         *(PATH, CAMERA, WHITE),
@@ -153,12 +152,18 @@ TEXTURED = {
         BALL.format('<ref id="white"/> {{.3}}'),
     )
 }
+GLASS = {
+    "scene.xml": scene(
+        *(PATH, CAMERA, WHITE, FLOOR, BALL.format('<bsdf type="dielectric"/> {{.9}}')),
+    )
+}
 CASES = {
     "includes": (INCLUDES, {}),
     "values": (INCLUDES, {"parameters": {"wall": ".5", "spp": "64"}}),
     "cbox": (CBOX, {}),
     "instances": (INSTANCES, {}),
     "nested": (NESTED, {"emissivity": ["dielectric=.9", ".6"]}),
+    "glass": (GLASS, {"emissivity": ["ball=.9"]}),
     "masked": (MASKED, {"emissivity": ["lace=.9"]}),
     "medium": (MEDIUM, {}),
     "textured": (TEXTURED, {}),
@@ -290,6 +295,11 @@ def test_the_share_of_surfaces_with_a_given_emissivity(tmp_path):
 @pytest.mark.parametrize(
     "files, options, message",
     [
+        (
+            {"scene.xml": INSTANCES["scene.xml"].replace("cube", "sdfgrid")},
+            {},
+            "sdfgrid: its instances cannot become shapes",
+        ),
         (NESTED, {}, r"bsdf glass \(SmoothDielectric\) transmits.* each of glass, bark, mixed"),
         (NESTED, {"emissivity": [".6", "brass=.1"]}, "unknown shape or BSDF 'brass'"),
         (NESTED, {"emissivity": ["glass=lots"]}, "'glass=lots': must be NUMBER or NAME=NUMBER"),
