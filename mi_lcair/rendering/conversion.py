@@ -107,6 +107,8 @@ def thermal_scene(
             checked(scene, path, {})  # raises InputError for what cannot be rendered
         except RuntimeError as error:
             raise parsing.with_known_plugins(mitsuba_error(error)) from None
+        if Path(band).is_file():  # a response
+            band = os.path.relpath(band, written.parent)
         text = xml(state, written.parent, {"temperature": f"{kelvins:g}", "band": band})
     if fixed:
         ids = {state.nodes[shape].props.id() for shape in fixed}

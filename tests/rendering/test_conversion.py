@@ -316,3 +316,14 @@ def test_refused_with_nothing_written(tmp_path, files, options, message):
     with pytest.raises(InputError, match=message) as refusal:
         thermal_scene(path, tmp_path / "thermal", 300, **options)
     assert "\n" not in str(refusal.value) and not (tmp_path / "thermal").exists()
+
+
+def test_a_band_of_a_file(tmp_path, monkeypatch):
+    """The response stays where it is, as meshes do."""
+    path, _ = written(tmp_path, INCLUDES)
+    (tmp_path / "response.csv").write_text("wavelength_um,response\n8,1\n9,1\n")
+    monkeypatch.chdir(tmp_path)
+    thermal_scene(path, "thermal", 300, "response.csv")
+    monkeypatch.chdir("/")
+    made = mi_lcair.load(tmp_path / "thermal" / "scene.xml")
+    assert made.band.upper_um == 9

@@ -4,7 +4,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from mi_lcair.plugins.emission.draw_table import FieldOfView, radiance_bound, texture_bound
+from mi_lcair.plugins.emission.draw_table import FieldOfView, radiance_bound, texels, texture_bound
 from tests.plugins.conftest import (
     FILM,
     plate,  # noqa: F401, fixture
@@ -123,3 +123,8 @@ def test_any_other_sensor_sees_everything():
         mi.load_dict({"type": "radiancemeter", "film": {**FILM, "width": 1, "height": 1}})
     )
     assert not field.excludes(np.full((1, 3, 3), 1e9)).any()
+
+
+def test_texels_of_8_bits_are_fractions():
+    np.testing.assert_allclose(texels(mi.TensorXu8(np.uint8([0, 51, 255]))), [0, 0.2, 1])
+    np.testing.assert_allclose(texels(mi.TensorXf([0.0, 51.0])), [0, 51])
