@@ -9,7 +9,7 @@ from mi_lcair.progress import Progress
 from mi_lcair.rendering.reflections import reflecting
 from mi_lcair.rendering.scene import SceneLike
 from mi_lcair.signatures.cost_chart import CostChart, measure_cost_chart
-from mi_lcair.signatures.signature import Signature, measure_signature
+from mi_lcair.signatures.signature import Signature, measure_signature, with_left_out
 from mi_lcair.tasks import exclusively
 
 # `signature`, which integrates the radiance of a scene over the window of a sensor
@@ -87,7 +87,8 @@ def signature(
     scene = scene_of(scene, parameters)
     with reflecting(scene, max_bounces, each_pixel=False, sampling=sampling):
         split = PARTS if parts else ()
-        return measure_signature(scene, sampling, by_spectrum, facets, excess, parts=split)
+        found = measure_signature(scene, sampling, by_spectrum, facets, excess, parts=split)
+        return with_left_out(found, scene, sampling)
 
 
 # `chart`, error against processor time over the ways to render a scene

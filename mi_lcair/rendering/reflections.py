@@ -23,6 +23,7 @@ from mi_lcair.tasks import exclusively
 # ------------------------------------------------------------------------------------------
 
 LARGEST_RATIO = 0.999  # ratio of successive bounces; a larger one is mostly noise
+FEWEST = 4  # numbers of reflections from which on pairs are compared
 KNOWN = 3  # standard errors, above which an intensity is known well enough to continue it
 
 
@@ -52,15 +53,16 @@ def fewest_bounces(by_bounce: np.ndarray, budget: float, each_pixel: bool) -> tu
     means = by_pixel.mean(axis=1)  # (n,)
     last = len(means) - 1
     beyond = beyond_last(means)
-    total = means.sum() + beyond * means[last]
-    total_by_batch = by_batch.sum(axis=1) + beyond * by_batch[:, last]
+    total = means.sum() + beyond * ending(means)
+    beyond_by_batch = beyond * ending(by_batch.T)
+    total_by_batch = by_batch.sum(axis=1) + beyond_by_batch
 
     def bound(n: int) -> float:
         """Upper bound of the radiance of more than n reflections, relative to the mean."""
         if each_pixel:
-            missing = by_pixel[n + 1 :].sum(axis=0) + beyond * by_pixel[last]
+            missing = by_pixel[n + 1 :].sum(axis=0) + beyond * ending(by_pixel)
             return float(np.sqrt(np.mean(missing**2)) / total)
-        missing = by_batch[:, n + 1 :].sum(axis=1) + beyond * by_batch[:, last]
+        missing = by_batch[:, n + 1 :].sum(axis=1) + beyond_by_batch
         # A batch that has met no radiance knows nothing: all of it may be missing
         whole, met = np.ones(len(total_by_batch)), total_by_batch > 0
         return upper(np.divide(missing, total_by_batch, out=whole, where=met))
@@ -75,10 +77,10 @@ def fewest_bounces(by_bounce: np.ndarray, budget: float, each_pixel: bool) -> tu
 
 
 def beyond_last(means: np.ndarray, summed: int = 0) -> float:
-    """Estimate of all reflections beyond the last recorded number, relative to the last entry.
+    """Estimate of all reflections beyond the last recorded number, relative to `ending`.
 
     The reflections are continued by a geometric series, with the mean ratio of the last quarter of
-    the numbers.
+    the numbers. Pairs of numbers are compared, because two surfaces may take turns.
 
     Parameters
     ----------
@@ -87,18 +89,28 @@ def beyond_last(means: np.ndarray, summed: int = 0) -> float:
     summed : int
         Larger numbers of reflections that the last entry holds too.
     """
-    single = means[:-1] if summed else means
-    span = max(1, len(single) // 4)
-    if len(single) < 2 or not single[-1 - span] > 0:
-        return 0.0
-    ratio = min((single[-1] / single[-1 - span]) ** (1 / span), LARGEST_RATIO) ** (summed + 1)
+    ratio = min(mean_ratio(means[:-1] if summed else means), LARGEST_RATIO)
+    ratio **= summed + 1 if summed or len(means) < FEWEST else 2
     return ratio / (1 - ratio)
 
 
-def left_out(by_bounce: Sequence[float], errors: Sequence[float], most: int) -> float:
-    """Estimate of the reflections beyond the largest number; 0 where there is none.
+def mean_ratio(means: np.ndarray) -> float:
+    """Mean ratio of successive numbers in the last quarter of them; 0 if there was nothing."""
+    count, step = len(means), 2 if len(means) >= FEWEST else 1
+    span = step * max(1, count // (4 * step))
+    before = means[max(count - span - step, 0) : count - span].sum()
+    return (means[-step:].sum() / before) ** (1 / span) if count > 1 and before > 0 else 0.0
 
-    The series is continued only where it falls and its last two entries are known.
+
+def ending(by_bounce: np.ndarray, summed: int = 0) -> np.ndarray:
+    """The sum of the last entries along the first axis, from which `beyond_last` continues."""
+    return by_bounce[-1 if summed or len(by_bounce) < FEWEST else -2 :].sum(axis=0)
+
+
+def left_out(by_bounce: Sequence[float], errors: Sequence[float], most: int) -> float | None:
+    """Estimate of the reflections beyond the largest number; None where it is not known.
+
+    The series is continued only where it falls and its end is known.
 
     Parameters
     ----------
@@ -109,10 +121,26 @@ def left_out(by_bounce: Sequence[float], errors: Sequence[float], most: int) -> 
         Largest number of reflections.
     """
     values, summed = np.array(by_bounce), most + 1 - len(by_bounce)
-    if len(values) < 3 or (np.diff(values[-3 : -1 if summed else None]) >= 0).any():
-        return 0.0
-    is_known = (values > KNOWN * np.array(errors))[-2:].all()
-    return float(beyond_last(values, summed) * values[-1]) if is_known else 0.0
+    end = ending(values, summed)
+    if len(values) < FEWEST or end <= KNOWN * np.sqrt(ending(np.square(errors), summed)):
+        return None
+    is_falling = mean_ratio(values[:-1] if summed else values) < LARGEST_RATIO
+    return float(beyond_last(values, summed) * end) if is_falling else None
+
+
+def share_beyond(scene: Scene, sampling: Sampling) -> float:
+    """Share of all reflections that are beyond the scene's largest number, from a pilot.
+
+    It is less than the pilot's, MOST[-1]. 0 if the share is less than twice its standard error.
+    """
+    most = scene.mi.integrator().max_bounces
+    with changed(scene, max_bounces=MOST[-1], closure="none", ambient_temperature=None):
+        probe = Probe.of(scene, False, sampling.seed, sampling.sensor, 1)
+    by_batch = probe.by_bounce[:, :, 0].T  # (n, R)
+    beyond = beyond_last(by_batch.mean(axis=1)) * ending(by_batch)
+    missing, whole = by_batch[most + 1 :].sum(axis=0) + beyond, by_batch.sum(axis=0) + beyond
+    error = missing.std(ddof=1) / np.sqrt(len(missing))
+    return float(missing.mean() / whole.mean()) if missing.mean() > 2 * error else 0.0
 
 
 def upper(values: np.ndarray) -> float:

@@ -19,7 +19,7 @@ from mi_lcair.rendering.facets import FacetTable
 from mi_lcair.rendering.facets import write_vtk as write_vtk_of_facets
 from mi_lcair.rendering.measurands import ExcessFunction, IntensityInterval, Measurands
 from mi_lcair.rendering.measure import measure
-from mi_lcair.rendering.reflections import SHARE, left_out
+from mi_lcair.rendering.reflections import MOST, SHARE, left_out, share_beyond
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import WHOLES, Totals, invalid_remark
@@ -81,10 +81,10 @@ class Intensity:
     closure : float or None
         Estimate of the reflections beyond max_bounces, W/sr. It is included in `intensity`. None
         without `by_bounce`.
-    left_out : float
+    left_out : float or None
         Estimate of the reflections beyond max_bounces that neither `intensity` nor `half_width`
-        holds, W/sr: `by_bounce`, continued by a geometric series. 0 with a closure, and where the
-        series is not known.
+        holds, W/sr; with closure = tail that of its error. It is `by_bounce`, continued by a
+        geometric series, or a pilot's. None where neither is known.
     """
 
     intensity: float
@@ -97,7 +97,7 @@ class Intensity:
     by_seen: dict[str, float]
     by_seen_error: dict[str, float]
     closure: float | None = None
-    left_out: float = 0.0
+    left_out: float | None = None
 
     @property
     def up_to_bounce(self) -> list[float]:
@@ -173,17 +173,19 @@ def facts_of_entries(entries: dict, others: Sequence[Part | Section] = ()) -> It
 def remark_on_left_out(whole: dict, tolerance: float | None) -> list[str]:
     """A remark if what is left out beyond max_bounces is more than the error, or than allowed."""
     intensity, half_width = whole["intensity_W_sr"], whole["half_width_W_sr"]
-    beyond = whole.get("left_out_W_sr", 0)
+    beyond = whole.get("left_out_W_sr") or 0.0
     is_too_much = beyond > half_width
     if tolerance is not None:
         allowed = tolerance * intensity
         is_too_much = beyond > SHARE * allowed and np.hypot(beyond, half_width) > allowed
     if not is_too_much:
         return []
-    worth = f"{beyond:.2g} W/sr ({percent(beyond / intensity)})"
+    worth, remedy = f"{beyond:.2g} W/sr ({percent(beyond / intensity)})", "raise max_bounces"
+    if whole["closure_W_sr"]:
+        return [f"what closure = tail adds may be wrong by up to about {worth}; {remedy}"]
     return [
         f"reflections beyond max_bounces, worth about {worth}, are left out, and no error holds "
-        "them; raise max_bounces, or set it to auto"
+        f"them; {remedy}, or set it to auto"
     ]
 
 
@@ -468,13 +470,29 @@ def measure_signature(
     windows = replace(Windows.whole(camera), may_follow_facets=excess is None)
     total = measure(scene, windows, sampling, measurands, criterion, aim)
     found = result(total)
-    if left_out := remark_on_left_out(found.main.as_dict(), found.tolerance):
-        reached = None if found.tolerance is None else False
-        found = replace(found, reached=reached, remarks=[*found.remarks, *left_out])
     if not facets:
         return found
     *_, direction = window(camera)
     return replace(found, facets=sums.results(scene, total, area, -direction))
+
+
+def with_left_out(found: Signature, scene: Scene, sampling: Sampling) -> Signature:
+    """The signature, with a remark if reflections beyond max_bounces are left out that count.
+
+    Where they are few, or say that a tolerance is not reached, a pilot of more of them decides.
+    """
+    main, integrator = found.main, scene.mi.integrator()
+    is_cut = integrator.closure == "none" and not integrator.truncation
+    if found.tolerance is not None and is_cut and integrator.max_bounces < MOST[-1]:
+        known = main.left_out if integrator.max_bounces >= MOST[0] else None
+        if known is None or known > SHARE * found.tolerance * main.intensity:
+            share = share_beyond(scene, sampling)
+            main = replace(main, left_out=main.intensity * share / (1 - share))
+            found = replace(found, **{found.main_part: main})
+    if left_out := remark_on_left_out(main.as_dict(), found.tolerance):
+        reached = None if found.tolerance is None else False
+        found = replace(found, reached=reached, remarks=[*found.remarks, *left_out])
+    return found
 
 
 def intensities(
@@ -512,7 +530,9 @@ def intensities(
         if closure:
             of_bounces = split["by_bounce"], split["by_bounce_error"]
             split["closure"] = means[closure[""]]
-            split["left_out"] = 0.0 if split["closure"] else left_out(*of_bounces, most)
+            split["left_out"] = left_out(*of_bounces, most)
+            if total.tail is not None:
+                split["left_out"] = total.tail.error(most) * area
         found[whole or "scene"] = Intensity(
             intensity=means[place],
             standard_error=errors[place],

@@ -12,6 +12,7 @@ from mi_lcair.rendering.reflections import (
     Probe,
     beyond_last,
     bounce_settings,
+    ending,
     fewest_bounces,
     left_out,
     needed_bounces,
@@ -189,7 +190,7 @@ def test_what_lies_beyond_the_last():
     assert beyond_last(np.array([1.0, r, part]), 2) * part == pytest.approx(rest)
     falling = 0.9 ** np.arange(40)
     falling[-1] *= 1.2  # noise of one number
-    assert beyond_last(falling) == pytest.approx(9, rel=0.25)
+    assert beyond_last(falling) * ending(falling) == pytest.approx(0.9**40 * 10, rel=0.25)
 
 
 def test_what_max_bounces_leaves_out():
@@ -198,8 +199,12 @@ def test_what_max_bounces_leaves_out():
     assert left_out(series[:20], no_error[:20], 19) == pytest.approx(series[20] * 10)
     merged = np.append(series[:64], series[64:].sum())
     assert left_out(merged, no_error[:65], 79) == pytest.approx(0.9**80 * 10)
-    assert left_out(series[:20], no_error[:20] + series[18] / 2, 19) == 0
-    assert left_out([1.0, 0.5], [0, 0], 1) == left_out([1.0, 0.2, 0.3], [0, 0, 0], 2) == 0
+    assert left_out(series[:20], no_error[:20] + series[18] / 2, 19) is None
+    assert left_out([1.0, 0.5], [0, 0], 1) is None
+    assert left_out([1.0, 0.2, 0.3, 2.0], [0, 0, 0, 0], 3) is None
+    taking_turns = series * np.tile([1.0, 0.1], 40)
+    rest = taking_turns[20:].sum() / (1 - 0.9**60)
+    assert left_out(taking_turns[:20], no_error[:20], 19) == pytest.approx(rest)
 
 
 # Probes: the radiance by number of reflections, through a window or some pixels

@@ -92,13 +92,18 @@ CLOSED = """<scene version="3.0.0">
 </scene>"""
 
 
+def closed(folder, emissivity="0.15", **parameters):
+    """A sphere in a sphere, all at 300 K, which is a black body; its sphere has this emissivity."""
+    path = folder / "closed.xml"
+    path.write_text(CLOSED.replace('"0.15"', f'"{emissivity}"'))
+    return mi_lcair.load(path, **parameters)
+
+
 @pytest.mark.parametrize("tolerance", [None, 0.01])
 @pytest.mark.parametrize("most, is_told", [(60, True), (100, True), (400, False)])
 def test_reflections_that_are_left_out(tmp_path, most, is_told, tolerance):
-    """A sphere in a sphere, all at 300 K, is a black body: what is missing is what is told."""
-    path = tmp_path / "closed.xml"
-    path.write_text(CLOSED)
-    scene = mi_lcair.load(path, max_bounces=most)
+    """What is missing of a black body is what is told."""
+    scene = closed(tmp_path, max_bounces=most)
     result = mi_lcair.signature(scene, tolerance=tolerance, spp=None if tolerance else 256)
     missing = 4 * L_300 - result.intensity
     assert result.target.left_out == pytest.approx(missing, rel=0.15, abs=result.half_width)
@@ -106,11 +111,29 @@ def test_reflections_that_are_left_out(tmp_path, most, is_told, tolerance):
     assert len(remarks) == is_told and result.reached == (tolerance and not is_told)
 
 
-def test_a_closure_leaves_nothing_out(tmp_path):
-    path = tmp_path / "closed.xml"
-    path.write_text(CLOSED)
-    scene = mi_lcair.load(path, closure="tail")
-    assert mi_lcair.signature(scene, spp=16).target.left_out == 0
+@pytest.mark.parametrize("parts", [True, False])
+@pytest.mark.parametrize("most", [0, 1, 3, 10])
+def test_few_reflections_that_take_turns(tmp_path, most, parts):
+    """A pilot knows what a table of few reflections, between unlike surfaces, does not tell."""
+    scene = closed(tmp_path, "0.9", max_bounces=most)
+    result = mi_lcair.signature(scene, tolerance=0.01, parts=parts)
+    missing = 4 * L_300 - result.intensity
+    assert missing > 0.04 * result.intensity and not result.reached
+    assert result.target.left_out == pytest.approx(missing, rel=0.1)
+
+
+def test_a_pilot_finds_nothing_where_nothing_is_left_out(scene):
+    """A black plate, whose table of reflections is too short to be continued."""
+    result = mi_lcair.signature(mi_lcair.load(scene), tolerance=0.01)
+    assert result.target.left_out == 0 and result.reached
+
+
+def test_error_of_a_tail(tmp_path):
+    """A tail that continues the reflections of unlike surfaces says how wrong it may be."""
+    scene = closed(tmp_path, "0.9", closure="tail", max_bounces=10)
+    result = mi_lcair.signature(scene, tolerance=0.01)
+    assert abs(4 * L_300 - result.intensity) < result.target.left_out and not result.reached
+    assert "what closure = tail adds may be wrong by up to about" in result.remarks[-1]
 
 
 def test_as_dict():

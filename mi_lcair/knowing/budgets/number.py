@@ -22,7 +22,7 @@ from mi_lcair.plugins.emission.source import rounded
 from mi_lcair.plugins.recorders.radiance import MAX_BOUNCE_CHANNELS
 from mi_lcair.rendering.parameters.entries import NEAREST, Parameter
 from mi_lcair.rendering.parameters.values import checked
-from mi_lcair.rendering.reflections import beyond_last
+from mi_lcair.rendering.reflections import beyond_last, ending
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.signatures.effective_areas import EffectiveAreas, effective_areas
 
@@ -396,7 +396,7 @@ class Number(ABC):
         summed = max(0, self.scene.mi.integrator().max_bounces - (MAX_BOUNCE_CHANNELS - 1))
         if not means.sum() > 0:
             return 0.0
-        missing = beyond_last(means, summed) * means[-1]
+        missing = beyond_last(means, summed) * ending(means, summed)
         closure = self.total.mean(f"{self.numbers.prefix}closure")[0] * self.numbers.area
         return float(abs((missing - closure) / means.sum() * self.of_intensity))
 
