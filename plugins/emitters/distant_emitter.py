@@ -70,12 +70,21 @@ class DistantEmitter(ThermalEmitter):
         mi.Emitter.traverse(self, cb)
         cb.put(self.SCALE, self.scale, mi.ParamFlags.Differentiable)
 
+    @property
+    def has_tables(self) -> bool:
+        """Whether its radiance is known, as it is in a scene that is rendered."""
+        return True
+
     def refresh(self) -> None:
         dr.make_opaque(self.scale, self.given_emissivity)
 
     # ---------------------------------------------------------------- Mitsuba's interface
 
+    # Mitsuba calls all emitters of a process, also those of scenes that were never rendered
+
     def eval(self, si, active=True):
+        if not self.has_tables:
+            return mi.Spectrum(0)
         return self.along(-si.wi, active)  # of a ray that hits nothing, `wi` is in world space
 
     def toward(self, it, d, density):
@@ -88,16 +97,18 @@ class DistantEmitter(ThermalEmitter):
         return ds
 
     def sample_direction(self, it, sample, active=True):
+        if not self.has_tables:
+            return dr.zeros(mi.DirectionSample3f), mi.Spectrum(0)
         d = self.drawn(sample)
         density = self.density(d)
         value = dr.select(density > 0, self.along(d, active) / density, 0)
         return self.toward(it, d, density), value
 
     def pdf_direction(self, it, ds, active=True):
-        return dr.select(active, self.density(ds.d), 0)
+        return dr.select(active, self.density(ds.d), 0) if self.has_tables else mi.Float(0)
 
     def eval_direction(self, it, ds, active=True):
-        return self.along(ds.d, active)
+        return self.along(ds.d, active) if self.has_tables else mi.Spectrum(0)
 
     def sample_position(self, time, sample, active=True):
         return dr.zeros(mi.PositionSample3f), mi.Float(0)  # it has no position

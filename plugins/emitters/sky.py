@@ -183,6 +183,10 @@ class Sky(DistantEmitter):
 
     # ---------------------------------------------------------------- Tables
 
+    @property
+    def has_tables(self) -> bool:
+        return self.tables is not None and self.derived is not None
+
     def shine(self) -> None:
         """Set all tables, if they are not set for the height."""
         if self.tables is not None:

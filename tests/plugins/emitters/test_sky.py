@@ -277,3 +277,19 @@ def test_ground_of_a_material():
     """Gloss black has a hemispherical emissivity between those at normal and grazing angles."""
     sky = mi.load_dict({**NIGHT, "band": "MWIR", "ground_material": "gloss_black"})
     assert 0.7 < float(sky.ground_emissivity[0]) < 1
+
+
+@pytest.mark.parametrize("integrator", ["bounce_path", "path"])
+def test_a_sky_that_is_never_rendered(integrator):
+    """A second scene that is only loaded changes nothing in the first one."""
+    thermal = {"type": "thermal", "temperature": 290.0, "band": "LWIR"}
+    plate = {"type": "rectangle", "bsdf": GREY, "emitter": thermal}
+    made, other = (
+        scene({"type": "bounce_path"}, camera(4), plate=plate, sky={**NIGHT, "band": "LWIR"})
+        for _ in range(2)
+    )
+    mi.render(made, spp=4)  # sets the tables
+    kept = mi.load_dict({"type": integrator})
+    first = np.array(mi.render(made, integrator=kept, spp=4))
+    assert first.mean() > 1 and np.array_equal(first, mi.render(made, integrator=kept, spp=4))
+    del other
