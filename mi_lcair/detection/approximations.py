@@ -5,6 +5,7 @@ what tables do not state.
 """
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
@@ -48,11 +49,34 @@ def shares_of_light(setting: Setting | Sightline, sources: list[Source]) -> np.n
     for k, source in enumerate(sources):
         part = source.spectrum
         light = part.bin_of if isinstance(part, BinOfSpectrum) else part
-        is_known = isinstance(light, AirLight) and setting.path.amounts is not None
-        if light is not None and light.name != OUTSIDE_AIR and not is_known:
+        if light is not None and light.name != OUTSIDE_AIR and not adds(setting, light):
             of_sun = sun is not None and source.group == sun.group
             shares[k] = share_of_product(setting, light, sun.elevation_deg if of_sun else None)
     return shares
+
+
+def adds(setting: Setting | Sightline, light: Spectrum) -> bool:
+    """Whether the amounts of absorbers before and after a reflection add, as both are known."""
+    return isinstance(light, AirLight) and setting.path.amounts is not None
+
+
+def share_of_reflections(setting: Setting | Sightline) -> float:
+    """Share of the hidden background that the product adds to the light that its ground reflects.
+
+    It is the size of an error, as `shares_of_light` has them, on the longer path to the ground.
+    """
+    behind, range_m = setting.backdrop, setting.path.range_m
+    if setting.air.is_vacuum or behind.path_at is None:
+        return 0.0
+    along, band = replace(setting, path=behind.path_at(range_m)), setting.detector.band
+    x = band.rows(along.path.wavelengths_um, behind.rows_um)
+    passed, _ = along.path.at(x)
+    added = sum(
+        factor * share_of_product(along, light, None) * band.integral(x, light.at(x) * passed)
+        for factor, light in behind.reflected
+        if not adds(along, light)
+    )
+    return abs(added) / band.integral(x, behind.at_sensor(range_m).at(x)) if added else 0.0
 
 
 def share_of_product(setting: Setting | Sightline, light: Spectrum, sun_deg: float | None) -> float:
@@ -72,6 +96,8 @@ def share_of_product(setting: Setting | Sightline, light: Spectrum, sun_deg: flo
         near = 0.0
         if sun_deg is None:
             near = spectral_radiance(x, air.levels.at(np.array([HEIGHT_M / 1000]))[1][0])
+            # Of light that a ground has reflected, the same share, seen where air is opaque
+            near = near * min(float((radiance / near).max()), 1.0)
         height_m = HEIGHT_M if sight.target_m is None else sight.target_m
         way = air.sun(height_m, STAND_IN_DEG if sun_deg is None else max(sun_deg, 1.0))
         added = (near - radiance) * (way.transmittance(path.amounts) - path.transmittance)

@@ -580,6 +580,7 @@ def rendered(
     bounces = (largest,) if is_auto or not sampling.max_bounces else sampling.max_bounces
 
     of_background = approximations.share_of_background(view, [setting])
+    of_background += approximations.share_of_reflections(setting)
 
     @cache
     def of_light(sources: tuple[Source, ...]) -> np.ndarray:

@@ -1,10 +1,17 @@
 """Approximations of contrasts: their sizes against exact values, and in the interval."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import mi_lcair
-from mi_lcair.detection.approximations import multiplied_light, share_of_product, shares_of_light
+from mi_lcair.detection.approximations import (
+    multiplied_light,
+    share_of_product,
+    share_of_reflections,
+    shares_of_light,
+)
 from mi_lcair.detection.contrast import accuracy
 from mi_lcair.detection.setting import setting_of
 from mi_lcair.physics.air.atmosphere import AirLight
@@ -121,3 +128,40 @@ def test_known_light_has_no_remark(tmp_path, table, air):
     sources = [source for emitter in setting.view.mi.emitters() for source in emitter.spectra()]
     assert any(source.spectrum is not None for source in sources)
     assert multiplied_light(sources, shares_of_light(setting, sources)) == []
+
+
+@pytest.mark.parametrize("name", ["us_standard", "midlat_summer"])
+def test_a_share_does_not_depend_on_the_scale_of_the_light(tmp_path, name):
+    """A ground that reflects 5 % of a sky sends light with the same share."""
+    write_disc(tmp_path)
+    given = {"observer__range_m": 1000, "observer__elevation_deg": 0}
+    setting = setting_of(disc(tmp_path, atmosphere__table=name, sensor__band="MWIR", **given))
+    light = clear_air(name).sky(50.0, 20.0)
+    whole, part = (
+        share_of_product(setting, Spectrum("x", light.wavelengths_um, scale * light.radiance), None)
+        for scale in (1.0, 0.05)
+    )
+    assert part == pytest.approx(whole, rel=0.1)
+
+
+def test_light_that_the_hidden_ground_reflects(tmp_path):
+    """A white ground has the share of the sky that it reflects, on the whole path to the sensor."""
+    write_disc(tmp_path)
+    given = {"observer__range_m": 1000, "observer__elevation_deg": 20, "target__height_m": 50}
+    behind = {"background__temperature": None, "background__ground_temperature": 288}
+    behind |= {"background__sky": "clear", "background__ground_emissivity": 1e-9}
+    air = air_table(tmp_path)
+    setting = setting_of(disc(tmp_path, atmosphere__table=air, **given, **behind))
+    ((factor, light),) = setting.backdrop.reflected
+    along = replace(setting, path=setting.backdrop.path_at(1000.0))
+    x = along.path.wavelengths_um
+    passed = light.at(x) * along.path.at(x)[0]
+    hidden = setting.backdrop.at_sensor(1000.0).at(x)
+    share = share_of_product(along, light, None) * factor
+    integral = setting.detector.band.integral
+    expected = abs(share * integral(x, passed) / integral(x, hidden))
+    assert share_of_reflections(setting) == pytest.approx(expected, rel=1e-3)
+    assert expected > 0
+    black = behind | {"background__ground_emissivity": 1.0}
+    black = setting_of(disc(tmp_path, atmosphere__table=air, **given, **black))
+    assert share_of_reflections(black) == 0

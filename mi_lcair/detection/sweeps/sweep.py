@@ -11,7 +11,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 import mi_lcair
-from mi_lcair.detection.approximations import averaged_plumes, multiplied_light, shares_of_light
+from mi_lcair.detection.approximations import (
+    averaged_plumes,
+    multiplied_light,
+    share_of_reflections,
+    shares_of_light,
+)
 from mi_lcair.detection.detection_range import largest_ranges
 from mi_lcair.detection.irradiance import AirOfLight, LineOfSources
 from mi_lcair.detection.setting import Sightline
@@ -199,13 +204,16 @@ def terms_of(
 
     Those of path and background have the error of the projected area alone.
 
-    shares: of the light of each source that may be wrong, see `shares_of_light`.
+    shares: of the light of each source, and of the hidden background, that may be wrong; see
+    `shares_of_light` and `share_of_reflections`.
     """
     # An intensity that was missed arrives at most as this irradiance
     areas, at_most = line.areas, line.per_intensity(along)
     intensity, target, path, background, total = per_amount
     nothing, n = np.zeros_like(target), len(areas.sources)
-    approximated = np.abs(areas.amounts[:, :n] @ (target[:n] * shares))
+    *of_light, of_hidden = np.broadcast_to(shares, n + 1)
+    approximated = np.abs(areas.amounts[:, :n] @ (target[:n] * of_light))
+    approximated += np.abs(areas.amounts[:, -1] * background[-1] * of_hidden)
 
     def uncertain(term: Estimate) -> Estimate:
         return replace(term, half_width=np.hypot(term.half_width, approximated))
@@ -413,13 +421,13 @@ class Doubts:
         self.worst: tuple[list[Source], np.ndarray] = [], np.zeros(0)
 
     def shares(self, sight: Sightline | None, sources: list[Source]) -> np.ndarray | float:
-        """The `shares_of_light` of the sources on a line of sight."""
+        """The shares of `terms_of` on a line of sight."""
         if sight is None:
             return 0.0
         shares = shares_of_light(sight, sources)
         if np.abs(shares).max(initial=0) > np.abs(self.worst[1]).max(initial=0):
             self.worst = sources, shares
-        return shares
+        return np.append(shares, share_of_reflections(sight))
 
     def warn(self) -> None:
         for remark in multiplied_light(*self.worst):
