@@ -77,8 +77,7 @@ class Recordings:
         self.forms = None
         if self.reason is None:
             self.forms = state.forms, Form(tables)
-            # Embree's acceleration structure keeps its place when geometry changes
-            if changed[GEOMETRY] and dr.backend_v(mi.Float) != dr.JitBackend.LLVM:
+            if changed[GEOMETRY]:  # the acceleration structure is another one
                 before = None
             self.follow(state, set().union(*changed.values()), before)
 

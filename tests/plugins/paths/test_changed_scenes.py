@@ -120,7 +120,8 @@ def test_a_parameter_that_changes_twice(name, ending, functions):
         results.append(radiance)
         recordings.append(tracer.recorded.frozen)
     assert not np.array_equal(*results)
-    assert uneven in functions or recordings[0] is recordings[1]
+    is_same_geometry = not ending.endswith("vertex_positions")
+    assert uneven in functions or (recordings[0] is recordings[1]) == is_same_geometry
 
 
 @pytest.mark.parametrize(
