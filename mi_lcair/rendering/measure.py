@@ -382,11 +382,10 @@ def needed_paths(total: Totals, excess: float | np.ndarray) -> float:
     square = np.minimum(excess, MOST_EXCESS) ** 2
     of_scatter, of_rest = square * scatter, square * (1 - scatter)
     # More paths know the bound of missed sources better
-    bounds = [
+    now, later = (
         total.largest_unmet(target_of(total), times=times)
         for times in (1.0, np.mean(solution(of_scatter, of_rest)))
-    ]
-    now, later = bounds
+    )
     of_rest = of_rest * np.divide(later, now, out=np.ones_like(now), where=now > 0) ** 2
     return float(np.mean(solution(of_scatter, of_rest) * total.traced))
 
