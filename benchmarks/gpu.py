@@ -1,6 +1,9 @@
 """The README's render, signature, trend, fit and derivative on a GPU, compared with the processor.
 
-Run from the root of the repository: python -m benchmarks.gpu [TABLE.md]
+Run from the root of the repository: python -m benchmarks.gpu [REPORT.md]
+
+The GPU is one of Apple on macOS (metal_ad_mono), and else one of NVIDIA (cuda_ad_mono). The report
+begins with the machine and the versions, so that it can be sent as it is.
 
 Each variant of Mitsuba runs in a process of its own. The table has the numbers of both, how far
 they are apart, and the times of a second run, after the compile. Both variants have the same random
@@ -9,8 +12,10 @@ are computed on the processor in any variant. A task that fails in a variant say
 """
 
 import json
+import platform
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +24,8 @@ import mi_lcair
 from benchmarks.timing import seconds
 from mi_lcair.files import replacing
 
-PROCESSOR, GPU = "llvm_ad_mono", "cuda_ad_mono"
+PROCESSOR = "llvm_ad_mono"
+GPU = "metal_ad_mono" if sys.platform == "darwin" else "cuda_ad_mono"
 SCENE, PARAMETERS = "cylinder_ir_range", ["self.temperature", "bare_aluminum.e"]
 AZIMUTHS, STARTS = range(0, 360, 30), 8
 PAINT = Path(__file__).parents[1] / "scenes" / "examples" / "paint.csv"
@@ -104,6 +110,13 @@ def table(processor: dict, gpu: dict) -> str:
     return "\n".join([head, *(row(name, processor[name], gpu[name]) for name in processor)]) + "\n"
 
 
+def machine() -> str:
+    """The machine and the versions, in a line."""
+    packages = ("mi_lcair", "mitsuba", "drjit", "numpy")
+    versions = ", ".join(f"{package} {version(package)}" for package in packages)
+    return f"{GPU} on {platform.platform()}, Python {platform.python_version()}, {versions}\n\n"
+
+
 def measured(variant: str, size: int) -> dict:
     """`run` in a process of its own; its exceptions end this one, too."""
     command = [sys.executable, "-m", "benchmarks.gpu", variant, str(size)]
@@ -112,7 +125,7 @@ def measured(variant: str, size: int) -> dict:
 
 
 def main(arguments: list[str]) -> None:
-    """Print the table, or write it to a file."""
+    """Print the report, or write it to a file."""
     import mitsuba
 
     if arguments and arguments[0] in (PROCESSOR, GPU):
@@ -122,7 +135,7 @@ def main(arguments: list[str]) -> None:
         mitsuba.set_variant(GPU)
     except ImportError:
         sys.exit(NO_GPU)
-    text = table(*(measured(variant, 64) for variant in (PROCESSOR, GPU)))
+    text = machine() + table(*(measured(variant, 64) for variant in (PROCESSOR, GPU)))
     if arguments:
         with replacing(arguments[0]) as partial:
             partial.write_text(text, encoding="utf-8")

@@ -47,6 +47,19 @@ def points(buffer: mi.Float) -> np.ndarray:
     return buffer.numpy().reshape(-1, 3)
 
 
+def hidden_buffers(shape) -> tuple[mi.Float, mi.UInt32]:
+    """Arrays of the vertices and triangles of a mesh or a `rectangle`, which shows them to no
+    `traverse`.
+    """
+    return shape.vertex_positions_buffer(), shape.faces_buffer()
+
+
+def corners_of(shape) -> np.ndarray:
+    """Corners of the triangles of a mesh or a rectangle, (n, 3, 3) [m], Float32."""
+    vertices, faces = hidden_buffers(shape)
+    return points(vertices)[faces.numpy().reshape(-1, 3)]
+
+
 def set_triangles(mesh, vertices: np.ndarray, triangles: np.ndarray) -> None:
     """Give a mesh its vertices [m], (n, 3), and its triangles, the numbers of vertices, (m, 3)."""
     parameters = mi.traverse(mesh)

@@ -12,7 +12,12 @@ import numpy as np
 from mi_lcair.coincident import SINGLE, overlaps, unit_normals
 from mi_lcair.plugins.derivatives import held, own_memory
 from mi_lcair.plugins.emission.emissivity import SIDES
-from mi_lcair.plugins.emission.triangles import PrimitiveTable, pointer_id
+from mi_lcair.plugins.emission.triangles import (
+    PrimitiveTable,
+    corners_of,
+    hidden_buffers,
+    pointer_id,
+)
 
 NEAR = 1e-5  # difference of the heights of planes that are compared, as a part of the scene's size
 BESIDE = -1e-5  # least coordinates of a point of a triangle, whose three add up to 1
@@ -41,7 +46,7 @@ class Sheets:
     def of(scene: mi.Scene) -> "Sheets | None":
         """The sheets of a scene; None if it has none. Those of one geometry are found once."""
         shapes = [shape for shape in scene.shapes() if is_one_sided(shape)]
-        buffers = [s.vertex_positions_buffer() for s in shapes] + [s.faces_buffer() for s in shapes]
+        buffers = [buffer for shape in shapes for buffer in hidden_buffers(shape)]
         key = *(pointer_id(mi.ShapePtr(s)) for s in shapes), *(buffer.index for buffer in buffers)
         if key not in KEPT:
             if len(KEPT) >= MOST_KEPT:
@@ -122,12 +127,6 @@ def sheets_of(shapes: list) -> Sheets | None:
     first, partner, shape, primitive, rows = own_memory([*arrays, mi.Float(rows.ravel())])
     table = PrimitiveTable(ids, np.split(number, starts[1:-1]), 0)
     return Sheets(table, first, partner, rows, shape, primitive)
-
-
-def corners_of(shape) -> np.ndarray:
-    """Corners of the triangles of a mesh or a rectangle, (n, 3, 3) [m], Float32."""
-    vertices = shape.vertex_positions_buffer().numpy().reshape(-1, 3)
-    return vertices[shape.faces_buffer().numpy().reshape(-1, 3)]
 
 
 def back_to_back(corners: np.ndarray, turn: np.ndarray) -> np.ndarray:

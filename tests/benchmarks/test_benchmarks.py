@@ -97,6 +97,7 @@ def test_gpu_tasks_run_and_are_compared(monkeypatch):
     assert {"parameters", "standard_error"} <= {entry.name for entry in fields(Fit)}
     results = gpu.run(gpu.PROCESSOR, 4)
     assert list(results) == names
+    assert f"{gpu.GPU} on" in gpu.machine() and "mitsuba 3." in gpu.machine()
     for name, line in zip(results, gpu.table(results, results).splitlines()[2:], strict=True):
         cells = line.strip("| ").split(" | ")
         assert cells[0] == name and float(cells[1]) != 0 and cells[2:4] == ["0.0e+00", "0"]

@@ -13,6 +13,7 @@ from mi_lcair.plugins.derivatives import deriving, members, nodes, own_memory
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
 from mi_lcair.plugins.emission.triangles import (
     NORMALS,
+    corners_of,
     is_faceted,
     points,
     triangle_corners,
@@ -20,7 +21,7 @@ from mi_lcair.plugins.emission.triangles import (
 )
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal, one_sun, thermal_shapes
 from mi_lcair.plugins.paths.launch import OF_POSITION, UNIT, numbers
-from mi_lcair.plugins.paths.sheets import corners_of, is_one_sided, nearest_hit
+from mi_lcair.plugins.paths.sheets import is_one_sided, nearest_hit
 from mi_lcair.rendering.loading import parsing
 
 # Remarks on triangles and rectangles of a scene: sheets in one plane, and parts too small
