@@ -30,7 +30,7 @@ from mi_lcair.toml_table import plain
 @exclusively
 def budget(
     what: SceneLike | Scenario,
-    uncertainties: str | PathLike[str] | Mapping | Uncertainties,
+    uncertainties: str | PathLike[str] | Mapping | Uncertainties | None = None,
     *,
     sensor: int = 0,
     spp: int | None = None,
@@ -49,9 +49,10 @@ def budget(
         A scene with an orthographic sensor, a contrast scenario, or the file or the bundled name of
         either. Numbers of the sampling replace the entries of [render] of a scenario that is named.
         A scenario has no sensor.
-    uncertainties : str, path-like, dict or Uncertainties
+    uncertainties : str, path-like, dict, Uncertainties or None
         TOML file with the uncertainties, or its tables as a dictionary, see
-        `mi_lcair.knowing.budgets.uncertainties`.
+        `mi_lcair.knowing.budgets.uncertainties`. The sigma of materials that state one, such as the
+        labels of surfaces, comes by itself.
     sensor, spp, seed
         As for `signature`.
     tolerance : float, str or None

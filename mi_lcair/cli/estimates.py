@@ -43,9 +43,9 @@ def audit_command(facets, result):
 @click.argument("what", shell_complete=completion.scenes_and_scenarios)
 @options.option(
     "-u --uncertainties",
-    "The uncertainties, FILE.toml: standard deviations, covariances, reports of fits.",
+    "The uncertainties, FILE.toml: standard deviations, covariances, reports of fits. The sigma of "
+    "materials that state one, such as labels of surfaces, comes by itself.",
     options.FILE,
-    required=True,
 )
 @options.option(
     "--of",

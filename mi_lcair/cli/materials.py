@@ -88,8 +88,8 @@ def materials_command(files):
     Printed are the name, the reflection model and the band in um of each material, its emissivity
     along the normal and at 60 degrees to it, and where its parameters come from. A FILE of your own
     materials (TOML, or the JSON of a fit) and all TOML files with materials in a FOLDER come first.
-    A number in place of a name, such as 0.92, is the emissivity of a grey diffuse surface. Nothing
-    is written.
+    Labels of surfaces, such as steel+paint, follow with their emissivity and its sigma. A number in
+    place of a name, such as 0.92, is the emissivity of a grey diffuse surface. Nothing is written.
     """
     print_result(mi_lcair.materials(*files))
 

@@ -1,10 +1,11 @@
 """Named materials: a reflection model with its parameters for each band, and their source.
 
-A number in place of a name is the emissivity of a grey diffuse surface.
+A number in place of a name is the emissivity of a grey diffuse surface. The labels of surfaces, see
+`mi_lcair.physics.labels`, are materials too.
 """
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,8 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mi_lcair.declared import Bounds
-from mi_lcair.errors import InputError, errors_of, shown, unknown
+from mi_lcair.errors import InputError, check_known, errors_of, shown, unknown
 from mi_lcair.files import parse_json, parse_toml, read_text, revision
+from mi_lcair.physics import labels
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.toml_table import typed
@@ -28,7 +30,7 @@ if TYPE_CHECKING:
 BUILT_IN = Path(__file__).with_name("materials.toml")
 EVERY_BAND = "any"  # band name of an entry that holds at every wavelength
 SPECTRAL = "spectral"  # name of an entry whose parameters depend on wavelength
-EMISSIVITY = Bounds(lower=0, upper=1)
+EMISSIVITY, SIGMA = Bounds(lower=0, upper=1), Bounds(is_positive=True)
 NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)(e[+-]?[0-9]+)?", re.IGNORECASE)
 
 
@@ -53,6 +55,8 @@ class NamedMaterial:
     spectrum
         Parameters over wavelength, of which `parameters` are an average over the rows; None if they
         are constant in the band.
+    sigma
+        Standard deviations of parameters by name, which budgets take by themselves.
     """
 
     name: str
@@ -62,6 +66,7 @@ class NamedMaterial:
     form: str
     source: str
     spectrum: "SpectralParameters | None" = None
+    sigma: dict[str, float] = field(default_factory=dict)
 
     @property
     def values(self) -> tuple[float, ...]:
@@ -169,7 +174,7 @@ def names(file: str | Path | None = None) -> list[str]:
     file: TOML file of the user's own materials, the JSON file of an inversion's solution, or that
     of a fit, whose material has the file's name without its suffix.
     """
-    return list({**(_materials(file) if file else {}), **_materials(BUILT_IN)})
+    return list({**(_materials(file) if file else {}), **_materials(BUILT_IN), **labels.tables()})
 
 
 def emits_nothing(name: str, file: str | Path | None = None) -> bool:
@@ -211,10 +216,12 @@ def _entries(name, file):
 
 def _toml_entries(name, file):
     """All entries of the material `name`, from the user's file if it has them, else built-in."""
-    for path in filter(None, (file, BUILT_IN)):
+    for path in filter(None, (file, BUILT_IN, labels.SAMPLES)):
         bands = _materials(path).get(name)
         if bands is None:
             continue
+        if path is labels.SAMPLES:
+            bands = {band: labels.keys_of(name, entry) for band, entry in bands.items()}
         where = f"{path}: material '{name}'"
         if not _are_tables(bands):
             raise InputError(f"{where}: needs a table for each band, such as [{name}.MWIR]")
@@ -257,6 +264,8 @@ def _materials(path) -> dict:
     Those of a solution's JSON file are in its table `materials`. The JSON file of a fit holds one
     material, named as the file.
     """
+    if path is labels.SAMPLES:
+        return labels.tables()
     if not is_json(path):
         return _read(path)
     file = _read(path)
@@ -335,12 +344,17 @@ def _entry(where, name, band, keys, file):
             band_of(band)
         model = reflection.model(keys.get("model", reflection.NAMES[0]))
         types = dict.fromkeys(model.names, float) | dict.fromkeys(("model", "form", "source"), str)
-        keys = typed(keys, types | {"emits": bool}, model.names)
+        keys = typed(keys, types | {"emits": bool, "sigma": dict}, model.names)
+        sigma = keys.get("sigma", {})
+        check_known("parameter in sigma", model.names, *sigma)
+        for key, value in sigma.items():
+            SIGMA.check(value, f"sigma of {key}")
         parameters = {key: keys[key] for key in model.names}
         form = keys.get("form", model.forms[0])
         model.check_form(form)
         model.check_feasible(*parameters.values(), form=form)
-    return NamedMaterial(name, band, model, parameters, form, source=keys.get("source", file))
+    source = keys.get("source", file)
+    return NamedMaterial(name, band, model, parameters, form, source, sigma=sigma)
 
 
 def _cached(path, entry):

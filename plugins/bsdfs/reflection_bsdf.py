@@ -191,6 +191,7 @@ class ReflectionBSDF(SpectralBSDF):
     derivations = ()
     notes: tuple[str, ...] = ()  # remarks on the material's spectrum
     named: tuple | None = None  # name and file of its material; None if given by numbers
+    sigma: dict[str, float] = {}  # standard deviations of its material's parameters
     least_share = 0.0  # least probability of the floor and of the lobe, see `explore`
 
     def __init_subclass__(cls):
@@ -253,7 +254,7 @@ class ReflectionBSDF(SpectralBSDF):
                 f"{entry.model.name}; "
                 'use <bsdf type="material">, which takes any'
             )
-        self.model = entry.model
+        self.model, self.sigma = entry.model, entry.sigma
         return entry.values, entry.form
 
     def averaged(self, entry, of_band, temperature):

@@ -91,7 +91,7 @@ def test_scenario_and_a_note_where_the_linear_answer_fails(run):
 @pytest.mark.parametrize(
     "arguments, message",
     [
-        (["plate.xml"], "Missing option"),
+        (["plate.xml"], "nothing of plate is uncertain"),
         (["plate.xml", "-u", "no.toml"], "uncertainties 'no.toml': cannot be read"),
         (["plate.xml", "-u", "plate.xml"], "uncertainties 'plate.xml': "),
         (["plate.xml", "-u", "disc_sigma.toml"], "unknown quantity of plate 'self.temperature'"),

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mi_lcair.errors import InputError, errors_of, unknown
+from mi_lcair.errors import InputError, errors_of, option, unknown
 from mi_lcair.estimate import Contribution, Distribution, deviation
 from mi_lcair.knowing.budgets.uncertainties import Uncertainties, of_material
 from mi_lcair.rendering.parameters.entries import Parameter
@@ -88,6 +88,8 @@ class Inputs:
     def of(uncertainties: Uncertainties, known: dict[str, Parameter], what: str) -> "Inputs":
         """The quantities that a result knows, with the uncertainties that were stated for them.
 
+        A parameter of a material that states its sigma has this one, unless another is stated.
+
         Parameters
         ----------
         uncertainties : Uncertainties
@@ -140,14 +142,19 @@ def gathered(uncertainties: Uncertainties, known: dict[str, Parameter], what: st
                 fit.covariance[np.ix_(free, free)],
             )
         )
+    of_materials = {
+        name: entry.sigma
+        for name, entry in known.items()
+        if entry.sigma and name.rpartition(".")[0] not in uncertainties.fits
+    }
+    all_stated = of_materials | uncertainties.sigma
     distributions = {
         name: Distribution.of(name, stated, quantity(name).value)
-        for name, stated in uncertainties.sigma.items()
+        for name, stated in all_stated.items()
         if isinstance(stated, Mapping)
     }
     sigma = {
-        name: deviation(name, stated, quantity(name).value)
-        for name, stated in uncertainties.sigma.items()
+        name: deviation(name, stated, quantity(name).value) for name, stated in all_stated.items()
     }
     together = set()
     for group in uncertainties.correlated:
@@ -161,6 +168,11 @@ def gathered(uncertainties: Uncertainties, known: dict[str, Parameter], what: st
         if name not in together
     ]
     quantities = [entry for _, entries, _ in blocks for entry in entries]
+    if not (quantities or uncertainties.facets):
+        raise InputError(
+            f"nothing of {what} is uncertain: no material states a sigma; "
+            f"give {option('uncertainties')}"
+        )
     names = [entry.name for entry in quantities]
     for name in names:
         if names.count(name) > 1:

@@ -95,11 +95,14 @@ class Uncertainties:
     def read(source) -> "Uncertainties":
         """Read uncertainties from a TOML file, or take them from a dictionary of its tables.
 
-        Paths in the file are relative to its folder, those of a dictionary to the working
-        directory. Raises InputError if anything cannot be used.
+        None stands for those that the materials of a scene state. Paths in the file are relative to
+        its folder, those of a dictionary to the working directory. Raises InputError if anything
+        cannot be used.
         """
         if isinstance(source, Uncertainties):
             return source
+        if source is None:
+            return Uncertainties("uncertainties", {}, [], {}, {}, {})
         name = "uncertainties" if isinstance(source, Mapping) else str(source)
         return read(source, lambda tree, folder, _: parsed(tree, name, folder), "uncertainties")
 

@@ -8,9 +8,9 @@ import numpy as np
 from drjit.llvm.ad import Float64
 
 from mi_lcair.errors import InputError
-from mi_lcair.physics import materials
+from mi_lcair.physics import labels, materials
 from mi_lcair.results import Result
-from mi_lcair.sections import Lines, Remarks, Table
+from mi_lcair.sections import Lines, Remarks, Section, Table
 
 ANGLES_DEG = (0, 60)  # angles to the normal at which emissivities are listed
 
@@ -51,14 +51,22 @@ class MaterialList(Result):
             {"by_wavelength": wavelength, "parameters": e.parameters, "form": e.form} | row
             for row, e, wavelength in zip(self.as_rows(), self.listed, self.by_wavelength)
         ]
-        return {"materials": rows, "left_out": self.left_out}
+        of_labels = [
+            {"name": name, "band": band, "reflects": labels.reflects(name)} | entry
+            for name, of_name in labels.tables().items()
+            for band, entry in of_name.items()
+        ]
+        return {"materials": rows, "labels": of_labels, "left_out": self.left_out}
 
     def facts(self):
-        """A table of the materials, their sources, and what was left out."""
+        """Tables of the materials and labels, the materials' sources, and what was left out."""
         columns = self.columns()
         del columns["source"]
         yield Table.of(columns | {"by wavelength": self.by_wavelength})
         yield Lines("source", [f"{e.name}, {e.band}: {e.source}" for e in self.listed])
+        bands = [band for band in labels.BANDS if band not in ("SWIR", "8-14")]
+        of_labels = Table(["label", "reflects", *bands], labels.rows(bands))
+        yield Section("Labels: emissivity along the normal +- sigma", [of_labels])
         yield Remarks([f"left out: {file}" for file in self.left_out])
 
     def columns(self) -> dict[str, np.ndarray]:

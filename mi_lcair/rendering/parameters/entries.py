@@ -45,6 +45,8 @@ class Parameter:
     lower, upper : float
         Smallest and largest value that `set_values` takes while the other parameters stay.
         A temperature must be above `lower`.
+    sigma : float
+        Standard deviation that its material states; 0 for none.
     """
 
     name: str
@@ -53,6 +55,7 @@ class Parameter:
     unit: str
     lower: float
     upper: float
+    sigma: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -92,6 +95,7 @@ class StoredParameter:
     unit: str = "1"
     upper: float = 1.0
     lower: float = 0.0
+    sigma: float = 0.0
 
     def numbers(self) -> list[np.ndarray]:
         return [stored.read() for stored in self.stored]
@@ -128,7 +132,7 @@ class StoredParameter:
         else:
             unit = next(p.unit for p in self.model.parameters if p.name == self.stored[0].key)
             lower, upper = self.feasible_range(value)
-        return Parameter(self.name, self.kind, value, unit, float(lower), float(upper))
+        return Parameter(self.name, self.kind, value, unit, float(lower), float(upper), self.sigma)
 
     @property
     def model(self):
@@ -221,7 +225,9 @@ def stored_parameters(scene) -> dict[str, StoredParameter]:
         for key in keys:
             name = f"{material}.{key.removesuffix('.value')}"
             upper = np.inf if kind == "plugin" else 1.0
-            entry = surfaces.setdefault(name, StoredParameter(name, kind, [], upper=upper))
+            sigma = node.sigma.get(key, 0.0) if is_reflection_bsdf(node) else 0.0
+            of_key = StoredParameter(name, kind, [], upper=upper, sigma=sigma)
+            entry = surfaces.setdefault(name, of_key)
             entry.stored.append(StoredNumbers(node, key, None, np.ones(1)))
     known |= {name: surfaces[name] for name in surfaces if name not in known}
     motions = {

@@ -271,9 +271,7 @@ def test_refused_of_label(text, reason):
 def test_an_unknown_material_lists_the_known():
     with pytest.raises(InputError) as error:
         parse("f*glosBlack*300*", KNOWN)
-    assert "known: gloss_black" in str(error.value) and all(
-        name in str(error.value) for name in KNOWN
-    )
+    assert "known: gloss_black, " in str(error.value)  # the nearest
 
 
 def test_what_comes_from_elsewhere_is_not_read():
