@@ -3,9 +3,10 @@
     python -m docs.studies.fit STUDY [MODEL...] [SURFACES]
 
 STUDY: recovery, coverage, emissivity, choice, surfaces, joint, losses, time; or claims, which
-writes the page docs/validation/fits.md.
+writes the page docs/validation/fits.md from what is measured, docs/validation/fits/claims.json.
 """
 
+import json
 import sys
 from collections import Counter
 from dataclasses import replace
@@ -18,6 +19,7 @@ from scipy.optimize import least_squares
 
 import mi_lcair  # noqa: F401  it chooses the LLVM and must precede the import of Dr.Jit
 from docs.studies.page import write_page
+from mi_lcair.files import replacing
 from mi_lcair.fitting import fit, read
 from mi_lcair.fitting.data import AUTO, COMPARED, Variant, select
 from mi_lcair.fitting.estimation import emissivity_error
@@ -260,6 +262,7 @@ LEVELS = (0.02, 0.05, 0.10)  # standard deviation of the noise, relative
 FALSE = 3  # a verdict "determined" is false if the value is off by more of its standard errors
 CALIBRATION = 0.05  # standard deviation of the common factor of all readings
 PAGE = Path(__file__).parents[1] / "validation" / "fits.md"
+MEASURED = PAGE.with_suffix("") / "claims.json"
 COUNTED = ("determined", "false", "told", "lack of fit", "cause")
 LEVEL_WORDS = "if the level is calibrated"
 
@@ -438,14 +441,17 @@ def first_line(function) -> str:
 
 
 def claims(models, surfaces=200, page=PAGE):
-    """Write the page of how many claims of fits are true, for all models."""
-    fields = {}
-    for name in COMPARED:
+    """Measure how many claims of fits are true, and write the page of all models measured so far."""
+    known = json.loads(MEASURED.read_text(encoding="utf-8")) if MEASURED.exists() else {}
+    for name in models:
         rows = [row_of(claims_of(MODELS[name], *case)) for case in cases(surfaces)]
         parameters = " | ".join(f"`{parameter}`" for parameter in MODELS[name].names)
         head = f"| data | noise | fits | {parameters} | {' | '.join(COUNTED)} |"
-        fields[name] = "\n".join([head, "|---" * (head.count("|") - 1) + "|", *rows])
-    write_page(page, "fits", surfaces=surfaces, **fields)
+        known[name] = "\n".join([head, "|---" * (head.count("|") - 1) + "|", *rows])
+    with replacing(MEASURED) as part:
+        part.write_text(json.dumps(known, indent=1) + "\n", encoding="utf-8")
+    if set(COMPARED) <= set(known):
+        write_page(page, "fits", **known)
 
 
 STUDIES = (recovery, coverage, emissivity, choice, surfaces, joint, losses, time, claims)
