@@ -441,7 +441,7 @@ def first_line(function) -> str:
 
 
 def claims(models, surfaces=200, page=PAGE):
-    """Measure how many claims of fits are true, and write the page of all models measured so far."""
+    """Measure how many claims of fits are true; write the page of all models measured so far."""
     known = json.loads(MEASURED.read_text(encoding="utf-8")) if MEASURED.exists() else {}
     for name in models:
         rows = [row_of(claims_of(MODELS[name], *case)) for case in cases(surfaces)]

@@ -128,6 +128,43 @@ def left_out(by_bounce: Sequence[float], errors: Sequence[float], most: int) -> 
     return float(beyond_last(values, summed) * end) if is_falling else None
 
 
+def share_left_out(
+    scene: Scene, sampling: Sampling, views: Sequence[View] = (), known: float | None = None
+) -> float | None:
+    """Share of the radiance that a tolerance leaves out beyond the scene's largest number.
+
+    None without a tolerance, and where a closure or the errors hold what is beyond. The largest
+    share of some views, if there are views. known: the share, as the render itself tells it; a
+    pilot decides where the render has few reflections, or where this share counts.
+    """
+    integrator, tolerance = scene.mi.integrator(), sampling.tolerance
+    is_cut = integrator.closure == "none" and not integrator.truncation
+    if tolerance is None or not is_cut or integrator.max_bounces >= MOST[-1]:
+        return None
+    if integrator.max_bounces >= MOST[0] and known is not None and known <= SHARE * tolerance:
+        return known
+    return max(share_beyond(seen, sampling) for seen in some_of(scene, views))
+
+
+def counts(share: float, error: float, tolerance: float | None) -> bool:
+    """Whether a share that is left out counts, beside an error that is known.
+
+    It does where it takes more of a tolerance than "auto" allows, and breaks it. Without one, it
+    does where it is larger than the error.
+    """
+    if tolerance is None:
+        return share > error
+    return share > SHARE * tolerance and np.hypot(share, error) > tolerance
+
+
+def words_on_left_out(worth: str) -> str:
+    """A remark on reflections that are left out."""
+    return (
+        f"reflections beyond max_bounces, worth about {worth}, are left out, and no error holds "
+        "them; raise max_bounces, or set it to auto"
+    )
+
+
 def share_beyond(scene: Scene, sampling: Sampling) -> float:
     """Share of all reflections that are beyond the scene's largest number, from a pilot.
 
@@ -275,9 +312,7 @@ def bounce_settings(
         return {"max_bounces": int(max_bounces), "truncation": 0.0}
     if max_bounces != "auto":
         raise unknown("max_bounces", str(max_bounces), ["auto", "a whole number"])
-    some = views[:: -(-len(views) // MOST_VIEWS)] if views else ()
-    tried = [seen_from(scene, view, 1) for view in some] or [scene]
-    limits = [needed_bounces(seen, each_pixel, sampling) for seen in tried]
+    limits = [needed_bounces(seen, each_pixel, sampling) for seen in some_of(scene, views)]
     limits = [limit for limit in limits if limit is not None]
     if not limits:
         raise InputError(
@@ -286,6 +321,12 @@ def bounce_settings(
         )
     numbers, errors = zip(*limits)
     return {"max_bounces": max(numbers), "truncation": max(errors)}
+
+
+def some_of(scene: Scene, views: Sequence[View]) -> list[Scene]:
+    """The scene as seen from at most MOST_VIEWS of the views; without views, the scene itself."""
+    some = views[:: -(-len(views) // MOST_VIEWS)] if views else ()
+    return [seen_from(scene, view, 1) for view in some] or [scene]
 
 
 def needed_bounces(scene: Scene, each_pixel: bool, sampling: Sampling) -> tuple[int, float] | None:

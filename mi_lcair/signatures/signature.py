@@ -19,7 +19,7 @@ from mi_lcair.rendering.facets import FacetTable
 from mi_lcair.rendering.facets import write_vtk as write_vtk_of_facets
 from mi_lcair.rendering.measurands import ExcessFunction, IntensityInterval, Measurands
 from mi_lcair.rendering.measure import measure
-from mi_lcair.rendering.reflections import MOST, SHARE, left_out, share_beyond
+from mi_lcair.rendering.reflections import counts, left_out, share_left_out, words_on_left_out
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import WHOLES, Totals, invalid_remark
@@ -172,21 +172,16 @@ def facts_of_entries(entries: dict, others: Sequence[Part | Section] = ()) -> It
 
 def remark_on_left_out(whole: dict, tolerance: float | None) -> list[str]:
     """A remark if what is left out beyond max_bounces is more than the error, or than allowed."""
-    intensity, half_width = whole["intensity_W_sr"], whole["half_width_W_sr"]
-    beyond = whole.get("left_out_W_sr") or 0.0
-    is_too_much = beyond > half_width
-    if tolerance is not None:
-        allowed = tolerance * intensity
-        is_too_much = beyond > SHARE * allowed and np.hypot(beyond, half_width) > allowed
-    if not is_too_much:
+    intensity, beyond = whole["intensity_W_sr"], whole.get("left_out_W_sr") or 0.0
+    if not beyond or not counts(
+        beyond / intensity, whole["half_width_W_sr"] / intensity, tolerance
+    ):
         return []
-    worth, remedy = f"{beyond:.2g} W/sr ({percent(beyond / intensity)})", "raise max_bounces"
+    worth = f"{beyond:.2g} W/sr ({percent(beyond / intensity)})"
     if whole["closure_W_sr"]:
+        remedy = "raise max_bounces"
         return [f"what closure = tail adds may be wrong by up to about {worth}; {remedy}"]
-    return [
-        f"reflections beyond max_bounces, worth about {worth}, are left out, and no error holds "
-        f"them; {remedy}, or set it to auto"
-    ]
+    return [words_on_left_out(worth)]
 
 
 def cell_of(whole: dict, value: float, error: float) -> object:
@@ -477,18 +472,12 @@ def measure_signature(
 
 
 def with_left_out(found: Signature, scene: Scene, sampling: Sampling) -> Signature:
-    """The signature, with a remark if reflections beyond max_bounces are left out that count.
-
-    Where they are few, or say that a tolerance is not reached, a pilot of more of them decides.
-    """
-    main, integrator = found.main, scene.mi.integrator()
-    is_cut = integrator.closure == "none" and not integrator.truncation
-    if found.tolerance is not None and is_cut and integrator.max_bounces < MOST[-1]:
-        known = main.left_out if integrator.max_bounces >= MOST[0] else None
-        if known is None or known > SHARE * found.tolerance * main.intensity:
-            share = share_beyond(scene, sampling)
-            main = replace(main, left_out=main.intensity * share / (1 - share))
-            found = replace(found, **{found.main_part: main})
+    """The signature, with a remark if reflections beyond max_bounces are left out that count."""
+    main = found.main
+    known = None if main.left_out is None or not main.intensity else main.left_out / main.intensity
+    if (share := share_left_out(scene, sampling, known=known)) not in (None, known):
+        main = replace(main, left_out=main.intensity * share / (1 - share))
+        found = replace(found, **{found.main_part: main})
     if left_out := remark_on_left_out(main.as_dict(), found.tolerance):
         reached = None if found.tolerance is None else False
         found = replace(found, reached=reached, remarks=[*found.remarks, *left_out])

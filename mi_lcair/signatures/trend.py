@@ -16,6 +16,7 @@ from mi_lcair.errors import InputError, escaped
 from mi_lcair.extras import named, optional
 from mi_lcair.files import read_text, replacing
 from mi_lcair.rendering.measurands import Measurands
+from mi_lcair.rendering.reflections import words_on_left_out
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import View
@@ -110,6 +111,9 @@ class Trend(Result):
         Tolerance of the intensities; None if spp was fixed.
     made : dict of str to str
         How the rows were made. For a CSV it is in the file FILE.csv.json.
+    left_out : float or None
+        Share of the intensity beyond max_bounces, the largest of some views, by a pilot of a
+        tolerance. It is in no error.
     """
 
     scene_name: str
@@ -117,6 +121,7 @@ class Trend(Result):
     band: str
     tolerance: float | None = None
     made: dict[str, str] = entry(default_factory=dict)
+    left_out: float | None = None
 
     kind = "trend"
     heading = "Intensity by aspect"
@@ -186,9 +191,12 @@ class Trend(Result):
         yield Table(COLUMNS, [extremes(self.at_elevation(angle), angle) for angle in elevations])
         if {"half_width_W_sr", "reached"} <= self.table.keys():
             yield accuracy(self)
+        remarks = []
         if np.any(self.table.get("invalid", 0)):
-            remark = "some samples were NaN or infinite and count as 0; see column invalid"
-            yield Remarks([remark])
+            remarks.append("some samples were NaN or infinite and count as 0; see column invalid")
+        if self.left_out and self.missed:
+            remarks.append(words_on_left_out(percent(self.left_out)))
+        yield Remarks(remarks)
         yield self.picture()
         yield LongTable(self.columns())
 

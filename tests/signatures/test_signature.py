@@ -12,7 +12,7 @@ import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.paths.launch import rounding_error
 from mi_lcair.rendering.scene import changed
-from mi_lcair.sections import Table
+from mi_lcair.sections import Remarks, Table
 from mi_lcair.signatures.signature import facts_of_entries
 
 SCENE = """<scene version="3.0.0">
@@ -120,6 +120,34 @@ def test_few_reflections_that_take_turns(tmp_path, most, parts):
     missing = 4 * L_300 - result.intensity
     assert missing > 0.04 * result.intensity and not result.reached
     assert result.target.left_out == pytest.approx(missing, rel=0.1)
+
+
+def is_told(result) -> bool:
+    """Whether a remark says what is left out."""
+    remarks = [line for part in result.facts() if isinstance(part, Remarks) for line in part.lines]
+    return any("are left out, and no error holds them" in line for line in remarks)
+
+
+@pytest.mark.parametrize("most, reached", [(3, False), (50, True)])
+def test_an_image_that_leaves_reflections_out(tmp_path, most, reached):
+    """What its mean lacks of a black body is told, and keeps a tolerance from being reached."""
+    scene = closed(tmp_path, "0.9", max_bounces=most)
+    image = mi_lcair.render(scene, tolerance=0.02)
+    missing = 1 - image.mean / L_300
+    assert image.left_out == pytest.approx(missing, rel=0.1, abs=0.01) and image.reached == reached
+    assert is_told(image) is not reached
+
+
+def test_a_trend_that_leaves_reflections_out():
+    """The largest share of the views, against the same trend with all reflections."""
+    few, all_of_them = (
+        mi_lcair.trend("open_box", [0, 90], elevations_deg=[60], tolerance=0.01, max_bounces=most)
+        for most in (0, 30)
+    )
+    shares = 1 - few.table["intensity_W_sr"] / all_of_them.table["intensity_W_sr"]
+    assert few.left_out == pytest.approx(shares.max(), rel=0.1) and shares.max() > 0.02
+    assert few.missed == 2 and few.reached() is False and all_of_them.reached()
+    assert [is_told(trend) for trend in (few, all_of_them)] == [True, False]
 
 
 def test_a_pilot_finds_nothing_where_nothing_is_left_out(scene):

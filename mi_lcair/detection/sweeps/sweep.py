@@ -39,6 +39,7 @@ from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
 from mi_lcair.physics.imager import Detector
 from mi_lcair.plugins.emission.source import Source
 from mi_lcair.progress import Progress
+from mi_lcair.rendering.reflections import counts, share_left_out
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import RESOLUTION, View
@@ -480,4 +481,10 @@ def measure_trend(
         "seed": str(sampling.seed),
         "mi_lcair": mi_lcair.__version__,
     }
-    return Trend(scene.name, results[scene.name].table, scene.band.label, sampling.tolerance, made)
+    beyond = share_left_out(scene, sampling, views)
+    trend = Trend(
+        scene.name, results[scene.name].table, scene.band.label, sampling.tolerance, made, beyond
+    )
+    if beyond and counts(beyond, trend.widest, sampling.tolerance):
+        trend.table["reached"][:] = 0
+    return trend

@@ -49,6 +49,7 @@ from mi_lcair.rendering.images.spectral import (
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.pixels import PixelError, pixel_errors
+from mi_lcair.rendering.reflections import counts, share_left_out, words_on_left_out
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals, invalid_remark
@@ -110,6 +111,8 @@ class Render(Result):
         Tolerance that was asked for.
     wavelengths_um : ndarray
         Wavelengths of the channels of spectral radiance [um]; empty for none.
+    left_out : float or None
+        Share of the mean radiance beyond max_bounces, by a pilot of a tolerance. It is in no error.
     """
 
     channels: dict[str, np.ndarray] = entry()
@@ -128,6 +131,7 @@ class Render(Result):
     window_m: tuple[float, float] | None
     tolerance: float | None
     wavelengths_um: np.ndarray = entry(default_factory=lambda: np.empty(0))
+    left_out: float | None = None
 
     kind = "render"
     heading = "Image"
@@ -204,6 +208,8 @@ class Render(Result):
                 "the image is 0 everywhere: nothing that the sensor sees emits or reflects; is it "
                 "turned away, or does it see the backs of surfaces?"
             )
+        if self.left_out and counts(self.left_out, self.rms_error, self.tolerance):
+            remarks.append(words_on_left_out(percent(self.left_out)))
         yield Remarks(remarks)
         image, made = image_sections(self.channels, self.header)
         yield from [*image.parts, made]
@@ -416,6 +422,8 @@ def render_image(
     closure_error = None
     if total.tail is not None:
         closure_error = total.tail.error(scene.mi.integrator().max_bounces)
+    beyond, rms_error = share_left_out(scene, sampling), total.rms_error()
+    is_cut = beyond and counts(beyond, rms_error, sampling.tolerance)
     size = windows.rows, windows.columns
     channels, air = image_channels(total, scene.band, size), {}
     if atmosphere is not None:
@@ -443,8 +451,8 @@ def render_image(
         spp=spp,
         mean=float(total.mean().mean()),
         mean_error=total.mean_error(),
-        rms_error=total.rms_error(),
-        reached=total.reached,
+        rms_error=rms_error,
+        reached=False if is_cut else total.reached,
         invalid=total.invalid,
         paths=int(total.traced.sum()),
         closure_error=closure_error,
@@ -453,6 +461,7 @@ def render_image(
         window_m=window_size(camera),
         tolerance=sampling.tolerance,
         wavelengths_um=wavelengths.nodes_um if bins else np.empty(0),
+        left_out=beyond,
     )
 
 
