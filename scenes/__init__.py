@@ -18,7 +18,8 @@ from xml.etree import ElementTree
 from mi_lcair.errors import InputError, unknown
 
 FOLDER = Path(__file__).resolve().parent
-MODELS = (".obj", ".glb", ".gltf", ".ply", ".stl")  # suffixes of models that `models3d` reads
+USD = (".usd", ".usda", ".usdc", ".usdz")
+MODELS = (".obj", ".glb", ".gltf", ".ply", ".stl", *USD)  # suffixes of models, see `models3d`
 # Programs by the suffix of their files, which must be exported in one of these formats
 UNREAD = {
     ".blend": "Blender",
@@ -27,7 +28,6 @@ UNREAD = {
     ".skp": "SketchUp",
     ".x3d": "X3D",
     **dict.fromkeys((".3ds", ".max"), "3ds Max"),
-    **dict.fromkeys((".usd", ".usdc", ".usdz"), "USD"),
     **dict.fromkeys((".step", ".stp"), "STEP"),
     **dict.fromkeys((".igs", ".iges"), "IGES"),
 }

@@ -24,6 +24,7 @@ from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 from mi_lcair.files import together, write_bytes
 from mi_lcair.physics.reflection import NAMES
+from mi_lcair.scenes import USD
 
 # mi-lcair scenes: list the bundled scenes
 # ----------------------------------------
@@ -159,7 +160,14 @@ AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
     options.FILE,
     metavar="TOML|JSON",
 )
-@options.option("--scale", "Length of the file's unit, in metres.", float, default=1)
+@options.option(
+    "--scale", "Length of the file's unit, in metres (default: 1, or what a USD file says).", float
+)
+@options.option(
+    "--guess",
+    "Guess emissivities from metallic and roughness of a USD file where it says nothing else.",
+    is_flag=True,
+)
 @options.option(
     "--sky",
     "Sky around the model: clear, overcast, a temperature, a bundled table, or a CSV that is "
@@ -195,7 +203,10 @@ AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
     multiple=True,
     metavar="[NAME=]NUMBER",
 )
-@options.changes("Set a $-parameter of a Mitsuba scene, such as spp=16", "parameters")
+@options.changes(
+    "Set a $-parameter of a Mitsuba scene, such as spp=16, or select a variant of a USD file",
+    "parameters",
+)
 @options.json
 @click.pass_context
 def import_command(ctx, file, output, check, overwrite, materials, band, **settings):
@@ -203,10 +214,11 @@ def import_command(ctx, file, output, check, overwrite, materials, band, **setti
 
     MODEL is a Wavefront OBJ, glTF (.glb, .gltf), PLY or STL file whose objects or groups are named
     {f|s|t}*{material}*{kelvin}*{anything}, such as f*bare_aluminum*300*. The first letter stands
-    for model (f), sky (s) or terrain (t). A model without such names takes --material and
-    --temperature, or a table --names. Written are the meshes, in m and with the temperature of each
-    facet in K, and a picture. Look at FOLDER/model.png: the nose must be at +x and the top at +z.
-    FOLDER/scene.xml is then ready for render and signature.
+    for model (f), sky (s) or terrain (t). A USD file says the same by attributes such as
+    thermal:material and thermal:kelvin. A model without them takes --material and --temperature, or
+    a table --names. Written are the meshes, in m and with the temperature of each facet in K, and a
+    picture. Look at FOLDER/model.png: the nose must be at +x and the top at +z. FOLDER/scene.xml is
+    then ready for render and signature.
 
     A Mitsuba scene, MODEL.xml, becomes thermal with --temperature: all its shapes emit.
     """
@@ -217,9 +229,10 @@ def import_command(ctx, file, output, check, overwrite, materials, band, **setti
     if file.suffix.lower() == ".xml":
         _import_scene(ctx, file, output, band or "LWIR", settings)
         return
-    for name, option in (("emissivity", "--emissivity"), ("parameters", "-D")):
-        if settings.pop(name):
-            raise click.UsageError(f"{option} goes with a scene of Mitsuba, MODEL.xml", ctx)
+    if settings.pop("emissivity"):
+        raise click.UsageError("--emissivity goes with a scene of Mitsuba, MODEL.xml", ctx)
+    if (variants := dict(settings.pop("parameters"))) and file.suffix.lower() not in USD:
+        raise click.UsageError("-D goes with a scene of Mitsuba, MODEL.xml, or a USD file", ctx)
     if bool(output) == check:
         raise click.UsageError("give either -o FOLDER or --check", click.get_current_context())
     words = {name: settings.pop(name) for name in ("sky", "ground", "sun", "atmosphere")}
@@ -232,7 +245,7 @@ def import_command(ctx, file, output, check, overwrite, materials, band, **setti
             )
     from mi_lcair import models3d
 
-    model = models3d.read(file, materials=materials, **settings)
+    model = models3d.read(file, materials=materials, variants=variants, **settings)
     files = _write(model, output, materials, words, overwrite) if output else []
     rows, more = [], {"files": files}
     if band:

@@ -1,7 +1,7 @@
-"""Import of facet models from Wavefront OBJ, glTF, PLY and STL files; needs no Mitsuba.
+"""Import of facet models from Wavefront OBJ, glTF, PLY, STL and USD files; needs no Mitsuba.
 
 `read` reads the file, `report` describes its content and its errors, `export` writes the meshes and
-scene files. A facet is one face of an OBJ or PLY file, or one triangle of the other formats,
+scene files. A facet is one face of an OBJ, PLY or USD file, or one triangle of the other formats,
 numbered from 0 in the file's order. Source of the labels: Harkiss 2007, section 3.2.
 """
 

@@ -1,6 +1,7 @@
 """The facet model, read from a file of a modelling program, its labels and temperatures."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from mi_lcair.models3d.modellers.naming import (
     labels_of,
 )
 from mi_lcair.models3d.modellers.obj import Obj, read_obj
+from mi_lcair.models3d.modellers.usd import read_usd
 from mi_lcair.models3d.polygons import MOST_CLIPPED, triangulate
 from mi_lcair.physics import materials as known_materials
 from mi_lcair.results import Result
@@ -32,6 +34,7 @@ FARTHEST = 1e9  # largest coordinate [m], whose square is far below the largest 
 # Largest ratio of distance from the origin to the model's size. At a ratio of 10,000, Float32
 # coordinates cause an error of 1 % in intensity.
 SIZES_AWAY = 1000
+ASK_AXES = ("OBJ", "PLY", "STL")  # kinds of files that do not say which axis is up
 WORDS = {"inward": "facing inward", "degenerate": "without area"}  # of figures
 
 
@@ -140,15 +143,17 @@ def read(
     temperatures: str | Path | None = None,
     material: str | None = None,
     materials: str | Path | None = None,
-    scale: float = 1.0,
+    scale: float | None = None,
     *,
     temperature: float | None = None,
     names: str | Path | None = None,
     forward: str | None = None,
     up: str | None = None,
     nose: str = "X",
+    variants: Mapping[str, str] | None = None,
+    guess: bool = False,
 ) -> Model:
-    """Read the model in an OBJ, glTF, PLY or STL file.
+    """Read the model in an OBJ, glTF, PLY, STL or USD file.
 
     Parameters
     ----------
@@ -162,8 +167,8 @@ def read(
         file. If temperatures and material are given, facets without a label are model facets.
     materials : str, Path or None
         TOML file with the user's materials, or the JSON file of a fit or of an inversion.
-    scale : float
-        Length of the file's unit [m].
+    scale : float or None
+        Length of the file's unit [m]; None for 1, or for what a USD file says.
     temperature : float or None
         Temperature of all model facets (f) [K], in place of those in the labels.
     names : str, Path or None
@@ -173,6 +178,10 @@ def read(
         None for Y and Z, or for those of the file's format.
     nose : str
         Axis of Blender's coordinates along which the nose points.
+    variants : mapping of str to str, optional
+        Variant to select in the variant sets of a USD file, by their name.
+    guess : bool
+        Whether roughness and metallic of a USD file give an emissivity, see `read_usd`.
 
     Returns
     -------
@@ -187,9 +196,9 @@ def read(
         known_materials.entries_of(materials)  # raises InputError for an entry that is impossible
     known = known_materials.names(materials)
     material = material and find_material(material, known)
-    Bounds(is_positive=True, unit="m").check(
-        scale, "scale", hint=": the metres of the file's unit of length"
-    )
+    if scale is not None:
+        hint = ": the metres of the file's unit of length"
+        Bounds(is_positive=True, unit="m").check(scale, "scale", hint=hint)
     is_solution = bool(temperatures) and Path(temperatures).suffix.lower() == ".json"
     table_of_temperatures = None if is_solution or not temperatures else Path(temperatures)
     if temperature is not None:
@@ -199,8 +208,13 @@ def read(
             raise InputError(f"{names} exclude each other; give one")
     check_model(path)
     kind, usual = exchange.KINDS.get(Path(path).suffix.lower(), ("OBJ", exchange.AS_BLENDER))
+    exchange.rotation(forward or usual[0], up or usual[1], nose)  # raises InputError at once
+    if kind == "USD":
+        obj = read_usd(path, variants, guess)
+    else:
+        obj = read_obj(path) if kind == "OBJ" else exchange.read_mesh(path)
+    usual = obj.axes or usual
     turn = exchange.rotation(forward or usual[0], up or usual[1], nose)
-    obj = read_obj(path) if kind == "OBJ" else exchange.read_mesh(path)
     table = NameTable(names) if names else None
     labels, label = labels_of(
         obj,
@@ -210,7 +224,7 @@ def read(
         has_temperatures=table_of_temperatures is not None,
         temperature=temperature,
     )
-    welded = _welded(obj, scale, turn)
+    welded = _welded(obj, scale or obj.unit, turn)
     away = ()
     if table_of_temperatures and table_of_temperatures.suffix.lower() in exchange.SUFFIXES:
         corners = welded["vertices"][welded["corners"]]
@@ -223,7 +237,9 @@ def read(
     elif table_of_temperatures:
         kelvins = _read_temperatures(table_of_temperatures, len(label))
     else:
-        kelvins = np.array([entry.temperature for entry in labels])[label]
+        kelvins = np.array([entry.temperature for entry in labels], float)[label]
+        if obj.kelvin is not None:  # a label without a temperature leaves it to the faces
+            kelvins = np.where(np.isnan(kelvins), obj.kelvin, kelvins)
     if is_solution:
         kelvins = _solved_temperatures(Path(temperatures), kelvins)
     return Model(
@@ -234,7 +250,8 @@ def read(
         names=np.array([_called(part) for part in obj.parts], object)[obj.part],
         remarks=(
             *away,
-            *_remarks(obj, labels, label, table, kind != "glTF" and not (forward or up)),
+            *obj.remarks,
+            *_remarks(obj, labels, label, table, kind in ASK_AXES and not (forward or up)),
         ),
     )
 

@@ -11,6 +11,7 @@ from mi_lcair.extras import optional
 from mi_lcair.files import check_file
 from mi_lcair.models3d.modellers.obj import Obj
 from mi_lcair.models3d.modellers.ply import read_ply
+from mi_lcair.scenes import USD
 
 # Temperatures of facets from a mesh of another program, such as a FEM model
 # --------------------------------------------------------------------------
@@ -177,6 +178,7 @@ KINDS = {
     ".gltf": ("glTF", EXPORTED),
     ".ply": ("PLY", AS_BLENDER),
     ".stl": ("STL", AS_BLENDER),
+    **dict.fromkeys(USD, ("USD", AS_BLENDER)),  # a file says which axis is up
 }
 # trimesh adds this to the name of a node whose mesh has several materials.
 OF_PRIMITIVE = re.compile(r"_[0-9a-f]{6}$")
@@ -231,7 +233,7 @@ def _mesh(path, pieces):
     offsets = np.cumsum([0, *map(len, points)])
     counts = [len(size) for size in sizes]
     known = list(dict.fromkeys(parts))
-    labels = list(dict.fromkeys(filter(None, map(_label, known))))
+    labels = list(dict.fromkeys(filter(None, map(label_in, known))))
     return Mesh(
         path,
         np.concatenate(points),
@@ -239,7 +241,9 @@ def _mesh(path, pieces):
         np.concatenate([[0], *sizes]).cumsum(),
         np.arange(sum(counts)),
         [(0, kind, text) for kind, text in labels],
-        np.repeat([labels.index(_label(part)) if _label(part) else -1 for part in parts], counts),
+        np.repeat(
+            [labels.index(label) if (label := label_in(part)) else -1 for part in parts], counts
+        ),
         known,
         np.repeat([known.index(part) for part in parts], counts),
     )
@@ -270,7 +274,7 @@ def _pieces(trimesh, scene, path):
     return pieces
 
 
-def _label(part):
+def label_in(part: tuple[str, str, str]) -> tuple[str, str] | None:
     """(kind, label) among the names of a mesh; None if none is a label."""
     _, group, node = part
     return next(

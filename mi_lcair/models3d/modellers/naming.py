@@ -11,6 +11,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError, check_known, errors_of, option, shown, unknown
 from mi_lcair.models3d.modellers.obj import Obj
+from mi_lcair.physics.labels import NONE, name_of
 from mi_lcair.physics.materials import check_fit, is_json, is_number
 from mi_lcair.table import NUMBER, read_table
 
@@ -181,6 +182,7 @@ def _elevation(words, kind):
 # Columns of a table, beside the name
 COLUMNS = ("type", "material", "emissivity", "kelvin", "group", "elevation_deg")
 NUMBERS = {"emissivity", "kelvin", "elevation_deg"}
+OF_FACES = "of faces"  # in place of a temperature, where each face has its own
 MOST_FOUND = 8  # names of a file that an error lists
 COPY = re.compile(r"(.*)\.[0-9]{3}", re.DOTALL)  # a name that Blender has numbered
 NUMBER_AT_END = re.compile(r"(?:.*[*=])?\s*[0-9]+\.[0-9]{3}", re.DOTALL)
@@ -227,26 +229,40 @@ class NameTable:
         """The names in the table for which no face was found."""
         return [name for key, (_, name, _) in self.entries.items() if key not in self.used]
 
-    def label(self, place, values, **options) -> Label:
-        """The Label of an entry; options as those of `parse`."""
-        kind = values.get("type", "f")
-        if "emissivity" in values:
-            if "material" in values:
-                raise InputError(f"{place}: gives material and emissivity; give one of them")
-            values = values | {"material": emissivity(values["emissivity"], place)}
-        given = {
-            "material": options["material"] and kind == "f",
-            "kelvin": options["has_temperatures"] or (options["temperature"] and kind == "f"),
-        }
-        for key in ("material", "kelvin"):
-            if key not in values and not given[key]:
-                raise InputError(f"{place}: lacks {key}" + " or emissivity" * (key == "material"))
-        text = "*".join(
-            [kind, values.get("material", ""), values.get("kelvin", "")]
-            + [f"{key}={values[key]}" for key in COLUMNS[4:] if key in values]
-        )
+
+def label_of(place: str, values: dict[str, str], group: str, folder: Path, **options) -> Label:
+    """The Label of values by COLUMNS, or by base and coating in place of a material.
+
+    place: where they are given, for messages. group: that of a model facet without another. folder,
+    options: as those of `parse`.
+    """
+    kind = values.get("type", "f")
+    if "emissivity" in values:
+        if "material" in values:
+            raise InputError(f"{place}: gives material and emissivity; give one of them")
+        values = values | {"material": emissivity(values["emissivity"], place)}
+    given = {
+        "material": options["material"] and kind == "f",
+        "kelvin": options["has_temperatures"] or (options["temperature"] and kind == "f"),
+    }
+    if "base" in values and not given["material"]:
         with errors_of(place):
-            return parse(text, folder=self.path.parent, **options)
+            values = values | {"material": name_of(values["base"], values.get("coating", NONE))}
+    for key in ("material", "kelvin"):
+        if key not in values and not given[key]:
+            also = option("material" if key == "material" else "temperature")
+            lacking = key + " or emissivity" * (key == "material")
+            raise InputError(f"{place}: lacks {lacking}; give it there, or {also} for all facets")
+    if values.get("kelvin") == OF_FACES and not given["kelvin"]:
+        options = options | {"has_temperatures": True}
+    if group and kind == "f":
+        values = {"group": group} | values
+    text = "*".join(
+        [kind, values.get("material", ""), values.get("kelvin", "")]
+        + [f"{key}={values[key]}" for key in COLUMNS[4:] if key in values]
+    )
+    with errors_of(place):
+        return parse(text, folder=folder, **options)
 
 
 def emissivity(text: str, place: str) -> str:
@@ -286,8 +302,13 @@ def labels_of(obj: Obj, table: NameTable | None, **options) -> tuple[list[Label]
     label = label.ravel()
     labels = []
     for number, (name, part) in enumerate(pairs.T):
+        own, group = ("", {}), ""
+        if obj.given:
+            *own, group = obj.given[part]
         if table and (entry := table.find(obj.parts[part])):
-            labels.append(table.label(*entry, **options))
+            labels.append(label_of(*entry, group, table.path.parent, **options))
+        elif own[1]:
+            labels.append(label_of(*own, group, obj.path.parent, **options))
         elif name >= 0 or "*" in obj.parts[part][0]:
             line, kind, text = obj.names[name] if name >= 0 else (0, "material", obj.parts[part][0])
             where = f"{obj.path}, line {line}" if line else obj.path
@@ -295,7 +316,8 @@ def labels_of(obj: Obj, table: NameTable | None, **options) -> tuple[list[Label]
                 bare = without_number(text, texts)
                 labels.append(parse(bare, folder=obj.path.parent, **options))
         elif options["material"] and (options["temperature"] or options["has_temperatures"]):
-            labels.append(Label("f", options["material"], options["temperature"], GROUPS["f"]))
+            kinds = "f", options["material"], options["temperature"], group or GROUPS["f"]
+            labels.append(Label(*kinds))
         else:
             raise _no_label(obj, int(np.argmax(label == number)), table, options)
     return labels, label

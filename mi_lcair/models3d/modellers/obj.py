@@ -1,7 +1,7 @@
 """Reader of Wavefront OBJ files: vertices, faces, and the names that each face has."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +38,10 @@ class Obj:
     of them holds for each face, -1 for none; parts: the names of material, group and object that
     faces have, "" for none; part (F,): which of them hold for each face; blender: the version of
     Blender that wrote the file, "" if none did.
+
+    What a file may say itself: given: for each part its place in messages, the values of the
+    columns of a table of names, and a group where nothing else gives one; kelvin (F,): temperatures
+    of faces [K], NaN for none; unit [m]; axes: forward and up; remarks: on the reading.
     """
 
     path: Path
@@ -50,6 +54,11 @@ class Obj:
     parts: list[tuple[str, str, str]]
     part: np.ndarray
     blender: str = ""
+    given: list[tuple[str, dict[str, str], str]] = field(default_factory=list)
+    kelvin: np.ndarray | None = None
+    unit: float = 1.0
+    axes: tuple[str, str] | None = None
+    remarks: tuple[str, ...] = ()
 
     def place(self, face: int) -> str:
         """Where a face stands in the file, for messages."""

@@ -1,0 +1,604 @@
+"""Reader of OpenUSD files: the meshes of a stage in their places, and what it says of their faces.
+
+What is said of a face are attributes `thermal:KEY` with a KEY of `naming.COLUMNS`, and SimReady's
+non-visual labels. The nearest of these counts: the face itself (an array of the mesh), a GeomSubset
+with the face, the bound material, the mesh, and the prims above it, the lowest first.
+"""
+
+import os
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from mi_lcair.coincident import unique_rows, weld
+from mi_lcair.declared import percent
+from mi_lcair.errors import InputError, check_known, errors_of
+from mi_lcair.extras import optional
+from mi_lcair.files import check_file
+from mi_lcair.models3d.modellers.exchange import AS_BLENDER, EXPORTED, Mesh, label_in
+from mi_lcair.models3d.modellers.naming import COLUMNS, GROUPS, OF_FACES, kelvin
+
+LABELS = ("base", "coating", "attributes")  # SimReady's
+SURFACE = {"material", "emissivity", "base", "coating"}  # what the nearest prim says as a whole
+# Names of attributes. Blender writes properties without ':' as userProperties, and attributes of
+# faces as primvars in whose names '_' stands for ':'.
+NAME = re.compile(
+    r"(?:(?:primvars:|userProperties:)?(?:thermal:|(?P<label>omni:simready:nonvisual:))"
+    r"|(?:primvars:|userProperties:)thermal_)(?P<key>\w+)"
+)
+BLENDER = ("userProperties:blender:object_name", "userProperties:blender:data_name")
+SHOWN = ("default", "render")  # purposes of prims that are seen
+MOST_GROUPS = 64  # branches of the hierarchy that become groups; as many spectra are told apart
+REASON = re.compile(r" : '(.*?)'\s*$", re.MULTILINE | re.DOTALL)  # in the text of USD's errors
+SMALL = 1e-3  # relative change of the area by a subdivision that is not worth a remark
+MOST_NAMED = 3  # prims that a remark names
+CHANGES = "changes with time, and is read at the first"
+
+
+def read_usd(path: str | Path, variants: Mapping[str, str] | None, guess: bool) -> Mesh:
+    """Read the meshes of a USD file (.usd, .usda, .usdc, .usdz), each in all of its places.
+
+    Facets are the faces, mesh after mesh in the order of the stage, at its first time. Prims that
+    are inactive, invisible or of purpose proxy or guide are left out, and so are holes. The faces
+    of left-handed meshes are turned over. A mesh that is doubleSided and has open edges gets a back
+    for each face.
+
+    Parameters
+    ----------
+    path : str or Path
+    variants : mapping of str to str, optional
+        Variant to select in every variant set of this name.
+    guess : bool
+        Whether roughness and metallic of a UsdPreviewSurface give an emissivity where nothing is
+        said of the surface.
+
+    Raises
+    ------
+    InputError
+        For a file that cannot be read whole or has no mesh, and if usd-core is not installed.
+    """
+    path = Path(path)
+    optional("pxr", f"{path}: a USD file")
+    check_file(path)
+    if not path.is_file():
+        raise InputError(f"{path}: cannot be read: No such file or directory")
+    from pxr import UsdUtils
+
+    delegate = UsdUtils.CoalescingDiagnosticDelegate()  # USD's warnings do not go to the console
+    try:
+        return Stage(path, variants or {}, guess).mesh()
+    finally:
+        del delegate
+
+
+@dataclass(frozen=True)
+class Array:
+    """Several values of an attribute; over: their interpolation, "" if it is not a primvar."""
+
+    values: np.ndarray
+    over: str
+
+
+@dataclass(frozen=True)
+class Place:
+    """A mesh of a stage, in one of its places.
+
+    matrix: from the mesh's to the stage's coordinates, for row vectors, (4, 4). said: what the mesh
+    and the prims above it say, the nearest first. where: names of the prims from the root of the
+    stage to the mesh, through instances.
+    """
+
+    prim: object
+    matrix: np.ndarray
+    said: tuple[dict, ...]
+    where: tuple[str, ...]
+
+    @property
+    def path(self) -> str:
+        return "/" + "/".join(self.where)
+
+
+@dataclass(frozen=True)
+class MeshFaces:
+    """MeshFaces of a mesh: points (V, 3), corners (N,), sizes (F,), and what is said of each.
+
+    number: index of each face in `said`, pairs (names, values), (F,). kelvin: temperatures of faces
+    that have their own, else NaN, (F,).
+    """
+
+    points: np.ndarray
+    corners: np.ndarray
+    sizes: np.ndarray
+    number: np.ndarray | None = None
+    kelvin: np.ndarray | None = None
+    said: tuple = ()
+
+    @property
+    def first(self) -> np.ndarray:
+        """Position in `corners` at which each face begins, (F,)."""
+        return np.cumsum(self.sizes) - self.sizes
+
+    @property
+    def owner(self) -> np.ndarray:
+        """The face of each corner, (N,)."""
+        return np.repeat(np.arange(len(self.sizes)), self.sizes)
+
+    @property
+    def following(self) -> np.ndarray:
+        """The point after each corner, (N,)."""
+        after = np.arange(1, len(self.corners) + 1)
+        after[self.first + self.sizes - 1] = self.first
+        return self.corners[after]
+
+    def kept(self, keep: np.ndarray) -> "MeshFaces":
+        """The faces in a mask (F,)."""
+        corners, own = self.corners[np.repeat(keep, self.sizes)], self.kelvin[keep]
+        return replace(
+            self, corners=corners, sizes=self.sizes[keep], number=self.number[keep], kelvin=own
+        )
+
+    def turned(self) -> "MeshFaces":
+        """The faces turned over, with the same first corners."""
+        first, size = self.first[self.owner], self.sizes[self.owner]
+        back = first + (first - np.arange(len(first))) % size
+        return replace(self, corners=self.corners[back])
+
+    def with_backs(self) -> "MeshFaces":
+        """The faces, and the same ones turned over."""
+        names, back = ("corners", "sizes", "number", "kelvin"), self.turned()
+        both = {name: np.tile(getattr(self, name), 2) for name in names[1:]}
+        return replace(self, corners=np.concatenate([self.corners, back.corners]), **both)
+
+    def is_open(self) -> bool:
+        """Whether a face has no neighbour at one of its edges."""
+        welded = weld(self.points)
+        edges = np.sort(welded[np.stack([self.corners, self.following], axis=1)], axis=1)
+        number = unique_rows(edges[edges[:, 0] != edges[:, 1]])[1]
+        return bool((np.bincount(number) == 1).any())
+
+    def at_corners(self, array: Array) -> np.ndarray | None:
+        """Values at the corners (N, ...); None if they are not as many as their places."""
+        values, count, over = array.values, len(array.values), array.over
+        if over in ("", "constant", "uniform") and count == len(self.sizes):
+            return values[self.owner]
+        if over in ("", "vertex", "varying") and count == len(self.points):
+            return values[self.corners]
+        return values if over in ("", "faceVarying") and count == len(self.corners) else None
+
+    def means(self, values: np.ndarray) -> np.ndarray:
+        """Mean over each face's corners of values (N, ...) at them."""
+        return (np.add.reduceat(values, self.first).T / self.sizes).T
+
+    def vectors(self) -> np.ndarray:
+        """Normal of each face, as long as its area, by Newell's formula, (F, 3)."""
+        a, b = self.points[self.corners], self.points[self.following]
+        start = a[self.first][self.owner]
+        return np.add.reduceat(np.cross(a - start, b - start), self.first) / 2
+
+    def smoothed(self) -> "MeshFaces":
+        """The mesh after a step of Catmull and Clark at its points, without new ones.
+
+        A point becomes (F + 2 R + (n - 3) P) / n, of the means F of its n faces' middles and R of
+        its edges' middles. Source: Catmull and Clark 1978, for points inside a closed mesh.
+        """
+        n = np.bincount(self.corners, minlength=len(self.points))
+
+        def mean(values):
+            sums = [np.bincount(self.corners, axis, len(n)) for axis in values.T]
+            return np.stack(sums, axis=-1) / np.maximum(n, 1)[:, None]
+
+        at = self.points[self.corners]
+        of_faces = mean(self.means(at)[self.owner])
+        of_edges = mean((at + self.points[self.following]) / 2)
+        n = n[:, None]
+        moved = (of_faces + 2 * of_edges + (n - 3) * self.points) / np.maximum(n, 1)
+        return replace(self, points=np.where(n >= 3, moved, self.points))
+
+
+class Stage:
+    """A stage of USD, and what a user should know about the reading of it.
+
+    notes: paths of prims by what is remarkable about them.
+    """
+
+    def __init__(self, path: Path, variants: Mapping[str, str], guess: bool):
+        from pxr import Tf, Usd
+
+        self.path, self.guess, self.notes = path, guess, {}
+        try:
+            self.usd = Usd.Stage.Open(str(path))
+        except Tf.ErrorException as error:
+            reason = REASON.search(str(error))
+            raise InputError(
+                f"{path}: cannot be read as USD: {reason[1] if reason else error}"
+            ) from None
+        self.usd.SetEditTarget(self.usd.GetSessionLayer())
+        self._select(variants)
+        for error in self.usd.GetCompositionErrors():
+            raise InputError(f"{path}: is incomplete: {error}")
+        first = self.usd.GetStartTimeCode()
+        has_range = self.usd.HasAuthoredTimeCodeRange()
+        self.time = Usd.TimeCode(first) if has_range else Usd.TimeCode.EarliestTime()
+
+    def note(self, what: str, path) -> None:
+        """Keep the path of a prim for a remark."""
+        paths = self.notes.setdefault(what, [])
+        if str(path) not in paths[-1:]:
+            paths.append(str(path))
+
+    def remarks(self) -> tuple[str, ...]:
+        """What is remarkable, one line each."""
+        return tuple(
+            f"{what}: {', '.join(paths[:MOST_NAMED])}"
+            + f", ... ({len(paths)})" * (len(paths) > MOST_NAMED)
+            for what, paths in self.notes.items()
+        )
+
+    def _select(self, variants: Mapping[str, str]) -> None:
+        """Select variants by the name of their set; raises InputError for those that are none."""
+        known, chosen = set(), []
+        for prim in self.usd.TraverseAll():
+            for name in prim.GetVariantSets().GetNames():
+                variant_set = prim.GetVariantSet(name)
+                names, selected = variant_set.GetVariantNames(), variants.get(name)
+                known.add(name)
+                check_known(f"variant of '{name}'", names, selected)
+                chosen.append((variant_set, selected))
+                was = selected or variant_set.GetVariantSelection() or "none"
+                words = f"variant {name}={was} of {', '.join(names)} is read"
+                self.note(words, prim.GetPath())
+        check_known(f"variant set of {self.path.name}", known, *variants)
+        for variant_set, name in chosen:
+            if name:
+                variant_set.SetVariantSelection(name)
+
+    def _units(self) -> tuple[float, tuple[str, str]]:
+        """Length of the stage's unit [m], and its axes forward and up."""
+        from pxr import UsdGeom
+
+        unit, up = UsdGeom.GetStageMetersPerUnit(self.usd), UsdGeom.GetStageUpAxis(self.usd)
+        for name, value in (("metersPerUnit", unit), ("upAxis", up)):
+            if not self.usd.HasAuthoredMetadata(name):
+                self.note(f"{name} is not stated, and USD's default of {value} is taken", "/")
+            for layer in self.usd.GetUsedLayers():
+                root = layer.pseudoRoot
+                if root.HasInfo(name) and root.GetInfo(name) != value:
+                    words = f"{name} is {root.GetInfo(name)} where the stage has {value}, and USD "
+                    self.note(f"{words} does not convert: check sizes and axes", layer.identifier)
+        return unit, EXPORTED if up == UsdGeom.Tokens.y else AS_BLENDER
+
+    def places(self, time) -> Iterator[Place]:
+        """Yield the meshes that are seen, in each of their places, at a time of the stage."""
+        yield from self._below(self.usd.GetPseudoRoot(), np.eye(4), (), (), "default", time)
+
+    def _below(self, prim, *context) -> Iterator[Place]:
+        from pxr import Sdf, Usd
+
+        # Prototypes may be below an `over` or a class, so that only their own specifier counts
+        wanted = Usd.PrimIsActive & Usd.PrimIsLoaded & Usd.PrimHasDefiningSpecifier
+        for child in prim.GetFilteredChildren(Usd.TraverseInstanceProxies(wanted)):
+            if child.GetSpecifier() == Sdf.SpecifierDef:
+                yield from self._at(child, *context)
+
+    def _at(self, prim, matrix, said, where, purpose, time) -> Iterator[Place]:
+        """Yield the meshes of a prim and below it; the other arguments are those of its parent."""
+        from pxr import UsdGeom
+
+        seen, where = UsdGeom.Imageable(prim), (*where, prim.GetName())
+        if seen:
+            if seen.GetVisibilityAttr().Get(time) == UsdGeom.Tokens.invisible:
+                self.note("invisible, and left out", prim.GetPath())
+                return
+            if seen.GetPurposeAttr().HasAuthoredValue():
+                purpose = seen.GetPurposeAttr().Get()
+        if movable := UsdGeom.Xformable(prim):
+            local = np.array(movable.GetLocalTransformation(time))
+            matrix = local if movable.GetResetXformStack() else local @ matrix
+        said = (self._said(prim), *said)
+        kind = prim.GetTypeName()
+        if prim.IsA(UsdGeom.PointInstancer):
+            yield from self._instances(prim, matrix, said, where, purpose, time)
+            return
+        if prim.IsA(UsdGeom.Mesh) and purpose in SHOWN:
+            yield Place(prim, matrix, said, where)
+        elif prim.IsA(UsdGeom.Mesh):
+            self.note(f"of purpose {purpose}, and left out", prim.GetPath())
+        elif prim.IsA(UsdGeom.Gprim) or kind.endswith("Light"):
+            self.note(f"{kind} is no mesh, and left out", prim.GetPath())
+        yield from self._below(prim, matrix, said, where, purpose, time)
+
+    def _instances(self, prim, matrix, said, where, purpose, time) -> Iterator[Place]:
+        """Yield the meshes of a point instancer's prototypes in the places of its instances."""
+        from pxr import UsdGeom
+
+        instancer = UsdGeom.PointInstancer(prim)
+        paths = instancer.GetPrototypesRel().GetForwardedTargets()
+        prototypes = [self.usd.GetPrimAtPath(path) for path in paths]
+        which = np.array(instancer.GetProtoIndicesAttr().Get(time) or [], int)
+        shown = instancer.ComputeMaskAtTime(time) or [True] * len(which)
+        kind = UsdGeom.PointInstancer
+        placed = instancer.ComputeInstanceTransformsAtTime(
+            time, time, kind.ExcludeProtoXform, kind.IgnoreMask
+        )
+        if len(placed) != len(which) or not np.isin(which, np.arange(len(prototypes))).all():
+            raise InputError(
+                f"{self.path}: {prim.GetPath()}: its protoIndices, positions and prototypes do not "
+                "belong together"
+            )
+        for k in np.flatnonzero(shown).tolist():
+            prototype = prototypes[which[k]]
+            own = {
+                key: value.values[k]
+                if isinstance(value, Array) and len(value.values) == len(which)
+                else value
+                for key, value in said[0].items()
+            }
+            if prototype and prototype.IsActive():
+                context = np.array(placed[k]) @ matrix, (own, *said[1:]), where, purpose, time
+                yield from self._at(prototype, *context)
+
+    def _said(self, prim) -> dict:
+        """What a prim says, by key; an Array where it has several values."""
+        from pxr import UsdGeom
+
+        said = {}
+        for attribute in prim.GetAuthoredAttributes():
+            match = NAME.fullmatch(attribute.GetName())
+            if not match:
+                continue
+            with errors_of(f"{self.path}: {prim.GetPath()}"):
+                check_known("attribute", LABELS if match["label"] else COLUMNS, match["key"])
+            primvar, over = UsdGeom.Primvar(attribute), ""
+            value = attribute.Get(self.time)
+            if primvar:
+                value, over = primvar.ComputeFlattened(self.time), primvar.GetInterpolation()
+            if attribute.ValueMightBeTimeVarying():
+                self.note(CHANGES, attribute.GetPath())
+            if value is not None and not isinstance(value, str) and hasattr(value, "__len__"):
+                values = np.array(value)
+                value = values[0] if len(values) == 1 else Array(values, over)
+            if value is not None and not (match["label"] and str(value) in ("none", "")):
+                said[match["key"]] = value
+        if said.keys() & {"material", "emissivity"}:
+            said = {key: value for key, value in said.items() if key not in LABELS}
+        return said
+
+    def mesh(self) -> Mesh:
+        """The file as a Mesh."""
+        found = ((place, self.faces(place)) for place in self.places(self.time))
+        pieces = [(place, faces) for place, faces in found if len(faces.sizes)]
+        if not pieces:
+            left = "; ".join(self.remarks()) or "export meshes"
+            raise InputError(f"{self.path}: no mesh that is seen ({left})")
+        parts, given, numbers, count = [], [], [], 0
+        for group, (place, faces) in zip(self._groups([place for place, _ in pieces]), pieces):
+            numbers.append(faces.number + len(parts))
+            for number, (names, values) in enumerate(faces.said):
+                mine = np.flatnonzero(faces.number == number) + count
+                size = f"{len(mine)} face{'s' * (len(mine) != 1)}"
+                first = f", from facet {mine[0]} on" if len(mine) else ""
+                given.append((f"{self.path}: {place.path} ({size}{first})", values, group))
+                parts.append(names)
+            count += len(faces.sizes)
+        numbers, labels = np.concatenate(numbers), [label_in(part) for part in parts]
+        names = list(filter(None, labels))
+        name = np.array([names.index(label) if label else -1 for label in labels])[numbers]
+        offsets = np.cumsum([0, *(len(faces.points) for _, faces in pieces)])
+        unit, axes = self._units()
+        return Mesh(
+            self.path,
+            np.concatenate([faces.points for _, faces in pieces]),
+            np.concatenate([faces.corners + first for first, (_, faces) in zip(offsets, pieces)]),
+            np.concatenate([[0], *(faces.sizes for _, faces in pieces)]).cumsum(),
+            np.arange(count),
+            [(0, *label) for label in names],
+            name,
+            parts,
+            numbers,
+            given=given,
+            kelvin=np.concatenate([faces.kelvin for _, faces in pieces]),
+            unit=unit,
+            axes=axes,
+            remarks=self.remarks(),
+        )
+
+    def _groups(self, places: list[Place]) -> list[str]:
+        """Group of each place: its branch of the hierarchy, where that forks; "" for none."""
+        depth = len(os.path.commonprefix([place.where for place in places]))
+        names = [place.where[min(depth, len(place.where) - 1)] for place in places]
+        if len(set(names)) > MOST_GROUPS:
+            self.note(f"more than {MOST_GROUPS} branches, which are no groups; thermal:group", "/")
+        if not 1 < len(set(names)) <= MOST_GROUPS:
+            return [""] * len(places)
+        names = [re.sub(r"[^A-Za-z0-9_-]", "_", name) for name in names]
+        return [name + "_" * (name in GROUPS.values()) for name in names]
+
+    def faces(self, place: Place) -> MeshFaces:
+        """The faces of a mesh in one of its places, without holes, with the backs of sheets."""
+        from pxr import UsdGeom, UsdSkel, Vt
+
+        mesh, where = UsdGeom.Mesh(place.prim), f"{self.path}: {place.path}"
+        points = mesh.GetPointsAttr().Get(self.time) or Vt.Vec3fArray()
+        sizes = mesh.GetFaceVertexCountsAttr().Get(self.time) or Vt.IntArray()
+        corners = mesh.GetFaceVertexIndicesAttr().Get(self.time) or Vt.IntArray()
+        is_valid, why = UsdGeom.Mesh.ValidateTopology(corners, sizes, len(points))
+        if not is_valid or min(sizes, default=0) < 0:
+            why = why or "a face has a negative number of corners"
+            raise InputError(f"{where}: {why}")
+        keep = np.array(sizes, int) >= 3
+        if not keep.all():
+            self.note("faces of fewer than 3 corners are left out", place.path)
+        for hole in mesh.GetHoleIndicesAttr().Get(self.time) or ():
+            keep[self._inside([hole], len(keep), f"{where}: holeIndices")] = False
+        points = np.array(points, float).reshape(-1, 3)
+        faces = MeshFaces(points, np.array(corners, int), np.array(sizes, int))
+        if not (np.isfinite(points).all() and np.isfinite(place.matrix).all()):
+            raise InputError(f"{where}: a coordinate is not finite")
+        faces = self._described(place, faces).kept(keep)
+        if not keep.any():
+            return faces
+        is_left = mesh.GetOrientationAttr().Get(self.time) == UsdGeom.Tokens.leftHanded
+        self._compare(mesh, place, faces.turned() if is_left else faces, keep)
+        if mesh.GetPointsAttr().ValueMightBeTimeVarying():
+            self.note(CHANGES, mesh.GetPointsAttr().GetPath())
+        if UsdSkel.BindingAPI(place.prim).GetInheritedSkeleton():
+            self.note("moved by a skeleton, and read at rest", place.path)
+        if is_left != (np.linalg.det(place.matrix[:3, :3]) < 0):
+            faces = faces.turned()
+        faces = replace(faces, points=points @ place.matrix[:3, :3] + place.matrix[3, :3])
+        if mesh.GetDoubleSidedAttr().Get(self.time) and faces.is_open():
+            self.note("doubleSided and open: each face gets a back of its own", place.path)
+            faces = faces.with_backs()
+        return faces
+
+    @staticmethod
+    def _inside(indices, count: int, where: str) -> np.ndarray:
+        """Indices of faces; raises InputError if one is none of `count`."""
+        indices = np.array(indices if indices is not None else [], int)
+        if not np.isin(indices, np.arange(count)).all():
+            raise InputError(f"{where}: an index is none of the {count} faces")
+        return indices
+
+    def _compare(self, mesh, place: Place, faces: MeshFaces, keep: np.ndarray) -> None:
+        """Note a subdivision that is left out, and normals that point against the winding."""
+        from pxr import UsdGeom
+
+        scheme, vectors = mesh.GetSubdivisionSchemeAttr().Get(self.time), faces.vectors()
+        if scheme not in (UsdGeom.Tokens.none, UsdGeom.Tokens.bilinear):
+            area, smooth = (
+                np.linalg.norm(of.vectors(), axis=1).sum() for of in (faces, faces.smoothed())
+            )
+            if abs(smooth - area) > SMALL * area:
+                change = percent((smooth - area) / area)
+                words = f"subdivision {scheme} is left at its cage, which changes the area by about"
+                self.note(f"{words} {change}", place.path)
+        primvar = UsdGeom.PrimvarsAPI(mesh).GetPrimvar("normals")
+        normals = primvar.ComputeFlattened(self.time) if primvar else None
+        over = primvar.GetInterpolation() if primvar else mesh.GetNormalsInterpolation()
+        normals = normals or mesh.GetNormalsAttr().Get(self.time)
+        if normals and keep.all():
+            normals = faces.at_corners(Array(np.array(normals, float), over))
+            if normals is not None and (vectors * faces.means(normals)).sum() < 0:
+                self.note(
+                    "normals point against the winding of the faces, which counts", place.path
+                )
+
+    def _described(self, place: Place, faces: MeshFaces) -> MeshFaces:
+        """The faces of a mesh with what is said of them."""
+        from pxr import UsdGeom
+
+        where, count = f"{self.path}: {place.path}", len(faces.sizes)
+        own = {}
+        for key, value in place.said[0].items():
+            if isinstance(value, Array):
+                at_corners = faces.at_corners(value)
+                is_text = value.values.dtype.kind not in "fiu"
+                if at_corners is None or (is_text and len(value.values) != count):
+                    raise InputError(
+                        f"{where}: {key} has {len(value.values)} values; the mesh has {count} "
+                        f"faces and {len(faces.points)} points"
+                    )
+                own[key] = value.values if len(value.values) == count else faces.means(at_corners)
+        kelvins = np.array(own.pop("kelvin", np.full(count, np.nan)), float)
+        for number in (np.nanmin, np.nanmax) if np.isfinite(kelvins).any() else ():
+            with errors_of(where):
+                kelvin(repr(float(number(kelvins))))
+        subsets = [
+            subset
+            for subset in UsdGeom.Subset.GetAllGeomSubsets(UsdGeom.Imageable(place.prim))
+            if subset.GetElementTypeAttr().Get(self.time) == UsdGeom.Tokens.face
+        ]
+        inside = np.zeros((len(subsets), count), int)
+        for row, subset in zip(inside, subsets):
+            path = f"{self.path}: {subset.GetPath()}"
+            row[self._inside(subset.GetIndicesAttr().Get(self.time), count, path)] = 1
+        codes = [np.unique(values, return_inverse=True)[1] for values in own.values()]
+        rows = np.stack([*inside, ~np.isnan(kelvins), *codes], axis=1)
+        firsts, number = unique_rows(rows)
+        said = []
+        for face in firsts:
+            mine = {key: values[face] for key, values in own.items()}
+            mine |= {} if np.isnan(kelvins[face]) else {"kelvin": OF_FACES}
+            with_face = [subset.GetPrim() for subset, row in zip(subsets, inside) if row[face]]
+            said.append(self._surface(place, mine, with_face))
+        return replace(faces, number=number, kelvin=kelvins, said=tuple(said))
+
+    def _surface(self, place: Place, mine: dict, subsets: list) -> tuple:
+        """The names of a face, and what is said of it: texts by the columns of a table of names.
+
+        mine: what arrays of the mesh say of it. subsets: the GeomSubsets that hold it.
+        """
+        from pxr import UsdShade
+
+        subsets = sorted(subsets, key=lambda subset: not _bound(subset))
+        bound = next(filter(None, map(_bound, subsets)), None)
+        bound = bound or UsdShade.MaterialBindingAPI(place.prim).ComputeBoundMaterial("full")[0]
+        material = bound.GetPrim() if bound else None
+        of_material = self._said(material) if material else {}
+        values, outer = merged([mine, *map(self._said, subsets), of_material]), merged(place.said)
+        if outer.get("kelvin", OF_FACES) != values.get("kelvin", OF_FACES) != OF_FACES:
+            self.note("its material's thermal:kelvin goes before its own", place.path)
+        values = merged([values, outer])
+        if "attributes" in values:
+            self.note(f"attributes {values.pop('attributes')} are not used", place.path)
+        guessed = guess_of(bound) if self.guess and not SURFACE & values.keys() else None
+        if guessed is not None:
+            values["emissivity"] = f"{guessed:.3g}"
+            words = "emissivity is guessed from UsdPreviewSurface"
+            self.note(f"{words} ({guessed:.2g} +- {GUESSED:g})", place.path)
+        parent = place.prim.GetParent()
+        names = [called(prim) if prim else "" for prim in (material, place.prim, parent)]
+        return tuple(names), values
+
+
+def _bound(prim):
+    """The material that is bound to a prim itself."""
+    from pxr import UsdShade
+
+    return UsdShade.MaterialBindingAPI(prim).GetDirectBinding().GetMaterial()
+
+
+def called(prim) -> str:
+    """The name of a prim in Blender, for people, or in its path."""
+    for name in BLENDER:
+        if (attribute := prim.GetAttribute(name)) and attribute.Get():
+            return attribute.Get()
+    return prim.GetDisplayName() or ("" if prim.IsPseudoRoot() else prim.GetName())
+
+
+def merged(levels) -> dict[str, str]:
+    """Texts by key of what prims say, the nearest first."""
+    values = {}
+    for level in levels:
+        has_surface = SURFACE & values.keys()
+        for key, value in level.items():
+            if not (isinstance(value, Array) or (key in SURFACE and has_surface)):
+                values.setdefault(key, str(value))
+    return values
+
+
+# A first guess from UsdPreviewSurface, which is made for light: metals emit little, less so where
+# they are smooth, and everything else emits much.
+DIELECTRIC, SMOOTH_METAL, ROUGH_METAL, GUESSED = 0.9, 0.05, 0.3, 0.1
+
+
+def guess_of(material) -> float | None:
+    """Emissivity that metallic and roughness of a material let guess; None where it has none."""
+    from pxr import UsdShade
+
+    shader = material and material.ComputeSurfaceSource()[0]
+    if not shader or shader.GetIdAttr().Get() != "UsdPreviewSurface":
+        return None
+    values = []
+    for name, default in (("metallic", 0.0), ("roughness", 0.5)):
+        sources = UsdShade.Utils.GetValueProducingAttributes(shader.GetInput(name))
+        value = sources[0].Get() if sources else default
+        if not isinstance(value, float):  # a texture
+            return None
+        values.append(value)
+    metallic, roughness = values
+    metal = SMOOTH_METAL + (ROUGH_METAL - SMOOTH_METAL) * roughness
+    return metallic * metal + (1 - metallic) * DIELECTRIC
