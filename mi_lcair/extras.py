@@ -7,6 +7,8 @@ from mi_lcair.errors import InputError
 
 # Extra of pyproject.toml that brings each optional library.
 EXTRA = {
+    "dji_thermal_cli": "cameras",
+    "fasthcc": "cameras",
     "meshio": "files",
     "pandas": "files",
     "plotly": "report",

@@ -55,7 +55,8 @@ def test_links_of_a_tutorial_lead_to_pages():
 def test_the_page_of_keys_has_every_table_that_a_user_writes():
     """Each class on the base of tables, but for those whose entries are in another table.
 
-    Sampling, View and ImageConditions hold arguments of functions and are no tables of a file.
+    Sampling, View and ImageConditions hold arguments of functions, and Calibration numbers of a
+    binary file. They are no tables of a file.
     """
     page = (ROOT / "docs/reference/keys.md").read_text(encoding="utf-8")
     places = re.findall(r"^::: keys (\S+)$", page, re.MULTILINE)
@@ -67,7 +68,7 @@ def test_the_page_of_keys_has_every_table_that_a_user_writes():
         )
     }
     in_others = {"Weather", "Detector", "Observation", "InverseProblem"}
-    in_others |= {"Sampling", "View", "ImageConditions"}
+    in_others |= {"Sampling", "View", "ImageConditions", "Calibration"}
     missing = declared - {place.rpartition(".")[2] for place in places}
     assert missing == in_others and len(places) >= 25
     text = on_page_markdown(page)

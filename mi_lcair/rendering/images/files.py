@@ -13,6 +13,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.files import check_file, read_bytes, read_text, replacing
 from mi_lcair.formats import check_channels
 from mi_lcair.physics.bands import Band
+from mi_lcair.rendering.images import radiometric
 from mi_lcair.table import SEPARATORS
 
 MAGIC = b"\x76\x2f\x31\x01"
@@ -160,7 +161,7 @@ def _silenced():
 # ---------------------------------------------
 
 PICTURES = (".tif", ".tiff", ".png")
-SUFFIXES = (".exr", *PICTURES, ".csv", ".npy")
+SUFFIXES = (".exr", *PICTURES, ".csv", ".npy", *radiometric.SUFFIXES)
 KELVIN = Bounds(lower=30, upper=6000, unit="K")  # of an apparent temperature
 TEMPERATURE = "apparent_temperature"
 OTHERWISE = (
@@ -189,6 +190,12 @@ def read_values(path: str, channel: str | None, quantity: str | None, band: Band
         return from_exr(path, channel, quantity, band)
     if channel is not None:
         raise InputError(f"{path}: channel = '{channel}' goes with an EXR file only")
+    if suffix in radiometric.SUFFIXES:
+        if quantity not in (None, TEMPERATURE):
+            raise InputError(
+                f"{path}: holds apparent temperatures, and no {quantity}; leave quantity out"
+            )
+        return radiometric.read(path).kelvin, TEMPERATURE
     if quantity is None:
         raise InputError(
             f"{path}: does not say what it holds; give quantity = 'radiance' (W m^-2 sr^-1) or "
