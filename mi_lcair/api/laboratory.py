@@ -1,6 +1,7 @@
 """Public functions of the laboratory: temperatures, cavities and the audit of energy."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from os import PathLike
 from pathlib import Path
 from typing import TypedDict, Unpack
@@ -9,11 +10,12 @@ import numpy as np
 
 from mi_lcair.api.scenes import scene_of
 from mi_lcair.declared import Bounds
-from mi_lcair.errors import InputError, check_known, option
+from mi_lcair.errors import InputError, check_known, errors_of, option
 from mi_lcair.estimate import Estimate, parsed, uncertain
 from mi_lcair.laboratory.audit import Audit, audit_flux
 from mi_lcair.laboratory.cavities.cavity import Cavity, measured
 from mi_lcair.laboratory.cavities.description import CavityDescription
+from mi_lcair.laboratory.regions import Region
 from mi_lcair.laboratory.thermography import (
     QUANTITIES,
     ImageConditions,
@@ -23,6 +25,7 @@ from mi_lcair.laboratory.thermography import (
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.progress import Progress
+from mi_lcair.rendering.images import radiometric
 from mi_lcair.rendering.images.files import (
     SUFFIXES,
     TEMPERATURE,
@@ -51,16 +54,20 @@ class Quantities(TypedDict, total=False):
     air_temperature: Number
     distance: Number
     humidity: Number
+    window: Number
+    window_temperature: Number
 
 
 def temperature(
     image: ApparentTemperatures,
     band: str | PathLike[str] | Band | None = None,
     *,
-    emissivity: Number,
+    emissivity: Number | None = None,
     sigma: float = 0.0,
     scale: float = 1.0,
     offset: float = 0.0,
+    spots: Sequence[str | tuple[int, int]] = (),
+    areas: Sequence[str | tuple[int, int, int, int]] = (),
     **measurement: Unpack[Quantities],
 ) -> Temperature:
     """Temperature of an object from apparent temperatures, with its uncertainty.
@@ -74,12 +81,14 @@ def temperature(
     image : str, Path, float or ndarray
         Apparent temperatures [K], as a camera shows them for an emissivity of 1: a TIFF, CSV or NPY
         file, an EXR with the channel temperature.Y, an array, or one number such as 305.2 or
-        "305.2+-0.5". NaN and 0 stand for nothing.
+        "305.2+-0.5". NaN and 0 stand for nothing. A radiometric file of a camera, such as FLIR's
+        JPEG, states its conditions, which are the defaults of the others.
     band : str, Path or Band, optional
         Band of the camera: a name, limits such as "7.5-14", or a CSV of its response. An EXR states
-        its own.
-    emissivity : number
-        Emissivity of the object in the band, above 0 and at most 1.
+        its own. With FLIR's files the camera's own curve and air count, unless a band is given.
+    emissivity : number, optional
+        Emissivity of the object in the band, above 0 and at most 1. Only a radiometric file may
+        leave it out.
     sigma : float
         Standard uncertainty of the apparent temperatures [K], common to all pixels.
     scale : float
@@ -87,6 +96,11 @@ def temperature(
     offset : float
         Apparent temperature [K] of the value 0: 273.15 for an image in degrees Celsius. With an
         offset, 0 is a value.
+    spots : sequence of str or pair of int
+        Pixels whose temperatures are wanted: column and row from 0, such as "120,80". The first
+        region is the result's headline, and the others' differences from it are stated.
+    areas : sequence of str or tuple of int
+        Rectangles of pixels whose mean is wanted: column, row, width, height.
 
     Other Parameters
     ----------------
@@ -102,6 +116,10 @@ def temperature(
         Distance of the object [m], instead of a transmittance: the air is computed.
     humidity : number, optional
         Relative humidity 0..0.98, with a distance.
+    window : number, optional
+        Transmittance of a window before the camera, above 0 and at most 1.
+    window_temperature : number, optional
+        Temperature of the window [K].
 
     Returns
     -------
@@ -114,7 +132,19 @@ def temperature(
         twice, and if no object can have any of the apparent temperatures.
     """
     name, image, sigma = named_image(image, sigma)
-    if band is None and str(image).lower().endswith(".exr"):
+    own = {"emissivity": emissivity, **measurement}
+    own = {key: value for key, value in own.items() if value is not None}
+    check_known("quantity", QUANTITIES, *own)
+    given, camera = own, None
+    if str(image).lower().endswith(radiometric.SUFFIXES):
+        if (scale, offset) != (1, 0):
+            raise InputError(f"{name}: states its temperatures; leave scale and offset out")
+        file = radiometric.read(str(image))
+        image, camera = file.kelvin, None if band else file.calibration
+        band = band or file.band
+        without = {"distance", "humidity"} if "transmittance" in own else set()
+        given = {k: v for k, v in file.conditions.items() if k not in without} | own
+    elif band is None and str(image).lower().endswith(".exr"):
         _, header = read_exr(Path(image))
         band = header.get("band")
     if band is None:
@@ -122,17 +152,22 @@ def temperature(
         raise InputError(
             f"{name}: its band is not known; give that of the camera, such as {example}"
         )
+    if "emissivity" not in given:
+        example = option("emissivity", 0.95)
+        raise InputError(
+            f"{name}: states no emissivity; give that of the object, such as {example}"
+        )
     band = band_of(band)
     Bounds(is_positive=True).check(scale, "scale")
     kelvin = apparent(image, band, name, scale, offset)
-    given = {"emissivity": emissivity, **measurement}
-    check_known("quantity", QUANTITIES, *given)
-    quantities = {
-        key: uncertain(given[key], key, bounds)
-        for key, bounds in QUANTITIES.items()
-        if given.get(key) is not None
-    }
-    return temperature_of(kelvin, sigma, band, ImageConditions(**quantities), name)
+    quantities = {}
+    for key in filter(given.__contains__, QUANTITIES):  # in the order of a budget
+        with nullcontext() if key in own else errors_of(f"{name}, unless you give another one"):
+            quantities[key] = uncertain(given[key], key, QUANTITIES[key])
+    places = [Region.parsed("spot", spot) for spot in spots]
+    places += [Region.parsed("area", area) for area in areas]
+    conditions = ImageConditions(**quantities)
+    return temperature_of(kelvin, sigma, band, conditions, name, camera, tuple(places))
 
 
 def named_image(image: ApparentTemperatures, sigma: float) -> tuple:

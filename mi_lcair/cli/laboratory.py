@@ -21,6 +21,7 @@ ANY = (".csv", ".json", ".html", ".nc", *PICTURES)  # files of every result that
 @options.command(
     "temperature",
     "mi-lcair temperature 305.2 --band LWIR --emissivity 0.92+-0.02 --reflected 293+-2",
+    "mi-lcair temperature photo.jpg --emissivity 0.95+-0.02 --spot 40,30 --spot 20,30",
     "mi-lcair temperature seen.exr --emissivity 0.92+-0.02 --reflected 285+-2 "
     "--distance 1000 -o object.tif",
 )
@@ -30,13 +31,16 @@ ANY = (".csv", ".json", ".html", ".nc", *PICTURES)  # files of every result that
 @options.calls(
     "temperature",
     *("band", "emissivity", "reflected", "transmittance", "air_temperature", "distance"),
-    *("humidity", "sigma", "scale", "offset"),
+    *("humidity", "window", "window_temperature", "sigma", "scale", "offset"),
+    spots={"flag": "--spot", "multiple": True, "metavar": "X,Y", "show_default": False},
+    areas={"flag": "--area", "multiple": True, "metavar": "X,Y,W,H", "show_default": False},
 )
 def temperature_command(image, outputs, result):
     """Temperature of an object with its uncertainty.
 
     IMAGE holds apparent temperatures in K, as a camera shows them for an emissivity of 1: a TIFF,
-    CSV or NPY file, an EXR with temperature.Y, or one number. Counts and degrees Celsius
+    CSV or NPY file, an EXR with temperature.Y, or one number. A radiometric file, such as FLIR's
+    JPEG or .fff, states its conditions, which options replace. Counts and degrees Celsius
     need --scale or --offset. A quantity may have a standard uncertainty: 0.92+-0.02. Printed are
     the temperature in K and what each quantity contributes to its uncertainty; written is the image
     in K.

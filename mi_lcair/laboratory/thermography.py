@@ -1,4 +1,4 @@
-"""The air between an object and a thermographic camera."""
+"""Temperatures of objects from images of thermographic cameras, and the air between."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
@@ -8,17 +8,20 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from mi_lcair import formats
-from mi_lcair.declared import Bounds, Described, excludes, needs, rule
+from mi_lcair.declared import Bounds, Described, excludes, needs, rule, together
 from mi_lcair.declared import entry as bounded
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, errors_of
 from mi_lcair.estimate import Contribution, Estimate, slope
 from mi_lcair.files import replacing
+from mi_lcair.laboratory.regions import Region, combined, of_image, regional
 from mi_lcair.physics.air.clear_air import ClearPaths, clear_air
 from mi_lcair.physics.air.levels import HEIGHT_M, Weather
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
 from mi_lcair.rendering.images.files import write_exr as write_channels
+from mi_lcair.rendering.images.radiometric import Calibration
 from mi_lcair.results import Result, contributions, entry, summary_of
+from mi_lcair.sections import Table
 
 ATMOSPHERE = "us_standard"  # model atmosphere whose weather a measurement may change
 REFINEMENTS = 2  # corrections of the quadrature over an air's wavelengths when it is inverted
@@ -68,6 +71,10 @@ class AirPath:
         through = replace(nodes, weights_um=nodes.weights_um * line.transmittance[rows])
         return AirPath(band, nodes, through, float(weights @ line.radiance))
 
+    def radiance(self, temperature) -> np.ndarray:
+        """In-band radiance of a blackbody."""
+        return in_band_radiance(self.band, temperature)
+
     def transmitted(self, temperature) -> np.ndarray:
         """In-band radiance that arrives from a blackbody, without the path radiance."""
         return in_band_radiance(self.through, temperature) / self.excess(temperature)
@@ -89,13 +96,44 @@ class AirPath:
         if self.nodes is self.band:
             return np.ones(np.shape(temperature))
         with np.errstate(invalid="ignore", divide="ignore"):
-            return in_band_radiance(self.nodes, temperature) / in_band_radiance(
-                self.band, temperature
-            )
+            return in_band_radiance(self.nodes, temperature) / self.radiance(temperature)
 
     def transmittance(self, temperature: float) -> float:
         """Mean transmittance in the band for the radiance of a blackbody of a temperature [K]."""
-        return float(self.transmitted(temperature) / in_band_radiance(self.band, temperature))
+        return float(self.transmitted(temperature) / self.radiance(temperature))
+
+
+@dataclass(frozen=True)
+class CalibratedPath:
+    """Grey air in front of a camera with a calibration, see `AirPath`; radiances are its signals.
+
+    through: transmittance. temperature: of the air [K].
+    """
+
+    camera: Calibration
+    through: float
+    temperature: float
+
+    @property
+    def path(self) -> float:
+        """Path radiance."""
+        return (1 - self.through) * float(self.radiance(self.temperature))
+
+    def radiance(self, temperature) -> np.ndarray:
+        """Signal of a blackbody."""
+        return self.camera.radiance(temperature)
+
+    def transmitted(self, temperature) -> np.ndarray:
+        """Signal of a blackbody that arrives."""
+        return self.through * self.radiance(temperature)
+
+    def source_temperature(self, arriving: np.ndarray) -> np.ndarray:
+        """Temperature [K] of the blackbody of which this signal arrives; NaN if there is none."""
+        return self.camera.kelvin(arriving / self.through)
+
+    def transmittance(self, temperature: float) -> float:
+        """Transmittance."""
+        return self.through
 
 
 # The temperature of an object, as a result
@@ -115,27 +153,39 @@ class Temperature(Result):
     estimate : Estimate
         Temperatures [K], of the image's shape, with their errors; NaN for nothing. The errors of
         the quantities are independent, and each is the same in all pixels.
+    headline : Estimate
+        Mean temperature of the first region. Without one it is that of the hottest pixel.
     interval_K : tuple of float
-        Interval that holds 95 % of the temperatures for random quantities, where the image has its
-        median. Quantities are drawn from normal distributions that are cut off at their bounds.
+        Interval that holds 95 % of the headline's temperatures for random quantities. Quantities
+        are drawn from normal distributions that are cut off at their bounds.
     conditions : dict of str to Estimate
         The quantities of the measurement.
     transmittance : float
-        Mean transmittance of the air in the band, for the median temperature.
+        Mean transmittance of the air in the band, for the headline's temperature.
+    regions, differences : dict of str to ndarray
+        Mean temperature of each region with its error and its interval, lowest and highest one, and
+        where the latter is. The same of differences from the first region, of which the errors
+        that both share are subtracted. Empty for a number.
+    places : tuple of Region
+        The regions.
     remarks : tuple of str
     """
 
     name: str = entry("image")
     band: Band = entry("band", "label")
     estimate: Estimate = entry()
+    headline: Estimate = entry("estimate")
     interval_K: tuple[float, float]
     conditions: dict[str, Estimate]
     transmittance: float
+    regions: dict[str, np.ndarray]
+    differences: dict[str, np.ndarray]
+    places: tuple[Region, ...] = entry()
     remarks: tuple[str, ...] = ()
 
     kind = "temperature"
     drawn_by = "mi_lcair.show.pictures.temperature:figure"
-    computed = {"estimate": "typical", "pixels": "pixels", "range_K": "range_K"}
+    computed = {"pixels": "pixels", "range_K": "range_K"}
     saved_by = {
         suffix: f"mi_lcair.laboratory.thermography:write_{suffix[1:4]}"
         for suffix in (".tif", ".tiff", ".exr", ".csv")
@@ -152,12 +202,6 @@ class Temperature(Result):
         return self.estimate.standard_error
 
     @property
-    def typical(self) -> Estimate:
-        """Medians over the pixels that have a temperature."""
-        known = np.isfinite(self.kelvin)
-        return self.estimate.reduced(lambda values: float(np.median(np.asarray(values)[known])))
-
-    @property
     def pixels(self) -> int:
         """Number of pixels that have a temperature."""
         return int(np.isfinite(self.kelvin).sum())
@@ -168,30 +212,31 @@ class Temperature(Result):
         return float(np.nanmin(self.kelvin)), float(np.nanmax(self.kelvin))
 
     def summary(self) -> str:
-        """One line with the temperature or its range, and its uncertainty."""
-        head = f"temperature of {self.name}, {self.band.label}: {self.typical}"
-        if self.kelvin.size == 1:
+        """One line with the temperature of the first region, its uncertainty, and the range."""
+        head = f"temperature of {self.name}, {self.band.label}: {self.headline}"
+        if not self.places:
             return head
         low, high = self.range_K
-        return f"{head} (median), {low:.5g} to {high:.5g} K"
+        return f"{head} ({self.places[0].name}), image {low:.5g} to {high:.5g} K"
 
     def facts(self) -> Iterator[Any]:
-        """The temperature, the air, and the budget of the uncertainty."""
-        typical = self.typical
+        """The temperature, the air, the regions, and the budget of the uncertainty."""
         yield summary_of(self)
-        if not typical.contributions:
+        if not self.headline.contributions:
             yield "uncertainty", "none is stated; 0.92+-0.02 states one"
         else:
             yield "interval", "{:.5g}..{:.5g} K (95 %, from draws)".format(*self.interval_K)
+        yield "conditions", ", ".join(f"{name} {x}" for name, x in self.conditions.items())
         yield "transmittance", f"{self.transmittance:.4f}, mean in the band"
-        if self.kelvin.size > 1:
+        if self.places:
             yield "pixels", f"{self.pixels} of {self.kelvin.size} have a temperature"
-        if typical.contributions:
-            yield contributions(typical)
+            yield from (Table.of(table) for table in (self.regions, self.differences) if table)
+        if self.headline.contributions:
+            yield contributions(self.headline)
 
     def columns(self) -> dict[str, np.ndarray]:
-        """The budget: a row for each uncertain quantity, with medians over the pixels."""
-        return self.typical.columns()
+        """The budget of the headline: a row for each uncertain quantity."""
+        return self.headline.columns()
 
 
 def write_tif(path, temperature: Temperature) -> None:
@@ -224,7 +269,8 @@ def write_csv(path, temperature: Temperature) -> None:
 # through air of transmittance tau that radiates W_path = (1 - tau) W(T_air). W(T) is the integral
 # of Planck's law over the band. Source: the measurement formula in FLIR, Photon user's manual,
 # chapter History and Theory of Infrared Technology, Equations 2 to 4. For air by wavelength, tau
-# W(T) is the integral of transmittance and Planck's law together.
+# W(T) is the integral of transmittance and Planck's law together. A window before the camera of
+# transmittance t changes this W to t W + (1 - t) W(T_window).
 
 COLDEST_K = 120.0  # an apparent temperature that no sky and no air has
 DRAWS = 4096  # of the uncertain quantities
@@ -251,6 +297,7 @@ class ImageConditions(
         ),
         excludes("transmittance", "distance"),
         needs("humidity", "distance", why="with a transmittance it does not count"),
+        together("window", "window_temperature"),
     ),
 ):
     """The quantities of a measurement, in their order in a budget."""
@@ -261,6 +308,8 @@ class ImageConditions(
     air_temperature: Estimate | None = bounded(None, lower=60, upper=6000, unit="K")
     distance: Estimate | None = bounded(None, is_positive=True, upper=200_000, unit="m")
     humidity: Estimate | None = bounded(None, lower=0, upper=0.98)
+    window: Estimate | None = bounded(None, upper=1, is_positive=True)
+    window_temperature: Estimate | None = bounded(None, lower=60, upper=6000, unit="K")
 
     @property
     def quantities(self) -> dict[str, Estimate]:
@@ -285,8 +334,12 @@ class ImageConditions(
             air_temperature=air or Estimate(reflected.value),
         ), [] if air or is_one(through) else remarks
 
-    def air(self, band: Band, values: dict[str, float]) -> AirPath:
-        """The air for values of the quantities."""
+    def air(
+        self, band: Band, values: dict[str, float], camera: Calibration | None
+    ) -> AirPath | CalibratedPath:
+        """The air for values of the quantities. With a camera it is that of its makers."""
+        if camera is not None:
+            return CalibratedPath(camera, *grey(values, camera))
         if "distance" not in values:
             return AirPath.given(band, values["transmittance"], values["air_temperature"])
         weather = Weather(values.get("air_temperature"), values.get("humidity"))
@@ -296,18 +349,42 @@ class ImageConditions(
 QUANTITIES = {of.name: of.metadata["bounds"] for of in fields(ImageConditions)}
 
 
-def object_temperature(apparent, emissivity: float, reflected: float, air: AirPath) -> np.ndarray:
+def grey(values: dict[str, Any], camera: Calibration | None) -> tuple[Any, Any]:
+    """Transmittance and temperature [K] of grey air for values of the quantities."""
+    kelvin = values.get("air_temperature", values["reflected"])
+    if "distance" not in values:
+        return values["transmittance"], kelvin
+    return camera.transmittance(values["distance"], values.get("humidity", 0.5), kelvin), kelvin
+
+
+def before_window(signal: Any, values: dict[str, Any], air: AirPath | CalibratedPath) -> Any:
+    """In-band radiance before a camera's window, from the one behind it."""
+    window = values.get("window", 1.0)
+    glow = air.radiance(values["window_temperature"]) if "window" in values else 0.0
+    return (signal - (1 - window) * glow) / window
+
+
+def object_temperature(
+    apparent, values: dict[str, float], air: AirPath | CalibratedPath
+) -> np.ndarray:
     """Temperature of the object by (1), [K]; NaN where no object can have the apparent temperature.
 
-    apparent: apparent temperatures [K]. reflected: temperature of the surroundings [K].
+    apparent: apparent temperatures [K]. values: of the quantities.
     """
-    arriving = in_band_radiance(air.band, apparent) - air.path
-    emitted = arriving - (1 - emissivity) * air.transmitted(reflected)
+    emissivity = values["emissivity"]
+    arriving = before_window(air.radiance(apparent), values, air) - air.path
+    emitted = arriving - (1 - emissivity) * air.transmitted(values["reflected"])
     return air.source_temperature(emitted / emissivity)
 
 
 def temperature_of(
-    apparent: np.ndarray, sigma: float, band: Band, conditions: ImageConditions, name: str
+    apparent: np.ndarray,
+    sigma: float,
+    band: Band,
+    conditions: ImageConditions,
+    name: str,
+    camera: Calibration | None = None,
+    places: tuple[Region, ...] = (),
 ) -> Temperature:
     """The temperature of an object with its budget.
 
@@ -321,11 +398,16 @@ def temperature_of(
     conditions : ImageConditions
     name : str
         Name of the image in the result.
+    camera : Calibration, optional
+        Curve of the camera, which takes the place of Planck's law in the band, and its air.
+    places : tuple of Region
+        Regions of an image. The hottest pixel and the whole image follow them.
 
     Raises
     ------
     InputError
-        For conditions that are incomplete, and if no object can have any of the temperatures.
+        For conditions that are incomplete, for a region outside the image, and if no object can
+        have any of the temperatures.
     """
     band.check_limits("camera")
     given = conditions.quantities
@@ -335,9 +417,8 @@ def temperature_of(
 
     def solved(changes: dict[str, float]) -> np.ndarray:
         new = values | changes
-        air = conditions.air(band, new)
         return object_temperature(
-            apparent + new["apparent"], new["emissivity"], new["reflected"], air
+            apparent + new["apparent"], new, conditions.air(band, new, camera)
         )
 
     kelvin = solved({})
@@ -374,37 +455,53 @@ def temperature_of(
                 Contribution.of(quantity, sigma, of_quantity, value=value, unit=number.unit)
             )
     estimate = Estimate.of(np.asarray(kelvin), "K", rows)
-    # The coldest pixel, the median and the warmest one
-    pixels = np.argsort(kelvin, axis=None)[: np.isfinite(kelvin).sum()]
-    pixels = pixels[[0, (len(pixels) - 1) // 2, -1]]
-    linear = estimate.standard_error.flat[pixels]
-    ends, lost = drawn(np.ravel(apparent)[pixels], stated, conditions, band)
+    for place in places:
+        if not kelvin.ndim:
+            raise InputError(f"{name}: a number has no {place.name}")
+        with errors_of(name):
+            place.check(kelvin)
+    every = (*places, *of_image(kelvin))
+    # The typical pixels of the regions, the coldest pixel and the hottest one
+    pixels = [place.typical(kelvin) for place in every]
+    pixels += [int(np.nanargmin(kelvin)), int(np.nanargmax(kelvin))]
+    draws = drawn(np.ravel(apparent)[pixels], stated, conditions, band, camera)
+    ends, linear = np.nanquantile(draws, INTERVAL, axis=0), estimate.standard_error.flat[pixels]
     off = abs(ends - kelvin.flat[pixels] - np.outer([-2, 2], linear)).max(axis=0)
     if (off > FAILS * 2 * linear + 1e-6).any():
-        k = int(np.argmax(off))
+        k, lost = int(np.argmax(off)), np.isnan(draws).mean(axis=0)
         without = f"; {lost[k]:.0%} of the draws have no temperature" if lost[k] > 0.005 else ""
         remarks.append(
             f"at {kelvin.flat[pixels[k]]:.4g} K +- {linear[k]:.3g} K the linear uncertainty fails: "
             f"95 % of draws lie in {ends[0, k]:.4g}..{ends[1, k]:.4g} K{without}"
         )
+    regions, differences = regional(estimate, every, draws, INTERVAL)
+    headline = combined(estimate, every[0].mean)
     return Temperature(
         name=name,
         band=band,
         estimate=estimate,
-        interval_K=tuple(ends[:, 1].tolist()),
+        headline=headline,
+        interval_K=(float(regions["from_K"][0]), float(regions["to_K"][0])),
         conditions=conditions.quantities,
-        transmittance=conditions.air(band, values).transmittance(float(np.nanmedian(kelvin))),
+        transmittance=conditions.air(band, values, camera).transmittance(headline.value),
+        regions=regions if kelvin.ndim else {},
+        differences=differences if len(places) > 1 else {},
+        places=every if kelvin.ndim else (),
         remarks=tuple(remarks),
     )
 
 
 def drawn(
-    apparent: np.ndarray, stated: dict[str, Estimate], conditions: ImageConditions, band: Band
-) -> tuple[np.ndarray, np.ndarray]:
-    """Ends of the intervals that hold 95 % of the temperatures for random quantities, (2, n).
+    apparent: np.ndarray,
+    stated: dict[str, Estimate],
+    conditions: ImageConditions,
+    band: Band,
+    camera: Calibration | None,
+) -> np.ndarray:
+    """Temperatures of pixels for random quantities, (DRAWS, n); NaN for none.
 
-    Also returned is the share of draws without a temperature, (n,). `in_terms` of computed air are
-    taken from one standard uncertainty of each of its quantities to both sides.
+    `in_terms` of computed air are taken from one standard uncertainty of each of its quantities to
+    both sides.
 
     apparent: apparent temperatures, (n,). stated: the quantities and `apparent`, an offset.
     """
@@ -416,25 +513,25 @@ def drawn(
             share = (random.permutation(DRAWS)[:, None] + 0.5) / DRAWS
             values[name] = number.value + sigma * ndtri(ndtr(at[0]) + np.ptp(ndtr(at)) * share)
     means = {name: number.value for name, number in stated.items()}
-    air = conditions.air(band, means)
-    if "distance" not in stated:
-        through, glow = values["transmittance"], in_band_radiance(band, values["air_temperature"])
+    air = conditions.air(band, means, camera)
+    if "distance" not in stated or camera:
+        through, kelvin = grey(values, camera)
+        glow = air.radiance(kelvin)
     else:
         depth, glow = in_terms(air, means)
         for name in ("distance", "humidity", "air_temperature"):
             if sigma := name in stated and stated[name].standard_error:
                 ends = np.clip(means[name] + np.array([-sigma, sigma]), *limits(QUANTITIES[name]))
-                airs = (conditions.air(band, means | {name: float(end)}) for end in ends)
+                airs = (conditions.air(band, means | {name: float(end)}, None) for end in ends)
                 low, high = (in_terms(of_end, means) for of_end in airs)
                 z = (values[name] - means[name]) / np.ptp(ends)
                 depth, glow = depth * (high[0] / low[0]) ** z, glow + z * (high[1] - low[1])
         through = np.exp(-depth)
     factor, path = through / air.transmittance(means["reflected"]), (1 - through) * glow
     light = (1 - values["emissivity"]) * factor * air.transmitted(values["reflected"])
-    emitted = in_band_radiance(band, apparent + values["apparent"]) - path - light
-    kelvin = air.source_temperature(emitted / (values["emissivity"] * factor))
-    kelvin = np.broadcast_to(kelvin, (DRAWS, len(apparent)))
-    return np.nanquantile(kelvin, INTERVAL, axis=0), np.isnan(kelvin).mean(axis=0)
+    arriving = before_window(air.radiance(apparent + values["apparent"]), values, air)
+    kelvin = air.source_temperature((arriving - path - light) / (values["emissivity"] * factor))
+    return np.broadcast_to(kelvin, (DRAWS, len(apparent)))
 
 
 def in_terms(air: AirPath, values: dict[str, float]) -> tuple[float, float]:

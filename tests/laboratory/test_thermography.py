@@ -17,6 +17,7 @@ from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance, spectral_radiance
 from mi_lcair.rendering.images.files import from_csv, from_picture, read_exr
 from tests.derivatives.grey_room import NAMED, load
+from tests.rendering.images.flir_files import STATED, counts_of, fff, jpeg, kelvin_of
 
 H, C, K = 6.62607015e-34, 299792458.0, 1.380649e-23  # CODATA 2018
 
@@ -253,7 +254,7 @@ def test_images_are_read_and_written(tmp_path, suffix):
 def test_one_number_is_shown_with_its_error():
     """The sum of both contributions in squares, and their table from the largest share on."""
     result = mi_lcair.temperature(305.2, "LWIR", emissivity=(0.92, 0.02), reflected=(293, 2))
-    assert result.summary().endswith(f": {result.typical}") and " +- 0.3" in result.summary()
+    assert result.summary().endswith(f": {result.headline}") and " +- 0.3" in result.summary()
     table = result.columns()
     assert table["quantity"].tolist() == ["emissivity", "reflected"]
     assert np.linalg.norm(table["contribution_K"]) == pytest.approx(float(result.sigma))
@@ -331,6 +332,9 @@ def test_kelvin_that_are_celsius_are_remarked(given, what):
         ({"band": None}, "its band is not known"),
         ({"band": "total"}, "band total"),
         ({"wind": 3}, "unknown quantity 'wind'"),
+        ({"window": 0.9}, "window_temperature is missing"),
+        ({"window": 1.1, "window_temperature": 290}, "window = 1.1; must be positive"),
+        ({"emissivity": None}, "states no emissivity"),
     ],
 )
 def test_bad_input_is_one_line(given, words):
@@ -341,3 +345,81 @@ def test_bad_input_is_one_line(given, words):
     with pytest.raises(InputError, match=words.replace("+", ".")) as error:
         mi_lcair.temperature(arguments.pop("image"), **arguments)
     assert "\n" not in str(error.value)
+
+
+# Radiometric files
+# -----------------
+
+SETTINGS = [  # emissivity, distance, humidity, reflected, air, window, its temperature
+    (0.95, 1.0, 0.5, 293.15, 293.15, 1.0, 293.15),
+    (0.3, 1.0, 0.5, 293.15, 293.15, 1.0, 293.15),
+    (0.95, 100.0, 0.9, 283.15, 303.15, 1.0, 293.15),
+    (0.3, 30.0, 0.1, 283.15, 273.15, 1.0, 293.15),
+    (0.6, 10.0, 0.5, 303.15, 293.15, 0.8, 300.0),
+    (0.8, 300.0, 0.3, 263.15, 288.15, 1.0, 293.15),
+    (0.3, 0.5, 0.7, 303.15, 298.15, 0.95, 310.0),
+    (0.95, 30.0, 0.98, 243.15, 283.15, 0.9, 283.15),
+]
+NAMES = ["emissivity", "distance", "humidity", "reflected", "air", "window", "window_K"]
+OWN = dict(zip(NAMES, (*NAMES[:4], "air_temperature", "window", "window_temperature")))
+
+
+@pytest.mark.parametrize("setting", SETTINGS)
+def test_the_makers_formula(tmp_path, setting):
+    """Counts by the formula in counts, rounded, against the formula solved in counts."""
+    stated = dict(zip(NAMES, setting))
+    truth = np.linspace(310.0, 420.0, 30)
+    counts = np.round([[counts_of(T, stated) for T in truth]])
+    path = tmp_path / "photo.jpg"
+    path.write_bytes(jpeg(fff(counts, "swapped", **stated)))
+    result = mi_lcair.temperature(path)
+    formula = np.array([kelvin_of(n, stated) for n in counts[0]])
+    np.testing.assert_allclose(result.kelvin[0], formula, atol=2e-4)  # single precision
+    assert abs(np.mean(result.kelvin[0] - truth)) < 0.02
+
+
+def test_options_replace_what_the_file_states(tmp_path):
+    path = tmp_path / "photo.fff"
+    stated = STATED | dict(zip(NAMES, SETTINGS[4]))
+    path.write_bytes(fff([[counts_of(350.0, stated)]]))  # with other conditions in the file
+    given = {OWN[name]: stated[name] for name in NAMES}
+    result = mi_lcair.temperature(path, **given)
+    assert result.headline.value == pytest.approx(350, abs=0.05)
+    assert abs(mi_lcair.temperature(path).headline.value - 350) > 2
+    # With a band Planck's law counts, in computed air; the curve of this camera is like 8-12 um
+    given["air_temperature"], given["distance"] = 280.0, 10.0
+    in_band, own = (mi_lcair.temperature(path, b, **given) for b in ("8-12", None))
+    assert in_band.band.name == "8-12" and own.band.name == "7.5-14"
+    assert 1e-4 < abs(in_band.headline.value - own.headline.value) < 1.5
+    assert 1e-4 < abs(in_band.transmittance - own.transmittance) < 0.02
+    without = mi_lcair.temperature(path, transmittance=0.9, air_temperature=290)
+    assert without.transmittance == 0.9 and "distance" not in without.conditions
+    for changed, words in (
+        ({"scale": 0.01}, "leave scale and offset out"),
+        ({"humidity": 2}, "humidity = 2"),
+        ({"window": 0.9}, "window_temperature is missing"),
+    ):
+        with pytest.raises(InputError, match=words):
+            mi_lcair.temperature(path, **changed)
+    path.write_bytes(fff([[20000]], emissivity=0.0))
+    with pytest.raises(InputError, match="^photo.fff, unless you .*: emissivity = 0; must be pos"):
+        mi_lcair.temperature(path)
+
+
+@pytest.mark.slow
+def test_intervals_hold_the_truth_of_synthetic_files(tmp_path):
+    """Files whose conditions differ from those that are stated as their uncertainties say."""
+    path, truth, inside, apart = tmp_path / "photo.fff", (330.0, 312.0), [], []
+    sigma = {"emissivity": 0.03, "reflected": 4.0, "air": 4.0, "distance": 5.0, "humidity": 0.1}
+    middle = dict(zip(NAMES, (0.8, 30.0, 0.5, 290.0, 290.0, 0.9, 295.0)))
+    sigma |= {"window": 0.02, "window_K": 3.0}
+    given = {OWN[name]: (middle[name], sigma[name]) for name in NAMES}
+    for point in norm.ppf(qmc.Sobol(len(sigma), seed=3).random(128)):
+        real = {name: middle[name] + z * sigma[name] for name, z in zip(NAMES, point)}
+        path.write_bytes(fff([[round(counts_of(T, real)) for T in truth]]))
+        result = mi_lcair.temperature(path, spots=["0,0", "1,0"], **given)
+        low, high = result.regions["from_K"][:2], result.regions["to_K"][:2]
+        inside += list((low <= truth) & (truth <= high))
+        (low,), (high,) = result.differences["from_K"], result.differences["to_K"]
+        apart.append(low <= truth[0] - truth[1] <= high)
+    assert 0.93 <= np.mean(inside) <= 0.97 and 0.93 <= np.mean(apart) <= 0.97

@@ -20,16 +20,24 @@ def figure(temperature: Temperature):
         ("gray", "viridis"),
     ):
         _panel(figure, axes, values, title, cmap)
-    typical = temperature.typical
-    rows = typical.contributions[::-1]
+    from matplotlib.patches import Rectangle
+
+    headline = temperature.headline
+    for k, place in enumerate(temperature.places[:-1] if is_image else ()):  # not the whole image
+        corner = place.x - 0.5, place.y - 0.5
+        style = {"edgecolor": f"C{k}", "facecolor": "none", "linewidth": 1.5, "label": place.name}
+        panels[0].add_patch(Rectangle(corner, place.width, place.height, **style))
+    if is_image:
+        panels[0].legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncol=2, fontsize=7)
+    rows = headline.contributions[::-1]
     bars.barh(
         [row.quantity.replace("_", " ") for row in rows],
         [abs(row.contribution) for row in rows],
         color="0.55",
     )
-    total = typical.standard_error
+    total = headline.standard_error
     bars.axvline(total, color="C3")
-    bars.set(title=f"total {total:.3g} K (line)", xlabel="median contribution (K)")
+    bars.set(title=f"total {total:.3g} K (line)", xlabel="contribution (K)")
     figure.suptitle(plain(temperature.summary()), fontsize=10)
     return figure
 
