@@ -1,5 +1,6 @@
 """Exchange of heat between the facets of a scene, from paths that begin on the facets."""
 
+from collections.abc import Mapping
 from time import perf_counter
 
 import mitsuba as mi
@@ -59,13 +60,15 @@ def exchange(
     sky_K: float | None = None,
     ground_K: float | None = None,
     toward_sun: np.ndarray | None = None,
+    emissivities: Mapping[str, float] = {},
 ) -> Exchange:
     """The exchange of heat between the facets of a scene; see `mi_lcair.exchange`.
 
-    toward_sun: unit vector, (3,); None without sunlight.
+    toward_sun: unit vector, (3,); None without sunlight. emissivities: those of groups, in place of
+    their materials.
     """
     began = perf_counter()
-    paths = surfaces.FacetPaths(scene, surfaces.Surfaces.of(scene, surfaces.TOTAL))
+    paths = surfaces.FacetPaths(scene, surfaces.Surfaces.of(scene, surfaces.TOTAL, emissivities))
     facets = facets_of(paths)
     points = surfaces.points_of(rays)
     means = paths.means(points, seed).sums(paths.areas)

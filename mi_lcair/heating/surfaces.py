@@ -4,6 +4,7 @@ The scene keeps its band. A material that has a name is taken from its materials
 that is asked for. A surface that is given by numbers, or a BSDF of Mitsuba's, stays as it is.
 """
 
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -24,7 +25,7 @@ from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
 from mi_lcair.plugins.derivatives import children, own_memory
 from mi_lcair.plugins.emission.emissivity import emissivity_of
 from mi_lcair.plugins.emission.triangles import normal_of, pointer_id, sphere_of
-from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
+from mi_lcair.plugins.emitters.thermal_emitter import groups_of, is_thermal
 from mi_lcair.plugins.samplers.lattice import VECTOR, Lattice
 from mi_lcair.rendering.facets import FacetTable, FacetTracer, Radiator
 from mi_lcair.rendering.measurands import check_free
@@ -51,8 +52,10 @@ class Surfaces:
     remarks: list[str] = field(default_factory=list)
 
     @staticmethod
-    def of(scene: Scene, of_band: str) -> "Surfaces":
+    def of(scene: Scene, of_band: str, grey: Mapping[str, float] = {}) -> "Surfaces":
         """The surfaces of a scene in the band TOTAL or SOLAR.
+
+        grey: emissivities of groups that are grey in this band, in place of their materials.
 
         Raises InputError for a plume that transmits, for a BSDF whose emissivity cannot be known,
         and for a material without an entry that could be used.
@@ -68,7 +71,11 @@ class Surfaces:
             emitter = shape.emitter()
             if is_thermal(emitter) and emitter.given_emissivity is not None:
                 surfaces.remarks.append(f"shape '{shape.id()}': {UNUSED}")
-            key, make = surfaces._in_band(bsdf, scene)
+            if is_thermal(emitter) and (group := groups_of(emitter)[0]) in grey:
+                is_sheet = bsdf.class_name() == "TwoSidedBRDF"
+                key, make = grey_surface(grey[group], is_sheet)
+            else:
+                key, make = surfaces._in_band(bsdf, scene)
             if key not in index:
                 index[key] = len(surfaces.different)
                 made = make()
@@ -129,6 +136,13 @@ class Surfaces:
             f"{what}: its numbers of the band {used.label} stand in for {self.of_band}, although "
             f"that band holds {share:.0%} of the {of} at {kelvin:g} K"
         )
+
+
+def grey_surface(emissivity: float, is_sheet: bool):
+    """A key and a function as `Surfaces._in_band` has them, of a grey surface."""
+    plugin = {"type": "grey", "emissivity": emissivity}
+    plugin = {"type": "twosided", "front": plugin} if is_sheet else plugin
+    return repr(plugin), lambda: mi.load_dict(plugin, parallel=False)
 
 
 def hemispherical_emissivity(surface: Radiator, nodes: int = 64) -> np.ndarray:
@@ -540,7 +554,12 @@ class SolarAreas:
 
 
 def solar_areas(
-    scene: Scene, toward_sun: np.ndarray, rays: int, shadow_rays: int, seed: int = 0
+    scene: Scene,
+    toward_sun: np.ndarray,
+    rays: int,
+    shadow_rays: int,
+    seed: int = 0,
+    absorptances: Mapping[str, float] = {},
 ) -> SolarAreas:
     """The absorption of sunlight by the facets of a scene, in the solar band.
 
@@ -552,8 +571,10 @@ def solar_areas(
     rays, shadow_rays : int
         Paths of each side of a facet, and rays from it toward each position of the sun.
     seed : int
+    absorptances : mapping of str to float
+        Those of groups, in place of their materials.
     """
-    surfaces = Surfaces.of(scene, SOLAR)
+    surfaces = Surfaces.of(scene, SOLAR, absorptances)
     paths = FacetPaths(scene, surfaces, reflected=True)
     means = paths.means(points_of(rays), seed)
     areas, area, n = means.sums(paths.areas), paths.areas.sum(axis=0), len(paths.number)

@@ -10,6 +10,7 @@ symmetric, its off-diagonal elements are not positive and its rows do not sum to
 Newton's iteration from above therefore converges for any noise of the conductors.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -22,9 +23,11 @@ from scipy.special import roots_jacobi
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 
+UNSTEADY = 8  # Newton steps after which they are shortened
 MOST_STEPS = 60  # Newton steps; each at least halves the distance to a fourth root
 CLOSED = 1e-12  # residual of the balance, as a fraction of the power that surfaces exchange
 SOLVED = 1e-13  # residual of a linear system, as a fraction of its right-hand side
+Leaving = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,24 +44,31 @@ class Balance:
         """Diagonal of L [m^2], (n,)."""
         return self.laplacian.diagonal()
 
-    def solve(self, power, conductance, start, closed: float = CLOSED) -> tuple[np.ndarray, float]:
+    def solve(
+        self, power, conductance, start, closed: float = CLOSED, leaving: Leaving | None = None
+    ) -> tuple[np.ndarray, float]:
         """Temperatures [K], (n,), from some start, and the largest residual [W].
 
         closed: residual at which the iteration ends, as a fraction of the power of a facet.
+        leaving: further power that leaves surfaces of some temperatures [W], and its derivative.
 
         Raises InputError if the iteration does not converge.
         """
         kelvin = np.array(start, float)
-        for _ in range(MOST_STEPS):
+        for attempt in range(MOST_STEPS):
             emitted = STEFAN_BOLTZMANN * (self.laplacian @ kelvin**4)
-            residual = power - conductance * kelvin - emitted
+            out, slope = leaving(kelvin) if leaving else (0.0, 0.0)
+            residual = power - conductance * kelvin - emitted - out
             # With the power at 1 K, so that a surface without any source cools to 0 K
             scale = STEFAN_BOLTZMANN * self.diagonal * (1 + kelvin**4) + conductance * kelvin
-            scale += abs(power)
+            scale += abs(power) + abs(out)
             worst = float(abs(residual).max(initial=0))
             if (abs(residual) <= closed * scale).all():
                 return kelvin, worst
-            step = self.linear(kelvin, conductance, residual[:, None], closed**0.5)[:, 0]
+            through = conductance + np.maximum(slope, 0)
+            step = self.linear(kelvin, through, residual[:, None], closed**0.5)[:, 0]
+            # Where convection sets in, steps may go to and fro
+            step = step / (1 + attempt // UNSTEADY if leaving else 1)
             kelvin = np.maximum(kelvin + step, kelvin / 2)
             if (abs(step) < 1e-13 * kelvin).all():
                 return kelvin, worst

@@ -1,8 +1,9 @@
 """What a heat.toml says: the scene, the weather, what lies behind its surfaces, uncertainties."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import date
+from itertools import count
 from os import PathLike
 from pathlib import Path
 from typing import Literal
@@ -10,11 +11,30 @@ from typing import Literal
 import numpy as np
 
 from mi_lcair import toml_table
-from mi_lcair.declared import Described, entry, excludes, needs, rule, together
+from mi_lcair.declared import Bounds, Described, entry, excludes, listed, needs, rule, together
+from mi_lcair.errors import InputError, errors_of
 from mi_lcair.estimate import Stated, sigmas
-from mi_lcair.heating.temperatures.balance import HeatWall
-from mi_lcair.toml_table import check_tables, filled, table_of
+from mi_lcair.heating.temperatures.air import SurfaceAir, plate_convection, rough_convection
+from mi_lcair.heating.temperatures.balance import DAY, DEEPEST, HeatWall
+from mi_lcair.heating.temperatures.cells import CellWall, layout
+from mi_lcair.heating.temperatures.materials import sigmas_of, values_of
+from mi_lcair.toml_table import check_tables, filled, table_of, tables_of
 
+# Standard uncertainty of the model itself, from measured days whose inputs were calibrated
+# (docs/validation/cases.md)
+MODEL_K = 0.8
+MODEL = Bounds(lower=0, upper=1000, unit="K")
+# Uncertainties of weather, and of groups without a material, where none are stated
+OF_WEATHER = {
+    "air_K": 0.5,
+    "wind_m_s": "10 %",
+    "relative_humidity": 5.0,
+    "down_longwave_W_m2": 5.0,
+    "sun_W_m2": "3 %",
+    "diffuse_W_m2": "10 %",
+}
+GUESSED_SKY = 15.0  # of the irradiance of a sky that was not measured [W m^-2]
+OF_GROUP = {"h": "30 %", "absorptance": 0.05, "emissivity": 0.02, "conductivity": "20 %"}
 KELVIN = {"lower": 10, "upper": 6000, "unit": "K"}
 # More than any surface takes up or gives off; numbers beyond are of another unit
 FASTEST = 1e-10  # least time in which heat may diffuse through a wall, with errors of 3 mK [s]
@@ -51,8 +71,16 @@ class WeatherTable(Described, where="[weather]"):
         Temperature of the air.
     h_W_m2_K, wind_m_s : float or None
         Coefficient of convection, or the wind from which it follows (`convection`).
+    wind_height_m, air_height_m : float
+        Heights of the wind and of temperature and humidity above the ground.
+    relative_humidity, pressure_hPa : float or None
+        Humidity of the air over water in percent, and its pressure, 1013.25 if it is left out.
     sky_K : float or None
         Temperature of a blackbody with the total radiance of the sky.
+    down_longwave_W_m2 : float or None
+        Measured irradiance of the sky on a horizontal plane, in place of sky_K.
+    cloud : float or None
+        Covered share of the sky, 0 to 1. With it the sky follows from temperature and humidity.
     ground_K : float or None
         Temperature of the ground below the horizon; that of the air if it is left out.
     sun_W_m2, diffuse_W_m2 : float
@@ -65,6 +93,8 @@ class WeatherTable(Described, where="[weather]"):
         Place in place of the sun's direction, and the clock of the hours. An EPW file has them.
     north_deg : float
         Azimuth of north, as the emitter `sun` has it.
+    day_h : float
+        Length of a day in hours; the hours of the rows are 24ths of it.
     """
 
     file: str | None = None
@@ -72,7 +102,13 @@ class WeatherTable(Described, where="[weather]"):
     air_K: float | None = entry(None, **KELVIN)
     h_W_m2_K: float | None = entry(None, **CONVECTION)
     wind_m_s: float | None = entry(None, lower=0, upper=1000)
+    wind_height_m: float = entry(10.0, lower=0.01, upper=1000)
+    air_height_m: float = entry(2.0, lower=0.01, upper=1000)
+    relative_humidity: float | None = entry(None, lower=0, upper=110)
+    pressure_hPa: float | None = entry(None, lower=1, upper=1200)
     sky_K: float | None = entry(None, lower=0, upper=6000, unit="K")
+    down_longwave_W_m2: float | None = entry(None, lower=0, upper=1e8)
+    cloud: float | None = entry(None, lower=0, upper=1)
     ground_K: float | None = entry(None, lower=0, upper=6000, unit="K")
     sun_W_m2: float = entry(0.0, **FLUX)
     diffuse_W_m2: float = entry(0.0, **FLUX)
@@ -83,18 +119,70 @@ class WeatherTable(Described, where="[weather]"):
     longitude_deg: float | None = entry(None, lower=-180, upper=180)
     utc_offset_h: float | None = entry(None, lower=-14, upper=14)
     north_deg: float = entry(90.0)
+    day_h: float = entry(24.0, lower=0.1, upper=1e5)
 
 
 WALL = ("thickness_mm", "conductivity", "density", "heat_capacity")
+SURFACE = ("surface_conductivity", "surface_density", "scale_depth_mm")
 HELD = "a group at a temperature has no wall, no back and no heat of its own"
+LAW = "one law gives the coefficient of convection"
+
+
+@dataclass(frozen=True, kw_only=True)
+class LayerTable(Described):
+    """A layer of a wall, one of `layers` of [groups.NAME].
+
+    Attributes
+    ----------
+    material : str or None
+        Material of the list, which gives what is left out.
+    thickness_mm, conductivity, density, heat_capacity : float
+        As those of a wall of one material.
+    contact_m2_K_W : float
+        Resistance between this layer and the one above it, or the surface.
+    """
+
+    material: str | None = None
+    thickness_mm: float = entry(lower=1e-5, upper=1e7)
+    conductivity: float = entry(lower=1e-4, upper=1e4)
+    density: float = entry(lower=0.01, upper=1e5)
+    heat_capacity: float = entry(lower=1, upper=1e5)
+    contact_m2_K_W: float = entry(0.0, lower=0, upper=1e4)
+
+
 BEHIND = (
     together(*WALL),
-    excludes("temperature", *WALL, "internal_W_m2", "back_K", why=HELD),
+    excludes("temperature", *WALL, "layers", "internal_W_m2", "back_K", why=HELD),
+    excludes("layers", *WALL, *SURFACE),
     excludes("back", "back_K", why='give back = "insulated" or back_K'),
     needs("back_h", "back_K", why="the temperature of the air"),
-    needs("back_K", *WALL),
     rule(
-        lambda t: t.thickness_mm is None or np.real(t.wall(0.0).diffusion) >= FASTEST,
+        lambda t: t.back_K is None or t.thickness_mm or t.layers,
+        f"back_K needs {listed(WALL)}, or layers",
+    ),
+    together(*SURFACE),
+    needs("scale_depth_mm", *WALL),
+    together("capacity_at_K", "capacity_J_kg_K"),
+    needs("capacity_at_K", *WALL),
+    rule(
+        lambda t: (
+            len(t.capacity_at_K) == len(t.capacity_J_kg_K) != 1
+            and (np.diff(t.capacity_at_K) > 0).all()
+        ),
+        "capacity_at_K must rise and have two or more numbers, as many as capacity_J_kg_K",
+    ),
+    rule(  # the weather's coefficient, an array, is not used then
+        lambda t: t.roughness_mm is None or not isinstance(t.h_W_m2_K, float),
+        f"h_W_m2_K and roughness_mm do not go together; {LAW}",
+    ),
+    excludes("roughness_mm", "plate", why=LAW),
+    together("plate", "length_m"),
+    needs("heat_roughness_mm", "roughness_mm"),
+    excludes("wetness", "resistance_s_m"),
+    rule(
+        lambda t: (
+            t.is_of_cells or t.thickness_mm is None or np.real(t.wall(0.0).diffusion) >= FASTEST
+        ),
         "heat crosses the wall faster than its storage can be computed; leave it out",
     ),
 )
@@ -102,43 +190,161 @@ BEHIND = (
 
 @dataclass(frozen=True, kw_only=True)
 class GroupTable(Described, rules=BEHIND):
-    """[groups.NAME]: what lies behind the surfaces of a group.
+    """[groups.NAME]: what lies behind the surfaces of a group, and what air does to them.
 
     Attributes
     ----------
+    material : str or None
+        Material of the list, which gives what is left out and the uncertainties.
     temperature : float or None
         Temperature at which the group is held [K]; nothing else is then given.
     internal_W_m2 : float
         Heat that is released below the surface.
     h_W_m2_K : float or None
         Coefficient of convection, in place of that of the weather.
+    h_factor : float
+        Factor of the coefficient of convection, whichever law gives it.
+    roughness_mm, heat_roughness_mm : float or None
+        Roughness lengths of ground for wind and for heat, from which its convection follows with
+        the stability of the air. That for heat is a tenth if it is left out.
+    plate : str or None
+        "up", "down" or "upright": natural convection and wind along a plate that faces there.
+    length_m : float or None
+        Length of the plate along the wind, or its height if it is upright.
+    wetness, resistance_s_m : float or None
+        Evaporation, dew and frost: the wet share of the surface, 0 to 1, or its resistance.
+    absorptance, emissivity : float or None
+        Of sunlight, and hemispherical of heat, in place of those of the scene.
+    albedo : tuple of float
+        Coefficients of a polynomial of the sun's zenith angle over 90 degrees. One less its value
+        is absorbed of the beam.
     thickness_mm, conductivity, density, heat_capacity : float or None
         Wall of one material, in mm, W/(m K), kg/m^3 and J/(kg K).
+    layers : tuple of LayerTable
+        Layers in place of one material, the outermost first.
+    contact_m2_K_W : float
+        Resistance between the surface and the wall below, such as that of grass.
+    radiative : float
+        Conductivity grows with temperature by the factor 1 + radiative (T / 350 K)^3.
+    capacity_at_K, capacity_J_kg_K : tuple of float
+        Heat capacity at some temperatures, on straight lines between them.
+    surface_conductivity, surface_density, scale_depth_mm : float or None
+        Conductivity and density at the surface, from which those of the wall are approached
+        exponentially over this depth.
     back : str
         "insulated", unless back_K is given.
     back_K, back_h : float or None
         Temperature of the back, or of the air behind it if back_h [W/(m^2 K)] is given.
+    back_W_m2 : float
+        Heat that comes in through an insulated back of layers or of ground by depth.
+    by_material : tuple of str
+        Keys that the material gave; not to be written.
     """
 
+    material: str | None = None
     temperature: float | None = entry(None, **KELVIN)
     internal_W_m2: float = entry(0.0, lower=-1e8, upper=1e8)
     h_W_m2_K: float | None = entry(None, **CONVECTION)
+    h_factor: float = entry(1.0, lower=0, upper=1000)
+    roughness_mm: float | None = entry(None, lower=1e-4, upper=1e5)
+    heat_roughness_mm: float | None = entry(None, lower=1e-9, upper=1e5)
+    plate: Literal["up", "down", "upright"] | None = None
+    length_m: float | None = entry(None, lower=1e-3, upper=1e4)
+    wetness: float | None = entry(None, lower=0, upper=1)
+    resistance_s_m: float | None = entry(None, lower=0, upper=1e6)
+    absorptance: float | None = entry(None, lower=0, upper=1)
+    emissivity: float | None = entry(None, lower=0, upper=1)
+    albedo: tuple[float, ...] = entry((), lower=-10, upper=10)
     thickness_mm: float | None = entry(None, lower=1e-5, upper=1e7)
     conductivity: float | None = entry(None, lower=1e-4, upper=1e4)
     density: float | None = entry(None, lower=0.01, upper=1e5)
     heat_capacity: float | None = entry(None, lower=1, upper=1e5)
+    layers: tuple = ()
+    contact_m2_K_W: float = entry(0.0, lower=0, upper=1e4)
+    radiative: float = entry(0.0, lower=0, upper=1000)
+    capacity_at_K: tuple[float, ...] = entry((), **KELVIN)
+    capacity_J_kg_K: tuple[float, ...] = entry((), lower=1, upper=1e5)
+    surface_conductivity: float | None = entry(None, lower=1e-4, upper=1e4)
+    surface_density: float | None = entry(None, lower=0.01, upper=1e5)
+    scale_depth_mm: float | None = entry(None, lower=1e-3, upper=1e6)
     back: Literal["insulated"] | None = None
     back_K: float | None = entry(None, **KELVIN)
     back_h: float | None = entry(None, lower=1e-6, upper=1e6)
+    back_W_m2: float = entry(0.0, lower=-1e4, upper=1e4)
+    by_material: tuple = ()
 
-    def wall(self, duration: float) -> HeatWall:
+    @property
+    def has_law(self) -> bool:
+        """Whether the coefficient of convection, or evaporation, depends on the temperature."""
+        return bool(self.roughness_mm or self.plate) or self.has_water
+
+    @property
+    def has_water(self) -> bool:
+        return self.wetness is not None or self.resistance_s_m is not None
+
+    @property
+    def is_of_cells(self) -> bool:
+        """Whether the wall has layers, or properties by temperature or depth."""
+        by_depth = self.scale_depth_mm is not None
+        apart = self.thickness_mm is not None and self.contact_m2_K_W
+        return bool(self.layers or self.radiative or self.capacity_at_K or by_depth or apart)
+
+    def convection(self, kelvin, air: SurfaceAir, usual):
+        """Coefficient of convection at some temperatures. usual: that without a law."""
+        if self.roughness_mm is not None:
+            roughness = self.roughness_mm / 1000
+            given = self.heat_roughness_mm
+            of_heat = roughness / 10 if given is None else given / 1000
+            h = rough_convection(kelvin, air, roughness, of_heat)
+        elif self.plate is not None:
+            h = plate_convection(kelvin, air, self.length_m, self.plate)
+        else:
+            h = usual + 0 * kelvin
+        return self.h_factor * h
+
+    def wall(self, duration: float) -> HeatWall | CellWall:
         """The wall for weather of a duration [s]; one of thickness 0 if there is none."""
+        usual = 0.0 if self.back_K is None else np.inf
+        back = usual if self.back_h is None else self.back_h
+        if self.is_of_cells:
+            return self.cells(duration, back)
         if self.thickness_mm is None:
             return HeatWall()
         mm, *of_material = (getattr(self, name) for name in WALL)
-        usual = 0.0 if self.back_K is None else np.inf
-        back = usual if self.back_h is None else self.back_h
         return HeatWall(mm / 1000, *of_material, back, self.back_K or 0.0, duration)
+
+    def cells(self, duration: float, back: complex) -> CellWall:
+        """The wall in cells, down to `DEEPEST` penetration depths."""
+        layers, names = self.layers or (self,), WALL[1:]
+        single = [
+            HeatWall(layer.thickness_mm / 1000, *(getattr(layer, n) for n in names))
+            for layer in layers
+        ]
+        sizes = [wall.thickness for wall in single]
+        if not self.layers and not back and not self.back_W_m2:
+            deepest = DEEPEST * single[0].penetration(max(duration, DAY))
+            if np.real(sizes[0]) > np.real(deepest):
+                sizes[0] = np.real(deepest)
+        top = (getattr(self, f"surface_{n}", None) or getattr(layers[0], n) for n in names)
+        of_depth = [HeatWall(1.0, *top), *single[1:]]
+        waves = [float(np.real(wall.penetration(DAY))) for wall in of_depth]
+        of_layer = layout(sizes, waves)
+        owner = np.repeat(np.arange(len(layers)), [len(dz) for dz in of_layer])
+        dz = np.concatenate(of_layer)
+        contact = np.array([layer.contact_m2_K_W for layer in layers])
+        is_top = np.diff(owner, prepend=-1) > 0
+        values = {n: np.array([getattr(layer, n) for layer in layers])[owner] for n in names}
+        if self.scale_depth_mm is not None:
+            depth = np.cumsum(dz) - dz / 2
+            near = np.exp(-depth / (self.scale_depth_mm / 1000))
+            for name in ("conductivity", "density"):
+                deep = values[name]
+                values[name] = deep - (deep - getattr(self, f"surface_{name}")) * near
+        table = (self.capacity_at_K, self.capacity_J_kg_K) if self.capacity_at_K else None
+        return CellWall(
+            dz, **values, contact=np.where(is_top, contact[owner], 0.0), radiative=self.radiative,
+            table=table, back=back, back_temperature=self.back_K or 0.0, flux=self.back_W_m2,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -191,17 +397,25 @@ KINDS = {
 class HeatDescription:
     """The tables of a heat.toml.
 
-    sigma: standard uncertainty of each input, in its unit or as a text such as "30 %". folder: that
-    of the paths.
+    sigma: standard uncertainty of each input, in its unit or as a text such as "30 %". model_K:
+    that of the model itself. has_defaults: whether [sigma] is left out, so that `default_sigmas`
+    take its place. folder: that of the paths.
     """
 
     target: TargetTable
     weather: WeatherTable
     groups: dict[str, GroupTable] = field(default_factory=dict)
     sigma: dict[str, Stated] = field(default_factory=dict)
+    model_K: float = MODEL_K
+    has_defaults: bool = False
     run: RunTable = RunTable()
     signature: SignatureTable | None = None
     folder: Path = Path()
+
+    def stated(self, key: str) -> dict[str, float]:
+        """What groups state in place of what the scene has, such as their emissivity."""
+        pairs = ((group, getattr(table, key)) for group, table in self.groups.items())
+        return {group: value for group, value in pairs if value is not None}
 
     @staticmethod
     def read(source: str | PathLike[str] | Mapping) -> "HeatDescription":
@@ -222,13 +436,57 @@ def described(tree: Mapping, folder: Path, _name: str) -> HeatDescription:
         if key in tree or key != "signature"
     }
     groups = {
-        group: filled(GroupTable, values, f"[groups.{group}]")
+        group: group_of(values, f"[groups.{group}]")
         for group, values in table_of(tree, "groups").items()
     }
+    of_sigma = dict(table_of(tree, "sigma"))
+    model = of_sigma.pop("model_K", MODEL_K)
+    with errors_of("[sigma]"):
+        MODEL.check(model, "model_K")
     return HeatDescription(
         target=target,
         groups=groups,
-        sigma=sigmas(tree),
+        sigma=sigmas({"sigma": of_sigma}),
+        model_K=float(model),
+        has_defaults="sigma" not in tree or not of_sigma and "model_K" in tree["sigma"],
         folder=folder,
         **tables,
     )
+
+
+def group_of(values: Mapping, where: str) -> GroupTable:
+    """The table of a group, with its layers, completed by its material."""
+    if not isinstance(values, Mapping):
+        return filled(GroupTable, values, where)
+    of_group = completed(values, where)
+    if "layers" in values:
+        places = (f"{where} layers[{k}]" for k in count())
+        of_group["layers"] = tuple(
+            filled(LayerTable, completed(layer, place, WALL), place)
+            for layer, place in zip(tables_of(values, "layers"), places)
+        )
+    more = tuple(key for key in of_group if key not in values)
+    return replace(filled(GroupTable, of_group, where), by_material=more)
+
+
+def completed(values: Mapping, where: str, keys=None) -> dict:
+    """The values of a table with those that its material gives; keys: see `values_of`."""
+    with errors_of(where):
+        if "by_material" in values:
+            raise InputError("unknown key 'by_material'; give material")
+        name = values.get("material")
+        return {**(values_of(str(name), dict(values), keys) if name is not None else {}), **values}
+
+
+def default_sigmas(description: HeatDescription, groups: dict[str, GroupTable]) -> dict:
+    """The uncertainties of weather and materials. groups: all of the scene, by name."""
+    weather = description.weather
+    result = dict(OF_WEATHER)
+    if weather.cloud is not None or weather.sky_K is not None:
+        result["down_longwave_W_m2"] = GUESSED_SKY
+    for group, table in groups.items():
+        if table.temperature is not None:
+            continue
+        of = OF_GROUP | (sigmas_of(table.material, table.by_material) if table.material else {})
+        result |= {f"{group}.{key}": sigma for key, sigma in of.items()}
+    return result

@@ -17,15 +17,22 @@ from mi_lcair.errors import InputError, check_known
 from mi_lcair.estimate import Stated, deviation, relative
 from mi_lcair.heating.conductors import Facets, Traced, standard_error
 from mi_lcair.heating.surfaces import SolarAreas
+from mi_lcair.heating.temperatures.air import evaporation, longwave_temperature
 from mi_lcair.heating.temperatures.balance import Balance, HeatWall
-from mi_lcair.heating.temperatures.description import WALL, GroupTable
+from mi_lcair.heating.temperatures.cells import CellWall
+from mi_lcair.heating.temperatures.description import SURFACE, WALL, GroupTable
 from mi_lcair.heating.temperatures.weather import WeatherSeries
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 
 STEP = 1e-30  # of complex steps, in standard uncertainties
-OF_WEATHER = ("air_K", "sky_K", "ground_K", "sun_W_m2", "diffuse_W_m2", "albedo")
-OF_WALL = (*WALL, "back_K", "back_h")
-OF_GROUP = ("h", "absorptance", "emissivity", "internal_W_m2", "temperature", *OF_WALL)
+OF_WEATHER = (
+    "air_K", "sky_K", "down_longwave_W_m2", "ground_K", "sun_W_m2", "diffuse_W_m2", "albedo",
+    "wind_m_s", "relative_humidity", "pressure_hPa",
+)  # fmt: skip
+OF_WALL = (*WALL, *SURFACE, "radiative", "back_K", "back_h", "back_W_m2", "contact_m2_K_W")
+OF_LAW = ("roughness_mm", "heat_roughness_mm", "length_m", "wetness", "resistance_s_m")
+OF_SURFACE = ("h", "absorptance", "emissivity", "internal_W_m2", "temperature")
+OF_GROUP = (*OF_SURFACE, *OF_LAW, *OF_WALL)
 
 
 @dataclass(frozen=True)
@@ -39,7 +46,7 @@ class Column:
 
     name: str
     gained: Callable[[np.ndarray, int], np.ndarray]
-    walls: list[HeatWall] | None = None
+    walls: list[HeatWall | CellWall] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,10 +101,49 @@ class Network:
     def convection(self) -> np.ndarray:
         """Coefficients of convection, (m, n) [W m^-2 K^-1]."""
         times = self.weather.seconds.shape
-        return self.of_facets(lambda table: np.broadcast_to(table.h_W_m2_K, times)).T
+
+        def of(table):
+            h = 0.0 if table.has_law else table.h_factor * table.h_W_m2_K
+            return np.broadcast_to(h, times)
+
+        return self.of_facets(of).T
 
     @cached_property
-    def walls(self) -> list[HeatWall]:
+    def with_laws(self) -> list[tuple[GroupTable, np.ndarray]]:
+        """Table and indices of facets of each group whose convection depends on temperature.
+
+        Raises InputError for weather that lacks what the law needs.
+        """
+        group, weather = self.facets.group, self.weather
+        pairs = [(name, t) for name, t in self.tables.items() if t.has_law]
+        for name, table in pairs:
+            where = f"[groups.{name}]"
+            if (table.roughness_mm or table.plate) and weather.wind_m_s is None:
+                raise InputError(f"{where}: convection by its law needs wind_m_s of the weather")
+            if table.has_water and weather.relative_humidity is None:
+                raise InputError(f"{where}: evaporation needs relative_humidity of the weather")
+            heights = min(np.real([weather.wind_height_m, weather.air_height_m]))
+            if (mm := np.real(table.roughness_mm or 0)) / 1000 >= heights:
+                raise InputError(
+                    f"{where}: roughness_mm = {mm:g} reaches up to the height of the wind or the "
+                    f"air, {heights:g} m"
+                )
+        return [(t, np.flatnonzero(group == self.facets.groups.index(name))) for name, t in pairs]
+
+    def leaving(self, kelvin: np.ndarray, k: int) -> np.ndarray:
+        """Power that air takes from groups with a law at a time, (n,) [W]; complex."""
+        power, air = np.zeros(len(kelvin), complex), self.weather.air(k)
+        for table, members in self.with_laws:
+            surface, usual = kelvin[members], table.h_W_m2_K
+            h = table.convection(surface, air, usual if np.ndim(usual) == 0 else usual[k])
+            flux = h * (surface - air.kelvin)
+            if table.has_water:
+                flux = flux + evaporation(surface, h, air, table.wetness, table.resistance_s_m)
+            power[members] = flux * self.facets.radiating_area[members]
+        return self.is_free * power
+
+    @cached_property
+    def walls(self) -> list[HeatWall | CellWall]:
         """The wall of each group; one of thickness 0 if it has none."""
         duration = float(np.ptp(self.weather.seconds))
         return [table.wall(duration) for table in self.tables.values()]
@@ -107,7 +153,14 @@ class Network:
         """Number, wall and indices of facets of each group that has a wall."""
         group = self.facets.group
         walls = enumerate(self.walls)
-        return [(g, wall, np.flatnonzero(group == g)) for g, wall in walls if wall.thickness]
+        members = ((g, wall, np.flatnonzero(group == g)) for g, wall in walls)
+        return [row for row in members if isinstance(row[1], HeatWall) and row[1].thickness]
+
+    @property
+    def with_cells(self) -> list[tuple[int, CellWall, np.ndarray]]:
+        """The same of each group whose wall is of cells."""
+        walls = ((g, w) for g, w in enumerate(self.walls) if isinstance(w, CellWall))
+        return [(g, wall, np.flatnonzero(self.facets.group == g)) for g, wall in walls]
 
     @cached_property
     def balance(self) -> Balance:
@@ -118,6 +171,7 @@ class Network:
         C, free = self.traced.mean, self.is_free
         is_tied = self.of_facets(lambda table: table.back_K is not None) | ~free
         count, part = connected_components(C.between, directed=False)
+        is_tied = is_tied | self.of_facets(lambda table: bool(table.has_law))
         outward = is_tied + self.convection.sum(axis=0) + C.to_sky.sum(axis=1) + C.to_ground
         if (closed := (np.bincount(part, outward, count) == 0)[part]).any():
             k = int(closed.argmax())
@@ -152,7 +206,13 @@ class Network:
         light = sun.sky[:, None] * weather.diffuse_W_m2[:, None]
         light = light + sun.ground[:, None] * (weather.albedo * level)[:, None]
         beam = weather.sun_W_m2[weather.shines, None]
-        light[:, weather.shines] += (sun.direct + sun.reflected) * beam
+        zenith = 1 - np.real(weather.sun_elevation_deg[weather.shines]) / 90
+        direct = sun.direct.copy()
+        for table, members in zip(self.tables.values(), self.facets.membership.toarray() > 0):
+            if table.albedo:
+                absorbed = 1 - np.polynomial.polynomial.polyval(zenith, table.albedo)
+                direct[..., members] = absorbed[:, None] * sun.lit[..., members]
+        light[:, weather.shines] += (direct + sun.reflected) * beam
         return light
 
     def column(self, name: str, sigma: Stated) -> Column:
@@ -171,15 +231,32 @@ class Network:
         changed = self.changed(name, sigma)
         power, conductance = (values.imag / STEP for values in changed.loads())
         walls = changed.walls if bare in OF_WALL else None
-        return Column(name, lambda kelvin, k: power[k] - conductance[k] * kelvin, walls)
+
+        def gained(kelvin, k):
+            taken = changed.leaving(kelvin, k).imag / STEP if self.with_laws else 0.0
+            return power[k] - conductance[k] * kelvin - taken
+
+        return Column(name, gained, walls)
 
     def changed(self, name: str, sigma: Stated) -> "Network":
         """The network with an input that is larger by a complex step of a standard uncertainty."""
         group, _, bare = name.rpartition(".")
-        entry = "h_W_m2_K" if bare == "h" else bare
 
-        def larger(table):
-            if (value := getattr(table, entry)) is None:
+        def larger(table, entry=bare):
+            if getattr(table, "layers", ()) and entry in (*WALL, "contact_m2_K_W"):
+                return replace(table, layers=tuple(larger(layer) for layer in table.layers))
+            if entry == "h":
+                by_law = table.roughness_mm is not None or table.plate is not None
+                if by_law and not isinstance(sigma, str):
+                    raise InputError(
+                        f'[sigma]: {name}: a law gives h; state a relative one, such as "30 %"'
+                    )
+                return larger(table, "h_factor" if by_law else "h_W_m2_K")
+            if entry == "down_longwave_W_m2":
+                value = table.down_longwave_W_m2
+                value = value + 1j * STEP * size(sigma, value)
+                return replace(table, sky_K=longwave_temperature(value))
+            if (value := getattr(table, entry, None)) is None:
                 return table
             return replace(table, **{entry: value + 1j * STEP * size(sigma, value)})
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -11,8 +12,15 @@ from mi_lcair.estimate import Contribution, Estimate
 from mi_lcair.heating.conductors import standard_error
 from mi_lcair.heating.exchange import exchange
 from mi_lcair.heating.surfaces import SolarAreas, emitting_facets, solar_areas
-from mi_lcair.heating.temperatures.balance import CELLS, CLOSED, DAY, SOLVED
-from mi_lcair.heating.temperatures.description import HeatDescription, RunTable, SignatureTable
+from mi_lcair.heating.temperatures.balance import CELLS, CLOSED, SOLVED
+from mi_lcair.heating.temperatures.cells import Cells
+from mi_lcair.heating.temperatures.description import (
+    GroupTable,
+    HeatDescription,
+    RunTable,
+    SignatureTable,
+    default_sigmas,
+)
 from mi_lcair.heating.temperatures.heat_result import Heat
 from mi_lcair.heating.temperatures.network import STEP, Column, Network
 from mi_lcair.heating.temperatures.weather import WeatherSeries, weather
@@ -40,6 +48,8 @@ MOST_DAYS = 60
 DAILY = 1e-9  # residual of the balance of a step, as a fraction of the power
 ROUGH = 1e-5  # residual of the changes by the columns, as a fraction of the power
 BDF2, EULER = 1.5, 1.0  # coefficients of the new temperatures in a step
+USUAL_H = 10.0  # coefficient of convection of a first guess [W m^-2 K^-1]
+MOST_FALLING = 0.9  # share of the radiation's slope that a falling convection may take away
 PARTS = 16  # implicit Euler steps in place of a first step of BDF2
 
 
@@ -119,15 +129,26 @@ class Course:
                     K, b, M = (part.imag / STEP for part in parts)
                     b, K, M = shapes.T @ b[:, None], shapes.T @ K @ shapes, shapes.T @ M @ shapes
                     self.varied.append((c, members, b, K, M))
+        self.cells = [
+            Cells(wall, members, {c: x.walls[group] for c, x in enumerate(columns) if x.walls})
+            for group, wall, members in network.with_cells
+        ]
+        self.slope = np.zeros((m, n))  # of what air takes by its laws [W/K]
         g, r = self.of_walls(1 / self.rates, self.back)
         kelvin = np.full(n, network.weather.air_K[0] if start_K is None else start_K)
         if start_K is None:
             into = network.facets.area * g
             power, conductance = (load.mean(axis=0) for load in (self.power, self.conductance))
+            for _, members in network.with_laws:  # a guess
+                more = USUAL_H * network.is_free[members] * network.facets.radiating_area[members]
+                conductance[members] += more
+                power[members] += more * network.weather.air_K.mean()
             kelvin, _ = network.balance.solve(power + into * r, conductance + into, kelvin)
         self.states = np.zeros((2, 1 + len(self.changes), CELLS + 1, n))
         self.states[:, 0] = (self.back + self.surface * g * (kelvin - r)) / self.rates
         self.kelvin = np.tile(kelvin, (m, 1))
+        for cells in self.cells:
+            cells.begin(kelvin[cells.members], len(self.changes))
 
     @property
     def scatter(self) -> np.ndarray:
@@ -142,10 +163,12 @@ class Course:
 
     def series(self) -> None:
         """Take the steps to all times. The first, of which no earlier one is known, has parts."""
-        before = self.states[1]
+        before, of_cells = self.states[1], [cells.states[1] for cells in self.cells]
         for _ in range(PARTS):
             self.step(0, EULER, self.seconds / PARTS)
         self.states[0] = before
+        for cells, state in zip(self.cells, of_cells):
+            cells.states[0] = state
         for k in range(1, len(self.kelvin)):
             self.step(k, BDF2, self.seconds)
         self.days = 1
@@ -155,14 +178,26 @@ class Course:
 
         Each mode decays, so that no later temperature of a surface differs by more than the drift.
         """
-        begin = self.states[1]
+        begin, of_cells = self.states[1], [cells.states[1] for cells in self.cells]
         for k in range(len(self.kelvin)):
             self.step(k, BDF2, self.seconds)
         change = self.states[1] - begin
         left = self.left(change)
         self.states = self.states + left
         self.drift = float(np.sum(abs(self.surface * (change + left)), axis=-2).max())
+        day = self.seconds * len(self.kelvin)
+        for cells, state in zip(self.cells, of_cells):
+            drift = cells.periodic(state, self.loss[cells.members], day)
+            self.drift = max(self.drift, drift)
         self.days += 1
+
+    @property
+    def loss(self) -> np.ndarray:
+        """Heat that surfaces lose in proportion to their temperature, (n,) [W m^-2 K^-1]."""
+        network = self.network
+        slope = 4 * STEFAN_BOLTZMANN * (self.kelvin**3).mean(axis=0) * network.balance.diagonal
+        slope += (self.conductance + self.slope).mean(axis=0)
+        return slope / network.facets.area
 
     def left(self, change: np.ndarray) -> np.ndarray:
         """How far amplitudes still are from periodic ones, from their change over a day.
@@ -171,13 +206,12 @@ class Course:
         V = F V from day to day, so that (1 - F)^-1 F of a change is left to do.
         """
         network, result = self.network, np.zeros_like(change)
-        slope = 4 * STEFAN_BOLTZMANN * self.kelvin.mean(axis=0) ** 3 * network.balance.diagonal
-        loss = (self.conductance.mean(axis=0) + slope) / network.facets.area
+        loss, day = self.loss, self.seconds * len(self.kelvin)
         for _, wall, members in network.with_walls:
             rates, shapes = wall.modes
             matrix = np.diag(rates) + loss[members].mean() * np.outer(shapes[0], shapes[0])
             rates, modes = np.linalg.eigh(matrix)
-            rest = modes * (np.exp(-rates * DAY) / -np.expm1(-rates * DAY)) @ modes.T
+            rest = modes * (np.exp(-rates * day) / -np.expm1(-rates * day)) @ modes.T
             result[..., members] = rest @ change[..., members]
         return result
 
@@ -192,7 +226,15 @@ class Course:
         g, r = self.of_walls(lag, source[0])
 
         power, conductance = self.power[k] + area * g * r, self.conductance[k] + area * g
-        kelvin, residual = balance.solve(power, conductance, self.kelvin[k], closed)
+        for cells in self.cells:
+            cells.start_step(scheme, seconds)
+        leaving = partial(self.leaving, k) if network.with_laws or self.cells else None
+        kelvin, residual = balance.solve(power, conductance, self.kelvin[k], closed, leaving)
+        if leaving:
+            conductance = conductance + self.leaving(k, kelvin)[1]
+            # What air takes in stable layers may fall as a surface warms
+            least = -4 * MOST_FALLING * STEFAN_BOLTZMANN * kelvin**3 * balance.diagonal
+            conductance = np.maximum(conductance, least)
         self.residual, self.kelvin[k] = max(self.residual, residual), kelvin
         source[0] += self.surface * g * (kelvin - r)
 
@@ -203,11 +245,35 @@ class Course:
             source[1 + c][:, members] += b - K @ V - M @ slope
         _, r = self.of_walls(lag, source[1:])
         power = network.rates(self.columns, kelvin, k) + area * g * r
+        for cells in self.cells:
+            known = area[cells.members] * cells.known(kelvin[cells.members])
+            power[:, cells.members] -= network.is_free[cells.members] * known
         self.changes[:, k] = balance.linear(kelvin, conductance, power.T, solved).T
         source[1:] += self.surface * (g * (self.changes[:, k] - r))[:, None]
         self.states = np.stack([last, lag * source])
+        for cells in self.cells:
+            cells.end_step(self.changes[:, k][:, cells.members])
+
+    def leaving(self, k: int, kelvin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Power that air and walls of cells take at a time, and its derivative, (n,)."""
+        network = self.network
+        taken = network.leaving(kelvin + 1j * STEP, k)
+        power, slope = taken.real, taken.imag / STEP
+        self.slope[k] = slope
+        for cells in self.cells:
+            area = (network.is_free * network.facets.area)[cells.members]
+            flux, of_flux = cells.solve(kelvin[cells.members])
+            power[cells.members] += area * flux
+            slope[cells.members] += area * of_flux
+        return power, slope
 
 
+WITHOUT_MODEL = "without model error: model_K of [sigma] is 0"
+# Column of the weather, keys of a material that need it, and what they describe
+FED = (
+    ("wind_m_s", ("heat_roughness_mm", "roughness_mm"), "the law of wind over rough ground"),
+    ("relative_humidity", ("wetness", "resistance_s_m"), "evaporation and dew"),
+)
 # Rays toward the sun: least number from each side of a facet at each time, and number of all rays
 # up to which there are as many as paths
 SHADOW_RAYS, ALL_SHADOW_RAYS = 32, 2**24
@@ -217,29 +283,38 @@ DOUBTFUL = 0.01  # share of an effect that may rest on an assumption without a r
 
 def temperatures(scene: Scene, description: HeatDescription) -> Heat:
     """The temperatures of a scene's facets; see `mi_lcair.heat`."""
-    run, sigmas = description.run, description.sigma
+    run = description.run
     conditions = weather(
         description.weather, description.folder, run.steps, is_periodic=run.start_K is None
     )
     table, signature = FacetTable(scene), description.signature
     traced = None if signature is None else effective_areas(scene, table, signature, run.seed)
-    radiation = exchange(scene, run.rays, run.seed)
-    sun = sunlight(scene, len(radiation.facets.number), conditions, run)
-    network = Network(radiation.facets, radiation.traced, sun, conditions, description.groups)
+    emissivities, absorptances = map(description.stated, ("emissivity", "absorptance"))
+    radiation = exchange(scene, run.rays, run.seed, emissivities=emissivities)
+    sun = sunlight(scene, len(radiation.facets.number), conditions, run, absorptances)
+    groups, of_groups = usable(description.groups, conditions)
+    network = Network(radiation.facets, radiation.traced, sun, conditions, groups)
+    sigmas, of_defaults = description.sigma, description.has_defaults
+    if of_defaults:
+        sigmas = default_sigmas(description, network.tables)
     columns = [network.column(name, sigma) for name, sigma in sigmas.items()]
     solved = course(network, columns, run.start_K)
     rows = [Contribution("exchange", standard_error(solved.scatter))]
     rows += [
-        Contribution(name, change, sigma=sigma)
+        Contribution(name, change, sigma=f"{sigma} (default)" if of_defaults else sigma)
         for (name, sigma), change in zip(sigmas.items(), solved.changes)
+        if change.any() or not of_defaults
     ]
     of_sigma = [
         f"[sigma] {row.quantity} changes no temperature"
         for row in rows[1:]
         if not row.contribution.any()
     ]
+    rows += model_errors(network, description.model_K)
+    of_sigma += [WITHOUT_MODEL] if description.model_K == 0 else []
     of_sigma += remarks_on_emissivities(network, sigmas, solved.kelvin[0], traced is not None)
     of_sun = () if sun is None else sun.remarks
+    remarks = *radiation.remarks, *of_sun, *conditions.remarks, *of_groups, *of_sigma
     result = Heat(
         name=scene.name,
         facets=radiation.facets,
@@ -252,9 +327,38 @@ def temperatures(scene: Scene, description: HeatDescription) -> Heat:
         band="" if traced is None else traced[0].band.label,
         polygons=FacetPolygons.of(table.triangles, table.triangle_facet),
         scene_kelvin=table.temperature,
-        remarks=tuple(dict.fromkeys((*radiation.remarks, *of_sun, *conditions.remarks, *of_sigma))),
+        remarks=tuple(dict.fromkeys(remarks)),
     )
     return result if traced is None else replace(result, intensity=intensity(result, *traced))
+
+
+def model_errors(network: Network, kelvin: float) -> list[Contribution]:
+    """The error of the model itself for each group: common to its facets and to all times.
+
+    What air and ground do and the terms do not have is alike over a group, and lasts for hours.
+    Groups err by themselves.
+    """
+    facets, times = network.facets, len(network.weather.seconds)
+    rows = []
+    for name, members in zip(facets.groups, facets.membership.toarray() > 0):
+        change = np.tile(kelvin * (members & network.is_free), (times, 1))
+        if change.any():
+            rows.append(Contribution(f"{name}.model_K", change, sigma=kelvin))
+    return rows
+
+
+def usable(
+    groups: dict[str, GroupTable], conditions: WeatherSeries
+) -> tuple[dict[str, GroupTable], list[str]]:
+    """Groups without those laws of their materials that the weather cannot feed, and remarks."""
+    result, remarks = dict(groups), []
+    for column, keys, effect in FED:
+        for name, table in groups.items():
+            gone = [key for key in keys if key in table.by_material]
+            if gone and getattr(conditions, column) is None:
+                result[name] = replace(result[name], **dict.fromkeys(gone))
+                remarks.append(f"group {name}: without {effect}, which needs {column}")
+    return result, remarks
 
 
 def remarks_on_emissivities(
@@ -281,8 +385,13 @@ def remarks_on_emissivities(
     return remarks
 
 
-def sunlight(scene: Scene, n: int, conditions: WeatherSeries, run: RunTable) -> SolarAreas | None:
-    """The sunlight that n facets absorb while the sun shines; None in the dark."""
+def sunlight(
+    scene: Scene, n: int, conditions: WeatherSeries, run: RunTable, absorptances: dict[str, float]
+) -> SolarAreas | None:
+    """The sunlight that n facets absorb while the sun shines; None in the dark.
+
+    absorptances: of groups, in place of their materials.
+    """
     suns = conditions.toward_sun[conditions.shines]
     if not len(suns):
         if not conditions.diffuse_W_m2.any():
@@ -294,7 +403,7 @@ def sunlight(scene: Scene, n: int, conditions: WeatherSeries, run: RunTable) -> 
         "lower steps of [run], or give the model larger facets",
     )
     shadow_rays = max(SHADOW_RAYS, min(run.rays, ALL_SHADOW_RAYS // (n * len(suns))))
-    return solar_areas(scene, suns, run.rays, shadow_rays, run.seed)
+    return solar_areas(scene, suns, run.rays, shadow_rays, run.seed, absorptances)
 
 
 def effective_areas(

@@ -9,6 +9,7 @@ import numpy as np
 from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError
 from mi_lcair.files import read_text
+from mi_lcair.heating.temperatures.air import SurfaceAir, longwave_temperature, sky_temperature
 from mi_lcair.heating.temperatures.balance import DAY
 from mi_lcair.heating.temperatures.description import WeatherTable
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
@@ -25,14 +26,19 @@ EPW = {
     "sun_W_m2": (14, 9999),
     "diffuse_W_m2": (15, 9999),
     "wind_m_s": (21, 999),
+    "relative_humidity": (8, 999),
+    "pressure_hPa": (9, 999999),
 }
+OPTIONAL = ("relative_humidity", "pressure_hPa")  # columns of an EPW file that may be missing
 MEANS = ("sky_K", "sun_W_m2", "diffuse_W_m2")
 STANDS_IN = {"wind_m_s": "h_W_m2_K", "infrared": "sky_K"}  # what [weather] may give in its place
 EPW_HEADER = 8  # lines above the rows
 ZERO_CELSIUS = 273.15
 DIRECTION = ("sun_elevation_deg", "sun_azimuth_deg")
 AT_TIMES = ("air_K", "h_W_m2_K", "sky_K", "ground_K", "sun_W_m2", "diffuse_W_m2", *DIRECTION)
-ROWS = ("wind_m_s", *AT_TIMES)  # columns of a CSV beside the hour
+OF_AIR = ("wind_m_s", "relative_humidity", "pressure_hPa")
+OF_SKY = ("sky_K", "down_longwave_W_m2", "cloud")
+ROWS = (*OF_AIR, *OF_SKY[1:], *AT_TIMES)  # columns of a CSV beside the hour
 PLACE = ("latitude_deg", "longitude_deg", "utc_offset_h", "day")
 LIMITS = {
     entry.name: Bounds(lower=bounds.lower, upper=min(bounds.upper, LARGEST))
@@ -40,6 +46,7 @@ LIMITS = {
     if (bounds := entry.metadata.get("bounds"))
 }
 INFRARED = Bounds(lower=10, upper=9999)  # of an EPW file [W m^-2]: a row without it may have 0
+SEA_LEVEL_HPA = 1013.25
 COLD_AIR_K = 120.0  # less than any air of the atmosphere has
 # Largest shares of the beam's energy below the horizon: from rows that are means of an hour without
 # a remark, and with one, as of a clock that is an hour off
@@ -65,6 +72,30 @@ class WeatherSeries:
     sun_azimuth_deg: np.ndarray
     albedo: float
     remarks: tuple[str, ...] = ()
+    wind_m_s: np.ndarray | None = None
+    relative_humidity: np.ndarray | None = None
+    pressure_hPa: np.ndarray | None = None
+    wind_height_m: float = 10.0
+    air_height_m: float = 2.0
+    day_s: float = DAY
+
+    def air(self, k: int) -> SurfaceAir:
+        """The air at a time."""
+        of_air = (None if v is None else v[k] for v in (getattr(self, n) for n in OF_AIR))
+        wind, humidity, pressure = of_air
+        return SurfaceAir(
+            self.air_K[k],
+            0.0 if wind is None else wind,
+            0.0 if humidity is None else humidity,
+            SEA_LEVEL_HPA if pressure is None else pressure,
+            self.wind_height_m,
+            self.air_height_m,
+        )
+
+    @property
+    def down_longwave_W_m2(self) -> np.ndarray:
+        """Irradiance of the sky on a horizontal plane, (m,)."""
+        return STEFAN_BOLTZMANN * self.sky_K**4
 
     @property
     def toward_sun(self) -> np.ndarray:
@@ -122,28 +153,28 @@ def weather(table: WeatherTable, folder: Path, steps: int, is_periodic: bool) ->
     text, rows, place = epw_rows(path, table) if is_epw else csv_rows(path)
     if twice := [name for name in (*rows, *place) if values.get(name)]:
         raise InputError(f"{where}: has {twice[0]}; leave it out of [weather]")
-    hours = rows.pop("hour")
+    hours, hour_s = rows.pop("hour"), HOUR * table.day_h / 24
     check_hours(where, hours, is_periodic)
     if is_periodic:
-        times = DAY / steps * np.arange(1, steps + 1)
+        times = 24 * hour_s / steps * np.arange(1, steps + 1)
     else:
         count = max(2, round((hours[-1] - hours[0]) / 24 * steps))
-        times = HOUR * np.linspace(hours[0], hours[-1], count + 1)[1:]
+        times = hour_s * np.linspace(hours[0], hours[-1], count + 1)[1:]
     for name, numbers in rows.items():
         text.check_range(name, numbers, LIMITS[name])
         centres = hours - 0.5 * (is_epw and name in MEANS)
-        values[name] = interpolated(times, centres * HOUR, numbers, is_periodic)
+        values[name] = interpolated(times, centres * hour_s, numbers, is_periodic, 24 * hour_s)
     return completed(table, values | place, times, where)
 
 
-def interpolated(times, centres, numbers, is_periodic: bool) -> np.ndarray:
+def interpolated(times, centres, numbers, is_periodic: bool, day: float = DAY) -> np.ndarray:
     """Numbers of rows at other times, on straight lines.
 
     The rows of a day are repeated; a last row that is 24 hours after the first is left out.
     """
-    if is_periodic and centres[-1] - centres[0] >= DAY:
+    if is_periodic and centres[-1] - centres[0] >= day:
         centres, numbers = centres[:-1], numbers[:-1]
-    return np.interp(times, centres, numbers, period=DAY if is_periodic else None)
+    return np.interp(times, centres, numbers, period=day if is_periodic else None)
 
 
 def check_hours(where: str, hours: np.ndarray, is_periodic: bool) -> None:
@@ -205,6 +236,11 @@ def epw_rows(path: Path, given: WeatherTable) -> tuple[TextTable, dict, dict]:
         raise InputError(f"{where}: has {len(of_day)} rows of {day}; expected 24")
     table = TextTable(where, ["hour", *columns], of_day)
     numbers = table.numbers(table.columns)
+    for name in OPTIONAL:
+        if not ((numbers[name] > 0) & (numbers[name] < columns[name][1])).all():
+            del numbers[name], columns[name]
+    if "pressure_hPa" in numbers:
+        numbers["pressure_hPa"] = numbers["pressure_hPa"] / 100
     for name, (_, missing) in columns.items():
         if (absent := numbers[name] >= missing).any():
             raise InputError(f"{where}, line {of_day[int(absent.argmax())][0]}: {name} is missing")
@@ -224,12 +260,11 @@ def completed(table: WeatherTable, values: dict, times: np.ndarray, where: str) 
     """Weather of the numbers of a table and its rows at some times."""
     if ("h_W_m2_K" in values) == ("wind_m_s" in values):
         raise InputError(f"{where}: give h_W_m2_K or wind_m_s, one of them")
-    for name in ("air_K", "sky_K"):
-        if name not in values:
-            raise InputError(f"{where}: {name} is missing")
-    remarks = ()
+    if "air_K" not in values:
+        raise InputError(f"{where}: air_K is missing")
+    remarks = sky_of(values, where)
     if "ground_K" not in values:
-        remarks = ("the ground has the temperature of the air; give ground_K to change it",)
+        remarks += ("the ground has the temperature of the air; give ground_K to change it",)
         values["ground_K"] = values["air_K"]
     if "wind_m_s" in values:
         values["h_W_m2_K"] = convection(values["wind_m_s"])
@@ -248,7 +283,34 @@ def completed(table: WeatherTable, values: dict, times: np.ndarray, where: str) 
     if share > DUSK:
         remarks = (*remarks, f"{at_night} and is left out; is the clock right?")
     sun[~is_day] = 0
-    return WeatherSeries(seconds=times, albedo=table.albedo, remarks=remarks, **arrays)
+    arrays |= {
+        name: np.broadcast_to(values[name], times.shape).astype(float)
+        for name in OF_AIR
+        if name in values
+    }
+    return WeatherSeries(
+        seconds=times, albedo=table.albedo, remarks=remarks, wind_height_m=table.wind_height_m,
+        air_height_m=table.air_height_m, day_s=HOUR * table.day_h, **arrays,
+    )  # fmt: skip
+
+
+def sky_of(values: dict, where: str) -> tuple[str, ...]:
+    """Set sky_K from what is given of the sky, and return remarks on it."""
+    sky = [name for name in OF_SKY if name in values]
+    if len(sky) > 1:
+        raise InputError(f"{where}: give {sky[0]} or {sky[1]}, one of them")
+    if not sky:
+        raise InputError(f"{where}: sky_K is missing; give one of {', '.join(OF_SKY)}")
+    if sky == ["sky_K"]:
+        return ()
+    if sky == ["down_longwave_W_m2"]:
+        values["sky_K"] = longwave_temperature(values["down_longwave_W_m2"])
+        return ()
+    if "relative_humidity" not in values:
+        raise InputError(f"{where}: cloud needs relative_humidity, from which the sky follows")
+    names = ("air_K", "relative_humidity", "cloud")
+    values["sky_K"] = sky_temperature(*(values[name] for name in names))
+    return ("the sky follows from humidity and cloud; measured days scatter by 10 W/m^2 and more",)
 
 
 def directions(table, values: dict, times: np.ndarray, where: str) -> np.ndarray:

@@ -39,7 +39,8 @@ def test_day(day):
     lid = day.of_groups(day.kelvin)[:, day.facets.groups.index("lid")]
     assert lid.argmax() in (5, 6, 7)
     assert np.ptp(lid) > 30
-    assert {row.quantity: row.sigma for row in day.inputs} == (
+    of_model = {f"{group}.model_K": 0.8 for group in day.facets.groups}
+    assert {row.quantity: row.sigma for row in day.inputs} == of_model | (
         HeatDescription.read(EXAMPLES / "heat.toml").sigma
     )
     assert (day.estimate["sky_K"].contribution > 0).all()
@@ -114,6 +115,35 @@ def test_steady_state_of_a_sunlit_room_of_one_temperature(folder):
     assert room.residual_W < 1e-9
 
 
+def test_materials_give_what_is_left_out_and_its_uncertainty(folder):
+    """Without [sigma] the defaults of materials and weather are used, and printed as such."""
+    weather = {"air_K": 285.0, "cloud": 0.5, "relative_humidity": 60.0, "ground_K": 285.0}
+    weather |= {"h_W_m2_K": 5.0, "sun_W_m2": 700.0, "sun_elevation_deg": 40.0}
+    weather |= {"sun_azimuth_deg": 0.0}
+    target = {"scene": str(folder / "box" / "scene.xml")}
+    groups = {"terrain": {"material": "soil_wet", "emissivity": 0.9, "albedo": [0.5]}}
+    groups["lid"] = {"temperature": 300.0}
+    tables = {"target": target, "weather": weather, "groups": groups, "run": {"rays": 64}}
+    heat = mi_lcair.heat(tables)
+    rows = {row.quantity: row.sigma for row in heat.inputs}
+    assert rows["terrain.wetness"] == "0.2 (default)"
+    assert rows["terrain.h"] == "20 % (default)" and rows["self.h"] == "30 % (default)"
+    assert rows["down_longwave_W_m2"] == "15.0 (default)"
+    assert "lid.model_K" not in rows and "terrain.emissivity" in rows
+    assert "without the law of wind over rough ground" in " ".join(heat.remarks)
+    k = heat.facets.groups.index("terrain")
+    assert heat.facets.emissivity[heat.facets.group == k] == pytest.approx(0.9, abs=1e-6)
+    assert (heat.estimate["terrain.model_K"].contribution[0, heat.facets.group == k] == 0.8).all()
+    # Half of the beam of an albedo of 0.5
+    dark = mi_lcair.heat(
+        tables | {"groups": groups | {"terrain": groups["terrain"] | {"albedo": [0]}}}
+    )
+    assert (dark.means.value - heat.means.value)[0, k] > 5
+    exact = mi_lcair.heat(tables | {"sigma": {"model_K": 0, "air_K": 1.0}})
+    assert "without model error: model_K of [sigma] is 0" in exact.remarks
+    assert [row.quantity for row in exact.inputs] == ["air_K"]
+
+
 def test_parameters_of_the_target_are_those_of_load(folder):
     """A model that has turned by half a circle is in the sun as if the sun had turned."""
     sunny = {"air_K": 290.0, "sky_K": 260.0, "h_W_m2_K": 5.0, "sun_W_m2": 800.0}
@@ -138,6 +168,10 @@ def test_parameters_of_the_target_are_those_of_load(folder):
         ({"run": {"start_K": 300.0}}, "start_K begins a series; give its rows"),
         ({"sigma": {"lid.sky_K": 1.0}}, "sky_K is of the weather"),
         ({"weather": {"h_W_m2_K": 5.0, "sky_K": 250.0}}, "air_K is missing"),
+        ({"groups": {"lid": {"material": "cheese"}}}, "unknown material 'cheese'"),
+        ({"groups": {"lid": {"material": "steel"}}}, "thickness_mm is missing"),
+        ({"sigma": {"model_K": -1}}, "model_K = -1 K; must lie in 0..1000"),
+        ({"groups": {"lid": {"roughness_mm": 9, "wetness": 0.5}}}, "needs wind_m_s"),
     ],
 )
 def test_refused(folder, tables, message):

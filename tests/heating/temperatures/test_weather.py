@@ -71,6 +71,16 @@ def test_numbers_hold_all_the_time(tmp_path):
     assert "ground" in constant.remarks[0]
 
 
+def test_a_measured_sky_and_a_day_of_another_length(tmp_path):
+    table = rows(tmp_path)
+    text = (tmp_path / "day.csv").read_text().replace("sky_K", "down_longwave_W_m2")
+    (tmp_path / "day.csv").write_text(text)
+    day = weather(replace(table, day_h=48.0), tmp_path, 48, True)
+    np.testing.assert_allclose(day.seconds, 3600 * np.arange(1, 49))
+    np.testing.assert_allclose(day.air_K[:46], 290 + 0.5 * np.arange(1, 47))
+    np.testing.assert_allclose(STEFAN_BOLTZMANN * day.sky_K**4, 260)
+
+
 def test_air_in_celsius_is_doubted(tmp_path):
     """A vacuum has no air, so that its temperature does not count."""
 
@@ -152,6 +162,8 @@ def test_epw_file(tmp_path):
         (lambda p: night(p), "% of sun_W_m2 is there with the sun below the horizon"),
         (lambda p: WeatherTable(**CONSTANT, wind_m_s=3.0), "one of them"),
         (lambda p: WeatherTable(air_K=290.0, h_W_m2_K=8.0), "sky_K is missing"),
+        (lambda p: WeatherTable(air_K=290.0, h_W_m2_K=8.0, cloud=0.5), "needs relative_humidity"),
+        (lambda p: WeatherTable(**CONSTANT, cloud=0.5), "give sky_K or cloud, one of them"),
         (lambda p: WeatherTable(**CONSTANT, sun_W_m2=900.0), "sunlight needs"),
         (
             lambda p: WeatherTable(
