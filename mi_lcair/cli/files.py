@@ -10,11 +10,12 @@ from mi_lcair.cli.output import line_of, note, print_written
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 from mi_lcair.extras import named
-from mi_lcair.files import VTK, check_suffix, check_writable
+from mi_lcair.files import VTK, check_suffix, check_writable, write_bytes
 
 # mi-lcair convert: files of this project as files that other programs read
 # -------------------------------------------------------------------------
 
+STATED_K = 300.0  # temperature that an OpenMATERIAL states for its emissivity
 CURVE = "theta_deg", "predicted", "standard_error"  # of the emissivity in a fit's report
 
 
@@ -44,6 +45,7 @@ def convert_command(ctx, source, output, channel, scene, parameters):
     FILE.json -> FILE.csv, .nc    the table of a solution, budget or audit
     fit.json -> FILE.csv          the emissivity by angle with its standard
                                   error, which a BSDF takes as `emissivity`
+    fit.json -> FILE.xomp, .json  a material of ASAM OpenMATERIAL 3D
     facets.csv -> FILE.vtp, .vtu  facets with all columns, for ParaView; with
                                   --scene SCENE
     SCENE, MODEL.obj, FOLDER -> FILE.vtp, .vtu
@@ -121,15 +123,23 @@ def _result(source, output, suffix):
     read_result(source).save(output)
 
 
-def _emissivity(source, output, suffix):
-    """The predicted emissivity of a fit by angle, with its standard error."""
+def _fit(source, output, suffix):
+    """The predicted emissivity of a fit by angle, with its standard error, or an OpenMATERIAL."""
+    import json
+
     from mi_lcair import formats
+    from mi_lcair.physics import materials, openmaterial
     from mi_lcair.show.kinds import read_json
 
     report = read_json(source)
     if "emissivity" not in report:
         bands = len(report.get("materials", ()))
         raise InputError(f"'{source}': has fits of {bands} bands; convert a whole fit of one")
+    if suffix != ".csv":
+        emissivity = materials.over_hemisphere(materials.entries_of(source)[0])
+        content = openmaterial.content_of(Path(source).stem, report, emissivity, STATED_K)
+        write_bytes(output, json.dumps(content, indent=2).encode())
+        return
     angles, curve, errors = map(report["emissivity"].get, CURVE)
     formats.write_csv(output, {"theta_deg": angles, "emissivity": curve, "emissivity_std": errors})
 

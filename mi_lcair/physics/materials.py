@@ -15,7 +15,7 @@ import numpy as np
 from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError, check_known, errors_of, shown, unknown
 from mi_lcair.files import parse_json, parse_toml, read_text, revision
-from mi_lcair.physics import labels
+from mi_lcair.physics import labels, openmaterial
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.toml_table import typed
@@ -139,17 +139,18 @@ def material(
 
 
 def hemispherical_emissivity(name: str, band: Band) -> float:
-    """Emissivity of a material over the hemisphere, 1 - 2 int HDR(theta) cos sin dtheta.
+    """Emissivity of a material over the hemisphere.
 
     Raises InputError as `material` does.
     """
-    if is_number(name):
-        return float(name)
-    entry = material(name, band)
-    x, w = np.polynomial.legendre.leggauss(32)  # over sin^2
-    surface = entry.surface()
-    angles = type(surface.numbers[0])(np.arcsin(np.sqrt((x + 1) / 2)))
-    return 1 - float(entry.model.HDR(surface, angles).numpy() @ w) / 2
+    return float(name) if is_number(name) else over_hemisphere(material(name, band))
+
+
+def over_hemisphere(entry: NamedMaterial) -> float:
+    """Emissivity of an entry over the hemisphere."""
+    from mi_lcair.physics.reflection.interface import emissivity_over_hemisphere
+
+    return emissivity_over_hemisphere(entry.model, entry.surface())
 
 
 def bands_of(name: str, file: str | Path | None = None) -> list[str]:
@@ -242,8 +243,8 @@ def _are_tables(value) -> bool:
 
 
 def is_json(path) -> bool:
-    """Whether a name is that of a JSON file."""
-    return str(path).lower().endswith(".json")
+    """Whether a name is that of a JSON file: of a fit, a solution, or an OpenMATERIAL."""
+    return str(path).lower().endswith((".json", ".xomp"))
 
 
 def check_fit(path: str | Path) -> None:
@@ -271,7 +272,10 @@ def _materials(path) -> dict:
     file = _read(path)
     if _is_solution(file) and isinstance(file.get("materials"), dict):
         return file["materials"]
-    if not _is_solution(file) and {"materials", "parameters"} & file.keys():
+    if (
+        not _is_solution(file)
+        and {"materials", "parameters", openmaterial.PROPERTIES} & file.keys()
+    ):
         return {Path(path).stem: dict(enumerate(_reports(path)))}
     raise InputError(
         f"{path}: has neither a table 'materials', as the solution of an inversion has, nor "
@@ -291,12 +295,14 @@ def _fits(name):
 def _reports(name):
     """The reports in a fit's JSON file.
 
-    The file is one report with the keys `parameters`, `form` and `band`, or holds one such report
-    for each band in the table `materials`. The solution of an inversion has a table of such
-    reports for each of its materials; it must have only one.
+    An OpenMATERIAL has one. Else the file is one report with the keys `parameters`, `form` and
+    `band`, or holds one such report for each band in the table `materials`. The solution of an
+    inversion has a table of such reports for each of its materials; it must have only one.
     """
     name = str(name)
     file = _read(name)
+    if isinstance(file.get(openmaterial.PROPERTIES), dict):
+        return [openmaterial.report_of(file, name)]
     reports = file.get("materials", {"": file})
     if not _are_tables(reports):
         raise InputError(f"{name}: key 'materials' must be a table with a fit for each band")
@@ -330,8 +336,9 @@ def _fitted(name, report):
     """The entry of one report of a fit."""
     _check_report(name, report)
     keys = {**report["parameters"], "form": report["form"]}
-    if "model" in report:
-        keys["model"] = report["model"]
+    keys |= {key: report[key] for key in ("model", "sigma") if key in report}
+    if isinstance(report.get("source"), str):  # that of a fit are its files
+        keys["source"] = report["source"]
     return _entry(f"{name}: parameters", name, report["band"], keys, name)
 
 

@@ -62,7 +62,7 @@ KINDS = {
     SIGNATURE: Kind(json="signature", page="signature",
         made_by="mi_lcair.signatures.signature:Signature"),
     FIT: Kind(json="fit", page="fit", drawn="brdf", options=OF_MATERIAL,
-        converted="emissivity", to=(".csv",)),
+        converted="fit", to=(".csv", ".json", ".xomp")),
     SOLUTION: Kind(json="mi_lcair solution", drawn="result",
         made_by="mi_lcair.knowing.inversion.solution:Solution", **TABLE),
     BUDGET: Kind(json="budget", drawn="result",
@@ -83,7 +83,7 @@ KINDS = {
     SCENE: Kind(suffixes=(".xml",), drawn="scene", options=("parameters",),
         converted="scene", to=VTK, settings=("parameters",)),
     SCENARIO: Kind(suffixes=(".toml",), drawn="scenario", options=("parameters",)),
-    MATERIAL: Kind(drawn="brdf", options=OF_MATERIAL),
+    MATERIAL: Kind(suffixes=(".xomp",), drawn="brdf", options=OF_MATERIAL),
     **dict.fromkeys((BLACKBODIES, AIR, SKY), Kind(drawn="curves", options=("band",))),
 }  # fmt: skip
 BY_RESULT = {kind.json: name for name, kind in KINDS.items() if kind.json}

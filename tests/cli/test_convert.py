@@ -12,6 +12,7 @@ from PIL import Image
 
 from mi_lcair.fitting.report import to_json
 from mi_lcair.fitting.scatterometer.reading import read_directional
+from mi_lcair.physics.materials import entries_of
 from mi_lcair.rendering.images.files import read_exr, write_exr
 from mi_lcair.signatures.trend import Trend
 from tests.fitting.results import fit_of, measurements
@@ -132,6 +133,16 @@ def test_emissivity_of_a_fit(run, refused, folder):
     np.testing.assert_allclose(np.degrees(curve.theta), report["emissivity"]["theta_deg"])
     np.testing.assert_allclose(curve.value, report["emissivity"]["predicted"])
     np.testing.assert_allclose(curve.std, report["emissivity"]["standard_error"])
+    for name in ("m.xomp", "m.json"):
+        assert run("convert", "fit.json", name).exit_code == 0
+        (back,), (entry,) = entries_of(name), entries_of("fit.json")
+        assert (back.parameters, back.form, back.band) == (entry.parameters, entry.form, "3-5")
+        assert back.sigma == {k: s for k, s in report["standard_error"].items() if s}
+        properties = json.loads((folder / name).read_text())["materialProperties"]
+        assert 0 < properties["emissivityData"]["emissivityCoefficient"] < 1
+        rms, length, _ = properties["surfaceRoughness"].values()
+        slope = entry.parameters.get("alpha", entry.parameters.get("e"))
+        assert 2**0.5 * rms / length == pytest.approx(slope, rel=1e-12)
     both = {"kind": "fit", "materials": {"3-5": report, "8-12": report}}
     (folder / "both.json").write_text(json.dumps(both))
     assert "'both.json': has fits of 2 bands" in refused("convert", "both.json", "f.csv")

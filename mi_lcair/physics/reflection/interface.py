@@ -403,3 +403,10 @@ class ReflectionModel(ABC):
             f"{low:g}" if value - low <= near else f"{high:g}" if high - value <= near else None
             for value, low, high, near in zip(values, lower, upper, margin)
         ]
+
+
+def emissivity_over_hemisphere(model: ReflectionModel, surface: Surface) -> float:
+    """Emissivity of a surface over the hemisphere, 1 - 2 int HDR(theta) cos sin dtheta."""
+    x, w = np.polynomial.legendre.leggauss(32)  # over sin^2
+    angles = type(surface.numbers[0])(np.arcsin(np.sqrt((x + 1) / 2)))
+    return 1 - float(model.HDR(surface, angles).numpy() @ w) / 2
