@@ -44,7 +44,7 @@ def fit(
     *,
     emissivity: reading.DirectionalData | str | PathLike[str] | None = None,
     dhr: reading.DirectionalData | str | PathLike[str] | None = None,
-    quantity: Literal["brdf", "brdf_cos"] | None = None,
+    quantity: Literal["brdf", "brdf_cos", "brf"] | None = None,
     theta_r_positive: Literal["specular", "source"] | None = None,
     model: str = "auto",
     form: str = "auto",
@@ -71,7 +71,8 @@ def fit(
         Measured directional emissivity and directional-hemispherical reflectance, or their files,
         or None.
     quantity
-        Quantity of the values, where the file does not state it: BRDF, or BRDF x cos theta_r.
+        Quantity of the values, where the file does not state it: BRDF, BRDF x cos theta_r, or BRF,
+        which is BRDF x pi.
     theta_r_positive
         Side on which theta_r is positive, where the file does not state it.
     model

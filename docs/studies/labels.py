@@ -21,12 +21,15 @@ from pathlib import Path
 
 import numpy as np
 
+from docs.studies.page import write_page
 from mi_lcair.physics import labels
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import spectral_radiance
 from mi_lcair.physics.spectra.files import refractive_index
 
 RECIPE = Path(__file__).with_suffix(".toml")
+PAGE = Path(__file__).parents[1] / "reference" / "labels.md"
+THREE = {"1-2.5", "SWIR"}, {"MWIR"}, {"LWIR", "8-14"}
 # How far a spectrum that starts or ends within a band is continued [um]: by rounding; some start at
 # 0.4 um, and the Sun has little below
 CONTINUED, OF_SUNLIGHT = 0.02, 0.11
@@ -117,6 +120,33 @@ def rows_of(recipe: dict, folders: dict[str, Path]):
                 yield [" ".join(evidence["bases"]), coating, sample, source, *numbers]
 
 
+def page_fields() -> dict[str, object]:
+    """What the template of the page has places for."""
+    tables, solid = labels.tables(), labels.meanings()["groups"]["solid"]
+    lines = ["| label | reflects | " + " | ".join(labels.BANDS) + " |"]
+    lines.append("|---" * (2 + len(labels.BANDS)) + "|")
+    for name, of_name in tables.items():
+        base, _, coating = name.partition("+")
+        if coating in ("paint", "paint_clearcoat"):
+            if base != solid[0]:
+                continue
+            name = f"...+{coating}"
+        cells = [
+            f"{e['emissivity']:.3f} ± {e['sigma']:.3f} ({e['samples']})" if e else ""
+            for e in map(of_name.get, labels.BANDS)
+        ]
+        kind = labels.reflects(name)
+        lines.append(f"| `{name}` | {kind} | " + " | ".join(cells) + " |")
+    return {
+        "labels": len(tables),
+        "three": sum(all(bands & set(of) for bands in THREE) for of in tables.values()),
+        "solid": ", ".join(solid),
+        "table": "\n".join(lines),
+        "absent": ", ".join(f"`{base}`" for base in labels.bases() if base not in tables),
+        "sources": "\n".join(f"- `{k}`: {v}" for k, v in labels.meanings()["sources"].items()),
+    }
+
+
 def main(argv) -> None:
     if argv:
         folders = dict(zip(("ecostress", "splib07"), map(Path, argv)))
@@ -124,6 +154,8 @@ def main(argv) -> None:
             table = csv.writer(file, lineterminator="\n")
             table.writerow(["bases", "coating", "sample", "source", *labels.BANDS])
             table.writerows(rows_of(tomllib.loads(RECIPE.read_text("utf-8")), folders))
+        labels.tables.cache_clear()
+    write_page(PAGE, "labels", **page_fields())
 
 
 if __name__ == "__main__":

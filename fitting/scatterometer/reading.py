@@ -16,10 +16,11 @@ import numpy as np
 from mi_lcair.declared import fraction
 from mi_lcair.errors import InputError, check_known, errors_of, option, shown, unknown
 from mi_lcair.estimate import WIDTH
-from mi_lcair.files import read_bytes, read_text
+from mi_lcair.files import read_bytes
+from mi_lcair.fitting.scatterometer.layouts import ANGLES, VALUES, meaning, table_of
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.spectral_table import read_directional_table
-from mi_lcair.table import SEPARATORS, TextTable, lines_of, parse_csv, set_key, split
+from mi_lcair.table import NUMBER, TextTable
 
 # Measured data: in-plane BRDF points, and directional emissivities or reflectances
 # ---------------------------------------------------------------------------------
@@ -98,25 +99,11 @@ class DirectionalData:
     source: list[dict[str, str]] = field(default_factory=list)
 
 
-VARS = re.compile(r"^VARS\b", re.MULTILINE)
-# The angles and their names in files, without the unit. The first name is that of this project.
-ANGLES = {
-    "theta_i": ("theta_i", "theta_in", "theta_inc", "theta_incident", "aoi"),
-    "theta_r": ("theta_r", "theta_s", "theta_o", "theta_v", "theta_out", "theta_scatter"),
-    "phi_i": ("phi_i", "phi_in", "phi_inc"),
-    "phi_r": ("phi_r", "phi_s", "phi_o", "phi_v", "phi_out"),
-    "phi": ("phi",),
-}
-# The values and their names in files, without the unit.
-VALUES = {
-    "brdf": ("brdf", "bsdf", "f_r"),
-    "brdf_cos": ("brdf_cos", "brdf_x_cos", "brdfcos", "ccbrdf", "ccbsdf"),
-    "sigma": ("sigma", "brdf_std", "std"),
-}
 SPECTRAL = ("wavelength", "lambda", "wavenumber", "wl")  # beginnings of names of spectral columns
-QUANTITIES = ("brdf", "brdf_cos")
+QUANTITIES = ("brdf", "brdf_cos", "brf")
 SIDES = ("specular", "source")
-NAMED = 2  # smallest number of known quantities in the line that names the columns
+LINE = 1e-3  # half the width of the band that stands for a laser's line, relative
+RADIANS = np.pi / 180 * 1.01  # radians per degree, with a margin for rounding
 # The keys of the header that change the numbers.
 KEYS = ("band_um", "source_half_angle_deg", "theta_r_positive", "quantity", "calibration")
 
@@ -129,55 +116,24 @@ SIDE_RATIO = 2.0
 PRIOR_SCANS = 4
 
 
-def is_astm(text: str) -> bool:
-    """Whether a text is in this format, which is recognised by its line VARS."""
-    return VARS.search(text) is not None
-
-
-def parse_astm(file: str, text: str) -> TextTable:
-    """The table in the text of an ASTM file; the header's keys are in lower case.
-
-    Raises InputError if NUM_POINTS is not the number of rows, or a column's name appears twice.
-    """
-    header, rows, columns = {}, [], None
-    for number, line in lines_of(text):
-        if line.startswith("#"):
-            continue
-        if columns is not None:
-            rows.append((number, split(file, number, line, ",")))
-        elif VARS.match(line):
-            columns = split(file, number, line.removeprefix("VARS").strip().strip('"'), ",")
-        else:
-            key, _, value = line.strip().partition(" ")
-            set_key(file, header, key, value.strip().strip('"'), number)
-    if twice := {column for column in columns if columns.count(column) > 1}:
-        raise InputError(f"{file}: VARS names {shown(min(twice))} twice; which one is meant?")
-    points, number = header.get("num_points", (str(len(rows)), 0))
-    if points != str(len(rows)):
-        raise InputError(
-            f"{file}, line {number}: NUM_POINTS is {shown(points)}, but {len(rows)} rows follow "
-            "VARS; is the file complete?"
-        )
-    return TextTable(file, columns, rows, header, is_astm=True)
-
-
 def read(
     path, quantity: str | None = None, theta_r_positive: str | None = None, band: str | None = None
 ) -> Measurements:
-    """Read the in-plane measurements in a CSV or ASTM E1392/E2387 file.
+    """Read the in-plane measurements in a file, see `mi_lcair.fitting.scatterometer.layouts`.
 
     Parameters
     ----------
     path
         The file.
     quantity
-        Quantity in the value column, "brdf" or "brdf_cos" (BRDF times cos theta_r), if the column's
-        name does not say it.
+        Quantity in the value column, "brdf", "brdf_cos" (BRDF times cos theta_r) or "brf" (BRDF
+        times pi, the reflectance factor), if the column's name does not say it.
     theta_r_positive
         Side on which theta_r is positive for positive theta_i, "specular" or "source", if the file
         does not say it. This and `quantity` overrule the keys of the same names in the file.
     band
-        Band of the measurement, such as "3-5" [um], "MWIR", or the CSV of a response. It overrules
+        Band of the measurement, such as "3-5" [um], "MWIR", the wavelength of a laser such as
+        "10.6" [um], or the CSV of a response. It overrules
         the key band_um of the file.
 
     Returns
@@ -193,12 +149,7 @@ def read(
     path = Path(path)
     check_known("quantity", QUANTITIES, quantity)
     check_known("theta_r_positive", SIDES, theta_r_positive)
-    text = read_text(path)
-    if not text.strip():
-        raise InputError(f"{path}: the file is empty")
-    if not is_astm(text):
-        check_first_line(str(path), text)
-    table = (parse_astm if is_astm(text) else parse_csv)(str(path), text)
+    table, layout = table_of(path)
     for key, (_, line) in table.header.items():
         if key not in KEYS and (near := get_close_matches(key, KEYS, 1, 0.7)):
             raise InputError(f"{path}, line {line}: unknown key {shown(key)}; is {near[0]} meant?")
@@ -211,8 +162,16 @@ def read(
     table.rows = [row for row, empty in zip(table.rows, is_empty) if not empty]
     data = {role: numbers[column][~is_empty] for role, (column, _) in columns.items()}
     check_one_band(table)
-    for role in [role for role in ANGLES if role in columns]:
-        data[role] = _radians(table, role, *columns[role], data[role])
+    angles = [role for role in ANGLES if role in columns]
+    # Angles of more than a right angle, or azimuths of more than a turn, are no radians
+    are_degrees = any(
+        np.nanmax(abs(data[role])) > RADIANS * _limit(role)
+        for role in angles
+        if not columns[role][1] and not table.is_astm
+    )
+    for role in angles:
+        column, unit = columns[role]
+        data[role] = _radians(table, role, column, unit or "deg" * are_degrees, data[role])
     sigma = data.get("sigma")
     if sigma is not None:
         table.check_range("sigma", sigma, WIDTH)
@@ -230,13 +189,14 @@ def read(
             f"{path}: all {len(kept)} rows lie off the plane of incidence or at 90 degrees"
         )
     # BRDF times cosine becomes BRDF, and repeated points become one.
-    quantity = "brdf" if "brdf" in columns else "brdf_cos"
-    value, cos_r = data[quantity][kept], 1.0 if quantity == "brdf" else np.cos(theta_r[kept])
+    quantity = next(name for name in QUANTITIES if name in columns)
+    per_brdf = {"brdf": 1.0, "brdf_cos": np.cos(theta_r[kept]), "brf": np.pi}[quantity]
+    value = data[quantity][kept] / per_brdf
     points = pool(
-        theta_i[kept], theta_r[kept], value / cos_r, None if sigma is None else sigma[kept] / cos_r
+        theta_i[kept], theta_r[kept], value, None if sigma is None else sigma[kept] / per_brdf
     )
     scans = np.count_nonzero(kept) - len(points[0])
-    by_scatter = pool(theta_i[kept], theta_r[kept], value / cos_r)[3]
+    by_scatter = pool(theta_i[kept], theta_r[kept], value)[3]
     is_tested = sigma is not None and by_scatter is not None
     scatter = float(np.sqrt(np.mean((by_scatter / points[3]) ** 2))) if is_tested else None
     return Measurements(
@@ -249,8 +209,11 @@ def read(
         dropped={why: n for why, n in dropped.items() if n},
         name=table.header.get("sample", table.header.get("sample_name", (path.stem, 0)))[0],
         reading={
-            "format": "ASTM" if table.is_astm else f"CSV, {SEPARATORS[table.separator]}",
+            "format": layout,
             "columns": {role: column for role, (column, _) in columns.items()},
+            "not_read": [
+                name for name in table.columns if name not in numbers and not is_spectral(name)
+            ],
             "quantity": quantity,
             "theta_r_positive": side,
             "rows": len(table.rows),
@@ -261,40 +224,20 @@ def read(
     )
 
 
+def is_spectral(column: str) -> bool:
+    """Whether a column holds wavelengths or wavenumbers."""
+    return column.strip().lower().startswith(SPECTRAL)
+
+
 def check_one_band(table: TextTable) -> None:
     """Raise InputError if the rows have several wavelengths, which would count as repeats."""
     for place, column in enumerate(table.columns):
         values = sorted({cells[place] for _, cells in table.rows})
-        if column.strip().lower().startswith(SPECTRAL) and len(values) > 1:
+        if is_spectral(column) and len(values) > 1:
             raise InputError(
                 f"{table.file}: column {shown(column)} has {len(values)} values "
                 f"({', '.join(values[:4])}); give each wavelength a file of its own, with its band"
             )
-
-
-def check_first_line(file: str, text: str) -> None:
-    """Raise InputError if the first line that is no comment does not name the columns.
-
-    Instruments put lines before the table. Without # in front, the first of them would be taken for
-    the names of the columns.
-    """
-    lines = [(number, line) for number, line in lines_of(text) if not line.lstrip().startswith("#")]
-    named = [(number, line) for number, line in lines if len(_roles(line)) >= NAMED]
-    if not lines or lines[0] in named:
-        return
-    number, line = lines[0]
-    if named:
-        raise InputError(
-            f"{file}, line {number}: {shown(line)} comes before the names of the columns in line "
-            f"{named[0][0]}; put # in front of each line before these"
-        )
-
-
-def _roles(line: str) -> set[str]:
-    """The quantities that the cells of a line name, if it is the line with the columns' names."""
-    separator = next((mark for mark in SEPARATORS if mark in line), ",")
-    roles = {_meaning(cell.strip().strip('"'))[0] for cell in line.split(separator)}
-    return roles - {None}
 
 
 def read_directional(path, quantity: str) -> DirectionalData:
@@ -371,7 +314,7 @@ def _columns(table: TextTable, quantity: str | None) -> dict[str, tuple[str, str
     """
     known, others = {}, []
     for column in table.columns:
-        role, unit = _meaning(column)
+        role, unit = meaning(column)
         if role is None:
             others.append(column)
         elif role in known:
@@ -385,8 +328,8 @@ def _columns(table: TextTable, quantity: str | None) -> dict[str, tuple[str, str
     if table.is_astm and len(others) == 1 and not known.keys() & set(QUANTITIES):
         known["brdf"] = others[0], ""
     present = [name for name in QUANTITIES if name in known]
-    if present == ["brdf"] and quantity == "brdf_cos":
-        known["brdf_cos"] = known["brdf"]
+    if present == ["brdf"] and quantity:
+        known[quantity] = known["brdf"]
     value = quantity or (present + ["brdf"])[0]
     missing = [f"{ANGLES[role][0]}_deg" for role in ("theta_i", "theta_r") if role not in known]
     if missing or value not in known:
@@ -401,22 +344,6 @@ def _columns(table: TextTable, quantity: str | None) -> dict[str, tuple[str, str
     }
 
 
-def _meaning(column: str) -> tuple[str | None, str]:
-    """Role and unit of a column, such as ("theta_i", "deg") for the name "Theta_i (deg)".
-
-    The role of an unknown column is None.
-    """
-    name = re.sub(r"[^a-z0-9]+", "_", column.lower()).strip("_")
-    unit = re.search(r"_(deg|rad)(rees?|ians?)?$", name)
-    angle = name[: unit.start()] if unit else name
-    value = re.sub(r"_(per_sr|1_sr|sr_1|sr)$", "", name)
-    for names, meant in ((ANGLES, angle), (VALUES, value)):
-        for role, synonyms in names.items():
-            if meant in synonyms:
-                return role, unit[1] if unit else ""
-    return None, ""
-
-
 def _radians(table: TextTable, role: str, column: str, unit: str, values: np.ndarray) -> np.ndarray:
     """Angles in radians; elevations within -90..90 degrees, azimuths within -360..360."""
     unit = unit or ("rad" if table.is_astm else "")
@@ -426,7 +353,7 @@ def _radians(table: TextTable, role: str, column: str, unit: str, values: np.nda
             f"{column}_deg or {column}_rad"
         )
     angles = np.radians(values) if unit == "deg" else values
-    limit = 90 if role.startswith("theta") else 360
+    limit = _limit(role)
     # Angles in radians are often rounded: 1.5708 is meant to be 90 degrees.
     outside = ~(abs(angles) <= np.radians(limit) + (1e-4 if unit == "rad" else 0))
     if outside.any():
@@ -441,6 +368,11 @@ def _radians(table: TextTable, role: str, column: str, unit: str, values: np.nda
             f"{bounds}"
         )
     return angles
+
+
+def _limit(role: str) -> float:
+    """Largest size of an angle [degrees]."""
+    return 90 if role.startswith("theta") else 360
 
 
 def _in_plane(table, columns, data, given):
@@ -473,7 +405,7 @@ def _in_plane(table, columns, data, given):
         azimuths,
         given or _choice(table, "theta_r_positive", SIDES),
         columns["theta_r"][0] if is_named_so else None,
-        (theta_i[rows], theta_r[rows], data.get("brdf", data.get("brdf_cos"))[rows]),
+        (theta_i[rows], theta_r[rows], next(data[q] for q in QUANTITIES if q in data)[rows]),
     )
     return rows, theta_i, theta_r if side == "specular" else -theta_r, f"{side} ({how})"
 
@@ -545,13 +477,13 @@ def _band(table: TextTable) -> tuple[float, float] | None:
         return None
     cells = re.split(r"[\s,;-]+", value)
     try:
-        lower, upper = map(float, cells)
+        lower, upper = line_limits(cells[0]) if len(cells) == 1 else map(float, cells)
     except ValueError:
         lower = upper = np.nan
     if not 0.1 <= lower < upper <= 1000:
         raise InputError(
             f"{table.file}, line {line}: band_um is {shown(value)}; expected two wavelengths such "
-            "as 3 5"
+            "as 3 5, or that of a laser"
         )
     return lower, upper
 
@@ -564,10 +496,21 @@ def _calibration(table: TextTable) -> float | None:
 
 
 def limits(band: str) -> tuple[float, float]:
-    """Lower and upper limit [um] of a band by its name; raises InputError for one without."""
+    """Lower and upper limit [um] of a band by its name or of the wavelength of a laser.
+
+    Raises InputError for a band without limits.
+    """
+    if NUMBER.fullmatch(band):
+        band = "{:.9g}-{:.9g}".format(*line_limits(band))
     limited = band_of(band)
     limited.check_limits("measured BSDF")
     return limited.lower_um, limited.upper_um
+
+
+def line_limits(wavelength: str) -> tuple[float, float]:
+    """Limits [um] of the narrow band around the wavelength of a laser."""
+    centre = float(wavelength.replace(",", "."))
+    return centre * (1 - LINE), centre * (1 + LINE)
 
 
 def _half_angle_deg(table: TextTable) -> float:

@@ -326,7 +326,8 @@ def known_form(ctx, param, value):
 )
 @options.option(
     "--band bands",
-    "Band of the measurement: 3-5 (um), MWIR, or the CSV of a response; one for each DATA "
+    "Band of the measurement: 3-5 (um), MWIR, 10.6 for a laser, or the CSV of a response; one for "
+    "each DATA "
     "(default: band_um in the file).",
     multiple=True,
     metavar="BAND",
@@ -357,10 +358,11 @@ def known_form(ctx, param, value):
 def fit_command(files, outputs, bands, **settings):
     """Fit a reflection model to measured BRDFs.
 
-    DATA are CSV or ASTM E1392/E2387 files with in-plane measurements of one surface in 1/sr, one
-    file for each band. FILE.json is a material for scenes. Printed and written are the parameters
-    (without unit) with their errors, how well each is known, and whether the model describes the
-    data: misfit in decades, reduced chi-square, correlation of the residuals.
+    DATA are CSV, ASTM E1392/E2387, Zemax, LightTools or MERL files with in-plane measurements of
+    one surface in 1/sr, one file for each band. FILE.json is a material for scenes. Printed and
+    written are the parameters (without unit) with their errors, how well each is known, and whether
+    the model describes the data: misfit in decades, reduced chi-square, correlation of the
+    residuals.
     """
     from mi_lcair.fitting import report
     from mi_lcair.fitting.scatterometer import reading
@@ -372,6 +374,9 @@ def fit_command(files, outputs, bands, **settings):
         reading.read(file, quantity, side, band) for file, band in zip_longest(files, bands)
     ]
     report.check_bands(measurements)
+    for file, data in zip(files, measurements):
+        if data.reading["not_read"]:
+            note(f"{file}: not read: {', '.join(map(repr, data.reading['not_read']))}")
     joint = [
         {kind: reading.read_directional(file, kind) for kind, file in of_file.items() if file}
         for of_file in companions

@@ -74,7 +74,7 @@ class Sight:
                 f"ground; must be at most {HIGHEST_M:g} m"
             )
         direction = None if sun is None else from_sun(observer.azimuth_deg, *sun)
-        air = atmosphere(of_air.table, of_air.ranges_m, upward)
+        air = atmosphere(of_air.table, of_air.ranges_m, upward, of_air.air_temperature)
         if name:
             clear = clear_air(name, of_air.weather)
             ends = of_air.table, clear, lowest, abs(upward), upward >= 0

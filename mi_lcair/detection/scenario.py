@@ -201,6 +201,9 @@ class Air(Weather, rules=OF_AIR):
         Whether ranges beyond a table are allowed.
     ranges_m : tuple of float, optional
         Ranges, m, of the blocks of a tape7 that does not state them.
+    air_temperature : float, optional
+        Temperature, K, of the air of a tape7 that holds transmittances alone (IEMSCT 0). Its path
+        radiance is that of a blackbody, times 1 - transmittance.
     cn2 : float
         Turbulence that blurs a camera's image, the same along the path: structure parameter of the
         refractive index, m^(-2/3). 0 for none.
@@ -211,6 +214,7 @@ class Air(Weather, rules=OF_AIR):
     table: str = entry(is_file=True)
     extrapolate: bool = False
     ranges_m: tuple[float, ...] | None = None
+    air_temperature: float | None = entry(None, lower=150, upper=350, unit="K")
     cn2: float = entry(0.0, lower=0, upper=1e-9, unit="m^(-2/3)")
     wave: Literal["plane", "spherical"] = "plane"
 

@@ -123,6 +123,7 @@ def atmosphere(
     source: Atmosphere | str | PathLike[str],
     ranges_m: ArrayLike | None = None,
     elevation_deg: float | None = None,
+    air_temperature: float | None = None,
 ) -> Atmosphere:
     """Read an atmosphere by its name or from a file.
 
@@ -141,6 +142,8 @@ def atmosphere(
         Elevation of the line of sight, upward from the sensor [degrees]. It is used for a tape7
         whose blocks have several: the logarithm of the optical depth and the source function are
         then linear in the sine of the elevation.
+    air_temperature
+        Temperature [K] of the air of a tape7 that holds transmittances alone.
 
     Returns
     -------
@@ -159,12 +162,13 @@ def atmosphere(
         if not path.suffix and not os.path.exists(path):
             raise unknown("atmosphere", str(source), [*atmosphere_names(), "a file"])
         if tape7.is_tape7(path):
-            return _from_tape7(str(source), path, ranges_m, elevation_deg)
-    if ranges_m is not None:
-        raise InputError(
-            f"atmosphere '{source}': ranges_m are for the blocks of a MODTRAN tape7 only; leave "
-            "them out"
-        )
+            return _from_tape7(str(source), path, ranges_m, elevation_deg, air_temperature)
+    for key, given in (("ranges_m", ranges_m), ("air_temperature", air_temperature)):
+        if given is not None:
+            raise InputError(
+                f"atmosphere '{source}': {key} is for the blocks of a MODTRAN tape7 only; leave it "
+                "out"
+            )
     if name is not None:
         return ClearPaths(str(source), clear_air(name), HEIGHT_M, 0.0, True)
     if str(source) == VACUUM:
@@ -208,8 +212,8 @@ def plausible(air: AtmosphereTable) -> AtmosphereTable:
     return air
 
 
-def _from_tape7(name, path, ranges_m, elevation_deg) -> Atmosphere:
-    blocks = tape7.blocks(path)
+def _from_tape7(name, path, ranges_m, elevation_deg, air_temperature) -> Atmosphere:
+    blocks = tape7.blocks(path, air_temperature)
     if ranges_m is None:
         for block in blocks:
             if block.to_space or block.range_m is None:

@@ -62,7 +62,7 @@ def name_of(base: str, coating: str = NONE) -> str:
 
 
 def reflects(name: str) -> str:
-    """How a label reflects: "metal", "gloss" or "diffuse"."""
+    """How a label reflects: "metal", "smooth", "gloss" or "diffuse"."""
     base, _, coating = name.partition("+")
     return next((k for k, names in meanings()["reflects"].items() if (coating or base) in names),
         "diffuse")  # fmt: skip
@@ -139,7 +139,7 @@ def keys_of(name: str, entry: dict) -> dict:
     Sandford-Robertson model is its mean over the hemisphere, G(b) times as large.
     """
     shape, emissivity = meanings()["shapes"].get(reflects(name)), entry["emissivity"]
-    if shape is None:
+    if shape is None or 1 - emissivity > shape.get("most", 1):
         keys = {"model": "grey", "emissivity": emissivity, "sigma": {"emissivity": entry["sigma"]}}
         return keys | {"source": f"{entry['source']}; reflection: taken as diffuse"}
     from mi_lcair.physics.reflection.sandford_robertson import bound_of_sum

@@ -42,7 +42,8 @@ UNKNOWN = "not stated"  # what a file must say and a fit does not know
 def report_of(file: dict, where: str) -> dict:
     """The material of a file's content as the report of a fit; raises InputError without one."""
     properties = file[PROPERTIES]
-    own = (properties.get("customProperties") or {}).get(OWN)
+    custom = properties.get("customProperties")
+    own = custom.get(OWN) if isinstance(custom, dict) else None
     if own is not None:
         return own
     if "emissivityData" not in properties:

@@ -253,7 +253,7 @@ def test_files_are_written(run, asked, folder):
         (["mwir.csv", "--min-brdf", "-1"], "--min-brdf"),
         (["mwir.csv", "--source-half-angle-deg", "90"], "--source-half-angle-deg"),
         (["mwir.csv", "--seed", "-1"], "--seed"),
-        (["mwir.csv", "--quantity", "brf"], "--quantity"),
+        (["mwir.csv", "--quantity", "f"], "--quantity"),
         (["mwir.csv", "-o", "nowhere/fit.png"], "does not exist"),
         (
             ["mwir.csv", "-o", "fit.jpg"],

@@ -556,7 +556,7 @@ def test_a_cloudy_sky_knows_no_height(folder):
         ),
         (
             {"observer__elevation_deg": 30, "atmosphere__ranges_m": [5.0]} | GROUND,
-            "ranges_m are for",
+            "ranges_m is for",
         ),
         ({"atmosphere__table": "midlat"}, "unknown atmosphere 'midlat'"),
         ({"background__ground_temperature": -1}, "ground_temperature = -1 K; must be positive"),

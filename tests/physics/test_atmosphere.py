@@ -422,7 +422,7 @@ def test_unusable_choice(tmp_path):
         atmosphere("x" * 5000)  # too long to be a path
     with pytest.raises(InputError, match="missing.csv: cannot be read"):
         atmosphere(tmp_path / "missing.csv")
-    with pytest.raises(InputError, match="ranges_m are for the blocks of a MODTRAN tape7 only"):
+    with pytest.raises(InputError, match="ranges_m is for the blocks of a MODTRAN tape7 only"):
         atmosphere("us_standard", ranges_m=[1000])
     (tmp_path / "sky.csv").write_text("wavelength_um,radiance_W_m2_sr_um\n3,1\n4,1\n")
     with pytest.raises(

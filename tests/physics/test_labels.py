@@ -102,6 +102,14 @@ def test_a_label_is_a_material(name):
     assert "samples" in entry.source and name in names()
 
 
+def test_pigment_reflects_diffusely():
+    """Paint is a mirror of a few per cent in LWIR; in SWIR it reflects a quarter, diffusely."""
+    by_band = {name: material("steel+paint", band(name)) for name in ("LWIR", "SWIR")}
+    assert by_band["LWIR"].model.name == "sandford_robertson"
+    assert by_band["SWIR"].model.name == "grey"
+    assert material("clear_glass", band("LWIR")).model.name == "sandford_robertson"
+
+
 def test_labels_without_a_source_are_refused():
     assert labels.name_of("steel") == "steel"
     assert labels.name_of("steel", "paint") == "steel+paint"

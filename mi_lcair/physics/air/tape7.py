@@ -1,9 +1,12 @@
-"""Reader of MODTRAN's output file tape7 in the thermal-radiance modes.
+"""Reader of MODTRAN's output file tape7 in the thermal-radiance and transmittance modes.
 
 The file consists of blocks. A block has the cards of its run (card 1 first, the path in card 3), a
 header of column names, rows over rising wavenumber, and -9999. at its end. The columns have fixed
 widths: each number ends where its column's name ends. Columns that the mode does not compute are
 blank. The reader converts the columns to this project's units.
+
+Files of the transmittance mode (IEMSCT 0) have no radiance. With a temperature of the air, its path
+radiance is (1 - transmittance) times the spectral radiance of a blackbody.
 """
 
 import re
@@ -15,6 +18,7 @@ import numpy as np
 from mi_lcair.errors import InputError, shown
 from mi_lcair.files import read_text
 from mi_lcair.physics.air.levels import length_between
+from mi_lcair.physics.blackbody import spectral_radiance
 
 END = "-9999."
 FREQUENCY, TRANSMITTANCE = "FREQ", "TOT_TRANS"
@@ -27,13 +31,16 @@ ALIASES = {
     **{name.replace("_", " "): name for name in (TRANSMITTANCE, THERMAL, SOLAR, TOTAL)},
     **{name.replace("_", " "): name for name in ("THRML_SCT", "SING_SCAT", "GRND_RFLT")},
     "SURF EMIS": "SURF_EMIS",
+    "COMBIN": TRANSMITTANCE,  # of the transmittance mode, with a line of units below
 }
+UNITS = "CM-1"
 PARTS = ("THRML_SCT", "SING_SCAT", "SURF_EMIS", "GRND_RFLT")  # columns that may be absent or blank
 LARGEST = 1e12  # largest number that the file may hold
 FIRST_WORD = re.compile(rf"^[ \t]*{FREQUENCY}(?=\s|$)", re.MULTILINE)
 NEEDED = (FREQUENCY, TRANSMITTANCE, THERMAL, TOTAL)
 TO_SPACE, SLANT = 3, 2  # ITYPE of a path to space or to the ground, and of one between two heights
 RADIANCE_MODES = (1, 2)  # IEMSCT of thermal radiance without and with scattered sunlight
+TRANSMITTANCE_MODE = 0
 MODES = {0: "transmittance", 3: "solar irradiance"}  # meaning of the other values of IEMSCT
 
 # Letters, MODEL, ITYPE, IEMSCT.
@@ -89,16 +96,17 @@ def is_tape7(path: Path) -> bool:
     return FIRST_WORD.search(text) is not None
 
 
-def blocks(path: Path) -> list[Block]:
+def blocks(path: Path, air_K: float | None = None) -> list[Block]:
     """All blocks of a file, in its order.
 
-    Raises InputError, with the line, for a block that holds no radiance or is incomplete.
+    air_K: temperature of the air [K] for blocks of transmittances. Raises InputError, with the
+    line, for a block that holds no radiance or is incomplete.
     """
     lines = read_text(path, f"tape7 {path}").splitlines()
     parsed, start = [], 0
     for n, line in enumerate(lines):
         if line.split() == [END]:
-            parsed.append(_block(path, lines, start, n))
+            parsed.append(_block(path, lines, start, n, air_K))
             start = n + 1
     if any(line.strip() for line in lines[start:]):
         raise InputError(
@@ -131,7 +139,7 @@ def joined(path: Path, parts: list[Block]) -> Block:
     return replace(parts[0], wavelengths_um=wavelengths, **columns)
 
 
-def _block(path, lines, start, end) -> Block:
+def _block(path, lines, start, end, air_K) -> Block:
     """The block in the lines from index `start` to the line before `end`."""
     header = next(
         (n for n in range(start, end) if lines[n].split(maxsplit=1)[:1] == [FREQUENCY]), None
@@ -143,13 +151,20 @@ def _block(path, lines, start, end) -> Block:
             f"IEMSCT, ...) and have a line of column names ({FREQUENCY} ...)"
         )
     mode = int(card_1["mode"])
-    if mode not in RADIANCE_MODES:
+    is_transmittance = mode == TRANSMITTANCE_MODE
+    if mode not in RADIANCE_MODES and not (is_transmittance and air_K):
+        way = ", or give air_temperature of [atmosphere]" * is_transmittance
         raise InputError(
             f"tape7 {path}, line {start + 1}: IEMSCT = {mode} "
             f"({MODES.get(mode, 'no thermal radiance')}); run MODTRAN with "
-            "IEMSCT = 1 (thermal radiance) or 2 (with scattered sunlight) on card 1"
+            f"IEMSCT = 1 (thermal radiance) or 2 (with scattered sunlight) on card 1{way}"
         )
-    table = _columns(path, lines, header, end)
+    if air_K and not is_transmittance:
+        raise InputError(
+            f"tape7 {path}, line {start + 1}: air_temperature is for transmittances (IEMSCT = 0); "
+            "this block has its own path radiance"
+        )
+    table = _columns(path, lines, header, end, is_transmittance)
     frequency = table[FREQUENCY]
     # From W cm^-2 sr^-1 / cm^-1 to W m^-2 sr^-1 um^-1: 1e4 cm^2 per m^2, times nu^2 / 1e4 cm^-1
     # per um.
@@ -157,15 +172,20 @@ def _block(path, lines, start, end) -> Block:
     cards_3 = [card for line in lines[start:header] if (card := CARD_3.fullmatch(line))]
     kind = int(card_1["type"])
     length, elevation = _path(cards_3[-1], kind == SLANT) if cards_3 else (0.0, 0.0)
+    wavelengths, transmittance = 1e4 / frequency[::-1], table[TRANSMITTANCE][::-1]
+    if is_transmittance:
+        radiance = (1 - transmittance) * spectral_radiance(wavelengths, air_K)
+    else:
+        radiance = _path_radiance(table)[::-1] * per_um
     return Block(
         header + 1,
         kind == TO_SPACE,
         length if length > 0 else None,
         elevation,
-        1e4 / frequency[::-1],
-        table[TRANSMITTANCE][::-1],
-        _path_radiance(table)[::-1] * per_um,
-        table[TOTAL][::-1] * per_um,
+        wavelengths,
+        transmittance,
+        radiance,
+        radiance if is_transmittance else table[TOTAL][::-1] * per_um,
     )
 
 
@@ -201,11 +221,12 @@ def _path_radiance(table) -> np.ndarray:
     return path + scattered if abs(missing - scattered).sum() < abs(missing).sum() else path
 
 
-def _columns(path, lines, header, end) -> dict[str, np.ndarray]:
+def _columns(path, lines, header, end, is_transmittance) -> dict[str, np.ndarray]:
     """The columns by name, over rising wavenumber, in the file's units; NaN for blanks."""
     words = re.finditer("|".join([*ALIASES, r"\S+"]), lines[header])
     names = [(ALIASES.get(word[0], word[0]), word.end()) for word in words]
-    absent = [name for name in NEEDED if name not in dict(names)]
+    needed = NEEDED[:2] if is_transmittance else NEEDED
+    absent = [name for name in needed if name not in dict(names)]
     if absent:
         raise InputError(
             f"tape7 {path}, line {header + 1}: has no column {absent[0]}; MODTRAN's columns in "
@@ -213,10 +234,11 @@ def _columns(path, lines, header, end) -> dict[str, np.ndarray]:
         )
     wanted, start = {}, 0
     for name, stop in names:
-        if name in (*NEEDED, SOLAR, *PARTS):
+        if name in needed or (name in (SOLAR, *PARTS) and not is_transmittance):
             wanted[name] = slice(start, stop)
         start = stop
-    rows = [(n, line) for n, line in enumerate(lines[header + 1 : end], header + 2) if line.strip()]
+    first = header + 1 + (lines[header + 1].split()[:1] == [UNITS])
+    rows = [(n, line) for n, line in enumerate(lines[first:end], first + 1) if line.strip()]
     table = {
         name: np.array([_number(path, n, name, line[place]) for n, line in rows])
         for name, place in wanted.items()
@@ -235,7 +257,11 @@ def _columns(path, lines, header, end) -> dict[str, np.ndarray]:
             (table[TRANSMITTANCE] >= 0) & (table[TRANSMITTANCE] <= 1),
             f"{TRANSMITTANCE} must lie in 0..1",
         ),
-        ((table[THERMAL] >= 0) & (table[TOTAL] >= 0), f"{THERMAL} and {TOTAL} must be 0 or more"),
+        *(
+            (table[name] >= 0, f"{THERMAL} and {TOTAL} must be 0 or more")
+            for name in (THERMAL, TOTAL)
+            if name in table
+        ),
         (~(table.get(SOLAR, frequency) < 0), f"{SOLAR} must be 0 or more"),
         *((~(abs(values) > LARGEST), f"{name} must be finite") for name, values in table.items()),
     ):

@@ -44,8 +44,9 @@ def spectrum_of(
     Parameters
     ----------
     path
-        A CSV file `wavelength_um,QUANTITY`, the text of ECOSTRESS or ASTER (lines `key: value`,
-        then two columns), or one of USGS's splib07 (a title, then one value a line).
+        A CSV file `wavelength_um,QUANTITY` (for an emissivity also reflectance or dhr), the text of
+        ECOSTRESS or ASTER (lines `key: value`, then two columns), or one of USGS's splib07 (a
+        title, then one value a line).
     quantity
         "reflectance" or "emissivity".
     wavelengths
@@ -61,6 +62,11 @@ def spectrum_of(
             f"spectrum {path}: holds one value a line, as USGS's splib07; name the file of its "
             "wavelengths in the key `wavelengths`"
         )
+    names = header_of(f"spectrum {path}", "\n".join(line for _, line in lines), (WAVELENGTH,))
+    if quantity == "emissivity" and quantity not in names:
+        for reflectance in {"reflectance", "dhr"}.intersection(names):
+            wavelengths, values = columns_of(path, {reflectance: FRACTION})
+            return wavelengths, 1 - values
     return columns_of(path, {quantity: FRACTION})
 
 

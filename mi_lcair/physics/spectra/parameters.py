@@ -422,7 +422,10 @@ def of_dhr(entry, files, common, fit) -> SpectralParameters:
     is linear in epsilon.
     """
     if "shape" not in entry:
-        raise InputError("`dhr` needs `shape`, the JSON file of a fit")
+        raise InputError(
+            "`dhr` needs `shape`, the JSON file of a fit; for a grey diffuse surface write "
+            f"emissivity = '{entry['dhr']}', which takes a reflectance too"
+        )
     shape = fit(entry["shape"])
     if shape.model.name != "sandford_robertson":
         raise InputError(

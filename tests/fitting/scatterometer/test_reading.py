@@ -459,7 +459,7 @@ BAD = {
         "# theta_r_positive: left\n" + OWN + "20,30,1\n",
         ", line 1: unknown theta_r_positive 'left'; known: s",
     ),
-    "quantity": ("# quantity: brf\n" + OWN + "20,30,1\n", "known: brdf, brdf_cos"),
+    "quantity": ("# quantity: f\n" + OWN + "20,30,1\n", "known: brf, brdf, brdf_cos"),
     "brdf asked of brdf_cos": (
         "# quantity: brdf\ntheta_i_deg,theta_r_deg,brdf_cos\n20,30,1\n",
         "no column brdf_per_sr",

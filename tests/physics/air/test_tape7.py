@@ -257,6 +257,38 @@ def test_modes_without_thermal_radiance(file, mode, name):
             read(file(block(MWIR, mode=mode, header="    FREQ COMBIN    H2O")))
 
 
+def transmittances(wavenumbers, values, range_km=2.0) -> str:
+    """A block of the transmittance mode: two lines of names, and the other columns of absorbers."""
+    cards = block(wavenumbers, mode=0, range_km=range_km).split("    FREQ")[0]
+    names = "    FREQ COMBIN    H2O   UMIX     O3    -LOG\n"
+    names += "    CM-1  TRANS  TRANS  TRANS  TRANS  COMBIN\n"
+    rows = [
+        f"{nu:8.2f}{t:7.4f} 1.0000 0.9900 1.0000{-np.log(t):8.4f}"
+        for nu, t in zip(wavenumbers, values)
+    ]
+    return cards + names + "\n".join([*rows, " -9999."]) + "\n"
+
+
+def test_transmittances_with_the_temperature_of_the_air(file):
+    """The path radiance is that of a blackbody at this temperature, times 1 - transmittance."""
+    tau = np.round(0.5 + 0.3 * np.sin(np.asarray(MWIR) / 40), 4)
+    path = file(transmittances(MWIR, tau))
+    air = atmosphere(path, air_temperature=290.0)
+    assert air.ranges_m == [2000]
+    nu = 1e4 / air.wavelengths_um
+    expected = (1 - tau[::-1]) * planck(nu, 290) * 1e4 * nu**2 / 1e4
+    np.testing.assert_allclose(air.transmittance[0], tau[::-1], rtol=1e-12)
+    np.testing.assert_allclose(air.path_radiance[0], expected, rtol=1e-6)
+    with pytest.raises(InputError, match="or give air_temperature of .atmosphere."):
+        atmosphere(path)
+    with pytest.raises(InputError, match="air_temperature is for transmittances .IEMSCT = 0."):
+        atmosphere(file(block(MWIR)), air_temperature=290.0)
+    with pytest.raises(InputError, match="air_temperature is for the blocks of a MODTRAN tape7"):
+        atmosphere("us_standard", air_temperature=290.0)
+    with pytest.raises(InputError, match="TOT_TRANS must lie in 0..1"):
+        atmosphere(file(transmittances(MWIR, tau + 1)), air_temperature=290.0)
+
+
 def swapped(text, line, start, new):
     lines = text.splitlines(keepends=True)
     lines[line - 1] = lines[line - 1][:start] + new + lines[line - 1][start + len(new) :]

@@ -222,6 +222,7 @@ BAD = {
         csv("wavelength_um,epsilon,rho_d", [2, 3, 6], [0.5, 0.9, 0.5], [0.1, 0.4, 0.1]),
     ),
     "`dhr` needs `shape`": ('dhr = "grey.csv"', ""),
+    "write emissivity = 'grey.csv', which takes a reflectance too": ('dhr = "grey.csv"', ""),
 }
 
 
@@ -233,6 +234,13 @@ def test_bad_entries_are_one_line(tmp_path, says):
     with pytest.raises(InputError) as error:
         material("own", MWIR, path)
     assert says in str(error.value) and "own" in str(error.value)
+
+
+@pytest.mark.parametrize("column", ["reflectance", "dhr"])
+def test_the_emissivity_may_be_given_as_a_reflectance(tmp_path, column):
+    text = csv(f"wavelength_um,{column}", [2, 6], [0.5, 0.1])  # 0.4 to 0.2 in 3-5 um
+    entry = material("own", MWIR, write(tmp_path, GREY, grey=text))
+    assert entry.parameters["emissivity"] == pytest.approx(0.7, rel=1e-12)
 
 
 def test_a_spectrum_serves_before_an_entry_for_the_band(tmp_path):
