@@ -40,11 +40,21 @@ def printable(text: object, most: int = LONGEST) -> str:
 
 
 def shortened(text: str, most: int) -> str:
-    """The beginning and the end of a text that is longer than `most` characters."""
+    """The beginning and the end of a text that is longer than `most` characters.
+
+    It is cut between two clauses, else between two words, where one of these is near.
+    """
     if len(text) <= most:
         return text
     end = most // 3
-    return f"{text[: most - end - 5]} ... {text[-end:]}"
+    front, back = text[: most - end - 5], text[-end:]
+    for gap in (r"(?<=[,;:])\s+", r"\s+"):
+        before = [cut.start() for cut in re.finditer(gap, front) if cut.start() > len(front) / 2]
+        after = [cut.end() for cut in re.finditer(gap, back) if cut.end() < len(back) / 2]
+        if before and after:
+            front, back = front[: before[-1]], back[after[0] :]
+            break
+    return f"{front} ... {back}"
 
 
 def shown(text: str) -> str:

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mi_lcair.detection.camera.exposure import detector_mean
 from mi_lcair.detection.camera.optics import Optics, Turbulence
@@ -305,6 +306,11 @@ class Camera:
         return Camera(
             imager, band, optics, design, background, temperature, pattern, correction, seed
         )
+
+    def kept_contrast(self, background: ArrayLike, contrast: np.ndarray) -> np.ndarray:
+        """What a full well keeps of the electrons by which pixels differ from a background."""
+        behind, most = background + self.design.offset, self.imager.well - self.imager.dark
+        return np.minimum(behind + contrast, most) - np.minimum(behind, most)
 
     def frames(self, signal: np.ndarray, count: int) -> np.ndarray:
         """Counts of frames of a scene with these mean electrons (H, W), (count, H, W)."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mi_lcair.detection.camera.optics import OVERSAMPLING
 from mi_lcair.detection.camera.view import CameraView
@@ -15,7 +16,7 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.plugins.emission.sources import Sources
 from mi_lcair.plugins.paths.sums import Sums
 from mi_lcair.plugins.recorders.channels import Channels
-from mi_lcair.rendering.images.spectral import Arrival
+from mi_lcair.rendering.images.spectral import REST, Arrival
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.pixels import PixelCriterion, averaged, surroundings
@@ -30,6 +31,7 @@ RANGES, STEP = 129, 0.005
 # Independent randomisations of a part's points. The error of a pixel averages over many parts, so
 # that two of each are enough.
 RANDOMISATIONS = 2
+SMALLEST = 1e-3  # size of an image of a model's light, relative to the largest one
 MOST_NOISY = 1e-3  # largest share of the frame with a larger error than the camera's noise
 
 
@@ -65,6 +67,8 @@ class Exposure:
         Number of samples that do not count, and of all.
     variants : tuple of mapping of str to ndarray
         Electrons that arrive from the model with other temperatures of the sources, by channel.
+    picture : TargetPicture or None
+        The model in the parts of the window, for any of some ranges.
     """
 
     contrast: np.ndarray
@@ -80,6 +84,69 @@ class Exposure:
     invalid: int
     paths: int
     variants: tuple[Mapping[str, np.ndarray], ...] = ()
+    picture: "TargetPicture | None" = None
+
+
+@dataclass(frozen=True)
+class TargetPicture:
+    """What a model sends from the parts of a camera's window, for any range of a line of sight.
+
+    The air changes the spectrum of each source in its own way. The light of the model is therefore
+    the sum of few images, of which each range has its own amounts.
+
+    Attributes
+    ----------
+    images : ndarray, shape (1 + K, rows, columns)
+        Share of each part that the model fills, and K images of its light. Only parts in the frame
+        count.
+    weights : dict of str to ndarray, shape (K,)
+        How much of each image the electrons for a unit of a channel add, see `amounts`.
+    """
+
+    images: np.ndarray
+    weights: dict[str, np.ndarray]
+
+    def amounts(self, arrival: Arrival) -> np.ndarray:
+        """Amounts of the images of light at the ranges of an arrival, (K, r)."""
+        amounts = np.zeros((len(self.images) - 1, len(arrival.path)))
+        for name, weights in self.weights.items():
+            amounts += np.multiply.outer(weights, arrival.arrives[name])
+        return amounts
+
+    @staticmethod
+    def of(
+        seen: dict[str, np.ndarray], arrival: Arrival, inside: np.ndarray, place
+    ) -> "TargetPicture":
+        """The picture of a model.
+
+        Parameters
+        ----------
+        seen : dict of str to ndarray, shape (n,)
+            Channels of the parts on the model.
+        arrival : Arrival
+            What arrives from ranges between which the picture is used.
+        inside : ndarray, shape (n,)
+            Whether a part is in the frame.
+        place : callable
+            Gives the image of values of the parts on the model.
+        """
+        rest = seen["target"] - sum(
+            (seen[name] * unit for name, unit in arrival.in_band.items()), start=0.0
+        )
+        channels = {name: seen[name] for name in arrival.in_band} | {REST: rest}
+        sums = {name: float(np.sum(values[inside])) for name, values in channels.items()}
+        names = [name for name, value in sums.items() if value > 0]
+        table = np.zeros((len(names), len(arrival.path)))
+        for row, name in zip(table, names):
+            row[:] = sums[name] * arrival.arrives[name]
+        bases, sizes, _ = np.linalg.svd(table, full_matrices=False)
+        bases = bases[:, sizes > SMALLEST * sizes.max(initial=0.0)]
+        images = [seen["target.hit"] * inside]
+        for basis in bases.T:
+            of_names = (part / sums[name] * channels[name] for part, name in zip(basis, names))
+            images.append(sum(of_names, start=0.0 * inside) * inside)
+        weights = {name: sums[name] * row for name, row in zip(names, bases)}
+        return TargetPicture(np.array([place(image) for image in images]), weights)
 
 
 def windows_of(view: CameraView, scene: Scene) -> Windows:
@@ -103,6 +170,7 @@ def exposure(
     detector: Band,
     behind: Callable[[Band], np.ndarray],
     variants: Callable[[Sources], Iterable[Sources]] = lambda sources: (),
+    ranges_m: ArrayLike = (),
 ) -> Exposure:
     """Render the model into the samples of a camera's window.
 
@@ -127,6 +195,8 @@ def exposure(
     variants : callable
         Gives the sources with other temperatures for which what arrives is computed too, by
         channel, from the same paths.
+    ranges_m : array-like
+        Ranges between which a picture of the model is wanted.
 
     Raises
     ------
@@ -203,8 +273,16 @@ def exposure(
         name: float(values @ areas) for name, values in seen.items() if name != "target.range"
     }
 
+    def place(values: np.ndarray) -> np.ndarray:
+        return placed(values, on, (rows, columns))
+
     def image(values: np.ndarray) -> np.ndarray:
-        return view.samples(placed(values, on, (rows, columns)))
+        return view.samples(place(values))
+
+    picture = None
+    if len(ranges_m):
+        from_ranges = Arrival.of(sources, scene.band, detector, air, ranges_m, extrapolate=True)
+        picture = TargetPicture.of(seen, from_ranges, view.inside.ravel()[on], place)
 
     return Exposure(
         contrast=image(arriving(detector)),
@@ -220,6 +298,7 @@ def exposure(
         invalid=total.invalid,
         paths=int(total.traced.sum()),
         variants=tuple(by_channel(emitting) for emitting in variants(sources)),
+        picture=picture,
     )
 
 

@@ -84,7 +84,7 @@ def header(
         "frames": frames,
         "noise_seed": str(seed),
         "seed": str(scenario.render.seed),
-        "netd_K": measures.netd,
+        "netd_K": "none: the background saturates" if measures.netd is None else measures.netd,
         "electrons_per_count": scenario.camera.electrons_per_count,
         "pedestal_counts": scenario.camera.pedestal,
         "nuc_frames": AVERAGED if scenario.camera.nuc else 0,
@@ -118,7 +118,12 @@ def record_image(scenario: Scenario, frames: int, seed: int, progress) -> Image:
     with rendered_as(scene, scenario.render, each_pixel=True):
         bounces = scene.mi.integrator().max_bounces
         exposed = exposure(
-            setting, view, scenario.render.of_image(progress), camera.band, scenery.of_parts
+            setting,
+            view,
+            scenario.render.of_image(progress),
+            camera.band,
+            scenery.of_parts,
+            ranges_m=table_ranges(setting.air, NEAREST * target.radius, observer.range_m),
         )
     render_seconds = time.perf_counter() - rendering
 
@@ -134,7 +139,7 @@ def record_image(scenario: Scenario, frames: int, seed: int, progress) -> Image:
         channels["stderr_K.Y"],
         exposed.area / view.pixel_m**2,
     )
-    silhouette = Silhouette.of(scene, view, observer.range_m)
+    silhouette = Silhouette.of_picture(exposed.picture, view, observer.range_m)
     shortest_m = max(NEAREST * target.radius, silhouette.fits_from(imager))
     ranged = (scene.band, setting.air, measures.noise, scenario.sensor.snr)
     ranges, detected_to_m, peak_detected_to_m = at_ranges(

@@ -112,7 +112,7 @@ class Image(Result):
         )
         return (
             f"image of {self.scenario.name}, {self.band.label}: {frames} x {width} x {height} "
-            f"pixels, NETD {1e3 * measures.netd:.3g} mK, {measures.pixels:.3g} pixels on the "
+            f"pixels, NETD {millikelvin(measures.netd)}, {measures.pixels:.3g} pixels on the "
             f"target, signal-to-noise ratio {measures.snr:.4g}, detected {detected} by a matched "
             f"filter and {by_peak} by the strongest pixel"
         )
@@ -122,8 +122,7 @@ class Image(Result):
         frame, made = image_sections(self.channels, self.header)
         yield from frame.parts
         yield Section("Camera", [Facts(list(measured(self)))])
-        over_range = Table.of(self.columns())
-        yield Section("Target over range", [over_range, Lines("", [detected(self), EVEN])])
+        yield Section("Target over range", [Table.of(self.columns()), Lines("", [detected(self)])])
         yield made
 
     def mtf(self) -> dict[str, np.ndarray]:
@@ -154,10 +153,6 @@ class Image(Result):
         )
 
 
-# Why the table's row of the scenario's range differs from the measures of the frame
-EVEN = "this table takes the target to be even; hot spots raise its signal-to-noise ratios"
-
-
 def write_counts(path, image: Image) -> None:
     """Write the counts of all frames as the pages of a 16-bit TIFF."""
     camera = image.scenario.camera
@@ -174,7 +169,7 @@ def measured(image: Image) -> list[tuple[str, str]]:
     scenario, measures, camera = image.scenario, image.measures, image.scenario.camera
     mtf, last = measures.mtf, len(image.measures.mtf["frequency"]) - 1
     uniform = (
-        "not measurable, as a uniform scene saturates or its noise is below a count"
+        "not measurable, as a uniform scene fills the well or its noise is below a count"
         if measures.netd_measured is None
         else f"measured {millikelvin(measures.netd_measured)}"
     )
@@ -228,9 +223,9 @@ def measured(image: Image) -> list[tuple[str, str]]:
     ]
 
 
-def millikelvin(kelvin: float) -> str:
-    """A temperature difference in mK, as text."""
-    return f"{1e3 * kelvin:.4g} mK"
+def millikelvin(kelvin: float | None) -> str:
+    """A temperature difference in mK, as text. None is that of a background that saturates."""
+    return "none, as the background saturates" if kelvin is None else f"{1e3 * kelvin:.3g} mK"
 
 
 def detected(image: Image) -> str:

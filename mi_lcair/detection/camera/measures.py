@@ -169,14 +169,14 @@ class Measures:
         Noise of such a pixel, electrons: in time, and without `nuc` the fixed pattern too.
     netd, netd_measured, netd_shot : float or None
         Noise-equivalent temperature difference, K: in closed form, from frames of a uniform scene,
-        and of the shot noise alone. The measured one is None if the uniform scene saturates, or if
+        and of the shot noise alone. None if the uniform scene saturates; the measured one also if
         the noise is less than SMALLEST_NOISE counts.
     mtf : dict of str to ndarray
         frequency (cycles/mm), predicted and measured MTF up to Nyquist.
     pixels : float
         Number of pixels on the target.
     peak_snr : float
-        Largest difference of a pixel from the background, divided by its noise.
+        Largest difference of a pixel from the background that the well keeps, divided by its noise.
     snr : float
         Signal-to-noise ratio of the whole target with a matched filter.
     render_error : float
@@ -189,9 +189,9 @@ class Measures:
     background: float
     glow: float
     noise: float
-    netd: float
+    netd: float | None
     netd_measured: float | None
-    netd_shot: float
+    netd_shot: float | None
     mtf: dict[str, np.ndarray]
     pixels: float
     peak_snr: float
@@ -233,13 +233,14 @@ def measured(
     imager, band, glow = camera.imager, camera.band, camera.design.offset
     noise = background_noise(camera)
     frequency, value = measured_mtf(camera.optics)
-    difference = signal - behind
+    difference = camera.kept_contrast(behind - glow, signal - behind)
     on = share >= 0.5
     on = on if on.any() else share >= share.max()
     # The well must hold the uniform scene and its noise, and counts must resolve the noise
     uniform_signal = electrons(band, camera.temperature) + glow
     uniform_noise = imager.noise(uniform_signal)
-    held = uniform_signal + imager.dark + 6 * uniform_noise < imager.well
+    room = imager.well - imager.dark - uniform_signal
+    held = room > 6 * uniform_noise
     resolved = uniform_noise > SMALLEST_NOISE * imager.electrons_per_count
     uniform = replace(imager, gain_nonuniformity=0.0, offset_nonuniformity_e=0.0)
     return Measures(
@@ -247,11 +248,11 @@ def measured(
         background=camera.background + glow,
         glow=glow,
         noise=noise,
-        netd=netd(imager, band, camera.temperature, glow),
+        netd=netd(imager, band, camera.temperature, glow) if room > 0 else None,
         netd_measured=measured_netd(uniform, band, camera.temperature, camera.seed, glow)
         if held and resolved
         else None,
-        netd_shot=float(shot_noise_netd(band, camera.temperature, glow)),
+        netd_shot=float(shot_noise_netd(band, camera.temperature, glow)) if room > 0 else None,
         mtf={"frequency": frequency, "predicted": camera.optics.mtf(frequency), "measured": value},
         pixels=pixels,
         peak_snr=float(np.abs(difference).max() / noise),

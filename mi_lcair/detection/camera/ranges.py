@@ -2,15 +2,15 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
 from operator import attrgetter
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from mi_lcair.detection.camera.electronics import Camera
-from mi_lcair.detection.camera.exposure import Exposure, detector_mean
-from mi_lcair.detection.camera.optics import MARGIN, OVERSAMPLING, Optics
+from mi_lcair.detection.camera.exposure import Exposure, TargetPicture, detector_mean
+from mi_lcair.detection.camera.optics import MARGIN, OVERSAMPLING
 from mi_lcair.detection.camera.view import CameraView
 from mi_lcair.detection.irradiance import Backdrop
 from mi_lcair.errors import InputError
@@ -34,8 +34,8 @@ class Silhouette:
 
     Attributes
     ----------
-    meets : ndarray, shape (r, c)
-        Share of each cell of an even grid that the target fills.
+    images : ndarray, shape (1 + K, r, c)
+        Share of each cell of an even grid that the target fills, and images of its light.
     across, down : ndarray, shape (c + 1,) and (r + 1,)
         Borders of columns and rows of the grid, m from the target's middle to the right and down.
     middle : tuple of float
@@ -44,7 +44,7 @@ class Silhouette:
         Angle between the lines of sight of neighbouring pixels, rad.
     """
 
-    meets: np.ndarray
+    images: np.ndarray
     across: np.ndarray
     down: np.ndarray
     middle: tuple[float, float]
@@ -52,7 +52,7 @@ class Silhouette:
 
     @staticmethod
     def of(scene: Scene, view: CameraView, range_m: float) -> "Silhouette":
-        """The part in the frame of a target that a scene from `seen_from` looks at.
+        """The part in the frame of a target that a scene from `seen_from` looks at, without light.
 
         view, range_m: camera and its range, m, that say which part is in the frame.
         """
@@ -64,16 +64,10 @@ class Silhouette:
             + np.linspace(0, np.linalg.norm(side), CELLS + 1)
             for side in (right, down)
         )
-        imager = view.imager
-        depth = toward @ view.axis if imager.projection == "perspective" else 1.0
-        middle = (
-            imager.width / 2 + toward @ view.right / depth / imager.pixel_angle,
-            imager.height / 2 - toward @ view.up / depth / imager.pixel_angle,
-        )
-        whole = Silhouette(meets, across, downward, middle, imager.pixel_angle)
+        whole = Silhouette(meets[None], across, downward, *middle_of(view))
         columns, rows = (
             (place[1:] > 0) & (place[:-1] < count)
-            for place, count in zip(whole.places(range_m), (imager.width, imager.height))
+            for place, count in zip(whole.places(range_m), (view.imager.width, view.imager.height))
         )
         in_frame = rows[:, None] & columns
         meets *= in_frame
@@ -82,12 +76,22 @@ class Silhouette:
             meets[:] = in_frame if in_frame.any() else 1.0
         return whole.cropped()
 
+    @staticmethod
+    def of_picture(picture: TargetPicture, view: CameraView, range_m: float) -> "Silhouette":
+        """A target as a camera has seen it from a range, m, in the parts of its window."""
+        middle, scale = middle_of(view), range_m * view.imager.pixel_angle
+        across, down = (
+            scale * ((first + np.arange(count + 1)) / view.parts - place)
+            for first, count, place in zip(view.first, view.size, middle[0])
+        )
+        return Silhouette(picture.images, across, down, *middle).cropped()
+
     def cropped(self) -> "Silhouette":
         """The same outline on the part of the grid that holds it."""
-        rows, columns = (slice(on.min(), on.max() + 1) for on in np.nonzero(self.meets))
+        rows, columns = (slice(on.min(), on.max() + 1) for on in np.nonzero(self.images[0]))
         return replace(
             self,
-            meets=self.meets[rows, columns],
+            images=self.images[:, rows, columns],
             across=self.across[columns.start : columns.stop + 1],
             down=self.down[rows.start : rows.stop + 1],
         )
@@ -110,28 +114,32 @@ class Silhouette:
         ends += (-down[0], row), (down[-1], height - row)
         return max(end / room for end, room in ends if room > 0)
 
-    @cached_property
-    def area(self) -> np.ndarray:
-        """Cells that the target fills above and to the left of each corner, (r + 1, c + 1)."""
-        return np.pad(self.meets, ((1, 0), (1, 0))).cumsum(axis=0).cumsum(axis=1)
+    def pixels(self, range_m: float) -> float:
+        """Number of pixels that the target fills at a range, m."""
+        cell = np.diff(self.across)[0] * np.diff(self.down)[0]
+        return float(self.images[0].sum() * cell / (range_m * self.pixel_angle) ** 2)
 
-    def spread(self, optics: Optics, range_m: float) -> tuple[float, float]:
-        """How pixels share the light of an even target at a range, m.
+    def seen(self, camera: Camera, range_m: float) -> np.ndarray:
+        """The images in the pixels of the frame around the target at a range, m, (1 + K, h, w)."""
+        optics, around = camera.optics.at(range_m), ((MARGIN, MARGIN), (MARGIN, MARGIN))
+        imager, kept = camera.imager, []
+        places = self.places(range_m)[::-1]
+        for place, count in zip(places, (imager.height, imager.width)):
+            first = int(np.floor(place[0])) - MARGIN
+            kept.append((slice(max(-first, 0), max(count - first, 0)), max(first, 0)))
+        images = np.array(
+            [
+                optics.seen(self.samples(image, range_m), around)[kept[0][0], kept[1][0]]
+                for image in self.images
+            ]
+        )
+        height, width = images.shape[1:]
+        gain = np.broadcast_to(camera.design.gain, (imager.height, imager.width))
+        return images * gain[kept[0][1] :, kept[1][1] :][:height, :width]
 
-        Returns
-        -------
-        tuple of float
-            Root of the sum of squares of the pixels' shares, and the largest share. All shares add
-            up to 1.
-        """
-        samples = self.samples(range_m)
-        around = ((MARGIN, MARGIN), (MARGIN, MARGIN))
-        shares = optics.seen(samples, around) * OVERSAMPLING**2 / samples.sum()
-        return float(np.sqrt(np.sum(shares**2))), float(shares.max())
-
-    def samples(self, range_m: float) -> np.ndarray:
-        """Share of each sample of the target's pixels that it fills, seen from a range, m."""
-        area = self.area
+    def samples(self, of_cells: np.ndarray, range_m: float) -> np.ndarray:
+        """Means of an array over the grid in the samples of the pixels, seen from a range, m."""
+        area = np.pad(of_cells, ((1, 0), (1, 0))).cumsum(axis=0).cumsum(axis=1)
         for axis, place in enumerate(self.places(range_m)[::-1]):
             first, last = int(np.floor(place[0])), int(np.ceil(place[-1]))
             borders = first + np.arange(OVERSAMPLING * (last - first) + 1) / OVERSAMPLING
@@ -142,6 +150,17 @@ class Silhouette:
             area = np.diff(lower + weight * (upper - lower), axis=axis)
             area *= OVERSAMPLING * (place[1] - place[0])
         return area
+
+
+def middle_of(view: CameraView) -> tuple[tuple[float, float], float]:
+    """Column and row of the target's middle in the frame, and the angle of a pixel, rad."""
+    imager, toward = view.imager, view.toward
+    depth = toward @ view.axis if imager.projection == "perspective" else 1.0
+    scale = depth * imager.pixel_angle
+    return (
+        imager.width / 2 + toward @ view.right / scale,
+        imager.height / 2 - toward @ view.up / scale,
+    ), imager.pixel_angle
 
 
 # Signal-to-noise ratio and number of pixels of a target at other ranges
@@ -180,11 +199,11 @@ class RangeRow:
 class RangedTarget:
     """A target that a camera has rendered once, to be put at other ranges of its line of sight.
 
-    The electrons of the whole target are E = sum of I(x) tau(x, R) response(x) / (w R^2), plus the
-    path's less the background's that it hides, with the pixel's solid angle w. The target is taken
-    to be even: pixel j gets the share s_j of its electrons that its blurred outline has there, at
-    its place in the frame. A matched filter then has the ratio E sqrt(sum s_j^2) / noise, and the
-    strongest pixel E max(s_j) / noise. A target with hot spots has more.
+    Pixel j has c_j = sum over k of a_k(R) p_kj(R) electrons more than the background: p_0 is the
+    blurred outline of the target at that range, with the electrons a_0 of the path less those of
+    the background that it hides, and the others are blurred images of its light, see
+    `TargetPicture`. A matched filter has the ratio sqrt(sum c_j^2) / noise, and the strongest pixel
+    max |c_j| / noise. Of each c_j only what the well holds counts.
 
     Attributes
     ----------
@@ -208,34 +227,50 @@ class RangedTarget:
     noise: float
     snr: float
 
-    def spread(self, ranges_m: np.ndarray) -> np.ndarray:
-        """Root of the sum of squares, and maximum, of pixels' shares at ranges, m, (2, r)."""
-        within, place = np.unique(
-            np.maximum(ranges_m, self.silhouette.nearest_m), return_inverse=True
-        )
-        optics = self.camera.optics
-        shares = [self.silhouette.spread(optics.at(range_m), range_m) for range_m in within]
-        # The light of a nearer target is shared by more pixels, in proportion to its area
-        return np.array(shares)[place].T * (ranges_m / within[place]) ** [[1], [2]]
+    def amounts(self, ranges_m: np.ndarray, background: np.ndarray) -> np.ndarray:
+        """Electrons a_k of the images in a pixel that they fill, (1 + K, r)."""
+        arrival = self.arrival(ranges_m)
+        return np.vstack([arrival.path - background, self.exposure.picture.amounts(arrival)])
 
-    def rows(
-        self, ranges_m: ArrayLike, background: np.ndarray, spread: np.ndarray
-    ) -> list[RangeRow]:
+    def arrival(self, ranges_m: np.ndarray) -> Arrival:
+        """What arrives from some ranges, m."""
+        sources, band = self.exposure.sources, self.camera.band
+        return Arrival.of(sources, self.band, band, self.air, ranges_m, extrapolate=True)
+
+    def spread(self, ranges_m: np.ndarray, background: np.ndarray) -> "Spread":
+        """How the target spreads over pixels at some ranges."""
+        products, kept, strongest = [], [], []
+        for range_m, level, amounts in zip(
+            ranges_m, background, self.amounts(ranges_m, background).T
+        ):
+            within = max(range_m, self.silhouette.nearest_m)
+            images = self.silhouette.seen(self.camera, within)
+            contrast = np.tensordot(amounts, images, 1)
+            held = self.camera.kept_contrast(level, contrast)
+            # A nearer target has more pixels, in proportion to its area
+            flat = images.reshape(len(images), -1) * (within / range_m)
+            products.append(flat @ flat.T)
+            whole, rest = (np.linalg.norm(of) for of in (contrast, held))
+            kept.append(rest / whole if whole else 1.0)
+            strongest.append(np.abs(held).max() / rest * range_m / within if rest else 0.0)
+        return Spread(*map(np.array, (products, kept, strongest)))
+
+    def rows(self, ranges_m: ArrayLike, background: np.ndarray, spread: "Spread") -> list[RangeRow]:
         """The target at some ranges.
 
         ranges_m: ranges, m, (r,). background: electrons of the background in a pixel, for a target
-        at each range, (r,). spread: that of the target at each range, (2, r).
+        at each range, (r,). spread: that of the target at each range.
         """
-        ranges_m = np.asarray(ranges_m, dtype=float)
-        camera, exposure = self.camera, self.exposure
-        arrival = Arrival.of(
-            exposure.sources, self.band, camera.band, self.air, ranges_m, extrapolate=True
-        )
+        ranges_m, camera, exposure = np.asarray(ranges_m, dtype=float), self.camera, self.exposure
+        arrival = self.arrival(ranges_m)
         seen = arrival.of_parts(exposure.intensities)
         seen += exposure.area * (arrival.path - background)
         covered = (ranges_m * camera.imager.pixel_angle) ** 2
         electrons, pixels = seen / covered, exposure.area / covered
-        ratio, peak = np.abs(electrons) * spread / self.noise
+        amounts = self.amounts(ranges_m, background)
+        squares = np.einsum("kr,rkl,lr->r", amounts, spread.products, amounts)
+        ratio = np.sqrt(np.maximum(squares, 0)) * spread.kept / self.noise
+        peak = spread.strongest * ratio
         enough = pixels >= camera.imager.least_pixels
         criteria = {"signal to noise": ratio >= self.snr, "pixels": enough}
         peak_detected = enough & (peak >= self.snr)
@@ -245,6 +280,30 @@ class RangedTarget:
             in_words = " and ".join(lacking)
             rows.append(RangeRow(*map(float, row), not lacking, in_words, bool(peak_detected[k])))
         return rows
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How a target spreads over pixels at r ranges.
+
+    products: sums over the pixels of p_k p_l, (r, 1 + K, 1 + K). kept: share of the root of the sum
+    of c^2 that the well keeps, (r,). strongest: the strongest pixel's share of that, (r,).
+    """
+
+    products: np.ndarray
+    kept: np.ndarray
+    strongest: np.ndarray
+
+    def between(self, ranges_m: np.ndarray, others_m: np.ndarray) -> "Spread":
+        """That at other ranges between those of this one, m."""
+        x, at = np.log(ranges_m), np.log(others_m)
+        scale = ranges_m[:, None, None] ** 3  # the sums fall as R^-2 to R^-4
+        products = scipy.interpolate.PchipInterpolator(x, scale * self.products)(at)
+        return Spread(
+            products / others_m[:, None, None] ** 3,
+            np.interp(at, x, self.kept),
+            np.interp(at, x, self.strongest),
+        )
 
 
 def at_ranges(
@@ -257,10 +316,10 @@ def at_ranges(
     """
     ranges, levels = backgrounds(backdrop, target.camera.band, ranges_m)
     knots = np.geomspace(min(ranges), max(ranges), SPREADS)
-    logarithms = np.log(target.spread(knots))
+    at_knots = target.spread(knots, np.interp(knots, ranges, levels))
 
     def farthest(detected: Callable[[RangeRow], bool], within: np.ndarray) -> float | None:
-        spread = np.exp([np.interp(np.log(within), np.log(knots), values) for values in logarithms])
+        spread = at_knots.between(knots, within)
         fine_rows = target.rows(within, np.interp(within, ranges, levels), spread)
         last = max((k for k, row in enumerate(fine_rows) if detected(row)), default=None)
         if last is None or within[-1] < FINEST * within[0]:
@@ -269,7 +328,7 @@ def at_ranges(
 
     fine = np.geomspace(min(ranges), max(ranges), FINE)
     ends = (farthest(attrgetter(name), fine) for name in ("detected", "peak_detected"))
-    return target.rows(ranges, levels, target.spread(ranges)), *ends
+    return target.rows(ranges, levels, target.spread(ranges, levels)), *ends
 
 
 def table_ranges(air: Atmosphere, shortest_m: float, range_m: float) -> np.ndarray:

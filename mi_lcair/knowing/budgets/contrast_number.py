@@ -605,9 +605,9 @@ class SignalToNoise(DerivedNumber):
         camera, range_m, target = self.camera(seen), seen.path.range_m, seen.setting.target
         view = CameraView.of(target, self.scenario.observer.view, range_m, imager)
         silhouette = Silhouette.of(self.scene, view, range_m)
-        spread, _ = silhouette.spread(camera.optics.at(range_m), range_m)
-        electrons = contrast / imager.pixel_angle**2
-        return float(electrons * spread / background_noise(camera))
+        outline, pixels = silhouette.seen(camera, range_m)[0], silhouette.pixels(range_m)
+        electrons = contrast / imager.pixel_angle**2  # of the whole target, taken as even
+        return float(electrons / pixels * np.linalg.norm(outline) / background_noise(camera))
 
 
 class Netd(DerivedNumber):

@@ -1,6 +1,7 @@
 """Measures of a laboratory: NETD, uniform frames, the slanted edge."""
 
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from scipy.special import erf
 
 from mi_lcair.detection.camera.electronics import (
+    Camera,
     Correction,
     Pattern,
     electron_band,
@@ -61,6 +63,7 @@ def measures(imager=IMAGER, signal=SIGNAL, share=SHARE, temperature=295.0, desig
         temperature=temperature,
         seed=3,
     )
+    camera.kept_contrast = partial(Camera.kept_contrast, camera)
     return measured(camera, signal, design.undone(LEVEL), share, ERROR, 2.5)
 
 
@@ -70,8 +73,10 @@ def test_noise_and_ratios():
     count = 4e6 / (16383 * 63 / 64)
     noise = np.sqrt(LEVEL + 700**2 + count**2 / 12 + 1000**2 + 2000**2)
     assert result.noise == pytest.approx(noise, rel=1e-9)
-    assert result.peak_snr == pytest.approx(4.1e6 / noise, rel=1e-9)
-    squares = 3e5**2 + 4e5**2 + 1e5**2 + 4.1e6**2
+    assert result.peak_snr == pytest.approx(
+        (4e6 - LEVEL) / noise, rel=1e-9
+    )  # of 4.1e6, in the well
+    squares = 3e5**2 + 4e5**2 + 1e5**2 + (4e6 - LEVEL) ** 2
     assert result.snr == pytest.approx(np.sqrt(squares) / noise, rel=1e-9)
     corrected = measures(replace(IMAGER, nuc=True))
     assert corrected.noise == pytest.approx(np.sqrt(LEVEL + 700**2 + count**2 / 12), rel=1e-9)

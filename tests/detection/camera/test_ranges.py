@@ -7,7 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mi_lcair.detection.camera.electronics import electron_band, electrons
+from mi_lcair.detection.camera.electronics import Correction, electron_band, electrons
+from mi_lcair.detection.camera.exposure import TargetPicture
 from mi_lcair.detection.camera.optics import OVERSAMPLING, Optics
 from mi_lcair.detection.camera.ranges import (
     RangedTarget,
@@ -59,23 +60,31 @@ def target(air, snr=10.0) -> RangedTarget:
         intensities={"target": intensity, "target.source.0": intensity, "target.hit": AREA},
         area=AREA,
     )
-    camera = SimpleNamespace(band=ELECTRONS, imager=IMAGER, optics=SimpleNamespace(at=float))
-    silhouette = SimpleNamespace(nearest_m=NEAREST, spread=lambda _, range_m: shares(range_m))
+    picture = TargetPicture(np.zeros((2, 1, 1)), {"target.source.0": np.array([radiance])})
+    exposure.picture = picture
+    camera = SimpleNamespace(
+        band=ELECTRONS, imager=IMAGER, kept_contrast=lambda background, contrast: contrast
+    )
+    silhouette = SimpleNamespace(nearest_m=NEAREST, seen=lambda _, range_m: seen(range_m))
     return RangedTarget(camera, exposure, silhouette, MWIR, air, NOISE, snr)
 
 
-def shares(range_m):
-    """Root of the sum of squares and maximum of the shares of n + 1.7 pixels, of which one has 1/2.
+def seen(range_m):
+    """Outline and light in pixels, alike: the strongest of n + 1.7 pixels has half of an even one.
 
-    They only have to differ.
+    The root of the sum of squares is n / sqrt(n + 1.7).
     """
     pixels = AREA / (range_m * 1.5e-4) ** 2
-    return (pixels + POINT) ** -0.5, 0.5 / (pixels + POINT)
+    strongest, count = 0.5 * pixels / (pixels + POINT), 4 * (pixels + POINT)
+    image = np.full(int(count) + 1, strongest)
+    image[-1] *= np.sqrt(count - int(count))
+    return np.array([[image], [image]])
 
 
 def rows(target, ranges, level):
     """The rows of a target before a background that is the same at all ranges."""
-    return target.rows(ranges, np.full(len(ranges), level), target.spread(np.array(ranges)))
+    ranges, levels = np.array(ranges), np.full(len(ranges), level)
+    return target.rows(ranges, levels, target.spread(ranges, levels))
 
 
 def grey(per_km):
@@ -156,12 +165,20 @@ def test_the_peak_pixel_is_detected_less_far_than_the_target():
 
 def test_a_target_that_is_too_near_for_the_frame():
     """Its pixels share the light as from the nearest range, and their number grows as 1 / R^2."""
-    ranged = target(atmosphere("vacuum"))
-    (squares, near), (peaks, peak) = ranged.spread(np.array([300.0, NEAREST]))[:, ::-1]
-    assert (squares, peaks) == shares(NEAREST)
-    assert near == pytest.approx(squares / 5, rel=1e-12) and peak == pytest.approx(
-        peaks / 25, rel=1e-12
-    )
+    spread = target(atmosphere("vacuum")).spread(np.array([300.0, NEAREST]), np.full(2, LEVEL))
+    near, far = spread.products
+    assert near == pytest.approx(far * 25, rel=1e-12)
+    assert spread.strongest[0] == pytest.approx(spread.strongest[1] / 5, rel=1e-12)
+
+
+def test_spread_between_ranges():
+    """Sums of squares fall by 8 decades between ranges that are 100 times apart."""
+    ranged, knots = target(atmosphere("vacuum")), np.geomspace(2e3, 2e5, 16)
+    at = np.sqrt(knots[1:] * knots[:-1])
+    found = ranged.spread(knots, np.full(16, LEVEL)).between(knots, at)
+    expected = ranged.spread(at, np.full(15, LEVEL))
+    assert found.products == pytest.approx(expected.products, rel=5e-3)
+    assert found.strongest == pytest.approx(expected.strongest, rel=0.02)
 
 
 def test_ranges_of_the_table():
@@ -202,12 +219,12 @@ def square(side_m=3.0, cells=60) -> Silhouette:
     edges = np.linspace(-0.6, 0.6, cells + 1) * side_m
     inside = np.abs(edges[1:] + edges[:-1]) / 2 < side_m / 2
     meets = (inside[:, None] & inside).astype(float)
-    return Silhouette(meets, edges, edges, MIDDLE, 1e-4)
+    return Silhouette(meets[None], edges, edges, MIDDLE, 1e-4)
 
 
 def test_samples_hold_the_area_at_its_place():
     """3 m at 3 km are 10 pixels: 26.7 to 36.7 across and 19.2 to 29.2 down."""
-    samples = square().samples(3000.0)
+    samples = square().samples(square().images[0], 3000.0)
     # The grid is 12 pixels wide, from 25.7 and 18.2 on; its samples begin at 25 and 18
     assert samples.sum() / OVERSAMPLING**2 == pytest.approx(100, rel=1e-12)
     rows, columns = samples.mean(axis=1), samples.mean(axis=0)
@@ -224,11 +241,14 @@ def test_samples_hold_the_area_at_its_place():
 def test_a_target_of_300_pixels_is_nearest():
     """Without the grid around it, which would take memory where the frame shows a small part."""
     cropped = square().cropped()
-    assert cropped.meets.shape == (50, 50) and cropped.meets.all()
+    assert cropped.images.shape == (1, 50, 50) and cropped.images.all()
     assert cropped.nearest_m == pytest.approx(3.0 / 300 / 1e-4, rel=1e-9)
-    assert cropped.samples(3000.0).sum() == pytest.approx(square().samples(3000.0).sum(), rel=1e-12)
-    aside = replace(square(), meets=np.pad(square().meets, ((7, 0), (0, 3)))[:-7, 3:]).cropped()
-    assert aside.samples(3e3).shape == (33, 33) and aside.down[0] == pytest.approx(-1.5 + 7 * 0.06)
+    whole, part = (of.samples(of.images[0], 3000.0).sum() for of in (square(), cropped))
+    assert part == pytest.approx(whole, rel=1e-12)
+    moved = np.pad(square().images, ((0, 0), (7, 0), (0, 3)))[:, :-7, 3:]
+    aside = replace(square(), images=moved).cropped()
+    assert aside.samples(aside.images[0], 3e3).shape == (33, 33)
+    assert aside.down[0] == pytest.approx(-1.5 + 7 * 0.06)
 
 
 @pytest.mark.parametrize("width, room", [(64, 31.7), (40, 8.3), (25, 24.2)])
@@ -245,7 +265,9 @@ def test_shares_of_pixels(range_m):
     imager = Imager(**CAMERA | {"focal_length_mm": 150.0})
     electron = electron_band(band("MWIR"), imager)
     optics = Optics(imager, electron, partial(spectral_radiance, temperature=300.0))
-    squares, peak = square().spread(optics, range_m)
+    whole = SimpleNamespace(optics=optics, imager=imager, design=Correction())
+    pixels = square().seen(whole, range_m)[0] / (3.0 / range_m / 1e-4) ** 2
+    squares, peak = np.linalg.norm(pixels), pixels.max()
     # The image is the integral of MTF x sinc x sinc over the frequencies
     side = 3.0 / range_m / 1e-4
     f = (np.arange(-128, 128) + 0.5) / 128  # cycles per pixel, up to the cut-off of 1.2
@@ -274,5 +296,5 @@ def test_the_outline_is_where_the_frame_shows_it(tmp_path, projection):
         assert silhouette.middle == pytest.approx((column, row), abs=0.01)
         width = 2 / 0.15
         left = max(column - width / 2, 0)
-        seen = silhouette.meets.sum() * np.diff(silhouette.across)[0] * np.diff(silhouette.down)[0]
+        seen = silhouette.images.sum() * np.diff(silhouette.across)[0] * np.diff(silhouette.down)[0]
         assert seen == pytest.approx(2 * (column + width / 2 - left) / width, rel=3e-3)
