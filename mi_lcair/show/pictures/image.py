@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mi_lcair.detection.camera.image_result import Image
+from mi_lcair.detection.camera.image_result import Image, millikelvin
 from mi_lcair.drawing import new_figure, plain, styled
 from mi_lcair.show.pictures.image_channels import draw_pixels, limits_of
 
@@ -26,7 +26,7 @@ def figure(image: Image):
         plain(
             f"{scenario.name}, {image.band.label}, {scenario.observer.range_m:.5g} m, "
             f"f = {camera.focal_length_mm:g} mm, f/{camera.f_number:g}, "
-            f"{camera.integration_time_ms:g} ms, NETD {1e3 * measures.netd:.3g} mK "
+            f"{camera.integration_time_ms:g} ms, NETD {millikelvin(measures.netd)} "
             f"at {measures.temperature:.4g} K"
         )
     )

@@ -341,6 +341,8 @@ def test_a_saturated_frame_detects_nothing(tmp_path):
     assert full.measures.snr == full.measures.peak_snr == 0
     assert full.detected_to_m is None and not any(row.detected for row in full.ranges)
     assert "NETD none, as the background saturates" in full.summary()
+    full.plot(tmp_path / "full.png")
+    assert (tmp_path / "full.png").exists()
     hot = {"target__parameters": {"temperature": 1500}, "render__spp": 16}
     clipped = image(plate(tmp_path, 2.0, 2.0, **hot))
     camera, measures = clipped.scenario.camera, clipped.measures
