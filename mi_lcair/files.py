@@ -16,6 +16,8 @@ LARGEST = 2**28  # largest size of a text file [bytes]
 LARGEST_MESH = 2**34  # largest size of a mesh, an image or another file of numbers [bytes]
 DEEPEST = 64  # largest number of dots in a key of a TOML file, whose time grows with its square
 VTK = ".vtp", ".vtu"  # suffixes of facets as VTK's XML files
+USD = ".usd", ".usda", ".usdc"  # and as OpenUSD
+FACET_FILES = (*VTK, *USD)
 PART = ".part"  # suffix of temporary files and folders
 # Characters of Latin-1 that do not occur in a text file.
 NO_TEXT = re.compile(r"[\x00-\x08\x0e-\x1f\x7f-\x9f]")

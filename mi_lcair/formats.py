@@ -1,4 +1,4 @@
-"""Files that other programs read, written from plain arrays: CSV, netCDF, VTK and TIFF."""
+"""Files that other programs read, written from plain arrays: CSV, netCDF, VTK, USD and TIFF."""
 
 import base64
 import csv
@@ -8,13 +8,14 @@ from contextlib import contextmanager
 from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
 from mi_lcair.errors import InputError, check_known, escaped, option
 from mi_lcair.extras import optional
-from mi_lcair.files import VTK, check_suffix, replacing, together, write_bytes
+from mi_lcair.files import FACET_FILES, USD, check_suffix, replacing, together, write_bytes
 from mi_lcair.sections import UNITS, quantity_of, unit_of
 from mi_lcair.table import read_table, safe_cell
 
@@ -489,16 +490,17 @@ TYPES = {"i": "Int64", "u": "Int64", "b": "Int64", "f": "Float64"}  # by NumPy's
 def write_facets(
     path: str | Path, vertices: np.ndarray, faces, columns: dict[str, np.ndarray]
 ) -> None:
-    """Write polygons with columns of values as a .vtp or .vtu file, completely or not at all.
+    """Write polygons with columns of values as VTK or USD, completely or not at all.
 
     A column of texts such as `group` becomes two arrays: the texts themselves, and `group_number`,
     the number of each text in their alphabetical order, by which ParaView colours. A .vtu file has
     the numbers only, because meshio reads no texts; a comment in it lists what they stand for.
+    For USD see `_write_usd`.
 
     Parameters
     ----------
     path : path-like
-        File to write; .vtp is VTK's PolyData, .vtu its UnstructuredGrid.
+        File to write; .vtp is VTK's PolyData, .vtu its UnstructuredGrid, .usd[a|c] a stage.
     vertices : ndarray, shape (n, 3)
         Corners of the polygons [m], stored in Float64.
     faces : sequence of sequences of int
@@ -509,9 +511,12 @@ def write_facets(
     Raises
     ------
     InputError
-        If the suffix is neither of both, or if the file cannot be written.
+        If the suffix is none of these, if the file cannot be written, or if usd-core is missing.
     """
-    suffix = check_suffix(path, VTK)
+    suffix = check_suffix(path, FACET_FILES)
+    if suffix in USD:
+        _write_usd(path, suffix, vertices, faces, columns)
+        return
     texts, numbers = {}, {}
     for name, values in columns.items():
         values = np.asarray(values)
@@ -549,6 +554,64 @@ def write_facets(
     ]
     with replacing(path) as partial:
         partial.write_text("\n".join(lines), encoding="utf-8")
+
+
+# Attributes by which `mi-lcair import` knows columns of facets again; others are `facets:NAME`
+SAID = {"temperature_K": "kelvin", "material": "material", "group": "group", "type": "type"}
+LETTERS = {"model": "f", "sky": "s", "terrain": "t"}  # types of facets in labels
+COLOURS = "inferno"  # of Matplotlib
+
+
+def _write_usd(path, suffix: str, vertices, faces, columns: dict[str, np.ndarray]) -> None:
+    """Write polygons as a mesh of OpenUSD, with primvars over its faces.
+
+    Those of SAID are `thermal:NAME`, as `import` reads them. Numbers have single precision, which
+    is all that Blender reads, but temperatures that it does not hold are doubles. Viewers show
+    `displayColor`, which is the temperature from the lowest (black) to the highest (yellow); grey
+    has none.
+    """
+    optional("pxr", f"{path}: a USD file")
+    from matplotlib import colormaps
+    from pxr import Sdf, Usd, UsdGeom, Vt
+
+    stage = Usd.Stage.CreateInMemory()
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    mesh = UsdGeom.Mesh.Define(stage, "/facets")
+    stage.SetDefaultPrim(mesh.GetPrim())
+    flat = np.concatenate([np.zeros(0, int), *map(np.asarray, faces)])
+    used, corners = np.unique(flat, return_inverse=True)
+    mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(np.asarray(vertices, np.float32)[used]))
+    mesh.CreateFaceVertexCountsAttr([len(face) for face in faces])
+    mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(corners.astype(np.int32)))
+    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(mesh.GetPointsAttr().Get()))
+    primvars, kinds = UsdGeom.PrimvarsAPI(mesh), Sdf.ValueTypeNames
+    for name, values in columns.items():
+        values = np.asarray(values)
+        if values.ndim > 1 or not len(values):
+            continue
+        name = f"thermal:{SAID[name]}" if name in SAID else f"facets:{name}"
+        kind = {"i": kinds.IntArray, "u": kinds.IntArray, "f": kinds.FloatArray}
+        kind = kind.get(values.dtype.kind, kinds.StringArray)
+        if name == "thermal:kelvin" and (values != values.astype(np.float32))[values > 0].any():
+            kind = kinds.DoubleArray
+        written = values.tolist() if kind != kinds.StringArray else [*map(str, values)]
+        if name == "thermal:type":
+            written = [LETTERS.get(value, value) for value in written]
+        primvars.CreatePrimvar(name, kind, UsdGeom.Tokens.uniform).Set(written)
+    if "temperature_K" in columns and len(faces):
+        kelvin = np.asarray(columns["temperature_K"], float)
+        low, high = (np.nanmin(kelvin), np.nanmax(kelvin)) if np.isfinite(kelvin).any() else (0, 1)
+        colours = colormaps[COLOURS]((kelvin - low) / max(high - low, 1e-9))[:, :3]
+        colours[np.isnan(kelvin)] = 0.5
+        colour = primvars.CreatePrimvar("displayColor", kinds.Color3fArray, UsdGeom.Tokens.uniform)
+        colour.Set(Vt.Vec3fArray.FromNumpy(colours.astype(np.float32)))
+    with TemporaryDirectory() as folder:
+        file = Path(folder, f"facets{suffix}")
+        stage.Export(str(file), addSourceFileComment=False)
+        content = file.read_bytes()
+    write_bytes(path, content)
 
 
 def _array(name: str, values: np.ndarray) -> str:

@@ -15,10 +15,11 @@ from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
 
+from mi_lcair import files
 from mi_lcair.errors import InputError, unknown
 
 FOLDER = Path(__file__).resolve().parent
-USD = (".usd", ".usda", ".usdc", ".usdz")
+USD = (*files.USD, ".usdz")
 MODELS = (".obj", ".glb", ".gltf", ".ply", ".stl", *USD)  # suffixes of models, see `models3d`
 # Programs by the suffix of their files, which must be exported in one of these formats
 UNREAD = {

@@ -213,7 +213,7 @@ def test_no_facets(tmp_path):
 
 
 def test_another_suffix(tmp_path):
-    with pytest.raises(InputError, match="does not end in .vtp or .vtu"):
+    with pytest.raises(InputError, match="does not end in .vtp, .vtu, .usd"):
         formats.write_facets(tmp_path / "a.vtk", VERTICES, FACES, COLUMNS)
     assert not list(tmp_path.iterdir())
 

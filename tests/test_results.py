@@ -246,6 +246,9 @@ def test_every_format_that_a_result_names_is_written(result, tmp_path):
         ".tif": b"II*\0",
         ".vtp": b"<?xml",
         ".vtu": b"<?xml",
+        ".usd": b"PXR-USDC",
+        ".usda": b"#usda 1.0",
+        ".usdc": b"PXR-USDC",
     }
     suffixes = set(result.suffixes())
     assert {".json", ".csv", ".nc"} <= suffixes

@@ -9,7 +9,7 @@ from mi_lcair.cli import completion, options
 from mi_lcair.cli.output import print_next, print_written, write_and_print
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
-from mi_lcair.files import VTK
+from mi_lcair.files import FACET_FILES
 
 # mi-lcair audit: check whether a scene conserves energy
 # ------------------------------------------------------
@@ -183,7 +183,9 @@ def invert_command(outputs):
     "mi-lcair shape-derivatives cylinder_ir_range --group self --spp 4 -o shape.png",
 )
 @options.loading
-@options.outputs("or draw the derivatives by facet", ".csv", ".json", ".html", *VTK, *PICTURES)
+@options.outputs(
+    "or draw the derivatives by facet", ".csv", ".json", ".html", *FACET_FILES, *PICTURES
+)
 @options.calls("shape_derivatives", "group")
 def shape_derivatives_command():
     """Show where moving a surface changes the intensity.

@@ -8,14 +8,15 @@ import mi_lcair
 from mi_lcair.cli import completion, options, pictures
 from mi_lcair.cli.output import line_of, note, print_written
 from mi_lcair.drawing import PICTURES
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, errors_of
 from mi_lcair.extras import named
-from mi_lcair.files import VTK, check_suffix, check_writable, write_bytes
+from mi_lcair.files import FACET_FILES, check_suffix, check_writable, write_bytes
 
 # mi-lcair convert: files of this project as files that other programs read
 # -------------------------------------------------------------------------
 
 STATED_K = 300.0  # temperature that an OpenMATERIAL states for its emissivity
+SAME_AREA = 1e-4  # relative difference of a facet's area in a result and in its scene
 CURVE = "theta_deg", "predicted", "standard_error"  # of the emissivity in a fit's report
 
 
@@ -23,6 +24,7 @@ CURVE = "theta_deg", "predicted", "standard_error"  # of the emissivity in a fit
     "convert",
     "mi-lcair convert open_box.exr open_box.tif -c temperature.Y",
     "mi-lcair convert box.obj box.vtp",
+    "mi-lcair convert box.obj box.usda",
 )
 @click.argument("source", metavar="IN")
 @click.argument("output", metavar="OUT", type=options.FILE)
@@ -48,8 +50,11 @@ def convert_command(ctx, source, output, channel, scene, parameters):
     fit.json -> FILE.xomp, .json  a material of ASAM OpenMATERIAL 3D
     facets.csv -> FILE.vtp, .vtu  facets with all columns, for ParaView; with
                                   --scene SCENE
+    signature.json -> FILE.vtp    the same, if it has facets
     SCENE, MODEL.obj, FOLDER -> FILE.vtp, .vtu
                                   the facets of a model
+    FILE.usd, .usda, .usdc        in place of FILE.vtp: OpenUSD, with the
+                                  columns as primvars; import reads it
 
     Pictures are made by show.
     """
@@ -71,7 +76,7 @@ def _way(source: str, scene):
     """
     suffix = Path(source).suffix.lower()
     if suffix == ".csv" and scene:
-        return _facets, VTK, ("scene", "parameters")
+        return _facets, FACET_FILES, ("scene", "parameters")
     if suffix in (".csv", ".nc"):
         return _table, (".nc",) if suffix == ".csv" else (".csv",), ()
     from mi_lcair.show import kinds
@@ -81,7 +86,7 @@ def _way(source: str, scene):
     if not kind.converted:
         raise InputError(
             f"'{source}' is {name}, which is not converted; convert takes an image (.exr), a table "
-            "(.csv, .nc), a solution, budget, audit or fit (.json), a scene or a model"
+            "(.csv, .nc), a signature, solution, budget, audit or fit (.json), a scene or a model"
         )
     return named(f"{__name__}:_{kind.converted}"), kind.to, kind.settings
 
@@ -154,6 +159,28 @@ def _facets(source, output, suffix, scene, parameters):
     by_facet(read_table(source, (FACET,)), FACET, facets.count)  # checks the numbers
     columns = read_columns(source)
     columns[FACET] = columns[FACET].astype(int)
+    FacetPolygons.of(facets.triangles, facets.triangle_facet).write(output, columns)
+
+
+def _facets_of_signature(source, output, suffix, scene, parameters):
+    """The facets of a signature's JSON and their polygons."""
+    import numpy as np
+
+    from mi_lcair.rendering.facets import FACET, FacetPolygons, FacetTable
+    from mi_lcair.results import columns_of
+    from mi_lcair.show.kinds import read_json, whole
+
+    entries = read_json(source)
+    if "facets" not in entries:
+        raise InputError(f"'{source}': has no facets; signature --facets FILE --json gives them")
+    with whole(source):
+        columns, scene = columns_of(entries["facets"]), scene or entries["scene_name"]
+        columns[FACET] = columns[FACET].astype(int)
+        number, areas = columns[FACET], columns["area_m2"]
+    with errors_of(f"'{source}': scene '{scene}' (another: --scene)"):
+        facets = FacetTable(mi_lcair.load(scene, **parameters))
+    if number.max() >= facets.count or not np.allclose(facets.area[number], areas, SAME_AREA):
+        raise InputError(f"'{source}': is not of scene '{scene}', whose facets have other areas")
     FacetPolygons.of(facets.triangles, facets.triangle_facet).write(output, columns)
 
 

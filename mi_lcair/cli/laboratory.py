@@ -10,7 +10,7 @@ from mi_lcair.cli import options
 from mi_lcair.cli.output import print_next, write_and_print
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
-from mi_lcair.files import VTK
+from mi_lcair.files import FACET_FILES
 
 # mi-lcair temperature: the temperature of an object from an image of a thermographic camera
 # ------------------------------------------------------------------------------------------
@@ -84,7 +84,7 @@ def cavity_command():
     sun_deg={"flag": "--sun", "nargs": 2, "metavar": "ELEVATION AZIMUTH"},
 )
 @options.outputs(
-    "or draw the facets, with the sparse matrix of their conductors in .nc", *ANY, *VTK
+    "or draw the facets, with the sparse matrix of their conductors in .nc", *ANY, *FACET_FILES
 )
 def exchange_command():
     """Heat that the facets of SCENE exchange by radiation.
@@ -98,7 +98,7 @@ def exchange_command():
 # mi-lcair heat: temperatures from what heats and cools a scene
 # -------------------------------------------------------------
 
-OF_HOUR = (".csv", ".vtp", ".vtu")  # files of the temperatures at one time
+OF_HOUR = (".csv", *FACET_FILES)  # files of the temperatures at one time
 
 
 @options.command("heat", "mi-lcair heat heat.toml -o temperatures.csv --hour 14")
@@ -108,7 +108,8 @@ OF_HOUR = (".csv", ".vtp", ".vtu")  # files of the temperatures at one time
 )
 @options.option(
     "--hour",
-    "Time of the temperatures in a .csv, .vtp or .vtu file (default: that of the warmest facet).",
+    "Time of the temperatures in a .csv, .vtp, .vtu or .usd file (default: that of the warmest "
+    "facet).",
     click.FloatRange(min=0),
 )
 @options.renderer

@@ -9,7 +9,7 @@ from mi_lcair.cli import options
 from mi_lcair.cli.output import print_next, print_result, print_written, write_and_print
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
-from mi_lcair.files import VTK, check_writable, together
+from mi_lcair.files import FACET_FILES, check_writable, together
 
 # mi-lcair render: render a scene to a radiance image
 # ---------------------------------------------------
@@ -97,8 +97,8 @@ def render_command(scene, outputs, atmosphere, range_m, bins, wavelengths, **sam
 @options.file(
     "--facets",
     "Write radiance and intensity of each facet of the model, FILE.csv; or the facets with them "
-    "for ParaView, FILE.vtp or FILE.vtu.",
-    (".csv", *VTK),
+    "for ParaView, FILE.vtp or FILE.vtu, or as OpenUSD, FILE.usda or FILE.usdc.",
+    (".csv", *FACET_FILES),
 )
 def signature_command(scene, spectra, facets, **sampling):
     """Intensity of SCENE in W/sr.

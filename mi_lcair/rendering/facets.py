@@ -12,7 +12,7 @@ import numpy as np
 
 from mi_lcair import formats
 from mi_lcair.errors import InputError, shown
-from mi_lcair.files import VTK
+from mi_lcair.files import FACET_FILES
 from mi_lcair.models3d.model import Model
 from mi_lcair.models3d.modellers.naming import Label
 from mi_lcair.plugins.bsdfs.plume import is_passed, is_plume
@@ -44,7 +44,7 @@ from mi_lcair.table import TextTable
 # -----------------------------------------------------
 
 # `saved_by` of results with facets, whose files `write_vtk` writes
-WRITERS = dict.fromkeys(VTK, f"{__name__}:write_vtk")
+WRITERS = dict.fromkeys(FACET_FILES, f"{__name__}:write_vtk")
 PLANAR = 1e-7  # largest relative error of the area for which an outline replaces its triangles
 
 
@@ -85,7 +85,7 @@ class FacetPolygons:
         return FacetPolygons(vertices, faces, np.array(facet, dtype=np.int64))
 
     def write(self, path: str | PathLike[str], columns: dict[str, np.ndarray]) -> None:
-        """Write the polygons as a .vtp or .vtu file with the columns of a table of facets.
+        """Write the polygons as a file of FACET_FILES with the columns of a table of facets.
 
         columns: `facet`, the number of each row's facet, and others by name with the unit. Facets
         without a row are left out. Raises InputError as `formats.write_facets`.
@@ -99,7 +99,7 @@ class FacetPolygons:
 
 
 def write_vtk(path: str | PathLike[str], facets) -> None:
-    """Write facets with all columns of their table as a .vtp or .vtu file.
+    """Write facets with all columns of their table as a file of FACET_FILES.
 
     facets: what has `triangles`, `triangle_facet` and `columns`, such as a FacetTable.
     """

@@ -10,7 +10,7 @@ from pathlib import Path
 from mi_lcair import scenes
 from mi_lcair.errors import InputError
 from mi_lcair.extras import named
-from mi_lcair.files import VTK, parse_json, read_text
+from mi_lcair.files import FACET_FILES, parse_json, read_text
 from mi_lcair.formats import read_columns
 from mi_lcair.results import Result
 
@@ -60,7 +60,8 @@ KINDS = {
         options=("channels", *SCALE, "scene", "parameters", "sensor"), settings=("channel",),
     ),
     SIGNATURE: Kind(json="signature", page="signature",
-        made_by="mi_lcair.signatures.signature:Signature"),
+        made_by="mi_lcair.signatures.signature:Signature",
+        converted="facets_of_signature", to=FACET_FILES, settings=("scene", "parameters")),
     FIT: Kind(json="fit", page="fit", drawn="brdf", options=OF_MATERIAL,
         converted="fit", to=(".csv", ".json", ".xomp")),
     SOLUTION: Kind(json="mi_lcair solution", drawn="result",
@@ -79,9 +80,9 @@ KINDS = {
         hint="name its scene, in the shell: mi-lcair show SCENE --facets {} -c COLUMN"),
     RESULTS: Kind(page="results"),
     MODEL: Kind(suffixes=scenes.MODELS, page="facet_model", drawn="model", options=("materials",),
-        converted="model", to=VTK),
+        converted="model", to=FACET_FILES),
     SCENE: Kind(suffixes=(".xml",), drawn="scene", options=("parameters",),
-        converted="scene", to=VTK, settings=("parameters",)),
+        converted="scene", to=FACET_FILES, settings=("parameters",)),
     SCENARIO: Kind(suffixes=(".toml",), drawn="scenario", options=("parameters",)),
     MATERIAL: Kind(suffixes=(".xomp",), drawn="brdf", options=OF_MATERIAL),
     **dict.fromkeys((BLACKBODIES, AIR, SKY), Kind(drawn="curves", options=("band",))),

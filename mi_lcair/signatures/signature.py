@@ -11,7 +11,7 @@ import numpy as np
 
 from mi_lcair.charts import BarChart, BarCharts, label
 from mi_lcair.declared import percent
-from mi_lcair.files import VTK
+from mi_lcair.files import FACET_FILES
 from mi_lcair.plugins.paths.launch import Aim
 from mi_lcair.plugins.recorders.channels import PARTS as SPLITS
 from mi_lcair.plugins.recorders.channels import Channels
@@ -289,12 +289,12 @@ class Signature(Result):
     heading = "Intensity"
     computed = {"main_part": "main_part"}
     facts_of = staticmethod(facts_of_entries)
-    saved_by = dict.fromkeys(VTK, f"{__name__}:write_vtk")
+    saved_by = dict.fromkeys(FACET_FILES, f"{__name__}:write_vtk")
 
     def suffixes(self) -> list[str]:
         """Suffixes of the files that `save` can write; those of ParaView need `facets=True`."""
         known = super().suffixes()
-        return [suffix for suffix in known if suffix not in VTK or self.facets is not None]
+        return [suffix for suffix in known if suffix not in FACET_FILES or self.facets is not None]
 
     @property
     def main_part(self) -> str:

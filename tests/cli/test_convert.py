@@ -50,6 +50,56 @@ def test_facets_are_those_of_the_csv(run, folder):
 
 
 @pytest.mark.slow
+def test_usd_and_back(run, folder):
+    """Temperatures, radiances and labels of a signature's facets, exactly, and the import of it."""
+    Usd = pytest.importorskip("pxr.Usd")
+    kelvin = np.random.default_rng(1).uniform(250, 700, 7)
+    rows = (f"{number},{value!r}\n" for number, value in enumerate(kelvin.tolist()))
+    (folder / "t.csv").write_text("facet,kelvin\n" + "".join(rows))
+    assert run("import", str(BOX), "--temperatures", "t.csv", "-o", "box").exit_code == 0
+    sample = "box/scene.xml", "-D", "resolution=16", "--spp", 4, "--facets", "f.usda"
+    result = run("signature", *sample, "--json")
+    (folder / "s.json").write_text(result.stdout)
+    facets = json.loads(result.stdout)["facets"]
+    assert run("convert", "s.json", "s.usdc").exit_code == 0  # the folder `box` is its scene
+    for name in ("f.usda", "s.usdc"):
+        stage = Usd.Stage.Open(str(folder / name))
+        mesh = stage.GetPrimAtPath("/facets")
+
+        def values(primvar):
+            return list(mesh.GetAttribute(f"primvars:{primvar}").Get())
+
+        assert values("thermal:kelvin") == facets["temperature_K"]
+        radiance = [np.nan if v is None else v for v in facets["radiance_W_m2_sr"]]
+        np.testing.assert_allclose(values("facets:radiance_W_m2_sr"), radiance, rtol=1e-7)
+        assert values("thermal:group") == facets["group"] and len(values("displayColor")) == 6
+    assert run("convert", "box", "scene.usdc").exit_code == 0
+    assert run("import", "scene.usdc", "-o", "again").exit_code == 0
+    for name in ("box", "again"):
+        assert run("convert", name, f"{name}.vtp").exit_code == 0
+        assert run("convert", name, f"{name}.vtu").exit_code == 0
+    first, again = (meshio.read(folder / f"{name}.vtu") for name in ("box", "again"))
+    assert set(first.cell_data) == set(again.cell_data)
+    for name, columns in first.cell_data.items():
+        assert np.array_equal(columns, again.cell_data[name]) or name == "area_m2", name
+    np.testing.assert_allclose(areas(first), areas(again), rtol=1e-6)
+    given = np.concatenate(again.cell_data["temperature_K"])
+    assert given.tolist() == kelvin.astype(np.float32).tolist()
+
+
+def test_usd_refusals(refused, run, folder):
+    (folder / "s.json").write_text('{"kind": "signature", "scene_name": "two_plates"}')
+    assert "'s.json': has no facets" in refused("convert", "s.json", "a.usda")
+    table = {"facet": [0, 1], "area_m2": [9.0, 1.0]}
+    entries = {"kind": "signature", "scene_name": "nowhere", "facets": table}
+    (folder / "s.json").write_text(json.dumps(entries))
+    assert "scene 'nowhere' (another: --scene)" in refused("convert", "s.json", "a.usda")
+    line = refused("convert", "s.json", "a.usda", "--scene", "two_plates")
+    assert "is not of scene 'two_plates', whose facets have other areas" in line
+    assert "a.usdz" in refused("convert", "two_plates", "a.usdz") and not [*folder.glob("a.*")]
+
+
+@pytest.mark.slow
 def test_models(run, folder):
     """The same polygons from the OBJ and from the scene that import made of it."""
     assert run("import", str(BOX), "-o", "box").exit_code == 0
@@ -101,7 +151,7 @@ def test_tables_there_and_back(run, folder):
     [
         (["t.csv", "t.vtp"], "becomes .nc; output 't.vtp' does not end in .nc"),
         (["f.csv", "f.vtp", "--scene", "two_plates"], "facet '7.0' is not in the scene"),
-        (["f.csv", "f.png", "--scene", "two_plates"], "does not end in .vtp or .vtu"),
+        (["f.csv", "f.png", "--scene", "two_plates"], "does not end in .vtp, .vtu, .usd"),
         (["t.csv", "t.nc", "-c", "Y"], "does not go with 't.csv'"),
         (["none.exr", "a.tif"], "No such file"),
         (["none.csv", "a.nc"], "No such file"),
@@ -109,7 +159,7 @@ def test_tables_there_and_back(run, folder):
         (["gloss_black", "a.vtp"], "'gloss_black' is a material, which is not converted"),
         (["t.csv", "no/t.nc"], "does not exist"),
         (["nothing", "a.vtp"], "'nothing' is no image"),
-        (["two_plates", "a.vtk"], "does not end in .vtp or .vtu"),
+        (["two_plates", "a.vtk"], "does not end in .vtp, .vtu, .usd"),
         (["fit.json", "e.csv"], "convert a whole fit of one"),
     ],
 )

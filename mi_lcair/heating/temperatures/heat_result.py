@@ -12,7 +12,7 @@ import numpy as np
 from mi_lcair import formats
 from mi_lcair.declared import Bounds, percent
 from mi_lcair.estimate import Contribution, Estimate, with_error
-from mi_lcair.files import replacing
+from mi_lcair.files import FACET_FILES, replacing
 from mi_lcair.heating.conductors import Facets
 from mi_lcair.rendering.facets import FacetPolygons
 from mi_lcair.rendering.parameters.modes import AFTER, BEFORE
@@ -78,8 +78,7 @@ class Heat(Result):
     computed = {"hours": "hours", "groups": "by_group", "inputs": "by_input"}
     saved_by = {
         ".csv": "mi_lcair.heating.temperatures.heat_result:write_csv",
-        ".vtu": "mi_lcair.heating.temperatures.heat_result:write_vtk",
-        ".vtp": "mi_lcair.heating.temperatures.heat_result:write_vtk",
+        **dict.fromkeys(FACET_FILES, "mi_lcair.heating.temperatures.heat_result:write_vtk"),
         ".series": "mi_lcair.heating.temperatures.heat_result:write_series",
     }
 
