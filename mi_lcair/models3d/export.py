@@ -262,6 +262,7 @@ def export(
         for copy, source in sources.items()
         if not _is_same(folder / copy, source)
     }
+    contents |= {file: text.encode() for file, text in model.files.items()}
     contents |= {file: content() for file, content in (also or {}).items()}
     labels = {stem: label for stem, (label, _) in parts.items()}
     contents["model.xml"] = fragment(name, labels, short, materials, sky).encode()

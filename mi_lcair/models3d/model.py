@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +49,7 @@ class Model(Result):
     triangle, (T,). off_plane: largest distance of a facet's corners from its mean plane, (F,).
     names: that of each facet's object, group or material in the file, "" without one, (F,); None
     for no names. remarks: what a user should know about the reading of the file, one line each.
+    files: texts of further files by name, see `Movement.files`.
     """
 
     vertices: np.ndarray
@@ -62,6 +63,7 @@ class Model(Result):
     off_plane: np.ndarray
     names: np.ndarray | None = None
     remarks: tuple[str, ...] = ()
+    files: dict[str, str] = field(default_factory=dict)
 
     kind = "model"
     drawn_by = "mi_lcair.show.pictures.model:figure"
@@ -124,9 +126,12 @@ class Model(Result):
     @property
     def box(self) -> np.ndarray:
         """Lowest and highest coordinates (2, 3) of the facets' corners [m]."""
-        used = np.zeros(len(self.vertices), bool)
-        used[self.corners] = True
-        return np.stack([self.vertices[used].min(axis=0), self.vertices[used].max(axis=0)])
+        return self.box_of(np.ones(self.count, bool))
+
+    def box_of(self, facets: np.ndarray) -> np.ndarray:
+        """Lowest and highest coordinates (2, 3) of the corners of the facets in a mask [m]."""
+        points = self.vertices[self.corners[np.repeat(facets, np.diff(self.first))]]
+        return np.stack([points.min(axis=0), points.max(axis=0)])
 
     def called(self, facets, most: int = 3) -> str:
         """What some facets are called in the file, in words; "" if they have no names there."""
@@ -242,7 +247,7 @@ def read(
             kelvins = np.where(np.isnan(kelvins), obj.kelvin, kelvins)
     if is_solution:
         kelvins = _solved_temperatures(Path(temperatures), kelvins)
-    return Model(
+    model = Model(
         **welded,
         labels=labels,
         label=label,
@@ -254,6 +259,13 @@ def read(
             *_remarks(obj, labels, label, table, kind in ASK_AXES and not (forward or up)),
         ),
     )
+    if obj.motion is None:
+        return model
+    groups = np.array([at.group if at.type == "f" else "" for at in labels], object)[label]
+    boxes = {group: model.box_of(groups == group) for group in set(groups) - {""}}
+    boxes[""] = model.box_of(groups != "") if boxes else model.box
+    files, remarks = obj.motion.files(groups, boxes, turn, scale or obj.unit)
+    return replace(model, files=files, remarks=(*model.remarks, *remarks))
 
 
 def _called(part) -> str:

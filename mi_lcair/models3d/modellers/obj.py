@@ -41,7 +41,8 @@ class Obj:
 
     What a file may say itself: given: for each part its place in messages, the values of the
     columns of a table of names, and a group where nothing else gives one; kelvin (F,): temperatures
-    of faces [K], NaN for none; unit [m]; axes: forward and up; remarks: on the reading.
+    of faces [K], NaN for none; unit [m]; axes: forward and up; remarks: on the reading;
+    motion: `usd.Movement`.
     """
 
     path: Path
@@ -59,6 +60,7 @@ class Obj:
     unit: float = 1.0
     axes: tuple[str, str] | None = None
     remarks: tuple[str, ...] = ()
+    motion: object | None = None
 
     def place(self, face: int) -> str:
         """Where a face stands in the file, for messages."""

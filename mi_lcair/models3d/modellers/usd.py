@@ -10,8 +10,10 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from mi_lcair.coincident import unique_rows, weld
 from mi_lcair.declared import percent
@@ -34,6 +36,8 @@ SHOWN = ("default", "render")  # purposes of prims that are seen
 MOST_GROUPS = 64  # branches of the hierarchy that become groups; as many spectra are told apart
 REASON = re.compile(r" : '(.*?)'\s*$", re.MULTILINE | re.DOTALL)  # in the text of USD's errors
 SMALL = 1e-3  # relative change of the area by a subdivision that is not worth a remark
+SMALL_CHANGE, RIGID = 1e-9, 1e-4  # of a frame's entries; of the lengths of turned vectors
+MOST_MOMENTS = 1_000_000  # places of meshes at all times together
 MOST_NAMED = 3  # prims that a remark names
 CHANGES = "changes with time, and is read at the first"
 
@@ -201,13 +205,13 @@ class MeshFaces:
 class Stage:
     """A stage of USD, and what a user should know about the reading of it.
 
-    notes: paths of prims by what is remarkable about them.
+    notes: paths of prims by what is remarkable about them. changes: times at which prims move.
     """
 
     def __init__(self, path: Path, variants: Mapping[str, str], guess: bool):
         from pxr import Tf, Usd
 
-        self.path, self.guess, self.notes = path, guess, {}
+        self.path, self.guess, self.notes, self.changes = path, guess, {}, set()
         try:
             self.usd = Usd.Stage.Open(str(path))
         except Tf.ErrorException as error:
@@ -225,14 +229,12 @@ class Stage:
 
     def note(self, what: str, path) -> None:
         """Keep the path of a prim for a remark."""
-        paths = self.notes.setdefault(what, [])
-        if str(path) not in paths[-1:]:
-            paths.append(str(path))
+        self.notes.setdefault(what, {})[str(path)] = None
 
     def remarks(self) -> tuple[str, ...]:
         """What is remarkable, one line each."""
         return tuple(
-            f"{what}: {', '.join(paths[:MOST_NAMED])}"
+            f"{what}: {', '.join([*paths][:MOST_NAMED])}"
             + f", ... ({len(paths)})" * (len(paths) > MOST_NAMED)
             for what, paths in self.notes.items()
         )
@@ -297,6 +299,8 @@ class Stage:
         if movable := UsdGeom.Xformable(prim):
             local = np.array(movable.GetLocalTransformation(time))
             matrix = local if movable.GetResetXformStack() else local @ matrix
+            if movable.TransformMightBeTimeVarying():
+                self.changes |= set(movable.GetTimeSamples())
         said = (self._said(prim), *said)
         kind = prim.GetTypeName()
         if prim.IsA(UsdGeom.PointInstancer):
@@ -319,6 +323,8 @@ class Stage:
         prototypes = [self.usd.GetPrimAtPath(path) for path in paths]
         which = np.array(instancer.GetProtoIndicesAttr().Get(time) or [], int)
         shown = instancer.ComputeMaskAtTime(time) or [True] * len(which)
+        self.changes |= set(instancer.GetPositionsAttr().GetTimeSamples())
+        self.changes |= set(instancer.GetOrientationsAttr().GetTimeSamples())
         kind = UsdGeom.PointInstancer
         placed = instancer.ComputeInstanceTransformsAtTime(
             time, time, kind.ExcludeProtoXform, kind.IgnoreMask
@@ -368,7 +374,11 @@ class Stage:
 
     def mesh(self) -> Mesh:
         """The file as a Mesh."""
-        found = ((place, self.faces(place)) for place in self.places(self.time))
+        places = list(self.places(self.time))
+        seconds, frames, paths = self._paths(places)
+        home = np.linalg.inv(frames[0])
+        found = [(p, self.faces(replace(p, matrix=p.matrix @ home))) for p in places]
+        of_face = np.repeat(np.arange(len(found)), [len(faces.sizes) for _, faces in found])
         pieces = [(place, faces) for place, faces in found if len(faces.sizes)]
         if not pieces:
             left = "; ".join(self.remarks()) or "export meshes"
@@ -403,7 +413,46 @@ class Stage:
             unit=unit,
             axes=axes,
             remarks=self.remarks(),
+            motion=Movement(seconds, frames, paths, of_face) if len(seconds) > 1 else None,
         )
+
+    def _paths(self, places: list[Place]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Times [s], frames of the model and paths of its meshes, see `Movement`."""
+        from pxr import Gf, Usd, UsdGeom
+
+        still = np.zeros(1), np.eye(4)[None], np.tile(np.eye(4), (len(places), 1, 1, 1))
+        if len(self.changes) < 2:
+            return still
+        first, last = self.usd.GetStartTimeCode(), self.usd.GetEndTimeCode()
+        if not self.usd.HasAuthoredTimeCodeRange():
+            first, last = min(self.changes), max(self.changes)
+        times = sorted({first, last, *np.arange(first, last), *self.changes})
+        times = [time for time in times if first <= time <= last]
+        if len(times) * len(places) > MOST_MOMENTS:
+            self.note("too many moments to read a motion", "/")
+            return still
+        common = os.path.commonprefix([place.where for place in places])
+        prim = self.usd.GetPrimAtPath("/" + "/".join(common))
+        frames, matrices = [], []
+        for time in map(Usd.TimeCode, times):
+            cache, now = UsdGeom.XformCache(time), list(self.places(time))
+            if [place.where for place in now] != [place.where for place in places]:
+                self.note("meshes appear or vanish with time; no motion is read", "/")
+                return still
+            frame = cache.GetLocalToWorldTransform(prim) if prim else Gf.Matrix4d(1)
+            frames.append(np.array(frame.RemoveScaleShear()))
+            matrices.append([place.matrix for place in now])
+        frames, matrices = np.array(frames), np.array(matrices).swapaxes(0, 1)
+        if np.ptp(frames, axis=0).max() < SMALL_CHANGE:  # the model stays where it is
+            frames[:] = np.eye(4)
+        in_model = matrices @ np.linalg.inv(frames)
+        paths = np.linalg.pinv(in_model[:, :1]) @ in_model
+        turns = paths[:, :, :3, :3]
+        error = abs(turns @ turns.swapaxes(2, 3) - np.eye(3)).max(axis=(1, 2, 3))
+        for k in np.flatnonzero(~(error < RIGID)):
+            self.note("changes its size or shape with time, and stays as at first", places[k].path)
+            paths[k] = np.eye(4)
+        return (np.array(times) - times[0]) / self.usd.GetTimeCodesPerSecond(), frames, paths
 
     def _groups(self, places: list[Place]) -> list[str]:
         """Group of each place: its branch of the hierarchy, where that forks; "" for none."""
@@ -539,7 +588,8 @@ class Stage:
         material = bound.GetPrim() if bound else None
         of_material = self._said(material) if material else {}
         values, outer = merged([mine, *map(self._said, subsets), of_material]), merged(place.said)
-        if outer.get("kelvin", OF_FACES) != values.get("kelvin", OF_FACES) != OF_FACES:
+        own = outer.get("kelvin", OF_FACES)
+        if own != OF_FACES and values.get("kelvin", own) not in (own, OF_FACES):
             self.note("its material's thermal:kelvin goes before its own", place.path)
         values = merged([values, outer])
         if "attributes" in values:
@@ -602,3 +652,91 @@ def guess_of(material) -> float | None:
     metallic, roughness = values
     metal = SMOOTH_METAL + (ROUGH_METAL - SMOOTH_METAL) * roughness
     return metallic * metal + (1 - metallic) * DIELECTRIC
+
+
+# Motion of a model with time: the path of a flight, and values of the motions of its groups
+# ------------------------------------------------------------------------------------------
+
+PATH, VALUES, SWEEP = "flight.csv", "motion.csv", "motion.toml"  # files that are written
+ATTITUDE, SHIFT = ("yaw_deg", "pitch_deg", "roll_deg"), ("x_m", "y_m", "z_m")
+HALF_TURN = 180.0  # degrees
+SAME = 1e-6  # changes by rounding, in half turns and in sizes of the model
+HEAD = """# What moves in the model, moment after moment (time_s of {file}): mi-lcair sweep {sweep}
+[base]
+scene = "scene.xml"
+product = false
+
+[conditions]
+"""
+
+
+@dataclass(frozen=True)
+class Movement:
+    """How the meshes of a file move, in its coordinates, for row vectors.
+
+    seconds: (T,). frames: where the whole model is, (T, 4, 4). places: where each mesh is in the
+    model, from its place at the first time, (P, T, 4, 4). of_face: the mesh of each face, (F,).
+    """
+
+    seconds: np.ndarray
+    frames: np.ndarray
+    places: np.ndarray
+    of_face: np.ndarray
+
+    def files(self, groups: np.ndarray, boxes: dict[str, np.ndarray], turn, unit: float):
+        """Texts of files by name, and a remark on each group that they leave out.
+
+        groups: that of each face, "" for faces that are not the model's, (F,). boxes: lowest and
+        highest corner [m] of each group and, named "", of all, (2, 3). turn (3, 3), unit [m]: from
+        the file's coordinates to those of the model.
+        """
+        size = np.ptp(boxes[""], axis=0).max()
+        files, remarks, values = {}, [], {}
+        rounding = SAME * np.array([size] * 3 + [HALF_TURN] * 3)
+        whole = moved(self.frames, boxes[""].mean(axis=0), turn, unit)
+        if varies(whole, rounding).any():
+            whole[:, 3:] = np.unwrap(whole[:, 3:], period=360, axis=0)
+            rows = {"time_s": self.seconds} | dict(zip((*SHIFT, *ATTITUDE), whole.T))
+            files[PATH] = csv_of(rows)
+            remarks.append(f"the model moves with time: {PATH} is a path for [flight]")
+        for group in sorted(set(groups) - {""}):
+            middle = boxes[group].mean(axis=0)
+            places = self.places[np.unique(self.of_face[groups == group])]
+            own = np.array([moved(place, middle, turn, unit) for place in places])
+            own[:, :, :3] -= middle
+            if any(varies(other - own[0], rounding).any() for other in own):
+                remarks.append(f"parts of group {group} move apart, and stay at the first time")
+                continue
+            for name, column, is_used in zip(
+                (*SHIFT, *ATTITUDE), own[0].T, varies(own[0], rounding)
+            ):
+                values |= {f"{group}.{name}": column} if is_used else {}
+        if values:
+            files[VALUES] = csv_of({"time_s": self.seconds} | values)
+            files[SWEEP] = HEAD.format(file=VALUES, sweep=SWEEP) + "".join(
+                f'"{name}" = {{ csv = "{VALUES}", column = "{name}" }}\n' for name in values
+            )
+            moving = ", ".join(dict.fromkeys(name.rpartition(".")[0] for name in values))
+            remarks.append(f"groups move with time ({moving}): {SWEEP} is a sweep over {VALUES}")
+        return files, remarks
+
+
+def moved(matrices: np.ndarray, middle: np.ndarray, turn: np.ndarray, unit: float) -> np.ndarray:
+    """Places of a point [m] and attitude [deg] of what matrices (T, 4, 4) move, (T, 6)."""
+    turns = turn @ matrices[:, :3, :3].swapaxes(1, 2) @ turn.T
+    places = turns @ middle + unit * matrices[:, 3, :3] @ turn.T
+    # Attitudes are turns about z, -y and x, roll first
+    with catch_warnings():
+        simplefilter("ignore")  # straight up, one of yaw and roll is free
+        angles = Rotation.from_matrix(turns).as_euler("ZYX", degrees=True) * (1, -1, 1)
+    return np.concatenate([places, angles], axis=1)
+
+
+def varies(rows: np.ndarray, rounding: np.ndarray) -> np.ndarray:
+    """Which columns (6,) of `moved` change by more than rounding (6,)."""
+    return np.ptp(rows, axis=0) > rounding
+
+
+def csv_of(columns: dict[str, np.ndarray]) -> str:
+    rows = [",".join(f"{value:.9g}" for value in row) for row in zip(*columns.values())]
+    return "\n".join([",".join(columns), *rows, ""])

@@ -1,12 +1,17 @@
 """OpenUSD: places, sides, labels and units of meshes, and what is refused."""
 
+import csv
+import io
 import sys
+import tomllib
 
 import numpy as np
 import pytest
 
+import mi_lcair
 from mi_lcair.errors import InputError
-from mi_lcair.models3d import read, report
+from mi_lcair.models3d import export, read, report
+from mi_lcair.rendering.parameters.values import set_values
 from tests.models3d.shapes import CORNERS, SIDES
 
 pxr = pytest.importorskip("pxr")
@@ -519,3 +524,135 @@ def test_without_the_library(load, monkeypatch):
     monkeypatch.setitem(sys.modules, "pxr", None)
     with pytest.raises(InputError, match=r"a USD file needs pxr; .*'mi_lcair\[usd\]'"):
         load(mesh())
+
+
+# Time samples: the path of a flight, and motions of groups
+# ---------------------------------------------------------
+
+TIMES = (
+    'startTimeCode = 0\nendTimeCode = 4\ntimeCodesPerSecond = 2\nmetersPerUnit = 1\nupAxis = "Z"'
+)
+AXES = {"Z": np.eye(3), "Y": np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])}
+
+
+def samples(*values):
+    return "{" + ", ".join(f"{time}: {value}" for time, value in values) + "}"
+
+
+def moving(*operations):
+    """Operations of time samples; the first ones act last."""
+    names = ", ".join(f'"{line.split()[1].removesuffix(".timeSamples")}"' for line in operations)
+    return "\n".join(operations) + f"\nuniform token[] xformOpOrder = [{names}]"
+
+
+def rows_of(text):
+    rows = [*csv.DictReader(io.StringIO(text))]
+    return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+
+
+def turned(yaw_deg, pitch_deg, roll_deg):
+    """Roll about x, then pitch about -y, then yaw about z."""
+    matrix = np.eye(3)
+    for degrees, axis in ((roll_deg, 0), (-pitch_deg, 1), (yaw_deg, 2)):
+        c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+        j, k = (axis + 1) % 3, (axis + 2) % 3
+        step = np.eye(3)
+        step[[j, j, k, k], [j, k, j, k]] = c, -s, s, c
+        matrix = step @ matrix
+    return matrix
+
+
+@pytest.mark.parametrize("up", ["Z", "Y"])
+def test_flights(load, tmp_path, up):
+    """Where USD itself has the points at each time; also straight up, and with a stretch."""
+    from pxr import Usd, UsdGeom
+
+    turns = samples((0, "(10, 20, 30)"), (1, "(40, -90, 200)"), (4, "(300, 50, 400)"))
+    place = moving(
+        "double3 xformOp:translate.timeSamples = " + samples((0, "(500, 6, 7)"), (4, "(0, 0, 9)")),
+        f"float3 xformOp:rotateXYZ.timeSamples = {turns}",
+        "float3 xformOp:scale.timeSamples = " + samples((0, "(2, 3, 4)")),
+    )
+    head = TIMES.replace('"Z"', f'"{up}"').replace("metersPerUnit = 1", "metersPerUnit = 0.01")
+    model = load(xform("Car", mesh(), place), head=head)
+    assert model.remarks == ("the model moves with time: flight.csv is a path for [flight]",)
+    assert list(model.files) == ["flight.csv"]
+    rows = rows_of(model.files["flight.csv"])
+    assert rows["time_s"].tolist() == [0, 0.5, 1, 1.5, 2]
+    stage = Usd.Stage.Open(str(tmp_path / "stage.usda"))
+    box = UsdGeom.Mesh(stage.GetPrimAtPath("/Car/Box"))
+    points = np.c_[np.array(box.GetPointsAttr().Get()), np.ones(8)]
+    for k in range(5):
+        matrix = np.array(UsdGeom.XformCache(k).GetLocalToWorldTransform(box.GetPrim()))
+        expected = 0.01 * (points @ matrix)[:, :3] @ AXES[up].T
+        attitude = turned(*(rows[f"{name}_deg"][k] for name in ("yaw", "pitch", "roll")))
+        position = np.array([rows[f"{axis}_m"][k] for axis in "xyz"])
+        found = (model.vertices - model.box.mean(axis=0)) @ attitude.T + position
+        assert found == pytest.approx(expected, abs=1e-7)
+    # In its own axes the model is not turned, and stays by the origin
+    assert np.sort(np.ptp(model.box, axis=0)) == pytest.approx([0.02, 0.03, 0.04])
+    assert abs(model.box).max() < 0.05
+
+
+def heli(*rotor, inside=""):
+    """A hull that stays, and what is above it."""
+    return xform("Heli", mesh("Hull") + xform("Rotor", mesh("Blade"), moving(*rotor)) + inside)
+
+
+ROTOR = (
+    "double3 xformOp:translate.timeSamples = " + samples((0, "(3, 0, 0)"), (4, "(3, 0, 8)")),
+    "float xformOp:rotateZ.timeSamples = " + samples((0, 0), (4, 480)),
+)
+
+
+def test_motions_of_groups(load, tmp_path):
+    """The blade turns about its corner and rises; the scene has it where USD has it."""
+    model = load(heli(*ROTOR), head=TIMES)
+    (remark,) = model.remarks
+    assert remark == "groups move with time (Rotor): motion.toml is a sweep over motion.csv"
+    conditions = tomllib.loads(model.files["motion.toml"])["conditions"]
+    assert {*conditions} == {f"Rotor.{name}" for name in ("x_m", "y_m", "z_m", "yaw_deg")}
+    rows = rows_of(model.files["motion.csv"])
+    assert {entry["column"] for entry in conditions.values()} == rows.keys() - {"time_s"}
+    export(model, tmp_path / "heli")
+    for k in (1, 3):
+        values = {name: rows[name][k] for name in rows if name != "time_s"}
+        scene = mi_lcair.load(tmp_path / "heli" / "scene.xml")
+        set_values(scene, values)
+        blade = next(s for s in scene.mi.shapes() if s.emitter().group == "Rotor")
+        vertices = blade.vertex_positions_buffer().numpy().reshape(-1, 3)
+        still = load(heli(*ROTOR), head=TIMES.replace("startTimeCode = 0", f"startTimeCode = {k}"))
+        expected = still.vertices[np.unique(still.corners[still.first[6] :])]
+        for point in expected:
+            assert abs(vertices - point).max(axis=1).min() < 1e-5
+
+
+@pytest.mark.parametrize(
+    "rotor, inside, remark",
+    [
+        (
+            ("float3 xformOp:scale.timeSamples = {0: (1, 1, 1), 4: (1, 1, 2)}",),
+            "",
+            "changes its size or shape with time, and stays as at first: /Heli/Rotor/Blade",
+        ),
+        (
+            ("double3 xformOp:translate.timeSamples = {0: (3, 0, 0), 4: (3, 0, 8)}",),
+            xform("Tail", mesh("A", more='custom string thermal:group = "Rotor"')),
+            "parts of group Rotor move apart, and stay at the first time",
+        ),
+        (
+            ROTOR,
+            mesh("B", more='token visibility.timeSamples = {0: "inherited", 2: "invisible"}'),
+            "meshes appear or vanish with time; no motion is read: /",
+        ),
+    ],
+)
+def test_what_is_no_motion(load, rotor, inside, remark):
+    model = load(heli(*rotor, inside=inside), head=TIMES)
+    assert remark in model.remarks and model.files == {}
+
+
+def test_one_sample_is_no_motion(load):
+    place = moving("double3 xformOp:translate.timeSamples = {1: (1, 2, 3)}")
+    model = load(xform("Car", mesh(), place), head=TIMES)
+    assert model.files == {} and model.remarks == () and model.box[0].tolist() == [1, 2, 3]
