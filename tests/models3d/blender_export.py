@@ -1,6 +1,6 @@
 """Writes the files of tests/data/blender with Blender: `python blender_export.py FOLDER`.
 
-`python blender_export.py FOLDER drone` writes scenes/examples/drone.obj instead.
+`python blender_export.py FOLDER drone` writes drone.obj and drone.usda of scenes/examples instead.
 
 It runs in an interpreter that has Blender's module `bpy`. The tests' model is a hull with a
 fin on top of its tail and a copy of the fin on its left. It has no symmetry, so that every turn of
@@ -59,6 +59,23 @@ def main(folder):
     bpy.ops.export_scene.gltf(filepath=str(folder / "plain.glb"))
     bpy.ops.wm.ply_export(filepath=str(folder / "plain.ply"))
     bpy.ops.wm.stl_export(filepath=str(folder / "plain.stl"))
+    bpy.ops.wm.usd_export(filepath=str(folder / "plain.usda"))
+    say(bpy.data.materials["Paint"], material="gloss_black", kelvin=310.5)
+    hot = bpy.data.materials["Hot steel"]
+    say(hot, kelvin=400, group="hot")
+    hot["omni:simready:nonvisual:base"] = "oxidized_steel"
+    hot["omni:simready:nonvisual:coating"] = "none"
+    say(bpy.data.objects["Fin"], kelvin=330)
+    of_faces = bpy.data.meshes["Fin.001"].attributes.new("thermal:kelvin", "FLOAT", "FACE")
+    for number, face in enumerate(of_faces.data):
+        face.value = 341 + number
+    bpy.ops.wm.usd_export(filepath=str(folder / "thermal.usda"))
+
+
+def say(owner, **values):
+    """Give an object or material custom properties thermal:NAME."""
+    for name, value in values.items():
+        owner[f"thermal:{name}"] = value
 
 
 def drone(folder):
@@ -78,6 +95,12 @@ def drone(folder):
         box("Wing", (-0.6, 0.29, -0.03), (0.2, 1.8, 0.03), ["Skin"]).scale = (1, side, 1)
     box("Fin", (-1.4, -0.02, 0.29), (-0.9, 0.02, 0.8), ["Skin"])
     bpy.ops.wm.obj_export(filepath=str(folder / "drone.obj"))
+    skin, nozzle = bpy.data.materials["Skin"], bpy.data.materials["Nozzle"]
+    say(skin, kelvin=290)
+    skin["omni:simready:nonvisual:base"] = "aluminum"
+    skin["omni:simready:nonvisual:coating"] = "paint"
+    say(nozzle, kelvin=600, group="exhaust", material="blackbody")
+    bpy.ops.wm.usd_export(filepath=str(folder / "drone.usda"))
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mi_lcair import scenes
 from mi_lcair.errors import InputError
 from mi_lcair.models3d import read, report
 
@@ -98,7 +99,14 @@ def test_a_labelled_model(folder, file, axes, facets):
 
 
 @pytest.mark.parametrize(
-    "file, facets", [("plain.obj", 18), ("plain.glb", 36), ("plain.ply", 18), ("plain.stl", 36)]
+    "file, facets",
+    [
+        ("plain.obj", 18),
+        ("plain.glb", 36),
+        ("plain.ply", 18),
+        ("plain.stl", 36),
+        ("plain.usda", 18),
+    ],
 )
 def test_a_model_without_labels(folder, file, facets):
     """Blender's PLY exporter leaves the facets of a mirrored object facing inward; the import
@@ -112,7 +120,7 @@ def test_a_model_without_labels(folder, file, facets):
         read(folder / file, **axes)
 
 
-@pytest.mark.parametrize("file", ["plain.obj", "plain.glb"])
+@pytest.mark.parametrize("file", ["plain.obj", "plain.glb", "plain.usda"])
 def test_a_table_of_names(folder, file, tmp_path):
     """A Blender material goes before the object, and Fin.001 is a Fin."""
     (tmp_path / "names.csv").write_text(
@@ -131,14 +139,56 @@ def test_a_table_of_names(folder, file, tmp_path):
         area = np.linalg.norm(np.cross(corners[1] - corners[0], corners[2] - corners[0])) / 2
         key = label.material, label.temperature, label.group
         areas[key] = areas.get(key, 0) + area
+    hull = "Hull" if file.endswith("usda") else "self"  # groups of the hierarchy
     assert areas == pytest.approx(
         {
-            ("bare_aluminum", 310.0, "self"): 1 + 4 + 4,  # sides 0, 2 and 4 of the hull
+            ("bare_aluminum", 310.0, hull): 1 + 4 + 4,  # sides 0, 2 and 4 of the hull
             ("bare_aluminum", 400.0, "hot"): 1 + 4 + 4,
             ("gloss_black", 330.0, "fin"): 2 * (0.2 + 0.8 + 0.16) + 2 * (0.2 + 0.4 + 0.08),
         },
         rel=1e-5,
     )
+
+
+def test_custom_properties(folder):
+    """What Blender's custom properties and attributes of faces say in USD."""
+    pytest.importorskip("pxr")
+    model = read(folder / "thermal.usda")
+    check_shape(model)
+    labels = [model.labels[number] for number in model.label]
+    found = [(a.material, a.group, t) for a, t in zip(labels, model.temperature.tolist())]
+    names = model.names.tolist()
+    assert [row for row, name in zip(found, names) if name == "Hull"] == [
+        ("oxidized_steel", "hot", 400) if k % 2 else ("gloss_black", "Hull", 310.5)
+        for k in range(6)
+    ]
+    assert [row for row, name in zip(found, names) if name == "Fin"] == [
+        ("gloss_black", "Fin", 310.5)
+    ] * 6
+    copies = [row for row, name in zip(found, names) if name == "Fin.001"]
+    assert copies == [("gloss_black", "Fin_001", 341.0 + k) for k in range(6)]
+    (remark,) = model.remarks
+    assert remark == "its material's thermal:kelvin goes before its own: /root/Fin/Fin"
+
+
+def test_the_example_is_one_model():
+    """As OBJ and as USD."""
+    pytest.importorskip("pxr")
+    examples = Path(scenes.__path__[0]) / "examples"
+    obj = read(examples / "drone.obj", **PAINTED, **DEFAULT)
+    usd = read(examples / "drone.usda")
+    assert usd.remarks == () and usd.count == obj.count
+    assert np.sort(usd.box) == pytest.approx(np.sort(obj.box), abs=1e-5)  # OBJ has 6 decimals
+    first, second = report(usd), report(obj)
+    assert first["volume"] == pytest.approx(second["volume"], rel=1e-5)
+    assert {label.material for label in usd.labels} == {"aluminum+paint", "blackbody"}
+    assert {label.group for label in usd.labels} == {
+        "Fuselage",
+        "Fin",
+        "Wing",
+        "Wing_001",
+        "exhaust",
+    }
 
 
 def test_a_default_export_is_remarked(folder):
