@@ -205,31 +205,20 @@ def exposure(
     """
     scene, air, range_m = setting.view, setting.air, setting.path.range_m
     extrapolate = setting.sight.extrapolate
-    columns, rows = view.size
     hidden = detector_mean(setting.backdrop.at_sensor(range_m), scene.band)
 
-    def electrons(total: Totals) -> float:
-        """Electrons at the aperture for a unit of the model's mean radiance, from `range_m`.
-
-        A model that sends none still hides the background, of whose radiance a unit counts then.
-        """
-        sources, sums = total.emitters.sources, total.sums
-        arrival = Arrival.of(sources, scene.band, detector, air, np.array([range_m]), extrapolate)
-        of_frame = {name: values.sum(keepdims=True, dtype=float) for name, values in sums.items()}
-        model = arrival.of_parts(of_frame)
-        if sums["target"].any():
-            return model.item() / sums["target"].sum()
-        return float(np.mean(behind(detector))) / max(hidden, 1e-300)
-
+    electrons = partial(
+        electrons_for_unit,
+        arrival=lambda sources: Arrival.of(
+            sources, scene.band, detector, air, np.array([range_m]), extrapolate
+        ),
+        of_hidden=float(np.mean(behind(detector))) / max(hidden, 1e-300),
+    )
     windows = windows_of(view, scene)
     measurands = Measurands(
         Channels("model", ()), by_spectrum=True, reduced=partial(of_model, hidden=hidden)
     )
-    criterion = None
-    if sampling.tolerance is not None:
-        criterion = ModelError(sampling.tolerance, windows.parts)
-    elif sampling.spp is None:
-        criterion = NoiseError(view, electrons, behind(detector))
+    criterion = criterion_of(sampling, windows.parts, view, electrons, behind(detector))
     total = measure(scene, windows, sampling, measurands, criterion)
     sources = total.emitters.sources
     on = total.mean("target.hit") > 0
@@ -241,10 +230,9 @@ def exposure(
     seen = means_in_place_of_sums(total, on)
     share = seen["target.hit"]
     ranges = seen["target.range"] / share + view.near_range().ravel()[on]
-    through = ranges
-    if not (air.is_vacuum or extrapolate):
-        # The middle of the model is within the table, but parts of it may be beyond its end
-        through = np.minimum(ranges, air.ranges_m[-1])
+    # The middle of the model is within the table, but parts of it may be beyond its end
+    is_open = air.is_vacuum or extrapolate
+    through = ranges if is_open else np.minimum(ranges, air.ranges_m[-1])
 
     def arrival(rule: Band, emitting: Sources) -> Arrival:
         return interpolated(
@@ -273,8 +261,7 @@ def exposure(
         name: float(values @ areas) for name, values in seen.items() if name != "target.range"
     }
 
-    def place(values: np.ndarray) -> np.ndarray:
-        return placed(values, on, (rows, columns))
+    place = partial(placed, on=on, shape=view.size[::-1])
 
     def image(values: np.ndarray) -> np.ndarray:
         return view.samples(place(values))
@@ -300,6 +287,22 @@ def exposure(
         variants=tuple(by_channel(emitting) for emitting in variants(sources)),
         picture=picture,
     )
+
+
+def electrons_for_unit(
+    total: Totals, arrival: Callable[[Sources], Arrival], of_hidden: float
+) -> float:
+    """Electrons at the aperture for a unit of the model's mean radiance, from one range.
+
+    A model that sends none still hides the background, of whose radiance a unit counts then.
+
+    arrival: gives what arrives of some sources. of_hidden: electrons for that unit.
+    """
+    sums = total.sums
+    if not sums["target"].any():
+        return of_hidden
+    of_frame = {name: values.sum(keepdims=True, dtype=float) for name, values in sums.items()}
+    return arrival(total.emitters.sources).of_parts(of_frame).item() / sums["target"].sum()
 
 
 def means_in_place_of_sums(total: Totals, on: np.ndarray) -> dict[str, np.ndarray]:
@@ -446,6 +449,15 @@ class NoiseError(PixelCriterion):
         imager, parts = self.view.imager, self.view.parts
         above = MOST_NOISY * imager.width * imager.height * parts**2 / len(squares)
         return float(np.quantile(squares, max(1 - above, 0)))
+
+
+def criterion_of(
+    sampling: Sampling, in_pixel: int, view: CameraView, electrons, behind: np.ndarray
+) -> PixelCriterion | None:
+    """The criterion of a sampling: its tolerance, or the camera's noise; None for fixed paths."""
+    if sampling.tolerance is not None:
+        return ModelError(sampling.tolerance, in_pixel)
+    return NoiseError(view, electrons, behind) if sampling.spp is None else None
 
 
 def missed(total: Totals) -> np.ndarray:
