@@ -100,6 +100,20 @@ def coverage(folder: Path, draws: int) -> str:
     return "\n".join(rows)
 
 
+def air() -> str:
+    """Rows of transmittances by the camera's coefficients, and of computed air in two bands."""
+    rows = []
+    for metres in (1, 3, 10, 30, 100, 300):
+        given = {"distance": metres, "humidity": 0.5, "air_temperature": 293.15}
+        computed = [
+            mi_lcair.temperature(330.0, band, emissivity=1, **given).transmittance
+            for band in ("7.5-13", "7.5-14")
+        ]
+        values = (air_transmittance(metres, 0.5, 293.15), *computed)
+        rows.append(f"| {metres} | {' | '.join(f'{value:.4f}' for value in values)} |")
+    return "\n".join(rows)
+
+
 def main(checkout: str, draws: int = 1024) -> None:
     with TemporaryDirectory() as name:
         folder = Path(name)
@@ -108,6 +122,7 @@ def main(checkout: str, draws: int = 1024) -> None:
             "thermography",
             exported=exported(Path(checkout)),
             formula=by_formula(folder),
+            air=air(),
             coverage=coverage(folder, draws),
             draws=draws,
             sigma=", ".join(f"{OWN[name].replace('_', ' ')} {s:g}" for name, s in SIGMA.items()),

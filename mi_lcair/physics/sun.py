@@ -112,7 +112,7 @@ class ClearSky:
         Parameters
         ----------
         band
-            Band within 3-5 um or 8-12 um.
+            Band within 3-5 um or 7-14 um.
         elevation_deg, angle_deg
             Elevation, and angle from the sun [degrees], arrays of one shape; the angle may be one
             that no direction at the elevation has.

@@ -10,7 +10,8 @@ from mi_lcair.physics.air.levels import bands
 MODEL = bands()
 AMOUNTS = clear_air("us_standard").ray(50.0, 20.0).amounts[[5, 20]]
 MORE = clear_air("us_standard").ray(50.0, 90.0, 800.0).amounts[-1]
-SOURCES = np.array([np.linspace(1, 2, 353), np.linspace(3, 1, 353)])
+COUNT = len(MODEL.wavelengths_um)
+SOURCES = np.array([np.linspace(1, 2, COUNT), np.linspace(3, 1, COUNT)])
 
 
 @pytest.fixture
@@ -37,14 +38,14 @@ def test_amounts_of_two_paths_add(light):
 
 
 def test_where_there_is_no_light_the_air_alone_counts():
-    gap = SOURCES * (np.arange(353) > 100)
+    gap = SOURCES * (np.arange(COUNT) > 100)
     share = AirLight.of("gap", gap, AMOUNTS).transmittance(MORE)
     np.testing.assert_allclose(share[:101], MODEL.transmittance(MORE)[:101], rtol=1e-12)
 
 
 def test_light_that_is_faint_beside_the_brightest_is_rounding():
     """Below 1e-9 of the largest radiance the share is that of the air alone."""
-    sources = np.full((1, 353), 1e3)
+    sources = np.full((1, COUNT), 1e3)
     sources[0, 50], sources[0, 60] = 1e-9 * 1e3 * 5, 1e-9 * 1e3 / 5
     crossed = AirLight.of("faint", sources, AMOUNTS[:1])
     share, plain = crossed.transmittance(MORE), MODEL.transmittance(MORE)
@@ -59,7 +60,7 @@ def test_scaled_and_added(light):
     both = light.plus(double)
     np.testing.assert_allclose(both.radiance, 3 * light.radiance)
     np.testing.assert_allclose(both.through(MORE), 3 * light.through(MORE), rtol=1e-12)
-    assert both.name == "two lamps" and both.sources.shape == (4, 353)
+    assert both.name == "two lamps" and both.sources.shape == (4, COUNT)
 
 
 def test_radiance_is_not_negative():

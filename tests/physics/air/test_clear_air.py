@@ -63,6 +63,21 @@ def test_in_band_values_of_lowtran7(kind, worst, median, name):
 
 
 @pytest.mark.parametrize("name", NAMES)
+def test_level_paths_from_7_to_14_um(name):
+    """The bands of uncooled cameras, also the parts of them that LWIR lacks."""
+    for kind in ("level_transmittance", "level_radiance"):
+        for (height_km, range_km, *_), of_band, value in zip(*expected(kind, name)):
+            path = (1000 * height_km, 0.0, True, 1000 * range_km)
+            line = ClearPaths(name, clear_air(name), *path).path(1000 * range_km)
+            spectrum_of = line.transmittance if "trans" in kind else line.radiance
+            rule = band(of_band)
+            computed = rule.integral(X, spectrum_of)
+            if "trans" in kind:
+                computed /= rule.integral(X, np.ones_like(X))
+            assert computed == pytest.approx(value, rel=1.5e-3, abs=4e-4)
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_contrast_of_a_black_plate_before_the_night_sky(name):
     """Radiance of plates at 250-290 K through air less the sky behind, within 2 % or 1e-9 W/m^2.
 
