@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import TypedDict, Unpack
@@ -135,13 +136,13 @@ def temperature(
     own = {"emissivity": emissivity, **measurement}
     own = {key: value for key, value in own.items() if value is not None}
     check_known("quantity", QUANTITIES, *own)
-    given, camera = own, None
+    given, camera, remarks = own, None, ()
     if str(image).lower().endswith(radiometric.SUFFIXES):
         if (scale, offset) != (1, 0):
             raise InputError(f"{name}: states its temperatures; leave scale and offset out")
         file = radiometric.read(str(image))
         image, camera = file.kelvin, None if band else file.calibration
-        band = band or file.band
+        band, remarks = band or file.band, file.remarks
         without = {"distance", "humidity"} if "transmittance" in own else set()
         given = {k: v for k, v in file.conditions.items() if k not in without} | own
     elif band is None and str(image).lower().endswith(".exr"):
@@ -167,7 +168,8 @@ def temperature(
     places = [Region.parsed("spot", spot) for spot in spots]
     places += [Region.parsed("area", area) for area in areas]
     conditions = ImageConditions(**quantities)
-    return temperature_of(kelvin, sigma, band, conditions, name, camera, tuple(places))
+    result = temperature_of(kelvin, sigma, band, conditions, name, camera, tuple(places))
+    return replace(result, remarks=(*result.remarks, *remarks))
 
 
 def named_image(image: ApparentTemperatures, sigma: float) -> tuple:

@@ -74,6 +74,7 @@ PLACES = (
     | {"alpha1": 0x70, "alpha2": 0x74, "beta1": 0x78, "beta2": 0x7C, "x": 0x80}
     | {"emissivity": 0x20, "distance": 0x24, "reflected": 0x28, "air_temperature": 0x2C}
     | {"window_temperature": 0x30, "window": 0x34, "humidity": 0x3C}
+    | {"highest": 0x90, "lowest": 0x94}
 )
 MODEL = slice(0xD4, 0xF4)  # place of the camera's name
 
@@ -94,6 +95,8 @@ class RadiometricImage:
         Stated quantities of the measurement, by their names in `temperature`.
     calibration : Calibration or None
         Curve of the camera, and its air; None if the file has none.
+    range_K : tuple of float
+        Temperatures for which the camera was calibrated [K].
     """
 
     kelvin: np.ndarray
@@ -101,6 +104,15 @@ class RadiometricImage:
     band: str | None
     conditions: dict[str, float]
     calibration: Calibration | None = None
+    range_K: tuple[float, float] = (0.0, np.inf)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What to say of pixels outside the camera's range."""
+        low, high = self.range_K
+        outside = np.sum((self.kelvin < low) | (self.kelvin > high))
+        text = f"{outside} of {self.kelvin.size} pixels are outside the camera's range of "
+        return (f"{text}{low:.4g} to {high:.4g} K; their errors are larger",) if outside else ()
 
 
 def read(path: str | Path) -> RadiometricImage:
@@ -173,7 +185,9 @@ def from_flir(block: bytes) -> RadiometricImage:
     name = camera[MODEL].partition(b"\0")[0].decode("latin-1").strip()
     kelvin = curve.kelvin(raw_image(records[RAW]) + curve.o)
     band = "7.5-14" if curve.b < 2200 else "3-5"  # b is c2 / wavelength
-    return RadiometricImage(kelvin, name, band, stated(values), curve)
+    low, high = values.pop("lowest"), values.pop("highest")
+    range_K = (low, high) if low < high else RadiometricImage.range_K
+    return RadiometricImage(kelvin, name, band, stated(values), curve, range_K)
 
 
 def stated(values: dict[str, float]) -> dict[str, float]:

@@ -22,6 +22,7 @@ STATED = dict(
 # Places in the record of a camera
 AT = {"emissivity": 32, "distance": 36, "reflected": 40, "air": 44, "window_K": 48, "window": 52}
 AT |= {"humidity": 60, "R1": 88, "B": 92, "F": 96, "O": 776, "R2": 780}
+AT |= {"highest": 144, "lowest": 148}
 AT |= {"alpha1": 112, "alpha2": 116, "beta1": 120, "beta2": 124, "X": 128}
 
 
@@ -96,7 +97,7 @@ def block(records, order=">"):
 
 def fff(counts, kind="raw", header=">", order="<", **changed):
     """Block FFF of an image of counts. changed: other values of the camera."""
-    values = CURVE | AIR | STATED | changed
+    values = CURVE | AIR | STATED | {"lowest": 253.15, "highest": 423.15} | changed
     camera = camera_record(values, order)
     return block([(0x21, b"other"), (1, raw_record(counts, kind, order)), (0x20, camera)], header)
 

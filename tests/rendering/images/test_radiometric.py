@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.rendering.images.files import read_values
@@ -54,6 +55,16 @@ def test_pixels_without_signal_have_no_temperature(tmp_path):
     counts[0, 0] = 0  # below the offset of the curve
     kelvin = read(written(tmp_path / "a.fff", fff(counts))).kelvin
     assert np.isnan(kelvin[0, 0]) and np.isfinite(kelvin).sum() == kelvin.size - 1
+
+
+def test_pixels_outside_the_range_of_the_camera(tmp_path):
+    path = written(tmp_path / "a.fff", fff(COUNTS, lowest=300.0, highest=400.0))
+    outside = np.sum((KELVIN < 300) | (KELVIN > 400))
+    assert read(path).remarks == mi_lcair.temperature(path).remarks
+    text = f"{outside} of 108 pixels are outside the camera's range of 300 to 400 K"
+    assert read(path).remarks[0].startswith(text)
+    for limits in ({}, {"lowest": 0.0, "highest": 0.0}):
+        assert not read(written(path, fff(COUNTS, **limits))).remarks
 
 
 def test_an_image_of_an_inverse_problem(tmp_path):

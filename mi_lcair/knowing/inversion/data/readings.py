@@ -502,13 +502,14 @@ class Measurement(Observation, rules=OF_A_MEASUREMENT):
     Attributes
     ----------
     image : str, optional
-        EXR, TIFF, CSV or NPY file of the size of the scene's film. With a scenario as its scene,
+        EXR, TIFF, CSV or NPY file, or a camera's radiometric file such as FLIR's JPEG, of the size
+        of the scene's film. With a scenario as its scene,
         the image of the scenario's camera, whose model of noise counts.
     channel : str, optional
         Channel of an EXR file ("Y").
     quantity : str, optional
         "radiance" [W m^-2 sr^-1] or "apparent_temperature" [K]; of a camera's image "counts" or
-        "apparent_temperature". Needed except for EXR.
+        "apparent_temperature". Needed except for EXR and radiometric files.
     scale : float
         Number by which the values of the file are multiplied, such as 0.01 for centikelvin.
     mask : str, optional
