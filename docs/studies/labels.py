@@ -22,6 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from docs.studies.page import write_page
+from mi_lcair.files import replacing
 from mi_lcair.physics import labels
 from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.blackbody import spectral_radiance
@@ -150,7 +151,7 @@ def page_fields() -> dict[str, object]:
 def main(argv) -> None:
     if argv:
         folders = dict(zip(("ecostress", "splib07"), map(Path, argv)))
-        with labels.SAMPLES.open("w", encoding="utf-8", newline="") as file:
+        with replacing(labels.SAMPLES) as partial, partial.open("w", encoding="utf-8") as file:
             table = csv.writer(file, lineterminator="\n")
             table.writerow(["bases", "coating", "sample", "source", *labels.BANDS])
             table.writerows(rows_of(tomllib.loads(RECIPE.read_text("utf-8")), folders))

@@ -88,6 +88,17 @@ def test_sigma_is_the_spread_of_the_samples():
     assert ratios[0] == pytest.approx(np.sqrt(2 * squares / freedom), rel=1e-9)
 
 
+def test_entries_say_what_they_are():
+    tables = labels.tables()
+    paint = tables["steel+paint"]["LWIR"]["source"]
+    assert paint.startswith("sigma: spread of 19 samples. ECOSTRESS")
+    assert " and 15 more; C. Ohman" in paint and "0385uuupnt" in paint
+    single = tables["salt_water"]["SWIR"]["source"]
+    assert single.startswith("sigma: pooled spread, from one sample") and "more" not in single
+    skin = next(row for row in labels.rows(("LWIR", "SWIR")) if row[0] == "skin")
+    assert skin == ["skin", "diffuse", "0.980 +- 0.009", "-"]
+
+
 @pytest.mark.parametrize("name", ["steel+paint", "aluminum", "concrete", "water"])
 def test_a_label_is_a_material(name):
     """Along the normal it reflects what the sample did; sigma is that of the emissivity."""

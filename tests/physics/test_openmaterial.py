@@ -55,6 +55,7 @@ def test_emissivity_and_roughness(tmp_path, emissivity, name):
     (entry,) = entries_of(path)
     assert entry.model.name == "microfacet" and entry.band == "total"
     assert entry.parameters["alpha"] == pytest.approx(0.1 * 2**0.5)
+    assert entry.parameters["gamma"] == 2 and entry.parameters["rho_d"] == 0
     assert over_hemisphere(entry) == pytest.approx(emissivity, abs=1e-4)
     assert entry.source == "calorimeter; roughness: stylus"
     assert material(path, band("total")).parameters == entry.parameters

@@ -103,7 +103,7 @@ def of_ecostress(path, quantity, lines) -> tuple[np.ndarray, np.ndarray]:
         raise InputError(
             f"{table.file}: X Units is {shown(x_unit)}; must be wavelengths in micrometres"
         )
-    kind = next((word for word in ("reflectance", "emissivity") if word in y_unit), None)
+    kind = next((word for word in ("reflectance", "emissivity") if word[:7] in y_unit), None)
     if kind is None:
         raise InputError(
             f"{table.file}: Y Units is {shown(y_unit)}; must be a reflectance or an emissivity"

@@ -147,6 +147,8 @@ def test_the_same_spectrum_in_every_format_and_order(tmp_path, seed):
             assert np.allclose(got, (x, y), rtol=1e-10, atol=0)
             if suffix != ".csv":  # by Kirchhoff's law
                 assert np.allclose(spectrum_of(path, "emissivity", waves)[1], 1 - y, atol=1e-12)
+    write("e.txt").write_text(ecostress(x, 100 * y, "Reflectence (percent)"))  # as published
+    assert np.allclose(spectrum_of(write("e.txt"), "reflectance")[1], y, atol=1e-12)
     write("e.txt").write_text(ecostress(x, y, "Emissivity (fraction)"))
     assert np.allclose(spectrum_of(write("e.txt"), "reflectance")[1], 1 - y, atol=1e-12)
 
