@@ -43,7 +43,8 @@ class MaterialList(Result):
     def summary(self) -> str:
         """One line with the number of materials."""
         names = {entry.name for entry in self.listed}
-        return f"materials: {len(names)} names, {len(self.listed)} entries"
+        count = f"{len(names)} names, {len(self.listed)} entries"
+        return f"materials: {count}; {len(labels.tables())} labels of surfaces"
 
     def entries(self) -> dict:
         """Entries for JSON: for each entry its name, band, model, parameters and source."""
