@@ -115,7 +115,10 @@ class TargetPicture:
 
     @staticmethod
     def of(
-        seen: dict[str, np.ndarray], arrival: Arrival, inside: np.ndarray, place
+        seen: dict[str, np.ndarray],
+        arrival: Arrival,
+        inside: np.ndarray,
+        place: Callable[[np.ndarray], np.ndarray],
     ) -> "TargetPicture":
         """The picture of a model.
 
@@ -452,7 +455,11 @@ class NoiseError(PixelCriterion):
 
 
 def criterion_of(
-    sampling: Sampling, in_pixel: int, view: CameraView, electrons, behind: np.ndarray
+    sampling: Sampling,
+    in_pixel: int,
+    view: CameraView,
+    electrons: Callable[[Totals], float],
+    behind: np.ndarray,
 ) -> PixelCriterion | None:
     """The criterion of a sampling: its tolerance, or the camera's noise; None for fixed paths."""
     if sampling.tolerance is not None:
