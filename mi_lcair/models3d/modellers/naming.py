@@ -237,6 +237,9 @@ def label_of(place: str, values: dict[str, str], group: str, folder: Path, **opt
     options: as those of `parse`.
     """
     kind = values.get("type", "f")
+    for key, value in values.items():
+        if "*" in value:
+            raise InputError(f"{place}: {key} {shown(value)} must have no '*'")
     if "emissivity" in values:
         if "material" in values:
             raise InputError(f"{place}: gives material and emissivity; give one of them")

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mi_lcair.coincident import unique_rows, weld
-from mi_lcair.declared import percent
+from mi_lcair.declared import Bounds, percent
 from mi_lcair.errors import InputError, check_known, errors_of
 from mi_lcair.extras import optional
 from mi_lcair.files import check_file
@@ -32,6 +32,7 @@ NAME = re.compile(
     r"|(?:primvars:|userProperties:)thermal_)(?P<key>\w+)"
 )
 BLENDER = ("userProperties:blender:object_name", "userProperties:blender:data_name")
+AXES = {"Y": EXPORTED, "Z": AS_BLENDER}  # forward and up, by the upAxis of a stage
 SHOWN = ("default", "render")  # purposes of prims that are seen
 MOST_GROUPS = 64  # branches of the hierarchy that become groups; as many spectra are told apart
 REASON = re.compile(r" : '(.*?)'\s*$", re.MULTILINE | re.DOTALL)  # in the text of USD's errors
@@ -270,7 +271,10 @@ class Stage:
                 if root.HasInfo(name) and root.GetInfo(name) != value:
                     words = f"{name} is {root.GetInfo(name)} where the stage has {value}, and USD "
                     self.note(f"{words} does not convert: check sizes and axes", layer.identifier)
-        return unit, EXPORTED if up == UsdGeom.Tokens.y else AS_BLENDER
+        with errors_of(self.path):
+            Bounds(is_positive=True, unit="m").check(unit, "metersPerUnit")
+            check_known("upAxis", AXES, up)
+        return unit, AXES[up]
 
     def places(self, time) -> Iterator[Place]:
         """Yield the meshes that are seen, in each of their places, at a time of the stage."""
@@ -366,6 +370,8 @@ class Stage:
             if value is not None and not isinstance(value, str) and hasattr(value, "__len__"):
                 values = np.array(value)
                 value = values[0] if len(values) == 1 else Array(values, over)
+            if hasattr(value, "resolvedPath"):  # an asset, such as the JSON of a fit
+                value = value.resolvedPath or value.path
             if value is not None and not (match["label"] and str(value) in ("none", "")):
                 said[match["key"]] = value
         if said.keys() & {"material", "emissivity"}:
@@ -459,11 +465,17 @@ class Stage:
         depth = len(os.path.commonprefix([place.where for place in places]))
         names = [place.where[min(depth, len(place.where) - 1)] for place in places]
         if len(set(names)) > MOST_GROUPS:
-            self.note(f"more than {MOST_GROUPS} branches, which are no groups; thermal:group", "/")
+            words = f"more than {MOST_GROUPS} branches, which become no groups (thermal:group does)"
+            self.note(words, "/" + "/".join(places[0].where[:depth]))
         if not 1 < len(set(names)) <= MOST_GROUPS:
             return [""] * len(places)
-        names = [re.sub(r"[^A-Za-z0-9_-]", "_", name) for name in names]
-        return [name + "_" * (name in GROUPS.values()) for name in names]
+        plain, taken = {}, set(GROUPS.values())
+        for name in dict.fromkeys(names):
+            plain[name] = re.sub(r"[^A-Za-z0-9_-]", "_", name)
+            while plain[name] in taken:
+                plain[name] += "_"
+            taken.add(plain[name])
+        return [plain[name] for name in names]
 
     def faces(self, place: Place) -> MeshFaces:
         """The faces of a mesh in one of its places, without holes, with the backs of sheets."""
@@ -486,6 +498,8 @@ class Stage:
         faces = MeshFaces(points, np.array(corners, int), np.array(sizes, int))
         if not (np.isfinite(points).all() and np.isfinite(place.matrix).all()):
             raise InputError(f"{where}: a coordinate is not finite")
+        if not np.allclose(place.matrix[:, 3], (0, 0, 0, 1)):
+            raise InputError(f"{where}: its transform is a projection; bake it into the points")
         faces = self._described(place, faces).kept(keep)
         if not keep.any():
             return faces

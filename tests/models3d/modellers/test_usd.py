@@ -11,6 +11,7 @@ import pytest
 import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.models3d import export, read, report
+from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.rendering.parameters.values import set_values
 from tests.models3d.shapes import CORNERS, SIDES
 
@@ -56,7 +57,8 @@ def load(tmp_path):
     """A function that reads a stage of some prims: `load(text)`."""
 
     def load(*prims, head=METRES, name="stage.usda", **options):
-        (tmp_path / name).write_text(f"#usda 1.0\n(\n{head}\n)\n" + "\n".join(prims))
+        text = f"#usda 1.0\n(\n{head}\n)\n" + "\n".join(prims)
+        (tmp_path / name).write_text(text, encoding="utf-8")
         return read(tmp_path / name, **(PAINTED | options))
 
     return load
@@ -104,6 +106,13 @@ def test_handedness(load, scale, hand):
     body = mesh(faces=faces, more=f'uniform token orientation = "{hand}"')
     turn = "float xformOp:rotateZ = 30", f"float3 xformOp:scale = {scale}"
     solid(load(xform("Outer", xform("Inner", body, moved(5, 0, 0, *turn)), moved(0, 7, 0))), 24)
+
+
+def test_a_projection(load):
+    rows = "((1, 0, 0, 0.5), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))"
+    operation = f"matrix4d xformOp:transform = {rows}\nuniform token[] xformOpOrder = "
+    with pytest.raises(InputError, match="/X/Box: its transform is a projection"):
+        load(xform("X", mesh(), operation + '["xformOp:transform"]'))
 
 
 def test_nested_transforms(load):
@@ -491,6 +500,7 @@ BAD = [
     (mesh(more=SAID.format(20, "blackbody")), "looks like degrees Celsius"),
     (mesh(more="double[] thermal:kelvin = [300, 20, 300, 300, 300, 300]"), "Celsius"),
     (mesh(more="double[] thermal:kelvin = [300, 310]"), "kelvin has 2 values; the mesh has 6 f"),
+    (mesh(more=SAID.format(300, "0.8*600*")), "material '0.8.600.' must have no '.'"),
     (mesh(more=SAID.format(300, "gold_plate")), r"\(6 faces, from facet 0 on\): unknown material"),
     (mesh(more="custom double thermal:kelvin = 300"), "lacks material or emissivity; give it"),
     (mesh(more="custom double thermal:emissivity = 2\n" + SAID.format(300, "1")), "give one of"),
@@ -505,6 +515,24 @@ def test_refused(load, capfd, text, reason):
         load(text, material=None, temperature=None)
     assert "\n" not in str(refusal.value) and "stage.usda" in str(refusal.value)
     assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    "head, reason",
+    [
+        ('metersPerUnit = -1\nupAxis = "Z"', "metersPerUnit = -1 m; must be positive"),
+        ('metersPerUnit = 1\nupAxis = "X"', "unknown upAxis 'X'; known: Y, Z"),
+    ],
+)
+def test_impossible_stages(load, head, reason):
+    with pytest.raises(InputError, match=f"stage.usda: {reason}"):
+        load(mesh(), head=head)
+
+
+def test_names_in_other_letters(load):
+    """Two branches are two groups, also where their names have no letter that groups may have."""
+    model = load(mesh("\u5de6"), mesh("\u53f3"), mesh("sky"))
+    assert {label.group for label in model.labels} == {"_", "__", "sky_"}
 
 
 def test_damaged_files(tmp_path):
@@ -656,3 +684,23 @@ def test_one_sample_is_no_motion(load):
     place = moving("double3 xformOp:translate.timeSamples = {1: (1, 2, 3)}")
     model = load(xform("Car", mesh(), place), head=TIMES)
     assert model.files == {} and model.remarks == () and model.box[0].tolist() == [1, 2, 3]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "inside",
+    [
+        xform("Mirrored", mesh(), moved(0, 0, 0, "float3 xformOp:scale = (-1, 1, 1)")),
+        mesh(faces=[side[::-1] for side in SIDES], more='uniform token orientation = "leftHanded"'),
+        mesh("Sheet", *SQUARE, more="uniform bool doubleSided = 1"),
+    ],
+)
+def test_radiances(load, tmp_path, inside):
+    """A grey face of 1 m2 at 320 K sends .8 of a blackbody's intensity, seen from both sides."""
+    model = load(inside, material="0.8", temperature=320.0)
+    export(model, tmp_path / "out")
+    for elevation_deg in (90, -90):
+        view = {"elevation_deg": elevation_deg, "resolution": 16}
+        scene = mi_lcair.load(tmp_path / "out" / "scene.xml", **view)
+        expected = 0.8 * in_band_radiance(scene.band, 320.0)
+        assert mi_lcair.signature(scene, spp=64).intensity == pytest.approx(expected, rel=0.01)
