@@ -108,7 +108,7 @@ class Place:
 
 @dataclass(frozen=True)
 class MeshFaces:
-    """MeshFaces of a mesh: points (V, 3), corners (N,), sizes (F,), and what is said of each.
+    """Faces of a mesh: points (V, 3), corners (N,), sizes (F,), and what is said of each.
 
     number: index of each face in `said`, pairs (names, values), (F,). kelvin: temperatures of faces
     that have their own, else NaN, (F,).
@@ -174,14 +174,14 @@ class MeshFaces:
         return values if over in ("", "faceVarying") and count == len(self.corners) else None
 
     def means(self, values: np.ndarray) -> np.ndarray:
-        """Mean over each face's corners of values (N, ...) at them."""
-        return (np.add.reduceat(values, self.first).T / self.sizes).T
+        """Mean over each face's corners of values (N, ...) at them, (F, ...)."""
+        return means_of(values, self.owner, len(self.sizes))
 
     def vectors(self) -> np.ndarray:
-        """Normal of each face, as long as its area, by Newell's formula, (F, 3)."""
+        """Normal of each face, as long as twice its area, by Newell's formula, (F, 3)."""
         a, b = self.points[self.corners], self.points[self.following]
         start = a[self.first][self.owner]
-        return np.add.reduceat(np.cross(a - start, b - start), self.first) / 2
+        return np.add.reduceat(np.cross(a - start, b - start), self.first)
 
     def smoothed(self) -> "MeshFaces":
         """The mesh after a step of Catmull and Clark at its points, without new ones.
@@ -189,18 +189,20 @@ class MeshFaces:
         A point becomes (F + 2 R + (n - 3) P) / n, of the means F of its n faces' middles and R of
         its edges' middles. Source: Catmull and Clark 1978, for points inside a closed mesh.
         """
-        n = np.bincount(self.corners, minlength=len(self.points))
-
-        def mean(values):
-            sums = [np.bincount(self.corners, axis, len(n)) for axis in values.T]
-            return np.stack(sums, axis=-1) / np.maximum(n, 1)[:, None]
-
-        at = self.points[self.corners]
-        of_faces = mean(self.means(at)[self.owner])
-        of_edges = mean((at + self.points[self.following]) / 2)
-        n = n[:, None]
+        at, count = self.points[self.corners], len(self.points)
+        of_faces = means_of(self.means(at)[self.owner], self.corners, count)
+        of_edges = means_of((at + self.points[self.following]) / 2, self.corners, count)
+        n = np.bincount(self.corners, minlength=count)[:, None]
         moved = (of_faces + 2 * of_edges + (n - 3) * self.points) / np.maximum(n, 1)
         return replace(self, points=np.where(n >= 3, moved, self.points))
+
+
+def means_of(values: np.ndarray, index: np.ndarray, count: int) -> np.ndarray:
+    """Means of the values (N, ...) that have each index from 0, (count, ...); NaN for none."""
+    sums = np.zeros((count, *values.shape[1:]))
+    np.add.at(sums, index, values)
+    with np.errstate(invalid="ignore"):
+        return (sums.T / np.bincount(index, minlength=count)).T
 
 
 class Stage:

@@ -98,14 +98,15 @@ def test_units_and_axes(load):
     assert np.ptp(given.box, axis=0) == pytest.approx((2, 1, 3))
 
 
-@pytest.mark.parametrize("scale", [(2, 3, 4), (-2, 3, 4), (-2, -3, 4), (-2, -3, -4)])
+@pytest.mark.parametrize("scale", [(2, 3, 4), (-2, 3, 4), (-2, -3, 4), (-2, -3, -4), (0.5, 0.5, 1)])
 @pytest.mark.parametrize("hand", ["rightHanded", "leftHanded"])
 def test_handedness(load, scale, hand):
     """Sides face outward for each number of mirrors, and for faces that run clockwise."""
     faces = SIDES if hand == "rightHanded" else [side[::-1] for side in SIDES]
     body = mesh(faces=faces, more=f'uniform token orientation = "{hand}"')
     turn = "float xformOp:rotateZ = 30", f"float3 xformOp:scale = {scale}"
-    solid(load(xform("Outer", xform("Inner", body, moved(5, 0, 0, *turn)), moved(0, 7, 0))), 24)
+    model = load(xform("Outer", xform("Inner", body, moved(5, 0, 0, *turn)), moved(0, 7, 0)))
+    solid(model, abs(np.prod(scale)))
 
 
 def test_a_projection(load):
@@ -246,8 +247,11 @@ def test_sheets_and_caps(load):
 def test_polygons(load):
     """An L of 6 corners and 3 m2, a triangle, and faces that are none."""
     points = [(0, 0, 0), (2, 0, 0), (2, 1, 0), (1, 1, 0), (1, 2, 0), (0, 2, 0)]
-    model = load(mesh("L", points, [(0, 1, 2, 3, 4, 5), (0, 1), (0, 1, 5)]))
+    kelvin = 'float[] primvars:thermal:kelvin = [300, 300, 300, 303, 300, 300] (interpolation = "'
+    faces = [(0, 1, 2, 3, 4, 5), (0, 1), (), (0, 1, 5), ()]
+    model = load(mesh("L", points, faces, more=kelvin + 'vertex")'), temperature=None)
     assert model.count == 2 and report(model)["area_by_material"] == {"gloss_black": 5}
+    assert model.temperature.tolist() == [300.5, 300]
     assert model.remarks == ("faces of fewer than 3 corners are left out: /L",)
 
 
@@ -260,6 +264,11 @@ def test_subdivision(load):
     assert "by about -69 %" in remark and abs((5 / 9) ** 2 - 1 + 0.69) < 0.005
     assert load(mesh(scheme='uniform token subdivisionScheme = "bilinear"')).remarks == ()
     assert load(mesh("Flat", *SQUARE, scheme="")).remarks == ()
+    # An octahedron's corners have 4 faces: ((1/3) + 2 (1/2) + 1) / 4 = 7/12
+    points = [tuple(row) for row in (*np.eye(3), *-np.eye(3))]
+    faces = [(i, j, k) for i, j, k in ((0, 1, 2), (1, 3, 2), (3, 4, 2), (4, 0, 2))]
+    model = load(mesh("Eight", points, [*faces, *[(b, a, 5) for a, b, _ in faces]], scheme=""))
+    assert "by about -66 %" in model.remarks[0] and abs((7 / 12) ** 2 - 1 + 0.66) < 0.005
 
 
 def test_normals_against_the_winding(load):
@@ -399,6 +408,28 @@ def test_hierarchy_as_groups(load):
     groups = [group for _, group, _ in kinds(model)]
     assert groups == ["Left"] * 6 + ["own"] * 6 + ["terrain"]
     assert kinds(model)[-1] == ("0.9", "terrain", 280)
+
+
+def test_many_branches(load):
+    """More than 64 are no groups."""
+    for count, groups in ((64, 64), (65, 1)):
+        parts = "".join(mesh(f"P{k}", *SQUARE) for k in range(count))
+        model = load(xform("World", parts))
+        assert len({label.group for label in model.labels}) == groups
+        assert [remark.split(" ")[-1] for remark in model.remarks] == ["/World"] * (count > 64)
+
+
+def test_what_is_said_above_instances(load):
+    """Of a point instancer, and of the second mesh of a stage, whose facets follow."""
+    rows = instancer((0, 0), ("</World/Rows/A>",), "", xform("A", mesh()))
+    world = xform("World", rows, SAID.format(305, "0.4"))
+    model = load(world, material=None, temperature=None)
+    assert kinds(model) == [("0.4", "self", 305)] * 12
+    second = mesh("Second", more=SAID.format(300, "gold_plate"))
+    with pytest.raises(
+        InputError, match=r"/Second \(6 faces, from facet 12 on\): unknown material"
+    ):
+        load(world, second, material=None, temperature=None)
 
 
 def test_first_guess(load):
