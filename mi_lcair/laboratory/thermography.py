@@ -331,7 +331,7 @@ class ImageConditions(
             self,
             reflected=reflected,
             transmittance=through,
-            air_temperature=air or Estimate(reflected.value),
+            air_temperature=air or replace(reflected, standard_error=0.0),
         ), [] if air or is_one(through) else remarks
 
     def air(
@@ -467,7 +467,8 @@ def temperature_of(
     draws = drawn(np.ravel(apparent)[pixels], stated, conditions, band, camera)
     ends, linear = np.nanquantile(draws, INTERVAL, axis=0), estimate.standard_error.flat[pixels]
     off = abs(ends - kelvin.flat[pixels] - np.outer([-2, 2], linear)).max(axis=0)
-    if (off > FAILS * 2 * linear + 1e-6).any():
+    off /= FAILS * 2 * linear + 1e-6
+    if (off > 1).any():
         k, lost = int(np.argmax(off)), np.isnan(draws).mean(axis=0)
         without = f"; {lost[k]:.0%} of the draws have no temperature" if lost[k] > 0.005 else ""
         remarks.append(

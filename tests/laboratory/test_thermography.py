@@ -171,6 +171,14 @@ def test_the_interval_holds_95_percent_of_draws(emissivity, sigma):
     assert result.as_dict()["interval_K"] == pytest.approx([low, high])
 
 
+def test_the_remark_names_the_pixel_at_which_the_linear_uncertainty_fails():
+    """The cold pixel, whose interval is not that of 2 sigma; that of the hot one is wider."""
+    seen = np.array([[289.9, 330.0]])
+    result = mi_lcair.temperature(seen, "LWIR", emissivity=(0.92, 0.02), reflected=(293, 2))
+    (remark,) = [line for line in result.remarks if "linear uncertainty fails" in line]
+    assert remark.startswith(f"at {result.kelvin[0, 0]:.4g} K")
+
+
 def test_the_interval_in_computed_air_is_that_of_draws():
     given = {"emissivity": (0.9, 0.03), "reflected": (290, 3), "distance": (1500, 300)}
     given |= {"humidity": (0.6, 0.2), "air_temperature": (285, 3)}

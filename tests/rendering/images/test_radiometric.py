@@ -14,7 +14,15 @@ from mi_lcair.physics.bands import band
 from mi_lcair.rendering.images.files import read_values
 from mi_lcair.rendering.images.radiometric import read
 from tests.rendering.images import flir_files
-from tests.rendering.images.flir_files import block, camera_record, fff, jpeg, raw_record, signal
+from tests.rendering.images.flir_files import (
+    air_transmittance,
+    block,
+    camera_record,
+    fff,
+    jpeg,
+    raw_record,
+    signal,
+)
 
 ROOT = Path(__file__).parents[3]
 KELVIN = np.linspace(270, 420, 12 * 9).reshape(9, 12)  # of blackbodies
@@ -41,6 +49,29 @@ def test_byte_orders(tmp_path, header, order, kind):
             "emissivity": 0.95, "distance": 2, "reflected": 293.15, "air_temperature": 293.15,
             "humidity": 0.4, "window": 0.9, "window_temperature": 293.15,
         }  # fmt: skip
+
+
+def test_the_curve_and_the_air_of_a_camera(tmp_path):
+    """All its numbers differ; the formulas are those of the generator, written out."""
+    curve = {"R1": 14000.0, "B": 1400.0, "F": 1.5, "O": -4000, "R2": 0.011}
+    air = {"alpha1": 0.008, "alpha2": 0.015, "beta1": -0.003, "beta2": -0.007, "X": 1.7}
+    camera = read(written(tmp_path / "a.fff", fff(COUNTS, **curve, **air))).calibration
+    for kelvin in (250.0, 300.0, 500.0):
+        of_none = signal(kelvin, curve) + curve["O"]
+        assert camera.radiance(kelvin) == pytest.approx(of_none, rel=1e-5)
+        assert camera.kelvin(of_none) == pytest.approx(kelvin, rel=1e-6)
+    for metres, humidity, kelvin in ((2.0, 0.3, 270.0), (150.0, 0.9, 305.0)):
+        expected = air_transmittance(metres, humidity, kelvin, air)
+        given = camera.transmittance(metres, humidity, kelvin)
+        assert given == pytest.approx(expected, rel=1e-6) and expected < 0.998
+
+
+def test_other_segments_of_a_jpeg(tmp_path):
+    """An APP1 segment of EXIF data, and bytes that fill, before those of FLIR."""
+    content = jpeg(fff(COUNTS), 1000)
+    exif = b"\xff\xe1\x00\x0bExif\0\0abc" + b"\xff\xff"
+    path = written(tmp_path / "a.jpg", content[:2] + exif + content[2:])
+    np.testing.assert_allclose(read(path).kelvin, KELVIN, atol=0.02)
 
 
 def test_conditions_that_do_not_count(tmp_path):
