@@ -556,7 +556,8 @@ def write_facets(
         partial.write_text("\n".join(lines), encoding="utf-8")
 
 
-# Attributes by which `mi-lcair import` knows columns of facets again; others are `facets:NAME`
+# Attributes by which `import` knows columns of facets again. Others are `facets:NAME`, where
+# '_' stands for what a name in USD cannot have.
 SAID = {"temperature_K": "kelvin", "material": "material", "group": "group", "type": "type"}
 LETTERS = {"model": "f", "sky": "s", "terrain": "t"}  # types of facets in labels
 COLOURS = "inferno"  # of Matplotlib
@@ -572,7 +573,7 @@ def _write_usd(path, suffix: str, vertices, faces, columns: dict[str, np.ndarray
     """
     optional("pxr", f"{path}: a USD file")
     from matplotlib import colormaps
-    from pxr import Sdf, Usd, UsdGeom, Vt
+    from pxr import Sdf, Tf, Usd, UsdGeom, Vt
 
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
@@ -591,9 +592,10 @@ def _write_usd(path, suffix: str, vertices, faces, columns: dict[str, np.ndarray
         values = np.asarray(values)
         if values.ndim > 1 or not len(values):
             continue
-        name = f"thermal:{SAID[name]}" if name in SAID else f"facets:{name}"
-        kind = {"i": kinds.IntArray, "u": kinds.IntArray, "f": kinds.FloatArray}
-        kind = kind.get(values.dtype.kind, kinds.StringArray)
+        other = f"facets:{Tf.MakeValidIdentifier(name)}"
+        name = f"thermal:{SAID[name]}" if name in SAID else other
+        known = {"i": kinds.IntArray, "f": kinds.FloatArray, "b": kinds.BoolArray}
+        kind = known.get(values.dtype.kind.replace("u", "i"), kinds.StringArray)
         if name == "thermal:kelvin" and (values != values.astype(np.float32))[values > 0].any():
             kind = kinds.DoubleArray
         written = values.tolist() if kind != kinds.StringArray else [*map(str, values)]

@@ -212,6 +212,35 @@ def test_no_facets(tmp_path):
     assert (tmp_path / "a.vtp").exists()
 
 
+@pytest.mark.parametrize("suffix", ["usd", "usda", "usdc"])
+def test_usd(tmp_path, suffix):
+    """A mesh of the same polygons, with each column over its faces."""
+    Usd = pytest.importorskip("pxr.Usd")
+    columns = COLUMNS | {"by_a.b_K": [1.5, 2, 3], "type": ["model", "sky", "terrain"]}
+    formats.write_facets(tmp_path / f"a.{suffix}", VERTICES, FACES, columns)
+    stage = Usd.Stage.Open(str(tmp_path / f"a.{suffix}"))
+    values = {a.GetName(): a.Get() for a in stage.GetDefaultPrim().GetAuthoredAttributes()}
+    points, corners = np.array(values["points"]), np.array(values["faceVertexIndices"])
+    expected = np.concatenate([VERTICES[face] for face in FACES])
+    assert np.array_equal(points[corners], expected.astype(np.float32))
+    assert list(values["faceVertexCounts"]) == [3, 4, 5]
+    assert values["subdivisionScheme"] == "none" and values["extent"][0] == (0, 0, 0)
+    own = {name.removeprefix("primvars:"): list(v) for name, v in values.items() if ":" in name}
+    colours = np.array(own.pop("displayColor"))
+    assert (colours[1] == 0.5).all() and colours[0].sum() > colours[2].sum()  # NaN, hot, cold
+    np.testing.assert_array_equal(own.pop("thermal:kelvin"), columns["temperature_K"])
+    assert own == {
+        "facets:facet": [0, 1, 2],
+        "facets:radiance_W_m2_sr": [1, 2, 3],
+        "facets:seen": [True, False, True],
+        "facets:by_a_b_K": [1.5, 2, 3],
+        "thermal:group": ["wing", "fuselage", "wing--<&"],
+        "thermal:type": ["f", "s", "t"],
+    }
+    formats.write_facets(tmp_path / f"b.{suffix}", np.zeros((0, 3)), [], {"facet": np.zeros(0)})
+    assert Usd.Stage.Open(str(tmp_path / f"b.{suffix}")).GetDefaultPrim()
+
+
 def test_another_suffix(tmp_path):
     with pytest.raises(InputError, match="does not end in .vtp, .vtu, .usd"):
         formats.write_facets(tmp_path / "a.vtk", VERTICES, FACES, COLUMNS)

@@ -36,6 +36,7 @@ AXES = {"Y": EXPORTED, "Z": AS_BLENDER}  # forward and up, by the upAxis of a st
 SHOWN = ("default", "render")  # purposes of prims that are seen
 MOST_GROUPS = 64  # branches of the hierarchy that become groups; as many spectra are told apart
 REASON = re.compile(r" : '(.*?)'\s*$", re.MULTILINE | re.DOTALL)  # in the text of USD's errors
+NAMESPACE = re.compile(r"\w+pxrReserved__::(\w+::)*")  # of C++ names in it
 SMALL = 1e-3  # relative change of the area by a subdivision that is not worth a remark
 SMALL_CHANGE, RIGID = 1e-9, 1e-4  # of a frame's entries; of the lengths of turned vectors
 MOST_MOMENTS = 1_000_000  # places of meshes at all times together
@@ -205,6 +206,16 @@ def means_of(values: np.ndarray, index: np.ndarray, count: int) -> np.ndarray:
         return (sums.T / np.bincount(index, minlength=count)).T
 
 
+def reason_of(error: Exception) -> str:
+    """What is wrong with a file, in the words of an error of USD."""
+    try:
+        text = str(error)
+    except UnicodeDecodeError:  # it quotes the file
+        return "it is damaged, or its text is not UTF-8"
+    reason = REASON.search(text)
+    return NAMESPACE.sub("", reason[1] if reason else text)
+
+
 class Stage:
     """A stage of USD, and what a user should know about the reading of it.
 
@@ -218,10 +229,7 @@ class Stage:
         try:
             self.usd = Usd.Stage.Open(str(path))
         except Tf.ErrorException as error:
-            reason = REASON.search(str(error))
-            raise InputError(
-                f"{path}: cannot be read as USD: {reason[1] if reason else error}"
-            ) from None
+            raise InputError(f"{path}: cannot be read as USD: {reason_of(error)}") from None
         self.usd.SetEditTarget(self.usd.GetSessionLayer())
         self._select(variants)
         for error in self.usd.GetCompositionErrors():

@@ -566,15 +566,18 @@ def test_names_in_other_letters(load):
     assert {label.group for label in model.labels} == {"_", "__", "sky_"}
 
 
-def test_damaged_files(tmp_path):
+def test_damaged_files(load, tmp_path):
     for name, content, reason in (
         ("a.usdc", b"PXR-USDC\x00\x08", "a.usdc: cannot be read as USD: File too small"),
         ("a.usdz", b"PK\x03\x04", "a.usdz: cannot be read as USD: "),
         ("a.usd", b"", "a.usd: cannot be read as USD: "),
+        ("a.usda", b"#usda 1.0\ndef \xff\x80 {", "a.usda: cannot be read as USD: "),
     ):
         (tmp_path / name).write_bytes(content)
         with pytest.raises(InputError, match=reason):
             read(tmp_path / name, **PAINTED)
+    with pytest.raises(InputError, match="parse error matching TupleValueClose at"):
+        load('def Mesh "A" {\npoint3f[] points = [(0, 0]\n}')
     with pytest.raises(InputError, match="none.usd: cannot be read: No such file"):
         read(tmp_path / "none.usd", **PAINTED)
 
