@@ -337,8 +337,8 @@ class Stage:
         prototypes = [self.usd.GetPrimAtPath(path) for path in paths]
         which = np.array(instancer.GetProtoIndicesAttr().Get(time) or [], int)
         shown = instancer.ComputeMaskAtTime(time) or [True] * len(which)
-        self.changes |= set(instancer.GetPositionsAttr().GetTimeSamples())
-        self.changes |= set(instancer.GetOrientationsAttr().GetTimeSamples())
+        for name in ("positions", "orientations", "scales"):
+            self.changes |= set(prim.GetAttribute(name).GetTimeSamples())
         kind = UsdGeom.PointInstancer
         placed = instancer.ComputeInstanceTransformsAtTime(
             time, time, kind.ExcludeProtoXform, kind.IgnoreMask
@@ -442,11 +442,11 @@ class Stage:
         first, last = self.usd.GetStartTimeCode(), self.usd.GetEndTimeCode()
         if not self.usd.HasAuthoredTimeCodeRange():
             first, last = min(self.changes), max(self.changes)
-        times = sorted({first, last, *np.arange(first, last), *self.changes})
-        times = [time for time in times if first <= time <= last]
-        if len(times) * len(places) > MOST_MOMENTS:
+        if (last - first + len(self.changes)) * len(places) > MOST_MOMENTS:
             self.note("too many moments to read a motion", "/")
             return still
+        times = sorted({first, last, *np.arange(first, last), *self.changes})
+        times = [time for time in times if first <= time <= last]
         common = os.path.commonprefix([place.where for place in places])
         prim = self.usd.GetPrimAtPath("/" + "/".join(common))
         frames, matrices = [], []

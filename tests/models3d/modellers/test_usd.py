@@ -714,6 +714,18 @@ def test_what_is_no_motion(load, rotor, inside, remark):
     assert remark in model.remarks and model.files == {}
 
 
+def test_moving_instances(load):
+    """Of a point instancer: one rises, and both are one group, whose parts move apart."""
+    rows = instancer((0, 0), ("</Rows/A>",), "", xform("A", mesh()))
+    still, risen = "[(0, 0, 0), (4, 0, 0)]", "[(0, 0, 0), (4, 0, 9)]"
+    samples_of = f"point3f[] positions.timeSamples = {{0: {still}, 4: {risen}}}"
+    rows = rows.replace("point3f[] positions = [(0.0, 0.0, 0.0), (4.0, 0.0, 0.0)]", samples_of)
+    model = load(rows, head=TIMES)
+    assert model.remarks == ("parts of group self move apart, and stay at the first time",)
+    many = load(rows, head=TIMES.replace("endTimeCode = 4", "endTimeCode = 1e9"))
+    assert many.remarks == ("too many moments to read a motion: /",)
+
+
 def test_one_sample_is_no_motion(load):
     place = moving("double3 xformOp:translate.timeSamples = {1: (1, 2, 3)}")
     model = load(xform("Car", mesh(), place), head=TIMES)
