@@ -10,7 +10,7 @@ import numpy as np
 from mi_lcair.coincident import weld
 from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError, errors_of, option, shown
-from mi_lcair.extras import named
+from mi_lcair.extras import named, optional
 from mi_lcair.files import read_text
 from mi_lcair.models3d.modellers import exchange
 from mi_lcair.models3d.modellers.naming import (
@@ -22,7 +22,6 @@ from mi_lcair.models3d.modellers.naming import (
     labels_of,
 )
 from mi_lcair.models3d.modellers.obj import Obj, read_obj
-from mi_lcair.models3d.modellers.usd import read_usd
 from mi_lcair.models3d.polygons import MOST_CLIPPED, triangulate
 from mi_lcair.physics import materials as known_materials
 from mi_lcair.results import Result
@@ -215,7 +214,8 @@ def read(
     kind, usual = exchange.KINDS.get(Path(path).suffix.lower(), ("OBJ", exchange.AS_BLENDER))
     exchange.rotation(forward or usual[0], up or usual[1], nose)  # raises InputError at once
     if kind == "USD":
-        obj = read_usd(path, variants, guess)
+        optional("pxr", f"{path}: a USD file")
+        obj = named("mi_lcair.models3d.modellers.usd:read_usd")(path, variants, guess)
     else:
         obj = read_obj(path) if kind == "OBJ" else exchange.read_mesh(path)
     usual = obj.axes or usual

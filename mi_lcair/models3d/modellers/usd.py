@@ -3,6 +3,8 @@
 What is said of a face are attributes `thermal:KEY` with a KEY of `naming.COLUMNS`, and SimReady's
 non-visual labels. The nearest of these counts: the face itself (an array of the mesh), a GeomSubset
 with the face, the bound material, the mesh, and the prims above it, the lowest first.
+
+It is imported where a USD file is read, because it needs usd-core.
 """
 
 import os
@@ -13,12 +15,12 @@ from pathlib import Path
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade, UsdSkel, UsdUtils, Vt
 from scipy.spatial.transform import Rotation
 
 from mi_lcair.coincident import unique_rows, weld
 from mi_lcair.declared import Bounds, percent
 from mi_lcair.errors import InputError, check_known, errors_of
-from mi_lcair.extras import optional
 from mi_lcair.files import check_file
 from mi_lcair.models3d.modellers.exchange import AS_BLENDER, EXPORTED, Mesh, label_in
 from mi_lcair.models3d.modellers.naming import COLUMNS, GROUPS, OF_FACES, kelvin
@@ -64,15 +66,12 @@ def read_usd(path: str | Path, variants: Mapping[str, str] | None, guess: bool) 
     Raises
     ------
     InputError
-        For a file that cannot be read whole or has no mesh, and if usd-core is not installed.
+        For a file that cannot be read whole or has no mesh.
     """
     path = Path(path)
-    optional("pxr", f"{path}: a USD file")
     check_file(path)
     if not path.is_file():
         raise InputError(f"{path}: cannot be read: No such file or directory")
-    from pxr import UsdUtils
-
     delegate = UsdUtils.CoalescingDiagnosticDelegate()  # USD's warnings do not go to the console
     try:
         return Stage(path, variants or {}, guess).mesh()
@@ -223,8 +222,6 @@ class Stage:
     """
 
     def __init__(self, path: Path, variants: Mapping[str, str], guess: bool):
-        from pxr import Tf, Usd
-
         self.path, self.guess, self.notes, self.changes = path, guess, {}, set()
         try:
             self.usd = Usd.Stage.Open(str(path))
@@ -270,8 +267,6 @@ class Stage:
 
     def _units(self) -> tuple[float, tuple[str, str]]:
         """Length of the stage's unit [m], and its axes forward and up."""
-        from pxr import UsdGeom
-
         unit, up = UsdGeom.GetStageMetersPerUnit(self.usd), UsdGeom.GetStageUpAxis(self.usd)
         for name, value in (("metersPerUnit", unit), ("upAxis", up)):
             if not self.usd.HasAuthoredMetadata(name):
@@ -291,8 +286,6 @@ class Stage:
         yield from self._below(self.usd.GetPseudoRoot(), np.eye(4), (), (), "default", time)
 
     def _below(self, prim, *context) -> Iterator[Place]:
-        from pxr import Sdf, Usd
-
         # Prototypes may be below an `over` or a class, so that only their own specifier counts
         wanted = Usd.PrimIsActive & Usd.PrimIsLoaded & Usd.PrimHasDefiningSpecifier
         for child in prim.GetFilteredChildren(Usd.TraverseInstanceProxies(wanted)):
@@ -301,8 +294,6 @@ class Stage:
 
     def _at(self, prim, matrix, said, where, purpose, time) -> Iterator[Place]:
         """Yield the meshes of a prim and below it; the other arguments are those of its parent."""
-        from pxr import UsdGeom
-
         seen, where = UsdGeom.Imageable(prim), (*where, prim.GetName())
         if seen:
             if seen.GetVisibilityAttr().Get(time) == UsdGeom.Tokens.invisible:
@@ -330,8 +321,6 @@ class Stage:
 
     def _instances(self, prim, matrix, said, where, purpose, time) -> Iterator[Place]:
         """Yield the meshes of a point instancer's prototypes in the places of its instances."""
-        from pxr import UsdGeom
-
         instancer = UsdGeom.PointInstancer(prim)
         paths = instancer.GetPrototypesRel().GetForwardedTargets()
         prototypes = [self.usd.GetPrimAtPath(path) for path in paths]
@@ -362,8 +351,6 @@ class Stage:
 
     def _said(self, prim) -> dict:
         """What a prim says, by key; an Array where it has several values."""
-        from pxr import UsdGeom
-
         said = {}
         for attribute in prim.GetAuthoredAttributes():
             match = NAME.fullmatch(attribute.GetName())
@@ -434,8 +421,6 @@ class Stage:
 
     def _paths(self, places: list[Place]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Times [s], frames of the model and paths of its meshes, see `Movement`."""
-        from pxr import Gf, Usd, UsdGeom
-
         still = np.zeros(1), np.eye(4)[None], np.tile(np.eye(4), (len(places), 1, 1, 1))
         if len(self.changes) < 2:
             return still
@@ -489,8 +474,6 @@ class Stage:
 
     def faces(self, place: Place) -> MeshFaces:
         """The faces of a mesh in one of its places, without holes, with the backs of sheets."""
-        from pxr import UsdGeom, UsdSkel, Vt
-
         mesh, where = UsdGeom.Mesh(place.prim), f"{self.path}: {place.path}"
         points = mesh.GetPointsAttr().Get(self.time) or Vt.Vec3fArray()
         sizes = mesh.GetFaceVertexCountsAttr().Get(self.time) or Vt.IntArray()
@@ -537,8 +520,6 @@ class Stage:
 
     def _compare(self, mesh, place: Place, faces: MeshFaces, keep: np.ndarray) -> None:
         """Note a subdivision that is left out, and normals that point against the winding."""
-        from pxr import UsdGeom
-
         scheme, vectors = mesh.GetSubdivisionSchemeAttr().Get(self.time), faces.vectors()
         if scheme not in (UsdGeom.Tokens.none, UsdGeom.Tokens.bilinear):
             area, smooth = (
@@ -561,8 +542,6 @@ class Stage:
 
     def _described(self, place: Place, faces: MeshFaces) -> MeshFaces:
         """The faces of a mesh with what is said of them."""
-        from pxr import UsdGeom
-
         where, count = f"{self.path}: {place.path}", len(faces.sizes)
         own = {}
         for key, value in place.said[0].items():
@@ -604,8 +583,6 @@ class Stage:
 
         mine: what arrays of the mesh say of it. subsets: the GeomSubsets that hold it.
         """
-        from pxr import UsdShade
-
         subsets = sorted(subsets, key=lambda subset: not _bound(subset))
         bound = next(filter(None, map(_bound, subsets)), None)
         bound = bound or UsdShade.MaterialBindingAPI(place.prim).ComputeBoundMaterial("full")[0]
@@ -630,8 +607,6 @@ class Stage:
 
 def _bound(prim):
     """The material that is bound to a prim itself."""
-    from pxr import UsdShade
-
     return UsdShade.MaterialBindingAPI(prim).GetDirectBinding().GetMaterial()
 
 
@@ -661,8 +636,6 @@ DIELECTRIC, SMOOTH_METAL, ROUGH_METAL, GUESSED = 0.9, 0.05, 0.3, 0.1
 
 def guess_of(material) -> float | None:
     """Emissivity that metallic and roughness of a material let guess; None where it has none."""
-    from pxr import UsdShade
-
     shader = material and material.ComputeSurfaceSource()[0]
     if not shader or shader.GetIdAttr().Get() != "UsdPreviewSurface":
         return None
