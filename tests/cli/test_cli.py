@@ -35,7 +35,7 @@ def test_options_of_a_function():
     emissivity, reflected, sigma, image = command.params
     signature = inspect.signature(mi_lcair.temperature).parameters
     assert sigma.default == signature["sigma"].default and sigma.type is click.FLOAT
-    assert emissivity.required and image.required and not reflected.required
+    assert image.required and not emissivity.required and not reflected.required
     for option in command.params:
         words = " ".join(mi_lcair.temperature.__doc__.split())
         assert option.help and option.help.replace("--", "`").split("`")[0] in words

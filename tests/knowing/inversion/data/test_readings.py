@@ -89,7 +89,7 @@ def test_the_same_image_in_all_formats(tmp_path):
         ("a.csv", "a,b\n1,2\n", "line 1: is no row of numbers"),
         ("a.npy", "text", "is no NumPy array"),
         ("a.tif", "text", "is no image that can be read"),
-        ("a.jpg", "text", "use .exr, .tif"),
+        ("a.gif", "text", "use .exr, .tif"),
     ],
 )
 def test_bad_images(tmp_path, name, content, message):
