@@ -36,6 +36,7 @@ NAME = re.compile(
 BLENDER = ("userProperties:blender:object_name", "userProperties:blender:data_name")
 AXES = {"Y": EXPORTED, "Z": AS_BLENDER}  # forward and up, by the upAxis of a stage
 SHOWN = ("default", "render")  # purposes of prims that are seen
+MANY = (UsdGeom.Mesh, UsdGeom.PointInstancer)  # what may say several things
 MOST_GROUPS = 64  # branches of the hierarchy that become groups; as many spectra are told apart
 REASON = re.compile(r" : '(.*?)'\s*$", re.MULTILINE | re.DOTALL)  # in the text of USD's errors
 NAMESPACE = re.compile(r"\w+pxrReserved__::(\w+::)*")  # of C++ names in it
@@ -337,12 +338,14 @@ class Stage:
                 f"{self.path}: {prim.GetPath()}: its protoIndices, positions and prototypes do not "
                 "belong together"
             )
+        for key, value in said[0].items():
+            if isinstance(value, Array) and len(value.values) != len(which):
+                many = f"{len(value.values)} values for {len(which)} instances"
+                raise InputError(f"{self.path}: {prim.GetPath()}: {key} has {many}")
         for k in np.flatnonzero(shown).tolist():
             prototype = prototypes[which[k]]
             own = {
-                key: value.values[k]
-                if isinstance(value, Array) and len(value.values) == len(which)
-                else value
+                key: value.values[k] if isinstance(value, Array) else value
                 for key, value in said[0].items()
             }
             if prototype and prototype.IsActive():
@@ -367,6 +370,11 @@ class Stage:
             if value is not None and not isinstance(value, str) and hasattr(value, "__len__"):
                 values = np.array(value)
                 value = values[0] if len(values) == 1 else Array(values, over)
+                if match["key"] == "attributes":
+                    value = ", ".join(map(str, values))
+                elif len(values) != 1 and not any(map(prim.IsA, MANY)):
+                    self.note("several values count only on meshes and instancers", prim.GetPath())
+                    continue
             if hasattr(value, "resolvedPath"):  # an asset, such as the JSON of a fit
                 value = value.resolvedPath or value.path
             if value is not None and not (match["label"] and str(value) in ("none", "")):

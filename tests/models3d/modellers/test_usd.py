@@ -366,6 +366,15 @@ def test_labels_of_simready(load):
         assert {label.material for label in model.labels} == {name} and model.remarks == ()
     model = load(nonvisual("steel", "none", 'attributes = "retroreflective"'), bound, material=None)
     assert model.remarks == ("attributes retroreflective are not used: /Box",)
+    two = nonvisual("steel", more="ATTRIBUTES").replace(
+        "token omni:simready:nonvisual:ATTRIBUTES",
+        'token[] omni:simready:nonvisual:attributes = ["emissive", "single_sided"]',
+    )
+    model = load(two, bound, material=None)
+    assert model.remarks == ("attributes emissive, single_sided are not used: /Box",)
+    many = nonvisual("steel") + xform("World", bound, "double[] thermal:kelvin = [300, 310]")
+    model = load(many, material=None)
+    assert model.remarks == ("several values count only on meshes and instancers: /World",)
     own = mesh(more='rel material:binding = </Paint>\ncustom string thermal:material = "0.8"')
     assert load(nonvisual("none"), own, material=None).labels[0].material == "0.8"
     both = nonvisual("steel").replace("custom", 'custom string thermal:material = "0.7"\ncustom', 1)
@@ -536,6 +545,10 @@ BAD = [
     (mesh(more="custom double thermal:kelvin = 300"), "lacks material or emissivity; give it"),
     (mesh(more="custom double thermal:emissivity = 2\n" + SAID.format(300, "1")), "give one of"),
     (instancer((0, 1), ("</Rows/A>",), "", xform("A", mesh())), "/Rows: its protoIndices"),
+    (
+        instancer((0, 0), ("</Rows/A>",), "int[] thermal:kelvin = [1, 2, 3]", xform("A", mesh())),
+        "/Rows: kelvin has 3 values for 2 instances",
+    ),
     ('def Xform "A" (references = </B>) {\n}\n' + mesh(), "is incomplete: Unresolved reference"),
 ]
 
