@@ -24,6 +24,8 @@ from mi_lcair.physics.reflection import model
 from mi_lcair.physics.reflection.interface import ReflectionModel, Restriction
 from mi_lcair.physics.reflection.models import MODELS
 
+LOW = 4.0  # sigma by which noise lowers a reading, at most
+LOWEST = 0.1  # reading over the fitted BRDF, below which it counts as this in a logarithm
 DARKEST = 1e-30  # lower limit of a BRDF [1/sr], so that its logarithm is finite
 # The models that a fit compares where it is not told its model
 COMPARED = {name: entry for name, entry in MODELS.items() if entry.is_compared}
@@ -346,14 +348,18 @@ class Data:
         both. Otherwise the variance is a + b f + c f^2, which the squared residuals determine.
         """
         f = np.maximum(f, DARKEST)
-        level, ratio = np.log(f), np.log(self.brdf / f)
         if self.has_sigma:
-            level = level - level.mean()
+            # The sigma of a reading that is not positive, or much too low, follows from its level
+            is_known = (self.brdf > LOWEST * f) & (self.spread > 0)
+            level, ratio = np.log(f), np.log(np.where(is_known, self.brdf, f) / f)
+            level = level - level[is_known].mean()
             of_noise = np.stack([ratio, ratio * level], axis=1)
-            columns = np.column_stack([np.ones_like(level), level, level**2, of_noise])
-            sigma = self.spread / SCALES[self.scale](self.brdf)[1]
-            slopes = np.linalg.lstsq(columns, np.log(sigma), rcond=1e-9)[0]
-            return replace(self, scale="linear", spread=sigma * np.exp(-of_noise @ slopes[3:]))
+            of_level = np.column_stack([np.ones_like(level), level, level**2])
+            columns, sigma = np.hstack([of_level, of_noise]), np.where(is_known, self.spread, 1.0)
+            slopes = np.linalg.lstsq(columns[is_known], np.log(sigma[is_known]), rcond=1e-9)[0]
+            known = sigma * np.exp(-of_noise @ slopes[3:])
+            spread = np.where(is_known, known, np.exp(of_level @ slopes[:3]))
+            return replace(self, scale="linear", spread=spread)
         unit = np.median(f)
         terms, squares = (f[:, None] / unit) ** np.arange(3), np.square(self.brdf - f) + f**2 * TINY
         variance = f**2 * np.median(squares / f**2)
@@ -374,9 +380,14 @@ class Data:
         return replace(self, std_factor=factor)
 
     def decades(self, candidate) -> np.ndarray:
-        """log10(model / data) of the BRDF points, (p,), for any loss."""
-        f = self.residuals(candidate.variant).instrument(candidate.u[None])[0][0]
-        return np.log10(np.maximum(f, DARKEST) / self.brdf)
+        """log10(model / data) of the BRDF points, (p,), for any loss; 1 for lower readings."""
+        f = np.maximum(self.levels(candidate), DARKEST)
+        lowest = LOWEST * f if self.scale == "linear" else 0.0
+        return np.log10(f / np.maximum(self.brdf, lowest))
+
+    def levels(self, candidate) -> np.ndarray:
+        """Fitted BRDFs of the points, (p,)."""
+        return self.residuals(candidate.variant).instrument(candidate.u[None])[0][0]
 
     def rms_dex(self, candidate) -> float:
         """Root mean square of `decades`."""
@@ -390,6 +401,7 @@ def select(
     max_angle_deg: float,
     min_brdf: float,
     fewest: int,
+    level: np.ndarray | None = None,
 ) -> tuple[Data, np.ndarray, dict[str, int]]:
     """Choose the points to fit.
 
@@ -407,6 +419,10 @@ def select(
         BRDF above which points are used [1/sr].
     fewest
         Smallest number of points that can be fitted: the number of parameters.
+    level
+        Fitted BRDFs of all measurements. With sigma, those above `min_brdf` are chosen by them,
+        and readings that are lower by more than LOW sigma are left out. Otherwise the readings
+        decide, and noise keeps the bright ones of those near the limit.
 
     Returns
     -------
@@ -426,6 +442,9 @@ def select(
     finite = np.isfinite(theta_i) & np.isfinite(theta_r) & np.isfinite(brdf)
     reach = np.maximum(np.abs(theta_i), np.abs(theta_r)) <= np.radians(max_angle_deg) + 1e-9
     bright = brdf > max(min_brdf, 0)
+    if level is not None and measurements.sigma is not None:
+        by_noise = level - brdf <= LOW * np.asarray(measurements.sigma, dtype=float)
+        bright = (level > max(min_brdf, 0)) & (bright | by_noise)
     used = finite & reach & bright
     saturated = used & (brdf >= (1 - 1e-9) * np.max(brdf, where=used, initial=0))
     saturated &= PLATEAU <= saturated.sum() < RARE * used.sum()

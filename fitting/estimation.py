@@ -135,10 +135,10 @@ def fit(
     search = searched(selected, compared, directional, settings, stepper(progress, steps))
     fit_quality = quality(selected, search.best, robust, measurements.sigma_freedom)
     if loss == "log" and not robust:
-        points, linear = on_linear_scale(search, selected)
+        (points, *which), linear = on_linear_scale(search, measurements, settings)
         of_linear = quality(points, linear.best, robust, measurements.sigma_freedom)
         if not (of_linear.lack_of_fit or linear.noise.has_outliers(points.points)):
-            search, fit_quality = linear, of_linear
+            search, fit_quality, (used, dropped) = linear, of_linear, which
     measured = directional.get("emissivity")
     theta = EMISSIVITY_ANGLES if measured is None else np.asarray(measured.theta, dtype=float)
     curve = Hemispherical(search.best.variant.model, search.best.variant.form, theta, "emissivity")
@@ -155,7 +155,7 @@ def fit(
         **certainty,
         **described(search),
         **emissivity_of(search.best, theta, curve, measured, max_angle_deg),
-        used=selected.points,
+        used=int(used.sum()),
         used_points=used,
         dropped=dropped,
         settings=asdict(settings) | {"joint": search.joint},
@@ -236,22 +236,29 @@ def searched(
     return Search(data, best, candidates, noise, compile_seconds)
 
 
-def on_linear_scale(search: Search, points: Data) -> tuple[Data, Search]:
+def on_linear_scale(search: Search, measurements: reading.Measurements, settings: FitSettings):
     """Continue a search on the linear scale, where noise does not shift levels.
 
-    points: the BRDF points without tables. Returns them with their weights, and the search.
+    The fitted levels choose the points, also those whose readings noise has made negative. Returns
+    what `select` does, with the weights of the BRDF points without tables, and the search.
     """
     best, given = search.best, search.data
+    angles = (np.nan_to_num(column) for column in (measurements.theta_i, measurements.theta_r))
+    none = np.ones(len(measurements.brdf))
+    everywhere = Data(*angles, none, settings.half_angle, "linear", none, False)
+    limits = settings.half_angle, settings.max_angle_deg, settings.min_brdf, len(best.u)
     for _ in range(LINEAR_ROUNDS):
-        weighted = points.at_level(given.residuals(best.variant).instrument(best.u[None])[0][0])
-        data = weighted
+        level = everywhere.levels(best)
+        selected, used, dropped = select(measurements, "linear", *limits, level)
+        weighted = data = selected.at_level(level[used])
         if given.directional:
             variance = assess(weighted, best).variance
             data = weighted.jointly(variance, given.directional).with_std_factor(given.std_factor)
         best = descend(best, data.residuals(best.variant), ROUND_OFF)
     listed = [best if candidate is search.best else candidate for candidate in search.candidates]
     noise = assess(data, best)
-    return weighted, replace(search, data=data, best=best, candidates=listed, noise=noise)
+    continued = replace(search, data=data, best=best, candidates=listed, noise=noise)
+    return (weighted, used, dropped), continued
 
 
 def largest_steps(compared: list[Variant], is_joint: bool) -> int:

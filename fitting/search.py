@@ -284,7 +284,8 @@ class Noise:
     level_dex
         Standard deviation of the common scale of all BRDFs [decades].
     outliers
-        Number of points beyond FAR standard deviations, as the inner half of the points shows them.
+        Number of points beyond FAR standard deviations, as the inner half of the points shows them,
+        or as sigma states them if it is larger.
     """
 
     variance: float
@@ -436,7 +437,8 @@ def assess(data: Data, candidate: FittedVariant, c: float | None = None) -> Nois
         np.mean(np.square(influence[: data.points] / np.maximum(per_decade[: data.points], 1e-300)))
     )
     of_brdf = np.abs(rows[: data.points])
-    outliers = int(np.sum(of_brdf > FAR * inner_deviation(of_brdf, ROUND_OFF_DEX)))
+    usual = inner_deviation(of_brdf, 1.0 if data.has_sigma else ROUND_OFF_DEX)
+    outliers = int(np.sum(of_brdf > FAR * usual))
     level_dex = float(np.sqrt(correlation) * dex)
     return Noise(variance, curvature, correlation, effective, brdf_effective, level_dex, outliers)
 
