@@ -185,7 +185,7 @@ def worded(value) -> str:
         return f"{{{', '.join(f'{keyed(k)} = {worded(v)}' for k, v in value.items())}}}"
     if isinstance(value, list):
         return f"[{', '.join(map(worded, value))}]"
-    return json.dumps(value)
+    return value.isoformat() if isinstance(value, date) else json.dumps(value)
 
 
 def typed(values: Mapping[str, object], types: Mapping[str, type], needed=()) -> dict:

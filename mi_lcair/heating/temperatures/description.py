@@ -33,7 +33,7 @@ OF_WEATHER = {
     "sun_W_m2": "3 %",
     "diffuse_W_m2": "10 %",
 }
-GUESSED_SKY = 15.0  # of the irradiance of a sky that was not measured [W m^-2]
+CLOUDY_SKY, GIVEN_SKY = 15.0, "5 %"  # of the irradiance of skies that were not measured [W m^-2]
 OF_GROUP = {"h": "30 %", "absorptance": 0.05, "emissivity": 0.02, "conductivity": "20 %"}
 KELVIN = {"lower": 10, "upper": 6000, "unit": "K"}
 # More than any surface takes up or gives off; numbers beyond are of another unit
@@ -478,12 +478,14 @@ def completed(values: Mapping, where: str, keys=None) -> dict:
         return {**(values_of(str(name), dict(values), keys) if name is not None else {}), **values}
 
 
-def default_sigmas(description: HeatDescription, groups: dict[str, GroupTable]) -> dict:
-    """The uncertainties of weather and materials. groups: all of the scene, by name."""
-    weather = description.weather
-    result = dict(OF_WEATHER)
-    if weather.cloud is not None or weather.sky_K is not None:
-        result["down_longwave_W_m2"] = GUESSED_SKY
+def default_sigmas(sky: str, groups: dict[str, GroupTable]) -> dict[str, Stated]:
+    """The uncertainties of weather and materials.
+
+    sky: key from which the sky follows. groups: all of the scene, by name.
+    """
+    of_sky = {"cloud": CLOUDY_SKY, "sky_K": GIVEN_SKY}
+    measured = OF_WEATHER["down_longwave_W_m2"]
+    result: dict[str, Stated] = OF_WEATHER | {"down_longwave_W_m2": of_sky.get(sky, measured)}
     for group, table in groups.items():
         if table.temperature is not None:
             continue

@@ -281,22 +281,30 @@ BYTES = 1100  # memory for a facet and a position of the sun, measured with 4,00
 DOUBTFUL = 0.01  # share of an effect that may rest on an assumption without a remark
 
 
-def temperatures(scene: Scene, description: HeatDescription) -> Heat:
-    """The temperatures of a scene's facets; see `mi_lcair.heat`."""
+def network_of(scene: Scene, description: HeatDescription) -> tuple[Network, tuple[str, ...]]:
+    """The facets of a scene with what they exchange and their weather, and remarks."""
     run = description.run
     conditions = weather(
         description.weather, description.folder, run.steps, is_periodic=run.start_K is None
     )
-    table, signature = FacetTable(scene), description.signature
-    traced = None if signature is None else effective_areas(scene, table, signature, run.seed)
     emissivities, absorptances = map(description.stated, ("emissivity", "absorptance"))
     radiation = exchange(scene, run.rays, run.seed, emissivities=emissivities)
     sun = sunlight(scene, len(radiation.facets.number), conditions, run, absorptances)
     groups, of_groups = usable(description.groups, conditions)
-    network = Network(radiation.facets, radiation.traced, sun, conditions, groups)
+    of_sun = () if sun is None else sun.remarks
+    remarks = *radiation.remarks, *of_sun, *conditions.remarks, *of_groups
+    return Network(radiation.facets, radiation.traced, sun, conditions, groups), remarks
+
+
+def temperatures(scene: Scene, description: HeatDescription) -> Heat:
+    """The temperatures of a scene's facets; see `mi_lcair.heat`."""
+    run = description.run
+    table, signature = FacetTable(scene), description.signature
+    traced = None if signature is None else effective_areas(scene, table, signature, run.seed)
+    network, of_network = network_of(scene, description)
     sigmas, of_defaults = description.sigma, description.has_defaults
     if of_defaults:
-        sigmas = default_sigmas(description, network.tables)
+        sigmas = default_sigmas(network.weather.sky, network.tables)
     columns = [network.column(name, sigma) for name, sigma in sigmas.items()]
     solved = course(network, columns, run.start_K)
     rows = [Contribution("exchange", standard_error(solved.scatter))]
@@ -313,12 +321,10 @@ def temperatures(scene: Scene, description: HeatDescription) -> Heat:
     rows += model_errors(network, description.model_K)
     of_sigma += [WITHOUT_MODEL] if description.model_K == 0 else []
     of_sigma += remarks_on_emissivities(network, sigmas, solved.kelvin[0], traced is not None)
-    of_sun = () if sun is None else sun.remarks
-    remarks = *radiation.remarks, *of_sun, *conditions.remarks, *of_groups, *of_sigma
     result = Heat(
         name=scene.name,
-        facets=radiation.facets,
-        seconds=conditions.seconds,
+        facets=network.facets,
+        seconds=network.weather.seconds,
         estimate=Estimate.of(solved.kelvin, "K", rows),
         residual_W=solved.residual,
         days=solved.days,
@@ -327,7 +333,7 @@ def temperatures(scene: Scene, description: HeatDescription) -> Heat:
         band="" if traced is None else traced[0].band.label,
         polygons=FacetPolygons.of(table.triangles, table.triangle_facet),
         scene_kelvin=table.temperature,
-        remarks=tuple(dict.fromkeys(remarks)),
+        remarks=tuple(dict.fromkeys((*of_network, *of_sigma))),
     )
     return result if traced is None else replace(result, intensity=intensity(result, *traced))
 

@@ -58,7 +58,7 @@ class WeatherSeries:
     """Weather at some times.
 
     seconds: times since the beginning of the rows, (m,); of one time without a file. The other
-    arrays have the same shape, see `WeatherTable`.
+    arrays have the same shape, see `WeatherTable`. sky: key from which sky_K follows.
     """
 
     seconds: np.ndarray
@@ -78,6 +78,7 @@ class WeatherSeries:
     wind_height_m: float = 10.0
     air_height_m: float = 2.0
     day_s: float = DAY
+    sky: str = "sky_K"
 
     def air(self, k: int) -> SurfaceAir:
         """The air at a time."""
@@ -262,7 +263,7 @@ def completed(table: WeatherTable, values: dict, times: np.ndarray, where: str) 
         raise InputError(f"{where}: give h_W_m2_K or wind_m_s, one of them")
     if "air_K" not in values:
         raise InputError(f"{where}: air_K is missing")
-    remarks = sky_of(values, where)
+    sky, remarks = sky_of(values, where)
     if "ground_K" not in values:
         remarks += ("the ground has the temperature of the air; give ground_K to change it",)
         values["ground_K"] = values["air_K"]
@@ -290,27 +291,27 @@ def completed(table: WeatherTable, values: dict, times: np.ndarray, where: str) 
     }
     return WeatherSeries(
         seconds=times, albedo=table.albedo, remarks=remarks, wind_height_m=table.wind_height_m,
-        air_height_m=table.air_height_m, day_s=HOUR * table.day_h, **arrays,
+        air_height_m=table.air_height_m, day_s=HOUR * table.day_h, sky=sky, **arrays,
     )  # fmt: skip
 
 
-def sky_of(values: dict, where: str) -> tuple[str, ...]:
-    """Set sky_K from what is given of the sky, and return remarks on it."""
-    sky = [name for name in OF_SKY if name in values]
-    if len(sky) > 1:
-        raise InputError(f"{where}: give {sky[0]} or {sky[1]}, one of them")
-    if not sky:
+def sky_of(values: dict, where: str) -> tuple[str, tuple[str, ...]]:
+    """Set sky_K from what is given of the sky, and return that key and remarks on it."""
+    given = [name for name in OF_SKY if name in values]
+    if len(given) > 1:
+        raise InputError(f"{where}: give {given[0]} or {given[1]}, one of them")
+    if not given:
         raise InputError(f"{where}: sky_K is missing; give one of {', '.join(OF_SKY)}")
-    if sky == ["sky_K"]:
-        return ()
-    if sky == ["down_longwave_W_m2"]:
-        values["sky_K"] = longwave_temperature(values["down_longwave_W_m2"])
-        return ()
+    (sky,) = given
+    if sky == "down_longwave_W_m2":
+        values["sky_K"] = longwave_temperature(values[sky])
+    if sky != "cloud":
+        return sky, ()
     if "relative_humidity" not in values:
         raise InputError(f"{where}: cloud needs relative_humidity, from which the sky follows")
     names = ("air_K", "relative_humidity", "cloud")
     values["sky_K"] = sky_temperature(*(values[name] for name in names))
-    return ("the sky follows from humidity and cloud; measured days scatter by 10 W/m^2 and more",)
+    return sky, ("the sky follows from humidity and cloud, which is right to about 15 W/m^2",)
 
 
 def directions(table, values: dict, times: np.ndarray, where: str) -> np.ndarray:
