@@ -11,9 +11,11 @@ from mi_lcair.derivatives.shape import ShapeDerivatives, differentiate_shape
 from mi_lcair.derivatives.window import Sensitivities, differentiate_intensity
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.errors import InputError, check_known, errors_of
+from mi_lcair.heating.temperatures.description import HeatDescription
 from mi_lcair.knowing.budgets.budget import NUMBERS, Budget, draw_up
 from mi_lcair.knowing.budgets.monte_carlo import DRAWS
 from mi_lcair.knowing.budgets.uncertainties import Uncertainties
+from mi_lcair.knowing.inversion.calibration import Calibration, calibrated, series_of
 from mi_lcair.knowing.inversion.invert import solve_problem
 from mi_lcair.knowing.inversion.solution import Solution
 from mi_lcair.knowing.inversion.unknowns import InverseProblem
@@ -115,8 +117,8 @@ def invert(
     problem: str | PathLike[str] | dict | InverseProblem,
     advise: bool = True,
     progress: Progress | None = None,
-) -> Solution:
-    """Estimate the unknowns of an inverse problem.
+) -> Solution | Calibration:
+    """Estimate the unknowns of an inverse problem, or of a heat balance from measured temperatures.
 
     Parameters
     ----------
@@ -129,13 +131,19 @@ def invert(
 
     Returns
     -------
-    Solution
+    Solution or Calibration
+        The latter for a problem with the table [heat], see
+        `mi_lcair.knowing.inversion.calibration`.
 
     Raises
     ------
     InputError
         If the problem, or one of its files or scenes, cannot be used.
     """
+    if (series := series_of(problem)) is not None:
+        description = HeatDescription.read(series[0].file)
+        target = description.target
+        return calibrated(scene_of(target.scene, target.parameters), description, *series)
     if isinstance(problem, dict):
         problem = InverseProblem.of(plain(problem))
     elif not isinstance(problem, InverseProblem):

@@ -146,6 +146,7 @@ def _write_image(scene, result, arguments, path):
     "the solution, for --solution of commands with a SCENE, or draw measured, predicted and their "
     "difference in standard deviations",
     ".json",
+    ".toml",
     *PICTURES,
 )
 @options.workers
@@ -167,7 +168,9 @@ def invert_command(outputs):
     unknowns: temperatures of groups or facets, parameters of materials, radiances. The command
     prints the values with their standard errors (temperatures in K, radiances in W m^-2 sr^-1),
     what the data do not determine, and which further measurement would help most. With [goal] in
-    place of measurements, it looks for the values that give a wanted intensity or contrast.
+    place of measurements, it looks for the values that give a wanted intensity or contrast. With
+    [heat] it takes measured temperatures over time, and finds what a heat balance does not know of
+    ground and air; FILE.toml is then the heat.toml with the values.
     """
     for output in outputs:
         if output.suffix.lower() == ".json":

@@ -19,7 +19,7 @@ IMAGE, SIGNATURE, FIT, MODEL = "an image", "a signature", "a fit", "a model"
 SCENE, SCENARIO, MATERIAL = "a scene", "a scenario", "a material"
 BLACKBODIES, AIR, SKY = "blackbodies", "an atmosphere", "a sky"
 SOLUTION, BUDGET, AUDIT, CONTRAST = "a solution", "a budget", "an audit", "a contrast"
-CHART = "a chart"
+CHART, CALIBRATION = "a chart", "a calibration"
 TREND, SPECTRUM, FACETS = "a trend", "a spectrum", "a table of facets"
 RESULTS = "a table of results"  # that of a sweep or a flight
 TEMPERATURES = re.compile(r"\d+(\.\d+)?K(,\d+(\.\d+)?K)*")  # such as 260K,300K
@@ -66,6 +66,8 @@ KINDS = {
         converted="fit", to=(".csv", ".json", ".xomp")),
     SOLUTION: Kind(json="mi_lcair solution", drawn="result",
         made_by="mi_lcair.knowing.inversion.solution:Solution", **TABLE),
+    CALIBRATION: Kind(json="calibration",
+        made_by="mi_lcair.knowing.inversion.calibration:Calibration", **TABLE),
     BUDGET: Kind(json="budget", drawn="result",
         made_by="mi_lcair.knowing.budgets.budget:Budget", **TABLE),
     AUDIT: Kind(json="audit", made_by="mi_lcair.laboratory.audit:Audit", **TABLE),

@@ -80,7 +80,10 @@ def columns(name: str) -> dict[str, np.ndarray]:
 
 def write_rows(path: Path, values: dict[str, np.ndarray]) -> None:
     """Write a CSV of columns."""
-    lines = [",".join(values), *(",".join(f"{x:.10g}" for x in row) for row in zip(*values.values()))]
+    lines = [
+        ",".join(values),
+        *(",".join(f"{x:.10g}" for x in row) for row in zip(*values.values())),
+    ]
     with replacing(path) as partial:
         partial.write_text("\n".join(lines) + "\n", encoding="utf-8")
 

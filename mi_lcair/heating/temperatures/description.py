@@ -399,7 +399,8 @@ class HeatDescription:
 
     sigma: standard uncertainty of each input, in its unit or as a text such as "30 %". model_K:
     that of the model itself. has_defaults: whether [sigma] is left out, so that `default_sigmas`
-    take its place. folder: that of the paths.
+    take its place. folder: that of the paths. tree: the tables as they were given, with the files
+    of target and weather relative to the working folder.
     """
 
     target: TargetTable
@@ -411,6 +412,7 @@ class HeatDescription:
     run: RunTable = RunTable()
     signature: SignatureTable | None = None
     folder: Path = Path()
+    tree: Mapping = field(default_factory=dict)
 
     def stated(self, key: str) -> dict[str, float]:
         """What groups state in place of what the scene has, such as their emissivity."""
@@ -439,6 +441,8 @@ def described(tree: Mapping, folder: Path, _name: str) -> HeatDescription:
         group: group_of(values, f"[groups.{group}]")
         for group, values in table_of(tree, "groups").items()
     }
+    file = tables["weather"].file
+    of_file = {} if file is None else {"file": str(folder / file)}
     of_sigma = dict(table_of(tree, "sigma"))
     model = of_sigma.pop("model_K", MODEL_K)
     with errors_of("[sigma]"):
@@ -450,6 +454,11 @@ def described(tree: Mapping, folder: Path, _name: str) -> HeatDescription:
         model_K=float(model),
         has_defaults="sigma" not in tree or not of_sigma and "model_K" in tree["sigma"],
         folder=folder,
+        tree=tree
+        | {
+            "target": {"scene": target.scene, "parameters": target.parameters},
+            "weather": dict(tree.get("weather", {})) | of_file,
+        },
         **tables,
     )
 
