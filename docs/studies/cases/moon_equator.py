@@ -17,8 +17,8 @@ LUNATION_H = 2.551443e6 / 3600
 STEPS = 480
 
 
-def day(folder: Path, latitude_deg: float = 0.0) -> "mi_lcair.Heat":
-    """Temperatures over a lunation that begins at noon."""
+def day(folder: Path, latitude_deg: float = 0.0, **ground):
+    """Temperatures over a lunation that begins at noon. ground: further keys of its group."""
     hours = np.arange(STEPS + 1) * 24 / STEPS
     cos = np.cos(np.radians(latitude_deg)) * np.cos(np.radians(15 * hours))
     values = {
@@ -34,7 +34,7 @@ def day(folder: Path, latitude_deg: float = 0.0) -> "mi_lcair.Heat":
         {
             "target": {"scene": plane(folder)},
             "weather": weather,
-            "groups": {"ground": {"material": "regolith"}},
+            "groups": {"ground": {"material": "regolith"} | ground},
             "run": {"steps": STEPS, "rays": 64},
         }
     )

@@ -1,0 +1,70 @@
+"""A winter day of bare ground: NOAA SURFRAD, Alamosa (Colorado), 2016-01-01, ten-minute means.
+
+Measured: the surface temperature from up- and downwelling longwave, with a standard uncertainty of
+1.0 to 1.4 K that all rows share. First the inputs are `material = "soil"`, because the file does
+not describe the ground, and the measured weather. Then conductivity, h, absorptance and wetness are
+calibrated on the same day.
+"""
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+import mi_lcair
+from docs.studies.cases.comparison import Comparison, columns, plane, write_rows
+from mi_lcair.toml_table import text_of
+
+MATERIAL = "soil"
+UNKNOWNS = ("conductivity", "h", "absorptance", "wetness")
+
+
+def tables(folder: Path, data: dict) -> dict:
+    """The tables of the heat balance, whose weather is written to a folder."""
+    is_day = data["sun_elevation_deg"] > 0
+    same = ("air_K", "wind_m_s", "relative_humidity", "pressure_hPa", "down_longwave_W_m2")
+    weather = {"hour": data["hour_local"], **{name: data[name] for name in same}}
+    for name, column in (("sun_W_m2", "direct_normal_W_m2"), ("diffuse_W_m2", "diffuse_W_m2")):
+        weather[name] = np.where(is_day, np.maximum(data[column], 0), 0)
+    weather["sun_elevation_deg"] = data["sun_elevation_deg"]
+    weather["sun_azimuth_deg"] = 90 - data["sun_azimuth_deg"]
+    write_rows(folder / "weather.csv", weather)
+    heights = {"wind_height_m": 10.0, "air_height_m": 10.0}
+    return {
+        "target": {"scene": plane(folder)},
+        "weather": {"file": str(folder / "weather.csv"), "ground_K": 280.0, **heights},
+        "groups.ground": {"material": MATERIAL},
+        "run": {"rays": 64},
+    }
+
+
+def compare() -> list[Comparison]:
+    """Uncalibrated, and calibrated with the heat.toml that `invert` writes."""
+    data = columns("surfrad_alamosa.csv")
+    order = np.argsort(data["hour_local"])
+    data = {name: values[order] for name, values in data.items()}
+    measured, results, notes = data["surface_K"], [], []
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "heat.toml").write_text(text_of(tables(folder, data)))
+        readings = {"hour": data["hour_local"], "ground": measured}
+        write_rows(folder / "measured.csv", readings)
+        series = {"file": str(folder / "heat.toml"), "measured": str(folder / "measured.csv")}
+        unknowns = {f"ground.{key}": {} for key in UNKNOWNS}
+        for title, file in (("material by name", "heat.toml"), ("calibrated", "calibrated.toml")):
+            heat = mi_lcair.heat(folder / file)
+            at = data["hour_local"], heat.hours
+            computed, error = (
+                np.interp(*at, values[:, 0], period=24) for values in (heat.kelvin, heat.error_K)
+            )
+            reach = 2.0 if file == "heat.toml" else 0.8
+            results.append(
+                Comparison(f"SURFRAD, {title}", "K", computed, measured, 1.96 * error, reach)
+            )
+            if file == "heat.toml":
+                found = mi_lcair.invert({"heat": series, "unknowns": unknowns})
+                found.save(folder / "calibrated.toml")
+                pairs = zip(found.names, found.value, found.lower, found.upper)
+                notes = [f"{n} {v:.3g} ({low:.3g} to {high:.3g})" for n, v, low, high in pairs]
+    note = f"SURFRAD, calibrated: {', '.join(notes)}; ground.h is the factor of the law."
+    return [*results[:1], Comparison(**{**vars(results[1]), "note": note})]

@@ -1,0 +1,102 @@
+"""Calibration of a heat balance: truths that made the readings, what is alike, and bad input."""
+
+import tomllib
+
+import numpy as np
+import pytest
+
+import mi_lcair
+from mi_lcair import models3d, scenes
+from mi_lcair.errors import InputError
+
+EXAMPLES = scenes.FOLDER / "examples"
+TRUTH = {"conductivity": 1.9, "h_factor": 0.8, "absorptance": 0.7}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Readings of the terrain from a balance with the truths, and a problem with other guesses."""
+    path = tmp_path_factory.mktemp("calibration")
+    models3d.export(models3d.read(EXAMPLES / "box.obj"), path / "box")
+    tree = tomllib.loads((EXAMPLES / "heat.toml").read_text())
+    del tree["signature"], tree["sigma"]
+    tree["target"]["scene"] = str(path / "box" / "scene.xml")
+    tree["weather"]["file"] = str(EXAMPLES / "day.csv")
+    tree["run"] = {"steps": 24, "rays": 64}
+    terrain = tree["groups"]["terrain"] | {"absorptance": 0.8}
+    guesses = tree | {"groups": tree["groups"] | {"terrain": terrain}}
+    truths = tree | {"groups": tree["groups"] | {"terrain": terrain | TRUTH}}
+    heat = mi_lcair.heat(truths | {"sigma": {}})
+    kelvin = heat.by_group()["terrain"].value + np.random.default_rng(1).normal(0, 0.2, 24)
+    rows = "".join(f"{hour},{T}\n" for hour, T in zip(heat.hours, kelvin))
+    (path / "measured.csv").write_text(f"hour,terrain\n{rows}")
+    from mi_lcair.toml_table import text_of
+
+    tables = {k: v for k, v in guesses.items() if k != "groups"}
+    tables |= {f"groups.{name}": table for name, table in guesses["groups"].items()}
+    tables["sigma"] = {"model_K": 0}
+    (path / "heat.toml").write_text(text_of(tables))
+    return path
+
+
+def problem(path, *unknowns, **heat):
+    """A problem of some unknowns of the terrain."""
+    tables = {"file": str(path / "heat.toml"), "measured": str(path / "measured.csv")}
+    tables |= {"sigma_K": 0.2} | heat
+    return {"heat": tables, "unknowns": {f"terrain.{key}": {} for key in unknowns}}
+
+
+def test_truths_are_found_and_written(folder, tmp_path):
+    """Within 3 standard errors; a balance with the written file fits as well as was said."""
+    found = mi_lcair.invert(problem(folder, "conductivity", "h", "absorptance"))
+    assert found.rms_before_K > 1 and found.rms_K < 0.3
+    for value, error, truth in zip(found.value, found.standard_error, TRUTH.values()):
+        assert abs(value - truth) < 3 * error
+    assert found.verdicts[0] == "determined"
+    (words,) = [text for text in found.alike if "terrain.h and terrain.absorptance" in text]
+    assert "one factor of all that heats, cools and stores" in words
+    found.save(tmp_path / "calibrated.toml")
+    heat = mi_lcair.heat(tmp_path / "calibrated.toml")
+    apart = heat.by_group()["terrain"].value - found.predicted[:, 0]
+    assert abs(apart).max() < 0.1
+    assert {row.quantity: row.sigma for row in heat.inputs}["terrain.conductivity"].endswith("%")
+    found.save(tmp_path / "found.json")
+    assert "terrain.conductivity" in (tmp_path / "found.json").read_text()
+
+
+def test_thick_ground_gives_only_its_inertia(folder):
+    found = mi_lcair.invert(problem(folder, "conductivity", "density"))
+    assert found.correlation[0, 1] < -0.8
+    assert found.alike and "terrain.conductivity and terrain.density" in found.alike[0]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"unknowns": {}}, r"no \[unknowns\]"),
+        ({"unknowns": {"terrain.colour": {}}}, "unknown input 'colour'"),
+        ({"unknowns": {"roof.h": {}}}, "unknown group 'roof'"),
+        ({"unknowns": {"terrain.wetness": {}}}, "wetness is not stated; give a first guess"),
+        ({"unknowns": {"terrain.h": {"start": -1.0}}}, "h = -1; must be 0 or more"),
+        ({"data": []}, "unknown table 'data'"),
+        ({"heat": {"file": "heat.toml"}}, "measured is missing"),
+    ],
+)
+def test_bad_problems_are_refused(folder, change, message):
+    with pytest.raises(InputError, match=message):
+        mi_lcair.invert(problem(folder, "h") | change)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("hour,roof\n1,280\n", "unknown group of measured"),
+        ("hour,terrain\n1,20\n2,-3\n", "terrain = -3"),
+        ("hour\n1\n", "no column of temperatures"),
+        ("hour,facet_99\n1,280\n", "there is no facet_99"),
+    ],
+)
+def test_bad_readings_are_refused(folder, tmp_path, text, message):
+    (tmp_path / "bad.csv").write_text(text)
+    with pytest.raises(InputError, match=message):
+        mi_lcair.invert(problem(folder, "h", measured=str(tmp_path / "bad.csv")))
