@@ -51,7 +51,9 @@ def compare() -> Comparison:
         ]
         with tempfile.TemporaryDirectory() as folder:
             scene = mi_lcair.load(scene_of(Path(folder), names))
-            values, widths = factors(mi_lcair.exchange(scene, paths=RAYS), [groups[k] for k in keep])
+            values, widths = factors(
+                mi_lcair.exchange(scene, paths=RAYS), [groups[k] for k in keep]
+            )
         computed.append(values)
         half.append(widths + 1e-9)
         reference.append(data["F"][mine][keep])

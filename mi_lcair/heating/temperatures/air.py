@@ -5,6 +5,7 @@ is then the real part.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -91,24 +92,22 @@ def rough_profile(zeta, warmer, air: SurfaceAir, roughness, of_heat):
     return h, -GRAVITY * air.wind_height * warmer * f_m**2 / (air.kelvin * f_h * V**2)
 
 
-def rough_convection(kelvin, air: SurfaceAir, roughness, of_heat):
-    """Coefficient of convection over rough ground of some temperatures [W m^-2 K^-1].
+@lru_cache(maxsize=64)  # columns of a step ask for the same again
+def stability(warmer: bytes, air: SurfaceAir, roughness: float, of_heat: float):
+    """zeta, derivative of its residual, and whether it lies within its bounds; all real.
 
-    zeta is found by Newton's iteration within its bounds, or lies at the one beyond which it would
-    be. The last step, with the complex inputs, gives it their derivatives.
+    Newton's iteration within a bracket. warmer: the array (n,) of surface less air [K].
     """
-    warmer = kelvin - air.kelvin
-    plain = SurfaceAir(*(np.real(value) for value in vars(air).values()))
-    real, lengths = np.real(warmer), (np.real(roughness), np.real(of_heat))
+    real, rest = np.frombuffer(warmer), (air, roughness, of_heat)
     least = np.where(real > 0, STABILITY[0], 0.0)
     most = np.where(real > 0, 0.0, STABILITY[1])
     bound = np.where(real > 0, least, most)
-    follows = rough_profile(bound, real, plain, *lengths)[1]
+    follows = rough_profile(bound, real, *rest)[1]
     is_inside = (follows > STABILITY[0]) & (follows < STABILITY[1])
-    zeta, slope = np.where(is_inside, follows, bound), 1.0
-    for _ in range(MOST_STEPS):
+    zeta, slope = np.where(is_inside, follows, bound), np.ones(len(real))
+    for _ in range(MOST_STEPS if is_inside.any() else 0):
         at = zeta + 1j * STEP
-        surplus = at - rough_profile(at, real, plain, *lengths)[1]
+        surplus = at - rough_profile(at, real, *rest)[1]
         slope = surplus.imag / STEP
         least = np.where(surplus.real > 0, least, zeta)
         most = np.where(surplus.real > 0, zeta, most)
@@ -117,6 +116,18 @@ def rough_convection(kelvin, air: SurfaceAir, roughness, of_heat):
         change, zeta = abs(new - zeta), np.where(is_inside, new, zeta)
         if (change <= 1e-10 * (1e-3 + abs(zeta)))[is_inside].all():
             break
+    return zeta, slope, is_inside
+
+
+def rough_convection(kelvin, air: SurfaceAir, roughness, of_heat):
+    """Coefficient of convection over rough ground of some temperatures [W m^-2 K^-1].
+
+    A last step of Newton with the complex inputs gives zeta their derivatives.
+    """
+    warmer = kelvin - air.kelvin
+    plain = SurfaceAir(*(float(np.real(value)) for value in vars(air).values()))
+    lengths = float(np.real(roughness)), float(np.real(of_heat))
+    zeta, slope, is_inside = stability(np.real(warmer).astype(float).tobytes(), plain, *lengths)
     apart = zeta - rough_profile(zeta, warmer, air, roughness, of_heat)[1]
     zeta = np.where(is_inside, zeta - 1j * np.imag(apart) / slope, zeta)
     return rough_profile(zeta, warmer, air, roughness, of_heat)[0]

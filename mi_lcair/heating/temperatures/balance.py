@@ -90,22 +90,22 @@ class Balance:
         after the other with scipy's cg they take seven times as long.
         """
         slope = 4 * STEFAN_BOLTZMANN * kelvin**3
-        shift = (conductance / slope)[:, None]
+        shift = np.transpose(conductance.T / slope).reshape(len(slope), -1)
         inverse = 1 / (self.diagonal[:, None] + shift)
         solution, residual = np.zeros_like(power), power.copy()
-        limit = solved**2 * np.sum(power**2 * inverse, axis=0)
+        limit = solved**2 * abs(np.sum(power**2 * inverse, axis=0))
         direction = inverse * residual
         before = np.sum(residual * direction, axis=0)
         for _ in range(10 * len(kelvin) + 10):
-            if (before <= limit).all():
+            if (abs(before) <= limit).all():
                 break
             image = self.laplacian @ direction + shift * direction
-            length = before / np.maximum(np.sum(direction * image, axis=0), 1e-300)
+            length = before / (np.sum(direction * image, axis=0) + 1e-300)
             solution += length * direction
             residual -= length * image
             preconditioned = inverse * residual
             after = np.sum(residual * preconditioned, axis=0)
-            direction = preconditioned + after / np.maximum(before, 1e-300) * direction
+            direction = preconditioned + after / (before + 1e-300) * direction
             before = after
         return solution / slope[:, None]
 

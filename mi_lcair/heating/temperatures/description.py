@@ -347,8 +347,11 @@ class GroupTable(Described, rules=BEHIND):
         )  # fmt: skip
 
 
+PERIODIC = "harmonics are those of a periodic day"
+
+
 @dataclass(frozen=True, kw_only=True)
-class RunTable(Described, where="[run]"):
+class RunTable(Described, where="[run]", rules=(excludes("method", "start_K", why=PERIODIC),)):
     """[run]: numbers of the computation.
 
     Attributes
@@ -362,12 +365,16 @@ class RunTable(Described, where="[run]"):
     start_K : float or None
         Temperature at which a series of rows begins; without it the day is repeated until it is
         periodic.
+    method : str
+        "steps" from day to day, or "harmonics": the periodic day by its Fourier components, for
+        walls of one material and convection that does not depend on the temperature.
     """
 
     steps: int = entry(144, lower=4, upper=100_000)
     rays: int = entry(1024, lower=64, upper=2**20)
     seed: int = entry(0, lower=0, upper=2**32 - 1)
     start_K: float | None = entry(None, **KELVIN)
+    method: Literal["steps", "harmonics"] = "steps"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,6 +21,7 @@ from mi_lcair.heating.temperatures.description import (
     SignatureTable,
     default_sigmas,
 )
+from mi_lcair.heating.temperatures.harmonics import Harmonics
 from mi_lcair.heating.temperatures.heat_result import Heat
 from mi_lcair.heating.temperatures.network import STEP, Column, Network
 from mi_lcair.heating.temperatures.weather import WeatherSeries, weather
@@ -54,7 +55,10 @@ PARTS = 16  # implicit Euler steps in place of a first step of BDF2
 
 
 def course(
-    network: Network, columns: Sequence[Column] = (), start_K: float | None = None
+    network: Network,
+    columns: Sequence[Column] = (),
+    start_K: float | None = None,
+    method: str = "steps",
 ) -> "Course":
     """The temperatures at the times of a weather; a steady state if it has one time.
 
@@ -66,6 +70,8 @@ def course(
     start_K : float or None
         Temperature of all surfaces one step before the first time. None: the times are those of a
         day, which is repeated until it is periodic.
+    method : str
+        "steps" or "harmonics" for a periodic day; see `RunTable`.
 
     Raises
     ------
@@ -77,6 +83,8 @@ def course(
         result.step(0, EULER, result.seconds)
     elif start_K is not None:
         result.series()
+    elif method == "harmonics":
+        result.harmonics()
     else:
         while not result.days or result.drift >= PERIODIC:
             if result.days == MOST_DAYS:
@@ -172,6 +180,19 @@ class Course:
         for k in range(1, len(self.kelvin)):
             self.step(k, BDF2, self.seconds)
         self.days = 1
+
+    def harmonics(self) -> None:
+        """Find the periodic day by its Fourier components."""
+        network = self.network
+        if network.with_laws or self.cells:
+            raise InputError(
+                '[run]: method = "harmonics" is for walls of one material and convection that does '
+                "not depend on the temperature"
+            )
+        components = Harmonics(network, self.rates, self.surface, self.back)
+        self.kelvin = components.temperatures(self.kelvin[0])
+        self.changes = components.changes(self.kelvin, self.columns, self.varied)
+        self.residual, self.days = components.residual, 1
 
     def repeat(self) -> None:
         """Take the steps of a day, go on to its periodic state, and say how far away that was.
@@ -306,7 +327,7 @@ def temperatures(scene: Scene, description: HeatDescription) -> Heat:
     if of_defaults:
         sigmas = default_sigmas(network.weather.sky, network.tables)
     columns = [network.column(name, sigma) for name, sigma in sigmas.items()]
-    solved = course(network, columns, run.start_K)
+    solved = course(network, columns, run.start_K, run.method)
     rows = [Contribution("exchange", standard_error(solved.scatter))]
     rows += [
         Contribution(name, change, sigma=f"{sigma} (default)" if of_defaults else sigma)

@@ -41,7 +41,8 @@ LINEAR = ("absorptance", "wetness", "back_K", "back_W_m2", "radiative")  # other
 UNIT = ("absorptance", "wetness")  # lie in 0..1
 BROAD = {"absorptance": 0.2, "wetness": 0.3}  # of what no material says; others a factor of e
 LASTS_H = 3.0  # time over which the error of the model is alike [h]
-MOST_STEPS, CLOSE = 12, 0.02  # iterations, and the change in standard errors at which they end
+MOST_STEPS, CLOSE = 12, 0.05  # iterations, and the change in standard errors at which they end
+FLAT = 0.5  # increase of chi-square that the drift of days may make
 LITTLE, ALIKE = 0.7, 0.8  # ratio to the sigma beforehand, and correlation, that are reported
 SCALED = "one factor of all that heats, cools and stores changes no temperature"
 
@@ -334,7 +335,7 @@ def calibrated(
             break
         for _ in range(4):
             trial, slopes = computed(x + step, columns)
-            if cost(x + step, trial) <= before:
+            if cost(x + step, trial) <= before + FLAT:
                 break
             step = step / 3
         x, T, J = x + step, trial, slopes.T

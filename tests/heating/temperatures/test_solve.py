@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from mi_lcair.errors import InputError
 from mi_lcair.heating.conductors import Traced
 from mi_lcair.heating.temperatures.solve import course
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 from tests.heating.temperatures.networks import network, weather
 
 PANEL = {"conductivity": 200.0, "density": 2700.0, "heat_capacity": 900.0}
+BACK = {"back_K": 295.0, "back_h": 4.0}
 SOIL = {"conductivity": 1.2, "density": 1800.0, "heat_capacity": 1100.0, "thickness_mm": 2000.0}
 
 
@@ -88,6 +90,28 @@ def test_changes_by_inputs_are_those_of_differences():
         ]
         difference = (ends[0] - ends[1]) / 2
         np.testing.assert_allclose(changes, difference, atol=2e-3 + 1e-3 * abs(difference).max())
+
+
+@pytest.mark.parametrize(
+    "wall", [SOIL, {"thickness_mm": 5.0} | PANEL | BACK], ids=["soil", "panel"]
+)
+def test_harmonics_are_what_the_steps_approach(wall, monkeypatch):
+    """1e-5 K of days that are repeated until they differ by less, and of their changes."""
+    monkeypatch.setattr("mi_lcair.heating.temperatures.solve.PERIODIC", 1e-6)
+    plates = day_of(48, wall)
+    inputs = ("h", "absorptance", "conductivity", "density", "sky_K", "emissivity")
+    columns = [plates.column(name, "5 %") for name in inputs]
+    steps, harmonics = (course(plates, columns, method=m) for m in ("steps", "harmonics"))
+    np.testing.assert_allclose(harmonics.kelvin, steps.kelvin, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(harmonics.changes, steps.changes, rtol=0, atol=2e-5)
+    assert harmonics.days == 1 and harmonics.residual < 0.01
+
+
+def test_harmonics_refuse_what_they_cannot():
+    rough = day_of(12, SOIL | {"plate": "up", "length_m": 1.0})
+    windy = replace(rough, weather=replace(rough.weather, wind_m_s=0 * rough.weather.air_K))
+    with pytest.raises(InputError, match='method = "harmonics" is for walls of one material'):
+        course(windy, method="harmonics")
 
 
 def test_series_begins_at_its_temperature():
