@@ -15,7 +15,7 @@ from mi_lcair.heating.temperatures.description import HeatDescription
 from mi_lcair.knowing.budgets.budget import NUMBERS, Budget, draw_up
 from mi_lcair.knowing.budgets.monte_carlo import DRAWS
 from mi_lcair.knowing.budgets.uncertainties import Uncertainties
-from mi_lcair.knowing.inversion.calibration import Calibration, calibrated, series_of
+from mi_lcair.knowing.inversion.calibration import HeatCalibration, calibrated, series_of
 from mi_lcair.knowing.inversion.invert import solve_problem
 from mi_lcair.knowing.inversion.solution import Solution
 from mi_lcair.knowing.inversion.unknowns import InverseProblem
@@ -117,7 +117,7 @@ def invert(
     problem: str | PathLike[str] | dict | InverseProblem,
     advise: bool = True,
     progress: Progress | None = None,
-) -> Solution | Calibration:
+) -> Solution | HeatCalibration:
     """Estimate the unknowns of an inverse problem, or of a heat balance from measured temperatures.
 
     Parameters
@@ -131,7 +131,7 @@ def invert(
 
     Returns
     -------
-    Solution or Calibration
+    Solution or HeatCalibration
         The latter for a problem with the table [heat], see
         `mi_lcair.knowing.inversion.calibration`.
 

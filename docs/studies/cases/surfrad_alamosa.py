@@ -2,8 +2,8 @@
 
 Measured: the surface temperature from up- and downwelling longwave, with a standard uncertainty of
 1.0 to 1.4 K that all rows share. First the inputs are `material = "soil"`, because the file does
-not describe the ground, and the measured weather. Then conductivity, h, the roughness length of
-heat, absorptance and wetness are calibrated on the same day.
+not describe the ground, and the measured weather. Then conductivity, h, absorptance and wetness are
+calibrated on the same day.
 """
 
 import tempfile
@@ -16,7 +16,7 @@ from docs.studies.cases.comparison import Comparison, columns, plane, write_rows
 from mi_lcair.toml_table import text_of
 
 MATERIAL = "soil"
-UNKNOWNS = ("conductivity", "h", "heat_roughness_mm", "absorptance", "wetness")
+UNKNOWNS = ("conductivity", "h", "absorptance", "wetness")
 
 
 def tables(folder: Path, data: dict) -> dict:

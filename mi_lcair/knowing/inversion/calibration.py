@@ -1,4 +1,4 @@
-"""Calibration of a heat balance: ground and air from a series of measured temperatures.
+"""HeatCalibration of a heat balance: ground and air from a series of measured temperatures.
 
 Generalised least squares by Gauss and Newton. The covariance of the residuals has the noise of the
 readings, an error that all of them share, and the error of the model, alike over some hours.
@@ -24,8 +24,8 @@ from mi_lcair.heating.conductors import Facets
 from mi_lcair.heating.temperatures.description import (
     HeatDescription,
     default_sigmas,
+    sigmas_of,
 )
-from mi_lcair.heating.temperatures.materials import sigmas_of
 from mi_lcair.heating.temperatures.network import OF_LAW, OF_WALL, Network
 from mi_lcair.heating.temperatures.solve import course, network_of
 from mi_lcair.knowing.inversion.tables import UnknownEntry
@@ -98,7 +98,7 @@ class Sought:
 
 
 @dataclass(frozen=True, repr=False)
-class Calibration(Result):
+class HeatCalibration(Result):
     """Inputs of a heat balance that explain measured temperatures.
 
     Attributes
@@ -294,7 +294,7 @@ class Series:
 
 def calibrated(
     scene: Scene, description: HeatDescription, series: SeriesTable, entries: dict
-) -> Calibration:
+) -> HeatCalibration:
     """The unknowns of a heat balance from a series; see `mi_lcair.invert`."""
     network, remarks = network_of(scene, description)
     if len(network.weather.seconds) == 1:
@@ -347,7 +347,7 @@ def calibrated(
     return answer(description, data, unknowns, x, covariance, (first, T), (sigmas, remarks))
 
 
-def answer(description, data, unknowns, x, covariance, temperatures, more) -> Calibration:
+def answer(description, data, unknowns, x, covariance, temperatures, more) -> HeatCalibration:
     """The result from x, its covariance, the temperatures before and now, sigmas and remarks."""
     (first, T), (sigmas, remarks) = temperatures, more
     sd = np.sqrt(np.diag(covariance))
@@ -370,7 +370,7 @@ def answer(description, data, unknowns, x, covariance, temperatures, more) -> Ca
         if u.key == "h" or not u.is_linear:
             posterior[u.name] = f"{100 * e / v:.3g} %"
     before = np.array([u.value for u in unknowns])
-    return Calibration(
+    return HeatCalibration(
         names=[u.name for u in unknowns], before=before, value=value, standard_error=error,
         lower=ends[0], upper=ends[1], correlation=R, verdicts=verdicts, alike=alike,
         rms_before_K=float(np.sqrt(np.mean((first - measured) ** 2))),
@@ -394,7 +394,7 @@ def described(description: HeatDescription, unknowns, value, sigmas) -> dict:
     )
 
 
-def write_toml(path: str | PathLike[str], result: Calibration) -> None:
+def write_toml(path: str | PathLike[str], result: HeatCalibration) -> None:
     """Write the heat.toml with the values; its files are relative to its folder."""
     path, tables = Path(path), {name: dict(table) for name, table in result.tables.items()}
     for table, key in (("target", "scene"), ("weather", "file")):
