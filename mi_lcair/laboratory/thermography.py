@@ -1,6 +1,6 @@
 """Temperatures of objects from images of thermographic cameras, and the air between."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -377,6 +377,26 @@ def object_temperature(
     return air.source_temperature(emitted / emissivity)
 
 
+def parts_of(
+    stated: Mapping[str, Estimate], solved: Callable[[dict[str, float]], np.ndarray]
+) -> Iterator[Contribution]:
+    """What each quantity with a standard error adds to the temperature.
+
+    solved: gives the temperatures for changed quantities.
+    """
+    for quantity, number in stated.items():
+        if sigma := number.standard_error:
+            known = quantity in QUANTITIES
+            of_quantity = slope(
+                lambda value, quantity=quantity: solved({quantity: value}),
+                number.value,
+                STEP * sigma,
+                limits(QUANTITIES[quantity] if known else Bounds()),
+            )
+            value = number.value if known else None  # `apparent` differs from pixel to pixel
+            yield Contribution.of(quantity, sigma, of_quantity, value=value, unit=number.unit)
+
+
 def temperature_of(
     apparent: np.ndarray,
     sigma: float,
@@ -440,21 +460,7 @@ def temperature_of(
         for what, value in kelvins.items()
         if value < COLDEST_K
     ]
-    rows = []
-    for quantity, number in stated.items():
-        if sigma := number.standard_error:
-            known = quantity in QUANTITIES
-            of_quantity = slope(
-                lambda value, quantity=quantity: solved({quantity: value}),
-                number.value,
-                STEP * sigma,
-                limits(QUANTITIES[quantity] if known else Bounds()),
-            )
-            value = number.value if known else None  # `apparent` differs from pixel to pixel
-            rows.append(
-                Contribution.of(quantity, sigma, of_quantity, value=value, unit=number.unit)
-            )
-    estimate = Estimate.of(np.asarray(kelvin), "K", rows)
+    estimate = Estimate.of(np.asarray(kelvin), "K", list(parts_of(stated, solved)))
     for place in places:
         if not kelvin.ndim:
             raise InputError(f"{name}: a number has no {place.name}")

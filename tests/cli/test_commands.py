@@ -160,9 +160,10 @@ def test_the_files_of_one_run_appear_together(run, folder, monkeypatch):
 
 @pytest.fixture
 def bundled(monkeypatch):
-    from mi_lcair.scenes import XMLParameter
+    from mi_lcair.scenes import USD, XMLParameter
 
     module = ModuleType("mi_lcair.scenes")
+    module.USD = USD
     module.names = lambda: ["cavity", "two_plates"]
     module.title = lambda name: f"a {name}"
     module.path = lambda name: Path("/scenes") / f"{name}.xml"
