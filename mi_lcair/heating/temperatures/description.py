@@ -21,8 +21,8 @@ from mi_lcair.heating.temperatures.balance import DAY, DEEPEST, HeatWall
 from mi_lcair.heating.temperatures.cells import CellWall, layout
 from mi_lcair.toml_table import check_tables, filled, table_of, tables_of
 
-# Standard uncertainty of the model itself, from measured days whose inputs were calibrated
-# (docs/validation/cases.md)
+# Standard uncertainty of the model itself: the rms of what is left of two measured cases, rounded
+# up (docs/validation/cases.md)
 MODEL_K = 0.8
 MODEL = Bounds(lower=0, upper=1000, unit="K")
 # Uncertainties of weather, and of groups without a material, where none are stated
