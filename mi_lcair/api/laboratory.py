@@ -203,6 +203,8 @@ def apparent(
         kelvin, _ = read_values(str(image), CHANNEL if is_exr else None, TEMPERATURE, band)
     is_nothing = np.equal(kelvin, 0) & (offset == 0)
     kelvin = np.where(is_nothing, np.nan, np.asarray(kelvin, float) * scale + offset)
+    if np.isinf(kelvin).any():
+        raise InputError(f"{name}: holds infinite values; write nan where there is no temperature")
     known = np.isfinite(kelvin)
     if not known.any():
         raise InputError(f"{name}: holds no temperature")

@@ -335,6 +335,7 @@ def test_kelvin_that_are_celsius_are_remarked(given, what):
         ({"image": 20.0}, "scale=0.01 for counts of 0.01 K, offset=273.15 for degrees Celsius"),
         ({"scale": 0}, "scale = 0; must be positive"),
         ({"image": np.full((2, 2), np.nan)}, "holds no temperature"),
+        ({"image": np.array([np.inf, 300.0])}, "holds infinite values"),
         ({"image": "none.tif"}, "none.tif"),
         ({"image": "300+-1", "sigma": 2.0}, "states its uncertainty"),
         ({"band": None}, "its band is not known"),

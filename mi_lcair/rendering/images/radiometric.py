@@ -193,7 +193,7 @@ def from_flir(block: bytes) -> RadiometricImage:
 def stated(values: dict[str, float]) -> dict[str, float]:
     """FLIR's conditions as those of `temperature`, without what does not count."""
     values = {name: float(f"{value:.6g}") for name, value in values.items()}  # of single precision
-    values["humidity"] = min(values["humidity"] / (100 if values["humidity"] > 2 else 1), 0.98)
+    values["humidity"] = min(values["humidity"] / (100 if values["humidity"] > 1 else 1), 0.98)
     without = {"window", "window_temperature"} if values["window"] in (0, 1) else set()
     without |= {"distance", "humidity", "air_temperature"} if values["distance"] == 0 else set()
     return {name: value for name, value in values.items() if name not in without}

@@ -256,19 +256,24 @@ def test_polygons(load):
 
 
 def test_subdivision(load):
-    """Cages stay. Catmull and Clark move a cube's corners to 5/9 of the way, by their rule."""
+    """Cages stay. A step of Catmull and Clark takes half of the area of a cube, by hand."""
     model = solid(load(mesh(scheme="")), 1)
     (remark,) = model.remarks
     assert remark.startswith("subdivision catmullClark is left at its cage")
-    # face 1/3 of the way, edges 2/3, no part of the corner itself: (1/3 + 2 * 2/3) / 3 = 5/9
-    assert "by about -69 %" in remark and abs((5 / 9) ** 2 - 1 + 0.69) < 0.005
+    # Of 24 quads with the diagonals from a face's middle to a corner, 5/9 of the way out, and
+    # between the points of two edges, 3/4 of the way out
+    diagonals = np.array([1, 0, 0]) - 5 / 9, 0.75 * np.array([0, 1, -1])
+    left = 24 * np.linalg.norm(np.cross(*diagonals)) / 2 / 24  # of an area of 24
+    assert f"by {100 * (left - 1):.2g} %" in remark
     assert load(mesh(scheme='uniform token subdivisionScheme = "bilinear"')).remarks == ()
     assert load(mesh("Flat", *SQUARE, scheme="")).remarks == ()
-    # An octahedron's corners have 4 faces: ((1/3) + 2 (1/2) + 1) / 4 = 7/12
+    # An octahedron's corners have 4 faces: ((1/3) + 2 (1/2) + 1) / 4 = 7/12; its edges' points 5/12
     points = [tuple(row) for row in (*np.eye(3), *-np.eye(3))]
     faces = [(i, j, k) for i, j, k in ((0, 1, 2), (1, 3, 2), (3, 4, 2), (4, 0, 2))]
     model = load(mesh("Eight", points, [*faces, *[(b, a, 5) for a, b, _ in faces]], scheme=""))
-    assert "by about -66 %" in model.remarks[0] and abs((7 / 12) ** 2 - 1 + 0.66) < 0.005
+    diagonals = np.full(3, 1 / 3) - [7 / 12, 0, 0], np.array([0, 5 / 12, -5 / 12])
+    left = 24 * np.linalg.norm(np.cross(*diagonals)) / 2 / (4 * np.sqrt(3))
+    assert f"by {100 * (left - 1):.2g} %" in model.remarks[0]
 
 
 def test_normals_against_the_winding(load):
