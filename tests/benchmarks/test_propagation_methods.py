@@ -260,7 +260,7 @@ def test_radiosity_against_path_tracing(plate):
         "z1": (grey(0.7), 300.0),
     }
     cube = problem(plates(plate, **walls), [0.5, 0.5, 0.9], [0.5, 0.5, 0], 0.4, bounces=40)
-    cases = ((cube, 2**18), (problems.open_box(), 2**22), (problems.cavity(), 2**18))
+    cases = ((cube, 2**17), (problems.open_box(), 2**20), (problems.cavity(), 2**17))
     for case, count in cases:
         radiosity, _ = BY_NAME["radiosity"].run(case, 4**10, 1)
         paths, _ = path_tracing.intensity(case, count, 1, emitter_sampling=case.name == "open_box")

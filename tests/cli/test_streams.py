@@ -72,7 +72,7 @@ def test_input_that_is_refused_has_no_notes(refused, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("length", [10_000, 2_000_000])
+@pytest.mark.parametrize("length", [10_000, 200_000])
 def test_no_line_is_endless(refused, length):
     for name in ("x" * length, "\x1b" * length):
         assert len(refused("render", name, "-o", "out.exr")) < 600

@@ -76,7 +76,7 @@ def test_killed_sweeps_go_on(run, folder):
     seconds = time.perf_counter() - start + 2  # of the start of Python
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
     moments = random.Random(1)
-    for _ in range(3):
+    for _ in range(2):
         command = [sys.executable, "-m", "mi_lcair", "sweep", "sweep.toml", "-o", "s.nc"]
         with subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL) as process:
             time.sleep(moments.uniform(0.3, 1) * seconds)

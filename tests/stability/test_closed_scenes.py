@@ -23,7 +23,7 @@ def share(folder, reflectance, max_bounces, closure="none", spp=4, seed=0):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("bounces", [10, 100, 1000, 4000])
+@pytest.mark.parametrize("bounces", [10, 100, 1000, pytest.param(4000, marks=pytest.mark.study)])
 def test_geometric_law(tmp_path, bounces):
     """The radiance after N reflections is 1 - rho^(N + 1) of its limit.
 

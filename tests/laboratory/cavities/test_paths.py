@@ -111,7 +111,7 @@ def test_material_is_black_in_a_closed_limit():
     """A wall of any reflection model looks black through a hole that is small enough."""
     result = mi_lcair.cavity(
         {
-            "shape": {"kind": "sphere", "radius_m": 1.0, "aperture_radius_m": 0.02},
+            "shape": SHAPES[0] | {"aperture_radius_m": 0.002},
             "wall": {"material": "gloss_black"},
             "view": {"wavelengths_um": [4.0, 10.0]},
         },
