@@ -144,14 +144,16 @@ def plate_convection(kelvin, air: SurfaceAir, length, facing: str):
     or down, and Churchill and Chu (1975) for upright ones. By wind: laminar and turbulent flow
     along the plate (VDI Heat Atlas). The cubes of both add.
 
-    length: along the wind, or the height of an upright plate [m].
+    length: side of a square plate, along the wind, or the height of an upright one [m]. Natural
+    convection of a level plate has the length of its area over its perimeter, a quarter of that.
     """
     film = (kelvin + air.kelvin) / 2
     conductivity = 0.0241 * (film / MELTING) ** 0.81
     viscosity = 1.458e-6 * film**1.5 / (film + 110.4) * GAS * film / (100 * air.pressure)
     warmer = kelvin - air.kelvin
     size = np.where(np.real(warmer) < 0, -warmer, warmer) + 1e-9
-    rayleigh = GRAVITY / film * size * length**3 * PRANDTL / viscosity**2
+    height = length if facing == "upright" else length / 4
+    rayleigh = GRAVITY / film * size * height**3 * PRANDTL / viscosity**2
     if facing == "upright":
         factor = (1 + (0.492 / PRANDTL) ** (9 / 16)) ** (8 / 27)
         natural = (0.825 + 0.387 * rayleigh ** (1 / 6) / factor) ** 2
@@ -167,7 +169,7 @@ def plate_convection(kelvin, air: SurfaceAir, length, facing: str):
     turbulent = 0.037 * reynolds**0.8 * PRANDTL
     turbulent = turbulent / (1 + 2.443 * reynolds**-0.1 * (PRANDTL ** (2 / 3) - 1))
     forced = (laminar**2 + turbulent**2) ** 0.5
-    return conductivity / length * (natural**3 + forced**3) ** (1 / 3)
+    return conductivity * ((natural / height) ** 3 + (forced / length) ** 3) ** (1 / 3)
 
 
 # Humidity

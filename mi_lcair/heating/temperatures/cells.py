@@ -17,6 +17,7 @@ from mi_lcair.errors import InputError
 STEP = 1e-30  # of complex steps
 FINEST, GROWTH = 1 / 40, 0.07  # first cell over the penetration depth, and growth with depth
 MOST_STEPS, CLOSED = 40, 1e-11  # Newton steps, and the change at which they end, relative
+ROUNDING = 1e-7  # largest change by rounding, relative
 LEAST_CELLS = 10  # of a layer
 WARM_K = 350.0  # temperature at which radiation between grains adds `radiative` times k
 
@@ -137,12 +138,16 @@ class Cells:
 
     def solve(self, surface: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Flux into the wall below a surface and its derivative, (f,) [W m^-2, W m^-2 K^-1]."""
+        before = np.inf
         for _ in range(MOST_STEPS):
             apply = self.inverse(self.U, surface)
             change = apply(self.residual(self.U, surface)[None])[0]
             self.U = np.maximum(self.U - change, self.U / 2)
-            if (abs(change) < CLOSED * self.U).all():
+            largest = float(np.max(abs(change) / self.U, initial=0))
+            # Steps that no longer fall are the rounding of thin layers that conduct well
+            if largest < CLOSED or before / 2 < largest < ROUNDING:
                 break
+            before = largest
         else:
             raise InputError("conduction in a wall does not converge; raise steps of [run]")
         self.apply = self.inverse(self.U, surface)
@@ -187,7 +192,7 @@ class Cells:
         `Course.left`, (1 - F)^-1 F of the change over a day is left to do.
         """
         wall, U = self.wall, self.U.mean(axis=0, keepdims=True)
-        mass = np.real(wall.density * wall.capacity(U))[0] * wall.dz
+        mass = np.broadcast_to(np.real(wall.density * wall.capacity(U)), U.shape)[0] * wall.dz
         N = len(mass)
         history, step = self.history, self.step
         self.history, self.step = U, (0.0, np.inf)

@@ -221,9 +221,29 @@ BEHIND = (
         ),
         "capacity_at_K must rise and have two or more numbers, as many as capacity_J_kg_K",
     ),
+    rule(
+        lambda t: t.thickness_mm or t.layers or not (t.radiative or t.contact_m2_K_W),
+        f"radiative and contact_m2_K_W need {listed(WALL)}, or layers",
+    ),
+    rule(
+        lambda t: not t.back_W_m2 or (t.thickness_mm or t.layers) and t.back_K is None,
+        "back_W_m2 needs a wall without back_K",
+    ),
+    rule(
+        lambda t: not (t.layers and t.contact_m2_K_W),
+        "contact_m2_K_W of a wall of layers is that of its first layer",
+    ),
+    rule(
+        lambda t: not t.albedo or min(t.albedos) >= -1e-9 and max(t.albedos) <= 1 + 1e-9,
+        "albedo = {t.albedo}; the polynomial must lie in 0..1 for zenith angles of 0 to 90 degrees",
+    ),
+    rule(
+        lambda t: np.real((t.heat_roughness_mm or 0) - (t.roughness_mm or np.inf)) <= 0,
+        "heat_roughness_mm is more than roughness_mm",
+    ),
     rule(  # the weather's coefficient, an array, is not used then
-        lambda t: t.roughness_mm is None or not isinstance(t.h_W_m2_K, float),
-        f"h_W_m2_K and roughness_mm do not go together; {LAW}",
+        lambda t: t.roughness_mm is t.plate is None or not isinstance(t.h_W_m2_K, float),
+        f"h_W_m2_K goes with neither roughness_mm nor plate; {LAW}",
     ),
     excludes("roughness_mm", "plate", why=LAW),
     together("plate", "length_m"),
@@ -260,7 +280,7 @@ class GroupTable(Described, rules=BEHIND):
     plate : str or None
         "up", "down" or "upright": natural convection and wind along a plate that faces there.
     length_m : float or None
-        Length of the plate along the wind, or its height if it is upright.
+        Side of a square plate, or the height of an upright one.
     wetness, resistance_s_m : float or None
         Evaporation, dew and frost: the wet share of the surface, 0 to 1, or its resistance.
     absorptance, emissivity : float or None
@@ -337,7 +357,13 @@ class GroupTable(Described, rules=BEHIND):
         """Whether the wall has layers, or properties by temperature or depth."""
         by_depth = self.scale_depth_mm is not None
         apart = self.thickness_mm is not None and self.contact_m2_K_W
-        return bool(self.layers or self.radiative or self.capacity_at_K or by_depth or apart)
+        more = self.radiative or self.capacity_at_K or self.back_W_m2
+        return bool(self.layers or more or by_depth or apart)
+
+    @property
+    def albedos(self) -> np.ndarray:
+        """Values of the polynomial over the sun's zenith angles."""
+        return np.polynomial.polynomial.polyval(np.linspace(0, 1, 91), self.albedo)
 
     def convection(self, kelvin, air: SurfaceAir, usual):
         """Coefficient of convection at some temperatures. usual: that without a law."""
@@ -503,6 +529,8 @@ def described(tree: Mapping, folder: Path, _name: str) -> HeatDescription:
     of_sigma = dict(table_of(tree, "sigma"))
     model = of_sigma.pop("model_K", MODEL_K)
     with errors_of("[sigma]"):
+        if isinstance(model, bool) or not isinstance(model, (int, float)):
+            raise InputError(f"model_K = {str(model)[:40]}; must be a number of K, such as 0.8")
         MODEL.check(model, "model_K")
     return HeatDescription(
         target=target,

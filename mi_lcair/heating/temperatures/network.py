@@ -231,6 +231,8 @@ class Network:
         changed = self.changed(name, sigma)
         power, conductance = (values.imag / STEP for values in changed.loads())
         walls = changed.walls if bare in OF_WALL else None
+        if walls and any(type(wall) is not type(own) for wall, own in zip(walls, self.walls)):
+            raise InputError(f"[sigma]: {name}: the wall has none; state it in [groups.{group}]")
 
         def gained(kelvin, k):
             taken = changed.leaving(kelvin, k).imag / STEP if self.with_laws else 0.0

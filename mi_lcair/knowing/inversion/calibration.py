@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy import stats
 
 from mi_lcair.declared import Bounds, Described, entry
 from mi_lcair.errors import InputError, check_known, errors_of
@@ -35,13 +36,13 @@ from mi_lcair.sections import Lines, Table
 from mi_lcair.table import read_table
 from mi_lcair.toml_table import check_tables, filled, plain, table_of, text_of
 
-HOUR = 3600.0
 KNOWN = ("h", "absorptance", *OF_LAW, *OF_WALL)  # inputs that may be sought
 LINEAR = ("absorptance", "wetness", "back_K", "back_W_m2", "radiative")  # others in logarithms
 UNIT = ("absorptance", "wetness")  # lie in 0..1
 BROAD = {"absorptance": 0.2, "wetness": 0.3}  # of what no material says; others a factor of e
 LASTS_H = 3.0  # time over which the error of the model is alike [h]
 MOST_STEPS, CLOSE = 12, 0.05  # iterations, and the change in standard errors at which they end
+SIGNIFICANCE = 1e-3  # chance below which a series does not fit
 FLAT = 0.5  # increase of chi-square that the drift of days may make
 LITTLE, ALIKE = 0.7, 0.8  # ratio to the sigma beforehand, and correlation, that are reported
 SCALED = "one factor of all that heats, cools and stores changes no temperature"
@@ -71,13 +72,22 @@ class SeriesTable(Described, where="[heat]"):
 
 @dataclass(frozen=True)
 class Sought:
-    """An unknown at its first guess: name, group and key; value, sigma beforehand, bounds."""
+    """An unknown at its first guess: name, group and key; value, sigma beforehand, bounds.
+
+    mean: value that is expected beforehand.
+    """
 
     name: str
     value: float
     sigma: float
     lower: float
     upper: float
+    mean: float
+
+    @property
+    def expected(self) -> float:
+        """x of what is expected beforehand."""
+        return self.mean - self.value if self.is_linear else float(np.log(self.mean / self.value))
 
     @property
     def key(self) -> str:
@@ -227,12 +237,15 @@ def sought(name: str, given: UnknownEntry, network: Network) -> Sought:
             sigma = sigma / value
         if given.prior is not None:
             value, sigma = given.prior
-            sigma = sigma if key in LINEAR else sigma / value
-        value = value if given.start is None else given.start
+        mean, value = value, value if given.start is None else given.start
         lower = 0.0 if given.lower is None else given.lower
         upper = (1.0 if key in UNIT else np.inf) if given.upper is None else given.upper
         Bounds(lower=lower, upper=upper).check(value, key)
-        return Sought(name, value, sigma, lower, upper)
+        if key not in LINEAR:
+            if not (mean > 0 and value > 0):
+                raise InputError(f"{key} is {min(mean, value):g}; start and prior must be positive")
+            sigma = sigma / mean if given.prior is not None else sigma
+        return Sought(name, value, sigma, lower, upper, mean)
 
 
 def changed(network: Network, unknowns: list[Sought], x: np.ndarray) -> Network:
@@ -276,19 +289,25 @@ class Series:
         self.measured = np.array([*numbers.values()]).T
         self.times = network.weather.seconds
         self.period = network.weather.day_s if is_periodic else None
+        self.hour_s = network.weather.day_s / 24  # as of the weather's rows
+        if is_periodic and not (min(self.hours) >= 0 and max(self.hours) <= 24):
+            raise InputError(
+                f"{where}: hours {min(self.hours):g} to {max(self.hours):g} are not those of one "
+                "day, 0 to 24; give start_K of [run] for a series of days"
+            )
         first, last = (2 * self.times[0] - self.times[1]), self.times[-1]
         if not is_periodic and not (
-            first <= HOUR * min(self.hours) and HOUR * max(self.hours) <= last
+            first <= self.hour_s * min(self.hours) and self.hour_s * max(self.hours) <= last
         ):
             raise InputError(
                 f"{where}: hours {min(self.hours):g} to {max(self.hours):g} leave those of the "
-                f"weather, {first / HOUR:g} to {last / HOUR:g}"
+                f"weather, {first / self.hour_s:g} to {last / self.hour_s:g}"
             )
 
     def of(self, values: np.ndarray) -> np.ndarray:
         """Values (m, n) of facets at the readings, (readings,)."""
         columns = (values @ self.weights.T).T
-        at = self.hours * self.times[-1] / 24 if self.period else self.hours * HOUR
+        at = self.hours * self.hour_s
         return np.ravel([np.interp(at, self.times, c, period=self.period) for c in columns], "F")
 
 
@@ -305,8 +324,7 @@ def calibrated(
     sigmas = description.sigma
     if description.has_defaults:
         sigmas = default_sigmas(network.weather.sky, network.tables)
-    names = [unknown.name for unknown in unknowns]
-    others = {n: s for n, s in sigmas.items() if n not in names}
+    others = of_others(sigmas, unknowns, network)
     columns = [(u.name, 1.0 if u.is_linear else "100 %") for u in unknowns]
 
     def computed(x, inputs):
@@ -322,15 +340,16 @@ def calibrated(
     C = series.sigma_K**2 * np.eye(len(T)) + series.common_K**2
     C += description.model_K**2 * np.exp(-lag / LASTS_H)
     root = np.linalg.cholesky(C)
-    prior, x = np.array([u.sigma for u in unknowns]), np.zeros(count)
+    prior, mean = np.array([(u.sigma, u.expected) for u in unknowns]).T
+    x = np.zeros(count)
 
     def cost(x, T):
-        return np.sum(np.linalg.solve(root, measured - T) ** 2) + np.sum((x / prior) ** 2)
+        return np.sum(np.linalg.solve(root, measured - T) ** 2) + np.sum(((x - mean) / prior) ** 2)
 
     for _ in range(MOST_STEPS):
         A, r = np.linalg.solve(root, J), np.linalg.solve(root, measured - T)
         covariance = np.linalg.inv(A.T @ A + np.diag(prior**-2.0))
-        step, before = covariance @ (A.T @ r - x / prior**2), cost(x, T)
+        step, before = covariance @ (A.T @ r - (x - mean) / prior**2), cost(x, T)
         if (abs(step) < CLOSE * np.sqrt(np.diag(covariance))).all():
             break
         for _ in range(4):
@@ -341,10 +360,34 @@ def calibrated(
         x, T, J = x + step, trial, slopes.T
     else:
         remarks += ("the values still move; give first guesses that are nearer",)
+    chance = float(stats.chi2.sf(cost(x, T), len(T)))
+    if chance < SIGNIFICANCE:
+        remarks += (
+            f"the balance does not fit this series: {np.std(measured - T):.2g} K are left where "
+            f"sigma_K, common_K and model_K allow less (p = {chance:.1g}); a term is missing, and "
+            "the intervals do not hold",
+        )
     # What the other inputs may have changed, as if they had been other values in this series
     shifts = covariance @ (A.T @ np.linalg.solve(root, nuisance.T))
     covariance = covariance + shifts @ shifts.T
     return answer(description, data, unknowns, x, covariance, (first, T), (sigmas, remarks))
+
+
+def of_others(sigmas: dict, unknowns: list[Sought], network: Network) -> dict:
+    """The uncertainties without those of the unknowns.
+
+    One of all groups, such as that of h, becomes one of each other group.
+    """
+    sought, keys, result = {u.name for u in unknowns}, {u.key for u in unknowns}, {}
+    for name, sigma in sigmas.items():
+        if name not in keys:
+            result[name] = sigma
+            continue
+        for group, table in network.tables.items():
+            has_it = name not in OF_WALL or table.thickness_mm or table.layers
+            if table.temperature is None and has_it:
+                result[f"{group}.{name}"] = sigmas.get(f"{group}.{name}", sigma)
+    return {name: sigma for name, sigma in result.items() if name not in sought}
 
 
 def answer(description, data, unknowns, x, covariance, temperatures, more) -> HeatCalibration:

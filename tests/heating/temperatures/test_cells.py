@@ -169,6 +169,21 @@ def test_derivatives_are_those_of_differences(monkeypatch):
         np.testing.assert_allclose(change, expected, rtol=0, atol=atol, err_msg=name)
 
 
+def test_slow_walls_are_soon_periodic():
+    """Steel on insulation on concrete, whose time constant is a month, after few days.
+
+    From day to day, the mean heat into an insulated wall vanishes, so that its back has the mean
+    temperature of the surface.
+    """
+    steel = LayerTable(thickness_mm=2, conductivity=50, density=7850, heat_capacity=480)
+    foam = LayerTable(thickness_mm=100, conductivity=0.04, density=30, heat_capacity=1400)
+    concrete = LayerTable(thickness_mm=500, conductivity=1.6, density=2300, heat_capacity=950)
+    wall = {"layers": (steel, foam, concrete)}
+    solved = course(network([[0]], [0.7], [0.0], weather(), groups={"g0": wall}))
+    assert solved.days < 6
+    assert solved.cells[0].U[0, -1] == pytest.approx(solved.kelvin[:, 0].mean(), abs=0.02)
+
+
 def test_measured_sky():
     """The derivative with respect to the longwave irradiance is that through its temperature."""
     plate = network([[0]], [0.7], [0.0], weather())
@@ -198,6 +213,13 @@ def test_measured_sky():
             "rise",
         ),
         ({"back_K": 290.0}, "back_K needs thickness_mm"),
+        ({"radiative": 2.7}, "radiative and contact_m2_K_W need thickness_mm"),
+        ({"contact_m2_K_W": 0.1, "layers": [BRICK | {"thickness_mm": 9}]}, "that of its first"),
+        (BRICK | {"thickness_mm": 9, "back_K": 290.0, "back_W_m2": 9.0}, "without back_K"),
+        ({"plate": "up", "length_m": 1.0, "h_W_m2_K": 3.0}, "one law gives"),
+        ({"roughness_mm": 10.0, "heat_roughness_mm": 20.0}, "is more than roughness_mm"),
+        ({"albedo": [0.2, 0.9]}, "must lie in 0..1 for zenith angles"),
+        ({"albedo": [-5.0]}, "must lie in 0..1 for zenith angles"),
     ],
 )
 def test_tables_that_are_refused(table, message):

@@ -64,6 +64,24 @@ def test_truths_are_found_and_written(folder, tmp_path):
     assert "terrain.conductivity" in (tmp_path / "found.json").read_text()
 
 
+def test_a_first_guess_is_no_prior(folder):
+    """Another start gives the same value, and the prior draws it."""
+    found = []
+    for start in (0.5, 1.0, 3.0):
+        stated = problem(folder, "conductivity")
+        stated["unknowns"]["terrain.conductivity"] = {"start": start, "prior": [1.5, 0.05]}
+        found.append(mi_lcair.invert(stated).value[0])
+    assert found == pytest.approx([found[1]] * 3, rel=5e-3)
+
+
+def test_a_series_that_does_not_fit_is_told(folder, tmp_path):
+    """Absorptance alone cannot explain it; nor is the error that all groups share counted twice."""
+    remarks = mi_lcair.invert(problem(folder, "absorptance")).remarks
+    assert any("the balance does not fit this series" in line for line in remarks)
+    remarks = mi_lcair.invert(problem(folder, "conductivity", "h", "absorptance")).remarks
+    assert not any("does not fit" in line for line in remarks)
+
+
 def test_thick_ground_gives_only_its_inertia(folder):
     found = mi_lcair.invert(problem(folder, "conductivity", "density"))
     assert found.correlation[0, 1] < -0.8
