@@ -31,10 +31,11 @@ def main(names) -> None:
     rows, notes = [], []
     for name in names or cases:
         for result in results_of(name):
-            missed = "" if result.rms <= result.reach else f" (its reach is {result.reach:g})"
-            print(f"{result.row}{missed} {result.note}", flush=True)
+            print(result.row, result.note, flush=True)
             rows.append(result.row)
             notes += [result.note] if result.note else []
+            if result.rms > result.reach:
+                notes.append(f"{result.title}: its rms is more than {result.reach:g}, the goal.")
     if not names:
         write_page(PAGE, "cases", rows="\n".join(rows), notes="\n".join(f"- {x}" for x in notes))
 

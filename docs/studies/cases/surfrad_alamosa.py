@@ -16,10 +16,11 @@ from docs.studies.cases.comparison import Comparison, columns, plane, write_rows
 from mi_lcair.toml_table import text_of
 
 MATERIAL = "soil"
+OTHERS = ("soil_dry", "sand")  # other names of bare ground, which a user might choose
 UNKNOWNS = ("conductivity", "h", "absorptance", "wetness")
 
 
-def tables(folder: Path, data: dict) -> dict:
+def tables(folder: Path, data: dict, material: str = MATERIAL) -> dict:
     """The tables of the heat balance, whose weather is written to a folder."""
     is_day = data["sun_elevation_deg"] > 0
     same = ("air_K", "wind_m_s", "relative_humidity", "pressure_hPa", "down_longwave_W_m2")
@@ -33,7 +34,7 @@ def tables(folder: Path, data: dict) -> dict:
     return {
         "target": {"scene": plane(folder)},
         "weather": {"file": str(folder / "weather.csv"), "ground_K": 280.0, **heights},
-        "groups.ground": {"material": MATERIAL},
+        "groups.ground": {"material": material},
         "run": {"rays": 64},
     }
 
@@ -46,25 +47,28 @@ def compare() -> list[Comparison]:
     measured, results, notes = data["surface_K"], [], []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        (folder / "heat.toml").write_text(text_of(tables(folder, data)))
+        for name in (MATERIAL, *OTHERS):
+            (folder / f"{name}.toml").write_text(text_of(tables(folder, data, name)))
         readings = {"hour": data["hour_local"], "ground": measured}
         write_rows(folder / "measured.csv", readings)
-        series = {"file": str(folder / "heat.toml"), "measured": str(folder / "measured.csv")}
+        series = {
+            "file": str(folder / f"{MATERIAL}.toml"),
+            "measured": str(folder / "measured.csv"),
+        }
         unknowns = {f"ground.{key}": {} for key in UNKNOWNS}
-        for title, file in (("material by name", "heat.toml"), ("calibrated", "calibrated.toml")):
-            heat = mi_lcair.heat(folder / file)
+        for file in (MATERIAL, "calibrated", *OTHERS):
+            heat = mi_lcair.heat(folder / f"{file}.toml")
             at = data["hour_local"], heat.hours
             computed, error = (
                 np.interp(*at, values[:, 0], period=24) for values in (heat.kelvin, heat.error_K)
             )
-            reach = 2.0 if file == "heat.toml" else 0.8
-            results.append(
-                Comparison(f"SURFRAD, {title}", "K", computed, measured, 1.96 * error, reach)
-            )
-            if file == "heat.toml":
+            reach = 0.8 if file == "calibrated" else 2.0
+            title = "SURFRAD, " + (file if file == "calibrated" else f'material = "{file}"')
+            results.append(Comparison(title, "K", computed, measured, 1.96 * error, reach))
+            if file == MATERIAL:
                 found = mi_lcair.invert({"heat": series, "unknowns": unknowns})
                 found.save(folder / "calibrated.toml")
                 pairs = zip(found.names, found.value, found.lower, found.upper)
                 notes = [f"{n} {v:.3g} ({low:.3g} to {high:.3g})" for n, v, low, high in pairs]
     note = f"SURFRAD, calibrated: {', '.join(notes)}; ground.h is the factor of the law."
-    return [*results[:1], Comparison(**{**vars(results[1]), "note": note})]
+    return [*results[:1], Comparison(**{**vars(results[1]), "note": note}), *results[2:]]
