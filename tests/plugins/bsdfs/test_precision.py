@@ -80,9 +80,9 @@ def test_value_in_float32(model, form):
     """
     rng, errors = np.random.default_rng(9), []
     if model is SANDFORD_ROBERTSON:
-        rows = narrow_and_broad_lobes(40)
+        rows = narrow_and_broad_lobes(20)
     else:
-        rows = microfacet_parameters(40, seed=8)
+        rows = microfacet_parameters(20, seed=8)
     for row in rows:
         bsdf = load(model, row, form)
         i, r = pairs_of_directions(float(model.lobe_width(bsdf.surface)[0]), rng)

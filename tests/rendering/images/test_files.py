@@ -38,7 +38,7 @@ def folder(tmp_path_factory):
 
 @pytest.mark.slow
 @given(st.data())
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 def test_round_trip(folder, data):
     """Every finite float32, every label and every header value comes back bit for bit."""
     shape = data.draw(hnp.array_shapes(min_dims=2, max_dims=2, max_side=7))
