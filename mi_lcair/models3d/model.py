@@ -259,12 +259,16 @@ def read(
             *_remarks(obj, labels, label, table, kind in ASK_AXES and not (forward or up)),
         ),
     )
-    if obj.motion is None:
-        return model
-    groups = np.array([at.group if at.type == "f" else "" for at in labels], object)[label]
+    return model if obj.motion is None else _moving(model, obj, turn, scale or obj.unit)
+
+
+def _moving(model: Model, obj: Obj, turn: np.ndarray, unit: float) -> Model:
+    """The model with the files of its motion, from a file with times, its unit [m] and rotation."""
+    of_labels = [at.group if at.type == "f" else "" for at in model.labels]
+    groups = np.array(of_labels, object)[model.label]
     boxes = {group: model.box_of(groups == group) for group in set(groups) - {""}}
     boxes[""] = model.box_of(groups != "") if boxes else model.box
-    files, remarks = obj.motion.files(groups, boxes, turn, scale or obj.unit)
+    files, remarks = obj.motion.files(groups, boxes, turn, unit)
     return replace(model, files=files, remarks=(*model.remarks, *remarks))
 
 
