@@ -33,7 +33,7 @@ def test_files_and_folders_come_first(tmp_path):
     first = result.as_dict()["materials"][0]
     assert first["parameters"] == {"emissivity": 0.7} and first["band"] == "any"
     assert mi_lcair.materials(tmp_path / "a.toml", tmp_path).columns()["name"][1] == "rust"
-    assert result.summary() == "materials: 9 names, 12 entries; 104 labels of surfaces"
+    assert result.summary() == "materials: 9 names, 12 entries; 103 labels of surfaces"
     assert len({entry["name"] for entry in result.as_dict()["labels"]}) == 104
 
 
