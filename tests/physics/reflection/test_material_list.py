@@ -34,7 +34,7 @@ def test_files_and_folders_come_first(tmp_path):
     assert first["parameters"] == {"emissivity": 0.7} and first["band"] == "any"
     assert mi_lcair.materials(tmp_path / "a.toml", tmp_path).columns()["name"][1] == "rust"
     assert result.summary() == "materials: 9 names, 12 entries; 103 labels of surfaces"
-    assert len({entry["name"] for entry in result.as_dict()["labels"]}) == 104
+    assert len({entry["name"] for entry in result.as_dict()["labels"]}) == 103
 
 
 @pytest.mark.parametrize("name", ["empty", "none.toml", "b.toml"])
