@@ -165,8 +165,9 @@ def check_bounded(emitters, name: str) -> None:
 MOST_PATHS = 2**40  # paths of one render; a processor traces about 10^7 paths in a second
 # Memory for the radiance and statistics of a pixel, and for each channel in double and in single
 # precision [bytes]. Measured with 4 samples per pixel on images of 1 to 2 million pixels: 433
-# bytes per pixel in the scene two_plates with 10 channels, 955 in furnace with 43.
-BYTES_PER_PIXEL, BYTES_PER_CHANNEL = 320, 15
+# bytes per pixel in the scene two_plates with 10 channels, 955 in furnace with 43;
+# two_plates with all parts has taken up to 10 % more since.
+BYTES_PER_PIXEL, BYTES_PER_CHANNEL = 360, 15
 # The same for a source in a camera's frame: 4.4 between 69,696 and 272,484 parts with 448 sources
 BYTES_PER_SOURCE = 5
 ANY_MACHINE_HAS = 2**20  # bytes for which the free memory, which is slow to read, is not looked up
