@@ -16,7 +16,7 @@ from mi_lcair.errors import InputError, escaped
 from mi_lcair.extras import named, optional
 from mi_lcair.files import read_text, replacing
 from mi_lcair.rendering.measurands import Measurands
-from mi_lcair.rendering.reflections import words_on_left_out
+from mi_lcair.rendering.reflections import counts, words_on_left_out
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import View
@@ -194,7 +194,7 @@ class Trend(Result):
         remarks = []
         if np.any(self.table.get("invalid", 0)):
             remarks.append("some samples were NaN or infinite and count as 0; see column invalid")
-        if self.left_out and self.missed:
+        if self.left_out and counts(self.left_out, self.widest, self.tolerance):
             remarks.append(words_on_left_out(percent(self.left_out)))
         yield Remarks(remarks)
         yield self.picture()

@@ -1,4 +1,4 @@
-"""HeatCalibration of a heat balance: ground and air from a series of measured temperatures.
+"""Calibration of a heat balance: ground and air from a series of measured temperatures.
 
 Generalised least squares by Gauss and Newton. The covariance of the residuals has the noise of the
 readings, an error that all of them share, and the error of the model, alike over some hours.

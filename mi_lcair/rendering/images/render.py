@@ -208,7 +208,7 @@ class Render(Result):
                 "the image is 0 everywhere: nothing that the sensor sees emits or reflects; is it "
                 "turned away, or does it see the backs of surfaces?"
             )
-        if self.left_out and counts(self.left_out, self.rms_error, self.tolerance):
+        if self.left_out and counts(self.left_out, self.rms_error or 0.0, self.tolerance):
             remarks.append(words_on_left_out(percent(self.left_out)))
         yield Remarks(remarks)
         image, made = image_sections(self.channels, self.header)
@@ -423,7 +423,7 @@ def render_image(
     if total.tail is not None:
         closure_error = total.tail.error(scene.mi.integrator().max_bounces)
     beyond, rms_error = share_left_out(scene, sampling), total.rms_error()
-    is_cut = beyond and counts(beyond, rms_error, sampling.tolerance)
+    is_cut = beyond and counts(beyond, rms_error or 0.0, sampling.tolerance)
     size = windows.rows, windows.columns
     channels, air = image_channels(total, scene.band, size), {}
     if atmosphere is not None:

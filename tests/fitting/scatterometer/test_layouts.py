@@ -13,6 +13,7 @@ from mi_lcair.fitting.scatterometer.reading import read
 from mi_lcair.physics.bands import band
 
 INCIDENCES = (15.0, 40.0, 60.0)
+BSDF = "scan.bsdf"  # name of a file
 
 
 def direction(theta_deg, phi_deg):
@@ -34,16 +35,6 @@ def assert_brdf(measured, angles=INCIDENCES):
     found = np.unique(np.round(np.degrees(measured.theta_i), 9))
     assert angles is None or list(found) == list(angles)
     return np.degrees(measured.theta_r)
-
-
-@pytest.fixture
-def file(tmp_path):
-    def write(content, name="scan.bsdf"):
-        path = tmp_path / name
-        path.write_bytes(content if isinstance(content, bytes) else content.encode())
-        return path
-
-    return write
 
 
 def optics_header(**lists):
@@ -96,7 +87,7 @@ def lighttools(wavelength=10600.0, back=True):
 
 
 def test_zemax(file):
-    measured = read(file(zemax()), band="10.6")
+    measured = read(file(zemax(), BSDF), band="10.6")
     theta_r = assert_brdf(measured)
     assert theta_r.min() == pytest.approx(-55) and theta_r.max() == pytest.approx(85)
     assert measured.dropped == {"off the plane of incidence": 3 * 3 * 6, "at 90 degrees": 2}
@@ -106,7 +97,7 @@ def test_zemax(file):
 
 
 def test_lighttools(file):
-    measured = read(file(lighttools()))
+    measured = read(file(lighttools(), BSDF))
     theta_r = assert_brdf(measured)
     assert theta_r.min() == pytest.approx(-80) and theta_r.max() == pytest.approx(80)
     assert measured.reading["format"] == "LightTools BSDF"
@@ -213,7 +204,7 @@ BAD = {
 @pytest.mark.parametrize("name", BAD)
 def test_refused_in_one_line(file, name):
     content, words = BAD[name]
-    path = file(content)
+    path = file(content, BSDF)
     with pytest.raises(InputError, match=words) as error:
         read(path)
     assert str(path) in str(error.value) and "\n" not in str(error.value)
