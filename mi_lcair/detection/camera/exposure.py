@@ -133,10 +133,7 @@ class TargetPicture:
         place : callable
             Gives the image of values of the parts on the model.
         """
-        rest = seen["target"] - sum(
-            (seen[name] * unit for name, unit in arrival.in_band.items()), start=0.0
-        )
-        channels = {name: seen[name] for name in arrival.in_band} | {REST: rest}
+        channels = {name: seen[name] for name in arrival.in_band} | {REST: arrival.rest(seen)}
         sums = {name: float(np.sum(values[inside])) for name, values in channels.items()}
         names = [name for name, value in sums.items() if value > 0]
         table = np.zeros((len(names), len(arrival.path)))

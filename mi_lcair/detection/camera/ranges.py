@@ -227,9 +227,8 @@ class RangedTarget:
     noise: float
     snr: float
 
-    def amounts(self, ranges_m: np.ndarray, background: np.ndarray) -> np.ndarray:
+    def amounts(self, arrival: Arrival, background: np.ndarray) -> np.ndarray:
         """Electrons a_k of the images in a pixel that they fill, (1 + K, r)."""
-        arrival = self.arrival(ranges_m)
         return np.vstack([arrival.path - background, self.exposure.picture.amounts(arrival)])
 
     def arrival(self, ranges_m: np.ndarray) -> Arrival:
@@ -241,7 +240,7 @@ class RangedTarget:
         """How the target spreads over pixels at some ranges."""
         products, kept, strongest = [], [], []
         for range_m, level, amounts in zip(
-            ranges_m, background, self.amounts(ranges_m, background).T
+            ranges_m, background, self.amounts(self.arrival(ranges_m), background).T
         ):
             within = max(range_m, self.silhouette.nearest_m)
             images = self.silhouette.seen(self.camera, within)
@@ -267,7 +266,7 @@ class RangedTarget:
         seen += exposure.area * (arrival.path - background)
         covered = (ranges_m * camera.imager.pixel_angle) ** 2
         electrons, pixels = seen / covered, exposure.area / covered
-        amounts = self.amounts(ranges_m, background)
+        amounts = self.amounts(arrival, background)
         squares = np.einsum("kr,rkl,lr->r", amounts, spread.products, amounts)
         ratio = np.sqrt(np.maximum(squares, 0)) * spread.kept / self.noise
         peak = spread.strongest * ratio

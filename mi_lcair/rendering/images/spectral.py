@@ -175,11 +175,13 @@ class Arrival:
 
         parts: channels by name, (r,) each, with `target` and those of `in_band`.
         """
-        rest = parts["target"] - sum(
-            (parts[name] * unit for name, unit in self.in_band.items()), start=0.0
-        )
         known = (self.arrives[name] * parts[name] for name in self.in_band)
-        return sum(known, start=self.arrives[REST] * rest)
+        return sum(known, start=self.arrives[REST] * self.rest(parts))
+
+    def rest(self, parts: dict[str, np.ndarray]) -> np.ndarray:
+        """Radiance of the model of unknown spectrum, from the same channels, (r,)."""
+        known = (parts[name] * unit for name, unit in self.in_band.items())
+        return parts["target"] - sum(known, start=0.0)
 
 
 def in_band_ratio(source: Source, detector: Band, band: Band) -> float:
