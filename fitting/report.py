@@ -360,11 +360,15 @@ def fit_of_report(report: dict, used_points=None) -> SimpleNamespace:
     """
     names = ("model", "form", "restriction", "parameters", "settings")
     table = report["emissivity"]
+    theta, predicted = (np.asarray(table[name], float) for name in ("theta_deg", "predicted"))
+    interval = table.get("interval")
+    if interval is not None:
+        interval = np.asarray(interval, float).reshape(len(theta), 2)
     return SimpleNamespace(
         **{name: report[name] for name in names},
         used_points=used_points,
-        emissivity=(np.radians(table["theta_deg"]), np.asarray(table["predicted"], float)),
-        emissivity_interval=table.get("interval"),
+        emissivity=(np.radians(theta), predicted.reshape(theta.shape)),
+        emissivity_interval=interval,
         brdf_interval=None,
     )
 

@@ -49,9 +49,9 @@ class _OnImport:
     """Import hook that prepares Dr.Jit before its import and Mitsuba after its import.
 
     Before drjit's code runs, the hook chooses an LLVM and the kernel cache. After mitsuba's code
-    has run, the hook registers the plugins. A scene that is loaded with `mi.load_file` therefore
-    finds the plugins. Parts that need no renderer, such as the command line's help and the
-    radiometry, do not load Mitsuba or LLVM.
+    has run, the hook registers the plugins, whose code needs a variant with derivatives. A scene
+    that is loaded with `mi.load_file` therefore finds the plugins. Parts that need no renderer,
+    such as the command line's help and the radiometry, do not load Mitsuba or LLVM.
     """
 
     @classmethod
@@ -60,6 +60,8 @@ class _OnImport:
             startup = importlib.import_module(".startup", __name__)
             startup.prepare_llvm()
             startup.prepare_kernel_cache()
+        if name.startswith(f"{__name__}.plugins.") and "mitsuba" in sys.modules:
+            importlib.import_module(".startup", __name__).check_variant(lambda v: "_ad_" in v)
         if name != "mitsuba":
             return None
         others = (

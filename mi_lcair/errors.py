@@ -83,6 +83,19 @@ def errors_of(where: object):
         raise InputError(text if text.startswith(front) else front + text) from None
 
 
+@contextmanager
+def complete(what: str):
+    """Context manager: what a damaged file lacks is an InputError that begins with `what`."""
+    try:
+        yield
+    except InputError:
+        raise
+    except (LookupError, TypeError, AttributeError, ValueError) as error:
+        raise InputError(
+            f"{what} is incomplete ({type(error).__name__}: {error}); make it anew"
+        ) from None
+
+
 def unknown(kind: str, name: str, names) -> InputError:
     """The error for an unknown `name`, with a list of the known `names`, the most similar first.
 

@@ -14,7 +14,7 @@ from contextlib import suppress
 from functools import wraps
 from pathlib import Path
 
-from mi_lcair.errors import printable
+from mi_lcair.errors import InputError, printable
 
 # Variants of Mitsuba that can render thermal scenes; the first is set if none is
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono", "metal_ad_mono")
@@ -309,6 +309,16 @@ def _with_scene(function):
 
 # "2026-01-31 12:00:00 WARN  main  [PLYMesh] " before the text of a message
 PREFIX = re.compile(r"^\S+ \S+ +[A-Z]+ +(\S+ +)?\[[^]]*\] *")
+
+
+def check_variant(suited) -> None:
+    """Raise InputError unless `suited`, a function of its name, is true of Mitsuba's variant."""
+    import mitsuba as mi
+
+    if not suited(mi.variant()):
+        raise InputError(
+            f"variant {mi.variant()} cannot render thermal scenes; set one of {', '.join(VARIANTS)}"
+        )
 
 
 def log_to_python() -> None:

@@ -1,6 +1,7 @@
 """Public functions that write pages."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from importlib.metadata import version
 from os import PathLike
@@ -11,7 +12,7 @@ from mi_lcair.api.scenes import scene_of
 from mi_lcair.declared import fraction
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import rendered_as, setting_of
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, complete
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.facets import FacetTable
 from mi_lcair.rendering.scene import Scene, SceneLike
@@ -147,7 +148,9 @@ def report(
         for section in sorted(of_thing, key=is_detail)
     ]
     title = ", ".join(title for title, _ in pages)
-    save(path, title, [*sections, this_page(command, subjects)])
+    stated = ", ".join(f"'{subject}'" for subject in subjects if str(subject).endswith(".json"))
+    with complete(f"{stated}: a result that") if stated else nullcontext():
+        save(path, title, [*sections, this_page(command, subjects)])
     return remarks(sections)
 
 

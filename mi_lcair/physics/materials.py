@@ -228,8 +228,9 @@ def _toml_entries(name, file):
             raise InputError(f"{where}: needs a table for each band, such as [{name}.MWIR]")
         if is_json(path):
             return [_fitted(str(path), report) for report in bands.values()]
+        of = f"{where}, {SPECTRAL}"
         return [
-            _spectral(f"{where}, {SPECTRAL}", name, Path(path).parent, *_cached(path, entry))
+            _spectral(of, name, Path(path).parent, *_cached(of, path, entry))
             if band == SPECTRAL
             else _entry(where, name, band, dict(entry), str(path))
             for band, entry in bands.items()
@@ -364,11 +365,17 @@ def _entry(where, name, band, keys, file):
     return NamedMaterial(name, band, model, parameters, form, source, sigma=sigma)
 
 
-def _cached(path, entry):
+def _cached(where, path, entry):
     """The keys of an entry and the revisions of the files that they name, as a cache's key."""
+    for key, value in entry.items():
+        parts = value if isinstance(value, list) else [value]
+        if any(isinstance(part, (dict, list)) for part in parts):
+            raise InputError(
+                f"{where}: {key} = {value}; must be a number, a text or a list of them"
+            )
     files = [Path(path).parent / text for text in entry.values() if isinstance(text, str)]
     keys = tuple((key, tuple(v) if isinstance(v, list) else v) for key, v in entry.items())
-    return keys, tuple(revision(file) for file in files if file.is_file())
+    return keys, tuple(map(revision, files))
 
 
 @lru_cache(maxsize=32)

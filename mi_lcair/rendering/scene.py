@@ -30,7 +30,7 @@ from mi_lcair.rendering.loading.meshes import (
     fingerprint,
     source_digest,
 )
-from mi_lcair.startup import VARIANTS
+from mi_lcair.startup import VARIANTS, check_variant
 from mi_lcair.tasks import discarded, exclusive, exclusively
 
 # Largest number of moves of a scene to the origin. One move may not be enough, because the position
@@ -193,10 +193,7 @@ SceneLike = Scene | mi.Scene | str | PathLike[str]
 @exclusively
 def load(scene: str | PathLike[str] | mi.Scene, /, **parameters: object) -> Scene:
     """The Scene of a file, or of a scene that Mitsuba loaded, see `mi_lcair.load`."""
-    if mi.variant() not in VARIANTS:
-        raise InputError(
-            f"variant {mi.variant()} cannot render thermal scenes; set one of {', '.join(VARIANTS)}"
-        )
+    check_variant(VARIANTS.__contains__)
     if not isinstance(scene, (str, PathLike)):
         if parameters:
             raise InputError(f"{parameters_of_loaded(parameters)}; mi.load_file takes them")

@@ -2,13 +2,12 @@
 
 import re
 from collections.abc import Iterable
-from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 
 from mi_lcair import scenes
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, complete
 from mi_lcair.extras import named
 from mi_lcair.files import FACET_FILES, parse_json, read_text
 from mi_lcair.formats import read_columns
@@ -177,15 +176,6 @@ def read_result(path: str | Path) -> Result:
         return named(KINDS[BY_RESULT[entries["kind"]]].made_by).of_entries(entries)
 
 
-@contextmanager
 def whole(path: str | Path):
     """Context manager: what the JSON of a result lacks is an InputError."""
-    try:
-        yield
-    except (KeyError, IndexError, TypeError, AttributeError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
-        kind = BY_RESULT[read_json(path)["kind"]]
-        raise InputError(
-            f"'{path}': {kind} that is incomplete ({type(error).__name__}: {error}); make it anew"
-        ) from None
+    return complete(f"'{path}': {BY_RESULT[read_json(path)['kind']]} that")

@@ -16,6 +16,7 @@ from mi_lcair.plugins.emission.source import Source
 from mi_lcair.rendering.views import View
 from mi_lcair.signatures.view_areas import ViewAreas
 from tests.fuzz.mutants import Kind
+from tests.fuzz.result_kinds import RESULT_KINDS
 from tests.fuzz.text_kinds import TEXT_KINDS
 from tests.models3d.shapes import cube
 
@@ -246,4 +247,4 @@ VIEW_AREAS = Kind(
     "areas", ".nc", (areas_bytes(),), use_areas, (b"CDF\x02", b"view", b"LWIR", b"MWIR")
 )
 
-KINDS = (VIEW_AREAS, OBJ, NAMES, GLB, STL, MODEL_PLY, PLY, XML, *TEXT_KINDS)
+KINDS = (VIEW_AREAS, OBJ, NAMES, GLB, STL, MODEL_PLY, PLY, XML, *TEXT_KINDS, *RESULT_KINDS)

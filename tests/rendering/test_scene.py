@@ -323,17 +323,14 @@ def test_the_lobe_of_a_material_when_the_scene_is_loaded():
 
 
 @pytest.mark.slow
-def test_other_variants_are_refused():
-    code = (
-        "import mitsuba as mi; mi.set_variant('scalar_rgb'); "
-        "import mi_lcair; mi_lcair.load('two_plates')"
-    )
-    result = subprocess.run(
-        [sys.executable, "-c", "import mi_lcair; " + code], capture_output=True, text=True
-    )
-    assert (
-        "variant scalar_rgb cannot render thermal scenes; set one of llvm_ad_mono, cuda_ad_mono, "
-        "metal_ad_mono" in result.stderr
+@pytest.mark.parametrize("use", ["load('two_plates')", "signature('two_plates', spp=4)"])
+def test_other_variants_are_refused(use):
+    """Also if the variant was set before the import, when no module of ours is loaded yet."""
+    code = f"import mitsuba as mi; mi.set_variant('scalar_rgb'); import mi_lcair; mi_lcair.{use}"
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert result.stderr.splitlines()[-1] == (
+        "mi_lcair.errors.InputError: variant scalar_rgb cannot render thermal scenes; set one of "
+        "llvm_ad_mono, cuda_ad_mono, metal_ad_mono"
     )
 
 

@@ -198,7 +198,7 @@ def _columns(data, element, order):
     end = element.count * row.itemsize
     counts = [f"{entry.name} count" for entry in element.properties if entry.count_type]
     if end <= len(data):
-        rows = data[:end].view(row)
+        rows = np.ndarray(element.count, row, data)
         if all((rows[name] == rows[name][:1]).all() for name in counts):
             return {
                 entry.name: (

@@ -231,7 +231,7 @@ def from_npy(path: str) -> np.ndarray:
         values = np.load(io.BytesIO(content), allow_pickle=False)
     except MemoryError:
         raise InputError(f"{path}: states a size that does not fit into the memory") from None
-    except (ValueError, EOFError) as error:
+    except Exception as error:  # of any kind: the header is parsed as Python
         raise InputError(f"{path}: is no NumPy array: {error}") from None
     if not isinstance(values, np.ndarray) or values.dtype.kind not in "fiub":
         raise InputError(f"{path}: holds no array of real numbers")

@@ -33,7 +33,7 @@ from types import MappingProxyType
 
 import mitsuba as mi
 
-from mi_lcair.errors import InputError, check_known
+from mi_lcair.errors import InputError, check_known, complete
 from mi_lcair.files import parse_json, read_text
 from mi_lcair.plugins.derivatives import own_memory
 from mi_lcair.rendering.facets import FacetTable
@@ -265,7 +265,9 @@ def apply_solution(scene: Scene, file: str | Path, state: str | None = None) -> 
     """
     name, _, of_file = str(file).partition(".json:")
     name = f"{name}.json" if of_file else str(file)
-    return applied(name, read_solution(name), scene, state or of_file or None)
+    content = read_solution(name)
+    with complete(f"solution {name}: its content"):
+        return applied(name, content, scene, state or of_file or None)
 
 
 def read_solution(file: str | Path) -> dict:

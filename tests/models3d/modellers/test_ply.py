@@ -134,6 +134,17 @@ def test_faces_of_different_sizes(tmp_path, order):
         read_ply(path)
 
 
+def test_without_elements(tmp_path):
+    """An element with no entries is skipped; a mesh without vertices and faces is refused."""
+    edges = "element edge 0\nproperty int first\nproperty list uchar int others\nelement face 2"
+    assert np.array_equal(
+        check(tmp_path, TEXT.replace("element face 2", edges)), check(tmp_path, TEXT)
+    )
+    empty = TEXT.replace("vertex 4", "vertex 0").replace("face 2", "face 0")
+    with pytest.raises(InputError, match="mesh.ply: has no faces"):
+        check(tmp_path, empty[: empty.index("end_header\n") + 11])
+
+
 def test_missing(tmp_path):
     with pytest.raises(InputError, match="cannot be read"):
         check_ply(tmp_path / "gone.ply")
