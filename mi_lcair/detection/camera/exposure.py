@@ -33,6 +33,8 @@ RANGES, STEP = 129, 0.005
 RANDOMISATIONS = 2
 SMALLEST = 1e-3  # size of an image of a model's light, relative to the largest one
 MOST_NOISY = 1e-3  # largest share of the frame with a larger error than the camera's noise
+# What an exposure takes over from its paths
+OF_PATHS = ("sources", "spp", "rms_error", "reached", "invalid", "paths")
 
 
 @dataclass(frozen=True)
@@ -163,6 +165,120 @@ def windows_of(view: CameraView, scene: Scene) -> Windows:
     )
 
 
+@dataclass(frozen=True)
+class Traced:
+    """What the paths through a camera's window know of the model, before the air and the detector.
+
+    It serves any air, background and detector within the band of the render, and other temperatures
+    of the sources.
+
+    Attributes
+    ----------
+    view : CameraView
+    band : Band
+        Band of the render.
+    sources : Sources
+        Sources of the channels.
+    on : ndarray of bool, shape (parts,)
+        Which parts of the window have a share of the model.
+    seen : dict of str to ndarray, shape (n,)
+        Means of the channels in those parts.
+    sums : dict of str to ndarray, shape (1,)
+        Sums of the channels over the window.
+    variance : ndarray, shape (n,)
+        Squared standard errors of the radiance in those parts.
+    spp, rms_error, reached, invalid, paths
+        As in `Exposure`.
+    """
+
+    view: CameraView
+    band: Band
+    sources: Sources
+    on: np.ndarray
+    seen: dict[str, np.ndarray]
+    sums: dict[str, np.ndarray]
+    variance: np.ndarray
+    spp: int
+    rms_error: float
+    reached: bool | None
+    invalid: int
+    paths: int
+
+    def at_temperatures(self, sources: Sources) -> "Traced":
+        """The same paths with other temperatures of their sources, see `Sources.replaced`.
+
+        The standard errors change in proportion to the radiance of the whole model.
+        """
+        factors = {
+            f"target.source.{k}": other.in_band / source.in_band - 1
+            for k, (source, other) in enumerate(zip(self.sources.list, sources.list))
+            if source.in_band and other != source
+        }
+
+        def heated(channels: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+            more = {name: factor * channels[name] for name, factor in factors.items()}
+            target = sum(more.values(), start=channels["target"])
+            changed = {name: channels[name] + by for name, by in more.items()}
+            return channels | changed | {"target": target}
+
+        sums = heated(self.sums)
+        before, after = self.sums["target"].item(), sums["target"].item()
+        ratio = after / before if before else 1.0
+        return replace(
+            self,
+            sources=sources,
+            seen=heated(self.seen),
+            sums=sums,
+            variance=self.variance * ratio**2,
+        )
+
+
+def traced(
+    setting: Setting,
+    view: CameraView,
+    sampling: Sampling,
+    detector: Band,
+    behind: Callable[[Band], np.ndarray],
+) -> Traced:
+    """Trace the model in the samples of a camera's window.
+
+    Air, background and detector only choose the number of paths. The parameters are those of
+    `exposure`.
+    """
+    scene = setting.view
+    hidden = detector_mean(setting.backdrop.at_sensor(setting.path.range_m), scene.band)
+    windows = windows_of(view, scene)
+    measurands = Measurands(
+        Channels("model", ()), by_spectrum=True, reduced=partial(of_model, hidden=hidden)
+    )
+    of_hidden, arrival = unit_of(setting, detector, behind)
+
+    def electrons(total: Totals) -> float:
+        return electrons_for_unit(sums_of(total), total.emitters.sources, arrival, of_hidden)
+
+    criterion = criterion_of(sampling, windows.parts, view, electrons, behind(detector))
+    total = measure(scene, windows, sampling, measurands, criterion)
+    on = total.mean("target.hit") > 0
+    if not on.any():
+        raise InputError("no ray met the target; raise spp of [render]")
+    variance = total.standard_error() ** 2 + missed(total)
+    squares = model_squares(total, windows.parts, variance)
+    return Traced(
+        view=view,
+        band=scene.band,
+        sources=total.emitters.sources,
+        on=on,
+        sums=sums_of(total),
+        seen=means_in_place_of_sums(total, on),
+        variance=variance[on],
+        spp=windows.parts * round(total.traced.mean()),
+        rms_error=float(np.sqrt(squares.mean())),
+        reached=total.reached,
+        invalid=total.invalid,
+        paths=int(total.traced.sum()),
+    )
+
+
 def exposure(
     setting: Setting,
     view: CameraView,
@@ -203,31 +319,28 @@ def exposure(
     InputError
         For settings out of bounds, and if no ray meets the model.
     """
-    scene, air, range_m = setting.view, setting.air, setting.path.range_m
-    extrapolate = setting.sight.extrapolate
-    hidden = detector_mean(setting.backdrop.at_sensor(range_m), scene.band)
+    paths = traced(setting, view, sampling, detector, behind)
+    return exposure_of(paths, setting, detector, behind, variants, ranges_m)
 
-    electrons = partial(
-        electrons_for_unit,
-        arrival=lambda sources: Arrival.of(
-            sources, scene.band, detector, air, np.array([range_m]), extrapolate
-        ),
-        of_hidden=float(np.mean(behind(detector))) / max(hidden, 1e-300),
-    )
-    windows = windows_of(view, scene)
-    measurands = Measurands(
-        Channels("model", ()), by_spectrum=True, reduced=partial(of_model, hidden=hidden)
-    )
-    criterion = criterion_of(sampling, windows.parts, view, electrons, behind(detector))
-    total = measure(scene, windows, sampling, measurands, criterion)
-    sources = total.emitters.sources
-    on = total.mean("target.hit") > 0
-    if not on.any():
-        raise InputError("no ray met the target; raise spp of [render]")
+
+def exposure_of(
+    paths: Traced,
+    setting: Setting,
+    detector: Band,
+    behind: Callable[[Band], np.ndarray],
+    variants: Callable[[Sources], Iterable[Sources]] = lambda sources: (),
+    ranges_m: ArrayLike = (),
+) -> Exposure:
+    """What arrives of traced paths through an air at a detector.
+
+    paths: those of a scene of the same geometry and reflectances. The other parameters are those of
+    `exposure`.
+    """
+    view, seen, on, sources, band = paths.view, paths.seen, paths.on, paths.sources, paths.band
+    air, extrapolate = setting.air, setting.sight.extrapolate
+    of_hidden, from_middle = unit_of(setting, detector, behind)
     # Errors are those of the radiance, in the unit of electrons at the aperture
-    unit, variance = electrons(total), total.standard_error() ** 2 + missed(total)
-    squares = model_squares(total, windows.parts, variance)
-    seen = means_in_place_of_sums(total, on)
+    unit = electrons_for_unit(paths.sums, sources, from_middle, of_hidden)
     share = seen["target.hit"]
     ranges = seen["target.range"] / share + view.near_range().ravel()[on]
     # The middle of the model is within the table, but parts of it may be beyond its end
@@ -236,7 +349,7 @@ def exposure(
 
     def arrival(rule: Band, emitting: Sources) -> Arrival:
         return interpolated(
-            lambda at: Arrival.of(emitting, scene.band, rule, air, at, extrapolate), through
+            lambda at: Arrival.of(emitting, band, rule, air, at, extrapolate), through
         )
 
     def arriving(rule: Band) -> np.ndarray:
@@ -268,41 +381,58 @@ def exposure(
 
     picture = None
     if len(ranges_m):
-        from_ranges = Arrival.of(sources, scene.band, detector, air, ranges_m, extrapolate=True)
+        from_ranges = Arrival.of(sources, band, detector, air, ranges_m, extrapolate=True)
         picture = TargetPicture.of(seen, from_ranges, view.inside.ravel()[on], place)
 
     return Exposure(
         contrast=image(arriving(detector)),
         radiance=image(arriving(setting.detector.band)),
-        error=unit * np.sqrt(image(variance[on])) * OVERSAMPLING / view.parts,
+        error=unit * np.sqrt(image(paths.variance)) * OVERSAMPLING / view.parts,
         share=image(share),
         intensities=intensities,
         area=intensities["target.hit"],
-        sources=sources,
-        spp=windows.parts * round(total.traced.mean()),
-        rms_error=float(np.sqrt(squares.mean())),
-        reached=total.reached,
-        invalid=total.invalid,
-        paths=int(total.traced.sum()),
         variants=tuple(by_channel(emitting) for emitting in variants(sources)),
         picture=picture,
+        **{name: getattr(paths, name) for name in OF_PATHS},
     )
 
 
+def unit_of(
+    setting: Setting, detector: Band, behind: Callable[[Band], np.ndarray]
+) -> tuple[float, Callable[[Sources], Arrival]]:
+    """Electrons for a unit of the hidden background's radiance, and what arrives of sources."""
+    band, range_m = setting.view.band, setting.path.range_m
+    hidden = detector_mean(setting.backdrop.at_sensor(range_m), band)
+
+    def arrival(sources: Sources) -> Arrival:
+        at = np.array([range_m])
+        return Arrival.of(sources, band, detector, setting.air, at, setting.sight.extrapolate)
+
+    return float(np.mean(behind(detector))) / max(hidden, 1e-300), arrival
+
+
 def electrons_for_unit(
-    total: Totals, arrival: Callable[[Sources], Arrival], of_hidden: float
+    sums: dict[str, np.ndarray],
+    sources: Sources,
+    arrival: Callable[[Sources], Arrival],
+    of_hidden: float,
 ) -> float:
     """Electrons at the aperture for a unit of the model's mean radiance, from one range.
 
     A model that sends none still hides the background, of whose radiance a unit counts then.
 
-    arrival: gives what arrives of some sources. of_hidden: electrons for that unit.
+    sums: see `sums_of`. arrival: gives what arrives of the sources. of_hidden: electrons for that
+    unit.
     """
-    sums = total.sums
     if not sums["target"].any():
         return of_hidden
-    of_frame = {name: values.sum(keepdims=True, dtype=float) for name, values in sums.items()}
-    return arrival(total.emitters.sources).of_parts(of_frame).item() / sums["target"].sum()
+    return arrival(sources).of_parts(sums).item() / sums["target"].sum()
+
+
+def sums_of(total: Totals) -> dict[str, np.ndarray]:
+    """Sums of all channels over the window, (1,)."""
+    sums = total.sums.items()
+    return {name: values.sum(dtype=float, keepdims=True).ravel() for name, values in sums}
 
 
 def means_in_place_of_sums(total: Totals, on: np.ndarray) -> dict[str, np.ndarray]:

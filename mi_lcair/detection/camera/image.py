@@ -1,14 +1,14 @@
 """The image of a scenario's target as its camera records it."""
 
 import time
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
 import mi_lcair
 from mi_lcair.detection import approximations
 from mi_lcair.detection.camera.electronics import AVERAGED, Camera
-from mi_lcair.detection.camera.exposure import Exposure, exposure
+from mi_lcair.detection.camera.exposure import Exposure, Traced, exposure_of, traced
 from mi_lcair.detection.camera.image_result import Image
 from mi_lcair.detection.camera.measures import Measures, measured
 from mi_lcair.detection.camera.ranges import (
@@ -21,10 +21,12 @@ from mi_lcair.detection.camera.ranges import (
 from mi_lcair.detection.camera.scenery import Scenery
 from mi_lcair.detection.camera.view import CameraView
 from mi_lcair.detection.scenario import Scenario
-from mi_lcair.detection.setting import rendered_as, setting_of
+from mi_lcair.detection.setting import Setting, rendered_as, setting_of
 from mi_lcair.errors import InputError
 from mi_lcair.physics.imager import Imager
+from mi_lcair.progress import Progress
 from mi_lcair.rendering.measurands import check_free
+from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.rendering.views import terrain_remark
 
@@ -96,45 +98,79 @@ def header(
 BYTES_PER_PIXEL = 400  # memory for a pixel of the frame beside its counts [bytes]
 
 
+@dataclass(frozen=True)
+class Shot:
+    """What the camera of a scenario looks at, after all checks and before any render."""
+
+    scenario: Scenario
+    setting: Setting
+    camera: Camera
+    view: CameraView
+    scenery: Scenery
+
+    @staticmethod
+    def of(scenario: Scenario, seed: int, scene: Scene | None = None) -> "Shot":
+        """The shot of a scenario; raises InputError if it cannot be used.
+
+        seed: of the camera's noise and fixed pattern. scene: the scenario's, if it is loaded.
+        """
+        imager, observer = scenario.camera, scenario.observer
+        if imager is None:
+            raise InputError(
+                "has no table [camera]; give focal_length_mm, f_number, pitch_um, width, height, "
+                "integration_time_ms and well_Me in it"
+            )
+        setting = setting_of(scenario, scene)
+        behind = setting.backdrop.at_sensor(observer.range_m)
+        setting.air.check_covers(setting.view.band)
+        camera = Camera.of(scenario, setting.detector, behind, seed)
+        view = CameraView.of(setting.target, observer.view, observer.range_m, imager)
+        return Shot(scenario, setting, camera, view, Scenery.of(scenario, setting, view))
+
+    @property
+    def arguments(self) -> tuple:
+        """What `exposure_of` takes beside the paths."""
+        return self.setting, self.camera.band, self.scenery.of_parts
+
+    def traced(self, progress: Progress | None = None) -> tuple[Traced, int]:
+        """The paths to the model, and their largest number of reflections."""
+        render, scene = self.scenario.render, self.setting.view
+        setting, *others = self.arguments
+        with rendered_as(scene, render, each_pixel=True):
+            bounces = scene.mi.integrator().max_bounces
+            return traced(setting, self.view, render.of_image(progress), *others), bounces
+
+    def developed(
+        self, exposed: Exposure, frames: int
+    ) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]:
+        """What the camera makes of an exposure; see `developed`."""
+        background, radiance = (
+            self.scenery.image(rule, self.camera.optics)
+            for rule in (self.camera.band, self.setting.detector.band)
+        )
+        return developed(self.camera, self.view, exposed, background, radiance, frames)
+
+
 def record_image(scenario: Scenario, frames: int, seed: int, progress) -> Image:
     """Render the target of a scenario, and record frames of it with the scenario's camera."""
     start = time.perf_counter()
-    imager, observer = scenario.camera, scenario.observer
-    if imager is None:
-        raise InputError(
-            "has no table [camera]; give focal_length_mm, f_number, pitch_um, width, height, "
-            "integration_time_ms and well_Me in it"
-        )
-    setting = setting_of(scenario)
+    shot = Shot.of(scenario, seed)
+    imager, observer, camera = scenario.camera, scenario.observer, shot.camera
+    setting, view, scenery = shot.setting, shot.view, shot.scenery
     scene, target = setting.view, setting.target
-    behind = setting.backdrop.at_sensor(observer.range_m)
-    setting.air.check_covers(scene.band)
     check_frames(imager, frames)
-    camera = Camera.of(scenario, setting.detector, behind, seed)
-    view = CameraView.of(target, observer.view, observer.range_m, imager)
-    scenery = Scenery.of(scenario, setting, view)
 
     rendering = time.perf_counter()
-    with rendered_as(scene, scenario.render, each_pixel=True):
-        bounces = scene.mi.integrator().max_bounces
-        exposed = exposure(
-            setting,
-            view,
-            scenario.render.of_image(progress),
-            camera.band,
-            scenery.of_parts,
-            ranges_m=table_ranges(setting.air, NEAREST * target.radius, observer.range_m),
-        )
+    paths, bounces = shot.traced(progress)
+    nearest = table_ranges(setting.air, NEAREST * target.radius, observer.range_m)
+    exposed = exposure_of(paths, *shot.arguments, ranges_m=nearest)
     render_seconds = time.perf_counter() - rendering
 
-    background, radiance = (
-        scenery.image(rule, camera.optics) for rule in (camera.band, setting.detector.band)
-    )
-    frame_counts, channels, share = developed(camera, view, exposed, background, radiance, frames)
+    frame_counts, channels, share = shot.developed(exposed, frames)
     measures = measured(
         camera,
         channels["electrons.Y"],
-        camera.design.undone(background),
+        channels["electrons.background.Y"],
         share,
         channels["stderr_K.Y"],
         exposed.area / view.pixel_m**2,

@@ -1,23 +1,29 @@
 """Parts of an exposure, calculated by hand; its values are in `test_image`."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from mi_lcair import image
 from mi_lcair.detection.camera.exposure import (
     ModelError,
     detector_mean,
+    exposure_of,
     interpolated,
     model_squares,
     part_areas,
     placed,
 )
+from mi_lcair.detection.camera.image import Shot
 from mi_lcair.detection.irradiance import Backdrop
 from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance, spectral_radiance
 from mi_lcair.rendering.images.spectral import Arrival
+from mi_lcair.rendering.measure import measure
+from tests.detection.camera.plate_scenario import plate
 from tests.detection.camera.test_view import PERSPECTIVE, front
 
 MWIR = band("MWIR")
@@ -115,3 +121,29 @@ def test_background_at_a_detector():
     assert detector_mean(tent, MWIR) == pytest.approx(1, rel=1e-12)
     with pytest.raises(InputError, match="background tent: does not cover band LWIR"):
         detector_mean(tent, band("LWIR"))
+
+
+@pytest.mark.slow
+def test_paths_are_traced_once_for_other_temperatures_air_and_detectors(tmp_path, monkeypatch):
+    """The paths of one scene give the electrons that separate images of other cases have."""
+    calls = []
+    monkeypatch.setattr(
+        "mi_lcair.detection.camera.exposure.measure",
+        lambda *arguments: calls.append(1) or measure(*arguments),
+    )
+    first, second = (
+        plate(tmp_path, 2.0, 2.0, target__parameters={"temperature": kelvin}, **changes)
+        for kelvin, changes in (
+            (300, {}),
+            (340, {"background__temperature": 260, "atmosphere__table": "us_standard"}),
+        )
+    )
+    second = replace(second, camera=replace(second.camera, integration_time_ms=0.02))
+    (paths, _), shot = Shot.of(first, 0).traced(), Shot.of(second, 0)
+    with shot.setting.view.prepared(by_spectrum=True) as tracer:
+        paths = paths.at_temperatures(tracer.emitters.sources)
+    _, channels, _ = shot.developed(exposure_of(paths, *shot.arguments), 1)
+    assert len(calls) == 1
+    alone = image(second).channels
+    for name in ("apparent.Y", "electrons.Y", "mean_temperature.Y", "counts.Y"):
+        np.testing.assert_allclose(channels[name], alone[name], rtol=3e-6)

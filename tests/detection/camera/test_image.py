@@ -11,7 +11,7 @@ from mi_lcair import scenes
 from mi_lcair.api.intensities import signature
 from mi_lcair.api.scenarios import contrast, image
 from mi_lcair.detection.camera.electronics import electron_band, electrons, signal_of
-from mi_lcair.detection.camera.exposure import exposure
+from mi_lcair.detection.camera.exposure import exposure_of
 from mi_lcair.detection.camera.optics import OVERSAMPLING
 from mi_lcair.detection.setting import setting_of
 from mi_lcair.errors import InputError
@@ -117,13 +117,13 @@ def test_electrons_of_titanium(tmp_path, monkeypatch):
         return total
 
     def exposed(*arguments, **options):
-        result = exposure(*arguments, **options)
+        result = exposure_of(*arguments, **options)
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
         return result
 
     monkeypatch.setattr("mi_lcair.detection.camera.exposure.measure", measured)
-    monkeypatch.setattr("mi_lcair.detection.camera.image.exposure", exposed)
+    monkeypatch.setattr("mi_lcair.detection.camera.image.exposure_of", exposed)
     changes = {"background__temperature": 30, "target__parameters": {}, "render__spp": 16}
     made = plate(tmp_path, 2.0, 2.0, **changes)
     text = (tmp_path / "disc.xml").read_text().replace('value="400"', 'value="800"')
