@@ -166,7 +166,7 @@ def windows_of(view: CameraView, scene: Scene) -> Windows:
 
 
 @dataclass(frozen=True)
-class Traced:
+class WindowPaths:
     """What the paths through a camera's window know of the model, before the air and the detector.
 
     It serves any air, background and detector within the band of the render, and other temperatures
@@ -204,7 +204,7 @@ class Traced:
     invalid: int
     paths: int
 
-    def at_temperatures(self, sources: Sources) -> "Traced":
+    def at_temperatures(self, sources: Sources) -> "WindowPaths":
         """The same paths with other temperatures of their sources, see `Sources.replaced`.
 
         The standard errors change in proportion to the radiance of the whole model.
@@ -239,7 +239,7 @@ def traced(
     sampling: Sampling,
     detector: Band,
     behind: Callable[[Band], np.ndarray],
-) -> Traced:
+) -> WindowPaths:
     """Trace the model in the samples of a camera's window.
 
     Air, background and detector only choose the number of paths. The parameters are those of
@@ -263,7 +263,7 @@ def traced(
         raise InputError("no ray met the target; raise spp of [render]")
     variance = total.standard_error() ** 2 + missed(total)
     squares = model_squares(total, windows.parts, variance)
-    return Traced(
+    return WindowPaths(
         view=view,
         band=scene.band,
         sources=total.emitters.sources,
@@ -324,7 +324,7 @@ def exposure(
 
 
 def exposure_of(
-    paths: Traced,
+    paths: WindowPaths,
     setting: Setting,
     detector: Band,
     behind: Callable[[Band], np.ndarray],

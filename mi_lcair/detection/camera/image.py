@@ -8,7 +8,7 @@ import numpy as np
 import mi_lcair
 from mi_lcair.detection import approximations
 from mi_lcair.detection.camera.electronics import AVERAGED, Camera
-from mi_lcair.detection.camera.exposure import Exposure, Traced, exposure_of, traced
+from mi_lcair.detection.camera.exposure import Exposure, WindowPaths, exposure_of, traced
 from mi_lcair.detection.camera.image_result import Image
 from mi_lcair.detection.camera.measures import Measures, measured
 from mi_lcair.detection.camera.ranges import (
@@ -132,7 +132,7 @@ class Shot:
         """What `exposure_of` takes beside the paths."""
         return self.setting, self.camera.band, self.scenery.of_parts
 
-    def traced(self, progress: Progress | None = None) -> tuple[Traced, int]:
+    def traced(self, progress: Progress | None = None) -> tuple[WindowPaths, int]:
         """The paths to the model, and their largest number of reflections."""
         render, scene = self.scenario.render, self.setting.view
         setting, *others = self.arguments
