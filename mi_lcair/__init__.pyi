@@ -20,6 +20,7 @@ from mi_lcair.api.scenarios import pose as pose
 from mi_lcair.api.scenes import load as load
 from mi_lcair.api.scenes import materials as materials
 from mi_lcair.api.scenes import parameters as parameters
+from mi_lcair.api.scenes import trust as trust
 from mi_lcair.api.scenes import workers as workers
 from mi_lcair.api.sweeps import flight as flight
 from mi_lcair.api.sweeps import sweep as sweep

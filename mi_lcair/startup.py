@@ -92,8 +92,13 @@ def trouble(folder: Path) -> str | None:
     probe = folder / f".{os.getpid()}.probe"
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        if HAS_OWNERS and folder.stat().st_mode & stat.S_IWOTH:
-            return "all users may write there, and its kernels are run"
+        if HAS_OWNERS:
+            status = folder.stat()
+            if status.st_uid not in (os.getuid(), 0):
+                return "it belongs to another user, and its kernels are run"
+            for mode, who in ((stat.S_IWOTH, "all users"), (stat.S_IWGRP, "others of its group")):
+                if status.st_mode & mode:
+                    return f"{who} may write there, and its kernels are run; chmod go-w {folder}"
         free = shutil.disk_usage(folder).free
         if free < ROOM:
             return f"only {free / 2**20:.0f} MB are free, {ROOM >> 20} MB are needed"

@@ -342,6 +342,11 @@ def run_here(variant: str, call: str, task: bytes, host: str) -> tuple:
                 _collected = time.monotonic()
 
 
+def is_worker() -> bool:
+    """Whether this process runs tasks of another one."""
+    return bool(_call)
+
+
 def imported_distributed():
     """The package dask.distributed; raises InputError if it is missing."""
     try:

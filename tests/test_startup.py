@@ -323,10 +323,21 @@ def test_a_cache_of_another_user(temporary_cache, monkeypatch):
     assert prepared() != temporary_cache
 
 
-def test_a_cache_that_all_users_may_write(tmp_path):
+@pytest.mark.parametrize(
+    "mode, who", [(0o777, "all users may"), (0o775, "others of its group may"), (0o755, None)]
+)
+def test_a_cache_in_which_others_may_write(tmp_path, mode, who):
     (tmp_path / "open").mkdir()
-    (tmp_path / "open").chmod(0o777)
-    assert "all users may write there" in startup.trouble(tmp_path / "open")
+    (tmp_path / "open").chmod(mode)
+    trouble = startup.trouble(tmp_path / "open")
+    assert trouble is None if who is None else trouble.startswith(who)
+
+
+def test_a_cache_of_another_user(tmp_path, monkeypatch):
+    status = tmp_path.stat()
+    other = SimpleNamespace(st_uid=os.getuid() + 1, st_mode=status.st_mode)
+    monkeypatch.setattr(Path, "stat", lambda *_, **__: other)
+    assert startup.trouble(tmp_path).startswith("it belongs to another user")
 
 
 @pytest.mark.skipif(os.getuid() == 0, reason="root may write anywhere")

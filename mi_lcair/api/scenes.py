@@ -11,6 +11,7 @@ import mitsuba as mi
 from mi_lcair.declared import fraction
 from mi_lcair.errors import InputError
 from mi_lcair.physics.reflection.material_list import MaterialList, material_list
+from mi_lcair.rendering.loading.parsing import TRUSTED
 from mi_lcair.rendering.motions.table import MOTIONS
 from mi_lcair.rendering.parameters.entries import Parameter
 from mi_lcair.rendering.parameters.values import load_with_values, parameters_of
@@ -85,6 +86,24 @@ def scene_of(scene: SceneLike, parameters: Mapping[str, object] | None = None) -
 def sampling_of(tolerance: float | str | None, **settings: Any) -> Sampling:
     """The Sampling of a public function, whose tolerance may be a text such as "1%"."""
     return Sampling(tolerance=fraction(tolerance), **settings)
+
+
+# `trust`, which lets scenarios run plugins
+# -----------------------------------------
+
+
+def trust(*files: str | PathLike[str]) -> None:
+    """Let scenarios run these files, which they name in their table [plugins].
+
+    A plugin is a program, which could do anything that its user may do. A scenario that somebody
+    else wrote must not run one unasked.
+
+    Parameters
+    ----------
+    *files : str or path-like
+        Python files that register BSDFs or emitters with Mitsuba.
+    """
+    TRUSTED.update(Path(file).resolve() for file in files)
 
 
 # `parameters`, the parameters of a scene by name

@@ -33,6 +33,7 @@ CURVE = "theta_deg", "predicted", "standard_error"  # of the emissivity in a fit
 )
 @options.option("--scene", "Scene of a table of facets.")
 @options.changes("Set a $-parameter of the scene", "parameters")
+@options.plugins
 @click.pass_context
 def convert_command(ctx, source, output, channel, scene, parameters):
     """Write the content of IN as OUT.
@@ -263,6 +264,7 @@ FACET, COLUMNS, PIXEL, TWO = "--facet", "--facets", "--pixel", "two images"
     default=30,
 )
 @options.json
+@options.plugins
 @click.pass_context
 def show_command(ctx, what, output, **settings):
     """Write a picture of WHAT.

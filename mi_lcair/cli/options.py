@@ -141,6 +141,7 @@ def prepare_renderer(variant: str | None, threads: int | None, plugins: tuple[Pa
     if plugins:
         from mi_lcair.rendering.loading.parsing import run_plugin_files
 
+        mi_lcair.trust(*plugins)
         run_plugin_files(plugins)
 
 
@@ -345,17 +346,24 @@ def calls(function: str, *names: str, unit: str = "spp", load=None, **settings: 
 json = flag_option(JSON, "--json", help="Print the results as JSON.")
 
 
+def plugins(command):
+    """Give a command --plugin, and run the files before it."""
+
+    @plugin
+    @wraps(command)
+    def prepared(*context, plugin, **arguments):
+        prepare_renderer(None, None, plugin)
+        return command(*context, **arguments)
+
+    return prepared
+
+
 def renderer(command):
     """Give a command --variant, -t, --plugin and --json, and prepare the renderer before it."""
 
     @option("--variant", f"Mitsuba variant (default: {VARIANTS[0]}).", click.Choice(VARIANTS))
     @option("-t --threads", "CPU threads (default: all).", POSITIVE)
-    @file(
-        "--plugin",
-        "Run a Python file that registers your BSDFs or emitters with Mitsuba, FILE.py; may be "
-        "repeated.",
-        multiple=True,
-    )
+    @plugin
     @json
     @wraps(command)
     def prepared(variant, threads, plugin, **arguments):
@@ -473,6 +481,12 @@ solution = option(
     "FILE.json:STATE.",
 )
 motions = file("--motions", "Declare motions of meshes, which -D then sets, FILE.toml.")
+plugin = file(
+    "--plugin",
+    "Run a Python file that registers your BSDFs or emitters with Mitsuba, FILE.py; may be "
+    "repeated. A scenario that names it may then run it, too.",
+    multiple=True,
+)
 
 
 def scenario(example: str):

@@ -98,7 +98,8 @@ class PluginFiles(Described):
     Attributes
     ----------
     files : tuple of str
-        Python files that register BSDFs or emitters with Mitsuba.
+        Python files that register BSDFs or emitters with Mitsuba. They run if you allow it, see
+        `mi_lcair.trust`.
     """
 
     files: tuple[str, ...] = entry((), is_file=True)

@@ -19,7 +19,7 @@ from mi_lcair.physics.sun import SUN_ELEVATION_DEG
 from mi_lcair.plugins.emitters.distant_emitter import check_fits
 from mi_lcair.plugins.emitters.thermal_emitter import one_sun
 from mi_lcair.rendering.loading.files import survey
-from mi_lcair.rendering.loading.parsing import run_plugin_files
+from mi_lcair.rendering.loading.parsing import run_named_plugins
 from mi_lcair.rendering.motions.pose import moved
 from mi_lcair.rendering.parameters.values import apply_solution, load_with_values
 from mi_lcair.rendering.reflections import bounce_settings
@@ -178,7 +178,7 @@ def target_scene(scenario: Scenario, detector: Detector) -> Scene:
     parameters, source = scenario.scene_parameters(), scenario.target.scene
     if "band" in survey(scenes.file_of(source), parameters):
         parameters["band"] = scenario.sensor.response or scenario.sensor.band
-    run_plugin_files(scenario.plugins.files)
+    run_named_plugins(scenario.plugins.files)
     words = scenario.surroundings
     band = parameters.get("band", scenario.sensor.band)
     around = [] if words is None else words.emitters(band)

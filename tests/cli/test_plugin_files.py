@@ -78,6 +78,15 @@ max_bounces = 2
 [plugins]
 files = ["tinted.py"]
 """
+CAMERA = """[camera]
+focal_length_mm = 500
+f_number = 2
+pitch_um = 15
+width = 16
+height = 12
+integration_time_ms = 1
+well_Me = 100
+"""
 
 
 @pytest.fixture
@@ -123,9 +132,28 @@ def test_the_option_plugin_serves_a_budget(folder, run):
 
 def test_a_scenario_names_its_plugins(folder):
     Path("scenario.toml").write_text(SCENARIO)
-    Path("elsewhere").mkdir()
+    with pytest.raises(
+        InputError, match=r"tinted.py' is a program.* mi_lcair.trust\('.*tinted.py'"
+    ):
+        mi_lcair.contrast("scenario.toml")
+    mi_lcair.trust("tinted.py")
     result = mi_lcair.contrast("scenario.toml")
     assert result.rows or result.entries()
+
+
+@pytest.mark.parametrize("command", ["contrast", "show", "report", "image"])
+def test_a_scenario_runs_no_program_unasked(folder, run, refused, command):
+    Path("scenario.toml").write_text(SCENARIO + CAMERA)
+    Path("tinted.py").write_text(
+        f"import pathlib\npathlib.Path({str(folder / 'ran')!r}).touch()\n" + TINTED.read_text()
+    )
+    output = {"image": ["-o", "a.exr"], "report": ["-o", "a.html"], "show": ["-o", "a.png"]}
+    call = command, "scenario.toml", *output.get(command, [])
+    message = refused(*call)
+    assert "tinted.py' is a program" in message and "--plugin" in message
+    assert not Path("ran").exists()
+    run(*call, "--plugin", "tinted.py")
+    assert Path("ran").exists()
 
 
 @pytest.mark.parametrize(

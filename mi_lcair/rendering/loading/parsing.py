@@ -13,11 +13,12 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.declared import Bounds
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, option
 from mi_lcair.models3d.model import SIZES_AWAY
 from mi_lcair.physics.bands import band
 from mi_lcair.plugins import PLUGINS
 from mi_lcair.plugins.properties import BRIGHTEST, TEMPERATURE, beside_scene
+from mi_lcair.tasks import is_worker
 
 # Checks of a parsed scene before Mitsuba creates its objects
 # -----------------------------------------------------------
@@ -356,7 +357,7 @@ def with_known_plugins(error: Exception) -> Exception:
     nearest = get_close_matches(match[1], [*PLUGINS, *installed], n=5, cutoff=0.4)
     return InputError(
         f"{error}; the nearest known are: {', '.join(nearest) or 'none'}; "
-        "register yours with --plugin FILE.py in the shell, [plugins] in a scenario, or in Python "
+        "register yours with --plugin FILE.py in the shell, or in Python "
         "with mi.register_bsdf and its kind"
     )
 
@@ -519,6 +520,25 @@ def check_meshes_near(meshes: dict[int, float], state, scene: mi.Scene) -> None:
 # ---------------------------------------------------------------------------------------
 
 RUN: set[tuple[Path, str]] = set()  # files that have been run, each with Mitsuba's variant
+
+
+TRUSTED: set[Path] = set()  # files that the user lets scenarios run
+
+
+def run_named_plugins(files: Iterable[str | Path]) -> None:
+    """Run the plugins that a scenario names, if the user trusts them, see `mi_lcair.trust`.
+
+    The tasks of a worker come from a process that has asked for it.
+    """
+    for file in files:
+        if Path(file).resolve() not in TRUSTED and not is_worker():
+            in_python = f"mi_lcair.trust({str(file)!r})"
+            how = option("plugin", file) if option("plugin").startswith("--") else in_python
+            raise InputError(
+                f"[plugins]: '{file}' is a program, which could do anything that you may do; read "
+                f"it, and let it run with {how}"
+            )
+    run_plugin_files(files)
 
 
 def run_plugin_files(files: Iterable[str | Path]) -> None:
