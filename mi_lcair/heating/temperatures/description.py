@@ -25,7 +25,7 @@ from mi_lcair.toml_table import check_tables, filled, table_of, tables_of
 # up (docs/validation/cases.md)
 MODEL_K = 0.8
 MODEL = Bounds(lower=0, upper=1000, unit="K")
-# Uncertainties of weather, and of groups without a material, where none are stated
+# Uncertainties where none are stated: of weather, and of what is given in place of a material
 OF_WEATHER = {
     "air_K": 0.5,
     "wind_m_s": "10 %",
@@ -35,7 +35,22 @@ OF_WEATHER = {
     "diffuse_W_m2": "10 %",
 }
 CLOUDY_SKY, GIVEN_SKY = 15.0, "5 %"  # of the irradiance of skies that were not measured [W m^-2]
-OF_GROUP = {"h": "30 %", "absorptance": 0.05, "emissivity": 0.02, "conductivity": "20 %"}
+OF_ANY = {"h": "30 %", "absorptance": 0.05, "emissivity": 0.02}
+OF_GIVEN = {
+    "conductivity": "50 %",
+    "heat_capacity": "10 %",
+    "wetness": 0.2,
+    "resistance_s_m": "60 %",
+    "roughness_mm": "80 %",
+    "heat_roughness_mm": "100 %",
+    "contact_m2_K_W": "50 %",
+}
+# Numbers of walls that solids have, and the factor of a unit that is often meant instead
+OF_SOLIDS = {
+    "conductivity": (1e-3, 500.0, "W/(m K)", None, ""),
+    "density": (10.0, 25_000.0, "kg/m^3", 1000, "g/cm^3"),
+    "heat_capacity": (100.0, 6000.0, "J/(kg K)", 1000, "kJ/(kg K)"),
+}
 KELVIN = {"lower": 10, "upper": 6000, "unit": "K"}
 # More than any surface takes up or gives off; numbers beyond are of another unit
 FASTEST = 1e-10  # least time in which heat may diffuse through a wall, with errors of 3 mK [s]
@@ -79,16 +94,30 @@ def values_of(name: str, given: dict, keys=None) -> dict:
     return {k: parsed(v)[0] if isinstance(v, str) else v for k, v in values.items()}
 
 
-def sigmas_of(name: str, filled: tuple[str, ...]) -> dict[str, float | str]:
-    """Standard uncertainties of what a material gave, and of h, as [sigma] states them."""
-    result = {}
-    for key, value in materials()[name].items():
-        if key == "h":
-            result[key] = value
-        elif key in filled and isinstance(value, str) and key != "thickness_mm":
-            stated = value.partition("+-")[2].strip()
+def sigmas_of(table: "GroupTable | LayerTable") -> dict[str, Stated]:
+    """Standard uncertainties of what a group or a layer has, and of its surface.
+
+    They are those of its material, also of a value that was given in place of the material's.
+    """
+    result = OF_ANY | {key: sigma for key, sigma in OF_GIVEN.items() if getattr(table, key, None)}
+    for key, value in materials()[table.material].items() if table.material else ():
+        stated = value if key == "h" else str(value).partition("+-")[2].strip()
+        if stated and key != "thickness_mm" and (key in OF_ANY or getattr(table, key, None)):
             result[key] = stated if relative(stated) is not None else float(stated)
     return result
+
+
+def doubts(table: "GroupTable | LayerTable", where: str) -> list[str]:
+    """Remarks on numbers of a wall that no solid has, and on the unit that may be meant."""
+    remarks = []
+    for key, (lower, upper, unit, factor, other) in OF_SOLIDS.items():
+        value = getattr(table, key, None)
+        if value is not None and not lower <= value <= upper:
+            meant = f"; {value:g} {other} would be {factor * value:g}" if factor else ""
+            span = f"{lower:g} to {upper:g} of solids"
+            remarks.append(f"{where}: {key} = {value:g} {unit} is outside {span}{meant}")
+    layers = enumerate(getattr(table, "layers", ()))
+    return remarks + [text for k, layer in layers for text in doubts(layer, f"{where} layers[{k}]")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -194,9 +223,9 @@ class LayerTable(Described):
 
     material: str | None = None
     thickness_mm: float = entry(lower=1e-5, upper=1e7)
-    conductivity: float = entry(lower=1e-4, upper=1e4)
-    density: float = entry(lower=0.01, upper=1e5)
-    heat_capacity: float = entry(lower=1, upper=1e5)
+    conductivity: float = entry(lower=1e-4, upper=1e4, unit="W/(m K)")
+    density: float = entry(lower=0.01, upper=1e5, unit="kg/m^3")
+    heat_capacity: float = entry(lower=1, upper=1e5, unit="J/(kg K)")
     contact_m2_K_W: float = entry(0.0, lower=0, upper=1e4)
 
 
@@ -326,9 +355,9 @@ class GroupTable(Described, rules=BEHIND):
     emissivity: float | None = entry(None, lower=0, upper=1)
     albedo: tuple[float, ...] = entry((), lower=-10, upper=10)
     thickness_mm: float | None = entry(None, lower=1e-5, upper=1e7)
-    conductivity: float | None = entry(None, lower=1e-4, upper=1e4)
-    density: float | None = entry(None, lower=0.01, upper=1e5)
-    heat_capacity: float | None = entry(None, lower=1, upper=1e5)
+    conductivity: float | None = entry(None, lower=1e-4, upper=1e4, unit="W/(m K)")
+    density: float | None = entry(None, lower=0.01, upper=1e5, unit="kg/m^3")
+    heat_capacity: float | None = entry(None, lower=1, upper=1e5, unit="J/(kg K)")
     layers: tuple = ()
     contact_m2_K_W: float = entry(0.0, lower=0, upper=1e4)
     radiative: float = entry(0.0, lower=0, upper=1000)
@@ -525,6 +554,8 @@ def described(tree: Mapping, folder: Path, _name: str) -> HeatDescription:
         for group, values in table_of(tree, "groups").items()
     }
     file = tables["weather"].file
+    if tables["run"].method == "harmonics" and file is None:
+        raise InputError(f'[run]: method = "harmonics" needs a file of [weather]; {PERIODIC}')
     of_file = {} if file is None else {"file": str(folder / file)}
     of_sigma = dict(table_of(tree, "sigma"))
     model = of_sigma.pop("model_K", MODEL_K)
@@ -583,6 +614,8 @@ def default_sigmas(sky: str, groups: dict[str, GroupTable]) -> dict[str, Stated]
     for group, table in groups.items():
         if table.temperature is not None:
             continue
-        of = OF_GROUP | (sigmas_of(table.material, table.by_material) if table.material else {})
+        of = sigmas_of(table)
+        for k, layer in enumerate(table.layers):
+            of |= {f"{key}[{k}]": x for key, x in sigmas_of(layer).items() if key not in OF_ANY}
         result |= {f"{group}.{key}": sigma for key, sigma in of.items()}
     return result

@@ -4,6 +4,7 @@ Derivatives with respect to the inputs are taken by complex steps: the imaginary
 an input that is larger by i times a tiny number is exact to rounding [Squire and Trapp 1998].
 """
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -25,11 +26,13 @@ from mi_lcair.heating.temperatures.weather import WeatherSeries
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 
 STEP = 1e-30  # of complex steps, in standard uncertainties
+LAYER = re.compile(r"(.*?)(?:\[(\d+)\])?")  # conductivity[1] is that of the second layer
 OF_WEATHER = (
     "air_K", "sky_K", "down_longwave_W_m2", "ground_K", "sun_W_m2", "diffuse_W_m2", "albedo",
     "wind_m_s", "relative_humidity", "pressure_hPa",
 )  # fmt: skip
 OF_WALL = (*WALL, *SURFACE, "radiative", "back_K", "back_h", "back_W_m2", "contact_m2_K_W")
+OF_LAYER = (*WALL, "contact_m2_K_W")
 OF_LAW = ("roughness_mm", "heat_roughness_mm", "length_m", "wetness", "resistance_s_m")
 OF_SURFACE = ("h", "absorptance", "emissivity", "internal_W_m2", "temperature")
 OF_GROUP = (*OF_SURFACE, *OF_LAW, *OF_WALL)
@@ -217,10 +220,14 @@ class Network:
 
     def column(self, name: str, sigma: Stated) -> Column:
         """The derivatives with respect to an input; raises InputError for an unknown one."""
-        group, dot, bare = name.rpartition(".")
+        group, dot, key = name.rpartition(".")
+        bare, of_layer = LAYER.fullmatch(key).groups()
         check_known("input of [sigma]", (*OF_WEATHER, *OF_GROUP), bare)
         if dot:
             check_known("group", self.facets.groups, group)
+        layers = self.tables[group].layers if dot and bare in OF_LAYER else ()
+        if of_layer and int(of_layer) >= len(layers):
+            raise InputError(f"[sigma]: {name}: there is no such layer")
         if dot and bare in OF_WEATHER:
             raise InputError(f"[sigma]: {name}: {bare} is of the weather, not of a group")
         if bare == "emissivity":
@@ -242,11 +249,14 @@ class Network:
 
     def changed(self, name: str, sigma: Stated) -> "Network":
         """The network with an input that is larger by a complex step of a standard uncertainty."""
-        group, _, bare = name.rpartition(".")
+        group, _, key = name.rpartition(".")
+        bare, of_layer = LAYER.fullmatch(key).groups()
 
         def larger(table, entry=bare):
-            if getattr(table, "layers", ()) and entry in (*WALL, "contact_m2_K_W"):
-                return replace(table, layers=tuple(larger(layer) for layer in table.layers))
+            if (layers := getattr(table, "layers", ())) and entry in OF_LAYER:
+                chosen = range(len(layers)) if of_layer is None else [int(of_layer)]
+                changed = (larger(x) if k in chosen else x for k, x in enumerate(layers))
+                return replace(table, layers=tuple(changed))
             if entry == "h":
                 by_law = table.roughness_mm is not None or table.plate is not None
                 if by_law and not isinstance(sigma, str):

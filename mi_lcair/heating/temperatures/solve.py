@@ -20,6 +20,7 @@ from mi_lcair.heating.temperatures.description import (
     RunTable,
     SignatureTable,
     default_sigmas,
+    doubts,
 )
 from mi_lcair.heating.temperatures.heat_result import Heat
 from mi_lcair.heating.temperatures.network import STEP, Column, Network
@@ -406,7 +407,8 @@ def network_of(scene: Scene, description: HeatDescription) -> tuple[Network, tup
     sun = sunlight(scene, len(radiation.facets.number), conditions, run, absorptances)
     groups, of_groups = usable(description.groups, conditions)
     of_sun = () if sun is None else sun.remarks
-    remarks = *radiation.remarks, *of_sun, *conditions.remarks, *of_groups
+    of_walls = [text for name, t in groups.items() for text in doubts(t, f"[groups.{name}]")]
+    remarks = *radiation.remarks, *of_sun, *conditions.remarks, *of_groups, *of_walls
     return Network(radiation.facets, radiation.traced, sun, conditions, groups), remarks
 
 

@@ -47,6 +47,7 @@ LIMITS = {
 }
 INFRARED = Bounds(lower=10, upper=9999)  # of an EPW file [W m^-2]: a row without it may have 0
 SEA_LEVEL_HPA = 1013.25
+SHARE, THIN_HPA = 1.0, 300.0  # humidity as a share [%], and less pressure than on any mountain
 COLD_AIR_K = 120.0  # less than any air of the atmosphere has
 # Largest shares of the beam's energy below the horizon: from rows that are means of an hour without
 # a remark, and with one, as of a clock that is an hour off
@@ -272,6 +273,7 @@ def completed(table: WeatherTable, values: dict, times: np.ndarray, where: str) 
     if not all(name in values for name in DIRECTION):
         values |= zip(DIRECTION, directions(table, values, times, where))
     arrays = {name: np.broadcast_to(values[name], times.shape).astype(float) for name in AT_TIMES}
+    remarks = (*remarks, *doubts(values))
     coldest = np.where(arrays["h_W_m2_K"] > 0, arrays["air_K"], np.inf).min()
     if coldest < COLD_AIR_K:
         cold = f"air_K falls to {coldest:g}, which air never does; is it in kelvin?"
@@ -293,6 +295,22 @@ def completed(table: WeatherTable, values: dict, times: np.ndarray, where: str) 
         seconds=times, albedo=table.albedo, remarks=remarks, wind_height_m=table.wind_height_m,
         air_height_m=table.air_height_m, day_s=HOUR * table.day_h, sky=sky, **arrays,
     )  # fmt: skip
+
+
+def doubts(values: dict) -> list[str]:
+    """Remarks on humidity and pressure that may be in another unit."""
+    humidity = np.max(values.get("relative_humidity", 100.0))
+    pressure = np.max(values.get("pressure_hPa", SEA_LEVEL_HPA))
+    remarks = []
+    if 0 < humidity <= SHARE:
+        most = f"relative_humidity is {humidity:g} % at most, drier than any desert"
+        remarks.append(f"{most}; as a share it would be {100 * humidity:g} %")
+    if pressure < THIN_HPA:
+        thin = (
+            f"pressure_hPa is {pressure:g} at most, {pressure / SEA_LEVEL_HPA:.1%} of sea level's"
+        )
+        remarks.append(f"{thin}; {pressure:g} kPa would be {10 * pressure:g} hPa")
+    return remarks
 
 
 def sky_of(values: dict, where: str) -> tuple[str, tuple[str, ...]]:

@@ -40,7 +40,9 @@ KNOWN = ("h", "absorptance", *OF_LAW, *OF_WALL)  # inputs that may be sought
 LINEAR = ("absorptance", "wetness", "back_K", "back_W_m2", "radiative")  # others in logarithms
 UNIT = ("absorptance", "wetness")  # lie in 0..1
 BROAD = {"absorptance": 0.2, "wetness": 0.3}  # of what no material says; others a factor of e
-LASTS_H = 3.0  # time over which the error of the model is alike [h]
+# Time over which the error of the model is alike, in hours of the weather's rows. It is an eighth
+# of a day, also of a long one: what the terms leave out follows the course of sun and air
+LASTS_H = 3.0
 MOST_STEPS, CLOSE = 12, 0.05  # iterations, and the change in standard errors at which they end
 SIGNIFICANCE = 1e-3  # chance below which a series does not fit
 FLAT = 0.5  # increase of chi-square that the drift of days may make
@@ -229,7 +231,8 @@ def sought(name: str, given: UnknownEntry, network: Network) -> Sought:
             value = float(network.sun.absorptance[mine].mean())
         if value is None:
             raise InputError(f"{key} is not stated; give a first guess in the heat.toml")
-        stated = sigmas_of(table.material, table.by_material) if table.material else {}
+        known = (*table.by_material, "h") if table.material else ()
+        stated = {k: sigma for k, sigma in sigmas_of(table).items() if k in known}
         sigma = stated.get(key, BROAD.get(key, 1.0))
         if isinstance(sigma, str):
             sigma = relative(sigma)
@@ -333,8 +336,8 @@ def calibrated(
         return data.of(solved.kelvin), np.array([data.of(c) for c in solved.changes[: len(inputs)]])
 
     measured, count = np.ravel(data.measured), len(unknowns)
-    T, slopes = computed(np.zeros(count), [*columns, *others.items()])
-    first, J, nuisance = T, slopes[:count].T, slopes[count:]
+    T, slopes = computed(np.zeros(count), columns)
+    first, J = T, slopes.T
     lag = abs(np.subtract.outer(*2 * [np.repeat(data.hours, data.measured.shape[1])]))
     lag = np.minimum(lag, 24 - lag) if data.period else lag
     C = series.sigma_K**2 * np.eye(len(T)) + series.common_K**2
@@ -368,7 +371,10 @@ def calibrated(
             "the intervals do not hold",
         )
     # What the other inputs may have changed, as if they had been other values in this series
-    shifts = covariance @ (A.T @ np.linalg.solve(root, nuisance.T))
+    _, nuisance = computed(x, [*others.items()])
+    shifts = (
+        covariance @ (A.T @ np.linalg.solve(root, nuisance.T)) if others else np.zeros((count, 1))
+    )
     covariance = covariance + shifts @ shifts.T
     return answer(description, data, unknowns, x, covariance, (first, T), (sigmas, remarks))
 

@@ -10,12 +10,19 @@ import mi_lcair
 from mi_lcair import models3d, scenes
 from mi_lcair.cli import main
 from mi_lcair.errors import InputError
-from mi_lcair.heating.temperatures.description import HeatDescription
+from mi_lcair.heating.temperatures.description import (
+    HeatDescription,
+    default_sigmas,
+    doubts,
+    group_of,
+    materials,
+)
 from mi_lcair.heating.temperatures.solve import temperatures
 from mi_lcair.rendering.parameters.modes import set_facets
 from tests.heating.scenes import grey, scene_of, square
 
 EXAMPLES = scenes.FOLDER / "examples"
+GLASS = {"thickness_mm": 4.0, "conductivity": 1.0, "density": 2500.0, "heat_capacity": 840.0}
 
 
 @pytest.fixture(scope="module")
@@ -144,6 +151,61 @@ def test_materials_give_what_is_left_out_and_its_uncertainty(folder):
     assert [row.quantity for row in exact.inputs] == ["air_K"]
 
 
+def test_given_numbers_and_layers_have_the_uncertainty_of_materials():
+    """A given number that of its material; one without a material a general one."""
+    layers = [{"material": "brick", "thickness_mm": 100}, GLASS | {"contact_m2_K_W": 0.1}]
+    groups = {
+        "soil": group_of({"material": "soil", "conductivity": 1.3, "absorptance": 0.7}, ""),
+        "own": group_of(GLASS, ""),
+        "wall": group_of({"layers": layers, "wetness": 0.5}, ""),
+        "held": group_of({"temperature": 300.0}, ""),
+    }
+    found = default_sigmas("sky_K", groups)
+    assert not [name for name in found if name.startswith("held") or "thickness" in name]
+    assert (found["soil.conductivity"], found["soil.absorptance"]) == ("50 %", 0.06)
+    assert (found["own.conductivity"], found["own.heat_capacity"]) == ("50 %", "10 %")
+    assert found["wall.conductivity[0]"] == "20 %" and found["wall.density[0]"] == "6 %"
+    assert found["wall.conductivity[1]"] == "50 %" and found["wall.wetness"] == 0.2
+    assert found["wall.contact_m2_K_W[1]"] == "50 %" and "wall.h[0]" not in found
+
+
+def test_layers_change_temperatures_one_by_one(folder):
+    """The change by one layer's conductivity is the difference of two balances."""
+    weather = {"air_K": 285.0, "sky_K": 260.0, "ground_K": 285.0, "h_W_m2_K": 5.0}
+    tables = {"target": {"scene": str(folder / "box" / "scene.xml")}, "weather": weather}
+    tables["run"] = {"rays": 64}
+
+    def heat(second, **more):
+        layers = [GLASS | {"conductivity": 0.1}, GLASS | {"conductivity": second}]
+        return mi_lcair.heat(
+            tables | {"groups": {"self": {"layers": layers, "back_K": 310.0}}} | more
+        )
+
+    sigmas = {"self.conductivity": "1 %", "self.conductivity[1]": "1 %"}
+    both = heat(0.05, sigma=sigmas)
+    of_all, of_one = (both.estimate[name].contribution for name in sigmas)
+    less, more = (heat(k, sigma={}).kelvin for k in (0.04995, 0.05005))
+    np.testing.assert_allclose(of_one, 5 * (more - less), atol=1e-6)
+    assert abs(of_one).max() < 0.9 * abs(of_all).max()
+    for name in ("self.conductivity[2]", "conductivity[0]", "self.h[0]"):
+        with pytest.raises(InputError, match="there is no such layer"):
+            heat(0.05, sigma={name: "1 %"})
+
+
+def test_numbers_that_no_solid_has_are_doubted():
+    """With their size in the unit that is often meant."""
+    layers = [GLASS | {"density": 2.5}]
+    (of_layer,) = doubts(group_of({"layers": layers}, ""), "[groups.a]")
+    assert of_layer.startswith("[groups.a] layers[0]: density = 2.5 kg/m^3 is outside 10 to 25000")
+    assert of_layer.endswith("2.5 g/cm^3 would be 2500")
+    odd = GLASS | {"conductivity": 1200.0, "heat_capacity": 4.2}
+    of_k, of_c = doubts(group_of(odd, ""), "a")
+    assert of_k == "a: conductivity = 1200 W/(m K) is outside 0.001 to 500 of solids"
+    assert "4.2 kJ/(kg K) would be 4200" in of_c
+    for name in materials():
+        assert not doubts(group_of({"material": name, "thickness_mm": 50.0}, ""), "")
+
+
 def test_parameters_of_the_target_are_those_of_load(folder):
     """A model that has turned by half a circle is in the sun as if the sun had turned."""
     sunny = {"air_K": 290.0, "sky_K": 260.0, "h_W_m2_K": 5.0, "sun_W_m2": 800.0}
@@ -171,6 +233,7 @@ def test_parameters_of_the_target_are_those_of_load(folder):
         ({"groups": {"lid": {"material": "cheese"}}}, "unknown material 'cheese'"),
         ({"groups": {"lid": {"material": "steel"}}}, "thickness_mm is missing"),
         ({"sigma": {"model_K": -1}}, "model_K = -1 K; must lie in 0..1000"),
+        ({"run": {"method": "harmonics"}}, 'harmonics" needs a file of .weather'),
         ({"groups": {"lid": {"roughness_mm": 9, "wetness": 0.5}}}, "needs wind_m_s"),
     ],
 )

@@ -91,6 +91,11 @@ def test_air_in_celsius_is_doubted(tmp_path):
     (remark,) = remarks(air_K=20.0)
     assert remark.startswith("air_K falls to 20, ")
     assert not remarks() and not remarks(air_K=20.0, h_W_m2_K=0.0)
+    (remark,) = remarks(relative_humidity=0.5)
+    assert "drier than any desert; as a share it would be 50 %" in remark
+    (remark,) = remarks(pressure_hPa=90.0)
+    assert "8.9% of sea level's; 90 kPa would be 900 hPa" in remark
+    assert not remarks(relative_humidity=2.0, pressure_hPa=340.0)
 
 
 def test_rows_are_interpolated(tmp_path):
@@ -191,7 +196,10 @@ def test_refused(tmp_path, make, message):
         ({"groups": {"self": {"back_h": 5.0}}}, "back_h needs back_K"),
         ({"groups": {"self": {"back_K": 300.0}}}, "back_K needs thickness_mm, conductivity"),
         ({"groups": {"self": FOIL}}, "groups.self.: heat crosses the wall faster than"),
-        ({"groups": {"self": FOIL | {"density": 0.0}}}, "density = 0; must lie in 0.01..100000"),
+        (
+            {"groups": {"self": FOIL | {"density": 0.0}}},
+            r"density = 0 kg/m.3; must lie in 0.01..100000",
+        ),
         ({"sigma": {"sky_K": {}}}, "'sky_K' = {}: must have one of uniform"),
         ({"sigma": {"sky_K": 1e30}}, r"'sky_K' = 1e\+30; must be positive and at most"),
         ({"sigma": {"h": "nine"}}, "'h' = 'nine'"),

@@ -8,6 +8,7 @@ import pytest
 import mi_lcair
 from mi_lcair import models3d, scenes
 from mi_lcair.errors import InputError
+from mi_lcair.toml_table import text_of
 
 EXAMPLES = scenes.FOLDER / "examples"
 TRUTH = {"conductivity": 1.9, "h_factor": 0.8, "absorptance": 0.7}
@@ -30,8 +31,6 @@ def folder(tmp_path_factory):
     kelvin = heat.by_group()["terrain"].value + np.random.default_rng(1).normal(0, 0.2, 24)
     rows = "".join(f"{hour},{T}\n" for hour, T in zip(heat.hours, kelvin))
     (path / "measured.csv").write_text(f"hour,terrain\n{rows}")
-    from mi_lcair.toml_table import text_of
-
     tables = {k: v for k, v in guesses.items() if k != "groups"}
     tables |= {f"groups.{name}": table for name, table in guesses["groups"].items()}
     tables["sigma"] = {"model_K": 0}
@@ -72,6 +71,21 @@ def test_a_first_guess_is_no_prior(folder):
         stated["unknowns"]["terrain.conductivity"] = {"start": start, "prior": [1.5, 0.05]}
         found.append(mi_lcair.invert(stated).value[0])
     assert found == pytest.approx([found[1]] * 3, rel=5e-3)
+
+
+def test_errors_do_not_depend_on_the_first_guess(folder, tmp_path):
+    """What other inputs contribute is that at the values which were found."""
+    file = tmp_path / "heat.toml"
+    tables = tomllib.loads((folder / "heat.toml").read_text())
+    tables["sigma"] |= {"terrain": {"heat_capacity": "20 %"}}
+    groups = {f"groups.{name}": table for name, table in tables.pop("groups").items()}
+    file.write_text(text_of(tables | groups))
+    errors = []
+    for start in (0.3, 1.9):
+        stated = problem(folder, "conductivity", file=str(file))
+        stated["unknowns"]["terrain.conductivity"] = {"start": start, "prior": [1.9, 2.0]}
+        errors.append(mi_lcair.invert(stated).standard_error[0])
+    assert errors[0] == pytest.approx(errors[1], rel=0.01) and errors[1] > 0.15 * 1.9
 
 
 def test_a_series_that_does_not_fit_is_told(folder, tmp_path):
