@@ -37,6 +37,7 @@ PURPOSES = {
     },
     "Scenes and materials": {
         "scenes": "materials",
+        "parameters": "materials",
         "materials": "materials",
         "import": "materials",
         "fit": "materials",
@@ -50,6 +51,7 @@ PURPOSES = {
         "audit": "estimates",
         "budget": "estimates",
         "invert": "estimates",
+        "sensitivities": "estimates",
         "shape-derivatives": "estimates",
     },
 }

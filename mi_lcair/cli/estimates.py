@@ -177,6 +177,28 @@ def invert_command(outputs):
             print_next(["report", output, "-o", f"{output.stem}.html"])
 
 
+# mi-lcair sensitivities: how much an intensity depends on parameters
+# -------------------------------------------------------------------
+
+
+@options.command(
+    "sensitivities",
+    "mi-lcair sensitivities cylinder_ir_range self.temperature bare_aluminum.e --spp 16",
+)
+@options.loading
+@click.argument("names", nargs=-1, required=True, metavar="NAME...")
+@options.outputs("the derivatives", ".csv", ".json", ".html")
+@options.calls("sensitivities", "part", part={"type": click.Choice(["target", "scene"])})
+def sensitivities_command():
+    """Derivatives of the intensity of SCENE.
+
+    SCENE is a Mitsuba XML file or the name of a bundled scene with an orthographic sensor. Each
+    NAME is one that `mi-lcair parameters SCENE` lists. Printed are the intensity in W/sr, and its
+    derivative with respect to each parameter in W/sr per unit of the parameter, with standard
+    errors.
+    """
+
+
 # mi-lcair shape-derivatives: which part of a surface to move
 # -----------------------------------------------------------
 

@@ -1,6 +1,7 @@
 """Commands about scenes, models and materials."""
 
 import shlex
+from dataclasses import asdict
 from functools import partial
 from itertools import zip_longest
 from pathlib import Path
@@ -74,6 +75,35 @@ def scenes_command():
         "Set a parameter with -D: mi-lcair render SCENE -D key=value -o FILE.exr. Measure a "
         "scenario: mi-lcair contrast SCENARIO"
     )
+
+
+# mi-lcair parameters: what of a scene can be changed
+# ---------------------------------------------------
+
+
+@options.command("parameters", "mi-lcair parameters cavity -D opening=8")
+@options.loading
+def parameters_command(scene):
+    """List the parameters of SCENE.
+
+    SCENE is a Mitsuba XML file or the name of a bundled scene. Printed are the name of each
+    parameter, its kind, its present value with its unit, the limits between which it can be set,
+    and the standard deviation that its material states. The names are those that -D, budget, invert
+    and sensitivities take. Nothing is written.
+    """
+    known = mi_lcair.parameters(scene.load())
+    if is_set(JSON):
+        print_json({name: asdict(parameter) for name, parameter in known.items()})
+        return
+    heading = ("name", "kind", "value", "unit", "lower", "upper", "sigma")
+    numbers = (
+        [p.name, p.kind, f"{p.value:.6g}", p.unit, f"{p.lower:.6g}", f"{p.upper:.6g}"]
+        + [f"{p.sigma:.3g}" if p.sigma else ""]
+        for p in known.values()
+    )
+    print_columns([heading, *numbers])
+    if known:
+        print_next(["sensitivities", scene.scene, next(iter(known))])
 
 
 # mi-lcair materials: list the known materials

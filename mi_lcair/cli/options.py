@@ -523,7 +523,7 @@ def loading(command):
 
     @click.argument("scene", shell_complete=completion.scenes)
     @changes(
-        "Set a $-parameter of the scene, or one that mi_lcair.parameters lists, such as "
+        "Set a $-parameter of the scene, or one that `mi-lcair parameters` lists, such as "
         "model.yaw_deg",
         "parameters",
     )

@@ -1,8 +1,9 @@
 """Derivatives of an intensity with respect to many parameters, from one render."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -32,7 +33,8 @@ from mi_lcair.rendering.parameters.values import parameters_named, units
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
-from mi_lcair.results import Result, entry
+from mi_lcair.results import Result, entry, summary_of
+from mi_lcair.sections import Table
 
 # Derivatives of one number, an intensity, with respect to parameters of a scene
 # ------------------------------------------------------------------------------
@@ -114,6 +116,11 @@ class Sensitivities(Result):
             f"{self.error[0]:.2g} W/sr (standard error) and its derivatives with respect to "
             f"{len(self.names)} parameters"
         )
+
+    def facts(self) -> Iterator[Any]:
+        """The intensity in one line, and a row for each parameter."""
+        yield summary_of(self)
+        yield Table.of(self.columns())
 
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each parameter; derivative and standard error are in the row's unit.

@@ -140,3 +140,19 @@ def test_netcdf(run, refused, folder):
     assert "output 't.nc' exists; give --overwrite" in refused(*args)
     assert (folder / "t.nc").read_bytes() == before
     assert run(*args, "--overwrite").exit_code == 0
+
+
+def test_parameters_and_sensitivities(run, refused):
+    """The table of parameters, and the derivative with respect to one of a blackbody plate."""
+    scene = "two_plates", "-D", "resolution=8"
+    known = json.loads(run("parameters", *scene, "--json").stdout)
+    assert known["plate.temperature"]["unit"] == "K"
+    lines = run("parameters", *scene).stdout.splitlines()
+    assert lines[0].split() == ["name", "kind", "value", "unit", "lower", "upper", "sigma"]
+    assert [line.split()[0] for line in lines[1:]] == list(known)
+    of_plate = json.loads(run("sensitivities", *scene, "plate.temperature", "--json").stdout)
+    # All radiance is of plates at one temperature T in the band "total": dI/dT = 4 I / T
+    kelvin, row = known["plate.temperature"]["value"], of_plate["derivatives"][0]
+    assert row["derivative"] == pytest.approx(4 * of_plate["intensity_W_sr"] / kelvin, rel=1e-4)
+    assert "plate.temperature" in run("sensitivities", *scene, "plate.temperature").stdout
+    assert "unknown parameter" in refused("sensitivities", *scene, "plate.kelvin")
