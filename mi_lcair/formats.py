@@ -42,9 +42,27 @@ CHANNELS = {
     "sigma_K": ("standard uncertainty of temperature", "K"),
     "sigma": ("standard uncertainty of radiance", RADIANCE),
     "d": ("derivative of radiance", f"{RADIANCE} per unit"),
+    "IndexFacet": ("number of the facet", ""),
+    "IndexGroup": ("number of the group", ""),
+    "IndexMA": ("number of the material", ""),
+    "IndexOB": ("number of the instance", ""),
+    "Depth": ("depth along the optical axis", "m"),
+    "Normal": ("coordinate of the normal", ""),
+    "true_temperature": ("true temperature", "K"),
+    "emissivity": ("emissivity along the view", ""),
+    "mask": ("share of the pixel", ""),
+    "transmittance": ("transmittance of the air", ""),
+    "apparent_temperature": ("apparent temperature", "K"),
+    "stderr.apparent_temperature": ("standard error of apparent temperature", "K"),
 }
 OF_PARTS = ("bounce", "closure", "group.", "seen.")  # channels of a render with `parts`
-EMPTY_AT_0 = ("temperature", "range")  # channels in which 0 means that nothing was hit
+EMPTY_AT_0 = (
+    "temperature",
+    "range",
+    "Depth",
+    "true_temperature",
+    "apparent_temperature",
+)  # channels in which 0 means that nothing was hit
 ENDS = {unit: end for end, unit in UNITS.items()}  # ends of columns' names by unit
 
 

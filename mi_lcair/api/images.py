@@ -42,6 +42,7 @@ def render(
     bins: int = 0,
     errors_um: Sequence[float] = (),
     max_bounces: int | str | None = None,
+    truth: bool = False,
 ) -> Render:
     """Render a scene.
 
@@ -83,6 +84,9 @@ def render(
     max_bounces : int, "auto" or None
         Largest number of reflections, in place of the scene's. "auto" lets pilot paths choose it,
         so that at most a tenth of the tolerance (1 %) is left out. The errors include the rest.
+    truth : bool
+        Also say what each pixel shows, and what its radiance consists of: numbers of facets and
+        materials, depth, normal, true temperature, emissivity, emitted and reflected radiance.
 
     Returns
     -------
@@ -101,7 +105,7 @@ def render(
     atmosphere = None if atmosphere is None else read_atmosphere(atmosphere)
     with reflecting(scene, max_bounces, True, sampling):
         split = PARTS if parts else ()
-        return render_image(scene, sampling, split, atmosphere, range_m, bins, errors_um)
+        return render_image(scene, sampling, split, atmosphere, range_m, bins, errors_um, truth)
 
 
 # `render_with_errors`, which renders any scene of Mitsuba with standard errors

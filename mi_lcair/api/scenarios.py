@@ -139,6 +139,7 @@ def image(
     spp: int | None = None,
     tolerance: float | str | None = None,
     max_spp: int | None = None,
+    truth: bool = False,
 ) -> Image:
     """The image of a scenario's target as its camera records it.
 
@@ -163,6 +164,10 @@ def image(
         of its mean radiance, such as 0.01 or "1%".
     max_spp : int or None
         Largest number of paths through a pixel for a tolerance (65536).
+    truth : bool
+        Also say what each pixel shows, and what its radiance consists of before optics and noise:
+        numbers of facets and materials, depth, normal, true temperature, emissivity, emitted and
+        reflected radiance, transmittance of the air.
 
     Returns
     -------
@@ -179,7 +184,7 @@ def image(
     Bounds(lower=1, upper=MOST_FRAMES).check(frames, "frames")
     Bounds(lower=0, upper=2**32 - 1).check(seed, "seed")
     with errors_of(f"scenario '{scenario.name}'"):
-        return record_image(scenario, frames, seed, progress)
+        return record_image(scenario, frames, seed, progress, truth)
 
 
 # `pose`, where a camera is that sees points of a scene in known pixels

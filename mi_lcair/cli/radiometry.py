@@ -1,6 +1,7 @@
 """Commands that render: images, intensities, contrasts, and tables of them."""
 
 from math import isfinite
+from pathlib import Path
 
 import click
 
@@ -30,6 +31,7 @@ from mi_lcair.files import FACET_FILES, check_writable, together
     "render",
     "parts",
     "bins",
+    "truth",
     atmosphere={"metavar": "TEXT"},
     range_m={"flag": "--range"},
     errors_um={"flag": "--errors", "multiple": True, "metavar": "UM", "show_default": False},
@@ -47,8 +49,8 @@ def render_command(scene, outputs, atmosphere, range_m, bins, wavelengths, **sam
     sr^-1: channel Y is the total radiance, the other channels are its standard error, the part of
     the model, the apparent temperature in K and the range in m, and with --parts its parts. With
     --bins it also has the spectral radiance in W m^-2 sr^-1 um^-1, which FILE.hdr makes an ENVI
-    file, and FILE.nc a netCDF file with the brightness temperatures. Printed are the mean and the
-    error.
+    file, and FILE.nc a netCDF file with the brightness temperatures. With --truth, FILE.truth.exr,
+    FILE.facet.png and others say what each pixel shows. Printed are the mean and the error.
     """
     if wavelengths is not None:
         from mi_lcair.rendering.images.spectral import even_wavelengths
@@ -59,6 +61,7 @@ def render_command(scene, outputs, atmosphere, range_m, bins, wavelengths, **sam
     for output in outputs:
         if output.suffix.lower() == ".hdr" and not bins:
             raise InputError(f"output '{output}' has spectra; give --bins too, or .exr")
+    stem = stem_of_truth(outputs) if sampling["truth"] else None
     if range_m is not None and atmosphere is None:
         raise InputError("--range is the length of the path through an --atmosphere; name one")
     if atmosphere is not None:
@@ -69,11 +72,20 @@ def render_command(scene, outputs, atmosphere, range_m, bins, wavelengths, **sam
     with together():
         for output in outputs:
             result.save(output)
-    files = [("file", str(output)) for output in outputs]
+        more = result.truth.save(stem) if stem else []
+    files = [("file", str(output)) for output in [*outputs, *more]]
     print_result(result, files, dict(files[:1]))
     for output in outputs:
         if output.suffix.lower() == ".exr":
             print_next(["show", output])
+
+
+def stem_of_truth(outputs) -> Path:
+    """The first EXR among the outputs, without its suffix: the files of --truth stand beside it."""
+    for output in outputs:
+        if output.suffix.lower() == ".exr":
+            return output.with_suffix("")
+    raise InputError("--truth writes its files beside an image; give -o FILE.exr too")
 
 
 # mi-lcair signature: intensity of a scene in W/sr
@@ -277,24 +289,28 @@ def contrast_command(scenario, ranges, outputs):
     *PICTURES,
     required=True,
 )
-@options.sampling("image", "frames")
+@options.sampling("image", "frames", "truth")
 def image_command(scenario, outputs, **arguments):
     """Record the target of a scenario with its camera.
 
     SCENARIO is a TOML file as for `contrast`, with a table [camera]. FILE.exr has the radiance at
     the aperture in W m^-2 sr^-1, electrons, counts and apparent temperature in K; FILE.tif has the
-    counts of all frames. Printed are the camera's noise in mK and its sharpness, predicted and
-    measured, and the target's electrons and signal-to-noise ratio over range in m.
+    counts of all frames; with --truth, FILE.truth.exr, FILE.facet.png and others say what each
+    pixel shows. Printed are the camera's noise in mK and its sharpness, predicted and measured, and
+    the target's electrons and signal-to-noise ratio over range in m.
     """
     images = [path for path in outputs if path.suffix.lower() == ".exr"]
     pages = [image.with_suffix(".tif") for image in images]
+    stem = stem_of_truth(outputs) if arguments["truth"] else None
     for path in pages:
         check_writable(path)
     with options.progress_bar() as progress:
         result = mi_lcair.image(scenario, **arguments, progress=progress)
     rows = [("rendering time", f"{result.render_seconds:.2f} s")]
     more = {"file": str(images[0]), "counts_file": str(pages[0])} if images else {}
-    write_and_print(result, dict.fromkeys([*images, *pages, *outputs], result.save), rows, more)
+    files = dict.fromkeys([*images, *pages, *outputs], result.save)
+    files |= result.truth.files(stem) if stem else {}
+    write_and_print(result, files, rows, more)
     if images:
         print_next(["show", images[0]])
 

@@ -356,6 +356,11 @@ class FacetTable:
         """
         return self._numbers.at(shape, prim_index, active)
 
+    def of_hit(self, pi) -> mi.UInt32:
+        """The number of the facet of a preliminary hit. Each instance of a group is one facet."""
+        shape, placed = (dr.reinterpret_array(mi.UInt32, part) for part in (pi.shape, pi.instance))
+        return self.number(dr.select(placed > 0, placed, shape), pi.prim_index, pi.is_valid())
+
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each facet: its number, what it is, its temperature and its area."""
         return {
@@ -514,7 +519,7 @@ def seen_facets(scene: Scene, facets: FacetTable, sensor: int = 0) -> np.ndarray
     """
     ray, shape = pixel_rays(scene.sensor(sensor))
     hit = nearest_hit(scene.mi, Sheets.of(scene.mi), ray, coherent=True)
-    return facets.number(hit.shape, hit.prim_index).numpy().astype(np.int32).reshape(shape)
+    return facets.of_hit(hit).numpy().astype(np.int32).reshape(shape)
 
 
 def pixel_rays(camera) -> tuple[mi.Ray3f, tuple[int, int]]:

@@ -177,6 +177,21 @@ class FirstHit(recorder.Recorder):
         return channels | {f"seen.{label}": dr.select(self.seen == k, L, 0) for k, label in labels}
 
 
+@dataclass
+class FirstEmission(recorder.Recorder):
+    """Radiance that the first surface of each path emits toward the observer [W m^-2 sr^-1].
+
+    is_first: whether the path is still there.
+    """
+
+    radiance: mi.Float
+    is_first: mi.Bool
+
+    def emission(self, emission: recorder.Emission) -> None:
+        self.radiance = dr.select(self.is_first, emission.radiance, self.radiance)
+        self.is_first = mi.Bool(False)
+
+
 # Recorder of the radiance by the facet that emitted it, for a matrix of facet radiances
 # --------------------------------------------------------------------------------------
 

@@ -1,7 +1,7 @@
 """Electrons of the model and its background in the samples of a frame, before optics and noise."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -16,7 +16,9 @@ from mi_lcair.physics.bands import Band
 from mi_lcair.plugins.emission.sources import Sources
 from mi_lcair.plugins.paths.sums import Sums
 from mi_lcair.plugins.recorders.channels import Channels
+from mi_lcair.plugins.recorders.radiance import up_to_prefix
 from mi_lcair.rendering.images.spectral import REST, Arrival
+from mi_lcair.rendering.images.truth import add_parts, layer_of, parts_of, with_parts
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.pixels import PixelCriterion, averaged, surroundings
@@ -33,6 +35,7 @@ RANGES, STEP = 129, 0.005
 RANDOMISATIONS = 2
 SMALLEST = 1e-3  # size of an image of a model's light, relative to the largest one
 MOST_NOISY = 1e-3  # largest share of the frame with a larger error than the camera's noise
+DIRECT = f"target.{up_to_prefix(0)}"  # beginning of the channels of paths without a reflection
 # What an exposure takes over from its paths
 OF_PATHS = ("sources", "spp", "rms_error", "reached", "invalid", "paths")
 
@@ -71,6 +74,8 @@ class Exposure:
         Electrons that arrive from the model with other temperatures of the sources, by channel.
     picture : TargetPicture or None
         The model in the parts of the window, for any of some ranges.
+    truth : dict of str to ndarray, shape (H, W)
+        Layers of the truth in the frame's pixels, see `frame_layers`; empty without it.
     """
 
     contrast: np.ndarray
@@ -87,6 +92,7 @@ class Exposure:
     paths: int
     variants: tuple[Mapping[str, np.ndarray], ...] = ()
     picture: "TargetPicture | None" = None
+    truth: dict[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -151,7 +157,7 @@ class TargetPicture:
         return TargetPicture(np.array([place(image) for image in images]), weights)
 
 
-def windows_of(view: CameraView, scene: Scene) -> Windows:
+def windows_of(view: CameraView, scene: Scene, by_randomisation: bool = False) -> Windows:
     """The samples of a camera's window as pixels."""
     columns, rows = view.size
     return Windows(
@@ -161,7 +167,7 @@ def windows_of(view: CameraView, scene: Scene) -> Windows:
         RANDOMISATIONS,
         parts=min(view.parts**2, columns * rows),
         are_pixels=True,
-        by_randomisation=False,
+        by_randomisation=by_randomisation,
     )
 
 
@@ -189,6 +195,10 @@ class WindowPaths:
         Squared standard errors of the radiance in those parts.
     spp, rms_error, reached, invalid, paths
         As in `Exposure`.
+    variances : dict of str to ndarray, shape (n,)
+        Squared random errors of the channels of the truth; empty without it.
+    systematic : float
+        Relative error of all radiances that more paths do not reduce.
     """
 
     view: CameraView
@@ -203,34 +213,59 @@ class WindowPaths:
     reached: bool | None
     invalid: int
     paths: int
+    variances: dict[str, np.ndarray] = field(default_factory=dict)
+    systematic: float = 0.0
 
     def at_temperatures(self, sources: Sources) -> "WindowPaths":
         """The same paths with other temperatures of their sources, see `Sources.replaced`.
 
         The standard errors change in proportion to the radiance of the whole model.
         """
-        factors = {
-            f"target.source.{k}": other.in_band / source.in_band - 1
-            for k, (source, other) in enumerate(zip(self.sources.list, sources.list))
+        pairs = enumerate(zip(self.sources.list, sources.list))
+        changes = {
+            k: (source.group, other.in_band / source.in_band - 1)
+            for k, (source, other) in pairs
             if source.in_band and other != source
         }
 
-        def heated(channels: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-            more = {name: factor * channels[name] for name, factor in factors.items()}
-            target = sum(more.values(), start=channels["target"])
-            changed = {name: channels[name] + by for name, by in more.items()}
-            return channels | changed | {"target": target}
-
-        sums = heated(self.sums)
-        before, after = self.sums["target"].item(), sums["target"].item()
-        ratio = after / before if before else 1.0
+        sums = heated(self.sums, changes)
+        before, after = (
+            parts_of(some, "target.") | {"target": some["target"]} for some in (self.sums, sums)
+        )
+        ratio = {
+            name: (after[name].item() / value.item()) ** 2 if value.item() else 1.0
+            for name, value in before.items()
+        }
         return replace(
             self,
             sources=sources,
-            seen=heated(self.seen),
+            seen=heated(self.seen, changes),
             sums=sums,
-            variance=self.variance * ratio**2,
+            variance=self.variance * ratio["target"],
+            variances={name: v * ratio[name] for name, v in self.variances.items()},
         )
+
+
+def heated(
+    channels: dict[str, np.ndarray], changes: dict[int, tuple[str, float]]
+) -> dict[str, np.ndarray]:
+    """Channels with other temperatures of their sources.
+
+    changes: group of the sources that change, and what is added to a unit of each, by number.
+    """
+    hot = dict(channels)
+    for k, (group, factor) in changes.items():
+        for beginning, whole in (("target.", "target"), (DIRECT, "")):
+            name = f"{beginning}source.{k}"
+            for changed in {name, f"{beginning}group.{group}", whole} & channels.keys():
+                if name in channels:
+                    hot[changed] = hot[changed] + factor * channels[name]
+    if not any(name.startswith(f"{DIRECT}source.") for name in channels):
+        # Materials by wavelength: all light of a group is taken to change alike
+        for name in [name for name in channels if name.startswith(f"{DIRECT}group.")]:
+            after, before = (of[name.replace(DIRECT, "target.")] for of in (hot, channels))
+            hot[name] = channels[name] * after / np.where(before == 0, 1, before)
+    return hot
 
 
 def traced(
@@ -239,18 +274,20 @@ def traced(
     sampling: Sampling,
     detector: Band,
     behind: Callable[[Band], np.ndarray],
+    truth: bool = False,
 ) -> WindowPaths:
     """Trace the model in the samples of a camera's window.
 
-    Air, background and detector only choose the number of paths. The parameters are those of
-    `exposure`.
+    Air, background and detector only choose the number of paths. truth: whether the truth by pixel
+    is wanted. The other parameters are those of `exposure`.
     """
     scene = setting.view
     hidden = detector_mean(setting.backdrop.at_sensor(setting.path.range_m), scene.band)
-    windows = windows_of(view, scene)
+    windows = windows_of(view, scene, by_randomisation=truth)
     measurands = Measurands(
         Channels("model", ()), by_spectrum=True, reduced=partial(of_model, hidden=hidden)
     )
+    measurands = with_parts(measurands) if truth else measurands
     of_hidden, arrival = unit_of(setting, detector, behind)
 
     def electrons(total: Totals) -> float:
@@ -263,6 +300,7 @@ def traced(
         raise InputError("no ray met the target; raise spp of [render]")
     variance = total.standard_error() ** 2 + missed(total)
     squares = model_squares(total, windows.parts, variance)
+    variances = squared_errors(total, on) if truth else {}
     return WindowPaths(
         view=view,
         band=scene.band,
@@ -276,7 +314,23 @@ def traced(
         reached=total.reached,
         invalid=total.invalid,
         paths=int(total.traced.sum()),
+        variances=variances,
+        systematic=total.systematic,
     )
+
+
+def squared_errors(total: Totals, on: np.ndarray) -> dict[str, np.ndarray]:
+    """Squared random errors of the channels of the truth in the parts `on`, (n,).
+
+    Sources that no path has met may be missed in what is reflected, not in what is emitted.
+    """
+    variances, unmet = {}, missed(total)
+    for name in ("target", *add_parts(total, "target.")):
+        may_miss = 0.0 if name.endswith("emitted") else unmet
+        variances[name] = (total.random_error(name) ** 2 + may_miss)[on]
+        if name != "target":
+            del total.sums[name]
+    return variances
 
 
 def exposure(
@@ -393,8 +447,49 @@ def exposure_of(
         area=intensities["target.hit"],
         variants=tuple(by_channel(emitting) for emitting in variants(sources)),
         picture=picture,
+        truth=frame_layers(paths, setting, arrival, behind) if paths.variances else {},
         **{name: getattr(paths, name) for name in OF_PATHS},
     )
+
+
+def frame_layers(
+    paths: WindowPaths,
+    setting: Setting,
+    arrival: Callable[[Band, Sources], Arrival],
+    behind: Callable[[Band], np.ndarray],
+) -> dict[str, np.ndarray]:
+    """Layers of the truth in the frame's pixels, (H, W), without the background beside the model.
+
+    Beside those of `Truth`: arrives, what arrives of the model at the detector; hidden, the
+    background that it hides; contrast_error, the standard error of its radiance less that of the
+    background.
+    """
+    view, seen, rule = paths.view, paths.seen, setting.detector.band
+
+    def frame(values: np.ndarray) -> np.ndarray:
+        return view.frame(placed(values, paths.on, view.size[::-1]))
+
+    def error(variance: np.ndarray) -> np.ndarray:
+        return np.sqrt(frame(variance)) / view.parts
+
+    at_detector, share = arrival(rule, paths.sources), seen["target.hit"]
+    layers = {
+        "mask.Y": frame(share),
+        "path.Y": frame(share * at_detector.path),
+        "arrives": frame(at_detector.of_parts(seen)),
+        "hidden": frame(share * behind(rule).ravel()[paths.on]),
+        "contrast_error": error(paths.variance),
+    }
+    parts = parts_of(seen, "target.") | {"target": seen["target"]}
+    for name, variance in paths.variances.items():
+        layer = layer_of(name)
+        layers[layer] = frame(parts[name])
+        layers[f"stderr.{layer}"] = np.hypot(error(variance), paths.systematic * layers[layer])
+    if setting.view.mi.integrator().closure != "none":
+        layers["rest.Y"] = layers["target.Y"] - sum(
+            layers[layer_of(name)] for name in parts if name != "target"
+        )
+    return layers
 
 
 def unit_of(
@@ -453,7 +548,7 @@ def of_model(sums: Sums, hidden: float) -> Sums:
     for name, values in sums.channels.items():
         if name in ("hit", "range"):
             channels[f"target.{name}"] = values
-        elif name.startswith(("source.", "wavelength.")):
+        elif name.startswith(("source.", "wavelength.", "group.", up_to_prefix(0))):
             channels[f"target.{name}"] = values.astype(np.float32)
     contrast = channels["target"] - hidden * channels["target.hit"]
     return replace(sums, channels=channels, radiance=contrast)

@@ -1,7 +1,7 @@
 """The image of a scenario's target as its camera records it."""
 
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from mi_lcair.detection.setting import Setting, rendered_as, setting_of
 from mi_lcair.errors import InputError
 from mi_lcair.physics.imager import Imager
 from mi_lcair.progress import Progress
+from mi_lcair.rendering.images.truth import Truth, apparent_temperature, at_centres
 from mi_lcair.rendering.measurands import check_free
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import invalid_remark
@@ -132,13 +133,41 @@ class Shot:
         """What `exposure_of` takes beside the paths."""
         return self.setting, self.camera.band, self.scenery.of_parts
 
-    def traced(self, progress: Progress | None = None) -> tuple[WindowPaths, int]:
-        """The paths to the model, and their largest number of reflections."""
+    def traced(
+        self, progress: Progress | None = None, truth: bool = False
+    ) -> tuple[WindowPaths, int]:
+        """The paths to the model, and their largest number of reflections.
+
+        truth: whether `truth` is wanted of them.
+        """
         render, scene = self.scenario.render, self.setting.view
         setting, *others = self.arguments
         with rendered_as(scene, render, each_pixel=True):
             bounces = scene.mi.integrator().max_bounces
-            return traced(setting, self.view, render.of_image(progress), *others), bounces
+            sampling = render.of_image(progress)
+            return traced(setting, self.view, sampling, *others, truth=truth), bounces
+
+    def truth(self, exposed: Exposure, header: dict) -> Truth:
+        """The truth of the frame's pixels, before optics and noise.
+
+        What leaves the target is in the band of the scene, what arrives in that of the detector.
+        Temperatures are those of the scene as it is now. header: of the image.
+        """
+        scene, band, layers = self.setting.view, self.setting.detector.band, dict(exposed.truth)
+        arrives, hidden, error = map(layers.pop, ("arrives", "hidden", "contrast_error"))
+        target, scenery = layers["target.Y"], self.scenery
+        through = np.divide(arrives, target, out=np.zeros_like(target), where=target > 0)
+        behind = np.maximum(scenery.at(band, *scenery.pixels) - hidden, 0)
+        apparent, error = arrives + layers["path.Y"] + behind, through * error
+        layers |= {"transmittance.Y": through, "background.Y": behind}
+        layers |= {"apparent.Y": apparent, "stderr.apparent.Y": error}
+        layers |= apparent_temperature(band, apparent, error)
+        with rendered_as(scene, self.scenario.render, each_pixel=True):
+            at_centre = at_centres(scene, self.view.centre_rays(scene), model_only=True)
+        channels = {name: values.astype(np.float32) for name, values in layers.items()}
+        bands = {"band_of_target": scene.band.label, "band_of_apparent": band.label}
+        of_both = at_centre.channels | channels
+        return replace(at_centre, channels=of_both, header=header | bands)
 
     def developed(
         self, exposed: Exposure, frames: int
@@ -151,8 +180,13 @@ class Shot:
         return developed(self.camera, self.view, exposed, background, radiance, frames)
 
 
-def record_image(scenario: Scenario, frames: int, seed: int, progress) -> Image:
-    """Render the target of a scenario, and record frames of it with the scenario's camera."""
+def record_image(
+    scenario: Scenario, frames: int, seed: int, progress, truth: bool = False
+) -> Image:
+    """Render the target of a scenario, and record frames of it with the scenario's camera.
+
+    truth: whether the truth by pixel is wanted.
+    """
     start = time.perf_counter()
     shot = Shot.of(scenario, seed)
     imager, observer, camera = scenario.camera, scenario.observer, shot.camera
@@ -161,7 +195,7 @@ def record_image(scenario: Scenario, frames: int, seed: int, progress) -> Image:
     check_frames(imager, frames)
 
     rendering = time.perf_counter()
-    paths, bounces = shot.traced(progress)
+    paths, bounces = shot.traced(progress, truth)
     nearest = table_ranges(setting.air, NEAREST * target.radius, observer.range_m)
     exposed = exposure_of(paths, *shot.arguments, ranges_m=nearest)
     render_seconds = time.perf_counter() - rendering
@@ -183,6 +217,7 @@ def record_image(scenario: Scenario, frames: int, seed: int, progress) -> Image:
         setting.backdrop,
         table_ranges(setting.air, shortest_m, observer.range_m),
     )
+    of_image = header(scenario, scene, exposed, measures, bounces, frames, seed)
     return Image(
         scenario=scenario,
         band=camera.band,
@@ -191,7 +226,7 @@ def record_image(scenario: Scenario, frames: int, seed: int, progress) -> Image:
             name: np.ascontiguousarray(values, dtype=np.float32)
             for name, values in channels.items()
         },
-        header=header(scenario, scene, exposed, measures, bounces, frames, seed),
+        header=of_image,
         measures=measures,
         ranges=ranges,
         detected_to_m=detected_to_m,
@@ -212,6 +247,7 @@ def record_image(scenario: Scenario, frames: int, seed: int, progress) -> Image:
             *terrain_remark(scene, [observer.view], observer.range_m),
             *remarks(imager, view, channels, measures, exposed.reached),
         ],
+        truth=shot.truth(exposed, of_image) if truth else None,
         seconds=time.perf_counter() - start,
         render_seconds=render_seconds,
     )

@@ -17,6 +17,7 @@ from mi_lcair.detection.scenario import Scenario
 from mi_lcair.formats import column_of, pixel_axes
 from mi_lcair.physics.bands import Band
 from mi_lcair.rendering.images.render import image_sections
+from mi_lcair.rendering.images.truth import Truth
 from mi_lcair.results import Result, entry
 from mi_lcair.sections import Facts, Lines, Section, Table, error_row
 
@@ -63,6 +64,8 @@ class Image(Result):
         Limits of the results, one line each.
     seconds, render_seconds : float
         Time of the calculation, and of the render in it, s.
+    truth : Truth or None
+        What each pixel shows, before optics and noise; None if it was not asked for.
     """
 
     scenario: Scenario
@@ -81,6 +84,7 @@ class Image(Result):
     remarks: list[str]
     seconds: float = entry("time_s")
     render_seconds: float = entry("render_time_s")
+    truth: Truth | None = entry(default=None)
 
     kind = "image"
     drawn_by = "mi_lcair.show.pictures.image:figure"

@@ -8,6 +8,7 @@ import numpy as np
 from mi_lcair.detection.camera.optics import FARTHEST, MARGIN, OVERSAMPLING
 from mi_lcair.errors import InputError
 from mi_lcair.physics.imager import Imager
+from mi_lcair.rendering.images.truth import CentreRays
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import BESIDE, POLE_DEG, UP, Target, View, depth, film
 
@@ -235,13 +236,45 @@ class CameraView:
         values: of each part, (rows, columns). Outside the parts they are 0, and `beyond` the window
         those at its border.
         """
+        samples = self.means(values, OVERSAMPLING)
+        return np.pad(samples, OVERSAMPLING * np.array(self.beyond), mode="edge")
+
+    def frame(self, values: np.ndarray) -> np.ndarray:
+        """Means of the parts over the pixels of the frame, (H, W); 0 outside the parts."""
+        frame, pixels = np.zeros((self.imager.height, self.imager.width)), self.means(values, 1)
+        (column, row), _ = self.window
+        places = [
+            (slice(max(first, 0), max(first + n, 0)), slice(max(-first, 0), max(size - first, 0)))
+            for first, n, size in zip((row, column), pixels.shape, frame.shape)
+        ]
+        (rows, of_rows), (columns, of_columns) = places
+        frame[rows, columns] = pixels[of_rows, of_columns]
+        return frame
+
+    def means(self, values: np.ndarray, side: int) -> np.ndarray:
+        """Means of the parts over `side` x `side` samples of each of the window's pixels."""
         (column, row), (columns, rows) = self.window
         whole = np.zeros((rows * self.parts, columns * self.parts))
         left, top = (start - pixel * self.parts for start, pixel in zip(self.first, (column, row)))
         whole[top : top + self.size[1], left : left + self.size[0]] = values
-        side = self.parts // OVERSAMPLING
-        whole = whole.reshape(rows * OVERSAMPLING, side, columns * OVERSAMPLING, side)
-        return np.pad(whole.mean(axis=(1, 3)), OVERSAMPLING * np.array(self.beyond), mode="edge")
+        each = self.parts // side
+        return whole.reshape(rows * side, each, columns * side, each).mean(axis=(1, 3))
+
+    def centre_rays(self, scene: Scene) -> CentreRays:
+        """Rays through the centres of the frame's pixels, which begin at `near_m`."""
+        camera = self.imager
+        row, column = np.indices((camera.height, camera.width)).reshape(2, -1, 1) + 0.5
+        aside = (column - camera.width / 2) * self.right - (row - camera.height / 2) * self.up
+        if camera.projection == "orthographic":
+            start = self.eye + self.pixel_m * aside + self.near_m * self.axis
+            toward = np.broadcast_to(self.axis, start.shape)
+        else:
+            toward = self.axis + camera.pixel_angle * aside
+            start = self.eye + self.near_m * toward
+            toward = toward / np.linalg.norm(toward, axis=1, keepdims=True)
+        ray = mi.Ray3f(mi.Point3f(start.T), mi.Vector3f(toward.T))
+        ray.maxt = depth(scene)
+        return CentreRays(ray, self.eye, self.axis, (camera.height, camera.width))
 
 
 def axes_of(

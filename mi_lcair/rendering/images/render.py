@@ -3,7 +3,7 @@
 import json
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Unpack
 
 import drjit as dr
@@ -45,6 +45,13 @@ from mi_lcair.rendering.images.spectral import (
     spectral_channels,
     spectral_measurands,
     through,
+)
+from mi_lcair.rendering.images.truth import (
+    Truth,
+    add_parts,
+    drop_groups,
+    truth_of_render,
+    with_parts,
 )
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
@@ -113,6 +120,8 @@ class Render(Result):
         Wavelengths of the channels of spectral radiance [um]; empty for none.
     left_out : float or None
         Share of the mean radiance beyond max_bounces, by a pilot of a tolerance. It is in no error.
+    truth : Truth or None
+        What each pixel shows; None if it was not asked for.
     """
 
     channels: dict[str, np.ndarray] = entry()
@@ -132,6 +141,7 @@ class Render(Result):
     tolerance: float | None
     wavelengths_um: np.ndarray = entry(default_factory=lambda: np.empty(0))
     left_out: float | None = None
+    truth: Truth | None = entry(default=None)
 
     kind = "render"
     heading = "Image"
@@ -382,6 +392,7 @@ def render_image(
     range_m: float | None = None,
     bins: int = 0,
     errors_um: Sequence[float] = (),
+    truth: bool = False,
 ) -> Render:
     """Render the image of a loaded scene under its own settings.
 
@@ -400,6 +411,8 @@ def render_image(
         Number of wavelengths at which the spectral radiance is recorded; 0 for none.
     errors_um : sequence of float
         Wavelengths of which the nearest ones get a standard error of each pixel [um].
+    truth : bool
+        Whether the truth by pixel is recorded, see `Truth`.
     """
     check_bins(scene, bins, errors_um, atmosphere)
     if atmosphere is not None:
@@ -410,11 +423,12 @@ def render_image(
     camera = scene.sensor(sampling.sensor)
     sampling = sampling.settled(camera)
     randomisations = min(PIXEL_RANDOMISATIONS, sampling.spp or PILOT_SPP)
-    windows = Windows.of_image(camera, randomisations, by_randomisation=bool(errors_um))
-    split = "image" if atmosphere is None else "target"
-    measurands = Measurands.of(split, split == "target", parts=parts)
+    windows = Windows.of_image(camera, randomisations, bool(errors_um) or truth)
+    split = "image" if atmosphere is None and not truth else "target"
+    measurands = Measurands.of(split, atmosphere is not None, parts=parts)
     if bins:
         measurands = spectral_measurands(scene, bins, parts)
+    measurands = with_parts(measurands) if truth else measurands
     criterion = None if sampling.tolerance is None else PixelError(sampling.tolerance)
     with through(scene, atmosphere, range_m):
         total = measure(scene, windows, sampling, measurands, criterion)
@@ -425,13 +439,16 @@ def render_image(
     beyond, rms_error = share_left_out(scene, sampling), total.rms_error()
     is_cut = beyond and counts(beyond, rms_error or 0.0, sampling.tolerance)
     size = windows.rows, windows.columns
-    channels, air = image_channels(total, scene.band, size), {}
+    if truth:
+        add_parts(total)
+        drop_groups(total, keeps_all="group" in parts)
+    channels, air, arriving = image_channels(total, scene.band, size), {}, {}
     if atmosphere is not None:
         air = {
             "atmosphere": atmosphere.name,
             "atmosphere_range_m": "range.Y" if range_m is None else f"{range_m:g}",
         }
-        channels |= apparent(
+        arriving = apparent(
             total.mean(),
             {name: total.mean(name) for name in total.sums},
             total.emitters.sources,
@@ -440,13 +457,16 @@ def render_image(
             range_m,
         )
     wavelengths = Bins(scene.band, bins)
+    of_image = header(scene, sampling, spp, total, closure_error) | air
+    shown = truth_of_render(scene, camera, total, size, arriving) if truth else None
+    channels |= arriving
     channels |= spectral_channels(total, wavelengths, size, errors_um) if bins else {}
     return Render(
         channels={
             name: np.ascontiguousarray(values.reshape(size), dtype=np.float32)
             for name, values in channels.items()
         },
-        header=header(scene, sampling, spp, total, closure_error) | air | (LAYOUT if bins else {}),
+        header=of_image | (LAYOUT if bins else {}),
         band=scene.band,
         spp=spp,
         mean=float(total.mean().mean()),
@@ -462,6 +482,7 @@ def render_image(
         tolerance=sampling.tolerance,
         wavelengths_um=wavelengths.nodes_um if bins else np.empty(0),
         left_out=beyond,
+        truth=shown and replace(shown, header=of_image | shown.header),
     )
 
 

@@ -11,6 +11,7 @@ from mi_lcair.detection.camera.exposure import (
     ModelError,
     detector_mean,
     exposure_of,
+    heated,
     interpolated,
     model_squares,
     part_areas,
@@ -139,11 +140,30 @@ def test_paths_are_traced_once_for_other_temperatures_air_and_detectors(tmp_path
         )
     )
     second = replace(second, camera=replace(second.camera, integration_time_ms=0.02))
-    (paths, _), shot = Shot.of(first, 0).traced(), Shot.of(second, 0)
+    (paths, _), shot = Shot.of(first, 0).traced(truth=True), Shot.of(second, 0)
     with shot.setting.view.prepared(by_spectrum=True) as tracer:
         paths = paths.at_temperatures(tracer.emitters.sources)
-    _, channels, _ = shot.developed(exposure_of(paths, *shot.arguments), 1)
+    exposed = exposure_of(paths, *shot.arguments)
+    _, channels, _ = shot.developed(exposed, 1)
     assert len(calls) == 1
-    alone = image(second).channels
+    alone = image(second, truth=True)
     for name in ("apparent.Y", "electrons.Y", "mean_temperature.Y", "counts.Y"):
-        np.testing.assert_allclose(channels[name], alone[name], rtol=3e-6)
+        np.testing.assert_allclose(channels[name], alone.channels[name], rtol=3e-6)
+    truth = shot.truth(exposed, {}).channels
+    assert truth.keys() == alone.truth.channels.keys() and truth["true_temperature.Y"].max() == 340
+    for name, values in truth.items():
+        if not name.startswith("stderr."):
+            np.testing.assert_allclose(values, alone.truth.channels[name], rtol=3e-6, atol=1e-5)
+
+
+@pytest.mark.parametrize("by_source", [True, False])
+def test_parts_at_other_temperatures(by_source):
+    """Twice the light of one of two sources of a group, which is a third of what is emitted."""
+    channels = {"target": 10.0, "target.group.a": 9.0, "target.group.b": 1.0}
+    channels |= {"target.source.0": 6.0, "target.source.1": 3.0, "target.source.2": 1.0}
+    channels |= {"target.upto.0.group.a": 6.0, "target.upto.0.group.b": 0.0}
+    if by_source:
+        channels |= {f"target.upto.0.source.{k}": value for k, value in enumerate((4.0, 2.0, 0.0))}
+    hot = heated({name: np.array([value]) for name, value in channels.items()}, {1: ("a", 1.0)})
+    assert (hot["target"], hot["target.group.a"], hot["target.group.b"]) == (13, 12, 1)
+    assert hot["target.upto.0.group.a"] == pytest.approx(8) and hot["target.upto.0.group.b"] == 0

@@ -508,3 +508,73 @@ def test_a_response_weighs_the_radiance(scenario, tmp_path):
     intensity = contrast(weighed).rows[-1].intensity
     assert part.intensity == pytest.approx(intensity.value, rel=1e-3)
     assert part.intensity == pytest.approx(inside * AREA, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    "projection, roll", [("perspective", 0.0), ("perspective", 30.0), ("orthographic", 0.0)]
+)
+def test_truth_of_a_frame(tmp_path, projection, roll):
+    """Mask, depth and radiances of a plate: from its plane, Planck's law and the air's tables.
+
+    The camera is 20 m away, its axis points to the right of the plate, and its pixels are wide.
+    """
+    camera = {"projection": projection, "roll_deg": roll, "right_deg": 3.0, "focal_length_mm": 5.0}
+    more = {"atmosphere__table": "midlat_summer", "render__spp": 16, "observer__range_m": 20}
+    more |= {f"camera__{name}": value for name, value in camera.items()}
+    scenario = plate(tmp_path, 2.0, 1.45, **more)
+    result = image(scenario, truth=True)
+    layers = {name: values.astype(float) for name, values in result.truth.channels.items()}
+    on, whole = layers["IndexOB.X"] == 1, layers["mask.Y"] == 1
+    assert on[whole].all() and not on[layers["mask.Y"] == 0].any() and whole.sum() > 500
+    assert abs(on.sum() - layers["mask.Y"].sum()) < 0.02 * on.sum()
+    (row, column), pixel, s = np.indices(on.shape) + 0.5, 3e-3, np.tan(np.radians(3.0))
+    cos, sin = np.cos(np.radians(roll)), np.sin(np.radians(roll))
+    x, y = pixel * (column - 32), pixel * (24 - row)
+    level, above, h = cos * x + sin * y, cos * y - sin * x, np.hypot(1, s)
+    if projection == "perspective":
+        # The plate is the plane x = 0, and the ray (-1, s, 0) / h + level (s, 1, 0) / h + above z
+        depth = 20 * h / (1 - s * level)
+        places = np.stack([depth * (s + level) / h, depth * above])
+        np.testing.assert_allclose(layers["Depth.Z"][on], depth[on], rtol=1e-6)
+        distance = depth * np.sqrt(1 + x**2 + y**2)
+    else:
+        # All rays are parallel to the axis, from (20, 20 level / h, 20 above) + 20 s level / h x
+        depth = (20 + 20 * s * level / h) * h
+        places = np.stack([20 * level / h + depth * s / h, 20 * above])
+        np.testing.assert_allclose(layers["Depth.Z"][on], depth[on], rtol=1e-6)
+        distance = np.sqrt(depth**2 + (20 * level) ** 2 + (20 * above) ** 2)
+    np.testing.assert_allclose(layers["range.Y"][on], distance[on], rtol=1e-6)
+    np.testing.assert_array_equal(on, np.all(abs(places) < [[[1.0]], [[0.725]]], axis=0))
+    np.testing.assert_allclose(layers["Normal.X"][on], 1, atol=1e-6)
+    L, x = in_band_radiance(band("MWIR"), 300.0), np.linspace(3, 5, 20001)
+    np.testing.assert_allclose(layers["emitted.Y"][whole], L, rtol=1e-5)
+    np.testing.assert_array_equal(layers["target.Y"], layers["emitted.Y"])
+    for place in map(tuple, np.argwhere(whole)[[0, 200, -1]]):
+        transmittance, path = atmosphere("midlat_summer").path(distance[place]).at(x)
+        mean = np.trapezoid(transmittance * spectral_radiance(x, 300.0), x) / L
+        assert layers["transmittance.Y"][place] == pytest.approx(mean, rel=1e-3)
+        assert layers["path.Y"][place] == pytest.approx(np.trapezoid(path, x), rel=3e-3)
+    behind = in_band_radiance(band("MWIR"), 280.0)
+    np.testing.assert_allclose(layers["background.Y"], (1 - layers["mask.Y"]) * behind, atol=1e-6)
+    np.testing.assert_allclose(
+        layers["transmittance.Y"] * layers["target.Y"] + layers["path.Y"] + layers["background.Y"],
+        layers["apparent.Y"],
+        rtol=1e-6,
+    )
+    # What the optics blur has the same sum
+    blurred = result.channels["apparent.Y"].astype(float) - behind
+    assert blurred.sum() == pytest.approx((layers["apparent.Y"] - behind).sum(), rel=0.02)
+    plain = image(scenario)
+    assert plain.truth is None and plain.header == result.header
+    for name, values in plain.channels.items():
+        np.testing.assert_allclose(values, result.channels[name], rtol=3e-7, err_msg=name)
+
+
+def test_truth_of_a_target_below_a_pixel(tmp_path):
+    """It is in the corner of four pixels, whose centres miss it, and its mask is still there."""
+    truth = image(plate(tmp_path, 0.05, 0.04, render__spp=16), truth=True).truth
+    share, pixel = truth.channels["mask.Y"].astype(float), 15e-6 / 0.1 * 1000
+    assert share.sum() == pytest.approx(0.05 * 0.04 / pixel**2, rel=0.02)
+    assert not truth.ids("instance").any()
+    (annotation,) = truth.coco()["annotations"]
+    assert annotation["bbox"] == [31, 23, 2, 2] and annotation["area"] == 4

@@ -1,0 +1,400 @@
+"""Truth by pixel: what each pixel shows, and the parts of its radiance with their errors."""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mi_lcair.errors import InputError
+from mi_lcair.files import together, write_bytes
+from mi_lcair.physics.bands import Band
+from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
+from mi_lcair.plugins.emission.triangles import pointer_id
+from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of, thermal_shapes
+from mi_lcair.plugins.paths.launch import DIRECT
+from mi_lcair.plugins.paths.sheets import nearest_hit
+from mi_lcair.plugins.recorders.radiance import FirstEmission, unit_radiance, up_to_prefix
+from mi_lcair.plugins.recorders.recorder import Recorders
+from mi_lcair.rendering.facets import FacetTable, block_of, pixel_rays
+from mi_lcair.rendering.images.files import write_exr
+from mi_lcair.rendering.measurands import Measurands
+from mi_lcair.rendering.pixels import pixel_errors
+from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.statistics import Totals
+
+# The truth of an image, and its files
+# ------------------------------------
+
+# Layers of the numbers: Blender's passes where it has one
+LAYERS = {
+    "facet": "IndexFacet.X",
+    "group": "IndexGroup.X",
+    "material": "IndexMA.X",
+    "instance": "IndexOB.X",
+}
+MOST_FACETS = 2**24 - 1  # the largest number up to which single precision holds all
+MOST_OF_PNG = 2**16 - 1
+HALF = 0.5  # share of a pixel from which on it belongs to the mask of the target
+
+
+@dataclass(frozen=True, repr=False)
+class Truth:
+    """What each pixel of an image shows, and the parts of its radiance.
+
+    Attributes
+    ----------
+    channels : dict of str to ndarray, float32 (H, W)
+        Layers by name. Numbers, depth, normal, temperature and emissivity are those at the centre
+        of the pixel; radiances are means over it.
+    legend : dict of str to dict of int to str
+        Names of the numbers of each of LAYERS; 0 stands for nothing. Of facets, only those that
+        are seen have an entry: instance, group and material.
+    header : dict
+        Header of the EXR.
+    """
+
+    channels: dict[str, np.ndarray]
+    legend: dict[str, dict[int, str]]
+    header: dict[str, str | int | float]
+
+    def ids(self, kind: str) -> np.ndarray:
+        """Numbers (H, W) of one of LAYERS: 1 and more, 0 where nothing is seen."""
+        return self.channels[LAYERS[kind]].astype(np.uint32)
+
+    def masks(self) -> dict[tuple[str, str], np.ndarray]:
+        """Which pixels show the target, each group and each instance, by kind and name.
+
+        A target that fills half of no pixel has the pixels in which it is at all.
+        """
+        share = self.channels["mask.Y"]
+        least = HALF if share.max() >= HALF else np.finfo(np.float32).tiny
+        masks = {("target", "target"): share >= least}
+        for kind in ("group", "instance"):
+            ids = self.ids(kind)
+            masks |= {(kind, name): ids == number for number, name in self.legend[kind].items()}
+        return masks
+
+    def coco(self, file_name: str = "", image_id: int = 1, first: int = 1) -> dict[str, Any]:
+        """Boxes and masks as the public format COCO has them.
+
+        The categories are the target, its groups and the instances, and the same in all views of a
+        scene. A mask is a run-length code over the columns.
+
+        Parameters
+        ----------
+        file_name : str
+            Name of the image's file.
+        image_id : int
+        first : int
+            Number of the first annotation.
+        """
+        masks, annotations = self.masks(), []
+        height, width = self.channels["mask.Y"].shape
+        for category, mask in enumerate(masks.values(), 1):
+            if mask.any():
+                rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+                annotation = {
+                    "id": first + len(annotations),
+                    "image_id": image_id,
+                    "category_id": category,
+                    "bbox": [
+                        int(value)
+                        for value in (columns[0], rows[0], np.ptp(columns) + 1, np.ptp(rows) + 1)
+                    ],
+                    "area": int(mask.sum()),
+                    "iscrowd": 0,
+                    "segmentation": {"size": [height, width], "counts": runs(mask)},
+                }
+                annotations.append(annotation)
+        return {
+            "images": [{"id": image_id, "file_name": file_name, "width": width, "height": height}],
+            "categories": [
+                {"id": category, "name": name, "supercategory": kind}
+                for category, (kind, name) in enumerate(masks, 1)
+            ],
+            "annotations": annotations,
+        }
+
+    def write_exr(self, path: str | Path) -> None:
+        """Write all layers as an OpenEXR file."""
+        write_exr(path, self.channels, self.header)
+
+    def write_ids(self, path: str | Path, kind: str) -> None:
+        """Write numbers as a 16-bit PNG; raises InputError if they do not fit."""
+        from PIL import Image
+
+        ids = self.ids(kind)
+        if ids.max() > MOST_OF_PNG:
+            raise InputError(
+                f"{path}: a 16-bit PNG holds numbers up to {MOST_OF_PNG}, and a {kind} has number "
+                f"{ids.max()}; use {LAYERS[kind]} of the EXR"
+            )
+        content = BytesIO()
+        Image.fromarray(ids.astype(np.uint16)).save(content, format="PNG")
+        write_bytes(path, content.getvalue())
+
+    def write_legend(self, path: str | Path) -> None:
+        """Write the names of the numbers as JSON."""
+        write_bytes(path, json.dumps(self.legend, indent=1).encode())
+
+    def write_coco(self, path: str | Path, file_name: str = "") -> None:
+        """Write boxes and masks as JSON, see `coco`."""
+        write_bytes(path, json.dumps(self.coco(file_name)).encode())
+
+    def files(self, stem: str | Path) -> dict[Path, Callable[[Path], None]]:
+        """The files STEM.truth.exr, STEM.legend.json, STEM.coco.json and STEM.KIND.png.
+
+        Each has the function that writes it. KIND is one of LAYERS. A PNG that cannot hold the
+        numbers of facets is left out.
+        """
+        fits = [kind for kind in LAYERS if self.ids(kind).max() <= MOST_OF_PNG]
+        image = Path(f"{stem}.truth.exr")
+        return {
+            image: self.write_exr,
+            Path(f"{stem}.legend.json"): self.write_legend,
+            Path(f"{stem}.coco.json"): partial(self.write_coco, file_name=image.name),
+            **{Path(f"{stem}.{kind}.png"): partial(self.write_ids, kind=kind) for kind in fits},
+        }
+
+    def save(self, stem: str | Path) -> list[Path]:
+        """Write all `files`, or none; returns their paths."""
+        files = self.files(stem)
+        with together():
+            for path, write in files.items():
+                write(path)
+        return list(files)
+
+
+def runs(mask: np.ndarray) -> list[int]:
+    """Lengths of runs of pixels outside and inside of a mask in turn, column after column."""
+    flat = np.concatenate([[False], mask.ravel(order="F")])
+    starts = np.flatnonzero(flat[1:] != flat[:-1])
+    return np.diff(starts, prepend=0, append=mask.size).tolist()
+
+
+# What the rays through the pixels' centres hit
+# ---------------------------------------------
+
+
+@dataclass(frozen=True)
+class CentreRays:
+    """Rays through the centres of pixels, row by row.
+
+    ray: Mitsuba's rays, which may begin in front of the camera. eye: position of the camera, (3,)
+    [m]. axis: unit vector of the optical axis, (3,). size: rows and columns.
+    """
+
+    ray: mi.Ray3f
+    eye: np.ndarray
+    axis: np.ndarray
+    size: tuple[int, int]
+
+    @staticmethod
+    def of(camera: mi.Sensor) -> "CentreRays":
+        """Those of Mitsuba's sensor."""
+        ray, size = pixel_rays(camera)
+        matrix = np.array(camera.world_transform().matrix, dtype=float).reshape(4, 4)
+        return CentreRays(ray, matrix[:3, 3], matrix[:3, 2] / np.linalg.norm(matrix[:3, 2]), size)
+
+
+def numbers_of(scene: Scene, table: FacetTable) -> tuple[dict[str, np.ndarray], dict]:
+    """Numbers from 1 of each facet in the LAYERS but `facet`, (count,), and their names."""
+    if table.count > MOST_FACETS:
+        raise InputError(
+            f"{scene.name}: has {table.count} facets; layers of an image number {MOST_FACETS} at "
+            "most; leave out the truth"
+        )
+    parts = {}  # parts of a model of one type are one instance
+    for index, shape in enumerate(scene.mi.shapes()):
+        block, kind = block_of(index, shape), facet_type_of(shape.emitter())
+        name = shape.id() if isinstance(block, int) else block
+        parts[index] = (block, kind), name if kind == "model" else f"{name} ({kind})"
+    number = {key: k for k, key in enumerate(dict.fromkeys(key for key, _ in parts.values()), 1)}
+    labels: dict[str, dict] = dict.fromkeys(LAYERS, {}) | {"facet": {}}
+    labels["instance"] = {number[key]: name for key, name in parts.values()}
+    of_shape = np.array([0, *(number[key] for key, _ in parts.values())])
+    numbers = {"instance": of_shape[1 + table.shape_index]}
+    for kind in ("group", "material"):
+        texts, place = np.unique(getattr(table, kind).astype(str), return_inverse=True)
+        numbers[kind] = 1 + place
+        labels[kind] = {k: str(text) for k, text in enumerate(texts, 1)}
+    return numbers, labels
+
+
+def at_centres(scene: Scene, rays: CentreRays, model_only: bool = False) -> Truth:
+    """Layers of what the rays through the pixels' centres hit; radiances are not known yet.
+
+    model_only: whether what is no part of the model is left out.
+    """
+    table, ray = FacetTable(scene), rays.ray
+    numbers, legend = numbers_of(scene, table)
+    emitters = [shape.emitter() for shape in thermal_shapes(scene.mi)]
+    blackbodies = [emitter for emitter in emitters if emitter.temperatures() is not None]
+    with dr.suspend_grad(), scene.prepared() as tracer, unit_radiance(blackbodies):
+        hit = nearest_hit(scene.mi, tracer.emitters.sheets, ray, coherent=True)
+        si = hit.compute_surface_interaction(ray, mi.RayFlags.All, hit.is_valid())
+        sampler = mi.load_dict({"type": "independent"}, parallel=False)
+        sampler.seed(0, dr.width(ray))
+        recorded = Recorders([FirstEmission(mi.Float(0), mi.Bool(True))])
+        *_, recorded = tracer.paths.walk(sampler, (ray, hit), mi.Bool(True), recorded, DIRECT)
+        emitted = recorded.of(FirstEmission).radiance
+        facet = table.of_hit(hit)
+        dr.eval(si, emitted, facet)
+    facet = facet.numpy().astype(np.int64)
+    seen = si.is_valid().numpy() & (facet < table.count)
+    if model_only:
+        seen &= (table.type == "model")[np.where(seen, facet, 0)]
+    facet = np.where(seen, facet, 0)
+    temperature, radiance = sources_at(scene, si, emitters, table, facet)
+    start, toward, normal, shown = (
+        np.array(part, dtype=float).T for part in (ray.o, ray.d, si.sh_frame.n, si.n)
+    )
+    place = start - rays.eye + np.where(seen, si.t.numpy(), 0)[:, None] * toward
+    turned = np.sign(np.einsum("pk,pk->p", shown, -toward))[:, None]
+    layers: dict[str, np.ndarray] = {LAYERS["facet"]: facet + 1}
+    layers |= {LAYERS[kind]: numbers[kind][facet] for kind in numbers}
+    layers |= {"Depth.Z": place @ rays.axis, "range.Y": np.linalg.norm(place, axis=1)}
+    layers |= dict(zip(("Normal.X", "Normal.Y", "Normal.Z"), (turned * normal).T))
+    share = emitted.numpy() / np.where(radiance > 0, radiance, np.inf)
+    layers |= {"true_temperature.Y": np.nan_to_num(temperature), "emissivity.Y": share}
+    instances, groups, materials = (legend[kind] for kind in ("instance", "group", "material"))
+    for number in np.unique(facet[seen]).tolist():
+        of_facet = (numbers[kind][number] for kind in ("instance", "group", "material"))
+        names = (kind[k] for kind, k in zip((instances, groups, materials), of_facet))
+        legend["facet"][number + 1] = ", ".join(names)
+    channels = {
+        name: images(np.where(seen, values, 0), rays.size) for name, values in layers.items()
+    }
+    return Truth(channels, legend, {})
+
+
+def sources_at(scene: Scene, si, emitters, table: FacetTable, facet) -> tuple:
+    """Temperatures [K] at hits, and radiances whose part that is emitted is the emissivity, (n,).
+
+    NaN stands for no temperature, and 0 for no radiance. Blackbodies have the radiance 1.
+    """
+    temperature = table.temperature[facet]
+    radiance = np.where(np.isnan(temperature), 0.0, 1.0)
+    shape = dr.reinterpret_array(mi.UInt32, si.shape).numpy()
+    for emitter in emitters:
+        if emitter.temperatures() is None:
+            here = shape == pointer_id(mi.ShapePtr(emitter.get_shape()))
+            if emitter.facet_radiance() is not None:
+                radiance[here] = float(emitter.facet_radiance()[0])
+            else:  # a texture that varies inside the facets
+                temperature[here] = np.broadcast_to(emitter.texture.eval_1(si).numpy(), here.shape)[
+                    here
+                ]
+                radiance[here] = in_band_radiance(scene.band, temperature[here])
+    return temperature, radiance
+
+
+def images(values: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """Values of pixels (P,) as a channel (H, W)."""
+    return np.ascontiguousarray(np.reshape(values, size), dtype=np.float32)
+
+
+# Parts of the radiance of pixels, and their errors
+# -------------------------------------------------
+
+UP_TO = (0,)  # numbers of reflections up to which paths are also summed separately
+STEP = 1e-4  # relative step of a radiance, for the slope of its apparent temperature
+
+
+def with_parts(measurands: Measurands) -> Measurands:
+    """Measurands that also record what `add_parts` and the mask of the target need."""
+    channels = measurands.channels
+    parts, split = tuple({*channels.parts, "group"}), channels.split
+    split = "target" if split == "image" else split
+    return replace(measurands, channels=replace(channels, split=split, parts=parts, up_to=UP_TO))
+
+
+def parts_of(channels: dict[str, np.ndarray], prefix: str = "") -> dict[str, np.ndarray]:
+    """What is emitted and reflected, from channels by group, up to UP_TO reflections and of all.
+
+    The names are emitted and reflected.group.LABEL, with the prefix; none without such channels.
+    """
+    before = f"{prefix}{up_to_prefix(0)}group."
+    direct = {
+        name.removeprefix(before): v for name, v in channels.items() if name.startswith(before)
+    }
+    parts = {f"{prefix}emitted": sum(direct.values())} if direct else {}
+    for label, values in direct.items():
+        parts[f"{prefix}reflected.group.{label}"] = channels[f"{prefix}group.{label}"] - values
+    return parts
+
+
+def add_parts(total: Totals, prefix: str = "") -> list[str]:
+    """Add the sums of what is emitted and reflected to totals; the names of these channels."""
+    parts = parts_of(total.sums, prefix)
+    total.sums |= parts
+    return list(parts)
+
+
+def drop_groups(total: Totals, keeps_all: bool) -> None:
+    """Take sums by group out of totals; keeps_all: whether those of all reflections stay."""
+    for name in list(total.sums):
+        beginning = name.removeprefix("target.")
+        if beginning.startswith("upto.") or (beginning.startswith("group.") and not keeps_all):
+            del total.sums[name]
+
+
+def layer_of(name: str) -> str:
+    """Name of the layer of a channel of `add_parts`."""
+    return name.removeprefix("target.").replace("reflected.group.", "reflected.") + ".Y"
+
+
+def apparent_temperature(band: Band, radiance, error) -> dict[str, np.ndarray]:
+    """Layers of the apparent temperature [K] of a radiance with a standard error."""
+    radiance = np.maximum(radiance, 0)
+    low, middle, high = (
+        brightness_temperature(band, radiance * factor) for factor in (1 - STEP, 1, 1 + STEP)
+    )
+    slope = (high - low) / np.where(radiance > 0, 2 * STEP * radiance, np.inf)
+    return {"apparent_temperature.Y": middle, "stderr.apparent_temperature.Y": slope * error}
+
+
+def truth_of_render(
+    scene: Scene, camera, total: Totals, size: tuple[int, int], air: dict[str, np.ndarray]
+) -> Truth:
+    """The truth of a render.
+
+    total: with the sums of `add_parts`. size: rows and columns. air: what `apparent` gives; empty
+    without air.
+    """
+    names = [name for name in total.sums if name.startswith(("emitted", "reflected."))]
+    layers = {layer_of(name): total.mean(name) for name in names}
+    if scene.mi.integrator().closure != "none":
+        layers["rest.Y"] = total.mean() - sum(layers.values())
+    for name in names:
+        layers[f"stderr.{layer_of(name)}"] = pixel_errors(total, size, name)
+    layers |= {"Y": total.mean(), "stderr.Y": pixel_errors(total, size)}
+    layers |= {"mask.Y": total.mean("target.hit"), "target.Y": total.mean("target")}
+    apparent, error = total.mean(), layers["stderr.Y"]
+    if air:
+        apparent, path = air["apparent.Y"], air["path.Y"]
+        behind, target = total.mean() - layers["target.Y"], layers["target.Y"]
+        arrives = apparent - behind - path
+        through = arrives / np.where(target > 0, target, np.inf)
+        # Each randomisation has the air of its pixel
+        share = layers["mask.Y"]
+        of_path = path / np.where(share > 0, share, np.inf)
+        total.sums["apparent"] = (
+            total.radiance
+            + (through - 1)[:, None] * total.sums["target"]
+            + of_path[:, None] * total.sums["target.hit"]
+        )
+        error = pixel_errors(total, size, "apparent")
+        layers |= {"path.Y": path, "transmittance.Y": through, "background.Y": behind}
+    layers |= {"apparent.Y": apparent, "stderr.apparent.Y": error}
+    layers |= apparent_temperature(scene.band, apparent, error)
+    at_centre = at_centres(scene, CentreRays.of(camera))
+    channels = {name: images(values, size) for name, values in layers.items()}
+    return replace(at_centre, channels=at_centre.channels | channels)
