@@ -4,11 +4,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
 
+import mi_lcair
+from mi_lcair import scenes
 from mi_lcair.errors import InputError
 from mi_lcair.fitting import read
 from mi_lcair.fitting.model import Hemispherical
 from mi_lcair.fitting.scatterometer.reading import DirectionalData, read_directional
+from tests.fitting.numpy_model import brdf
 from tests.fitting.synthetic import MODEL, ROUGH, THESIS_SETS, fit, relative_errors, scan, without
 from tests.matrix import some_of
 
@@ -226,3 +230,18 @@ def test_progress_goes_on_to_its_total():
         assert calls[-1] == (total, total) and [done for done, _ in calls] == sorted(
             {done for done, _ in calls}
         )
+
+
+def test_the_example_is_fitted_without_lack_of_fit():
+    """The file is the model of its header with the noise of its column, and the fit finds both."""
+    true = {"epsilon": 0.45, "rho_d": 0.06, "b": 0.3, "e": 0.1}
+    path = scenes.FOLDER / "examples" / "sheet.csv"
+    theta_i, theta_r, read, sigma = np.loadtxt(path, delimiter=",", skiprows=5).T
+    expected = brdf(np.radians(theta_i), np.radians(theta_r), **true)
+    chi_square = np.sum(((read - expected) / sigma) ** 2)
+    assert 1e-3 < stats.chi2.sf(chi_square, len(read)) < 0.999
+    result = mi_lcair.fit(path, starts=2)
+    assert result.quality.verdict.startswith("no lack of fit")
+    for name, value in true.items():
+        assert abs(result.parameters[name] - value) < 3 * result.standard_error[name]
+        assert result.verdict[name].startswith("determined")
