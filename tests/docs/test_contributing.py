@@ -63,10 +63,10 @@ def test_a_command_is_added_by_the_steps(tmp_path):
     command, line = (
         fence.text
         for fence in fences(PAGE)
-        if fence.language == "python" and "sensitivities" in fence.text
+        if fence.language == "python" and "slopes" in fence.text
     )
     assert len(list(filter(str.strip, command.splitlines()))) <= 10
-    (tmp_path / "mi_lcair/cli/sensitivities.py").write_text(command)
+    (tmp_path / "mi_lcair/cli/slopes.py").write_text(command)
     file = tmp_path / "mi_lcair/cli/__init__.py"
     before = '        "scenes": "materials",\n'
     text = file.read_text()
