@@ -12,6 +12,7 @@ from mi_lcair.api.intensities import chart as chart
 from mi_lcair.api.intensities import signature as signature
 from mi_lcair.api.laboratory import audit as audit
 from mi_lcair.api.laboratory import cavity as cavity
+from mi_lcair.api.laboratory import noise_components as noise_components
 from mi_lcair.api.laboratory import temperature as temperature
 from mi_lcair.api.pages import report as report
 from mi_lcair.api.scenarios import contrast as contrast

@@ -38,6 +38,7 @@ CHANNELS = {
     "speckle": ("whether the rendering's error is above the camera's noise", ""),
     "spp": ("samples of a pixel", ""),
     "electrons": ("electrons", ""),
+    "power": ("power on a pixel", "W"),
     "counts": ("counts", ""),
     "sigma_K": ("standard uncertainty of temperature", "K"),
     "sigma": ("standard uncertainty of radiance", RADIANCE),

@@ -34,7 +34,7 @@ from mi_lcair.physics.air.atmosphere import VACUUM
 from mi_lcair.physics.air.levels import Weather
 from mi_lcair.physics.atmosphere import clear_air_name
 from mi_lcair.physics.bands import band as band_of
-from mi_lcair.physics.imager import LOCK_ON, Detector, Imager
+from mi_lcair.physics.imager import LOCK_ON, Detector, Imager, with_preset
 from mi_lcair.physics.materials import hemispherical_emissivity
 from mi_lcair.physics.sky import clear_name, has_azimuths
 from mi_lcair.physics.surroundings import Words, sky_name
@@ -507,6 +507,8 @@ class Scenario:
                 air = clear_air_name(air.get("table")) if isinstance(air, dict) else None
                 if air is not None:  # clear air of the path is that of sky, sun and ground, too
                     tree["surroundings"].setdefault("atmosphere", air)
+            if "camera" in tree:
+                tree["camera"] = with_preset(tree["camera"])
             motions = motions_of(tree.get(MOTIONS, {}), path.parent)
             check_moves(tree)
             lacking = OPTIONAL | ({"observer"} if "flight" in tree else set())

@@ -1,13 +1,15 @@
 """Parameters of a staring infrared camera with optics, a detector array and electronics."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mi_lcair.declared import Described, Rule, entry, needs, rule
-from mi_lcair.errors import InputError
+from mi_lcair.declared import Described, Rule, entry, excludes, needs, rule, together
+from mi_lcair.errors import InputError, check_known
+from mi_lcair.files import parse_toml, read_text
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.bands import band as band_of
 
@@ -20,6 +22,20 @@ NARROWEST_DEG, WIDEST_DEG = 1e-4, 150.0  # width and height of a frame, degrees
 PEDESTAL = 1 / 64
 POSITIVE, NOT_NEGATIVE = {"is_positive": True}, {"lower": 0}
 SHARE, ASIDE = {"is_positive": True, "upper": 1}, {"lower": -45, "upper": 45}
+BOLOMETER = {"detector": "bolometer"}
+# Numbers of a photon detector that a bolometer has not
+OF_ELECTRONS = (
+    "well_Me",
+    "quantum_efficiency",
+    "read_noise_e",
+    "dark_current_e_s",
+    "offset_nonuniformity_e",
+)
+# Standard deviations that are the same in all frames: of pixels, rows and columns; and those that
+# are new in each frame: of the whole frame, its rows and its columns.
+FIXED = ("sigma_vh_mK", "sigma_v_mK", "sigma_h_mK")
+TEMPORAL = ("sigma_t_mK", "sigma_tv_mK", "sigma_th_mK")
+DRIFTS = ("drift_mK_K", "drift_spread_mK_K")
 
 
 def of_a_view(name: str) -> Rule:
@@ -50,6 +66,21 @@ RULES = (
         why="all rays of an orthographic camera are parallel to its axis",
     ),
     needs("optics_emissivity", "optics_temperature"),
+    together("integration_time_ms", "well_Me", unless='detector = "bolometer"'),
+    Rule(
+        excludes("detector", *OF_ELECTRONS, why="a bolometer counts no electrons").message,
+        {"detector": OF_ELECTRONS},
+    ),
+    needs("detector", "netd_mK", "span_K", why="they are its noise and its saturation"),
+    *(needs(name, **BOLOMETER) for name in ("netd_mK", "span_K", "time_constant_ms")),
+    rule(
+        lambda t: t.span_K is None or t.span_K[0] < t.span_K[1],
+        "span_K = {t.span_K[0]:g}, {t.span_K[1]:g}; give the lower temperature first",
+    ),
+    excludes("housing", "housing_walk_K"),
+    together("housing_walk_K", "housing_walk_s"),
+    *(needs(name, "housing", "housing_walk_K", any_of=True) for name in DRIFTS),
+    excludes("shutter_s", "shutter_every_s"),
 )
 
 
@@ -109,6 +140,37 @@ class Imager(Described, where="[camera]", rules=RULES):
         "perspective", or "orthographic" with the scale of the target's range.
     least_pixels : float
         Number of pixels on the target that a detection needs.
+    preset : str, optional
+        Class of camera whose values hold where none is given: "insb_mwir" (cooled) or
+        "microbolometer_12um". Their sources are in `mi_lcair/physics/cameras.toml`.
+    detector : str
+        "photon", which counts electrons, or "bolometer", whose signal is the power on a pixel.
+    netd_mK, netd_f_number, netd_temperature : float, optional
+        A bolometer's noise in time as a temperature difference, mK, and the f-number (by default
+        that of the camera) and the temperature of the scene, K, at which it is stated.
+    span_K : tuple of float, optional
+        Temperatures of even scenes, K, that give a bolometer's lowest and largest count.
+    time_constant_ms : float
+        Thermal time constant of a bolometer, ms. A flight's frames lag by it.
+    frame_rate_hz : float, optional
+        Frames per second of `image`. A flight's moments have their own times.
+    sigma_vh_mK, sigma_v_mK, sigma_h_mK : float
+        Fixed pattern that is left after the correction, mK at the netd's f-number and temperature:
+        standard deviations of pixels, rows and columns.
+    sigma_tv_mK, sigma_th_mK, sigma_t_mK : float
+        Standard deviations of rows, columns and the whole frame that are new in each frame, mK.
+    housing : str, optional
+        CSV of the housing's temperature with the columns time_s and temperature_K.
+    housing_walk_K, housing_walk_s : float, optional
+        Random walk of the housing's temperature: standard deviation, K, of its change in a time, s.
+    drift_mK_K, drift_spread_mK_K : float
+        Change of the apparent temperature for each kelvin by which the housing is warmer than at
+        the last shutter event, mK/K: its mean over the pixels, and its standard deviation.
+    shutter_s : tuple of float, optional
+        Times after the first frame, s, at which the shutter closes and the offsets are measured
+        anew. At the first frame they are corrected.
+    shutter_every_s : float, optional
+        Time between such events, s.
 
     Raises
     ------
@@ -121,8 +183,8 @@ class Imager(Described, where="[camera]", rules=RULES):
     pitch_um: float = entry(**POSITIVE)
     width: int = entry(lower=1, upper=MOST_PIXELS)
     height: int = entry(lower=1, upper=MOST_PIXELS)
-    integration_time_ms: float = entry(**POSITIVE)
-    well_Me: float = entry(**POSITIVE)
+    integration_time_ms: float | None = entry(None, **POSITIVE)
+    well_Me: float | None = entry(None, **POSITIVE)
     quantum_efficiency: float = entry(1.0, **SHARE)
     lens: Literal["aplanatic", "thin"] = "aplanatic"
     cos4: bool = False
@@ -143,6 +205,32 @@ class Imager(Described, where="[camera]", rules=RULES):
     roll_deg: float = entry(0.0, lower=-180, upper=180)
     projection: Literal["perspective", "orthographic"] = "perspective"
     least_pixels: float = entry(1.0, **NOT_NEGATIVE)
+    preset: str | None = None
+    detector: Literal["photon", "bolometer"] = "photon"
+    netd_mK: float | None = entry(None, is_positive=True, upper=1e5)
+    netd_f_number: float | None = entry(None, lower=FASTEST)
+    netd_temperature: float = entry(300.0, lower=100, upper=1000, unit="K")
+    span_K: tuple[float, float] | None = entry(None, is_positive=True, upper=5000)
+    time_constant_ms: float = entry(0.0, lower=0, upper=1e4)
+    frame_rate_hz: float | None = entry(None, **POSITIVE)
+    sigma_vh_mK: float = entry(0.0, **NOT_NEGATIVE)
+    sigma_v_mK: float = entry(0.0, **NOT_NEGATIVE)
+    sigma_h_mK: float = entry(0.0, **NOT_NEGATIVE)
+    sigma_tv_mK: float = entry(0.0, **NOT_NEGATIVE)
+    sigma_th_mK: float = entry(0.0, **NOT_NEGATIVE)
+    sigma_t_mK: float = entry(0.0, **NOT_NEGATIVE)
+    housing: str | None = entry(None, is_file=True)
+    housing_walk_K: float | None = entry(None, **NOT_NEGATIVE)
+    housing_walk_s: float | None = entry(None, **POSITIVE)
+    drift_mK_K: float = 0.0
+    drift_spread_mK_K: float = entry(0.0, **NOT_NEGATIVE)
+    shutter_s: tuple[float, ...] | None = entry(None, lower=0)
+    shutter_every_s: float | None = entry(None, **POSITIVE)
+
+    @property
+    def drifts(self) -> bool:
+        """Whether offsets change with the temperature of the housing."""
+        return any(getattr(self, name) for name in DRIFTS)
 
     @property
     def solid_angle(self) -> float:
@@ -188,13 +276,18 @@ class Imager(Described, where="[camera]", rules=RULES):
 
     @property
     def seconds(self) -> float:
-        """Integration time, s."""
-        return 1e-3 * self.integration_time_ms
+        """Integration time, s; 0 if a bolometer has none."""
+        return 1e-3 * (self.integration_time_ms or 0)
 
     @property
     def well(self) -> float:
         """Largest number of electrons of a pixel."""
         return 1e6 * self.well_Me
+
+    @property
+    def floor(self) -> float:
+        """Signal below which a pixel is saturated, too."""
+        return -np.inf
 
     @property
     def dark(self) -> float:
@@ -225,6 +318,12 @@ class Imager(Described, where="[camera]", rules=RULES):
         """Electrons of one count. The full well has the largest count."""
         return self.well / (self.largest_count - self.pedestal)
 
+    unit, channel = "electrons", "electrons"  # of the signal
+
+    def amount(self, signal: float) -> str:
+        """A signal in words."""
+        return f"{1e-6 * signal:.4g} Me"
+
     def noise(self, electrons: ArrayLike, with_pattern: bool = False) -> np.ndarray | float:
         """Standard deviation of a pixel in time, electrons, for this mean number of electrons.
 
@@ -239,6 +338,32 @@ class Imager(Described, where="[camera]", rules=RULES):
             return in_time
         pattern = np.hypot(self.gain_nonuniformity * electrons, self.offset_nonuniformity_e)
         return np.hypot(in_time, pattern)
+
+
+# Values of classes of cameras by name: value and source of each key
+PRESETS = Path(__file__).with_name("cameras.toml")
+ASSUMED = "assumed"  # beginning of the source of a value that no publication states
+
+
+def with_preset(values):
+    """The values of a table [camera], with those of its preset where none is given."""
+    name = values.get("preset") if isinstance(values, dict) else None
+    if name is None:
+        return values
+    known = parse_toml(read_text(PRESETS, str(PRESETS)), str(PRESETS))
+    check_known("preset of [camera]", known, str(name))
+    replaced = set(values).union(*map(Imager.replaced, values))
+    return {key: row[0] for key, row in known[name].items() if key not in replaced} | values
+
+
+def assumed(imager: Imager) -> list[str]:
+    """The values that a preset assumes, as no publication states them, such as "well_Me = 7"."""
+    values = parse_toml(read_text(PRESETS, str(PRESETS)), str(PRESETS)).get(imager.preset, {})
+    return [
+        f"{key} = {value:g}"
+        for key, (value, source) in values.items()
+        if source.startswith(ASSUMED) and value == getattr(imager, key)
+    ]
 
 
 # A detector with a single pixel, which integrates its whole field of view (thesis 3.8)

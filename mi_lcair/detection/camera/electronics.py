@@ -6,46 +6,101 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mi_lcair.detection.camera.bolometer import Bolometer, housing_changes, signal_per_kelvin
 from mi_lcair.detection.camera.exposure import detector_mean
 from mi_lcair.detection.camera.optics import Optics, Turbulence
 from mi_lcair.detection.irradiance import Backdrop
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.errors import InputError
+from mi_lcair.laboratory.noise import NoiseComponents
 from mi_lcair.physics import blackbody
 from mi_lcair.physics.bands import Band
-from mi_lcair.physics.imager import Detector, Imager
+from mi_lcair.physics.imager import DRIFTS, FIXED, TEMPORAL, Detector, Imager
 
-PATTERN, FRAME = 0, 1  # first number of the seeds of independent random numbers
+# First numbers of the seeds of independent random numbers
+PATTERN, FRAME, RESIDUAL, ROWS_AND_COLUMNS = range(4)
 
 
 @dataclass(frozen=True)
 class Pattern:
-    """Fixed pattern of a detector array.
+    """Fixed pattern of a detector array, and what rows, columns and the housing add to it.
 
-    gain: gains of the pixels, mean 1, (H, W). offset: their offsets, electrons, (H, W).
+    gain: gains of the pixels, mean 1, (H, W). offset: their offsets, electrons, (H, W). drift:
+    change of the offsets for each kelvin of the housing, (H, W). temporal: standard deviations of
+    the whole frame, its rows and its columns. fixed: that of the offsets which are no offset
+    nonuniformity.
     """
 
     gain: np.ndarray
     offset: np.ndarray
+    drift: np.ndarray | float = 0.0
+    temporal: tuple[float, ...] = (0.0, 0.0, 0.0)
+    fixed: float = 0.0
 
     @staticmethod
-    def of(imager: Imager, seed: int) -> "Pattern":
-        """The pattern of the camera with this seed. Gains are not negative."""
+    def of(imager: Imager, seed: int, per_kelvin: float = 0.0) -> "Pattern":
+        """The pattern of the camera with this seed. Gains are not negative.
+
+        per_kelvin: signal of a kelvin, for what the camera states in mK. 0 leaves that out.
+        """
         random = np.random.default_rng([PATTERN, seed])
         shape = imager.height, imager.width
-        return Pattern(
+        pattern = Pattern(
             np.maximum(1 + imager.gain_nonuniformity * random.standard_normal(shape), 0),
             imager.offset_nonuniformity_e * random.standard_normal(shape),
         )
+        stated = *FIXED, *TEMPORAL, *DRIFTS
+        if not per_kelvin or not any(getattr(imager, name) for name in stated):
+            return pattern
+        random, per_mK = np.random.default_rng([RESIDUAL, seed]), 1e-3 * per_kelvin
+        pixels, rows, columns, drift = (
+            random.standard_normal(n) for n in (shape, *sides(shape), shape)
+        )
+        fixed = [per_mK * getattr(imager, name) for name in FIXED]
+        return replace(
+            pattern,
+            offset=pattern.offset + (fixed[0] * pixels + fixed[1] * rows + fixed[2] * columns),
+            drift=per_mK * (imager.drift_mK_K + imager.drift_spread_mK_K * drift),
+            temporal=tuple(per_mK * getattr(imager, name) for name in TEMPORAL),
+            fixed=float(np.linalg.norm(fixed)),
+        )
+
+    @property
+    def total(self) -> float:
+        """Standard deviation of what rows, columns, frames and the residual pattern add."""
+        return float(np.hypot(self.fixed, np.linalg.norm(self.temporal)))
+
+    def offsets(self, seed: int, number: int, averaged: int, warmer_K: float) -> np.ndarray:
+        """Offsets of a frame, in which the housing is warmer than at the last shutter event."""
+        if not any(self.temporal) and warmer_K == 0:
+            return self.offset
+        random = np.random.default_rng([ROWS_AND_COLUMNS, seed, number, averaged])
+        new = sum(
+            sigma * random.standard_normal(side)
+            for sigma, side in zip(self.temporal, ((1, 1), *sides(self.gain.shape)))
+        )
+        return self.offset + new / np.sqrt(averaged) + warmer_K * self.drift
+
+
+def sides(shape: tuple[int, int]) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Shapes of a number for each row, and of one for each column."""
+    return (shape[0], 1), (1, shape[1])
 
 
 def frame(
-    imager: Imager, pattern: Pattern, signal, seed: int, number: int = 0, averaged: int = 1
+    imager: Imager,
+    pattern: Pattern,
+    signal,
+    seed: int,
+    number: int = 0,
+    averaged: int = 1,
+    warmer_K: float = 0.0,
 ) -> np.ndarray:
     """Electrons of a frame with noise, before quantisation.
 
     Signal and dark current have Poisson noise, the electronics Gaussian noise. The electrons of the
-    signal are multiplied with the gains. A pixel holds no more than the full well.
+    signal are multiplied with the gains. A pixel holds no more than the full well. A bolometer's
+    signal is its power, W, with Gaussian noise; the converter limits it.
 
     Parameters
     ----------
@@ -58,6 +113,8 @@ def frame(
         Seed, and number of the frame. The same numbers give the same frame.
     averaged : int
         Number of frames whose mean is returned.
+    warmer_K : float
+        By how much the housing is warmer than at the last shutter event, K.
 
     Returns
     -------
@@ -65,11 +122,15 @@ def frame(
     """
     random = np.random.default_rng([FRAME, seed, number, averaged])
     mean = np.clip(signal, 0, None) * pattern.gain + imager.dark
-    # More than this fills the well for certain, and might be too much for the random numbers
-    mean = np.minimum(mean, imager.well + 100 * np.sqrt(imager.well) + 1000)
-    collected = random.poisson(averaged * mean) / averaged
-    noise = imager.read_noise_e / np.sqrt(averaged) * random.standard_normal(mean.shape)
-    return np.minimum(collected, imager.well) + pattern.offset + noise
+    if isinstance(imager, Bolometer):
+        collected, sigma = mean, imager.nep
+    else:
+        # More than this fills the well for certain, and might be too much for the random numbers
+        mean = np.minimum(mean, imager.well + 100 * np.sqrt(imager.well) + 1000)
+        collected = np.minimum(random.poisson(averaged * mean) / averaged, imager.well)
+        sigma = imager.read_noise_e
+    noise = sigma / np.sqrt(averaged) * random.standard_normal(mean.shape)
+    return collected + pattern.offsets(seed, number, averaged, warmer_K) + noise
 
 
 def counts(imager: Imager, electrons) -> np.ndarray:
@@ -83,9 +144,15 @@ def signal_of(imager: Imager, counts) -> np.ndarray:
     return (counts - imager.pedestal) * imager.electrons_per_count - imager.dark
 
 
+def is_saturated(imager: Imager, signal) -> np.ndarray:
+    """Whether the well or the converter does not hold the mean signal of each pixel."""
+    collected = np.asarray(signal) + imager.dark
+    return (collected >= imager.well) | (collected <= imager.floor)
+
+
 def saturated(imager: Imager, signal) -> float:
-    """Share of the pixels whose mean number of electrons is the full well or more."""
-    return float(np.mean(np.asarray(signal) + imager.dark >= imager.well))
+    """Share of the pixels whose mean signal the well or the converter does not hold."""
+    return float(np.mean(is_saturated(imager, signal)))
 
 
 # Electrons of a pixel for a spectral radiance at the aperture
@@ -103,7 +170,8 @@ def electron_band(band: Band, imager: Imager, optics_transmittance: float = 1.0)
 
     The electrons of a pixel are the integral of L(x) x / (h c) QE(x) over the wavelength x, times
     the optics' transmittance, the solid angle of the pupil, the pixel's area and the time. The
-    response of `band` multiplies the camera's quantum efficiency.
+    response of `band` multiplies the camera's quantum efficiency. A bolometer's signal is a power,
+    W, the integral of L(x) R(x) times transmittance, solid angle and area, with the response R.
 
     Parameters
     ----------
@@ -120,21 +188,19 @@ def electron_band(band: Band, imager: Imager, optics_transmittance: float = 1.0)
     """
     energy = blackbody.PLANCK * blackbody.LIGHT_SPEED * 1e6  # J um
     per_um = (
-        optics_transmittance
-        * imager.quantum_efficiency
-        * imager.solid_angle
-        * imager.pixel_area
-        * imager.seconds
-        / energy
+        optics_transmittance * imager.quantum_efficiency * imager.solid_angle * imager.pixel_area
     )
+    counts_photons = imager.detector == "photon"
+    if counts_photons:
+        per_um = per_um * imager.seconds / energy
     rows = np.array([band.lower_um, band.upper_um])
     if band.response is not None:
         x = band.response[0]
         rows = np.interp(np.arange(BETWEEN * (len(x) - 1) + 1) / BETWEEN, np.arange(len(x)), x)
     return replace(
         band,
-        weights_um=band.weights_um * per_um * band.wavelengths_um,
-        response=np.array([rows, per_um * rows * band.response_at(rows)]),
+        weights_um=band.weights_um * per_um * band.wavelengths_um**counts_photons,
+        response=np.array([rows, per_um * rows**counts_photons * band.response_at(rows)]),
     )
 
 
@@ -165,6 +231,8 @@ def apparent_temperature(electron_band: Band, electrons) -> np.ndarray:
     """
     return blackbody.brightness_temperature(electron_band, np.maximum(electrons, 0))
 
+
+MOST_LEFT_OUT = 0.01  # share of saturated pixels beyond which the noise of frames is not stated
 
 # Two-point non-uniformity correction, and the camera's calibration to apparent temperature
 # -----------------------------------------------------------------------------------------
@@ -227,8 +295,8 @@ def two_point(
     if most * pattern.gain.max() + imager.dark >= imager.well:
         raise InputError(
             f"[camera]: nuc looks at a blackbody of {warm:.4g} K, which gives "
-            f"{1e-6 * most:.4g} Me and saturates the well of {imager.well_Me:g} Me; shorten "
-            "integration_time_ms"
+            f"{imager.amount(most)} and saturates the well of {imager.amount(imager.well)}; "
+            "shorten integration_time_ms"
         )
     first, second = (
         frame(imager, pattern, design.undone(level), seed, SCENES + k, AVERAGED) - imager.dark
@@ -294,10 +362,11 @@ class Camera:
         if air.cn2:
             turbulence = Turbulence(air.cn2, air.wave, scenario.observer.range_m)
         band = electron_band(detector.band, imager, detector.optics_transmittance)
+        imager = Bolometer.of(imager, band)
         background = detector_mean(behind, band)
         temperature = max(float(apparent_temperature(band, background)), COLDEST_K)
         design = correction = Correction(imager.illumination, glow(imager, detector))
-        pattern = Pattern.of(imager, seed)
+        pattern = Pattern.of(imager, seed, signal_per_kelvin(imager, band))
         if imager.nuc:
             correction = two_point(imager, pattern, design, band, temperature, seed)
         thermal = partial(blackbody.spectral_radiance, temperature=DIFFRACTION_K)
@@ -310,20 +379,51 @@ class Camera:
     def kept_contrast(self, background: ArrayLike, contrast: np.ndarray) -> np.ndarray:
         """What a full well keeps of the electrons by which pixels differ from a background."""
         behind, most = background + self.design.offset, self.imager.well - self.imager.dark
-        return np.minimum(behind + contrast, most) - np.minimum(behind, most)
+        least = self.imager.floor
+        return np.clip(behind + contrast, least, most) - np.clip(behind, least, most)
 
     def frames(self, signal: np.ndarray, count: int) -> np.ndarray:
-        """Counts of frames of a scene with these mean electrons (H, W), (count, H, W)."""
-        return np.array([self.frame(signal, number) for number in range(count)])
+        """Counts of frames of a scene with these mean electrons (H, W), (count, H, W).
 
-    def frame(self, signal: np.ndarray, number: int) -> np.ndarray:
+        Raises InputError if the housing's temperature in the frames is not known.
+        """
+        if self.imager.drifts and count > 1 and self.imager.frame_rate_hz is None:
+            raise InputError(
+                "[camera]: frame_rate_hz is missing; offsets drift from one frame to the next"
+            )
+        warmer_K = self.warmer_K(np.arange(count) / (self.imager.frame_rate_hz or 1))
+        return np.array([self.frame(signal, *frame) for frame in enumerate(warmer_K)])
+
+    def warmer_K(self, time_s: np.ndarray) -> np.ndarray:
+        """By how much the housing is warmer than at the last shutter event, K, (n,)."""
+        if not self.imager.drifts:
+            return np.zeros(len(time_s))
+        return housing_changes(self.imager, time_s, self.seed)
+
+    def frame(self, signal: np.ndarray, number: int, warmer_K: float = 0.0) -> np.ndarray:
         """Counts of one frame of a scene with these mean electrons (H, W)."""
-        return counts(self.imager, frame(self.imager, self.pattern, signal, self.seed, number))
+        made = self.imager, self.pattern, signal, self.seed, number, 1, warmer_K
+        return counts(self.imager, frame(*made))
 
     def temperatures(self, frame_counts: np.ndarray) -> np.ndarray:
         """Apparent temperatures, K, of a corrected frame of counts."""
         recorded = signal_of(self.imager, frame_counts.astype(float))
         return apparent_temperature(self.band, self.correction.applied(recorded))
+
+    def components(self, frames: np.ndarray, signal: np.ndarray) -> NoiseComponents | None:
+        """Noise of frames of counts of a scene with these mean electrons (H, W), K.
+
+        It is that of the corrected signals at the background's temperature. A few saturated pixels
+        count as ones without noise. None for one frame, and if MOST_LEFT_OUT are saturated.
+        """
+        if len(frames) < 2 or saturated(self.imager, signal) > MOST_LEFT_OUT:
+            return None
+        held = ~is_saturated(self.imager, signal)
+        slope = electrons_per_kelvin(self.band, self.temperature)
+        scene = self.design.applied(signal)
+        recorded = (signal_of(self.imager, counted.astype(float)) for counted in frames)
+        corrected = (self.correction.applied(values) - scene for values in recorded)
+        return NoiseComponents.of(held * values / slope for values in corrected)
 
     def mean_temperatures(self, signal: np.ndarray, error: np.ndarray) -> dict[str, np.ndarray]:
         """Channels, K, of the mean electrons of pixels, and of their standard error.
@@ -332,6 +432,7 @@ class Camera:
         Both arguments are of the scene, before the optics' illumination and emission.
         """
         noise = self.imager.noise(self.design.undone(signal)) / self.design.gain
+        noise = np.hypot(noise, np.linalg.norm(self.pattern.temporal) / self.design.gain)
         return {
             "mean_temperature.Y": apparent_temperature(self.band, signal),
             "stderr_K.Y": in_kelvin(self.band, signal, error),

@@ -23,7 +23,7 @@ from mi_lcair.detection.camera.view import CameraView
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import Setting, rendered_as, setting_of
 from mi_lcair.errors import InputError
-from mi_lcair.physics.imager import Imager
+from mi_lcair.physics.imager import Imager, assumed
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.images.truth import Truth, apparent_temperature, at_centres
 from mi_lcair.rendering.measurands import check_free
@@ -48,11 +48,15 @@ def remarks(
     lines = []
     if measures.saturated:
         share = float(f"{100 * measures.saturated:.2g}")
-        most = 1e-6 * (channels["electrons.Y"].max() + imager.dark)
+        signal = channels[f"{imager.channel}.Y"]
+        most = imager.amount(signal.max() + imager.dark)
         lines.append(
-            f"the detector is saturated in {share:g} % of the pixels, which collect up to "
-            f"{most:.4g} Me in a well of {imager.well_Me:g} Me: "
+            f"the detector is saturated in {share:g} % of the pixels, which collect up to {most} "
+            f"in a well of {imager.amount(imager.well)}: "
             "their temperature is at least the stated one; shorten integration_time_ms"
+            if imager.detector == "photon"
+            else f"{share:g} % of the pixels, which receive {imager.amount(signal.min())} to {most}"
+            ", are outside the converter's span_K: their temperature is that of its end"
         )
     if view.is_cut:
         lines.append(
@@ -66,6 +70,11 @@ def remarks(
             f"{share} of the pixels, which speckle.Y marks, and is the same in all frames; "
             f"{REMEDIES[reached]} of [render]"
         )
+    if assumptions := assumed(imager):
+        lines.append(
+            f"the preset {imager.preset} assumes {' and '.join(assumptions)}, which its sources do "
+            "not state; give your own"
+        )
     return lines
 
 
@@ -73,13 +82,18 @@ def header(
     scenario: Scenario, scene, exposed: Exposure, measures: Measures, bounces: int, frames, seed
 ) -> dict:
     """Header of the EXR: the scenario, the camera, its measures and the versions."""
-    given = {name: value for name, value in asdict(scenario.camera).items() if value is not None}
+    given = {
+        name: ", ".join(map(str, value)) if isinstance(value, tuple) else value
+        for name, value in asdict(scenario.camera).items()
+        if value is not None
+    }
+    unit = "power: W; counts.Y: 1" if scenario.camera.unit == "W" else "electrons, counts.Y: 1"
     camera = {f"camera_{name}": value for name, value in given.items()}
     return {
         "scenario": scenario.name,
         "scene": scene.name,
         **scenario.sensor.detector().band.header,
-        "units": "apparent.Y: W m^-2 sr^-1; electrons, counts.Y: 1; others: K",
+        "units": f"apparent.Y: W m^-2 sr^-1; {unit}; others: K",
         "max_bounces": bounces,
         "spp": exposed.spp,
         "rms_error": exposed.rms_error,
@@ -88,7 +102,7 @@ def header(
         "noise_seed": str(seed),
         "seed": str(scenario.render.seed),
         "netd_K": "none: the background saturates" if measures.netd is None else measures.netd,
-        "electrons_per_count": scenario.camera.electrons_per_count,
+        f"{scenario.camera.unit}_per_count": scenario.camera.electrons_per_count,
         "pedestal_counts": scenario.camera.pedestal,
         "nuc_frames": AVERAGED if scenario.camera.nuc else 0,
         "versions": f"mi_lcair {mi_lcair.__version__}",
@@ -125,7 +139,8 @@ class Shot:
         behind = setting.backdrop.at_sensor(observer.range_m)
         setting.air.check_covers(setting.view.band)
         camera = Camera.of(scenario, setting.detector, behind, seed)
-        view = CameraView.of(setting.target, observer.view, observer.range_m, imager)
+        scenario = replace(scenario, camera=camera.imager)
+        view = CameraView.of(setting.target, observer.view, observer.range_m, camera.imager)
         return Shot(scenario, setting, camera, view, Scenery.of(scenario, setting, view))
 
     @property
@@ -189,7 +204,8 @@ def record_image(
     """
     start = time.perf_counter()
     shot = Shot.of(scenario, seed)
-    imager, observer, camera = scenario.camera, scenario.observer, shot.camera
+    scenario, camera = shot.scenario, shot.camera
+    imager, observer = camera.imager, scenario.observer
     setting, view, scenery = shot.setting, shot.view, shot.scenery
     scene, target = setting.view, setting.target
     check_frames(imager, frames)
@@ -201,10 +217,11 @@ def record_image(
     render_seconds = time.perf_counter() - rendering
 
     frame_counts, channels, share = shot.developed(exposed, frames)
+    signal, behind = (channels[f"{imager.channel}.{end}Y"] for end in ("", "background."))
     measures = measured(
         camera,
-        channels["electrons.Y"],
-        channels["electrons.background.Y"],
+        signal,
+        behind,
         share,
         channels["stderr_K.Y"],
         exposed.area / view.pixel_m**2,
@@ -231,6 +248,7 @@ def record_image(
         ranges=ranges,
         detected_to_m=detected_to_m,
         peak_detected_to_m=peak_detected_to_m,
+        noise=camera.components(frame_counts, signal),
         view=view,
         mtf_parts=camera.optics.parts(measures.mtf["frequency"]),
         exposure=exposed,
@@ -272,15 +290,15 @@ def developed(
         Counts (frames, H, W), the channels of `Image` in double precision, and the share of each
         pixel that the target fills (H, W).
     """
-    optics = camera.optics
+    optics, name = camera.optics, camera.imager.channel
     scene = np.maximum(background + optics.seen(exposed.contrast, view.around), 0)
     signal = camera.design.undone(scene)
     error = np.sqrt(optics.variance(exposed.error**2, view.around))
     frame_counts = camera.frames(signal, frames)
     channels = {
         "apparent.Y": radiance + optics.seen(exposed.radiance, view.around),
-        "electrons.Y": signal,
-        "electrons.background.Y": camera.design.undone(np.broadcast_to(background, signal.shape)),
+        f"{name}.Y": signal,
+        f"{name}.background.Y": camera.design.undone(np.broadcast_to(background, signal.shape)),
         "counts.Y": frame_counts[0],
         "temperature.Y": camera.temperatures(frame_counts[0]),
         **camera.mean_temperatures(scene, error),

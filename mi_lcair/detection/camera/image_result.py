@@ -15,6 +15,7 @@ from mi_lcair.detection.camera.ranges import RangeRow
 from mi_lcair.detection.camera.view import CameraView
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.formats import column_of, pixel_axes
+from mi_lcair.laboratory.noise import NoiseComponents
 from mi_lcair.physics.bands import Band
 from mi_lcair.rendering.images.render import image_sections
 from mi_lcair.rendering.images.truth import Truth
@@ -38,11 +39,12 @@ class Image(Result):
         Frames of the same scene with independent noise.
     channels : dict of str to ndarray, float32 (H, W)
         apparent.Y: radiance at the aperture with the detector's response, W m^-2 sr^-1, as the
-        optics blur it. electrons.Y: mean electrons of the signal with the optics' emission.
-        electrons.background.Y: those without the target. counts.Y, temperature.Y: counts of the
-        first frame, and their apparent temperature, K. mean_temperature.Y: that of the mean
-        electrons. stderr_K.Y and noise_K.Y: standard error of the rendering, and noise of the
-        camera in time, K. speckle.Y: 1 where the former is larger, else 0.
+        optics blur it. electrons.Y: mean electrons of the signal with the optics' emission, or
+        power.Y, W, of a bolometer. electrons.background.Y: those without the target. counts.Y,
+        temperature.Y: counts of the first frame, and their apparent temperature, K.
+        mean_temperature.Y: that of the mean electrons. stderr_K.Y and noise_K.Y: standard error of
+        the rendering, and noise of the camera in time, K. speckle.Y: 1 where the former is larger,
+        else 0.
     header : dict
         Header of the EXR.
     measures : Measures
@@ -52,6 +54,9 @@ class Image(Result):
         Largest range within `ranges` at which the target is detected, m, by a matched filter and by
         its strongest pixel; None for nowhere. It may be more where that is the end of the air's
         table.
+    noise : NoiseComponents or None
+        Noise of the frames by time, row and column, K at the background's temperature; None for
+        one frame, and where more than 1 % of the pixels are saturated.
     view : CameraView
         Position and pointing of the camera, and the part of the frame with the target.
     mtf_parts : dict of str to ndarray
@@ -77,6 +82,7 @@ class Image(Result):
     ranges: list[RangeRow]
     detected_to_m: float | None
     peak_detected_to_m: float | None
+    noise: NoiseComponents | None
     view: CameraView = entry()
     mtf_parts: dict[str, np.ndarray] = entry()
     exposure: Exposure = entry()
@@ -141,8 +147,11 @@ class Image(Result):
 
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each range: pixels and electrons of the target, and its ratios to the noise."""
-        rows = self.ranges
-        return {name: np.array([getattr(row, name) for row in rows]) for name in vars(rows[0])}
+        rows, signal = self.ranges, {"electrons": "power_W"} if self.measures.unit == "W" else {}
+        return {
+            signal.get(name, name): np.array([getattr(row, name) for row in rows])
+            for name in vars(rows[0])
+        }
 
     def to_xarray(self) -> "xarray.Dataset":
         """The channels as an xarray Dataset over (row, column), and the frames' counts.
@@ -163,8 +172,8 @@ def write_counts(path, image: Image) -> None:
     formats.write_tiff(
         path,
         image.counts,
-        f"{camera.electrons_per_count:.9g} electrons in a count, {camera.pedestal:.9g} counts "
-        f"without electrons, {camera.integration_time_ms:g} ms",
+        f"{camera.electrons_per_count:.9g} {camera.unit} in a count, {camera.pedestal:.9g} counts "
+        f"without {'power' if camera.unit == 'W' else camera.unit}, {1e3 * camera.seconds:g} ms",
     )
 
 
@@ -187,18 +196,26 @@ def measured(image: Image) -> list[tuple[str, str]]:
         ),
         (
             "background",
-            f"{measures.temperature:.5g} K, {1e-6 * measures.background:.4g} Me of "
-            f"{camera.well_Me:g} Me in {camera.integration_time_ms:g} ms"
+            f"{measures.temperature:.5g} K, {camera.amount(measures.background)} of "
+            + camera.amount(camera.well)
+            + (f" in {1e3 * camera.seconds:g} ms" if camera.seconds else "")
             + (
-                f", of which {1e-6 * measures.glow:.4g} Me from the optics" if measures.glow else ""
+                f", of which {camera.amount(measures.glow)} from the optics"
+                if measures.glow
+                else ""
             ),
         ),
-        ("count", f"{camera.electrons_per_count:.5g} electrons, {camera.bits} bits"),
+        ("count", f"{camera.electrons_per_count:.5g} {camera.unit}, {camera.bits} bits"),
         (
             "NETD",
-            f"predicted {millikelvin(measures.netd)}, {uniform}; of shot noise alone "
-            f"{millikelvin(measures.netd_shot)}",
+            f"predicted {millikelvin(measures.netd)}, {uniform}"
+            + (
+                f"; of shot noise alone {millikelvin(measures.netd_shot)}"
+                if camera.detector == "photon"
+                else ""
+            ),
         ),
+        *([("noise of the frames", image.noise.in_mK())] if image.noise else []),
         *(
             (
                 f"MTF at {name}",

@@ -146,11 +146,9 @@ def measured_mtf(optics: Optics) -> tuple[np.ndarray, np.ndarray]:
 # Smallest noise of a pixel, in counts, that frames resolve. Below it the error of a count is not
 # the independent one that the closed form assumes.
 SMALLEST_NOISE = 0.5
-# Ends of the names of measures in JSON
-UNITS = {
-    **dict.fromkeys(("temperature", "netd", "netd_measured", "netd_shot", "render_error"), "_K"),
-    **dict.fromkeys(("background", "glow", "noise"), "_electrons"),
-}
+# Measures in kelvin, and those in the unit of the signal, which end the names in JSON
+IN_KELVIN = ("temperature", "netd", "netd_measured", "netd_shot", "render_error")
+SIGNALS = ("background", "glow", "noise")
 
 
 @dataclass(frozen=True)
@@ -164,13 +162,14 @@ class Measures:
         there.
     background, glow : float
         Electrons of the background in a pixel on the optical axis, and of the optics' emission, of
-        which `background` holds as many.
+        which `background` holds as many. For a bolometer they are powers, W.
     noise : float
-        Noise of such a pixel, electrons: in time, and without `nuc` the fixed pattern too.
+        Noise of such a pixel in the same unit: in time, and without `nuc` the fixed pattern too.
+        It includes what the camera states of rows, columns and the residual pattern.
     netd, netd_measured, netd_shot : float or None
         Noise-equivalent temperature difference, K: in closed form, from frames of a uniform scene,
         and of the shot noise alone. None if the uniform scene saturates; the measured one also if
-        the noise is less than SMALLEST_NOISE counts.
+        the noise is less than SMALLEST_NOISE counts, and that of shot noise for a bolometer.
     mtf : dict of str to ndarray
         frequency (cycles/mm), predicted and measured MTF up to Nyquist.
     pixels : float
@@ -183,6 +182,8 @@ class Measures:
         Rms standard error of the rendering over the pixels on the target, K.
     saturated : float
         Share of the pixels that are saturated.
+    unit : str
+        Unit of the signal: electrons, or W.
     """
 
     temperature: float
@@ -198,17 +199,20 @@ class Measures:
     snr: float
     render_error: float
     saturated: float
+    unit: str = "electrons"
 
     def as_dict(self) -> dict:
         """The measures for JSON, with units in the names; the curves of the MTF are not in it."""
-        numbers = {name: value for name, value in vars(self).items() if name != "mtf"}
-        return {name + UNITS.get(name, ""): value for name, value in numbers.items()}
+        ends = dict.fromkeys(IN_KELVIN, "_K") | dict.fromkeys(SIGNALS, f"_{self.unit}")
+        numbers = {k: value for k, value in vars(self).items() if k not in ("mtf", "unit")}
+        return {name + ends.get(name, ""): value for name, value in numbers.items()}
 
 
 def background_noise(camera: Camera) -> float:
-    """Noise of a background pixel, electrons: in time, and without `nuc` the fixed pattern too."""
+    """Noise of a background pixel, see `Measures.noise`."""
     imager = camera.imager
-    return float(imager.noise(camera.background + camera.design.offset, not imager.nuc))
+    of_pixel = imager.noise(camera.background + camera.design.offset, not imager.nuc)
+    return float(np.hypot(of_pixel, camera.pattern.total))
 
 
 def measured(
@@ -239,7 +243,8 @@ def measured(
     # The well must hold the uniform scene and its noise, and counts must resolve the noise
     uniform_signal = electrons(band, camera.temperature) + glow
     uniform_noise = imager.noise(uniform_signal)
-    room = imager.well - imager.dark - uniform_signal
+    room = min(imager.well - imager.dark - uniform_signal, uniform_signal - imager.floor)
+    by_shot_noise = room > 0 and imager.detector == "photon"
     held = room > 6 * uniform_noise
     resolved = uniform_noise > SMALLEST_NOISE * imager.electrons_per_count
     uniform = replace(imager, gain_nonuniformity=0.0, offset_nonuniformity_e=0.0)
@@ -252,11 +257,12 @@ def measured(
         netd_measured=measured_netd(uniform, band, camera.temperature, camera.seed, glow)
         if held and resolved
         else None,
-        netd_shot=float(shot_noise_netd(band, camera.temperature, glow)) if room > 0 else None,
+        netd_shot=float(shot_noise_netd(band, camera.temperature, glow)) if by_shot_noise else None,
         mtf={"frequency": frequency, "predicted": camera.optics.mtf(frequency), "measured": value},
         pixels=pixels,
         peak_snr=float(np.abs(difference).max() / noise),
         snr=float(np.sqrt(np.sum(difference**2)) / noise),
         render_error=float(np.sqrt(np.mean(error_K[on] ** 2))),
         saturated=saturated(imager, signal),
+        unit=imager.unit,
     )

@@ -4,11 +4,13 @@ import pickle
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from functools import partial
+from itertools import chain, count
 from pathlib import Path
 
 import numpy as np
 
 from mi_lcair import formats
+from mi_lcair.detection.camera.bolometer import lagged
 from mi_lcair.detection.camera.electronics import Camera
 from mi_lcair.detection.camera.exposure import exposure
 from mi_lcair.detection.camera.scenery import Scenery
@@ -59,6 +61,7 @@ class FilmedFlight:
         self.radius_m, self.has_sun = setting.target.radius, setting.sun is not None
         behind = setting.backdrop.at_sensor(self.moments.range_m[0])
         self.camera = Camera.of(scenario, setting.detector, behind, seed)
+        self.warmer_K = self.camera.warmer_K(self.moments.time_s)
         self.rendered_at, self.viewed_at = [0], [0]
         for number in range(1, len(self.moments.time_s)):
             render, view = self.rendered_at[-1], self.viewed_at[-1]
@@ -79,12 +82,24 @@ class FilmedFlight:
         first = np.flatnonzero(np.diff(self.rendered_at)) + 1
         spans = np.split(np.arange(len(self.rendered_at)), first)
         parts = [span[k : k + AT_ONCE] for span in spans for k in range(0, len(span), AT_ONCE)]
-        for pages in in_order([partial(self.pages, part) for part in parts]):
-            yield from pages
+        imager = self.camera.imager
+        made = self.signals if imager.time_constant_ms else self.pages
+        images = chain.from_iterable(in_order([partial(made, part) for part in parts]))
+        if imager.time_constant_ms:
+            images = map(self.page, count(), lagged(imager, self.moments.time_s, images))
+        yield from images
 
     def pages(self, numbers: np.ndarray) -> np.ndarray:
         """Counts (n, H, W) of some moments, uint16."""
-        return np.stack([self.camera.frame(self.signal(number), number) for number in numbers])
+        return np.stack([self.page(number, self.signal(number)) for number in numbers])
+
+    def signals(self, numbers: np.ndarray) -> np.ndarray:
+        """Signals (n, H, W) of some moments without the lag of the detector."""
+        return np.stack([self.signal(number) for number in numbers])
+
+    def page(self, number: int, signal: np.ndarray) -> np.ndarray:
+        """Counts (H, W) of a moment with this signal."""
+        return self.camera.frame(signal, number, self.warmer_K[number])
 
     def signal(self, number: int) -> np.ndarray:
         """Mean electrons of the pixels at a moment, (H, W)."""

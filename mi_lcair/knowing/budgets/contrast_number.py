@@ -617,7 +617,7 @@ class Netd(DerivedNumber):
 
     def value_of(self, seen):
         camera = self.camera(seen)
-        return netd(seen.imager, camera.band, camera.temperature, camera.design.offset)
+        return netd(camera.imager, camera.band, camera.temperature, camera.design.offset)
 
 
 # The intensity of a scene's target as a number with an uncertainty budget

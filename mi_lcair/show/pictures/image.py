@@ -26,7 +26,7 @@ def figure(image: Image):
         plain(
             f"{scenario.name}, {image.band.label}, {scenario.observer.range_m:.5g} m, "
             f"f = {camera.focal_length_mm:g} mm, f/{camera.f_number:g}, "
-            f"{camera.integration_time_ms:g} ms, NETD {millikelvin(measures.netd)} "
+            f"{1e3 * camera.seconds:g} ms, NETD {millikelvin(measures.netd)} "
             f"at {measures.temperature:.4g} K"
         )
     )

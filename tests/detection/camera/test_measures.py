@@ -61,6 +61,7 @@ def measures(imager=IMAGER, signal=SIGNAL, share=SHARE, temperature=295.0, desig
         design=design,
         background=LEVEL,
         temperature=temperature,
+        pattern=Pattern.of(imager, 3),
         seed=3,
     )
     camera.kept_contrast = partial(Camera.kept_contrast, camera)

@@ -79,6 +79,7 @@ class CameraImage:
         setting.air.check_covers(setting.view.band)
         behind = setting.backdrop.at_sensor(scenario.observer.range_m)
         camera = Camera.of(scenario, setting.detector, behind, 0)
+        scenario = replace(scenario, camera=camera.imager)
         return CameraImage(scenario, setting, camera, None, None).facing()
 
     @property
