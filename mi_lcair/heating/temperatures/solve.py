@@ -44,6 +44,7 @@ from mi_lcair.rendering.window import window_area
 # change of V that is due to an input of the wall follows the same equation, with
 # Phi^T (db - dK U - dM dU/dt) in it.
 
+ALONE = 0.75  # share of the first day in which temperatures are followed without their changes
 PERIODIC = 2e-3  # largest distance of a temperature from its periodic value [K]
 MOST_DAYS = 60
 DAILY = 1e-9  # residual of the balance of a step, as a fraction of the power
@@ -200,8 +201,12 @@ class Course:
         Each mode decays, so that no later temperature of a surface differs by more than the drift.
         """
         begin, of_cells = self.states[1], [cells.states[1] for cells in self.cells]
-        for k in range(len(self.kelvin)):
-            self.step(k, BDF2, self.seconds)
+        m, is_first = (
+            len(self.kelvin),
+            not self.days and bool(self.network.with_walls) and not self.cells,
+        )
+        for k in range(m):
+            self.step(k, BDF2, self.seconds, has_changes=not is_first or k >= ALONE * m)
         change = self.states[1] - begin
         left = self.left(change)
         self.states = self.states + left
@@ -210,6 +215,7 @@ class Course:
         for cells, state in zip(self.cells, of_cells):
             drift = cells.periodic(state, self.loss[cells.members], day)
             self.drift = max(self.drift, drift)
+        self.drift = np.inf if is_first else self.drift
         self.days += 1
 
     @property
@@ -236,8 +242,8 @@ class Course:
             result[..., members] = rest @ change[..., members]
         return result
 
-    def step(self, k: int, scheme: float, seconds: float) -> None:
-        """Take the step to a time, of the temperatures and then of their changes."""
+    def step(self, k: int, scheme: float, seconds: float, has_changes: bool = True) -> None:
+        """Take the step to a time, of the temperatures and then of their changes, if wanted."""
         network, balance, area = self.network, self.network.balance, self.network.facets.area
         closed, solved = (DAILY, ROUGH) if np.isfinite(seconds) else (CLOSED, SOLVED)
         earlier, last = self.states
@@ -260,6 +266,10 @@ class Course:
         source[0] += self.surface * g * (kelvin - r)
 
         amplitudes = lag * source[0]
+        if not has_changes:
+            self.states = np.stack([last, np.zeros_like(last)])
+            self.states[1, 0] = amplitudes
+            return
         for c, members, b, K, M in self.varied:
             V = amplitudes[:, members]
             slope = (scheme * V - history[0][:, members]) / seconds

@@ -92,6 +92,25 @@ def test_changes_by_inputs_are_those_of_differences():
         np.testing.assert_allclose(changes, difference, atol=2e-3 + 1e-3 * abs(difference).max())
 
 
+@pytest.mark.parametrize("wall", [{"thickness_mm": 2.0} | PANEL, {}], ids=["panel", "no wall"])
+def test_changes_are_followed_from_the_end_of_the_first_day(wall, monkeypatch):
+    """They are those of all steps, in fewer; without walls there is one day."""
+    plates, calls = day_of(48, wall), []
+    columns = [plates.column("h", "5 %")]
+    rates = type(plates).rates
+
+    def counted(self, *arguments):
+        calls.append(1)
+        return rates(self, *arguments)
+
+    monkeypatch.setattr(type(plates), "rates", counted)
+    result = course(plates, columns)
+    assert len(calls) <= (48 + 12) * bool(wall) + 48 * (not wall)
+    monkeypatch.setattr("mi_lcair.heating.temperatures.solve.ALONE", 0.0)
+    np.testing.assert_allclose(result.changes, course(plates, columns).changes, atol=1e-6)
+    assert result.days == (2 if wall else 1) and result.drift < 1e-3
+
+
 @pytest.mark.parametrize(
     "wall", [SOIL, {"thickness_mm": 5.0} | PANEL | BACK], ids=["soil", "panel"]
 )
