@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from docs.studies.cases import nist
 from docs.studies.cases.comparison import Comparison, columns, write_rows
 
 
@@ -20,3 +21,9 @@ def test_data_have_numbers_and_names(tmp_path):
     assert (columns("l_room_view_factors.csv")["F"] > 0).sum() == 48
     write_rows(tmp_path / "rows.csv", {"hour": np.arange(2), "x": np.array([1.5, 2.5])})
     assert (tmp_path / "rows.csv").read_text() == "hour,x\n0,1.5\n1,2.5\n"
+
+
+def test_least_squares_have_ten_digits_of_certified_values():
+    """Of NIST's problems, also from the start of MGH09 that is far away."""
+    case = nist.compare()
+    assert len(case.residual) == 26 and abs(case.residual).max() < 1e-10

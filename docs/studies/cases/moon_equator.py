@@ -17,8 +17,8 @@ LUNATION_H = 2.551443e6 / 3600
 STEPS = 480
 
 
-def day(folder: Path, latitude_deg: float = 0.0, **ground):
-    """Temperatures over a lunation that begins at noon. ground: further keys of its group."""
+def tables(folder: Path, latitude_deg: float = 0.0, **ground) -> dict:
+    """The tables of a lunation that begins at noon. ground: further keys of its group."""
     hours = np.arange(STEPS + 1) * 24 / STEPS
     cos = np.cos(np.radians(latitude_deg)) * np.cos(np.radians(15 * hours))
     values = {
@@ -30,20 +30,18 @@ def day(folder: Path, latitude_deg: float = 0.0, **ground):
     write_rows(folder / "moon.csv", values)
     weather = {"file": str(folder / "moon.csv"), "day_h": LUNATION_H, "air_K": 200.0}
     weather |= {"h_W_m2_K": 0.0, "sky_K": 0.0, "ground_K": 0.0}
-    return mi_lcair.heat(
-        {
-            "target": {"scene": plane(folder)},
-            "weather": weather,
-            "groups": {"ground": {"material": "regolith"} | ground},
-            "run": {"steps": STEPS, "rays": 64},
-        }
-    )
+    return {
+        "target": {"scene": plane(folder)},
+        "weather": weather,
+        "groups": {"ground": {"material": "regolith"} | ground},
+        "run": {"steps": STEPS, "rays": 64},
+    }
 
 
 def compare() -> Comparison:
     """The night's points; extremes in the note."""
     with tempfile.TemporaryDirectory() as folder:
-        heat = day(Path(folder))
+        heat = mi_lcair.heat(tables(Path(folder)))
     hours = heat.hours / heat.hours[-1] * 24
     kelvin, error = heat.kelvin[:, 0], heat.error_K[:, 0]
     data = columns("moon_equator.csv")

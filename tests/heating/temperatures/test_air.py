@@ -9,6 +9,8 @@ from mi_lcair.heating.temperatures.air import (
     SurfaceAir,
     evaporation,
     plate_convection,
+    psi_heat,
+    psi_momentum,
     rough_convection,
     sky_temperature,
     vapour_pressure,
@@ -82,6 +84,54 @@ def test_still_air_above_a_warm_plate(facing, warmer):
     assert stable[0] < 0.3 * h[0]
 
 
+@pytest.mark.parametrize(
+    ("facing", "warmer", "Ra", "Nu"),
+    [
+        ("upright", 20.0, 1e4, 5.432745463),
+        ("upright", -20.0, 1e6, 16.558402864),
+        ("upright", 20.0, 1e9, 122.856534876),
+        ("down", 20.0, 1e4, 3.637167800),
+        ("up", -20.0, 1e6, 7.534186650),
+        ("down", 20.0, 1e9, 26.522868569),
+    ],
+)
+def test_still_air_as_another_program_has_it(facing, warmer, Ra, Nu):
+    """Nu_vertical_plate_Churchill and Nu_horizontal_plate_Rohsenow of ht 1.2.0, Pr = 0.71."""
+    film = 290 + warmer / 2
+    k, mu = 0.0241 * (film / 273.15) ** 0.81, 1.458e-6 * film**1.5 / (film + 110.4)
+    nu = mu * 287.05 * film / 90000
+    height = (Ra * nu**2 * film / (9.81 * abs(warmer) * 0.71)) ** (1 / 3)
+    length = height if facing == "upright" else 4 * height
+    air = SurfaceAir(290.0, pressure=900.0)
+    h = plate_convection(np.array([290 + warmer]), air, length, facing)[0]
+    assert h * height / k == pytest.approx(Nu, rel=2e-4)  # the wind of Re = 1e-9
+
+
+def test_turbulent_wind_as_another_program_has_it():
+    """Nu_horizontal_plate_turbulent_Schlichting of ht 1.2.0, with the laminar part in squares."""
+    film, length = 290.0, 20.0
+    k, mu = 0.0241 * (film / 273.15) ** 0.81, 1.458e-6 * film**1.5 / (film + 110.4)
+    wind = 1e7 * mu * 287.05 * film / 101325 / length
+    h = plate_convection(np.array([290.0]), SurfaceAir(290.0, wind), length, "up")[0]
+    laminar = 0.664 * 1e7**0.5 * 0.71 ** (1 / 3)
+    assert h * length / k == pytest.approx(np.hypot(11613.912438, laminar), rel=1e-5)
+
+
+def test_profiles_have_the_derivatives_of_differences():
+    """By temperature and wind, through the stability that follows from both."""
+    for warmer, wind in ((5.0, 2.0), (-2.0, 3.0)):
+        step, T = 1e-5, np.array([285.0 + warmer])
+
+        def h(dT=0.0, dU=0.0, T=T, wind=wind):
+            return rough_convection(T + dT, SurfaceAir(285.0, wind + dU), 0.01, 0.001)
+
+        for key in ("dT", "dU"):
+            slope = h(**{key: 1e-30j}).imag / 1e-30
+            ends = (h(**{key: sign * step}).real for sign in (1, -1))
+            assert slope == pytest.approx(np.subtract(*ends) / (2 * step), rel=1e-5)
+    assert abs(psi_momentum(np.array([0.0]))) < 1e-12 and abs(psi_heat(np.array([0.0]))) < 1e-12
+
+
 def test_wind_along_a_plate():
     """Little more than laminar at Re = 700, and 10 % of 0.037 Re^0.8 Pr^(1/3) at 3 million."""
     nu, k = 1.48e-5, 0.0253
@@ -111,6 +161,18 @@ def test_evaporation():
     density = 101325 / (287.05 * 293.15)
     halved = evaporation(np.array([293.15]), 10.0, air, resistance=density * 1005 / 10)[0]
     assert halved == pytest.approx(wet / 2)
+
+
+def test_dew_frost_and_ice():
+    """Dew takes no wetness; frost is ice, 2.83 MJ/kg at -10 degrees C; water above 0."""
+    moist = SurfaceAir(290.0, humidity=90.0)
+    dew = [evaporation(np.array([280.0]), 10.0, moist, wet)[0] for wet in (0.2, 1.0)]
+    assert dew[0] == dew[1]
+    surplus = 991.8 - 0.9 * 1918.0  # saturation over water at 280 and 290 K, of tables
+    assert dew[0] == pytest.approx(2.485e6 * 10 / 1005 * 0.622 / 101325 * surplus, rel=0.01)
+    ice = evaporation(np.array([263.15]), 10.0, SurfaceAir(263.15), 1.0)[0]
+    assert ice == pytest.approx(2.836e6 * 10 / 1005 * 0.622 / 101325 * 259.9, rel=0.012)
+    assert vapour_pressure(np.array(273.65)) == pytest.approx(633.6, rel=2e-3)
 
 
 def test_sky_by_humidity_and_cloud():
