@@ -48,10 +48,15 @@ emissivity = 0.7
 """
 
 
+def of_coat(um):
+    """A step in sunlight, and one in heat."""
+    return np.where(um < 1, 0.5, np.where(um < 10, 0.9, 0.2))
+
+
 def surfaces(folder, name: str, of_band: str, used_in: str = "LWIR") -> tuple[float, list[str]]:
     """The emissivity of a material of FILE in a band, and the remarks."""
     (folder / "own.toml").write_text(FILE)
-    rows = "\n".join(f"{um:g},{0.9 if um < 10 else 0.2}" for um in (0.25, 2, 9.99, 10, 50))
+    rows = "\n".join(f"{um:g},{of_coat(um)}" for um in (0.25, 0.999, 1, 9.99, 10, 50))
     (folder / "coat.csv").write_text(f"wavelength_um,emissivity\n{rows}\n")
     bsdf = {"type": "material", "material": name, "band": used_in}
     bsdf["materials"] = str(folder / "own.toml")
@@ -81,15 +86,16 @@ def test_another_entry_stands_in_with_a_remark(tmp_path, of_band, emissivity, re
     assert value == pytest.approx(emissivity, rel=1e-6) and remark in line
 
 
-def test_a_spectrum_is_averaged_over_room_temperature(tmp_path):
+def test_a_spectrum_is_averaged_over_room_temperature_and_sunlight(tmp_path):
     value, (line,) = surfaces(tmp_path, "coat", TOTAL)
     um = np.linspace(0.25, 50, 20001)
-    emissivity = np.where(um < 10, 0.9, 0.2)
     weights = spectral_radiance(um, 300.0)
-    assert value == pytest.approx(weights @ emissivity / weights.sum(), rel=3e-3)
+    assert value == pytest.approx(weights @ of_coat(um) / weights.sum(), rel=3e-3)
     assert "material 'coat'" in line
     value, remarks = surfaces(tmp_path, "coat", SOLAR)
-    assert value == pytest.approx(0.9, rel=1e-6) and not remarks
+    um = np.linspace(0.3, 2.5, 20001)
+    weights = spectral_radiance(um, 5772.0)
+    assert value == pytest.approx(weights @ of_coat(um) / weights.sum(), rel=3e-3) and not remarks
 
 
 def test_a_material_with_neither_band_is_refused(tmp_path):

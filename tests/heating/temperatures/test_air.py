@@ -8,6 +8,7 @@ from scipy.optimize import brentq
 from mi_lcair.heating.temperatures.air import (
     SurfaceAir,
     evaporation,
+    longwave_temperature,
     plate_convection,
     psi_heat,
     psi_momentum,
@@ -64,6 +65,14 @@ def test_neutral_profile_is_logarithmic():
     assert h[0] == pytest.approx(expected, rel=1e-4)
 
 
+def test_least_wind_is_a_third_of_a_metre_a_second():
+    h = [
+        rough_convection(np.array([285.0]), SurfaceAir(286.0, wind), 0.01, 0.001).real[0]
+        for wind in (0.1, 0.3, 0.31)
+    ]
+    assert h[0] == h[1] < h[2]
+
+
 def test_still_air_at_an_upright_plate():
     """2 % of a worked example: 0.71 m at 232 degrees C in 23 (Incropera, example 9.2), 7.0."""
     h = plate_convection(np.array([505.15]), SurfaceAir(296.15), 0.71, "upright")
@@ -93,6 +102,7 @@ def test_still_air_above_a_warm_plate(facing, warmer):
         ("down", 20.0, 1e4, 3.637167800),
         ("up", -20.0, 1e6, 7.534186650),
         ("down", 20.0, 1e9, 26.522868569),
+        ("up", 20.0, 1e3, 3.0653),  # by hand: 0.835 x 0.515 Ra^(1/4) = 2.4182, 1.4 / ln(1.57894)
     ],
 )
 def test_still_air_as_another_program_has_it(facing, warmer, Ra, Nu):
@@ -129,7 +139,7 @@ def test_profiles_have_the_derivatives_of_differences():
             slope = h(**{key: 1e-30j}).imag / 1e-30
             ends = (h(**{key: sign * step}).real for sign in (1, -1))
             assert slope == pytest.approx(np.subtract(*ends) / (2 * step), rel=1e-5)
-    assert abs(psi_momentum(np.array([0.0]))) < 1e-12 and abs(psi_heat(np.array([0.0]))) < 1e-12
+    assert abs(psi_momentum(np.array([-1e-12]))) < 1e-9 and abs(psi_heat(np.array([-1e-12]))) < 1e-9
 
 
 def test_wind_along_a_plate():
@@ -178,6 +188,7 @@ def test_dew_frost_and_ice():
 def test_sky_by_humidity_and_cloud():
     """A clear sky at 290 K and 1000 Pa has the emissivity 1.24 (10 / 290)^(1/7); an overcast one
     is nearly black."""
+    assert longwave_temperature(5.670374419e-8 * 300.0**4) == pytest.approx(300)
     humidity = 100 * 1000 / vapour_pressure(290.0)
     clear = (sky_temperature(290.0, humidity) / 290) ** 4
     assert clear == pytest.approx(1.24 * (10 / 290) ** (1 / 7))
