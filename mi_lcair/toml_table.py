@@ -48,11 +48,11 @@ def check_tables(known, tree: Mapping) -> None:
 
 
 def read(source, of, kind: str):
-    """What `of(tables, folder, name)` makes of a TOML file, or of a dictionary of its tables.
+    """Read a TOML file, or a dictionary of its tables, and build the result with `of`.
 
-    kind: what the file is, such as "sweep"; also the name of a dictionary. Paths in a file are
-    relative to its folder, those of a dictionary to the working folder. The message of an
-    InputError names the file.
+    of: function of (tables, folder, name). kind: what the file is, such as "sweep"; also the name
+    of a dictionary. Paths in a file are relative to its folder, those of a dictionary to the
+    working folder. The message of an InputError names the file.
     """
     if isinstance(source, Mapping):
         with errors_of(kind):

@@ -97,7 +97,8 @@ def contrast(
         Trace paths until half of the 95 % interval of each result is at most this fraction of it,
         such as 0.01 or "1%".
     tolerance_W_m2 : float or None
-        The same in W m^-2, for a contrast that may be zero. With both tolerances, one suffices.
+        The same in W m^-2, for a contrast that may be zero. With both tolerances, tracing ends when
+        either is met.
     max_spp : int or None
         As `spp`: the largest number of paths for a tolerance (65536).
 

@@ -148,7 +148,7 @@ def grey_surface(emissivity: float, is_sheet: bool):
 def hemispherical_emissivity(surface: Radiator, nodes: int = 64) -> np.ndarray:
     """Hemispherical emissivity of each side of a surface that emits, (sides,).
 
-    That of a texture is about the mean over it.
+    For a texture it is approximately the average.
     """
     x, w = np.polynomial.legendre.leggauss(nodes)
     sin2 = np.tile((x + 1) / 2, len(surface.sides))  # cos sin d(theta) = d(sin^2) / 2
@@ -443,7 +443,7 @@ class FacetPaths:
         si.wi = mi.warp.square_to_cosine_hemisphere(sampler.next_2d())
         si.wi.z = dr.mulsign(si.wi.z, side)
         _, absorbed, _, _ = self.tracer.respond(si, mi.Bool(True))
-        # What is absorbed of the sky's light is the same for light that arrives. Light that a side
+        # By reciprocity the absorbed share of sky light equals the emitted share. Light that a side
         # has reflected begins with the weight 1.
         weight = mi.Float(1) if self.reflected else absorbed
         of_escape = absorbed if self.reflected else mi.Float(1)

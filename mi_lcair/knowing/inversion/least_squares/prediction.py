@@ -166,7 +166,7 @@ class DatumBlock:
     columns : list of R arrays, each (n, K)
         Its derivatives, dense or sparse.
     unknown : ndarray of int, shape (K,)
-        Number of each column's unknown.
+        Index of the unknown to which each column belongs.
     reference : ndarray, shape (K,)
         Values at which the datum was rendered.
     band : Band or None
