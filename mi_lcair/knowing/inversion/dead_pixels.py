@@ -39,5 +39,5 @@ def places(datum: Datum) -> dict[str, np.ndarray]:
     labels = np.full(datum.counts.shape, -1)
     labels[datum.counts] = most
     is_edge = ndimage.maximum_filter(labels, 3) != ndimage.minimum_filter(labels, 3)
-    of_groups = {f"on {group}": most == k for k, group in enumerate(datum.shares)}
+    of_groups = {f"on {g}": most == k for k, g in enumerate(datum.shares) if (most == k).any()}
     return of_groups | {"at the edges of groups": is_edge[datum.counts]}

@@ -155,6 +155,7 @@ def solve_problem(problem: InverseProblem, advise: bool, progress: Progress | No
     start = time.perf_counter()
     loader, data, proposed, everything = loaded(problem)
     state = best_of_starts(everything, data, problem, progress)
+    data = [datum.moved(everything, state.x) for datum in data]
     if problem.goal is not None:
         answered, chi, pairs, advised = answers(everything, state, True), UNTESTED, [], []
         reached = achieved(data[0], state, everything, problem.render)

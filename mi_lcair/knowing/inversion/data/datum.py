@@ -12,6 +12,7 @@ from mi_lcair.derivatives.images import differentiate_image, facet_matrix, rando
 from mi_lcair.derivatives.window import differentiate_intensity
 from mi_lcair.knowing.inversion.data import readings
 from mi_lcair.knowing.inversion.data.camera_image import ROOM, CameraImage
+from mi_lcair.knowing.inversion.data.nuisances import nuisances_of, shares_of_groups
 from mi_lcair.knowing.inversion.least_squares.prediction import (
     CommonNoise,
     DatumBlock,
@@ -186,6 +187,19 @@ class Datum:
                 datum = replace(datum, camera=datum.camera.facing(ROOM))
             yield datum
 
+    def moved(self, unknowns: list[Unknown], x: np.ndarray) -> "Datum":
+        """The datum with the shares of groups at the values x, where motions change them.
+
+        An error of a group with edges in wrong places would seem to be another pattern than that
+        of its temperature.
+        """
+        kinds = {unknowns[k].kind for k in self.numbers(unknowns)}
+        if not self.shares or "motion" not in kinds:
+            return self
+        with self.at(unknowns, x):
+            shares = shares_of_groups(self.scene, self.entry.sensor, self.counts)
+        return replace(self, shares=shares, nuisances=nuisances_of(self.entry, self.counts, shares))
+
     def weighing(
         self, unknowns: list[Unknown], x: np.ndarray, sampling: RenderSettings
     ) -> Weighing:
@@ -207,8 +221,8 @@ class Datum:
                 radiance = images[:, self.counts]
                 variance = maximum_filter(variance_of_mean(images), NEIGHBOURS)[self.counts]
         predicted, common = radiance.mean(axis=0), self.common
-        if self.nuisances is not None:
-            common = self.nuisances.added_to(common, predicted)
+        if (nuisances := self.moved(unknowns, x).nuisances) is not None:
+            common = nuisances.added_to(common, predicted)
         return Weighing(1 / (self.noise(predicted) ** 2 + self._spread * variance), common)
 
     @property

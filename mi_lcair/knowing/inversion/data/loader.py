@@ -17,12 +17,11 @@ from mi_lcair.knowing.inversion.data.nuisances import (
     MODEL,
     OFFSET,
     VIGNETTING,
-    camera_faults,
-    group_errors,
+    nuisances_of,
     shares_of_groups,
 )
 from mi_lcair.knowing.inversion.least_squares.newton import MOST_FACETS
-from mi_lcair.knowing.inversion.least_squares.prediction import CommonNoise, DatumBlock, Nuisances
+from mi_lcair.knowing.inversion.least_squares.prediction import CommonNoise, DatumBlock
 from mi_lcair.knowing.inversion.tables import Goal, RenderSettings
 from mi_lcair.knowing.inversion.unknowns import Where
 from mi_lcair.physics.blackbody import in_band_radiance
@@ -199,17 +198,6 @@ def with_pixel_errors(noise: Callable, entry: readings.Observation) -> Callable:
     if entry.model_sigma is None:
         return noise
     return lambda predicted: np.hypot(noise(predicted), entry.model_error * predicted)
-
-
-def nuisances_of(entry: readings.Observation, counts, shares: dict) -> Nuisances | None:
-    """The errors that the pixels of an image share; None for a number, and without any."""
-    if counts is None:
-        return None
-    own = [getattr(entry, key, False) for key in ("gain", "offset")]
-    result = camera_faults(counts, entry.camera_error, *(not is_own for is_own in own))
-    if shares and entry.model_error:
-        result = result.beside(group_errors(shares, entry.model_error))
-    return result if result.names else None
 
 
 def assumed_of(entry: readings.Observation) -> frozenset[str]:

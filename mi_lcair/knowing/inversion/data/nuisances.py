@@ -6,6 +6,7 @@ over them, so that they widen the errors of the unknowns. They are relative to t
 
 import numpy as np
 
+from mi_lcair.knowing.inversion.data.readings import Observation
 from mi_lcair.knowing.inversion.least_squares.prediction import Nuisances
 from mi_lcair.rendering.images.render import render_image
 from mi_lcair.rendering.sampling import Sampling
@@ -18,6 +19,17 @@ MODEL = "the scene's radiance"
 # Paths that tell which groups the pixels show, and samples per pixel. With 16 samples the noise of
 # the shares of pixels at edges makes the errors of temperatures 1.4 times too small.
 PATHS_OF_SHARES, LEAST_SPP, MOST_SPP = 2**21, 16, 512
+
+
+def nuisances_of(entry: Observation, counts, shares: dict) -> Nuisances | None:
+    """The errors that the pixels of an image share; None for a number, and without any."""
+    if counts is None:
+        return None
+    own = [getattr(entry, key, False) for key in ("gain", "offset")]
+    result = camera_faults(counts, entry.camera_error, *(not is_own for is_own in own))
+    if shares and entry.model_error:
+        result = result.beside(group_errors(shares, entry.model_error))
+    return result if result.names else None
 
 
 def camera_faults(counts: np.ndarray, sigma: float, gain: bool, offset: bool) -> Nuisances:
@@ -61,7 +73,10 @@ def group_errors(shares: dict[str, np.ndarray], sigma: float) -> Nuisances:
 
 
 def shares_of_groups(scene: Scene, sensor: int, counts: np.ndarray) -> dict[str, np.ndarray]:
-    """Share of the radiance of each pixel that counts, (n,), which leaves each group toward it."""
+    """Share of the radiance of each pixel that counts, (n,), which leaves each group toward it.
+
+    It is 0 for a group that no pixel shows.
+    """
     spp = int(np.clip(PATHS_OF_SHARES // counts.size, LEAST_SPP, MOST_SPP))
     sampling = Sampling(spp=spp, sensor=sensor)
     channels = render_image(scene, sampling, ("seen",)).channels
@@ -69,5 +84,5 @@ def shares_of_groups(scene: Scene, sensor: int, counts: np.ndarray) -> dict[str,
     return {
         name.removeprefix("seen.").removesuffix(".Y"): values[counts] / total
         for name, values in channels.items()
-        if name.startswith("seen.") and values[counts].any()
+        if name.startswith("seen.")
     }

@@ -150,13 +150,14 @@ def minimiser(
 ) -> np.ndarray:
     """The values that minimise the cost of blocks rendered at `start`, with damping toward it."""
     x, first = start, equations(blocks, start, is_sparse)
+    pressure = first.pressure(prior.information)
     damped = damping * (np.maximum(first.information.diagonal(), 0) + prior.information)
 
     def weighed(x, there: Equations | None = None) -> tuple[Equations, float]:
         """The equations at x, weighed by the same noise at all of them, and what a step lowers."""
         normal = (there or equations(blocks, x, is_sparse)).weighed_as(first)
         added = prior.cost(x) + damped @ (x - start) ** 2
-        return normal, normal.pressure(normal) + added
+        return normal, pressure(normal) + added
 
     def misfit(x) -> float:
         return cost_of(blocks, x) + prior.cost(x)

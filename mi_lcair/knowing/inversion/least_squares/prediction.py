@@ -27,6 +27,7 @@ from mi_lcair.physics.blackbody import in_band_radiance, in_band_slope
 
 # Smallest eigenvalue of the scaled covariance of the gradient, relative to the largest, that counts
 RANK = 1e-13
+LITTLE = 1e-4  # information, relative to what is known beforehand, that does not count
 SIGNIFICANT = 3  # standard errors by which the squared derivatives must exceed 0
 
 
@@ -359,12 +360,22 @@ class Equations:
             vars(result)["inverse_noise"] = other.inverse_noise
         return result
 
-    def pressure(self, other: "Equations") -> float:
-        """gradient^T noise^-1 gradient for the gradient of other equations: 0 at a solution."""
+    def pressure(self, known: np.ndarray) -> Callable[["Equations"], float]:
+        """Function gradient^T noise^-1 gradient of other equations: 0 at a solution.
+
+        known: inverse variances (N,) that are known beforehand. Directions of which the data know
+        next to nothing beside them do not count: their gradient is that of rounding errors.
+        """
         if sparse.issparse(self.noise):
-            inverse = 1 / np.maximum(self.noise.diagonal(), np.finfo(float).tiny)
-            return float(other.gradient @ (inverse * other.gradient))
-        return float(other.gradient @ self.inverse_noise @ other.gradient)
+            inverse = sparse.diags_array(
+                1 / np.maximum(self.noise.diagonal(), np.finfo(float).tiny)
+            )
+        else:
+            sigma = known[:, None] ** -0.5
+            values, vectors = np.linalg.eigh(self.noise * (sigma * sigma.T))
+            directions = sigma * vectors[:, values > LITTLE]
+            inverse = directions @ (directions / values[values > LITTLE]).T
+        return lambda other: float(other.gradient @ (inverse @ other.gradient))
 
     @cached_property
     def information(self) -> np.ndarray:

@@ -176,7 +176,7 @@ FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-12, 1e8
 FAR = 0.5
 NEAR = 3.0  # length of a step, in standard errors, up to which the gradient decides about it
 NOISY_SHARE = 0.5  # part of a variance, made by the render, from which an interval is linear
-UNRESOLVED = 0.2  # the same where the noise of the render hides it; it adds 2 % to an error
+UNRESOLVED = 0.2  # step, in standard errors, that adds 2 % to an error, see `unresolved`
 # Columns of the inverse of a sparse matrix that are computed together. With a hundred or more,
 # SuperLU starts threads that take far longer than the solution.
 CHUNK = 32
@@ -364,6 +364,7 @@ def solve(
     first, start, weighings = x, x, weigh(x)
     blocks = rendered(x)
     search, is_first, is_searching = BadPixelSearch(blocks), True, True
+    is_rough = not is_exact  # weights from far away make a solution that is not worth its renders
     while is_searching:
         blocks = search.weighed(blocks, weighings)
         if is_first:
@@ -374,11 +375,12 @@ def solve(
             x, converged = exact_minimum(blocks, x, prior, is_sparse)
         else:
             x, blocks, converged = descent(
-                blocks, x, prior, is_sparse, rendered, record, lambda: done >= iterations
+                blocks, x, prior, is_sparse, rendered, record, lambda: done >= iterations, is_rough
             )
         is_far = newton.length(x - start, equations(blocks, x, is_sparse), prior) >= 1
+        is_rough &= done < iterations
         # Weights at the first guess are not the best ones, so they are found once more
-        is_searching = is_first and is_far
+        is_searching = is_far and (is_first or is_rough) or is_rough and not converged
         if converged:
             is_searching |= search.continues(blocks, x, weighings)
             # The derivatives of a lobe that has become much narrower may be noise
@@ -386,7 +388,7 @@ def solve(
             if lost.any():
                 held, x, is_searching = held | lost, np.where(lost, first, x), True
                 blocks = rendered(x)
-        is_first = False
+        is_first, is_rough = False, is_rough and is_far
         if is_searching and is_far:
             start, weighings = x, weigh(x)
             if is_exact and max(block.change(x) for block in blocks) > FAR:
@@ -416,7 +418,9 @@ def exact_minimum(blocks, x, prior: newton.Prior, is_sparse: bool) -> tuple[np.n
     return x, False
 
 
-def descent(blocks, x, prior: newton.Prior, is_sparse: bool, rendered, record, is_over) -> tuple:
+def descent(
+    blocks, x, prior: newton.Prior, is_sparse: bool, rendered, record, is_over, is_rough
+) -> tuple:
     """Levenberg-Marquardt steps, each with a render: values, blocks there, and convergence.
 
     Far from the solution the cost decides whether a step is kept. Near it, the noise of the render
@@ -425,12 +429,16 @@ def descent(blocks, x, prior: newton.Prior, is_sparse: bool, rendered, record, i
     rendered: gives the blocks at values. record: traces blocks at values, and gives the distance
     from there to the solution in standard errors. It is the length of the undamped step, because a
     damped one is short far from the solution too. is_over: whether no further render is allowed.
+    is_rough: whether to end when a step does not halve the distance.
     """
     damping, largest = FIRST_DAMPING, newton.CONVERGED
     distance = record(blocks, x)
     while damping <= MOST_DAMPING:
         normal = equations(blocks, x, is_sparse)
         if distance < largest or is_over():
+            if UNRESOLVED < distance < largest:
+                # The errors contain the noise of this render, but not the choice of these values
+                x, _ = feasible(rendered, x, newton.minimiser(blocks, x, prior, 0.0, is_sparse))
             return x, blocks, distance < largest
         trial, new = None, newton.minimiser(blocks, x, prior, damping, is_sparse)
         if (new != x).any():
@@ -449,18 +457,33 @@ def descent(blocks, x, prior: newton.Prior, is_sparse: bool, rendered, record, i
         change = cost_change(blocks, x, trial, new, prior, near_by)
         # Far from the solution the change of the cost is noisy
         is_kept = change < (0 if is_near else distance**2)
-        distance_after = record(trial, new, is_kept)
+        before, distance_after = distance, record(trial, new, is_kept)
         if is_kept:
             x, blocks, distance = new, trial, distance_after
         # A step that should have come nearer and did not shows how near the noise of the render,
         # which is another one at other values, lets the iteration come
-        largest = newton.CONVERGED if is_kept or distance > NEAR else UNRESOLVED
-        if change < predicted / 2 < 0:
-            damping /= 1000  # the step went as it was predicted
+        is_good = change < predicted / 2 < 0  # the step went as it was predicted
+        largest = newton.CONVERGED if is_good or distance > NEAR else unresolved(normal, prior)
+        if is_rough and (not is_kept or distance_after > before / 2):
+            return x, blocks, False
+        if is_good:
+            damping /= 1000
         else:
             damping = damping / 10 if change < 0 else max(10 * damping, FIRST_DAMPING)
         damping = max(damping, LEAST_DAMPING)
     return x, blocks, False
+
+
+def unresolved(normal: Equations, prior: newton.Prior) -> float:
+    """Distance, in standard errors, up to which the noise of the render hides the solution.
+
+    It is the rms distance of the solutions by two renders, or UNRESOLVED if that is smaller.
+    """
+    if sparse.issparse(normal.matrix):
+        return UNRESOLVED
+    rendered = normal.transfer @ (normal.noise - normal.measured_noise) @ normal.transfer.T
+    squared = 2 * np.trace(np.linalg.solve(normal.information + prior.matrix, rendered))
+    return float(np.clip(np.sqrt(max(squared, 0)), UNRESOLVED, NEAR))
 
 
 def cost_change(
@@ -474,7 +497,8 @@ def cost_change(
     if normal is None:
         return change + cost_of(trial, new) - cost_of(blocks, x)
     there = equations(trial, new, sparse.issparse(normal.matrix))
-    return change + normal.pressure(there) - normal.pressure(normal)
+    pressure = normal.pressure(prior.information)
+    return change + pressure(there) - pressure(normal)
 
 
 def state(blocks, x, prior: newton.Prior, is_sparse: bool) -> State:

@@ -11,6 +11,7 @@ from mi_lcair.knowing.inversion.data.readings import Candidate, Observation
 from mi_lcair.knowing.inversion.tables import RenderSettings
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
+from tests.knowing.inversion import corner
 from tests.knowing.inversion.blocks import kelvin, unknown
 from tests.knowing.inversion.plate import write_scene
 
@@ -62,6 +63,21 @@ def plate(tmp_path_factory):
     folder = tmp_path_factory.mktemp("plate")
     entry = Candidate(write_scene(folder), "plate", {"size": 4}, netd_mK=50.0)
     return Loader().datum(entry, 0, set())
+
+
+def test_shares_of_groups_follow_a_motion(tmp_path):
+    """An image that moves by one pixel has the same shares one pixel further right."""
+    entry = Candidate(corner.write_scene(tmp_path), "corner", netd_mK=50.0)
+    still = Loader().datum(entry, 0, set())
+    shift = unknown("observer.x_px", kind="motion", unit="pixel", lower=-9.0, upper=9.0)
+    moved = still.moved([shift], np.array([1.0]))
+    for group, share in still.shares.items():
+        before, after = share.reshape(16, 16), moved.shares[group].reshape(16, 16)
+        np.testing.assert_allclose(after[:, 1:], before[:, :-1], atol=0.05)
+        assert not np.allclose(after, before, atol=0.1)
+    pattern = moved.nuisances.labels.index("radiance of s0")
+    np.testing.assert_allclose(moved.nuisances.patterns[:, pattern], 0.01 * moved.shares["s0"])
+    assert still.moved([unknown("paint0.reflectance")], np.array([0.3])) is still
 
 
 def test_block_and_weights_in_closed_form(plate):

@@ -264,6 +264,14 @@ def test_equations_of_few_values_have_a_lower_rank():
     np.testing.assert_allclose(found.pull, [16, 16])  # 2 (3 - 1) / 0.25
 
 
+def test_a_direction_of_rounding_errors_has_no_pressure():
+    """Its gradient is 9 of its standard errors, which count if nothing else is known of it."""
+    noise = np.diag([4.0, 1e-9])
+    found = prediction.Equations(noise, np.array([2.0, 9e-4 * np.sqrt(0.1)]), noise, noise)
+    assert found.pressure(np.ones(2))(found) == pytest.approx(1)
+    assert found.pressure(np.array([1, 1e-6]))(found) == pytest.approx(1 + 81)
+
+
 def test_cost():
     """The sum of weighted squared residuals, also from different randomisations."""
     F = RADIANCE + np.einsum("rnk,k->rn", COLUMNS, X)

@@ -204,6 +204,28 @@ def test_convergence_where_paths_change_with_the_values():
         assert (np.abs(state.x - np.sqrt([0.4, 0.7])) < 4 * error).all()
 
 
+def test_convergence_where_each_render_has_other_noise():
+    """2 + J x in renders whose noise is three times that of the measurement: errors are as stated.
+
+    The paths across an edge that a motion moves differ in all renders. No step then leads to values
+    whose next step is short.
+    """
+    random, deviations = np.random.default_rng(2), []
+    for _ in range(40):
+        measured = 2 + J @ TRUE + SIGMA * random.normal(size=20)
+
+        def render(x, measured=measured):
+            F = 2 + J @ x + 3 * np.sqrt(8) * SIGMA * random.normal(size=(8, 20))
+            return [replace(EXACT, radiance=F, columns=[J] * 8, measured=measured, reference=x)]
+
+        weight = np.full(20, 1 / (10 * SIGMA**2))
+        both = [unknown("a", lower=-9.0, upper=9.0), unknown("b", lower=-9.0, upper=9.0)]
+        state = solve(both, render, lambda x, of=weight: [Weighing(of)], False, 20)
+        assert state.converged
+        deviations.append((state.x - TRUE) / np.sqrt(np.diag(state.covariance)))
+    assert 0.7 < np.std(deviations) < 1.2  # values where two renders agree are better than one
+
+
 def test_a_derivative_that_becomes_noise_on_the_way():
     """Where the solution's derivatives are noise, the unknown goes back and is not determined."""
     random = np.random.default_rng(3)
