@@ -36,7 +36,9 @@ FAINTEST = 1e-100  # replaces 0 in quotients and logarithms [W m^-2 sr^-1]
 SMALLEST = 1e-3  # variance around a pixel, as a fraction of that of the image, if none was measured
 
 
-def pixel_errors(total: Totals, size: tuple[int, int], name: str | None = None) -> np.ndarray:
+def pixel_errors(
+    total: Totals, size: tuple[int, int], name: str | None = None, with_bounds: bool = True
+) -> np.ndarray:
     """Standard errors of a channel of pixels, from the scatter in their neighbourhood, (P,).
 
     The scatter of a few paths through one pixel says little about its error: where paths rarely
@@ -44,13 +46,17 @@ def pixel_errors(total: Totals, size: tuple[int, int], name: str | None = None) 
     no path through the neighbourhood has met is one that these paths may have missed. For a channel
     other than the radiance, it is taken to have the spectrum of the image.
 
-    size: rows and columns of the image. name: the channel; None for the radiance.
+    size: rows and columns of the image. name: the channel; None for the radiance. with_bounds:
+    whether edges and sources count that paths may have missed. They are bounds, so that intervals
+    hold the truth too often with them.
     """
 
     paths = np.maximum(total.paths, 1)
-    of_path = total.random_error(name) ** 2 * paths
-    variance = around(of_path.reshape(size)).ravel() / paths
+    random = total.random_error(name) if with_bounds else total.scatter_error(name)
+    variance = around((random**2 * paths).reshape(size)).ravel() / paths
     systematic = averaged((total.systematic * total.mean(name)) ** 2, size, POOLED)
+    if not with_bounds:
+        return np.sqrt(variance + systematic)
     share = total.mean(name).mean() / max(total.mean().mean(), FAINTEST)
     missed = missed_nearby(share * total.missed_error() * paths, size) / paths
     return np.sqrt(variance + systematic + missed**2)

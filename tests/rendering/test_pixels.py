@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
+from mi_lcair.plugins.emission.draw_table import UnmetSources
 from mi_lcair.rendering import measure as module
 from mi_lcair.rendering.pixels import Allocation, PixelError, pixel_errors, shares_of, surroundings
 from mi_lcair.rendering.sampling import Sampling
@@ -152,3 +153,13 @@ def test_errors_of_equal_pixels_are_hardly_larger():
     means = random.standard_normal((60 * 60, RANDOMISATIONS))
     squares = pixel_errors(totals(means), (60, 60)) ** 2
     assert np.mean(squares) == pytest.approx(1.07 / RANDOMISATIONS, rel=0.03)
+
+
+def test_errors_without_bounds_are_those_of_the_scatter():
+    """Neither an edge nor a bright source that no path has met enlarges them."""
+    means = 10 + np.random.default_rng(4).standard_normal((60 * 60, RANDOMISATIONS))
+    unmet = UnmetSources(in_view=1e4, undrawn=0.0)
+    total = totals(means, unmet=unmet, lowest=0.0, highest=500.0)
+    stated, scatter = (pixel_errors(total, (60, 60), None, bounds) for bounds in (True, False))
+    assert stated.min() > 2 * scatter.max()
+    assert np.mean(scatter**2) == pytest.approx(1.07 / RANDOMISATIONS, rel=0.03)

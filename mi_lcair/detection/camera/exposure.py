@@ -21,7 +21,7 @@ from mi_lcair.rendering.images.spectral import REST, Arrival
 from mi_lcair.rendering.images.truth import add_parts, layer_of, parts_of, with_parts
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
-from mi_lcair.rendering.pixels import PixelCriterion, averaged, surroundings
+from mi_lcair.rendering.pixels import PixelCriterion, averaged, pixel_errors, surroundings
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import UNSEEN, Totals, student_factor
@@ -236,6 +236,7 @@ class WindowPaths:
             name: (after[name].item() / value.item()) ** 2 if value.item() else 1.0
             for name, value in before.items()
         }
+        ratio["contrast"] = ratio["target"]
         return replace(
             self,
             sources=sources,
@@ -300,7 +301,7 @@ def traced(
         raise InputError("no ray met the target; raise spp of [render]")
     variance = total.standard_error() ** 2 + missed(total)
     squares = model_squares(total, windows.parts, variance)
-    variances = squared_errors(total, on) if truth else {}
+    variances = squared_errors(total, view, on) if truth else {}
     return WindowPaths(
         view=view,
         band=scene.band,
@@ -319,16 +320,18 @@ def traced(
     )
 
 
-def squared_errors(total: Totals, on: np.ndarray) -> dict[str, np.ndarray]:
+def squared_errors(total: Totals, view: CameraView, on: np.ndarray) -> dict[str, np.ndarray]:
     """Squared random errors of the channels of the truth in the parts `on`, (n,).
 
-    Sources that no path has met may be missed in what is reflected, not in what is emitted.
+    `contrast` is the radiance less that of the hidden background.
     """
-    variances, unmet = {}, missed(total)
-    for name in ("target", *add_parts(total, "target.")):
-        may_miss = 0.0 if name.endswith("emitted") else unmet
-        variances[name] = (total.random_error(name) ** 2 + may_miss)[on]
-        if name != "target":
+    names = ("contrast", "target", *add_parts(total, "target."))
+    variances = {}
+    for name in names:
+        channel = None if name == "contrast" else name
+        errors = pixel_errors(total, view.size[::-1], channel, with_bounds=False)
+        variances[name] = errors[on] ** 2
+        if name not in names[:2]:
             del total.sums[name]
     return variances
 
@@ -478,13 +481,14 @@ def frame_layers(
         "path.Y": frame(share * at_detector.path),
         "arrives": frame(at_detector.of_parts(seen)),
         "hidden": frame(share * behind(rule).ravel()[paths.on]),
-        "contrast_error": error(paths.variance),
+        "contrast_error": error(paths.variances["contrast"]),
     }
     parts = parts_of(seen, "target.") | {"target": seen["target"]}
-    for name, variance in paths.variances.items():
+    for name, values in parts.items():
         layer = layer_of(name)
-        layers[layer] = frame(parts[name])
-        layers[f"stderr.{layer}"] = np.hypot(error(variance), paths.systematic * layers[layer])
+        layers[layer] = frame(values)
+        systematic = paths.systematic * layers[layer]
+        layers[f"stderr.{layer}"] = np.hypot(error(paths.variances[name]), systematic)
     if setting.view.mi.integrator().closure != "none":
         layers["rest.Y"] = layers["target.Y"] - sum(
             layers[layer_of(name)] for name in parts if name != "target"

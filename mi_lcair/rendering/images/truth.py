@@ -374,8 +374,8 @@ def truth_of_render(
     if scene.mi.integrator().closure != "none":
         layers["rest.Y"] = total.mean() - sum(layers.values())
     for name in names:
-        layers[f"stderr.{layer_of(name)}"] = pixel_errors(total, size, name)
-    layers |= {"Y": total.mean(), "stderr.Y": pixel_errors(total, size)}
+        layers[f"stderr.{layer_of(name)}"] = pixel_errors(total, size, name, False)
+    layers |= {"Y": total.mean(), "stderr.Y": pixel_errors(total, size, None, False)}
     layers |= {"mask.Y": total.mean("target.hit"), "target.Y": total.mean("target")}
     apparent, error = total.mean(), layers["stderr.Y"]
     if air:
@@ -391,7 +391,7 @@ def truth_of_render(
             + (through - 1)[:, None] * total.sums["target"]
             + of_path[:, None] * total.sums["target.hit"]
         )
-        error = pixel_errors(total, size, "apparent")
+        error = pixel_errors(total, size, "apparent", False)
         layers |= {"path.Y": path, "transmittance.Y": through, "background.Y": behind}
     layers |= {"apparent.Y": apparent, "stderr.apparent.Y": error}
     layers |= apparent_temperature(scene.band, apparent, error)
