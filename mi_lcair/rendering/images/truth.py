@@ -16,6 +16,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.files import together, write_bytes
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
+from mi_lcair.plugins.bsdfs.reflection_bsdf import has_spectral_materials
 from mi_lcair.plugins.emission.triangles import pointer_id
 from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of, thermal_shapes
 from mi_lcair.plugins.paths.launch import DIRECT
@@ -236,7 +237,9 @@ def at_centres(scene: Scene, rays: CentreRays, model_only: bool = False) -> Trut
     table, ray = FacetTable(scene), rays.ray
     numbers, legend = numbers_of(scene, table)
     emitters = [shape.emitter() for shape in thermal_shapes(scene.mi)]
-    blackbodies = [emitter for emitter in emitters if emitter.temperatures() is not None]
+    # Cold facets have an emissivity, too. Materials by wavelength need the true spectra.
+    has_unit = not has_spectral_materials(scene.mi)
+    blackbodies = [e for e in emitters if has_unit and e.temperatures() is not None]
     with dr.suspend_grad(), scene.prepared() as tracer, unit_radiance(blackbodies):
         hit = nearest_hit(scene.mi, tracer.emitters.sheets, ray, coherent=True)
         si = hit.compute_surface_interaction(ray, mi.RayFlags.All, hit.is_valid())
@@ -252,7 +255,7 @@ def at_centres(scene: Scene, rays: CentreRays, model_only: bool = False) -> Trut
     if model_only:
         seen &= (table.type == "model")[np.where(seen, facet, 0)]
     facet = np.where(seen, facet, 0)
-    temperature, radiance = sources_at(scene, si, emitters, table, facet)
+    temperature, radiance = sources_at(scene, si, emitters, table.temperature[facet], has_unit)
     start, toward, normal, shown = (
         np.array(part, dtype=float).T for part in (ray.o, ray.d, si.sh_frame.n, si.n)
     )
@@ -275,24 +278,26 @@ def at_centres(scene: Scene, rays: CentreRays, model_only: bool = False) -> Trut
     return Truth(channels, legend, {})
 
 
-def sources_at(scene: Scene, si, emitters, table: FacetTable, facet) -> tuple:
+def sources_at(scene: Scene, si, emitters, temperature: np.ndarray, has_unit: bool) -> tuple:
     """Temperatures [K] at hits, and radiances whose part that is emitted is the emissivity, (n,).
 
-    NaN stands for no temperature, and 0 for no radiance. Blackbodies have the radiance 1.
+    NaN stands for no temperature, and 0 for no radiance. temperature: those of the facets.
+    has_unit: whether blackbodies have the radiance 1.
     """
-    temperature = table.temperature[facet]
-    radiance = np.where(np.isnan(temperature), 0.0, 1.0)
+    is_known = np.isfinite(temperature)
+    radiance = in_band_radiance(scene.band, np.where(is_known, temperature, 0))
+    radiance = np.where(is_known, 1.0, 0.0) if has_unit else radiance
     shape = dr.reinterpret_array(mi.UInt32, si.shape).numpy()
     for emitter in emitters:
-        if emitter.temperatures() is None:
-            here = shape == pointer_id(mi.ShapePtr(emitter.get_shape()))
-            if emitter.facet_radiance() is not None:
-                radiance[here] = float(emitter.facet_radiance()[0])
-            else:  # a texture that varies inside the facets
-                temperature[here] = np.broadcast_to(emitter.texture.eval_1(si).numpy(), here.shape)[
-                    here
-                ]
-                radiance[here] = in_band_radiance(scene.band, temperature[here])
+        here = shape == pointer_id(mi.ShapePtr(emitter.get_shape()))
+        if emitter.temperatures() is not None or not here.any():
+            continue
+        if emitter.facet_radiance() is not None:
+            radiance[here] = float(emitter.facet_radiance()[0])
+        else:  # a texture that varies inside the facets
+            at_hits = np.broadcast_to(emitter.texture.eval_1(si).numpy(), here.shape)
+            temperature = np.where(here, at_hits, temperature)
+            radiance[here] = in_band_radiance(scene.band, temperature[here])
     return temperature, radiance
 
 
@@ -396,5 +401,7 @@ def truth_of_render(
     layers |= {"apparent.Y": apparent, "stderr.apparent.Y": error}
     layers |= apparent_temperature(scene.band, apparent, error)
     at_centre = at_centres(scene, CentreRays.of(camera))
+    if total.randomisations < 2:  # one path says nothing of its error
+        layers = {name: v for name, v in layers.items() if not name.startswith("stderr.")}
     channels = {name: images(values, size) for name, values in layers.items()}
     return replace(at_centre, channels=at_centre.channels | channels)

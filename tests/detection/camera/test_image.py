@@ -135,7 +135,7 @@ def test_electrons_of_titanium(tmp_path, monkeypatch):
     for name, bsdf in (("blackbody", ""), ("titanium", TITANIUM)):
         start, end = text.index("<bsdf"), text.index("</bsdf>") + len("</bsdf>")
         (tmp_path / "disc.xml").write_text(text[:start] + (bsdf or text[start:end]) + text[end:])
-        result = image(made, frames=1)
+        result = image(made, frames=1, truth=name == "titanium")
         counts[name] = result.channels["electrons.Y"].astype(float).sum()
     x = np.linspace(3.0, 5.0, 20001)
     rows = np.genfromtxt(EXAMPLES / "titanium.csv", delimiter=",", skip_header=3)
@@ -144,6 +144,10 @@ def test_electrons_of_titanium(tmp_path, monkeypatch):
     photons = x * spectral_radiance(x, 800.0)
     expected = np.trapezoid(emissivity * photons, x) / np.trapezoid(photons, x)
     assert counts["titanium"] / counts["blackbody"] == pytest.approx(expected, rel=1e-5)
+    power = spectral_radiance(x, 800.0)
+    expected = np.trapezoid(emissivity * power, x) / np.trapezoid(power, x)
+    truth = result.truth.channels["emissivity.Y"]
+    assert truth[truth > 0] == pytest.approx(expected, rel=1e-4)
     assert peaks[1] < 2 * sizes[1]
 
 

@@ -27,12 +27,15 @@ def thermal(temperature, group="self", **more):
     return {"type": "thermal", "temperature": temperature, "band": "LWIR", "group": group} | more
 
 
-def made(sensor, **shapes):
-    """A loaded scene of these shapes, seen by a sensor with a film of SIZE."""
+def made(sensor, settings=None, **shapes):
+    """A loaded scene of these shapes, seen by a sensor with a film of SIZE.
+
+    settings: of the integrator.
+    """
     film = {"type": "hdrfilm", "width": SIZE[0], "height": SIZE[1]}
     parts = {
         "type": "scene",
-        "integrator": {"type": "bounce_path"},
+        "integrator": {"type": "bounce_path"} | (settings or {}),
         "sensor": sensor | {"film": film},
     }
     return mi_lcair.load(mi.load_dict(parts | shapes, optimize=False))
@@ -78,10 +81,10 @@ def test_a_box_is_where_its_planes_are(pose, kind):
     rotation, centre = np.array(turn.matrix, float)[:3, :3], np.array([0.2, -0.1, 0.3])
     place = T().translate(centre.tolist()) @ turn @ T().scale(HALVES.tolist())
     eye, fov = np.array([4.0, 1.0, 2.0]), 35.0
-    of_kind = {"fov": fov} if kind == "perspective" else {"near_clip": 1.5}
+    of_kind = {"fov": fov} if kind == "perspective" else {"near_clip": 0.7}
     sensor = looking(eye, kind=kind, **of_kind)
     if kind == "orthographic":
-        sensor["to_world"] = sensor["to_world"] @ T().scale([1.5, 1.5, 1])
+        sensor["to_world"] = sensor["to_world"] @ T().scale([1.5, 1.5, 2])
     scene = made(sensor, box=grey("cube", 0.5, 300, to_world=place))
     channels = mi_lcair.render(scene, spp=4, truth=True).truth.channels
 
@@ -217,6 +220,15 @@ def test_the_air_of_each_pixel():
     np.testing.assert_allclose(layers["transmittance.Y"][inside], mean, rtol=1e-3)
     np.testing.assert_allclose(layers["path.Y"][inside], np.trapezoid(path, x), rtol=2e-3)
     assert not layers["background.Y"][inside].any() and inside.sum() > 30
+    # On the edge the share of the target is uncertain, and what arrives in its place
+    edge = (layers["mask.Y"] > 0) & ~inside
+    hot, cold = (in_band_radiance(band("LWIR"), kelvin) for kelvin in (330.0, 250.0))
+    arrives = mean * hot + np.trapezoid(path, x)
+    np.testing.assert_allclose(
+        layers["stderr.apparent.Y"][edge] / layers["stderr.Y"][edge],
+        (arrives - cold) / (hot - cold),
+        rtol=2e-3,
+    )
 
 
 def test_instances_plumes_and_backs():
@@ -271,6 +283,44 @@ def test_temperatures_of_facets(tmp_path):
     for kind in ("group", "material"):
         names = np.vectorize(truth.legend[kind].get)(truth.ids(kind))
         np.testing.assert_array_equal(names, getattr(table, kind)[shown])
+
+
+def test_rest_is_what_the_closure_adds():
+    """Plates that face each other: after one reflection all is taken to be at 290 K."""
+    closure = {"closure": "ambient", "ambient_temperature": 290.0, "max_bounces": 1}
+    scene = made(
+        looking([3.0, 0.0, 0.0], fov=20)
+        | {"to_world": T().look_at([0, 0, 3], [0, 0, 0], [0, 1, 0])},
+        closure,
+        plate=grey("rectangle", 0.3, 350.0, to_world=T().scale([9, 9, 1])),
+        lid=grey(
+            "rectangle",
+            0.6,
+            320.0,
+            to_world=T().translate([0, 0, 4]).rotate([0, 1, 0], 180).scale(99),
+        ),
+    )
+    layers = mi_lcair.render(scene, spp=1, truth=True).truth.channels
+    B = {kelvin: in_band_radiance(band("LWIR"), kelvin) for kelvin in (350.0, 320.0, 290.0)}
+    np.testing.assert_allclose(layers["emitted.Y"], 0.3 * B[350.0], rtol=1e-5)
+    # A path or two escape between the plates
+    assert np.median(layers["reflected.self.Y"]) == pytest.approx(0.7 * 0.6 * B[320.0], rel=1e-5)
+    assert np.median(layers["rest.Y"]) == pytest.approx(0.7 * 0.4 * B[290.0], rel=1e-5)
+    np.testing.assert_allclose(
+        layers["emitted.Y"] + layers["reflected.self.Y"] + layers["rest.Y"], layers["Y"], rtol=3e-7
+    )
+    # One path through a pixel says nothing of its error
+    assert not any(name.startswith("stderr.") for name in layers)
+
+
+def test_temperatures_and_their_errors():
+    """Planck's slope at a radiance, and none where nothing arrives."""
+    radiance = np.array([0.0, -1e-9, in_band_radiance(band("MWIR"), 40.0), 2.0])
+    layers = module.apparent_temperature(band("MWIR"), radiance, np.full(4, 1e-9))
+    T, error = layers["apparent_temperature.Y"], layers["stderr.apparent_temperature.Y"]
+    assert T[:2].tolist() == error[:2].tolist() == [0, 0] and T[2] == pytest.approx(40)
+    slope = np.diff(in_band_radiance(band("MWIR"), T[3] + np.array([-0.01, 0.01])))[0] / 0.02
+    assert error[3] == pytest.approx(1e-9 / slope, rel=1e-5)
 
 
 def drawn(**layers) -> Truth:
