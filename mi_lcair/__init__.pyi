@@ -1,4 +1,5 @@
 # The public names of mi_lcair: `__init__.py` imports each of them from here, at its first use.
+from mi_lcair.api.datasets import dataset as dataset
 from mi_lcair.api.estimates import budget as budget
 from mi_lcair.api.estimates import invert as invert
 from mi_lcair.api.estimates import sensitivities as sensitivities

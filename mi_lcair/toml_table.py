@@ -27,6 +27,7 @@ EXPECTED = {
 TELLING = {
     "scenario": ("observer", "atmosphere", "background", "surroundings", "sensor", "camera"),
     "sweep": ("base", "conditions"),
+    "data set": ("views", "draws", "bands", "frames", "splits"),
     "cavity": ("shape", "wall"),
     "heat balance": ("weather", "groups"),
     "inversion": ("data", "unknowns"),

@@ -29,6 +29,7 @@ PURPOSES = {
         "image": "radiometry",
         "sweep": "radiometry",
         "flight": "radiometry",
+        "dataset": "radiometry",
         "temperature": "laboratory",
         "cavity": "laboratory",
         "exchange": "laboratory",

@@ -365,3 +365,23 @@ def flight_command(scenario, outputs, **arguments):
             result.save(path)
     print_result(result)
     print_written(*outputs, arguments["frames"], arguments["video"])
+
+
+# mi-lcair dataset: labelled frames of many views
+# -----------------------------------------------
+
+
+@options.command("dataset", "mi-lcair dataset dataset.toml -o labelled")
+@click.argument("description", type=options.FILE)
+@options.workers
+@options.renderer
+@options.calls("dataset", unit="views", folder={"flag": "-o --output", "type": options.FILE})
+def dataset_command():
+    """Record labelled frames of many views.
+
+    DESCRIPTION is a TOML file: [base] names a scenario with a camera, [views] says from where it
+    looks, and [draws] what differs from image to image. Written are frames with noise as 16-bit
+    PNG, images without noise in W m^-2 sr^-1 and K, the truth of each pixel, poses for nerfstudio
+    and COLMAP, splits, a manifest with checksums, and a card with pictures. A data set that was
+    interrupted goes on when the same command is given again.
+    """

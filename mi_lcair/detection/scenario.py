@@ -644,7 +644,10 @@ def in_folder(table: str, part, folder: Path):
 
 
 def change(tree: dict, keys: list[str], value) -> None:
-    """Set one value of a scenario's tree, and remove the entries that it replaces."""
+    """Set one value of a scenario's tree, and remove the entries that it replaces.
+
+    The value None removes the entry.
+    """
     *tables, key = keys
     if not tables:
         raise InputError(f"{key} is no entry; name TABLE.KEY, such as sensor.band")
@@ -658,6 +661,8 @@ def change(tree: dict, keys: list[str], value) -> None:
         for replaced in TABLES[tables[0]].replaced(key):
             tree.pop(replaced, None)
     tree[key] = parsed(value) if isinstance(value, str) else value
+    if value is None:
+        del tree[key]
 
 
 def parsed(text: str):

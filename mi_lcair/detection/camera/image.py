@@ -1,7 +1,9 @@
 """The image of a scenario's target as its camera records it."""
 
 import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -23,6 +25,7 @@ from mi_lcair.detection.camera.view import CameraView
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import Setting, rendered_as, setting_of
 from mi_lcair.errors import InputError
+from mi_lcair.physics.bands import Band
 from mi_lcair.physics.imager import Imager, assumed
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.images.truth import Truth, apparent_temperature, at_centres
@@ -146,7 +149,19 @@ class Shot:
     @property
     def arguments(self) -> tuple:
         """What `exposure_of` takes beside the paths."""
-        return self.setting, self.camera.band, self.scenery.of_parts
+        return self.setting, self.camera.band, self.behind
+
+    @cached_property
+    def behind(self) -> Callable[[Band], np.ndarray]:
+        """In-band values behind the parts of the window, each band of which is computed once."""
+        known: dict[int, tuple[Band, np.ndarray]] = {}
+
+        def behind(rule: Band) -> np.ndarray:
+            if id(rule) not in known:
+                known[id(rule)] = rule, self.scenery.of_parts(rule)
+            return known[id(rule)][1]
+
+        return behind
 
     def traced(
         self, progress: Progress | None = None, truth: bool = False

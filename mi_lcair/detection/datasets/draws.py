@@ -1,0 +1,279 @@
+"""What each image of a data set shows: its view, and what is drawn for it, as a scenario."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from hashlib import sha256
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+
+from mi_lcair.declared import Bounds, required
+from mi_lcair.detection.camera.view import CameraView
+from mi_lcair.detection.datasets.description import (
+    CHOICE,
+    HOUR,
+    POLAR,
+    SPREAD,
+    DatasetDescription,
+)
+from mi_lcair.detection.scenario import OF_SCENE, TABLES, Scenario
+from mi_lcair.errors import InputError, errors_of, unknown
+from mi_lcair.estimate import Distribution, Stated
+from mi_lcair.heating.temperatures.description import HeatDescription
+from mi_lcair.heating.temperatures.heat_result import Heat
+from mi_lcair.heating.temperatures.solve import temperatures
+from mi_lcair.heating.temperatures.weather import weather
+from mi_lcair.plugins.derivatives import own_memory
+from mi_lcair.plugins.emission.triangles import is_faceted, triangle_corners
+from mi_lcair.rendering.parameters.entries import Parameter
+from mi_lcair.rendering.parameters.values import checked, load_with_values, parameters_of
+from mi_lcair.rendering.scene import Scene
+from mi_lcair.rendering.views import Target, corners, model_shapes
+
+# Distributions of [draws]
+# ------------------------
+
+MOST_OUTSIDE = 1e-3  # share of draws on a side of a distribution that may be out of bounds
+OF_VIEW, OF_CAMERA = 0, 1  # second numbers of the seeds of renders and of cameras
+TRIES = 1000  # draws of a case until all of its values are possible together
+Choices = tuple[str | float | int | bool, ...]
+Law = Distribution | Choices
+
+
+def law_of(name: str, stated: Stated, known: Parameter | None) -> Law:
+    """The distribution that [draws] states for a quantity.
+
+    known: its value, bounds and spread; None for one that has no number. Raises InputError if more
+    than MOST_OUTSIDE of its draws are out of bounds on one side.
+    """
+    if isinstance(stated, Mapping) and CHOICE in stated:
+        return tuple(stated[CHOICE])
+    ends = stated.get("uniform") if isinstance(stated, Mapping) else None
+    if isinstance(ends, list):
+        law = Distribution("uniform", np.mean(ends), np.ptp(ends) / 2, *map(float, ends))
+    elif known is None or not np.isfinite(known.value):
+        raise InputError(
+            f"{name} has no value around which it could vary; give {{uniform = [a, b]}} or "
+            f"{{{CHOICE} = [...]}}"
+        )
+    else:
+        width = {"normal": known.sigma if stated == SPREAD else stated}
+        if stated == SPREAD and not known.sigma:
+            raise InputError(f"{name}: its material states no sigma; give one")
+        law = Distribution.of(name, stated if isinstance(stated, Mapping) else width, known.value)
+    if known is None:
+        return law
+    if stated != SPREAD:
+        for tail in (MOST_OUTSIDE, 1 - MOST_OUTSIDE):
+            check_within(name, float(law.law.ppf(tail)), known)
+    if law.kind == "normal":
+        lower, upper = max(law.lower, known.lower), min(law.upper, known.upper)
+        law = Distribution("normal", law.centre, law.width, lower, upper)
+    return law
+
+
+def check_within(name: str, value: float, known: Parameter) -> None:
+    """Raise InputError if a draw is out of the bounds of its quantity."""
+    slack = 1e-6 * max(abs(known.lower), abs(known.upper)) if known.kind == "material" else 0.0
+    if not known.lower - slack <= value <= known.upper + slack:
+        raise InputError(
+            f"{name} is drawn as {value:.4g}; must {Bounds(lower=known.lower, upper=known.upper)}; "
+            "narrow its distribution, or state lower and upper of a normal one"
+        )
+
+
+def of_scenario(scenario: Scenario, name: str) -> Parameter | None:
+    """The entry TABLE.KEY of a scenario as a quantity; None for one that is no number."""
+    table, _, key = name.partition(".")
+    known = {entry.name: entry for entry in fields(TABLES[table])}
+    if key not in known:
+        raise unknown(f"key of [{table}]", key, known)
+    bounds = known[key].metadata.get("bounds", Bounds())
+    if required(known[key].type) not in (float, int):
+        return None
+    part = getattr(scenario, table)
+    value = None if part is None else getattr(part, key)
+    value = np.nan if value is None else value
+    lower = np.nextafter(0, 1) if bounds.is_positive else bounds.lower
+    return Parameter(name, "scenario", value, bounds.unit, lower, bounds.upper)
+
+
+def is_entry(name: str) -> bool:
+    """Whether a draw is an entry TABLE.KEY of a scenario, and no parameter of the scene."""
+    return name.partition(".")[0] in TABLES and not name.startswith(OF_SCENE)
+
+
+# The images of a data set
+# ------------------------
+
+
+@dataclass(frozen=True)
+class Case:
+    """An image of a data set, in each of its bands.
+
+    number: of all images. view: number of its view. split: of its view. changes: entries of the
+    scenario by dotted key. hour: of the heat balance; None without one.
+    """
+
+    number: int
+    view: int
+    split: str
+    changes: dict[str, Any]
+    hour: float | None = None
+
+    def scenario(self, source: str, band: Mapping[str, Any]) -> Scenario:
+        """Its scenario in a band."""
+        return Scenario.read(source, **self.changes | dict(band))
+
+
+def seed_of(*numbers: int) -> int:
+    """A seed of 32 bits from numbers, independent of those from others."""
+    return int(np.random.SeedSequence(numbers).generate_state(1)[0])
+
+
+def generator(name: str, *numbers: int) -> np.random.Generator:
+    """Random numbers of a draw, independent of those of other draws."""
+    return np.random.default_rng([*numbers, int(sha256(name.encode()).hexdigest()[:8], 16)])
+
+
+def drawn(law: Law, random: np.random.Generator) -> Any:
+    """A value from a distribution."""
+    if isinstance(law, tuple):
+        return law[int(random.integers(len(law)))]
+    return float(law.law.ppf(random.random()))
+
+
+def cases_of(description: DatasetDescription, scenario: Scenario, scene: Scene) -> list[Case]:
+    """All images of a data set. Raises InputError for one that is not possible.
+
+    scenario, scene: those of [base], without views and draws.
+    """
+    frames, splits = description.frames, description.splits
+    with errors_of("[draws]"):
+        known = parameters_of(scene)
+        laws = {n: law_of(n, s, quantity(n, scenario, known)) for n, s in description.draws.items()}
+    views, cases = description.views.views(frames.seed), []
+    of_views = splits.of_views(len(views), frames.seed)
+    for number, view in enumerate(views):
+        placed = {
+            f"{'observer' if name in POLAR else 'camera'}.{name}": value
+            for name, value in view.items()
+        } | {
+            "render.seed": seed_of(frames.seed, OF_VIEW, number),
+        }
+        for k in range(frames.cases):
+            values = possible(laws, scene, (frames.seed, number, k), description.draws)
+            hour = values.pop(HOUR, None)
+            changes = placed | {
+                name if is_entry(name) else f"{OF_SCENE}{name.removeprefix(OF_SCENE)}": value
+                for name, value in values.items()
+            }
+            cases.append(Case(len(cases), number, of_views[number], changes, hour))
+    return cases
+
+
+def quantity(name: str, scenario: Scenario, known: Mapping[str, Parameter]) -> Parameter | None:
+    """What is known of a quantity of [draws]; None for a text and for the hour."""
+    if name == HOUR:
+        return None
+    if is_entry(name):
+        return of_scenario(scenario, name)
+    short = name.removeprefix(OF_SCENE)
+    if short in known:
+        return known[short]
+    if name.startswith(OF_SCENE):  # a $-parameter of the scene's file
+        return None
+    raise unknown("quantity", name, [*known, *(f"{table}.KEY" for table in TABLES), HOUR])
+
+
+def possible(laws: Mapping[str, Law], scene: Scene, numbers: tuple[int, ...], draws) -> dict:
+    """Values of all draws of a case, which are drawn again until they are possible together."""
+    randoms = {name: generator(name, *numbers) for name in laws}
+    names = [name for name in laws if "." in name and not is_entry(name)]
+    names = [name for name in names if not isinstance(laws[name], tuple)]
+    for _ in range(TRIES):
+        values = {name: drawn(law, randoms[name]) for name, law in laws.items()}
+        try:
+            checked(scene, {name.removeprefix(OF_SCENE): values[name] for name in names})
+            return values
+        except InputError as error:
+            last = error
+    raise InputError(f"[draws]: nearly all draws are not possible together: {last}")
+
+
+# Temperatures of facets, and the sun, at the hours of a heat balance
+# -------------------------------------------------------------------
+
+HEAT, MODES = "heat", f"{OF_SCENE}modes"  # folder of the temperatures, and what names a file
+LOWEST_DEG = 1.0  # elevation of the sun below which a scenario has none
+
+
+@dataclass(frozen=True)
+class HeatedHours:
+    """The times of a heat balance. sun_deg: elevation and azimuth of the sun at each, (m, 2)."""
+
+    heat: Heat
+    sun_deg: np.ndarray
+
+    @staticmethod
+    def of(file: str) -> "HeatedHours":
+        """The temperatures of a heat.toml, over the day."""
+        read = HeatDescription.read(file)
+        scene = load_with_values(read.target.scene, read.target.parameters)
+        heat, run = temperatures(scene, read), read.run
+        if heat.is_steady:
+            raise InputError(f"{file}: is a steady state, which has no hours; leave heat out")
+        series = weather(read.weather, read.folder, run.steps, run.start_K is None)
+        sun = np.stack([series.sun_elevation_deg, series.sun_azimuth_deg], axis=-1)
+        return HeatedHours(heat, sun)
+
+    def applied(self, case: Case, scenario: Scenario) -> Case:
+        """A case with the temperatures, and the sun if there is one, at the time of its hour."""
+        row = self.heat.row(case.hour)
+        changes = {MODES: f"{HEAT}/{row:05}.csv"}
+        if scenario.surroundings is not None and scenario.surroundings.sun is not None:
+            elevation, azimuth = self.sun_deg[row]
+            is_up = elevation >= LOWEST_DEG
+            changes["surroundings.sun"] = f"{elevation:.6g},{azimuth:.6g}" if is_up else None
+        return replace(case, changes=case.changes | changes)
+
+
+# Which views see the target
+# --------------------------
+
+POINTS = 256  # points of the model to which a view looks
+BESIDE = 1.01  # distance from the middle at which lines of sight begin, in radii of the target
+
+
+def check_views(scene: Scene, of: Mapping[int, Scenario]) -> None:
+    """Raise InputError if a camera is in the target, does not see it, or terrain hides it.
+
+    of: scenario of the first case of each view.
+    """
+    target, random = Target.of(scene), np.random.default_rng(0)
+    eyes = []
+    for view, scenario in of.items():
+        with errors_of(f"view {view}"):
+            observer = scenario.observer
+            camera = CameraView.of(target, observer.view, observer.range_m, scenario.camera)
+        eyes.append(camera.eye)
+    points = np.concatenate([middles(shape) for shape in model_shapes(scene)])
+    points = points[random.integers(len(points), size=POINTS)]
+    for view, eye in zip(of, eyes):
+        toward = points - eye
+        toward /= np.linalg.norm(toward, axis=1)[:, None]
+        start = points - 2 * BESIDE * target.radius * toward
+        start, toward = own_memory([mi.Point3f(start.T), mi.Vector3f(toward.T)])
+        hit = scene.mi.ray_intersect(mi.Ray3f(start, toward))
+        with scene.prepared() as tracer:
+            sees = hit.is_valid() & tracer.emitters.is_model(hit.emitter(scene.mi))
+        if not sees.numpy().any():
+            raise InputError(f"view {view}: the target is hidden from the camera; move the view")
+
+
+def middles(shape) -> np.ndarray:
+    """Middles of a shape's triangles, (n, 3) [m]; of another shape that of its bounding box."""
+    if is_faceted(shape):
+        return np.mean(triangle_corners(shape), axis=0, dtype=float)
+    return corners(shape).mean(axis=0, keepdims=True)
