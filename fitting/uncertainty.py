@@ -186,6 +186,7 @@ def profile_intervals(
     # A parameter that has no standard error begins with a part of its range
     step = np.where(errors > 0, errors, np.ptp(ends, axis=1) / 1000)[parameter]
     first = middle + np.sign(bound - middle) * t * step
+    trapped = np.flatnonzero(np.isin(near.u, (0, 1)))
 
     def refit(profiles, value, starts):
         """All of these profiles are refitted at once, with one parameter held in each lane."""
@@ -193,13 +194,17 @@ def profile_intervals(
         near_by = zip(parameters_at(model, starts)[0], which, value)
         start = np.stack([neighbour(model, of, matrix, k, target) for of, k, target in near_by])
         stiffness = 1e4 * np.sqrt(variance) / np.abs(value - best[which])
+        # At its bound a coordinate may be trapped, with a better valley at the far end of its range
+        starts = np.tile(model.to_cube(start), (1 + len(trapped), 1, 1))
+        starts[range(1, 1 + len(trapped)), :, trapped] = 0.5
+        lanes = (np.tile(of, len(starts)) for of in (which, value, stiffness))
         minima = levenberg_marquardt(
-            Held(model, residuals, which, value, stiffness),
-            model.to_cube(start),
-            iterations=30,
-            tolerance=1e-5,
+            Held(model, residuals, *lanes), np.concatenate(starts), iterations=30, tolerance=1e-5
         )
-        return np.sqrt(np.maximum(2 * (minima.cost - cost) / variance, 0)), minima.u
+        costs = minima.cost.reshape(starts.shape[:2])
+        lowest = np.argmin(costs, axis=0), np.arange(len(start))
+        distances = np.sqrt(np.maximum(2 * (costs[lowest] - cost) / variance, 0))
+        return distances, minima.u.reshape(starts.shape)[lowest]
 
     inside, distance, outside = profile_ends(refit, middle, near.u, first, bound, t)
     place = parameters_at(model, inside)[0][np.arange(len(parameter)), parameter]

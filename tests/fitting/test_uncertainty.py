@@ -243,6 +243,26 @@ def test_a_parameter_that_is_held_can_move_when_others_are_judged():
     assert inside(result, "n", 2.5) and result.standard_error["n"] > 0.2
 
 
+@pytest.mark.slow
+def test_an_interval_goes_round_a_bound():
+    """Of a bright metal the data know the reflectance R, thus a circle in the plane of n and k.
+
+    (n - 1)^2 + k^2 = R ((n + 1)^2 + k^2). The estimate ends at the largest n, where a smaller k
+    needs a much smaller n.
+    """
+    microfacet, random = MODELS["microfacet"], np.random.default_rng((16, 20))
+    first = random.uniform(10, 30)
+    true = microfacet.values_at(microfacet.starting_points(24, seed=12)[16])
+    data = scan_of(microfacet, true, incidence=(first, first + 20, first + 40))
+    sigma = 0.02 * data.brdf
+    data = replace(data, brdf=data.brdf + sigma * random.standard_normal(sigma.size), sigma=sigma)
+    result = fitting.fit(data, model="microfacet", starts=6, seed=16, source_half_angle_deg=0)
+    lossy = complex(true[2], true[3]), complex(result.parameters["n"], result.parameters["k"])
+    R = [abs((index - 1) / (index + 1)) ** 2 for index in lossy]
+    assert R[0] == pytest.approx(R[1], rel=2e-3) and result.parameters["n"] == 50
+    assert inside(result, "k", true[3]) and not result.verdict["k"].startswith("determined")
+
+
 def test_a_common_factor_of_all_readings():
     """Stated, it widens the interval of a level; not stated, the verdict says "if"."""
     data = scan(ROUGH, step=4, noise=0.02)
