@@ -1,6 +1,6 @@
 """Temperatures of a loaded scene for a heat.toml."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -44,7 +44,9 @@ from mi_lcair.rendering.window import window_area
 # change of V that is due to an input of the wall follows the same equation, with
 # Phi^T (db - dK U - dM dU/dt) in it.
 
-ALONE = 0.75  # share of the first day in which temperatures are followed without their changes
+# Share of the first day in which temperatures are followed without their changes, if walls have
+# forgotten by the factor exp(-FORGOTTEN) in the rest of that day that these began with 0
+ALONE, FORGOTTEN = 0.75, 10.0
 PERIODIC = 2e-3  # largest distance of a temperature from its periodic value [K]
 MOST_DAYS = 60
 DAILY = 1e-9  # residual of the balance of a step, as a fraction of the power
@@ -201,10 +203,9 @@ class Course:
         Each mode decays, so that no later temperature of a surface differs by more than the drift.
         """
         begin, of_cells = self.states[1], [cells.states[1] for cells in self.cells]
-        m, is_first = (
-            len(self.kelvin),
-            not self.days and bool(self.network.with_walls) and not self.cells,
-        )
+        m, rest = len(self.kelvin), (1 - ALONE) * self.seconds * len(self.kelvin)
+        slowest = min((rates[0] for _, rates, _ in self.decays), default=0.0)
+        is_first = not self.days and not self.cells and slowest * rest > FORGOTTEN
         for k in range(m):
             self.step(k, BDF2, self.seconds, has_changes=not is_first or k >= ALONE * m)
         change = self.states[1] - begin
@@ -226,18 +227,23 @@ class Course:
         slope += (self.conductance + self.slope).mean(axis=0)
         return slope / network.facets.area
 
+    @property
+    def decays(self) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Facets of each wall, and rates [1/s] and modes of its amplitudes below a surface that
+        loses heat in proportion to its temperature; the slowest first."""
+        loss = self.loss
+        for _, wall, members in self.network.with_walls:
+            rates, shapes = wall.modes
+            matrix = np.diag(rates) + loss[members].mean() * np.outer(shapes[0], shapes[0])
+            yield members, *np.linalg.eigh(matrix)
+
     def left(self, change: np.ndarray) -> np.ndarray:
         """How far amplitudes still are from periodic ones, from their change over a day.
 
-        A wall below a surface that loses heat in proportion to its temperature changes by
-        V = F V from day to day, so that (1 - F)^-1 F of a change is left to do.
+        They change by V = F V from day to day, so that (1 - F)^-1 F of a change is left to do.
         """
-        network, result = self.network, np.zeros_like(change)
-        loss, day = self.loss, self.seconds * len(self.kelvin)
-        for _, wall, members in network.with_walls:
-            rates, shapes = wall.modes
-            matrix = np.diag(rates) + loss[members].mean() * np.outer(shapes[0], shapes[0])
-            rates, modes = np.linalg.eigh(matrix)
+        result, day = np.zeros_like(change), self.seconds * len(self.kelvin)
+        for members, rates, modes in self.decays:
             rest = modes * (np.exp(-rates * day) / -np.expm1(-rates * day)) @ modes.T
             result[..., members] = rest @ change[..., members]
         return result

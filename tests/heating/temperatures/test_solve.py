@@ -92,9 +92,13 @@ def test_changes_by_inputs_are_those_of_differences():
         np.testing.assert_allclose(changes, difference, atol=2e-3 + 1e-3 * abs(difference).max())
 
 
-@pytest.mark.parametrize("wall", [{"thickness_mm": 2.0} | PANEL, {}], ids=["panel", "no wall"])
-def test_changes_are_followed_from_the_end_of_the_first_day(wall, monkeypatch):
-    """They are those of all steps, in fewer; without walls there is one day."""
+@pytest.mark.parametrize(
+    ("wall", "days", "most"),
+    [({"thickness_mm": 2.0} | PANEL, 2, 48 + 12), ({}, 1, 48), (SOIL, 4, 4 * 48)],
+    ids=["panel", "no wall", "soil"],
+)
+def test_changes_of_thin_walls_begin_in_the_first_evening(wall, days, most, monkeypatch):
+    """They are those of all steps, in fewer; other walls are not repeated more often for it."""
     plates, calls = day_of(48, wall), []
     columns = [plates.column("h", "5 %")]
     rates = type(plates).rates
@@ -105,10 +109,9 @@ def test_changes_are_followed_from_the_end_of_the_first_day(wall, monkeypatch):
 
     monkeypatch.setattr(type(plates), "rates", counted)
     result = course(plates, columns)
-    assert len(calls) <= (48 + 12) * bool(wall) + 48 * (not wall)
+    assert (result.days, len(calls)) == (days, most) and result.drift < 2e-3
     monkeypatch.setattr("mi_lcair.heating.temperatures.solve.ALONE", 0.0)
     np.testing.assert_allclose(result.changes, course(plates, columns).changes, atol=1e-6)
-    assert result.days == (2 if wall else 1) and result.drift < 1e-3
 
 
 @pytest.mark.parametrize(
