@@ -78,6 +78,24 @@ def test_intensity_is_that_of_a_render_with_its_temperatures(day, folder):
     assert abs(rendered.target.intensity - day.intensity.value[6]) < 4 * error
 
 
+def test_intensity_has_what_the_model_reflects(folder, tmp_path):
+    """A bright sky of the scene, other than that from which its temperatures come."""
+    shutil.copytree(folder / "box", tmp_path / "box")
+    file = tmp_path / "box" / "scene.xml"
+    sky = '<emitter type="constant"><spectrum name="radiance" value="200"/></emitter>\n</scene>'
+    file.write_text(file.read_text().replace("</scene>", sky))
+    weather = {"air_K": 285.0, "sky_K": 260.0, "ground_K": 285.0, "h_W_m2_K": 5.0}
+    run = {"signature": {"spp": 64}, "run": {"rays": 64}, "sigma": {}}
+    heat = mi_lcair.heat({"target": {"scene": str(file)}, "weather": weather} | run)
+    assert heat.is_steady and heat.days == 0
+    scene = mi_lcair.load(file)
+    set_facets(scene, dict(zip(heat.facets.number.tolist(), heat.kelvin[0].tolist())))
+    rendered = mi_lcair.signature(scene, spp=64).target
+    noise = heat.intensity["noise of the rendering"].contribution[0]
+    apart = abs(rendered.intensity - heat.intensity.value[0])
+    assert apart < 4 * np.hypot(rendered.standard_error, noise) < 0.05 * rendered.intensity
+
+
 def test_an_hour_outside_the_day_is_refused(day, tmp_path):
     assert day.row(0) == 0 and day.row(1.1) == 0 and day.row(24) == 11
     for hour in (-0.1, 30):
