@@ -12,6 +12,8 @@ from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 from mi_lcair.files import FACET_FILES, check_writable, together
 
+OF_TRUTH = ("truth", "facet", "group", "material", "instance")  # ends of names of its files
+
 # mi-lcair render: render a scene to a radiance image
 # ---------------------------------------------------
 
@@ -81,11 +83,17 @@ def render_command(scene, outputs, atmosphere, range_m, bins, wavelengths, **sam
 
 
 def stem_of_truth(outputs) -> Path:
-    """The first EXR among the outputs, without its suffix: the files of --truth stand beside it."""
+    """The first EXR among the outputs, without its suffix: the files of --truth stand beside it.
+
+    Raises InputError without one, and if another output would be one of these files.
+    """
+    stems = [output.with_suffix("") for output in outputs if output.suffix.lower() == ".exr"]
+    if not stems:
+        raise InputError("--truth writes its files beside an image; give -o FILE.exr too")
     for output in outputs:
-        if output.suffix.lower() == ".exr":
-            return output.with_suffix("")
-    raise InputError("--truth writes its files beside an image; give -o FILE.exr too")
+        if output.with_suffix("") in (stems[0].with_name(f"{stems[0].name}.{e}") for e in OF_TRUTH):
+            raise InputError(f"output '{output}' is a file of --truth; give it another name")
+    return stems[0]
 
 
 # mi-lcair signature: intensity of a scene in W/sr

@@ -210,15 +210,18 @@ def channel_count(tracer, channels: Channels) -> int:
         return 0
     of_parts = dict.fromkeys(PARTS, len(tracer.emitters.labels))
     of_parts["bounce"] = min(tracer.max_bounces + 1, MAX_BOUNCE_CHANNELS) + 1
-    count = 3 + sum(of_parts[part] for part in channels.parts) + source_count(tracer)
+    of_parts["group"] *= 1 + len(channels.up_to)
+    sources = source_count(tracer, channels)
+    count = 3 + sum(of_parts[part] for part in channels.parts) + sources
     return 2 * count if channels.split == "target" else count
 
 
-def source_count(tracer) -> int:
+def source_count(tracer, channels: Channels) -> int:
     """Number of channels of the sources that are recorded separately by spectrum."""
     sources = tracer.emitters.sources
     of_list = len(sources.list) if sources.by_spectrum else 0
-    return of_list + (WAVELENGTHS if sources.share is not None else 0)
+    count = of_list + (WAVELENGTHS if sources.share is not None else 0)
+    return count * (1 + len(channels.up_to))
 
 
 def available_memory() -> int | None:

@@ -460,7 +460,7 @@ def measure(
     with scene.prepared(measurands.by_spectrum, measurands.explored, binning) as tracer:
         kept = windows.count * (windows.randomisations if windows.by_randomisation else 1)
         if measurands.reduced:
-            check_memory(kept, sources=source_count(tracer))
+            check_memory(kept, sources=source_count(tracer, measurands.channels))
         else:
             check_memory(kept, channel_count(tracer, measurands.channels))
         if criterion is not None:

@@ -141,3 +141,37 @@ def test_a_solution_sets_the_target(run, folder):
         frames[name] = read_exr(folder / f"{name}.exr")[0]["temperature.Y"]
     np.testing.assert_array_equal(frames["solved"], frames["stated"])
     assert frames["before"].max() > frames["solved"].max() + 5
+
+
+TRUTH = ("facet.png", "group.png", "material.png", "instance.png", "truth.exr", "coco.json")
+
+
+@pytest.mark.slow
+def test_truth(run, folder):
+    """Its files are beside the image, or nothing is written."""
+    result = run(*SHORT, "--truth")
+    assert result.exit_code == 0, result.output
+    written = {path.name for path in folder.iterdir()}
+    assert {f"seen.{end}" for end in (*TRUTH, "exr", "tif", "legend.json")} <= written
+    layers, header = read_exr(folder / "seen.truth.exr")
+    assert layers["IndexOB.X"].max() == 1 and header["band_of_apparent"] == "MWIR 3-5 um"
+    coco = json.loads((folder / "seen.coco.json").read_text())
+    assert coco["images"][0]["file_name"] == "seen.truth.exr" and len(coco["annotations"]) == 3
+    assert "wrote seen.coco.json" in result.stderr
+    assert run("render", "open_box", "--spp", 4, "--truth", "-o", "box.exr").exit_code == 0
+    assert {f"box.{end}" for end in TRUTH} <= {path.name for path in folder.iterdir()}
+
+
+@pytest.mark.parametrize(
+    "outputs, words",
+    [
+        (("a.png",), "--truth writes its files beside an image; give -o FILE.exr too"),
+        (("a.exr", "a.facet.png"), "output 'a.facet.png' is a file of --truth"),
+        (("a.exr", "none/b.png"), "output folder 'none' does not exist"),
+    ],
+)
+@pytest.mark.parametrize("command", [("image", "disc.toml"), ("render", "open_box")])
+def test_truth_without_a_place(run, folder, command, outputs, words):
+    before = set(folder.iterdir())
+    result = run(*command, "--truth", *(word for name in outputs for word in ("-o", name)))
+    assert result.exit_code == 2 and words in result.stderr and set(folder.iterdir()) == before
