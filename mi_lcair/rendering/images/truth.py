@@ -69,18 +69,10 @@ class Truth:
         """Numbers (H, W) of one of LAYERS: 1 and more, 0 where nothing is seen."""
         return self.channels[LAYERS[kind]].astype(np.uint32)
 
-    def masks(self) -> dict[tuple[str, str], np.ndarray]:
-        """Which pixels show the target, each group and each instance, by kind and name.
-
-        A target that fills half of no pixel has the pixels in which it is at all.
-        """
+    def mask_of_target(self) -> np.ndarray:
+        """Which pixels show the target: those that it fills by half, or where it is at all."""
         share = self.channels["mask.Y"]
-        least = HALF if share.max() >= HALF else np.finfo(np.float32).tiny
-        masks = {("target", "target"): share >= least}
-        for kind in ("group", "instance"):
-            ids = self.ids(kind)
-            masks |= {(kind, name): ids == number for number, name in self.legend[kind].items()}
-        return masks
+        return share >= HALF if share.max() >= HALF else share > 0
 
     def coco(self, file_name: str = "", image_id: int = 1, first: int = 1) -> dict[str, Any]:
         """Boxes and masks as the public format COCO has them.
@@ -96,29 +88,27 @@ class Truth:
         first : int
             Number of the first annotation.
         """
-        masks, annotations = self.masks(), []
-        height, width = self.channels["mask.Y"].shape
-        for category, mask in enumerate(masks.values(), 1):
+        kinds = ("group", "instance")
+        listed = [(kind, k, name) for kind in kinds for k, name in self.legend[kind].items()]
+        categories, annotations = [("target", 0, "target"), *listed], []
+        ids = {kind: self.ids(kind) for kind in kinds}
+        seen = {(kind, k) for kind in kinds for k in np.unique(ids[kind]).tolist()}
+        for category, (kind, k, _) in enumerate(categories, 1):
+            if kind == "target":
+                mask = self.mask_of_target()
+            elif (kind, k) in seen:
+                mask = ids[kind] == k
+            else:
+                continue
             if mask.any():
-                rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
-                annotation = {
-                    "id": first + len(annotations),
-                    "image_id": image_id,
-                    "category_id": category,
-                    "bbox": [
-                        int(value)
-                        for value in (columns[0], rows[0], np.ptp(columns) + 1, np.ptp(rows) + 1)
-                    ],
-                    "area": int(mask.sum()),
-                    "iscrowd": 0,
-                    "segmentation": {"size": [height, width], "counts": runs(mask)},
-                }
-                annotations.append(annotation)
+                about = {"image_id": image_id, "category_id": category}
+                annotations.append({"id": first + len(annotations)} | about | annotation(mask))
+        height, width = self.channels["mask.Y"].shape
         return {
             "images": [{"id": image_id, "file_name": file_name, "width": width, "height": height}],
             "categories": [
-                {"id": category, "name": name, "supercategory": kind}
-                for category, (kind, name) in enumerate(masks, 1)
+                {"id": number, "name": name, "supercategory": kind}
+                for number, (kind, _, name) in enumerate(categories, 1)
             ],
             "annotations": annotations,
         }
@@ -173,11 +163,22 @@ class Truth:
         return list(files)
 
 
-def runs(mask: np.ndarray) -> list[int]:
-    """Lengths of runs of pixels outside and inside of a mask in turn, column after column."""
+def annotation(mask: np.ndarray) -> dict[str, Any]:
+    """Box and mask of pixels as COCO has them.
+
+    The mask is the lengths of runs of pixels outside and inside in turn, column after column.
+    """
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    box = columns[0], rows[0], np.ptp(columns) + 1, np.ptp(rows) + 1
     flat = np.concatenate([[False], mask.ravel(order="F")])
     starts = np.flatnonzero(flat[1:] != flat[:-1])
-    return np.diff(starts, prepend=0, append=mask.size).tolist()
+    counts = np.diff(starts, prepend=0, append=mask.size).tolist()
+    return {
+        "bbox": list(map(int, box)),
+        "area": int(mask.sum()),
+        "iscrowd": 0,
+        "segmentation": {"size": list(mask.shape), "counts": counts},
+    }
 
 
 # What the rays through the pixels' centres hit
