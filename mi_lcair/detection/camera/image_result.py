@@ -14,11 +14,13 @@ from mi_lcair.detection.camera.measures import Measures
 from mi_lcair.detection.camera.ranges import RangeRow
 from mi_lcair.detection.camera.view import CameraView
 from mi_lcair.detection.scenario import Scenario
-from mi_lcair.formats import column_of, pixel_axes
+from mi_lcair.errors import option
+from mi_lcair.formats import column_of, pixel_axes, quantity_of_channel
 from mi_lcair.laboratory.noise import NoiseComponents
 from mi_lcair.physics.bands import Band
 from mi_lcair.rendering.images.render import image_sections
 from mi_lcair.rendering.images.truth import Truth
+from mi_lcair.rendering.sampling import DEFAULT_MAX_SPP
 from mi_lcair.results import Result, entry
 from mi_lcair.sections import Facts, Lines, Section, Table, error_row
 
@@ -159,11 +161,14 @@ class Image(Result):
         Raises InputError if xarray is not installed.
         """
         over = ("row", "column")
-        return self.dataset(
+        made = self.dataset(
             {column_of(name): (over, values) for name, values in self.channels.items()}
             | {"counts": (("frame", *over), self.counts)},  # of all frames
             pixel_axes(self.counts.shape[1:]),
         )
+        for name in self.channels:
+            made[column_of(name)].attrs["long_name"] = quantity_of_channel(name)[0]
+        return made
 
 
 def write_counts(path, image: Image) -> None:
@@ -233,7 +238,7 @@ def measured(image: Image) -> list[tuple[str, str]]:
         (
             "rendering",
             f"standard error {millikelvin(measures.render_error)} on the target, the same in all "
-            f"frames; {image.exposure.spp} paths through a pixel",
+            f"frames; {image.exposure.spp} paths through a pixel{ending(image)}",
         ),
         error_row(
             "the rms standard error over the pixels on the target is "
@@ -242,6 +247,16 @@ def measured(image: Image) -> list[tuple[str, str]]:
             image.exposure.reached,
         ),
     ]
+
+
+def ending(image: Image) -> str:
+    """Whether the largest number of paths has ended the rendering, in words."""
+    most, spp = image.scenario.render.max_spp or DEFAULT_MAX_SPP, image.exposure.spp
+    if image.exposure.reached is not False:
+        return ""
+    parts = image.view.parts**2
+    rounded = f", rounded up for each of its {parts} parts" if spp > most else ""
+    return f", ended by {option('max_spp', most)}{rounded}"
 
 
 def millikelvin(kelvin: float | None) -> str:

@@ -12,6 +12,7 @@ from mi_lcair.api.intensities import signature
 from mi_lcair.api.scenarios import contrast, image
 from mi_lcair.detection.camera.electronics import electron_band, electrons, signal_of
 from mi_lcair.detection.camera.exposure import exposure_of
+from mi_lcair.detection.camera.image_result import measured as measured_rows
 from mi_lcair.detection.camera.optics import OVERSAMPLING
 from mi_lcair.detection.setting import setting_of
 from mi_lcair.errors import InputError
@@ -582,3 +583,24 @@ def test_truth_of_a_target_below_a_pixel(tmp_path):
     assert not truth.ids("instance").any()
     (annotation,) = truth.coco()["annotations"]
     assert annotation["bbox"] == [31, 23, 2, 2] and annotation["area"] == 4
+
+
+def test_the_end_of_a_rendering_is_stated(scenario):
+    """The largest number of paths is named where it ended the rendering, and what is above it."""
+    for changes, words in (
+        ({"render__tolerance": 1e-5, "render__max_spp": 2}, "ended by max_spp=2, rounded up for"),
+        ({"render__tolerance": 0.5}, "paths through a pixel"),
+    ):
+        made = image(scenario(**changes))
+        rendering = dict(measured_rows(made))["rendering"]
+        assert rendering.endswith(words) or words + " each of its" in rendering
+
+
+def test_channels_have_names_and_units(scenario):
+    names = {
+        name: (values.attrs["long_name"], values.attrs.get("units"))
+        for name, values in image(scenario()).to_xarray().data_vars.items()
+    }
+    assert names["electrons.background"] == ("electrons without the target", None)
+    assert names["apparent_W_m2_sr"] == ("radiance at the aperture", "W m-2 sr-1")
+    assert names["noise_K"] == ("noise of the camera", "K")
