@@ -111,17 +111,19 @@ def lagged(
             held = before = signal
             yield signal
             continue
-        rise = (signal - before) / step
         window = min(imager.seconds, step)
-        # At a constant slope a pixel is late by tau; its distance from that line decays
-        distance = held - (before - rise * tau)
-        held = signal - rise * tau + distance * np.exp(-step / tau)
-        before = signal
-        if window == 0:
-            yield held
-            continue
-        decay = np.exp(-(step - window) / tau) * -np.expm1(-window / tau) * tau / window
-        yield signal - rise * (tau + window / 2) + distance * decay
+        # Weights of what the pixel showed and of both signals: at a constant slope of the signal a
+        # pixel is late by tau, and its distance from that line decays
+        left = np.exp(-step / tau)
+        mean = -np.expm1(-step / tau) * tau / step
+        seen = left * held + (mean - left) * before + (1 - mean) * signal
+        if window > 0:  # the mean over the window
+            left = np.exp(-(step - window) / tau) * -np.expm1(-window / tau) * tau / window
+            mean = (tau * (1 - left) + window / 2) / step
+            yield left * held + (mean - left) * before + (1 - mean) * signal
+        else:
+            yield seen
+        held, before = seen, signal
 
 
 def housing_changes(imager: Imager, time_s: np.ndarray, seed: int) -> np.ndarray:

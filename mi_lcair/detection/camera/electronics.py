@@ -27,15 +27,15 @@ class Pattern:
 
     gain: gains of the pixels, mean 1, (H, W). offset: their offsets, electrons, (H, W). drift:
     change of the offsets for each kelvin of the housing, (H, W). temporal: standard deviations of
-    the whole frame, its rows and its columns. fixed: that of the offsets which are no offset
-    nonuniformity.
+    the whole frame, its rows and its columns. fixed: those of pixels, rows and columns that are in
+    `offset` beside the offset nonuniformity.
     """
 
     gain: np.ndarray
     offset: np.ndarray
     drift: np.ndarray | float = 0.0
     temporal: tuple[float, ...] = (0.0, 0.0, 0.0)
-    fixed: float = 0.0
+    fixed: tuple[float, ...] = (0.0, 0.0, 0.0)
 
     @staticmethod
     def of(imager: Imager, seed: int, per_kelvin: float = 0.0) -> "Pattern":
@@ -56,19 +56,44 @@ class Pattern:
         pixels, rows, columns, drift = (
             random.standard_normal(n) for n in (shape, *sides(shape), shape)
         )
-        fixed = [per_mK * getattr(imager, name) for name in FIXED]
+        fixed = tuple(per_mK * getattr(imager, name) for name in FIXED)
         return replace(
             pattern,
             offset=pattern.offset + (fixed[0] * pixels + fixed[1] * rows + fixed[2] * columns),
             drift=per_mK * (imager.drift_mK_K + imager.drift_spread_mK_K * drift),
             temporal=tuple(per_mK * getattr(imager, name) for name in TEMPORAL),
-            fixed=float(np.linalg.norm(fixed)),
+            fixed=fixed,
         )
 
     @property
     def total(self) -> float:
         """Standard deviation of what rows, columns, frames and the residual pattern add."""
-        return float(np.hypot(self.fixed, np.linalg.norm(self.temporal)))
+        return float(np.linalg.norm([*self.fixed, *self.temporal]))
+
+    @property
+    def shared(self) -> tuple[float, float, float]:
+        """Variances that pixels share: in a frame, a row and a column."""
+        frame, rows, columns = np.square(self.temporal)
+        _, fixed_rows, fixed_columns = np.square(self.fixed)
+        return frame, rows + fixed_rows, columns + fixed_columns
+
+    def products(self, images: np.ndarray, magnified: float = 1.0) -> np.ndarray:
+        """What the shared variances add to the sums of products of images (K, h, w), (K, K).
+
+        For a matched filter D the sum over the pixels of D^2 times a variance of its own is the
+        variance of the filter's output; one that pixels share adds the square of the sum of D over
+        them. Here it is less what it would add if the pixels did not share it. magnified: factor by
+        which the images are larger than given.
+        """
+        if not any(self.shared):
+            return np.zeros((len(images), len(images)))
+        flat = images.reshape(len(images), -1)
+        alone = magnified**2 * flat @ flat.T
+        sums = (images.sum(axis=axes).reshape(len(images), -1) for axes in ((1, 2), 2, 1))
+        return sum(
+            variance * (magnified**power * of @ of.T - alone)
+            for variance, power, of in zip(self.shared, (4, 3, 3), sums)
+        )
 
     def offsets(self, seed: int, number: int, averaged: int, warmer_K: float) -> np.ndarray:
         """Offsets of a frame, in which the housing is warmer than at the last shutter event."""

@@ -215,6 +215,17 @@ def background_noise(camera: Camera) -> float:
     return float(np.hypot(of_pixel, camera.pattern.total))
 
 
+def matched_ratio(squares, shared, noise: float):
+    """Signal-to-noise ratio of a matched filter.
+
+    squares: sum of the squared differences D of the pixels. shared: what `Pattern.products` adds to
+    it times noise^2. noise: standard deviation of a pixel. All may be arrays.
+    """
+    share = np.divide(shared, squares, out=np.zeros_like(shared), where=np.asarray(squares) > 0)
+    # The rounding of differences that cancel must not leave a negative variance
+    return np.sqrt(squares) / noise / np.sqrt(np.maximum(1 + share / noise**2, 1e-9))
+
+
 def measured(
     camera: Camera,
     signal: np.ndarray,
@@ -238,6 +249,7 @@ def measured(
     noise = background_noise(camera)
     frequency, value = measured_mtf(camera.optics)
     difference = camera.kept_contrast(behind - glow, signal - behind)
+    shared = camera.pattern.products(difference[None])[0, 0]
     on = share >= 0.5
     on = on if on.any() else share >= share.max()
     # The well must hold the uniform scene and its noise, and counts must resolve the noise
@@ -261,7 +273,7 @@ def measured(
         mtf={"frequency": frequency, "predicted": camera.optics.mtf(frequency), "measured": value},
         pixels=pixels,
         peak_snr=float(np.abs(difference).max() / noise),
-        snr=float(np.sqrt(np.sum(difference**2)) / noise),
+        snr=float(matched_ratio(np.sum(difference**2), shared, noise)),
         render_error=float(np.sqrt(np.mean(error_K[on] ** 2))),
         saturated=saturated(imager, signal),
         unit=imager.unit,

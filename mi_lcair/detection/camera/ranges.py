@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from mi_lcair.detection.camera.electronics import Camera
 from mi_lcair.detection.camera.exposure import Exposure, TargetPicture, detector_mean
+from mi_lcair.detection.camera.measures import matched_ratio
 from mi_lcair.detection.camera.optics import MARGIN, OVERSAMPLING
 from mi_lcair.detection.camera.view import CameraView
 from mi_lcair.detection.irradiance import Backdrop
@@ -202,8 +203,8 @@ class RangedTarget:
     Pixel j has c_j = sum over k of a_k(R) p_kj(R) electrons more than the background: p_0 is the
     blurred outline of the target at that range, with the electrons a_0 of the path less those of
     the background that it hides, and the others are blurred images of its light, see
-    `TargetPicture`. A matched filter has the ratio sqrt(sum c_j^2) / noise, and the strongest pixel
-    max |c_j| / noise. Of each c_j only what the well holds counts.
+    `TargetPicture`. A matched filter has the ratio sqrt(sum c_j^2) / noise, less where pixels share
+    noise, and the strongest pixel max |c_j| / noise. Of each c_j only what the well holds counts.
 
     Attributes
     ----------
@@ -238,7 +239,7 @@ class RangedTarget:
 
     def spread(self, ranges_m: np.ndarray, background: np.ndarray) -> "Spread":
         """How the target spreads over pixels at some ranges."""
-        products, kept, strongest = [], [], []
+        products, shared, kept, strongest = [], [], [], []
         for range_m, level, amounts in zip(
             ranges_m, background, self.amounts(self.arrival(ranges_m), background).T
         ):
@@ -247,12 +248,20 @@ class RangedTarget:
             contrast = np.tensordot(amounts, images, 1)
             held = self.camera.kept_contrast(level, contrast)
             # A nearer target has more pixels, in proportion to its area
-            flat = images.reshape(len(images), -1) * (within / range_m)
+            magnified = within / range_m
+            flat = images.reshape(len(images), -1) * magnified
             products.append(flat @ flat.T)
-            whole, rest = (np.linalg.norm(of) for of in (contrast, held))
+            shared.append(self.camera.pattern.products(images, magnified))
+            whole, rest = (self.matched(of, magnified) for of in (contrast, held))
             kept.append(rest / whole if whole else 1.0)
-            strongest.append(np.abs(held).max() / rest * range_m / within if rest else 0.0)
-        return Spread(*map(np.array, (products, kept, strongest)))
+            strongest.append(np.abs(held).max() / self.noise / rest if rest else 0.0)
+        return Spread(*map(np.array, (products, shared, kept, strongest)))
+
+    def matched(self, contrast: np.ndarray, magnified: float) -> float:
+        """Ratio of a matched filter for a contrast in the pixels, which is larger than given."""
+        shared = self.camera.pattern.products(contrast[None], magnified)[0, 0]
+        squares = np.sum((magnified * contrast) ** 2)
+        return float(matched_ratio(squares, shared, self.noise))
 
     def rows(self, ranges_m: ArrayLike, background: np.ndarray, spread: "Spread") -> list[RangeRow]:
         """The target at some ranges.
@@ -267,8 +276,11 @@ class RangedTarget:
         covered = (ranges_m * camera.imager.pixel_angle) ** 2
         electrons, pixels = seen / covered, exposure.area / covered
         amounts = self.amounts(arrival, background)
-        squares = np.einsum("kr,rkl,lr->r", amounts, spread.products, amounts)
-        ratio = np.sqrt(np.maximum(squares, 0)) * spread.kept / self.noise
+        squares, shared = (
+            np.einsum("kr,rkl,lr->r", amounts, of, amounts)
+            for of in (spread.products, spread.shared)
+        )
+        ratio = matched_ratio(np.maximum(squares, 0), shared, self.noise) * spread.kept
         peak = spread.strongest * ratio
         enough = pixels >= camera.imager.least_pixels
         criteria = {"signal to noise": ratio >= self.snr, "pixels": enough}
@@ -285,11 +297,13 @@ class RangedTarget:
 class Spread:
     """How a target spreads over pixels at r ranges.
 
-    products: sums over the pixels of p_k p_l, (r, 1 + K, 1 + K). kept: share of the root of the sum
+    products: sums over the pixels of p_k p_l, (r, 1 + K, 1 + K). shared: what rows, columns and
+    frames add to them, see `Pattern.products`. kept: share of the root of the sum
     of c^2 that the well keeps, (r,). strongest: the strongest pixel's share of that, (r,).
     """
 
     products: np.ndarray
+    shared: np.ndarray
     kept: np.ndarray
     strongest: np.ndarray
 
@@ -297,9 +311,13 @@ class Spread:
         """That at other ranges between those of this one, m."""
         x, at = np.log(ranges_m), np.log(others_m)
         scale = ranges_m[:, None, None] ** 3  # the sums fall as R^-2 to R^-4
-        products = scipy.interpolate.PchipInterpolator(x, scale * self.products)(at)
+        products, shared = (
+            scipy.interpolate.PchipInterpolator(x, scale * of)(at) / others_m[:, None, None] ** 3
+            for of in (self.products, self.shared)
+        )
         return Spread(
-            products / others_m[:, None, None] ** 3,
+            products,
+            shared,
             np.interp(at, x, self.kept),
             np.interp(at, x, self.strongest),
         )

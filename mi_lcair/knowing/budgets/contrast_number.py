@@ -14,7 +14,7 @@ from mi_lcair.declared import Bounds
 from mi_lcair.derivatives.common_numbers import CommonNumbers
 from mi_lcair.derivatives.motions.differences import poses_around
 from mi_lcair.detection.camera.electronics import Camera, electron_band
-from mi_lcair.detection.camera.measures import background_noise, netd
+from mi_lcair.detection.camera.measures import background_noise, matched_ratio, netd
 from mi_lcair.detection.camera.ranges import Silhouette
 from mi_lcair.detection.camera.view import CameraView
 from mi_lcair.detection.detection_range import SLOPE_STEP, detection_range, searched_ranges
@@ -607,7 +607,9 @@ class SignalToNoise(DerivedNumber):
         silhouette = Silhouette.of(self.scene, view, range_m)
         outline, pixels = silhouette.seen(camera, range_m)[0], silhouette.pixels(range_m)
         electrons = contrast / imager.pixel_angle**2  # of the whole target, taken as even
-        return float(electrons / pixels * np.linalg.norm(outline) / background_noise(camera))
+        shared = camera.pattern.products(outline[None])[0, 0]
+        ratio = matched_ratio(np.sum(outline**2), shared, background_noise(camera))
+        return float(electrons / pixels * ratio)
 
 
 class Netd(DerivedNumber):

@@ -191,6 +191,27 @@ def test_frames_of_a_flight_lag(tmp_path):
     )
 
 
+def test_noise_that_pixels_share_weakens_a_matched_filter(tmp_path):
+    """The filter's output in 4000 drawn frames; the table over range has the image's ratio."""
+    sigmas = {"sigma_tv_mK": 40.0, "sigma_th_mK": 30.0, "sigma_t_mK": 20.0}
+    scenario = described(tmp_path, **sigmas, focal_length_mm=100.0)
+    scenario = replace(scenario, background=replace(scenario.background, temperature=290.0))
+    made = mi_lcair.image(scenario, seed=2)
+    contrast = made.channels["power.Y"] - made.channels["power.background.Y"].astype(float)
+    random, unit = np.random.default_rng(9), Bolometer.of(scenario.camera, made.band).nep / 50
+    outputs = []
+    for _ in range(4000):
+        rows, columns = random.standard_normal(48), random.standard_normal(64)
+        pixels = np.linalg.norm(contrast) * random.standard_normal()  # their sum, weighted
+        output = 40 * rows @ contrast.sum(axis=1) + 30 * columns @ contrast.sum(axis=0)
+        outputs.append(50 * pixels + output + 20 * random.standard_normal() * contrast.sum())
+    expected = np.sum(contrast**2) / (unit * np.std(outputs))
+    assert made.measures.snr == pytest.approx(expected, rel=0.04)
+    own = next(row for row in made.ranges if row.range_m == scenario.observer.range_m)
+    assert own.snr == pytest.approx(made.measures.snr, rel=2e-3)
+    assert own.peak_snr == pytest.approx(made.measures.peak_snr, rel=2e-3)
+
+
 @pytest.mark.parametrize(
     "entries, message",
     [

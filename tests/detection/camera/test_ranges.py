@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mi_lcair.detection.camera.electronics import Correction, electron_band, electrons
+from mi_lcair.detection.camera.electronics import Correction, Pattern, electron_band, electrons
 from mi_lcair.detection.camera.exposure import TargetPicture
 from mi_lcair.detection.camera.optics import OVERSAMPLING, Optics
 from mi_lcair.detection.camera.ranges import (
@@ -63,7 +63,10 @@ def target(air, snr=10.0) -> RangedTarget:
     picture = TargetPicture(np.zeros((2, 1, 1)), {"target.source.0": np.array([radiance])})
     exposure.picture = picture
     camera = SimpleNamespace(
-        band=ELECTRONS, imager=IMAGER, kept_contrast=lambda background, contrast: contrast
+        band=ELECTRONS,
+        imager=IMAGER,
+        pattern=Pattern.of(IMAGER, 0),
+        kept_contrast=lambda background, contrast: contrast,
     )
     silhouette = SimpleNamespace(nearest_m=NEAREST, seen=lambda _, range_m: seen(range_m))
     return RangedTarget(camera, exposure, silhouette, MWIR, air, NOISE, snr)
