@@ -72,3 +72,8 @@ def test_frames_of_a_file(tmp_path):
     (tmp_path / "no.tif").write_text("no picture")
     with pytest.raises(InputError, match=r"no\.tif: has no frames that can be read"):
         mi_lcair.noise_components(tmp_path / "no.tif")
+
+
+def test_components_in_words():
+    words = NoiseComponents(0.05, 0.03, 0.0, 0.008, 0.015, 0.012, 0.006).in_mK()
+    assert words.startswith("sigma_tvh 50 mK, sigma_vh 30 mK, sigma_tv 0 mK, sigma_th 8 mK")

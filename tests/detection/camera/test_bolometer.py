@@ -68,6 +68,8 @@ def test_scale_and_noise_follow_from_powers():
     assert signal_of(BOLOMETER, 0.0) == pytest.approx(levels[0], rel=1e-4)
     slope = (power(300.05, 1.0) - power(299.95, 1.0)) / 0.1
     assert BOLOMETER.nep == pytest.approx(0.050 * slope * 1.0, rel=1e-4)
+    slower = replace(DESCRIPTION, netd_f_number=1.4)
+    assert Bolometer.of(slower, LWIR).nep == pytest.approx(0.050 * slope / 1.4**2, rel=1e-4)
     thin = replace(DESCRIPTION, lens="thin", netd_f_number=None)
     own = Bolometer.of(thin, electron_band(band("LWIR"), thin))
     scale = (4 * 1.2**2 / (4 * 1.2**2 + 1)) / 1.2**2
@@ -235,6 +237,7 @@ def test_housings_that_cannot_be_used(tmp_path):
     imager = replace(BOLOMETER, housing=str(file), drift_mK_K=1.0)
     for rows, message in (
         ("0,300\n5,301\n", "has the housing from 0 to 5 s; the frames last from 0 to 9 s"),
+        ("0.5,300\n20,301\n", "has the housing from 0.5 to 20 s"),
         ("0,300\n0,301\n", "time_s must rise"),
         ("0,30\n10,30\n", "temperature_K = 30 K"),
     ):
