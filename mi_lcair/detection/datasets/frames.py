@@ -165,7 +165,7 @@ class ViewRecorder:
         """Write an image with and without noise."""
         place, frames = partial(self.plan.place, band, number=case.number), self.plan.frames
         for k in range(frames):
-            counts = camera.frame(channels["electrons.Y"], case.number * frames + k)
+            counts = camera.frame(channels[f"{camera.imager.channel}.Y"], case.number * frames + k)
             write_png(place("images", end=f"_{k}.png" if k else ".png"), counts)
         without = {name: v for name, v in channels.items() if name not in OF_NOISE}
         write_exr(place("radiance", end=".exr"), without, header)
@@ -243,12 +243,12 @@ def recorder(arguments: bytes) -> ViewRecorder:
 
 def statistics(shot: Shot, channels: Mapping[str, np.ndarray], exposed) -> dict[str, float]:
     """Numbers about an image: temperatures, how much of it shows the target, and limits."""
-    kelvin = channels["mean_temperature.Y"]
+    kelvin, imager = channels["mean_temperature.Y"], shot.camera.imager
     return {
         "range_m": shot.scenario.observer.range_m,
         "pixels_on_target": exposed.area / shot.view.pixel_m**2,
         "temperature_K": [float(np.min(kelvin)), float(np.mean(kelvin)), float(np.max(kelvin))],
-        "saturated_share": saturated(shot.camera.imager, channels["electrons.Y"]),
+        "saturated_share": saturated(imager, channels[f"{imager.channel}.Y"]),
         "speckle_share": float(np.mean(channels["speckle.Y"])),
         "is_cut": bool(shot.view.is_cut),
     }

@@ -251,3 +251,19 @@ def test_facets_have_the_temperatures_of_the_hour(made, tmp_path):
         np.testing.assert_allclose(shown, heat.of_scene(heat.kelvin)[row, facets], atol=1e-3)
     assert result.traced == len(seen)
     write_box(folder)
+
+
+def test_a_bolometer_records_power(tmp_path):
+    """Its image has another channel than that of a photon detector."""
+    camera = {f"camera.{name}": 24 for name in ("width", "height")} | {
+        "camera.detector": "bolometer",
+        "camera.netd_mK": 50,
+        "camera.span_K": [250, 400],
+    }
+    one = {"sphere": 1, "elevation_deg": [20], "range_m": [40]}
+    splits = {"train": 1, "val": 0, "test": 0}
+    file = write_box(tmp_path, views=one, bands={"LWIR": camera}, splits=splits, draws=None)
+    mi_lcair.dataset(file, tmp_path / "set")
+    channels, _ = read_exr(tmp_path / "set/LWIR/radiance/000000.exr")
+    assert "power.Y" in channels and channels["power.Y"].min() > 0
+    assert pixels(tmp_path / "set/LWIR/images/000000.png").std() > 0
