@@ -34,7 +34,6 @@ FOLDERS = ("images", "radiance", "frames")
 OF_TRUTH = ("truth", "masks", "depth")
 SCENES = 8  # loaded scenes that are kept
 OF_NOISE = ("counts.Y", "temperature.Y")  # channels that belong to a frame with noise
-TARGET = ("target", "target")  # its mask among those of the truth
 MM = np.float32(1e3)  # depth in mm, as nerfstudio reads it
 TEMPERATURE = ".temperature"  # end of the names of parameters that need no other trace
 
@@ -179,7 +178,7 @@ class ViewRecorder:
             if file != coco:
                 write(file)
         write_json(coco, truth.coco(image, case.number + 1))
-        write_png(place("masks", end=".png"), 255 * truth.masks()[TARGET].astype(np.uint8))
+        write_png(place("masks", end=".png"), 255 * truth.mask_of_target().astype(np.uint8))
         content = BytesIO()
         np.save(content, MM * truth.channels["Depth.Z"])
         write_bytes(place("depth", end=".npy"), content.getvalue())

@@ -424,8 +424,8 @@ def render_image(
     sampling = sampling.settled(camera)
     randomisations = min(PIXEL_RANDOMISATIONS, sampling.spp or PILOT_SPP)
     windows = Windows.of_image(camera, randomisations, bool(errors_um) or truth)
-    split = "image" if atmosphere is None and not truth else "target"
-    measurands = Measurands.of(split, atmosphere is not None, parts=parts)
+    split = "image" if atmosphere is None else "target"
+    measurands = Measurands.of(split, split == "target", parts=parts)
     if bins:
         measurands = spectral_measurands(scene, bins, parts)
     measurands = with_parts(measurands) if truth else measurands

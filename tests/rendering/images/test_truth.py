@@ -186,6 +186,8 @@ def test_parts_add_up_to_the_radiance_and_name_what_sent_it():
     covered = 1.8 * 1.0 / (2 * 3 * np.tan(np.radians(20))) ** 2 * SIZE[0] / SIZE[1]
     assert layers["mask.Y"].mean() == pytest.approx(covered, rel=0.01)
     np.testing.assert_array_equal(layers["apparent.Y"], layers["Y"])
+    spectral = mi_lcair.render(scene, spp=16, bins=2, truth=True).truth.channels
+    np.testing.assert_array_equal(spectral["mask.Y"], result.truth.channels["mask.Y"])
     np.testing.assert_allclose(layers["apparent_temperature.Y"][outside], 290, rtol=1e-6)
     # The error of the temperature is that of the radiance over Planck's slope
     slope = (in_band_radiance(band("LWIR"), 290.01) - in_band_radiance(band("LWIR"), 289.99)) / 0.02
@@ -311,6 +313,7 @@ def test_rest_is_what_the_closure_adds():
     )
     # One path through a pixel says nothing of its error
     assert not any(name.startswith("stderr.") for name in layers)
+    assert "stderr.Y" in mi_lcair.render(scene, spp=2, truth=True).truth.channels
 
 
 def test_temperatures_and_their_errors():
@@ -406,6 +409,8 @@ def test_files(tmp_path):
 
 
 def test_more_facets_than_numbers_are_refused(monkeypatch):
+    assert float(np.float32(module.MOST_FACETS)) == module.MOST_FACETS
+    assert float(np.float32(module.MOST_FACETS + 2)) != module.MOST_FACETS + 2
     monkeypatch.setattr(module, "MOST_FACETS", 10)
     scene = made(looking([4, 1, 2]), box=grey("cube", 0.5, 300))
     with pytest.raises(InputError, match="has 12 facets; layers of an image number 10 at most"):
