@@ -184,7 +184,7 @@ class Temperature(Result):
     remarks: tuple[str, ...] = ()
 
     kind = "temperature"
-    drawn_by = "mi_lcair.show.pictures.temperature:figure"
+    drawn_by = "mi_lcair.show.pictures.temperatures:of_image"
     computed = {"pixels": "pixels", "range_K": "range_K"}
     saved_by = {
         suffix: f"mi_lcair.laboratory.thermography:write_{suffix[1:4]}"

@@ -73,7 +73,7 @@ class Heat(Result):
     remarks: tuple[str, ...] = ()
 
     kind = "heat"
-    drawn_by = "mi_lcair.show.pictures.heat:figure"
+    drawn_by = "mi_lcair.show.pictures.temperatures:of_heat"
     heading = "Temperatures"
     computed = {"hours": "hours", "groups": "by_group", "inputs": "by_input"}
     saved_by = {
