@@ -84,7 +84,7 @@ class Image(Result):
     ranges: list[RangeRow]
     detected_to_m: float | None
     peak_detected_to_m: float | None
-    noise: NoiseComponents | None
+    noise: NoiseComponents | None = entry("noise_K")
     view: CameraView = entry()
     mtf_parts: dict[str, np.ndarray] = entry()
     exposure: Exposure = entry()

@@ -180,10 +180,10 @@ class RangeRow:
     """A target at a range.
 
     range_m: range, m. pixels: number of pixels on the target. electrons: its electrons in a frame
-    above the background, sum over the pixels. snr: signal-to-noise ratio of the whole target with a
-    matched filter. peak_snr: that of its strongest pixel. detected: whether pixels and `snr`
-    suffice. lacks: which of them does not, in words; "" if both do. peak_detected: whether pixels
-    and `peak_snr` suffice.
+    above the background, sum over the pixels; W for a bolometer. snr: signal-to-noise ratio of the
+    whole target with a matched filter. peak_snr: that of its strongest pixel. detected: whether
+    pixels and `snr` suffice. lacks: which of them does not, in words; "" if both do.
+    peak_detected: whether pixels and `peak_snr` suffice.
     """
 
     range_m: float
