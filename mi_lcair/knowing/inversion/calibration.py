@@ -8,7 +8,7 @@ uncertainties is added to the covariance of the unknowns.
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import combinations
 from os import PathLike
 from pathlib import Path
@@ -23,6 +23,7 @@ from mi_lcair.estimate import relative
 from mi_lcair.files import parse_toml, read_text, replacing
 from mi_lcair.heating.conductors import Facets
 from mi_lcair.heating.temperatures.description import (
+    GroupTable,
     HeatDescription,
     default_sigmas,
     sigmas_of,
@@ -38,7 +39,7 @@ from mi_lcair.toml_table import check_tables, filled, plain, table_of, text_of
 
 KNOWN = ("h", "absorptance", *OF_LAW, *OF_WALL)  # inputs that may be sought
 LINEAR = ("absorptance", "wetness", "back_K", "back_W_m2", "radiative")  # others in logarithms
-UNIT = ("absorptance", "wetness")  # lie in 0..1
+LIMITS = {f.name: f.metadata["bounds"] for f in fields(GroupTable) if "bounds" in f.metadata}
 BROAD = {"absorptance": 0.2, "wetness": 0.3}  # of what no material says; others a factor of e
 # Time over which the error of the model is alike, in hours of the weather's rows. It is an eighth
 # of a day, also of a long one: what the terms leave out follows the course of sun and air
@@ -241,8 +242,9 @@ def sought(name: str, given: UnknownEntry, network: Network) -> Sought:
         if given.prior is not None:
             value, sigma = given.prior
         mean, value = value, value if given.start is None else given.start
-        lower = 0.0 if given.lower is None else given.lower
-        upper = (1.0 if key in UNIT else np.inf) if given.upper is None else given.upper
+        of_table = LIMITS["h_factor" if key == "h" else key]
+        lower = of_table.lower if given.lower is None else given.lower
+        upper = of_table.upper if given.upper is None else given.upper
         Bounds(lower=lower, upper=upper).check(value, key)
         if key not in LINEAR:
             if not (mean > 0 and value > 0):

@@ -59,6 +59,16 @@ def test_wave_through_layers():
     assert abs(np.angle(ratio, deg=True)) < 0.5
 
 
+def test_steady_flux_through_layers():
+    """Resistances in series, of layers, contacts and the air behind."""
+    first, second = BRICK | {"contact_m2_K_W": 0.03}, FOAM | {"contact_m2_K_W": 0.05}
+    wall = layers((first, 40.0), (second, 10.0)) | {"back_K": 280.0, "back_h": 5.0}
+    still = weather(h_W_m2_K=2.0, air_K=320.0)
+    T = course(network([[0]], [0.0], [0.0], still, groups={"g0": wall})).kelvin[0, 0]
+    resistance = 0.03 + 0.04 / 0.7 + 0.05 + 0.01 / 0.04 + 1 / 5
+    assert (T - 280) / resistance == pytest.approx(2 * (320 - T), rel=1e-9)
+
+
 def test_steady_conductivity_by_temperature():
     """The integral of k over the temperature drives a steady flux."""
     k, chi, d, hot, cold = 0.01, 2.7, 0.02, 380.0, 200.0

@@ -58,7 +58,12 @@ def test_truths_are_found_and_written(folder, tmp_path):
     heat = mi_lcair.heat(tmp_path / "calibrated.toml")
     apart = heat.by_group()["terrain"].value - found.predicted[:, 0]
     assert abs(apart).max() < 0.1
-    assert {row.quantity: row.sigma for row in heat.inputs}["terrain.conductivity"].endswith("%")
+    stated = {row.quantity: row.sigma for row in heat.inputs}["terrain.conductivity"]
+    relative = found.standard_error[0] / found.value[0]
+    assert float(stated.removesuffix("%")) == pytest.approx(100 * relative, rel=5e-3)
+    half = 1.96 * relative  # of a factor, in logarithms
+    np.testing.assert_allclose(found.upper[0] / found.value[0], np.exp(half), rtol=1e-6)
+    np.testing.assert_allclose(found.lower[0] / found.value[0], np.exp(-half), rtol=1e-6)
     found.save(tmp_path / "found.json")
     assert "terrain.conductivity" in (tmp_path / "found.json").read_text()
 
@@ -109,7 +114,7 @@ def test_thick_ground_gives_only_its_inertia(folder):
         ({"unknowns": {"terrain.colour": {}}}, "unknown input 'colour'"),
         ({"unknowns": {"roof.h": {}}}, "unknown group 'roof'"),
         ({"unknowns": {"terrain.wetness": {}}}, "wetness is not stated; give a first guess"),
-        ({"unknowns": {"terrain.h": {"start": -1.0}}}, "h = -1; must be 0 or more"),
+        ({"unknowns": {"terrain.h": {"start": -1.0}}}, "h = -1; must lie in 0..1000"),
         ({"data": []}, "unknown table 'data'"),
         ({"heat": {"file": "heat.toml"}}, "measured is missing"),
     ],
@@ -117,6 +122,27 @@ def test_thick_ground_gives_only_its_inertia(folder):
 def test_bad_problems_are_refused(folder, change, message):
     with pytest.raises(InputError, match=message):
         mi_lcair.invert(problem(folder, "h") | change)
+
+
+def test_hours_of_a_series_are_those_of_its_weather(folder, tmp_path):
+    """From one step before the first time to the last; a day that is repeated has 24 hours."""
+    text = (folder / "heat.toml").read_text()
+    assert "[run]\nsteps = 24" in text
+    (tmp_path / "heat.toml").write_text(text.replace("[run]\n", "[run]\nstart_K = 290.0\n"))
+
+    def inverted(hours, folder=tmp_path):
+        rows = "".join(f"{hour},290\n" for hour in hours)
+        (tmp_path / "measured.csv").write_text(f"hour,terrain\n{rows}")
+        file, measured = (str(path) for path in (folder / "heat.toml", tmp_path / "measured.csv"))
+        return mi_lcair.invert(problem(folder, "h", file=file, measured=measured))
+
+    found = inverted([0, 12, 23])  # which no h explains, so that it ends at its bound
+    assert len(found.predicted) == 3 and 1 < found.value[0] <= 1000
+    for hours in ([-0.5, 12], [12, 23.5]):
+        with pytest.raises(InputError, match="leave those of the weather, 0 to 23"):
+            inverted(hours)
+    with pytest.raises(InputError, match="12 to 25 are not those of one day"):
+        inverted([12, 25], folder)
 
 
 @pytest.mark.parametrize(
