@@ -49,6 +49,7 @@ from mi_lcair.rendering.images.spectral import (
 from mi_lcair.rendering.images.truth import (
     Truth,
     add_parts,
+    count_from_camera,
     drop_groups,
     truth_of_render,
     with_parts,
@@ -432,6 +433,7 @@ def render_image(
     criterion = None if sampling.tolerance is None else PixelError(sampling.tolerance)
     with through(scene, atmosphere, range_m):
         total = measure(scene, windows, sampling, measurands, criterion)
+    count_from_camera(total, camera)
     spp = round(total.traced.mean())
     closure_error = None
     if total.tail is not None:

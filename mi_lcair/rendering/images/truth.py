@@ -205,6 +205,23 @@ class CentreRays:
         matrix = np.array(camera.world_transform().matrix, dtype=float).reshape(4, 4)
         return CentreRays(ray, matrix[:3, 3], matrix[:3, 2] / np.linalg.norm(matrix[:3, 2]), size)
 
+    @property
+    def near(self) -> np.ndarray:
+        """Distance along the rays from the camera to where they begin, (P,) [m]."""
+        start, toward = (np.array(part, dtype=float).T for part in (self.ray.o, self.ray.d))
+        return np.einsum("pk,pk->p", start - self.eye, toward)
+
+
+CAMERAS = ("PerspectiveCamera", "ThinLensCamera", "OrthographicCamera")
+
+
+def count_from_camera(total: Totals, camera) -> None:
+    """Let the ranges of totals begin at the camera, and not where its rays begin (`near_clip`)."""
+    if camera.class_name() in CAMERAS:
+        near = CentreRays.of(camera).near[:, None]
+        for prefix in {"", "target."} & {name.removesuffix("range") for name in total.sums}:
+            total.sums[f"{prefix}range"] += near * total.sums[f"{prefix}hit"]
+
 
 def numbers_of(scene: Scene, table: FacetTable) -> tuple[dict[str, np.ndarray], dict]:
     """Numbers from 1 of each facet in the LAYERS but `facet`, (count,), and their names."""

@@ -233,6 +233,26 @@ def test_the_air_of_each_pixel():
     )
 
 
+@pytest.mark.parametrize("kind", ["perspective", "orthographic", "thinlens"])
+def test_ranges_begin_at_the_camera(kind):
+    """Wherever its rays begin, and with them the air of a pixel."""
+    lens = {"aperture_radius": 0.01, "focus_distance": 400.0} if kind == "thinlens" else {}
+    fov = {} if kind == "orthographic" else {"fov": 0.5}
+    near, far = (
+        mi_lcair.render(
+            made(looking([400.0, 0, 0], kind=kind, near_clip=clip, **fov, **lens), ball=ball),
+            spp=16,
+            atmosphere="midlat_summer",
+        )
+        for clip in (0.01, 300.0)
+        for ball in [grey("sphere", 1.0, 330.0)]
+    )
+    seen = near.channels["target.Y"] == near.channels["target.Y"].max()
+    assert near.channels["range.Y"][8, 12] == pytest.approx(399, abs=0.2)
+    for name in ("range.Y", "apparent.Y", "path.Y"):
+        np.testing.assert_allclose(far.channels[name][seen], near.channels[name][seen], rtol=1e-4)
+
+
 def test_instances_plumes_and_backs():
     """Each instance of a group has a number. A plume is seen first, and emits 1 - transmittance."""
     down = T().look_at([0, 0, 5], [0, 0, 0], [0, 1, 0]) @ T().scale([4, 4, 1])
