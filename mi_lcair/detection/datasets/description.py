@@ -291,7 +291,7 @@ def described_set(tree: Mapping, folder: Path, name: str) -> DatasetDescription:
     with errors_of("[draws]"):
         for key, law in draws.items():
             check_draw(key, law)
-            if isinstance(law, Mapping) and CHOICE in law:
+            if is_choice(law):
                 draws[key] = {CHOICE: located(folder, law[CHOICE])}
         if (HOUR in draws) != (base.heat is not None):
             raise InputError("hour goes with heat of [base]; give both, or none of them")
@@ -307,6 +307,11 @@ def described_set(tree: Mapping, folder: Path, name: str) -> DatasetDescription:
     )
 
 
+def is_choice(stated: Stated) -> bool:
+    """Whether [draws] states choices."""
+    return isinstance(stated, Mapping) and CHOICE in stated
+
+
 def check_draw(name: str, stated) -> None:
     """Raise InputError for what states neither a distribution nor choices."""
     views = [f"observer.{key}" for key in (*POLAR, "position_m")]
@@ -314,7 +319,7 @@ def check_draw(name: str, stated) -> None:
     if name in views or name in ("render.seed", "target.scene"):
         of = "[views]" if name in views else "the data set"
         raise InputError(f"{name} belongs to {of}; leave it out")
-    if isinstance(stated, Mapping) and CHOICE in stated:
+    if is_choice(stated):
         values = stated[CHOICE] if isinstance(stated[CHOICE], list) else []
         plain = all(type(value) in (str, int, float, bool) for value in values)
         if len(stated) > 1 or not values or not plain:

@@ -16,9 +16,10 @@ from mi_lcair.detection.datasets.description import (
     POLAR,
     SPREAD,
     DatasetDescription,
+    is_choice,
 )
 from mi_lcair.detection.scenario import OF_SCENE, TABLES, Scenario
-from mi_lcair.errors import InputError, errors_of, unknown
+from mi_lcair.errors import InputError, check_known, errors_of, unknown
 from mi_lcair.estimate import Distribution, Stated
 from mi_lcair.heating.temperatures.description import HeatDescription
 from mi_lcair.heating.temperatures.heat_result import Heat
@@ -26,6 +27,7 @@ from mi_lcair.heating.temperatures.solve import temperatures
 from mi_lcair.heating.temperatures.weather import weather
 from mi_lcair.plugins.derivatives import own_memory
 from mi_lcair.plugins.emission.triangles import is_faceted, triangle_corners
+from mi_lcair.rendering.facets import FacetTable
 from mi_lcair.rendering.parameters.entries import Parameter
 from mi_lcair.rendering.parameters.values import checked, load_with_values, parameters_of
 from mi_lcair.rendering.scene import Scene
@@ -34,6 +36,7 @@ from mi_lcair.rendering.views import Target, corners, model_shapes
 # Distributions of [draws]
 # ------------------------
 
+ROUNDING = 1e-6  # relative rounding of the bounds of a scene's parameters
 MOST_OUTSIDE = 1e-3  # share of draws on a side of a distribution that may be out of bounds
 OF_VIEW, OF_CAMERA = 0, 1  # second numbers of the seeds of renders and of cameras
 TRIES = 1000  # draws of a case until all of its values are possible together
@@ -41,67 +44,73 @@ Choices = tuple[str | float | int | bool, ...]
 Law = Distribution | Choices
 
 
-def law_of(name: str, stated: Stated, known: Parameter | None) -> Law:
+@dataclass(frozen=True)
+class Quantity:
+    """What is known of a quantity that is drawn; a value of NaN if it has none."""
+
+    value: float
+    bounds: Bounds
+    sigma: float = 0.0
+
+
+def law_of(name: str, stated: Stated, known: Quantity | None) -> Law:
     """The distribution that [draws] states for a quantity.
 
-    known: its value, bounds and spread; None for one that has no number. Raises InputError if more
-    than MOST_OUTSIDE of its draws are out of bounds on one side.
+    known: None for one that is no number. Raises InputError if more than MOST_OUTSIDE of its draws
+    are out of bounds on one side.
     """
-    if isinstance(stated, Mapping) and CHOICE in stated:
+    if is_choice(stated):
         return tuple(stated[CHOICE])
-    ends = stated.get("uniform") if isinstance(stated, Mapping) else None
-    if isinstance(ends, list):
-        law = Distribution("uniform", np.mean(ends), np.ptp(ends) / 2, *map(float, ends))
-    elif known is None or not np.isfinite(known.value):
+    table = stated if isinstance(stated, Mapping) else {"normal": stated}
+    if isinstance(ends := table.get("uniform"), list):
+        low, high = map(float, ends)
+        law = Distribution("uniform", (low + high) / 2, (high - low) / 2, low, high)
+    elif known is None or np.isnan(known.value):
         raise InputError(
             f"{name} has no value around which it could vary; give {{uniform = [a, b]}} or "
             f"{{{CHOICE} = [...]}}"
         )
-    else:
-        width = {"normal": known.sigma if stated == SPREAD else stated}
-        if stated == SPREAD and not known.sigma:
+    elif stated == SPREAD:
+        if not known.sigma:
             raise InputError(f"{name}: its material states no sigma; give one")
-        law = Distribution.of(name, stated if isinstance(stated, Mapping) else width, known.value)
+        return limited(Distribution.of(name, {"normal": known.sigma}, known.value), known.bounds)
+    else:
+        law = Distribution.of(name, table, known.value)
     if known is None:
         return law
-    if stated != SPREAD:
-        for tail in (MOST_OUTSIDE, 1 - MOST_OUTSIDE):
-            check_within(name, float(law.law.ppf(tail)), known)
-    if law.kind == "normal":
-        lower, upper = max(law.lower, known.lower), min(law.upper, known.upper)
-        law = Distribution("normal", law.centre, law.width, lower, upper)
-    return law
+    for tail in (MOST_OUTSIDE, 1 - MOST_OUTSIDE):
+        hint = "; narrow its distribution, or cut it off with lower and upper of a normal one"
+        known.bounds.check(float(law.law.ppf(tail)), name, ROUNDING, hint)
+    return limited(law, known.bounds)
 
 
-def check_within(name: str, value: float, known: Parameter) -> None:
-    """Raise InputError if a draw is out of the bounds of its quantity."""
-    slack = 1e-6 * max(abs(known.lower), abs(known.upper)) if known.kind == "material" else 0.0
-    if not known.lower - slack <= value <= known.upper + slack:
-        raise InputError(
-            f"{name} is drawn as {value:.4g}; must {Bounds(lower=known.lower, upper=known.upper)}; "
-            "narrow its distribution, or state lower and upper of a normal one"
-        )
+def limited(law: Distribution, bounds: Bounds) -> Distribution:
+    """A normal distribution cut off at the bounds of its quantity; another one as it is."""
+    if law.kind != "normal":
+        return law
+    return replace(law, lower=max(law.lower, bounds.lower), upper=min(law.upper, bounds.upper))
 
 
-def of_scenario(scenario: Scenario, name: str) -> Parameter | None:
+def of_scenario(scenario: Scenario, name: str) -> Quantity | None:
     """The entry TABLE.KEY of a scenario as a quantity; None for one that is no number."""
     table, _, key = name.partition(".")
     known = {entry.name: entry for entry in fields(TABLES[table])}
-    if key not in known:
-        raise unknown(f"key of [{table}]", key, known)
-    bounds = known[key].metadata.get("bounds", Bounds())
+    check_known(f"key of [{table}]", known, key)
     if required(known[key].type) not in (float, int):
         return None
-    part = getattr(scenario, table)
-    value = None if part is None else getattr(part, key)
-    value = np.nan if value is None else value
-    lower = np.nextafter(0, 1) if bounds.is_positive else bounds.lower
-    return Parameter(name, "scenario", value, bounds.unit, lower, bounds.upper)
+    value = getattr(getattr(scenario, table), key, None)
+    bounds = known[key].metadata.get("bounds", Bounds())
+    return Quantity(np.nan if value is None else value, bounds)
 
 
 def is_entry(name: str) -> bool:
     """Whether a draw is an entry TABLE.KEY of a scenario, and no parameter of the scene."""
     return name.partition(".")[0] in TABLES and not name.startswith(OF_SCENE)
+
+
+def key_of(name: str) -> str:
+    """The key of a draw among the changes of a scenario."""
+    return name if is_entry(name) else f"{OF_SCENE}{name.removeprefix(OF_SCENE)}"
 
 
 # The images of a data set
@@ -165,15 +174,12 @@ def cases_of(description: DatasetDescription, scenario: Scenario, scene: Scene) 
         for k in range(frames.cases):
             values = possible(laws, scene, (frames.seed, number, k), description.draws)
             hour = values.pop(HOUR, None)
-            changes = placed | {
-                name if is_entry(name) else f"{OF_SCENE}{name.removeprefix(OF_SCENE)}": value
-                for name, value in values.items()
-            }
+            changes = placed | {key_of(name): value for name, value in values.items()}
             cases.append(Case(len(cases), number, of_views[number], changes, hour))
     return cases
 
 
-def quantity(name: str, scenario: Scenario, known: Mapping[str, Parameter]) -> Parameter | None:
+def quantity(name: str, scenario: Scenario, known: Mapping[str, Parameter]) -> Quantity | None:
     """What is known of a quantity of [draws]; None for a text and for the hour."""
     if name == HOUR:
         return None
@@ -181,7 +187,8 @@ def quantity(name: str, scenario: Scenario, known: Mapping[str, Parameter]) -> P
         return of_scenario(scenario, name)
     short = name.removeprefix(OF_SCENE)
     if short in known:
-        return known[short]
+        of = known[short]
+        return Quantity(of.value, Bounds(lower=of.lower, upper=of.upper, unit=of.unit), of.sigma)
     if name.startswith(OF_SCENE):  # a $-parameter of the scene's file
         return None
     raise unknown("quantity", name, [*known, *(f"{table}.KEY" for table in TABLES), HOUR])
@@ -217,11 +224,16 @@ class HeatedHours:
     sun_deg: np.ndarray
 
     @staticmethod
-    def of(file: str) -> "HeatedHours":
-        """The temperatures of a heat.toml, over the day."""
+    def of(file: str, scene: Scene) -> "HeatedHours":
+        """The temperatures of a heat.toml, over the day.
+
+        Raises InputError for a steady state, and for a model with other facets than the scene has.
+        """
         read = HeatDescription.read(file)
-        scene = load_with_values(read.target.scene, read.target.parameters)
-        heat, run = temperatures(scene, read), read.run
+        same = load_with_values(read.target.scene, read.target.parameters)
+        if FacetTable(same).group.tolist() != FacetTable(scene).group.tolist():
+            raise InputError(f"{file}: its facets are not those of {scene.name}; name that scene")
+        heat, run = temperatures(same, read), read.run
         if heat.is_steady:
             raise InputError(f"{file}: is a steady state, which has no hours; leave heat out")
         series = weather(read.weather, read.folder, run.steps, run.start_K is None)
@@ -230,7 +242,8 @@ class HeatedHours:
 
     def applied(self, case: Case, scenario: Scenario) -> Case:
         """A case with the temperatures, and the sun if there is one, at the time of its hour."""
-        row = self.heat.row(case.hour)
+        with errors_of("[draws]"):
+            row = self.heat.row(case.hour)
         changes = {MODES: f"{HEAT}/{row:05}.csv"}
         if scenario.surroundings is not None and scenario.surroundings.sun is not None:
             elevation, azimuth = self.sun_deg[row]

@@ -4,7 +4,7 @@ import json
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from mi_lcair import scenes, toml_table
-from mi_lcair.detection.datasets.description import DatasetDescription
-from mi_lcair.detection.datasets.draws import HEAT, HeatedHours, cases_of, check_views
+from mi_lcair.detection.datasets.description import DatasetDescription, is_choice
+from mi_lcair.detection.datasets.draws import HEAT, HeatedHours, cases_of, check_views, key_of
 from mi_lcair.detection.datasets.frames import (
     FOLDERS,
     MODES,
@@ -23,13 +23,22 @@ from mi_lcair.detection.datasets.frames import (
     digest_of,
     text_of,
     write_json,
+    write_png,
 )
 from mi_lcair.detection.datasets.poses import SPLITS, colmap, transforms
 from mi_lcair.detection.scenario import OF_SCENE, Scenario
-from mi_lcair.detection.setting import target_scene
+from mi_lcair.detection.setting import setting_of, target_scene
 from mi_lcair.drawing import file_content, new_figure, styled
 from mi_lcair.errors import InputError, errors_of
-from mi_lcair.files import PART, check_writable, parse_json, parse_toml, read_text, write_bytes
+from mi_lcair.files import (
+    PART,
+    check_writable,
+    parse_json,
+    parse_toml,
+    read_bytes,
+    read_text,
+    write_bytes,
+)
 from mi_lcair.heating.temperatures.heat_result import write_csv
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.images.files import read_exr
@@ -117,7 +126,7 @@ def record_dataset(
     check_folder(folder, stated)
     cases, hours = cases_of(description, scenario, scene), None
     if description.base.heat is not None:
-        hours = HeatedHours.of(description.base.heat)
+        hours = HeatedHours.of(description.base.heat, scene)
         cases = [hours.applied(case, scenario) for case in cases]
     frames = description.frames
     plan = Plan(
@@ -129,8 +138,8 @@ def record_dataset(
         seed=frames.seed,
         truth=frames.truth,
     )
+    check_plan(plan, description, scene)
     begin(plan, stated, hours)
-    check_plan(plan, scene)
     views = sorted({case.view for case in cases})
     missing = [view for view in views if not plan.has(view)]
     recorder, traced = ViewRecorder(plan), 0
@@ -198,7 +207,7 @@ def stated_of(description: DatasetDescription, scene: Scene) -> dict:
         "name": description.name,
         "dataset": description.tree,
         **trees,
-        "views_sha256": None if views is None else digest_of(Path(views).read_bytes()),
+        "views_sha256": None if views is None else digest_of(read_bytes(views)),
         "scene": scene.name,
         "scene_fingerprint": scene.fingerprint,
         "versions": versions(),
@@ -245,17 +254,23 @@ def begin(plan: Plan, stated: Mapping, hours: HeatedHours | None) -> None:
             (plan.folder / band / kind).mkdir(parents=True, exist_ok=True)
 
 
-def check_plan(plan: Plan, scene: Scene) -> None:
-    """Raise InputError for an image whose scenario or view is not possible."""
-    first, *others = plan.bands
-    scenarios = {}
+def check_plan(plan: Plan, description: DatasetDescription, scene: Scene) -> None:
+    """Raise InputError for an image whose scenario, chosen words or view are not possible."""
+    choices = [key_of(name) for name, law in description.draws.items() if is_choice(law)]
+    scenarios: dict[int, Scenario] = {}
+    seen: set[tuple] = set()
     for case in plan.cases:
-        scenario = plan.scenario(case, first)
+        without = replace(case, changes={k: v for k, v in case.changes.items() if k != MODES})
+        scenario = plan.scenario(without, next(iter(plan.bands)))
         scenarios.setdefault(case.view, scenario)
-    for band in others:
+        new = {(name, case.changes[name]) for name in choices if name in case.changes} - seen
+        if new:
+            with errors_of(f"view {case.view}"):
+                setting_of(scenario)
+        seen |= new
+    for band in plan.bands:
         plan.scenario(plan.cases[0], band)
-    moved = [name for case in plan.cases for name in case.changes if name.startswith(MOVING)]
-    if not moved:
+    if not any(name.startswith(MOVING) for case in plan.cases for name in case.changes):
         check_views(scene, scenarios)
 
 
@@ -343,7 +358,7 @@ def write_manifest(
 
 CARD, CONTACT, STATISTICS = "README.md", "contact.png", "statistics.png"
 SHOWN = 12  # images of a band on the contact sheet
-COLUMNS = 4
+COLUMNS, TILE = 4, 200  # of the sheet, and pixels across an image on it
 BARS = 40
 KELVIN = "mean_temperature.Y"
 
@@ -363,34 +378,41 @@ def write_card(
         for number in dict.fromkeys(places.tolist())
     }
     ranges = [record["range_m"] for record in next(iter(records.values()))]
+    write_png(plan.folder / CONTACT, contact_sheet([*kelvin.values()]))
     contents = {
-        CONTACT: file_content(contact_sheet(kelvin), ".png"),
         STATISTICS: file_content(histograms(kelvin, ranges), ".png"),
         CARD: text_of_card(plan, description, scenario, records, remarks).encode(),
     }
     for name, content in contents.items():
         write_bytes(plan.folder / name, content)
-    return [plan.folder / name for name in contents]
+    return [plan.folder / name for name in (CONTACT, *contents)]
 
 
-@styled
-def contact_sheet(kelvin: Mapping[tuple[str, int], np.ndarray]):
-    """Some images of each band in apparent temperatures, each with its own scale."""
-    rows = -(-len(kelvin) // COLUMNS)
-    figure = new_figure((2.2 * COLUMNS, 2.0 * rows), 100, layout="constrained")
-    for place, ((band, number), image) in enumerate(kelvin.items(), 1):
-        axes = figure.add_subplot(rows, COLUMNS, place)
-        axes.imshow(image, cmap="inferno")
-        axes.set_title(f"{number:06} {band}\n{image.min():.1f} to {image.max():.1f} K")
-        axes.set_axis_off()
-    return figure
+def contact_sheet(images: Sequence[np.ndarray]) -> np.ndarray:
+    """Images side by side in colours from the least to the largest value of each, (H, W, 3)."""
+    import matplotlib
+
+    height = max(image.shape[0] for image in images)
+    width = max(image.shape[1] for image in images)
+    larger, smaller = -(-TILE // width), max(width // TILE, 1)
+    tiles = []
+    for image in images:
+        share = (image - image.min()) / (np.ptp(image) or 1)
+        tile = np.pad(
+            matplotlib.colormaps["inferno"](share)[..., :3],
+            [(0, height - image.shape[0]), (0, width - image.shape[1]), (0, 0)],
+        )
+        tiles.append(np.kron(tile[::smaller, ::smaller], np.ones((larger, larger, 1))))
+    tiles += [np.zeros_like(tiles[0])] * (-len(tiles) % COLUMNS)
+    rows = [np.hstack(tiles[k : k + COLUMNS]) for k in range(0, len(tiles), COLUMNS)]
+    return (255 * np.vstack(rows)).astype(np.uint8)
 
 
 @styled
 def histograms(kelvin: Mapping[tuple[str, int], np.ndarray], ranges: Sequence[float]):
     """Histograms of apparent temperature, of the images shown, and of range, of all."""
-    figure = new_figure((8, 3), 100, layout="constrained")
-    left, right = figure.subplots(1, 2)
+    figure = new_figure((8, 3), 100)
+    left, right = figure.subplots(1, 2, gridspec_kw={"bottom": 0.2})
     for band in dict.fromkeys(band for band, _ in kelvin):
         values = [image.ravel() for (of, _), image in kelvin.items() if of == band]
         left.hist(np.concatenate(values), BARS, histtype="step", label=band or " ", log=True)
@@ -441,6 +463,7 @@ def text_of_card(
         f"{len(splits)} views ({counts}) of {scenario.heading} {len(everything)} images in "
         f"{bands}, {camera.width} x {camera.height} pixels.",
         f"![images]({CONTACT})",
+        "Some images in apparent temperature, each with a scale of its own.",
         f"Apparent temperatures are {coldest:.4g} to {hottest:.4g} K, and the target has "
         f"{min(pixels):.3g} to {max(pixels):.3g} pixels.",
         f"![histograms]({STATISTICS})",

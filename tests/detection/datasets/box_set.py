@@ -8,7 +8,7 @@ from mi_lcair.toml_table import text_of
 SCENARIO = {
     "target": {"scene": "box/scene.xml"},
     "observer": {"range_m": 60, "azimuth_deg": 0, "elevation_deg": 10},
-    "atmosphere": {"table": "midlat_summer"},
+    "atmosphere": {"table": "vacuum"},
     "background": {"temperature": 285},
     "sensor": {"band": "LWIR"},
     "render": {"max_bounces": [2], "spp": 4},
