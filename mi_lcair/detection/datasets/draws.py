@@ -131,10 +131,6 @@ class Case:
     changes: dict[str, Any]
     hour: float | None = None
 
-    def scenario(self, source: str, band: Mapping[str, Any]) -> Scenario:
-        """Its scenario in a band."""
-        return Scenario.read(source, **self.changes | dict(band))
-
 
 def seed_of(*numbers: int) -> int:
     """A seed of 32 bits from numbers, independent of those from others."""
@@ -162,6 +158,10 @@ def cases_of(description: DatasetDescription, scenario: Scenario, scene: Scene) 
     with errors_of("[draws]"):
         known = parameters_of(scene)
         laws = {n: law_of(n, s, quantity(n, scenario, known)) for n, s in description.draws.items()}
+        if len({key_of(name) for name in laws}) < len(laws):
+            raise InputError(f"{OF_SCENE}NAME and NAME are the same parameter; give one of them")
+    materials = {name for name, of in known.items() if of.kind not in ("temperature", "motion")}
+    together = [name for name in laws if name.removeprefix(OF_SCENE) in materials]
     views, cases = description.views.views(frames.seed), []
     of_views = splits.of_views(len(views), frames.seed)
     for number, view in enumerate(views):
@@ -172,7 +172,7 @@ def cases_of(description: DatasetDescription, scenario: Scenario, scene: Scene) 
             "render.seed": seed_of(frames.seed, OF_VIEW, number),
         }
         for k in range(frames.cases):
-            values = possible(laws, scene, (frames.seed, number, k), description.draws)
+            values = possible(laws, together, scene, frames.seed, number, k)
             hour = values.pop(HOUR, None)
             changes = placed | {key_of(name): value for name, value in values.items()}
             cases.append(Case(len(cases), number, of_views[number], changes, hour))
@@ -194,15 +194,16 @@ def quantity(name: str, scenario: Scenario, known: Mapping[str, Parameter]) -> Q
     raise unknown("quantity", name, [*known, *(f"{table}.KEY" for table in TABLES), HOUR])
 
 
-def possible(laws: Mapping[str, Law], scene: Scene, numbers: tuple[int, ...], draws) -> dict:
-    """Values of all draws of a case, which are drawn again until they are possible together."""
+def possible(laws: Mapping[str, Law], together: list[str], scene: Scene, *numbers: int) -> dict:
+    """Values of all draws of a case.
+
+    They are drawn again until those that depend on each other are possible `together`.
+    """
     randoms = {name: generator(name, *numbers) for name in laws}
-    names = [name for name in laws if "." in name and not is_entry(name)]
-    names = [name for name in names if not isinstance(laws[name], tuple)]
     for _ in range(TRIES):
         values = {name: drawn(law, randoms[name]) for name, law in laws.items()}
         try:
-            checked(scene, {name.removeprefix(OF_SCENE): values[name] for name in names})
+            checked(scene, {name.removeprefix(OF_SCENE): values[name] for name in together})
             return values
         except InputError as error:
             last = error

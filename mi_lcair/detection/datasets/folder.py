@@ -13,7 +13,7 @@ import numpy as np
 
 from mi_lcair import scenes, toml_table
 from mi_lcair.detection.datasets.description import DatasetDescription, is_choice
-from mi_lcair.detection.datasets.draws import HEAT, HeatedHours, cases_of, check_views, key_of
+from mi_lcair.detection.datasets.draws import HEAT, Case, HeatedHours, cases_of, check_views, key_of
 from mi_lcair.detection.datasets.frames import (
     FOLDERS,
     MODES,
@@ -140,16 +140,18 @@ def record_dataset(
     )
     check_plan(plan, description, scene)
     begin(plan, stated, hours)
-    views = sorted({case.view for case in cases})
-    missing = [view for view in views if not plan.has(view)]
-    recorder, traced = ViewRecorder(plan), 0
-    tasks = [partial(recorder.view, view) for view in missing]
+    views: dict[int, list[Case]] = {}
+    for case in cases:
+        views.setdefault(case.view, []).append(case)
+    missing = [of_view for of_view in views.values() if not plan.has(of_view)]
+    recorder, traced, known = ViewRecorder(plan), 0, len(views) - len(missing)
     if progress:
-        progress(len(views) - len(missing), len(views))
-    for done, (_, traces) in enumerate(computed(tasks), 1):
+        progress(known, len(views))
+    tasks = [partial(recorder.view, tuple(of_view)) for of_view in missing]
+    for done, (_, traces) in enumerate(computed(tasks), known + 1):
         traced += traces
         if progress:
-            progress(len(views) - len(missing) + done, len(views))
+            progress(done, len(views))
     records = {band: [plan.record(case, band) for case in cases] for band in plan.bands}
     points = points_of(scene)
     written = [
@@ -166,7 +168,7 @@ def record_dataset(
         views=len(views),
         images=len(cases) * len(plan.bands),
         bands=tuple(plan.bands),
-        splits=dict(Counter(case.split for case in {c.view: c for c in cases}.values())),
+        splits=dict(Counter(of_view[0].split for of_view in views.values())),
         traced=traced,
         files=len(files) + 1,
         bytes=sum(entry["bytes"] for entry in files.values()),

@@ -2,7 +2,7 @@
 
 import json
 import pickle
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from hashlib import sha256
@@ -75,14 +75,9 @@ class Plan:
         with errors_of(f"view {case.view}"):
             return Scenario.read(self.source, **changes | dict(self.bands[band]))
 
-    def has(self, view: int) -> bool:
-        """Whether all images of a view are there and whole."""
-        return all(
-            self.record(case, band) is not None
-            for case in self.cases
-            if case.view == view
-            for band in self.bands
-        )
+    def has(self, cases: Sequence[Case]) -> bool:
+        """Whether all images of some cases are there and whole."""
+        return all(self.record(case, band) is not None for case in cases for band in self.bands)
 
     def record(self, case: Case, band: str) -> dict | None:
         """What is recorded of an image whose files are all there and whole; None otherwise."""
@@ -102,7 +97,7 @@ class ViewRecorder:
     """Records the images of a plan, and keeps the scenes that it has loaded."""
 
     def __init__(self, plan: Plan):
-        self.plan = plan
+        self.plan = replace(plan, cases=())  # which a worker need not know
         self.scenes: dict[str, Scene] = {}
         self.paths: dict[str, tuple[WindowPaths, int]] = {}  # of the present view
 
@@ -110,15 +105,13 @@ class ViewRecorder:
         return recorder, (pickle.dumps(self.plan),)
 
     @exclusively
-    def view(self, number: int) -> int:
+    def view(self, cases: Sequence[Case]) -> int:
         """Record all images of a view; returns how often it was traced."""
-        self.paths = {}
-        traces = 0
-        for case in self.plan.cases:
-            if case.view == number:
-                for band in self.plan.bands:
-                    with errors_of(f"view {number}"):
-                        traces += self.image(case, band)
+        self.paths, traces = {}, 0
+        for case in cases:
+            for band in self.plan.bands:
+                with errors_of(f"view {case.view}"):
+                    traces += self.image(case, band)
         return traces
 
     def image(self, case: Case, band: str) -> int:

@@ -122,10 +122,10 @@ def test_a_killed_set_goes_on_with_the_same_bytes(made, monkeypatch):
     folder, *_ = made
     view = ViewRecorder.view
 
-    def killed(recorder, number):
-        if number == 2:
+    def killed(recorder, cases):
+        if cases[0].view == 2:
             raise KeyboardInterrupt
-        return view(recorder, number)
+        return view(recorder, cases)
 
     monkeypatch.setattr(ViewRecorder, "view", killed)
     with pytest.raises(KeyboardInterrupt):
@@ -186,6 +186,7 @@ def test_workers_give_the_same_bytes(made):
         ),
         ({"draws": {"gloss_black.epsilon": 0.5}}, "gloss_black.epsilon = .*; must lie"),
         ({"draws": {"lid.temperature": "sigma"}}, "its material states no sigma"),
+        ({"draws": {"lid.temperature": 5, "target.parameters.lid.temperature": 5}}, "the same"),
         ({"draws": {"lid.heat": 5}}, "unknown quantity 'lid.heat'"),
         ({"draws": {"background.sky": 5}}, "background.sky has no value"),
         ({"draws": {"camera.f_numbr": 5}}, r"unknown key of \[camera\] 'f_numbr'"),
