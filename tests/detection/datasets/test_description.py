@@ -5,6 +5,7 @@ import pytest
 
 from mi_lcair.detection.datasets.description import DatasetDescription
 from mi_lcair.errors import InputError
+from mi_lcair.toml_table import text_of
 from tests.detection.datasets.box_set import DESCRIPTION
 
 BASE = {"base": {"scenario": "scenario.toml"}}
@@ -40,6 +41,21 @@ def test_views_in_even_steps_along_a_line(tmp_path):
     places = level * [np.cos(azimuth), np.sin(azimuth), np.tan(elevation)]
     np.testing.assert_allclose(places.T, [[10, 0, 2], [10, 3, 2], [13, 3, 2], [16, 3, 2]])
     assert [view["roll_deg"] for view in made] == pytest.approx([0, 6, 3, 0])
+
+
+def test_bands_are_changes_of_the_scenario(tmp_path):
+    """The name is the sensor's band unless the changes state one; files are beside the file."""
+    assert DatasetDescription.read(DESCRIPTION).bands == {"": {}}
+    (tmp_path / "filter.csv").write_text("wavelength_um,response\n")
+    (tmp_path / "dataset.toml").write_text(
+        text_of(DESCRIPTION)
+        + '\n[bands]\nMWIR = {"camera.integration_time_ms" = 5}\n'
+        + 'cold = {"sensor.band" = "LWIR", "sensor.response" = "filter.csv"}\n'
+    )
+    assert DatasetDescription.read(tmp_path / "dataset.toml").bands == {
+        "MWIR": {"sensor.band": "MWIR", "camera.integration_time_ms": 5},
+        "cold": {"sensor.band": "LWIR", "sensor.response": str(tmp_path / "filter.csv")},
+    }
 
 
 @pytest.mark.parametrize(

@@ -55,10 +55,19 @@ def test_a_thousand_corners_are_where_the_rays_go(tmp_path):
     view = CameraView.of(setting.target, View(35.0, 40.0), 180.0, scenario.camera)
     record = pose_of(view, (0.0, 0.0, 0.0)) | {"split": "train"}
     tree = transforms([record], [PATHS])
+    lists = {split: tree[f"{split}_filenames"] for split in ("train", "val", "test")}
+    assert lists == {"train": ["images/000000.png"], "val": [], "test": []}
     pixels = by_nerfstudio(tree, tree["frames"][0], points)
-    texts = colmap([record], ["000000.png"], points)
-    same = by_colmap(texts["cameras.txt"], texts["images.txt"], "000000.png", points)
+    wider = record | {"fl_x": 100.0, "fl_y": 100.0}
+    texts = colmap([record, wider], ["000000.png", "000001.png"], points)
+    two = texts["cameras.txt"], texts["images.txt"]
+    same = by_colmap(*two, "000000.png", points)
     np.testing.assert_allclose(same, pixels, atol=1e-9)
+
+    apart = transforms([record, wider], [PATHS, PATHS | {"file_path": "images/000001.png"}])
+    assert "fl_x" not in apart and apart["frames"][1]["fl_x"] == 100  # each has its own
+    others = by_nerfstudio(apart, apart["frames"][1], points)
+    np.testing.assert_allclose(by_colmap(*two, "000001.png", points), others, atol=1e-9)
 
     sensor = view.sensor(setting.view)
     places = (pixels * view.parts - view.first) / view.size  # shares of the window
@@ -70,6 +79,8 @@ def test_a_thousand_corners_are_where_the_rays_go(tmp_path):
     assert np.max(aside / distance / scenario.camera.pixel_angle) < 0.05
     assert np.ptp(pixels, axis=0).min() > 10  # they are spread over the frame
 
+    (_, first, second) = texts["cameras.txt"].splitlines()
+    assert first.split()[:4] == ["1", "PINHOLE", "64", "48"] and second.split()[4] == "100"
     listed = [line.split() for line in texts["points3D.txt"].splitlines()[1:]]
     np.testing.assert_array_equal(np.array([row[1:4] for row in listed], float), points)
 
