@@ -193,6 +193,14 @@ def test_frames_of_a_flight_lag(tmp_path):
     )
 
 
+def test_noise_in_kelvin_holds_what_is_new_in_each_frame(tmp_path):
+    """Root of 50^2 + 40^2 mK in the middle, and divided by the illumination in the corner."""
+    made = mi_lcair.image(described(tmp_path, sigma_t_mK=40.0, vignetting=0.5), seed=3)
+    noise, light = made.channels["noise_K.Y"], made.scenario.camera.illumination
+    assert noise[24, 32] * light[24, 32] == pytest.approx(np.hypot(0.050, 0.040), rel=0.01)
+    assert noise[0, 0] / noise[24, 32] == pytest.approx(light[24, 32] / light[0, 0], rel=0.01)
+
+
 def test_noise_that_pixels_share_weakens_a_matched_filter(tmp_path):
     """The filter's output in 4000 drawn frames; the table over range has the image's ratio."""
     sigmas = {"sigma_tv_mK": 40.0, "sigma_th_mK": 30.0, "sigma_t_mK": 20.0}
