@@ -42,6 +42,7 @@ from mi_lcair.files import (
 from mi_lcair.heating.temperatures.heat_result import write_csv
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.images.files import read_exr
+from mi_lcair.rendering.parameters.values import whole_path
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import corners, model_shapes
 from mi_lcair.results import Result, summary_of
@@ -130,8 +131,9 @@ def record_dataset(
         cases = [hours.applied(case, scenario) for case in cases]
     frames = description.frames
     plan = Plan(
-        folder=folder,
-        source=description.base.scenario,
+        folder=folder.resolve(),
+        home=Path.cwd(),
+        source=whole_path(description.base.scenario),
         bands=description.bands,
         cases=tuple(cases),
         frames=frames.frames,

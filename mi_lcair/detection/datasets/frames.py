@@ -44,7 +44,8 @@ class Plan:
 
     Attributes
     ----------
-    folder : Path
+    folder, home : Path
+        Whole paths of the data set, and of the folder to which files in changes are relative.
     source : str
         The scenario.
     bands : dict of str to dict
@@ -56,6 +57,7 @@ class Plan:
     """
 
     folder: Path
+    home: Path
     source: str
     bands: Mapping[str, Mapping[str, Any]]
     cases: tuple[Case, ...]
@@ -69,11 +71,13 @@ class Plan:
 
     def scenario(self, case: Case, band: str) -> Scenario:
         """The scenario of an image in a band, with the files of the folder."""
-        changes = dict(case.changes)
-        if (modes := changes.get(MODES)) is not None:
-            changes[MODES] = str(self.folder / modes)
+        changes = case.changes | dict(self.bands[band])
+        for name, value in changes.items():
+            home = self.folder if name == MODES else self.home
+            if isinstance(value, str) and (home / value).is_file():
+                changes[name] = str(home / value)  # a worker has another working folder
         with errors_of(f"view {case.view}"):
-            return Scenario.read(self.source, **changes | dict(self.bands[band]))
+            return Scenario.read(self.source, **changes)
 
     def has(self, cases: Sequence[Case]) -> bool:
         """Whether all images of some cases are there and whole."""
