@@ -43,13 +43,18 @@ STRIPES, COLUMNS = 3.0, 2.0  # standard deviations of noise that rows and column
 SHIFT = 0.1  # metres
 
 
-def starts(folder: Path, draws: range):
+def starts(folder: Path, draws: range, spp: int = 64):
     """Yield solutions and the truth: six temperatures, each draw from one of STARTS."""
     path = corner.write_scene(folder)
-    image = corner.clean(path)
+    image = corner.clean(path, 128 * spp)
     for draw in draws:
         start = STARTS[draw % len(STARTS)]
-        yield solved(corner.problem(folder, path, image, start, draw, spp=64)), corner.KELVIN
+        yield solved(corner.problem(folder, path, image, start, draw, spp=spp)), corner.KELVIN
+
+
+def finer(folder: Path, draws: range):
+    """Yield solutions and the truth: the same with eight times as many paths."""
+    yield from starts(folder, draws, 512)
 
 
 def emissivity(folder: Path, draws: range):
@@ -286,6 +291,7 @@ def unseen(folder: Path, draws: range):
 
 CASES = {  # functions and numbers of draws
     starts: 50,
+    finer: 50,
     emissivity: 50,
     wall: 100,
     valley: 100,
