@@ -31,10 +31,9 @@ What = SceneLike | Result  # what a page shows: a file, a name, a scene or a res
 PHOTONS = 2**16  # photons from each emitter in the audit of a page
 SPP = 64  # samples per pixel of a scenario that states none
 TAKEN = (
-    "report takes a radiance image (.exr), the .json of a signature, fit, contrast, solution, "
-    "budget or audit, the .csv or .nc of a trend, facets, a spectrum, a sweep or a flight, a model "
-    "(.obj and others), a scene (.xml, bundled name or the folder of an import) and a scenario "
-    "(.toml or bundled name)"
+    "report takes a radiance image (.exr), the .json of a result, the .csv or .nc of a trend, "
+    "facets, a spectrum, a sweep or a flight, a model (.obj and others), a scene (.xml, bundled "
+    "name or the folder of an import) and a scenario (.toml or bundled name)"
 )
 
 
@@ -90,7 +89,7 @@ def report(
     Parameters
     ----------
     what : str, path-like, Scene, result, or sequence of these
-        A radiance image (EXR); the JSON of a signature, fit, contrast, solution, budget or audit;
+        A radiance image (EXR); the JSON of a result;
         the CSV or netCDF of a trend, facets, a spectrum, a sweep or a flight; a model; a scene (XML
         or bundled name), which is rendered; a scenario (TOML or bundled name), which is measured;
         or a result in memory.

@@ -354,8 +354,8 @@ def report_command(call, what, output, parameters, **settings):
 
     \b
     FILE.exr             images with the values of every channel
-    FILE.json            tables of a signature, contrast, solution, budget or
-                         audit; data and curves of a fit
+    FILE.json            tables and pictures of a result; data and curves of a
+                         fit
     MODEL.obj            the facets of a model
     FILE.csv, FILE.nc    polar curves of a trend; facets; spectra; the table
                          of a sweep or a flight

@@ -19,6 +19,7 @@ SCENE, SCENARIO, MATERIAL = "a scene", "a scenario", "a material"
 BLACKBODIES, AIR, SKY = "blackbodies", "an atmosphere", "a sky"
 SOLUTION, BUDGET, AUDIT, CONTRAST = "a solution", "a budget", "an audit", "a contrast"
 CHART, CALIBRATION = "a chart", "a calibration"
+ANOTHER = "a result of another kind"  # a JSON whose entries a page shows as they are
 TREND, SPECTRUM, FACETS = "a trend", "a spectrum", "a table of facets"
 RESULTS = "a table of results"  # that of a sweep or a flight
 TEMPERATURES = re.compile(r"\d+(\.\d+)?K(,\d+(\.\d+)?K)*")  # such as 260K,300K
@@ -80,6 +81,7 @@ KINDS = {
     FACETS: Kind(columns=("facet",), page="facets",
         hint="name its scene, in the shell: mi-lcair show SCENE --facets {} -c COLUMN"),
     RESULTS: Kind(page="results"),
+    ANOTHER: Kind(page="entries"),
     MODEL: Kind(suffixes=scenes.MODELS, page="facet_model", drawn="model", options=("materials",),
         converted="model", to=FACET_FILES),
     SCENE: Kind(suffixes=(".xml",), drawn="scene", options=("parameters",),
@@ -108,7 +110,7 @@ def kind_of(what: str | Path, materials: str | Path | None = None) -> str:
     if suffix in (".csv", ".nc"):
         return kind_of_table(what, read_columns(what))
     if suffix == ".json":
-        return BY_RESULT[read_json(what)["kind"]]
+        return BY_RESULT.get(read_json(what)["kind"], ANOTHER)
     if what in scenes.names() or scenes.in_folder(what):
         return SCENE
     if what in scenes.scenarios():
@@ -153,29 +155,30 @@ def kind_of_table(path: str | Path, names: Iterable[str]) -> str:
 
 
 def read_json(path: str | Path) -> dict:
-    """The entries of a result's JSON, one of BY_RESULT. Without `kind` it is that of a fit.
+    """The entries of a result's JSON. Without `kind` it is that of a fit.
 
     Raises InputError for another file.
     """
     entries = parse_json(read_text(path), f"'{path}': not JSON")
     if not isinstance(entries, dict) or not {"kind", "parameters", "materials"} & set(entries):
         raise InputError(f"'{path}': not the JSON of a result")
-    entries = {"kind": "fit"} | entries
-    if str(entries["kind"]) not in BY_RESULT:
-        raise InputError(
-            f"'{path}' is the JSON of a result of kind '{entries['kind']}'; those that are read "
-            f"are {', '.join(BY_RESULT.values())}"
-        )
+    if not isinstance(entries.setdefault("kind", "fit"), str):
+        raise InputError(f"'{path}': not the JSON of a result; its kind is no text")
     return entries
 
 
 def read_result(path: str | Path) -> Result:
     """The result in a JSON file; raises InputError for an incomplete file."""
     entries = read_json(path)
+    if entries["kind"] not in BY_RESULT:
+        raise InputError(
+            f"'{path}' is the JSON of a result of kind '{entries['kind']}'; those that are read "
+            f"are {', '.join(BY_RESULT.values())}"
+        )
     with whole(path):
         return named(KINDS[BY_RESULT[entries["kind"]]].made_by).of_entries(entries)
 
 
 def whole(path: str | Path):
     """Context manager: what the JSON of a result lacks is an InputError."""
-    return complete(f"'{path}': {BY_RESULT[read_json(path)['kind']]} that")
+    return complete(f"'{path}': {BY_RESULT.get(read_json(path)['kind'], ANOTHER)} that")

@@ -7,6 +7,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.formats import read_columns
 from mi_lcair.show import kinds
 from mi_lcair.show.kinds import kind_of
+from mi_lcair.show.page.reading import read
 
 TREND = "azimuth_deg,elevation_deg,intensity_W_sr\n0,0,1\n"
 SPECTRUM = "wavelength_um,target_W_sr_um\n3,1\n"
@@ -53,6 +54,7 @@ def test_tables_by_their_columns(tmp_path, text, kind):
         ('{"kind": "budget"}', kinds.BUDGET),
         ('{"kind": "audit"}', kinds.AUDIT),
         ('{"parameters": {}}', kinds.FIT),
+        ('{"kind": "sensitivities"}', kinds.ANOTHER),
     ],
 )
 def test_results_by_their_kind(tmp_path, text, kind):
@@ -68,8 +70,7 @@ def test_results_by_their_kind(tmp_path, text, kind):
         ("[" * 100_000, "not JSON"),
         ("[1]", "not the JSON of a result"),
         ('{"made": {}}', "not the JSON of a result"),
-        ('{"kind": "solution"}', "of a result of kind 'solution'; those that are read are a sig"),
-        ('{"kind": ["x"]}', "of a result of kind"),
+        ('{"kind": ["x"]}', "its kind is no text"),
     ],
 )
 def test_other_json(tmp_path, text, words):
@@ -77,6 +78,27 @@ def test_other_json(tmp_path, text, words):
     path.write_text(text)
     with pytest.raises(InputError, match=words):
         kind_of(path)
+
+
+def test_a_result_of_another_kind(tmp_path):
+    """A page shows its entries: numbers, and lists of one length as a table. It is no result."""
+    path = tmp_path / "result.json"
+    path.write_text(
+        '{"kind": "sensitivities", "intensity_W_sr": 2.5, "names": ["a", "b"], "value": [1, 2],'
+        ' "rows": [{"x": 1, "y": null}, {"x": 3, "y": "z"}], "of": {"unit": "K"}}'
+    )
+    title, sections = read(str(path), kinds.ANOTHER)
+    facts, table = sections[0].parts
+    assert title == "Sensitivities (result.json)"
+    assert facts.rows == [("kind", "sensitivities"), ("intensity_W_sr", 2.5), ("of.unit", "K")]
+    assert {name: list(v) for name, v in table.columns.items()} == {
+        "names": ["a", "b"],
+        "value": [1, 2],
+        "rows.x": [1, 3],
+        "rows.y": ["", "z"],
+    }
+    with pytest.raises(InputError, match="kind 'sensitivities'; those that are read are a sig"):
+        kinds.read_result(path)
 
 
 def test_a_folder_of_an_import_is_a_scene(tmp_path):

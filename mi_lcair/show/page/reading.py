@@ -1,9 +1,11 @@
 """Titles and sections of files that the commands wrote."""
 
+from collections.abc import Iterator
 from contextlib import nullcontext
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -50,7 +52,8 @@ def read(what: str, kind: str, model: SceneModel | None = None) -> tuple[str, li
     Raises InputError if it cannot be used.
     """
     show = named(f"{__name__}:{kinds.KINDS[kind].page}")
-    with kinds.whole(what) if kinds.KINDS[kind].json else nullcontext():
+    is_json = kinds.KINDS[kind].json or kind == kinds.ANOTHER
+    with kinds.whole(what) if is_json else nullcontext():
         title, sections = show(what, model)
     sections[-1].parts.insert(0, Facts(of_file(what)))
     return title, sections
@@ -76,6 +79,36 @@ def result(what: str, model):
     """The JSON of a result."""
     read_result = kinds.read_result(what)
     return read_result.page_title(), read_result.page()
+
+
+def entries(what: str, model):
+    """The JSON of a result of any kind: its entries, and lists of one length as a table."""
+    content, facts, tables = kinds.read_json(what), [], {}
+    for name, value in leaves(content):
+        if isinstance(value, list) and len(value) > 1:
+            tables.setdefault(len(value), {})[name] = np.array(list(map(cell, value)))
+        else:
+            facts.append((name, cell(value)))
+    tables = [LongTable(columns) for columns in tables.values()]
+    title = f"{content['kind'].capitalize()} ({Path(what).name})"
+    return title, [Section("Entries", [Facts(facts), *tables]), made_section([])]
+
+
+def leaves(tree, front: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the entries of a tree that are no objects, by dotted name; rows become columns."""
+    for name, value in tree.items():
+        if isinstance(value, list) and value and all(isinstance(row, dict) for row in value):
+            value = {key: [row.get(key) for row in value] for key in value[0]}
+        if isinstance(value, dict) and value:
+            yield from leaves(value, f"{front}{name}.")
+        else:
+            yield f"{front}{name}", value
+
+
+def cell(value):
+    """A number, or anything else as text."""
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return value if is_number else "" if value is None else str(unpacked(value))
 
 
 def signature(what: str, model):
