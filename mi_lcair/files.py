@@ -291,8 +291,8 @@ def _target(path: str | Path) -> Path:
 
 
 def _partial(path: Path) -> Path:
-    """Temporary path of this process beside a file or folder."""
-    return path.with_name(f".{path.name}.{os.getpid()}{PART}")
+    """Temporary path of this process beside a file or folder, however its folder is spelled."""
+    return Path(os.path.realpath(path.parent), f".{path.name}.{os.getpid()}{PART}")
 
 
 def _remove_abandoned(path: Path) -> None:

@@ -197,6 +197,20 @@ def test_files_that_appear_together(tmp_path):
     assert second.read_text() == "b" and sorted(tmp_path.iterdir()) == [first, second]
 
 
+def test_two_spellings_of_one_file(tmp_path, monkeypatch):
+    """The last content stays, and files that are written together with it appear."""
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    spellings = ["file", tmp_path / "file", "folder/../file", "link/file"]
+    with together():
+        for spelling in (*spellings, "other"):
+            with replacing(spelling) as partial:
+                partial.write_text(str(spelling))
+    assert (tmp_path / "file").read_text() == "link/file"
+    assert sorted(os.listdir(tmp_path)) == ["file", "folder", "link", "other"]
+
+
 def test_a_link_is_written_through(tmp_path):
     """The file that an output points to is replaced, and the link stays."""
     (tmp_path / "data").mkdir()

@@ -90,8 +90,9 @@ def stem_of_truth(outputs) -> Path:
     stems = [output.with_suffix("") for output in outputs if output.suffix.lower() == ".exr"]
     if not stems:
         raise InputError("--truth writes its files beside an image; give -o FILE.exr too")
+    taken = [stems[0].with_name(f"{stems[0].name}.{end}").resolve() for end in OF_TRUTH]
     for output in outputs:
-        if output.with_suffix("") in (stems[0].with_name(f"{stems[0].name}.{e}") for e in OF_TRUTH):
+        if output.with_suffix("").resolve() in taken:
             raise InputError(f"output '{output}' is a file of --truth; give it another name")
     return stems[0]
 

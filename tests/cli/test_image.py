@@ -167,11 +167,12 @@ def test_truth(run, folder):
     [
         (("a.png",), "--truth writes its files beside an image; give -o FILE.exr too"),
         (("a.exr", "a.facet.png"), "output 'a.facet.png' is a file of --truth"),
+        (("a.exr", "../{folder}/a.facet.png"), "a.facet.png' is a file of --truth"),
         (("a.exr", "none/b.png"), "output folder 'none' does not exist"),
     ],
 )
 @pytest.mark.parametrize("command", [("image", "disc.toml"), ("render", "open_box")])
 def test_truth_without_a_place(run, folder, command, outputs, words):
-    before = set(folder.iterdir())
+    before, outputs = set(folder.iterdir()), [name.format(folder=folder.name) for name in outputs]
     result = run(*command, "--truth", *(word for name in outputs for word in ("-o", name)))
     assert result.exit_code == 2 and words in result.stderr and set(folder.iterdir()) == before
