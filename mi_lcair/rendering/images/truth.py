@@ -19,7 +19,7 @@ from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
 from mi_lcair.plugins.bsdfs.reflection_bsdf import has_spectral_materials
 from mi_lcair.plugins.emission.triangles import pointer_id
 from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of, thermal_shapes
-from mi_lcair.plugins.paths.launch import DIRECT
+from mi_lcair.plugins.paths.launch import DIRECT, views_of
 from mi_lcair.plugins.paths.sheets import nearest_hit
 from mi_lcair.plugins.recorders.radiance import FirstEmission, unit_radiance, up_to_prefix
 from mi_lcair.plugins.recorders.recorder import Recorders
@@ -190,7 +190,8 @@ class CentreRays:
     """Rays through the centres of pixels, row by row.
 
     ray: Mitsuba's rays, which may begin in front of the camera. eye: position of the camera, (3,)
-    [m]. axis: unit vector of the optical axis, (3,). size: rows and columns.
+    [m]. axis: unit vector of the optical axis, (3,). Both are (P, 3) for several cameras. size:
+    rows and columns.
     """
 
     ray: mi.Ray3f
@@ -200,10 +201,13 @@ class CentreRays:
 
     @staticmethod
     def of(camera: mi.Sensor) -> "CentreRays":
-        """Those of Mitsuba's sensor."""
+        """Those of Mitsuba's sensor, or of a batch's sensors side by side."""
         ray, size = pixel_rays(camera)
-        matrix = np.array(camera.world_transform().matrix, dtype=float).reshape(4, 4)
-        return CentreRays(ray, matrix[:3, 3], matrix[:3, 2] / np.linalg.norm(matrix[:3, 2]), size)
+        places = np.array([view.world_transform().matrix for view in views_of(camera)], dtype=float)
+        _, _, axes, eyes = np.moveaxis(places.reshape(-1, 4, 4)[:, :3], 2, 0)
+        axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+        number = np.tile(np.arange(size[1]) * len(eyes) // size[1], size[0])
+        return CentreRays(ray, eyes[number], axes[number], size)
 
     @property
     def near(self) -> np.ndarray:
@@ -217,7 +221,7 @@ CAMERAS = ("PerspectiveCamera", "ThinLensCamera", "OrthographicCamera")
 
 def count_from_camera(total: Totals, camera) -> None:
     """Let the ranges of totals begin at the camera, and not where its rays begin (`near_clip`)."""
-    if camera.class_name() in CAMERAS:
+    if {view.class_name() for view in views_of(camera)} <= {*CAMERAS}:
         near = CentreRays.of(camera).near[:, None]
         for prefix in {"", "target."} & {name.removesuffix("range") for name in total.sums}:
             total.sums[f"{prefix}range"] += near * total.sums[f"{prefix}hit"]
@@ -281,7 +285,10 @@ def at_centres(scene: Scene, rays: CentreRays, model_only: bool = False) -> Trut
     turned = np.sign(np.einsum("pk,pk->p", shown, -toward))[:, None]
     layers: dict[str, np.ndarray] = {LAYERS["facet"]: facet + 1}
     layers |= {LAYERS[kind]: numbers[kind][facet] for kind in numbers}
-    layers |= {"Depth.Z": place @ rays.axis, "range.Y": np.linalg.norm(place, axis=1)}
+    layers |= {
+        "Depth.Z": np.sum(place * rays.axis, axis=1),
+        "range.Y": np.linalg.norm(place, axis=1),
+    }
     layers |= dict(zip(("Normal.X", "Normal.Y", "Normal.Z"), (turned * normal).T))
     share = emitted.numpy() / np.where(radiance > 0, radiance, np.inf)
     layers |= {"true_temperature.Y": np.nan_to_num(temperature), "emissivity.Y": share}
@@ -381,7 +388,8 @@ def apparent_temperature(band: Band, radiance, error) -> dict[str, np.ndarray]:
         brightness_temperature(band, radiance * factor) for factor in (1 - STEP, 1, 1 + STEP)
     )
     slope = (high - low) / np.where(radiance > 0, 2 * STEP * radiance, np.inf)
-    return {"apparent_temperature.Y": middle, "stderr.apparent_temperature.Y": slope * error}
+    error = slope * np.where(slope > 0, error, 0)  # one path knows no error
+    return {"apparent_temperature.Y": middle, "stderr.apparent_temperature.Y": error}
 
 
 def truth_of_render(

@@ -253,6 +253,28 @@ def test_ranges_begin_at_the_camera(kind):
         np.testing.assert_allclose(far.channels[name][seen], near.channels[name][seen], rtol=1e-4)
 
 
+@pytest.mark.parametrize("count, clip", [(1, 0.5), (3, 0.01)])
+def test_each_camera_of_a_batch_has_its_own_place(count, clip):
+    """Its sensors are side by side on the film, and look at the plane z = 0 from their heights."""
+    heights, width = [5.0, 7.0, 9.0][:count], SIZE[0] // count
+    cameras = {
+        f"camera_{k}": {
+            "type": "perspective",
+            "fov": 20,
+            "near_clip": clip,
+            "to_world": T().look_at([k, 0, z], [k, 0, 0], [0, 1, 0]),
+        }
+        for k, z in enumerate(heights)
+    }
+    floor = grey("rectangle", 1.0, 300.0, to_world=T().scale([90, 90, 1]))
+    result = mi_lcair.render(made({"type": "batch"} | cameras, floor=floor), spp=16, truth=True)
+    channels, expected = result.truth.channels, np.repeat(heights, width)
+    np.testing.assert_allclose(channels["Depth.Z"], np.tile(expected, (SIZE[1], 1)), rtol=1e-6)
+    middle = width // 2 + width * np.arange(count)
+    np.testing.assert_allclose(channels["range.Y"][8, middle], heights, rtol=5e-3)
+    np.testing.assert_allclose(result.channels["range.Y"], channels["range.Y"], rtol=5e-3)
+
+
 def test_instances_plumes_and_backs():
     """Each instance of a group has a number. A plume is seen first, and emits 1 - transmittance."""
     down = T().look_at([0, 0, 5], [0, 0, 0], [0, 1, 0]) @ T().scale([4, 4, 1])
@@ -339,7 +361,8 @@ def test_rest_is_what_the_closure_adds():
 def test_temperatures_and_their_errors():
     """Planck's slope at a radiance, and none where nothing arrives."""
     radiance = np.array([0.0, -1e-9, in_band_radiance(band("MWIR"), 40.0), 2.0])
-    layers = module.apparent_temperature(band("MWIR"), radiance, np.full(4, 1e-9))
+    errors = np.array([np.inf, 1e-9, 1e-9, 1e-9])  # infinite after one path
+    layers = module.apparent_temperature(band("MWIR"), radiance, errors)
     T, error = layers["apparent_temperature.Y"], layers["stderr.apparent_temperature.Y"]
     assert T[:2].tolist() == error[:2].tolist() == [0, 0] and T[2] == pytest.approx(40)
     slope = np.diff(in_band_radiance(band("MWIR"), T[3] + np.array([-0.01, 0.01])))[0] / 0.02
