@@ -14,6 +14,7 @@ from mi_lcair.physics.imager import Imager
 from mi_lcair.table import read_table
 
 HOUSING = 4  # first number of the seeds of a housing's random walk
+ROUNDING = 1e-9  # relative error of a frame's time, up to which it is that of a shutter event
 HOUSINGS = Bounds(lower=100, upper=500, unit="K")
 
 
@@ -133,11 +134,18 @@ def housing_changes(imager: Imager, time_s: np.ndarray, seed: int) -> np.ndarray
     InputError if the table of the housing cannot be used.
     """
     times = time_s - time_s[0]
+    reached = times * (1 + ROUNDING)
+    if imager.shutter_every_s is not None:
+        last = np.floor(reached / imager.shutter_every_s) * imager.shutter_every_s
+    else:
+        events = np.array([0.0, *sorted(imager.shutter_s or ())])
+        last = events[np.searchsorted(events, reached, side="right") - 1]
+    last = np.minimum(last, times)
     if imager.housing is not None:
         table = read_table(imager.housing, ("time_s", "temperature_K"))
         rows = table.numbers(("time_s", "temperature_K"))
         table.check_range("temperature_K", rows["temperature_K"], HOUSINGS)
-        known_s = rows["time_s"]
+        known_s, kelvin = rows["time_s"], rows["temperature_K"]
         if np.any(np.diff(known_s) <= 0):
             raise InputError(f"{table.file}: time_s must rise from row to row")
         if known_s[0] > 0 or known_s[-1] < times[-1]:
@@ -145,14 +153,10 @@ def housing_changes(imager: Imager, time_s: np.ndarray, seed: int) -> np.ndarray
                 f"{table.file}: has the housing from {known_s[0]:g} to {known_s[-1]:g} s; the "
                 f"frames last from 0 to {times[-1]:g} s"
             )
-        at_frames, kelvin = known_s, rows["temperature_K"]
     else:
         random = np.random.default_rng([HOUSING, seed])
-        steps = np.sqrt(np.diff(times, prepend=0.0) / (imager.housing_walk_s or 1.0))
-        walk = (imager.housing_walk_K or 0.0) * steps * random.standard_normal(len(times))
-        at_frames, kelvin = times, np.cumsum(walk)
-    events = np.array([0.0, *sorted(imager.shutter_s or ())])
-    if imager.shutter_every_s is not None:
-        events = np.arange(times[-1] // imager.shutter_every_s + 1) * imager.shutter_every_s
-    last = events[np.searchsorted(events, times, side="right") - 1]
-    return np.interp(times, at_frames, kelvin) - np.interp(last, at_frames, kelvin)
+        known_s = np.union1d(times, last)
+        steps = np.sqrt(np.diff(known_s, prepend=0.0) / (imager.housing_walk_s or 1.0))
+        walk = (imager.housing_walk_K or 0.0) * steps * random.standard_normal(len(known_s))
+        kelvin = np.cumsum(walk)
+    return np.interp(times, known_s, kelvin) - np.interp(last, known_s, kelvin)

@@ -151,6 +151,18 @@ def test_variance_of_the_walk():
     np.testing.assert_array_equal(housing_changes(walking, times[:9], 7), walks[7, :9])
 
 
+def test_shutter_events_between_frames_and_at_them():
+    """The walk since an event is K^2 t / tau also between frames; rounding misses no event."""
+    walking = replace(
+        BOLOMETER, housing_walk_K=1.0, housing_walk_s=60.0, drift_mK_K=1.0, shutter_s=(50.0,)
+    )
+    changes = [housing_changes(walking, np.array([0, 60.0, 120.0]), seed) for seed in range(4000)]
+    assert np.var(changes, axis=0) == pytest.approx([0, 10 / 60, 70 / 60], rel=0.08)
+    for seconds in (0.1, 1e-12):
+        often = replace(walking, shutter_s=None, shutter_every_s=seconds)
+        assert not housing_changes(often, np.arange(200) / 10, 0).any()
+
+
 SIGMAS = {"sigma_vh_mK": 30.0, "sigma_v_mK": 15.0, "sigma_h_mK": 12.0, "sigma_tv_mK": 10.0}
 SIGMAS |= {"sigma_th_mK": 8.0, "sigma_t_mK": 6.0}
 
