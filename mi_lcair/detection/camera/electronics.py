@@ -401,6 +401,10 @@ class Camera:
             imager, band, optics, design, background, temperature, pattern, correction, seed
         )
 
+    def noise(self, signal: ArrayLike, with_pattern: bool = False) -> np.ndarray | float:
+        """Standard deviation of a pixel with what it shares with others, see `Imager.noise`."""
+        return np.hypot(self.imager.noise(signal, with_pattern), self.pattern.total)
+
     def kept_contrast(self, background: ArrayLike, contrast: np.ndarray) -> np.ndarray:
         """What a full well keeps of the electrons by which pixels differ from a background."""
         behind, most = background + self.design.offset, self.imager.well - self.imager.dark

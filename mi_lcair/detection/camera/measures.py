@@ -210,9 +210,7 @@ class Measures:
 
 def background_noise(camera: Camera) -> float:
     """Noise of a background pixel, see `Measures.noise`."""
-    imager = camera.imager
-    of_pixel = imager.noise(camera.background + camera.design.offset, not imager.nuc)
-    return float(np.hypot(of_pixel, camera.pattern.total))
+    return float(camera.noise(camera.background + camera.design.offset, not camera.imager.nuc))
 
 
 def matched_ratio(squares, shared, noise: float):

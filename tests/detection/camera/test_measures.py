@@ -1,8 +1,6 @@
 """Measures of a laboratory: NETD, uniform frames, the slanted edge."""
 
 from dataclasses import replace
-from functools import partial
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -54,7 +52,7 @@ ERROR = np.array([[9, 9, 0.1, 0.2], [9, 9, 0.4, 9]])
 
 def measures(imager=IMAGER, signal=SIGNAL, share=SHARE, temperature=295.0, design=Correction()):
     electron = electron_band(band("MWIR"), imager)
-    camera = SimpleNamespace(
+    camera = Camera(
         imager=imager,
         band=electron,
         optics=Optics(imager, electron, np.ones_like),
@@ -62,9 +60,9 @@ def measures(imager=IMAGER, signal=SIGNAL, share=SHARE, temperature=295.0, desig
         background=LEVEL,
         temperature=temperature,
         pattern=Pattern.of(imager, 3),
+        correction=design,
         seed=3,
     )
-    camera.kept_contrast = partial(Camera.kept_contrast, camera)
     return measured(camera, signal, design.undone(LEVEL), share, ERROR, 2.5)
 
 

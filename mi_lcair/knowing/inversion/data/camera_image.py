@@ -47,7 +47,7 @@ POINTING = {
     f"{OBSERVER}.y_px": ("y_px", "pixel", LARGEST_PX),
     f"{OBSERVER}.roll_deg": ("roll_deg", "deg", FULL_TURN_DEG),
 }
-FULL = 4.0  # distance from the full well, in standard deviations, up to which a pixel is saturated
+FULL = 4.0  # standard deviations from either end of the span up to which a pixel is saturated
 
 
 @dataclass(frozen=True)
@@ -190,6 +190,7 @@ class CameraImage:
             raise InputError(f"quantity = {quantity}; a camera's image has {' or '.join(CHANNELS)}")
         collected = camera.design.undone(values) + imager.dark
         counts &= collected < imager.well - FULL * imager.noise(imager.well)
+        counts &= collected > imager.floor + FULL * imager.noise(imager.floor)
         check_counts(entry.image, counts)
         return values, counts, plateau
 
@@ -198,7 +199,7 @@ class CameraImage:
 
         is_corrected: whether the camera has corrected its fixed pattern. counts: pixels, (H, W).
         """
-        imager, design = self.scenario.camera, self.camera.design
+        camera, design = self.camera, self.camera.design
 
         def of_pixels(values: np.ndarray | float) -> np.ndarray:
             return np.broadcast_to(values, counts.shape)[counts]
@@ -207,7 +208,7 @@ class CameraImage:
 
         def deviation(predicted: np.ndarray) -> np.ndarray:
             signal = np.maximum(gain * predicted + offset, 0)
-            return imager.noise(signal, not is_corrected) / gain
+            return camera.noise(signal, not is_corrected) / gain
 
         return deviation
 

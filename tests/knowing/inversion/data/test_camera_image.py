@@ -89,6 +89,21 @@ def test_noise_of_the_camera(scenario):
     np.testing.assert_allclose(camera.noise(False, counts)(signal) ** 2, both, rtol=1e-6)
 
 
+def test_noise_and_span_of_a_bolometer(scenario, tmp_path):
+    """Neither end of the span counts; pattern and rows add 30 and 40 mK to 50 mK in squares."""
+    entries = {"camera.detector": "bolometer", "camera.netd_mK": 50.0, "camera.span_K": [250, 400]}
+    others = {"camera.sigma_vh_mK": 30.0, "camera.sigma_tv_mK": 40.0}
+    plain, camera = (CameraImage.of(scenario, more) for more in (entries, entries | others))
+    frame = np.full((24, 24), 5000.0)
+    frame[0, :2] = 0, 2**14 - 1
+    np.save(tmp_path / "counts.npy", frame)
+    values, counts, _ = camera.measured(entry(tmp_path / "counts.npy", quantity="counts"))
+    assert np.argwhere(~counts).tolist() == [[0, 0], [0, 1]]
+    alone, both = (of.noise(True, counts)(values[counts]) ** 2 for of in (plain, camera))
+    of_counts = camera.scenario.camera.electrons_per_count**2 / 12
+    np.testing.assert_allclose(both - of_counts, 2 * (alone - of_counts), rtol=1e-6)
+
+
 def test_values_that_share_an_error(camera):
     """A sum over pixels: variance of independent samples, blurred, against that of pixels alone."""
     random, optics = np.random.default_rng(0), camera.camera.optics
