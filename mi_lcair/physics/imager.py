@@ -77,7 +77,7 @@ RULES = (
         lambda t: t.span_K is None or t.span_K[0] < t.span_K[1],
         "span_K = {t.span_K[0]:g}, {t.span_K[1]:g}; give the lower temperature first",
     ),
-    excludes("housing", "housing_walk_K"),
+    excludes("housing", "housing_walk_K", "housing_walk_s"),
     together("housing_walk_K", "housing_walk_s"),
     *(needs(name, "housing", "housing_walk_K", any_of=True) for name in DRIFTS),
     excludes("shutter_s", "shutter_every_s"),

@@ -48,14 +48,17 @@ class Bolometer(Imager):
     nep: float = 0.0
 
     @staticmethod
-    def of(imager: Imager, band: Band) -> Imager:
-        """The bolometer of a description in its band; a photon detector as it is."""
+    def of(imager: Imager, band: Band, glow: float = 0.0) -> Imager:
+        """The bolometer of a description in its band; a photon detector as it is.
+
+        glow: signal of the optics' emission, which the even scenes of the span add to.
+        """
         if imager.detector != "bolometer":
             return imager
-        lowest, highest = (float(blackbody.in_band_radiance(band, T)) for T in imager.span_K)
+        lowest, highest = (blackbody.in_band_radiance(band, T) + glow for T in imager.span_K)
         nep = 1e-3 * imager.netd_mK * signal_per_kelvin(imager, band)
         given = {name: getattr(imager, name) for name in Imager.__dataclass_fields__}
-        return Bolometer(**given, lowest=lowest, highest=highest, nep=nep)
+        return Bolometer(**given, lowest=float(lowest), highest=float(highest), nep=nep)
 
     unit, channel = "W", "power"
 

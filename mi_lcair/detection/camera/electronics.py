@@ -305,23 +305,33 @@ def two_point(
     Raises
     ------
     InputError
-        If the warmer blackbody saturates the camera, or the noise hides the difference of both.
+        If a blackbody saturates the camera, or the noise hides the difference of both.
     """
     cold, warm = temperature - SPAN_K, temperature + SPAN_K
     low, high = (float(electrons(electron_band, T)) for T in (cold, warm))
     most = float(np.max(design.undone(high)))
     noise = float(imager.noise(most))
+    longer, shorter = "lengthen integration_time_ms", "shorten integration_time_ms"
+    if imager.detector == "bolometer":
+        longer, shorter = "lower netd_mK", "widen span_K"
     if not high - low > DISTINCT * noise:
         raise InputError(
             f"[camera]: nuc looks at blackbodies of {cold:.4g} and {warm:.4g} K, which differ by "
-            f"{high - low:.3g} electrons with a noise of {noise:.3g}; lengthen "
-            "integration_time_ms, or leave nuc out"
+            f"{high - low:.3g} {imager.unit} with a noise of {noise:.3g}; {longer}, or leave nuc "
+            "out"
         )
     if most * pattern.gain.max() + imager.dark >= imager.well:
         raise InputError(
             f"[camera]: nuc looks at a blackbody of {warm:.4g} K, which gives "
             f"{imager.amount(most)} and saturates the well of {imager.amount(imager.well)}; "
-            "shorten integration_time_ms"
+            f"{shorter}"
+        )
+    least = float(np.min(design.undone(low) * pattern.gain))
+    if least <= imager.floor:
+        raise InputError(
+            f"[camera]: nuc looks at a blackbody of {cold:.4g} K, which gives "
+            f"{imager.amount(least)}, less than the {imager.amount(imager.floor)} of the lowest "
+            f"count; {shorter}, or leave nuc out"
         )
     first, second = (
         frame(imager, pattern, design.undone(level), seed, SCENES + k, AVERAGED) - imager.dark
@@ -387,10 +397,11 @@ class Camera:
         if air.cn2:
             turbulence = Turbulence(air.cn2, air.wave, scenario.observer.range_m)
         band = electron_band(detector.band, imager, detector.optics_transmittance)
-        imager = Bolometer.of(imager, band)
+        emitted = glow(imager, detector)
+        imager = Bolometer.of(imager, band, emitted)
         background = detector_mean(behind, band)
         temperature = max(float(apparent_temperature(band, background)), COLDEST_K)
-        design = correction = Correction(imager.illumination, glow(imager, detector))
+        design = correction = Correction(imager.illumination, emitted)
         pattern = Pattern.of(imager, seed, signal_per_kelvin(imager, band))
         if imager.nuc:
             correction = two_point(imager, pattern, design, band, temperature, seed)

@@ -9,6 +9,7 @@ from scipy.integrate import quad, solve_ivp
 import mi_lcair
 from mi_lcair.detection.camera.bolometer import Bolometer, housing_changes, lagged
 from mi_lcair.detection.camera.electronics import Pattern, counts, electron_band, frame, signal_of
+from mi_lcair.detection.camera.image import Shot
 from mi_lcair.detection.camera.sequence import FilmedFlight
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.errors import InputError
@@ -74,6 +75,29 @@ def test_scale_and_noise_follow_from_powers():
     own = Bolometer.of(thin, electron_band(band("LWIR"), thin))
     scale = (4 * 1.2**2 / (4 * 1.2**2 + 1)) / 1.2**2
     assert own.nep == pytest.approx(0.050 * slope * scale, rel=1e-4)
+
+
+def test_span_is_that_of_scenes_through_warm_optics(tmp_path):
+    """Even scenes at its ends give the first and last count, beside what the optics emit."""
+    scenario = described(tmp_path, optics_temperature=300.0)
+    sensor = replace(scenario.sensor, optics_transmittance=0.6)
+    camera = Shot.of(replace(scenario, sensor=sensor), 0).camera
+    levels = [0.6 * power(kelvin, 1.2) + 0.4 * power(300, 1.2) for kelvin in (233.15, 413.15)]
+    assert counts(camera.imager, np.array(levels)).tolist() == [0, 2**16 - 1]
+    assert counts(camera.imager, levels[1] * 0.999) < 2**16 - 1
+
+
+@pytest.mark.parametrize(
+    "entries, message",
+    [
+        ({"span_K": (295.0, 400.0)}, "of 290 K, which gives .* less than .* widen span_K"),
+        ({"span_K": (200.0, 305.0)}, "of 310 K, which gives .* saturates .* widen span_K"),
+        ({"netd_mK": 5e3}, "e-10 W with a noise of .* lower netd_mK"),
+    ],
+)
+def test_correction_needs_scenes_within_the_span(tmp_path, entries, message):
+    with pytest.raises(InputError, match=message):
+        Shot.of(described(tmp_path, nuc=True, **entries), 0)
 
 
 def test_noise_of_frames():
@@ -281,6 +305,13 @@ def test_a_preset_gives_what_is_not_given(tmp_path):
     assert own.shutter_every_s is None and own.shutter_s == (3.0,) and named.camera.preset is None
     with pytest.raises(InputError, match="unknown preset of .camera. 'insb'.* insb_mwir"):
         Scenario.read(tmp_path / "disc.toml", **{"camera.preset": "insb"})
+
+
+def test_a_table_of_the_housing_replaces_a_walk(tmp_path):
+    (tmp_path / "housing.csv").write_text("time_s,temperature_K\n0,300\n9,301\n")
+    walk = {"housing_walk_K": 1.0, "housing_walk_s": 1.0}
+    camera = described(tmp_path, **walk, housing=str(tmp_path / "housing.csv")).camera
+    assert (camera.housing_walk_K, camera.housing_walk_s) == (None, None)
 
 
 def test_assumptions_of_a_preset_are_named(tmp_path):
