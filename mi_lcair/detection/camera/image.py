@@ -67,10 +67,10 @@ def remarks(
             "part inside"
         )
     if (speckle := channels["speckle.Y"]).any():
-        most, share = channels["stderr_K.Y"].max(), f"{100 * speckle.mean():.2g} %"
+        most, share = channels["stderr_K.Y"].max(), float(f"{100 * speckle.mean():.2g}")
         lines.append(
             f"the rendering's error, up to {most:.2g} K, is larger than the camera's noise in "
-            f"{share} of the pixels, which speckle.Y marks, and is the same in all frames; "
+            f"{share:g} % of the pixels, which speckle.Y marks, and is the same in all frames; "
             f"{REMEDIES[reached]} of [render]"
         )
     if assumptions := assumed(imager):

@@ -3,6 +3,7 @@
 import tracemalloc
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from mi_lcair.api.intensities import signature
 from mi_lcair.api.scenarios import contrast, image
 from mi_lcair.detection.camera.electronics import electron_band, electrons, signal_of
 from mi_lcair.detection.camera.exposure import exposure_of
+from mi_lcair.detection.camera.image import remarks
 from mi_lcair.detection.camera.image_result import measured as measured_rows
 from mi_lcair.detection.camera.optics import OVERSAMPLING
 from mi_lcair.detection.setting import setting_of
@@ -583,6 +585,13 @@ def test_truth_of_a_target_below_a_pixel(tmp_path):
     assert not truth.ids("instance").any()
     (annotation,) = truth.coco()["annotations"]
     assert annotation["bbox"] == [31, 23, 2, 2] and annotation["area"] == 4
+
+
+def test_a_remark_on_all_pixels_says_100_percent(scenario):
+    channels = {"speckle.Y": np.ones((2, 2), bool), "stderr_K.Y": np.full((2, 2), 14.0)}
+    made = scenario(), SimpleNamespace(is_cut=False), SimpleNamespace(saturated=0.0)
+    (line,) = remarks(made[0].camera, made[1], channels, made[2], None)
+    assert "up to 14 K, is larger than the camera's noise in 100 % of the pixels" in line
 
 
 def test_the_end_of_a_rendering_is_stated(scenario):
