@@ -49,6 +49,7 @@ from mi_lcair.rendering.images.spectral import (
 from mi_lcair.rendering.images.truth import (
     Truth,
     add_parts,
+    check_has_truth,
     count_from_camera,
     drop_groups,
     truth_of_render,
@@ -422,6 +423,8 @@ def render_image(
             atmosphere.path(range_m)  # raises InputError here, before anything is rendered
     start = time.perf_counter()
     camera = scene.sensor(sampling.sensor)
+    if truth:
+        check_has_truth(camera)
     sampling = sampling.settled(camera)
     randomisations = min(PIXEL_RANDOMISATIONS, sampling.spp or PILOT_SPP)
     windows = Windows.of_image(camera, randomisations, bool(errors_um) or truth)

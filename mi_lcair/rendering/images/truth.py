@@ -1,6 +1,7 @@
 """Truth by pixel: what each pixel shows, and the parts of its radiance with their errors."""
 
 import json
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -143,9 +144,15 @@ class Truth:
         """The files STEM.truth.exr, STEM.legend.json, STEM.coco.json and STEM.KIND.png.
 
         Each has the function that writes it. KIND is one of LAYERS. A PNG that cannot hold the
-        numbers of facets is left out.
+        numbers of facets is left out, with a warning.
         """
         fits = [kind for kind in LAYERS if self.ids(kind).max() <= MOST_OF_PNG]
+        for kind in LAYERS.keys() - fits:
+            warnings.warn(
+                f"no PNG of the numbers of each {kind} is written: 16 bits hold numbers up to "
+                f"{MOST_OF_PNG}; use {LAYERS[kind]} of the EXR",
+                stacklevel=2,
+            )
         image = Path(f"{stem}.truth.exr")
         return {
             image: self.write_exr,
@@ -216,12 +223,26 @@ class CentreRays:
         return np.einsum("pk,pk->p", start - self.eye, toward)
 
 
-CAMERAS = ("PerspectiveCamera", "ThinLensCamera", "OrthographicCamera")
+CAMERAS = {"PerspectiveCamera", "ThinLensCamera", "OrthographicCamera", "RadianceMeter"}
+
+
+def is_camera(sensor) -> bool:
+    """Whether a sensor's pixels, or those of a batch's sensors, see from one place each."""
+    return {view.class_name() for view in views_of(sensor)} <= CAMERAS
+
+
+def check_has_truth(sensor) -> None:
+    """Raise InputError for a sensor whose pixels have no truth."""
+    if not is_camera(sensor):
+        raise InputError(
+            "a truth by pixel needs a sensor perspective, thinlens, orthographic or radiancemeter, "
+            f"and not a {sensor.class_name()}; name another sensor, or leave out the truth"
+        )
 
 
 def count_from_camera(total: Totals, camera) -> None:
     """Let the ranges of totals begin at the camera, and not where its rays begin (`near_clip`)."""
-    if {view.class_name() for view in views_of(camera)} <= {*CAMERAS}:
+    if is_camera(camera):
         near = CentreRays.of(camera).near[:, None]
         for prefix in {"", "target."} & {name.removesuffix("range") for name in total.sums}:
             total.sums[f"{prefix}range"] += near * total.sums[f"{prefix}hit"]

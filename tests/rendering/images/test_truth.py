@@ -275,6 +275,14 @@ def test_each_camera_of_a_batch_has_its_own_place(count, clip):
     np.testing.assert_allclose(result.channels["range.Y"], channels["range.Y"], rtol=5e-3)
 
 
+def test_a_sensor_without_a_place_is_refused():
+    sensor = {"type": "distant", "film": {"type": "hdrfilm", "width": 1, "height": 1}}
+    sensor["film"]["rfilter"] = {"type": "box"}
+    scene = made(looking([4, 1, 2]), box=grey("cube", 0.5, 300), far=sensor)
+    with pytest.raises(InputError, match="perspective, .* and not a DistantSensor"):
+        mi_lcair.render(scene, sensor=1, spp=4, truth=True)
+
+
 def test_instances_plumes_and_backs():
     """Each instance of a group has a number. A plume is seen first, and emits 1 - transmittance."""
     down = T().look_at([0, 0, 5], [0, 0, 0], [0, 1, 0]) @ T().scale([4, 4, 1])
@@ -438,7 +446,8 @@ def test_files(tmp_path):
     ):
         drawn(**{"IndexFacet.X": ids}).write_ids(tmp_path / "x.png", "facet")
     assert list(tmp_path.iterdir()) == []
-    written = drawn(**{"IndexFacet.X": ids, "IndexOB.X": small}).save(tmp_path / "seen")
+    with pytest.warns(UserWarning, match="no PNG of the numbers of each facet .* IndexFacet.X"):
+        written = drawn(**{"IndexFacet.X": ids, "IndexOB.X": small}).save(tmp_path / "seen")
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(path.name for path in written)
     assert tmp_path / "seen.facet.png" not in written  # its numbers do not fit
     with Image.open(tmp_path / "seen.instance.png") as picture:
