@@ -242,7 +242,8 @@ def noise_components(frames: str | PathLike[str] | np.ndarray) -> NoiseComponent
     Raises
     ------
     InputError
-        If there are fewer than two frames, rows or columns, or the file cannot be read.
+        If there are fewer than two frames, rows or columns, if frames are not alike or not finite,
+        or if the file cannot be read.
     """
     is_path = isinstance(frames, (str, PathLike))
     return NoiseComponents.of(pages_of(str(frames)) if is_path else frames)

@@ -33,10 +33,16 @@ class NoiseComponents(NamedTuple):
         They are those of a three-way analysis of variance, so that no component holds a share of
         another, as those of D'Agostino and Webb (Proc. SPIE 1488, 1991) do for few samples. A
         variance that comes out negative is 0. Raises InputError for less than two frames, rows or
-        columns.
+        columns, and for frames of other shapes or without finite numbers.
         """
         rows, columns, total, squares, level = [], [], 0.0, 0.0, None
-        for frame in map(np.atleast_2d, frames):
+        for number, frame in enumerate(map(np.atleast_2d, frames), 1):
+            if frame.ndim != 2 or level is not None and frame.shape != total.shape:
+                raise InputError(
+                    f"frame {number} has the shape {frame.shape}; all have (rows, columns), alike"
+                )
+            if not np.all(np.isfinite(frame)):
+                raise InputError(f"frame {number} has values that are not finite numbers")
             level = frame.mean() if level is None else level
             part = frame - level  # small numbers, whose squares keep their digits
             rows.append(part.mean(axis=1))
@@ -82,5 +88,7 @@ def pages_of(path: str) -> Iterator[np.ndarray]:
         with Image.open(content) as picture:
             for page in ImageSequence.Iterator(picture):
                 yield np.asarray(page, dtype=float)
-    except (UnidentifiedImageError, OSError, ValueError, SyntaxError) as error:
+    except UnidentifiedImageError:
+        raise InputError(f"{path}: has no frames that can be read: not an image") from None
+    except (OSError, ValueError, SyntaxError) as error:
         raise InputError(f"{path}: has no frames that can be read: {error}") from None

@@ -64,13 +64,26 @@ def test_few_samples_are_refused():
             NoiseComponents.of(np.zeros(shape))
 
 
+@pytest.mark.parametrize(
+    "second, message",
+    [
+        (np.zeros((4, 5, 3)), r"frame 2 has the shape \(4, 5, 3\)"),  # as of a colour picture
+        (np.zeros((5, 4)), r"frame 2 has the shape \(5, 4\)"),
+        (np.full((4, 5), np.nan), "frame 2 has values that are not finite"),
+    ],
+)
+def test_frames_that_are_not_alike_are_refused(second, message):
+    with pytest.raises(InputError, match=message):
+        NoiseComponents.of([np.zeros((4, 5)), second, second])
+
+
 def test_frames_of_a_file(tmp_path):
     """The pages of a TIFF are the frames; one page or another file is refused in one line."""
     counts = np.random.default_rng(8).integers(0, 2**16, (5, 6, 7)).astype(np.uint16)
     formats.write_tiff(tmp_path / "frames.tif", counts)
     assert mi_lcair.noise_components(tmp_path / "frames.tif") == NoiseComponents.of(counts)
     (tmp_path / "no.tif").write_text("no picture")
-    with pytest.raises(InputError, match=r"no\.tif: has no frames that can be read"):
+    with pytest.raises(InputError, match=r"no\.tif: has no frames that can be read: not an image$"):
         mi_lcair.noise_components(tmp_path / "no.tif")
 
 
