@@ -703,7 +703,12 @@ def missed(total: Totals) -> np.ndarray:
     for k, source in enumerate(total.emitters.sources.list):
         sums = total.sums.get(f"target.source.{k}")
         if sums is not None and not sums.any():
-            unmet.append(source.in_band)
+            # A whole group, of unknown spectrum, may also have no emitter
+            unmet.append(
+                total.emitters.brightest_of.get(source.group, 0.0)
+                if source.in_band is None
+                else source.in_band
+            )
     largest = UNSEEN * max(unmet) / student_factor(np.inf) / np.maximum(total.paths, 1)
     error = np.minimum(total.missed_error(), largest)
     return np.where(on, np.sum(error**2 * on) / max(on.sum(), 1) ** 2, 0)

@@ -69,6 +69,28 @@ def test_a_source_that_no_path_met_is_in_one_part():
         assert ModelError(0.01, in_pixel).excess(total) == pytest.approx(ratio / 0.01, rel=1e-6)
 
 
+@pytest.mark.parametrize("brightest, of_group", [({}, 0.0), ({"other": 0.4}, 0.4)])
+def test_a_group_of_unknown_spectrum_that_no_path_met_has_its_bound(brightest, of_group):
+    """0 if it has no emitter."""
+    total = totals([1, 1], [4, 4], [0, 0], missed=9.0)
+    total.emitters.sources.list = [SOURCES[0], SimpleNamespace(in_band=None, group="other")]
+    total.emitters.brightest_of = brightest
+    ratio = 2.5 * of_group / 1.959964 / 4 / np.sqrt(2)
+    assert ModelError(0.01, 1).excess(total) == pytest.approx(ratio / 0.01, rel=1e-6)
+
+
+def test_a_model_with_a_part_that_does_not_emit(tmp_path):
+    """The part reflects the plate, and its own group adds nothing."""
+    scenario = plate(tmp_path, 1.0, 1.0, render__spp=4)
+    file = tmp_path / "disc.xml"
+    ball = '<shape type="sphere"> <point name="center" value="0, 2, 0"/>'
+    ball += ' <bsdf type="diffuse"/> </shape>'
+    file.write_text(file.read_text().replace("</scene>", f"{ball}</scene>"))
+    layers = image(scenario, truth=True).truth.channels
+    assert not layers["reflected.other.Y"].any()
+    assert layers["mask.Y"].sum() * 0.15**2 == pytest.approx(1 + np.pi, rel=0.01)
+
+
 def test_areas_of_parts():
     """(0.5 m / 6)^2 for parallel rays; in perspective (distance along the axis x 0.01 / 6)^2."""
     view = front()
