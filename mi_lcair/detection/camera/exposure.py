@@ -428,7 +428,7 @@ def exposure_of(
 
     areas = part_areas(view, on, ranges) * view.inside.ravel()[on]
     intensities = {
-        name: float(values @ areas) for name, values in seen.items() if name != "target.range"
+        name: weighted(values, areas) for name, values in seen.items() if name != "target.range"
     }
 
     place = partial(placed, on=on, shape=view.size[::-1])
@@ -728,6 +728,11 @@ def model_squares(total: Totals, in_pixel: int, variance: np.ndarray) -> np.ndar
         return np.zeros(len(on))
     share = on.mean() * min(in_pixel, on.sum())
     return np.where(on, variance, 0) / (mean**2 * share)
+
+
+def weighted(values: np.ndarray, weights: np.ndarray) -> float:
+    """Sum of weighted values (n,), the same on any number of threads, which BLAS's is not."""
+    return float(np.sum(values * weights))
 
 
 def part_areas(view: CameraView, on, ranges) -> np.ndarray:

@@ -1,6 +1,10 @@
 """Parts of an exposure, calculated by hand; its values are in `test_image`."""
 
+import ctypes
+import math
+import os
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,6 +20,7 @@ from mi_lcair.detection.camera.exposure import (
     model_squares,
     part_areas,
     placed,
+    weighted,
 )
 from mi_lcair.detection.camera.image import Shot
 from mi_lcair.detection.irradiance import Backdrop
@@ -89,6 +94,19 @@ def test_a_model_with_a_part_that_does_not_emit(tmp_path):
     layers = image(scenario, truth=True).truth.channels
     assert not layers["reflected.other.Y"].any()
     assert layers["mask.Y"].sum() * 0.15**2 == pytest.approx(1 + np.pi, rel=0.01)
+
+
+def test_sums_do_not_depend_on_the_number_of_threads():
+    """Workers have fewer threads than a process alone, and BLAS adds in another order then."""
+    (library,) = Path(np.__file__).parents[1].glob("numpy.libs/libscipy_openblas64_*")
+    threads = ctypes.CDLL(str(library)).scipy_openblas_set_num_threads64_
+    pairs = np.random.default_rng(0).random((10, 2, 50_000))
+    try:
+        sums = [(threads(count), [weighted(*pair) for pair in pairs])[1] for count in (1, 2)]
+    finally:
+        threads(os.cpu_count())
+    assert sums[0] == sums[1]
+    assert sums[0] == pytest.approx([math.fsum(np.prod(pair, axis=0)) for pair in pairs], rel=1e-13)
 
 
 def test_areas_of_parts():
