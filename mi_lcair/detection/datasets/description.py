@@ -145,7 +145,8 @@ def rows_of(file: str, count: int | None) -> list[dict[str, float]]:
     if count is not None or needed is PLACE:
         columns = placed(columns)
         if count is not None:
-            columns = in_steps(columns, count)
+            with errors_of(file):
+                columns = in_steps(columns, count)
         x, y, z = (columns.pop(name) for name in PLACE)
         polar = np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))
         range_m = np.linalg.norm([x, y, z], axis=0)
@@ -174,6 +175,8 @@ def in_steps(columns: dict[str, np.ndarray], count: int) -> dict[str, np.ndarray
     """The columns at places in even steps along the line through the positions."""
     places = np.array([columns[name] for name in PLACE])
     steps = np.linalg.norm(np.diff(places, axis=1), axis=0)
+    if not steps.any():
+        raise InputError("its positions are all the same, without a line for count; leave it out")
     along = np.concatenate([[0.0], np.cumsum(steps)])
     at = np.linspace(0, along[-1], count)
     return {name: np.interp(at, along, values) for name, values in columns.items()}
@@ -193,6 +196,8 @@ class FramesTable(Described, where="[frames]"):
         just reset.
     truth : bool
         Whether the truth of each pixel is written too.
+    kelvin : bool
+        Whether frames are written in kelvin too, as the camera's calibration has them.
     seed : int
         Seed of everything that is drawn. A view depends on it and on its own number alone.
     """
@@ -200,6 +205,7 @@ class FramesTable(Described, where="[frames]"):
     cases: int = entry(1, lower=1, upper=10_000)
     frames: int = entry(1, lower=1, upper=10_000)
     truth: bool = True
+    kelvin: bool = False
     seed: int = entry(0, lower=0, upper=2**32 - 1)
 
 
@@ -293,6 +299,9 @@ def described_set(tree: Mapping, folder: Path, name: str) -> DatasetDescription:
             check_draw(key, law)
             if is_choice(law):
                 draws[key] = {CHOICE: located(folder, law[CHOICE])}
+            for band, changes in bands.items():
+                if key in ("sensor.band", *changes):
+                    raise InputError(f"{key} is that of band '{band}' of [bands]; leave one out")
         if (HOUR in draws) != (base.heat is not None):
             raise InputError("hour goes with heat of [base]; give both, or none of them")
     return DatasetDescription(

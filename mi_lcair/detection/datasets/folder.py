@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 
 from mi_lcair import scenes, toml_table
+from mi_lcair.detection.camera.image import Shot
 from mi_lcair.detection.datasets.description import DatasetDescription, is_choice
 from mi_lcair.detection.datasets.draws import HEAT, Case, HeatedHours, cases_of, check_views, key_of
 from mi_lcair.detection.datasets.frames import (
     FOLDERS,
+    IN_KELVIN,
     MODES,
     OF_TRUTH,
     Plan,
@@ -27,7 +29,7 @@ from mi_lcair.detection.datasets.frames import (
 )
 from mi_lcair.detection.datasets.poses import SPLITS, colmap, transforms
 from mi_lcair.detection.scenario import OF_SCENE, Scenario
-from mi_lcair.detection.setting import setting_of, target_scene
+from mi_lcair.detection.setting import line_of, setting_of, sun_over, target_scene
 from mi_lcair.drawing import file_content, new_figure, styled
 from mi_lcair.errors import InputError, errors_of
 from mi_lcair.files import (
@@ -51,9 +53,14 @@ from mi_lcair.tasks import computed, versions
 MANIFEST, TRANSFORMS = "manifest.json", "transforms.json"
 KIND = "mi_lcair data set"
 MOVING = ("pose.", "motions.", f"{OF_SCENE}model.")  # beginnings of draws that move the model
+MOVED = (
+    "draws move the model, and points3D.txt has it where [base] places it; methods that take the "
+    "scene as fixed need images of one pose"
+)
 LIMITS = {
     "is_cut": "a part of the target is outside the frame",
-    "saturated_share": "pixels are saturated; shorten integration_time_ms of [camera]",
+    "saturated_share": "pixels are saturated; shorten integration_time_ms of [camera], or widen "
+    "span_K of a bolometer",
     "speckle_share": "the rendering's error is above the camera's noise in the pixels which "
     "speckle.Y marks; raise spp of [render]",
 }
@@ -139,6 +146,7 @@ def record_dataset(
         frames=frames.frames,
         seed=frames.seed,
         truth=frames.truth,
+        kelvin=frames.kelvin,
     )
     check_plan(plan, description, scene)
     begin(plan, stated, hours)
@@ -162,6 +170,8 @@ def record_dataset(
     if plan.truth:
         written += [file for band in plan.bands for file in write_coco(plan, band)]
     remarks = remarks_of([record for of_band in records.values() for record in of_band])
+    if moves(plan):
+        remarks.append(MOVED)
     written += write_card(plan, description, scenario, records, remarks)
     files = write_manifest(plan, stated, records, written, hours)
     return LabelledFrames(
@@ -180,20 +190,25 @@ def record_dataset(
 
 
 def based(description: DatasetDescription) -> Scenario:
-    """The scenario of [base] in its first band; raises InputError for one without a camera."""
+    """The scenario of [base] in its first band; raises InputError for one without poses."""
     source, band = description.base.scenario, next(iter(description.bands.values()))
     scenario = Scenario.read(source, **band)
     with errors_of(f"scenario '{source}'"):
-        if scenario.camera is None:
-            raise InputError("has no table [camera], which records the images")
-        if scenario.camera.projection != "perspective":
-            raise InputError(
-                "[camera]: an orthographic camera has no pose in the files of a data set; leave "
-                "projection out"
-            )
-        if scenario.flight is not None:
-            raise InputError("[flight] moves the camera, as [views] does; give an [observer]")
+        check_has_pose(scenario)
     return scenario
+
+
+def check_has_pose(scenario: Scenario) -> None:
+    """Raise InputError for a scenario without a camera whose pose is known."""
+    if scenario.camera is None:
+        raise InputError("has no table [camera], which records the images")
+    if scenario.camera.projection != "perspective":
+        raise InputError(
+            "[camera]: an orthographic camera has no pose in the files of a data set; leave "
+            "projection out"
+        )
+    if scenario.flight is not None:
+        raise InputError("[flight] moves the camera, as [views] does; give an [observer]")
 
 
 def stated_of(description: DatasetDescription, scene: Scene) -> dict:
@@ -254,7 +269,7 @@ def begin(plan: Plan, stated: Mapping, hours: HeatedHours | None) -> None:
             if not file.exists():
                 write_csv(file, hours.heat, case.hour)
     for band in plan.bands:
-        for kind in (*FOLDERS, *(OF_TRUTH if plan.truth else ())):
+        for kind in FOLDERS + OF_TRUTH * plan.truth + (IN_KELVIN,) * plan.kelvin:
             (plan.folder / band / kind).mkdir(parents=True, exist_ok=True)
 
 
@@ -264,18 +279,34 @@ def check_plan(plan: Plan, description: DatasetDescription, scene: Scene) -> Non
     scenarios: dict[int, Scenario] = {}
     seen: set[tuple] = set()
     for case in plan.cases:
-        without = replace(case, changes={k: v for k, v in case.changes.items() if k != MODES})
-        scenario = plan.scenario(without, next(iter(plan.bands)))
-        scenarios.setdefault(case.view, scenario)
+        scenario = plan.scenario(without_modes(case), next(iter(plan.bands)))
         new = {(name, case.changes[name]) for name in choices if name in case.changes} - seen
-        if new:
-            with errors_of(f"view {case.view}"):
+        with errors_of(f"view {case.view}"):
+            check_has_pose(scenario)
+            if new:
                 setting_of(scenario)
+            if case.view not in scenarios:
+                line_of(scenario, scenario.sensor.detector(), sun_over(scenario, scene))
+        scenarios.setdefault(case.view, scenario)
         seen |= new
+    first = without_modes(plan.cases[0])
     for band in plan.bands:
-        plan.scenario(plan.cases[0], band)
-    if not any(name.startswith(MOVING) for case in plan.cases for name in case.changes):
+        scenario = plan.scenario(first, band)
+        with errors_of("view 0"):
+            check_has_pose(scenario)
+            Shot.of(scenario, plan.seed)
+    if not moves(plan):
         check_views(scene, scenarios)
+
+
+def moves(plan: Plan) -> bool:
+    """Whether the model is elsewhere in some images than in others."""
+    return any(name.startswith(MOVING) for case in plan.cases for name in case.changes)
+
+
+def without_modes(case: Case) -> Case:
+    """A case without the file of its facets' temperatures, which is not written yet."""
+    return replace(case, changes={k: v for k, v in case.changes.items() if k != MODES})
 
 
 def points_of(scene: Scene) -> np.ndarray:
@@ -435,6 +466,10 @@ FILES = {
     "transforms.json": "poses and splits as nerfstudio reads them, with the axes of OpenGL",
     "sparse/0/*.txt": "the same poses as COLMAP writes them, and the corners of the model",
 }
+FILES_IN_KELVIN = {
+    "kelvin/NUMBER.png": "apparent temperature of the same frame in hundredths of a kelvin, "
+    "16 bits, by the camera's calibration; 65535 for 655.35 K and more",
+}
 FILES_OF_TRUTH = {
     "truth/NUMBER.*": "truth of each pixel: facet, group, material and instance, depth, normal, "
     "temperature, emissivity, and parts of the radiance with standard errors",
@@ -459,12 +494,15 @@ def text_of_card(
     hottest = max(record["temperature_K"][2] for record in everything)
     pixels = [record["pixels_on_target"] for record in everything]
     camera, bands = scenario.camera, ", ".join(filter(None, plan.bands)) or scenario.sensor.band
-    files = FILES | (FILES_OF_TRUTH if plan.truth else {})
+    files = (
+        FILES | (FILES_IN_KELVIN if plan.kelvin else {}) | (FILES_OF_TRUTH if plan.truth else {})
+    )
     place = "Each band has a folder of its own." if any(plan.bands) else "All is in this folder."
     made_by = ", ".join(f"{name} {version}" for name, version in versions().items())
     parts = [
         f"# {description.name}",
-        f"{len(splits)} views ({counts}) of {scenario.heading} {len(everything)} images in "
+        f"{len(splits)} views ({counts}) of {scenario.heading.rstrip('.')}. {len(everything)} "
+        f"images in "
         f"{bands}, {camera.width} x {camera.height} pixels.",
         f"![images]({CONTACT})",
         "Some images in apparent temperature, each with a scale of its own.",

@@ -31,6 +31,7 @@ from mi_lcair.toml_table import plain
 
 # Folders of a band's files
 FOLDERS = ("images", "radiance", "frames")
+IN_KELVIN = "kelvin"  # folder of frames in hundredths of a kelvin
 OF_TRUTH = ("truth", "masks", "depth")
 SCENES = 8  # loaded scenes that are kept
 OF_NOISE = ("counts.Y", "temperature.Y")  # channels that belong to a frame with noise
@@ -53,7 +54,7 @@ class Plan:
     cases : tuple of Case
     frames, seed : int
         Frames of an image, and the seed of the camera.
-    truth : bool
+    truth, kelvin : bool
     """
 
     folder: Path
@@ -64,6 +65,7 @@ class Plan:
     frames: int
     seed: int
     truth: bool
+    kelvin: bool = False
 
     def place(self, band: str, kind: str, number: int, end: str) -> Path:
         """A file of an image."""
@@ -162,7 +164,10 @@ class ViewRecorder:
         place, frames = partial(self.plan.place, band, number=case.number), self.plan.frames
         for k in range(frames):
             counts = camera.frame(channels[f"{camera.imager.channel}.Y"], case.number * frames + k)
-            write_png(place("images", end=f"_{k}.png" if k else ".png"), counts)
+            end = f"_{k}.png" if k else ".png"
+            write_png(place("images", end=end), counts)
+            if self.plan.kelvin:
+                write_png(place(IN_KELVIN, end=end), hundredths(camera.temperatures(counts)))
         without = {name: v for name, v in channels.items() if name not in OF_NOISE}
         write_exr(place("radiance", end=".exr"), without, header)
 
@@ -248,6 +253,11 @@ def statistics(shot: Shot, channels: Mapping[str, np.ndarray], exposed) -> dict[
         "speckle_share": float(np.mean(channels["speckle.Y"])),
         "is_cut": bool(shot.view.is_cut),
     }
+
+
+def hundredths(kelvin: np.ndarray) -> np.ndarray:
+    """Temperatures in hundredths of a kelvin, uint16; the largest is 655.35 K or more."""
+    return np.clip(np.rint(100 * kelvin), 0, np.iinfo(np.uint16).max).astype(np.uint16)
 
 
 def digest_of(content: bytes) -> str:

@@ -28,7 +28,7 @@ DESCRIPTION = {
     "base": {"scenario": "scenario.toml"},
     "views": {"sphere": 3, "elevation_deg": [10, 60], "range_m": [40, 60], "roll_deg": [-20, 20]},
     "draws": {"background.temperature": {"uniform": [270, 290]}, "lid.temperature": 5},
-    "frames": {"cases": 2, "truth": True, "seed": 7},
+    "frames": {"cases": 2, "truth": True, "kelvin": True, "seed": 7},
     "splits": {"train": 0.34, "val": 0.33, "test": 0.33},
 }
 

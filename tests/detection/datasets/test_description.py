@@ -43,6 +43,11 @@ def test_views_in_even_steps_along_a_line(tmp_path):
     assert [view["roll_deg"] for view in made] == pytest.approx([0, 6, 3, 0])
 
 
+def test_positions_that_are_the_same_are_no_line(tmp_path):
+    with pytest.raises(InputError, match="views.csv: its positions are all the same"):
+        views(tmp_path, "azimuth_deg,elevation_deg,range_m\n10,0,20\n10,0,20\n", count=3)
+
+
 def test_bands_are_changes_of_the_scenario(tmp_path):
     """The name is the sensor's band unless the changes state one; files are beside the file."""
     assert DatasetDescription.read(DESCRIPTION).bands == {"": {}}

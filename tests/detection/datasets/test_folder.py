@@ -35,6 +35,17 @@ def pixels(path):
         return np.asarray(picture)
 
 
+def counts_of(kelvin, imager):
+    """Counts of a blackbody of each temperature, by Planck's law for photons from 8 to 12 um.
+
+    A 64th of the counts is below the electrons.
+    """
+    x = np.linspace(8e-6, 12e-6, 401)
+    photons = 2 * 2.99792458e8 / x**4 / np.expm1(1.438776877e-2 / x / kelvin[..., None])
+    seen = imager.quantum_efficiency * np.pi / 4 / 2**2 * 15e-6**2 * 0.2e-3
+    return (1 + 63 * seen * np.trapezoid(photons, x) / 20e6) / 64 * (2**14 - 1)
+
+
 def contents(folder):
     return {
         str(file.relative_to(folder)): file.read_bytes()
@@ -68,6 +79,11 @@ def test_images_are_those_of_separate_calls(made):
             assert all(np.array_equal(v, image.channels[name]) for name, v in channels.items())
             counts = pixels(folder / f"whole/images/{number:06}.png")
             assert counts.dtype == np.uint16 and np.array_equal(counts, image.counts[number])
+            kelvin = pixels(folder / f"whole/kelvin/{number:06}.png")
+            assert kelvin.dtype == np.uint16
+            assert kelvin.min() > 26000  # 260 K
+            expected = counts_of(kelvin / 100, image.view.imager)
+            np.testing.assert_allclose(counts, expected, atol=1.5)  # 0.005 K
             truth, _ = read_exr(folder / f"whole/truth/{number:06}.truth.exr")
             for name, values in truth.items():
                 np.testing.assert_array_equal(values, image.truth.channels[name])
@@ -88,6 +104,7 @@ def test_the_manifest_has_all_files_and_how_they_were_made(made):
     assert result.files == len(files) + 1 and manifest["dataset"]["frames"]["seed"] == 7
     assert manifest["scenario"]["camera"]["width"] == 32 and manifest["versions"]["mi_lcair"]
     card = files["README.md"].decode()
+    assert "of scenario: The box. 6 images in LWIR" in card and "kelvin/NUMBER.png" in card
     assert "3 views" in card and "contact.png" in card and "[draws]" in card
     for picture in ("contact.png", "statistics.png"):
         assert pixels(folder / "whole" / picture).shape[1] > 100
@@ -193,6 +210,16 @@ def test_workers_give_the_same_bytes(made):
         ({"draws": {"atmosphere.table": {"choice": ["no_air"]}}}, "view 0: .*no_air"),
         ({"base": {"scenario": "no.toml"}}, "no.toml"),
         ({"bands": {"MWIR": {"sensor.bnd": "MWIR"}}}, "bnd"),
+        (
+            {"bands": {"LWIR": {}, "MWIR": {"camera.projection": "orthographic"}}},
+            "view 0: .*orthographic camera has no pose",
+        ),
+        ({"bands": {"LWIR": {"camera.nuc": True, "camera.well_Me": 0.1}}}, "view 0: .*saturates"),
+        ({"draws": {"target.parameters.wings": {"uniform": [1, 2]}}}, "view 0: .*'wings'"),
+        (
+            {"bands": {"LWIR": {"background.temperature": 280}}},
+            "background.temperature is that of band 'LWIR'",
+        ),
         ({"views": {"file": "no.csv"}}, "no.csv: cannot be read"),
     ],
 )
@@ -211,12 +238,14 @@ def test_a_scenario_without_a_camera(made, tmp_path):
     for start, end, message in (
         ("[camera]", None, "has no table .camera."),
         ("width = 32\n", 'width = 32\nprojection = "orthographic"\n', "orthographic camera has no"),
+        ("temperature = 285", 'sky = "midlat_summer_clear"', "view 0: .* looks down"),
     ):
         changed = text[: text.index(start)] if end is None else text.replace(start, end)
         file = folder / "other.toml"
         file.write_text(changed)
+        description = write_box(folder, base={"scenario": "other.toml"}, draws=None)
         with pytest.raises(InputError, match=message):
-            mi_lcair.dataset(write_box(folder, base={"scenario": "other.toml"}), tmp_path / "out")
+            mi_lcair.dataset(description, tmp_path / "out")
     write_box(folder)
     assert not (tmp_path / "out").exists() and SCENARIO["camera"]["width"] == 32
 
@@ -259,7 +288,7 @@ def test_facets_have_the_temperatures_of_the_hour(made, tmp_path):
 
 
 def test_a_bolometer_records_power(tmp_path):
-    """Its image has another channel than that of a photon detector."""
+    """Its image has another channel than that of a photon detector. A turned model is noted."""
     camera = {f"camera.{name}": 24 for name in ("width", "height")} | {
         "camera.detector": "bolometer",
         "camera.netd_mK": 50,
@@ -267,8 +296,10 @@ def test_a_bolometer_records_power(tmp_path):
     }
     one = {"sphere": 1, "elevation_deg": [20], "range_m": [40]}
     splits = {"train": 1, "val": 0, "test": 0}
-    file = write_box(tmp_path, views=one, bands={"LWIR": camera}, splits=splits, draws=None)
-    mi_lcair.dataset(file, tmp_path / "set")
+    draws = {"pose.yaw_deg": {"uniform": [10, 80]}}
+    file = write_box(tmp_path, views=one, bands={"LWIR": camera}, splits=splits, draws=draws)
+    result = mi_lcair.dataset(file, tmp_path / "set")
+    assert any("draws move the model, and points3D.txt" in remark for remark in result.remarks)
     channels, _ = read_exr(tmp_path / "set/LWIR/radiance/000000.exr")
     assert "power.Y" in channels and channels["power.Y"].min() > 0
     assert pixels(tmp_path / "set/LWIR/images/000000.png").std() > 0
