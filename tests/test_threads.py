@@ -85,7 +85,7 @@ def test_every_public_function_takes_its_turn():
         for name, function in functions.items()
         if inspect.isfunction(function) and not hasattr(function, "__wrapped__")
     }
-    assert free == {"sweep", "temperature", "trend", "workers"}
+    assert free == {"noise_components", "sweep", "temperature", "trend", "trust", "workers"}
 
 
 def test_a_scene_that_another_thread_discards_is_deleted_in_the_next_turn():

@@ -204,7 +204,7 @@ def test_render_passes_on_every_option(run, renderer, folder):
     assert result.exit_code == 0, result.output
     assert renderer.loaded == ("cavity", {"opening": "8", "text": "a=b"})
     sampling = {"sensor": 1, "spp": 64, "tolerance": None, "max_spp": None, "seed": 7}
-    sampling |= {"parts": False, "bins": 0, "errors_um": (), "max_bounces": None}
+    sampling |= {"parts": False, "truth": False, "bins": 0, "errors_um": (), "max_bounces": None}
     assert renderer.sampling == sampling
     channels, header = read_exr("out.exr")
     assert (channels["Y"].shape, header) == ((2, 3), {"band": "MWIR", "spp": 16})
@@ -214,7 +214,7 @@ def test_render_passes_on_a_tolerance(run, renderer):
     args = ("render", "cavity", "--tolerance", "2.5%", "--max-spp", 4096, "-o", "out.exr")
     assert run(*args).exit_code == 0
     sampling = {"sensor": 0, "spp": None, "tolerance": 0.025, "max_spp": 4096, "seed": 0}
-    sampling |= {"parts": False, "bins": 0, "errors_um": (), "max_bounces": None}
+    sampling |= {"parts": False, "truth": False, "bins": 0, "errors_um": (), "max_bounces": None}
     assert renderer.sampling == sampling
 
 
@@ -246,6 +246,7 @@ def test_render_defaults(run, renderer):
         "seed": 0,
         "bins": 0,
         "parts": False,
+        "truth": False,
         "errors_um": (),
         "max_bounces": None,
     }
