@@ -51,8 +51,8 @@ def render(
     scene : Scene, str, Path or mi.Scene
         A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
     spp : int or None
-        Samples per pixel (the number in the scene), rounded up to a multiple of 4 if it is
-        larger. It does not go with a tolerance.
+        Samples per pixel (default: the scene's number). A number above 4 is rounded up to a
+        multiple of 4. It cannot be combined with a tolerance.
     tolerance : float, str or None
         Render until the rms standard error over the pixels is below this fraction of the mean
         radiance, such as 0.01 or "1%", or until `max_spp` is reached.
@@ -75,12 +75,12 @@ def render(
     parameters : mapping of str to object, optional
         Values of the scene's $-parameters, for a name or a file.
     bins : int, optional
-        Number of even wavelengths over the band, its ends included, at which the spectral radiance
-        is rendered too. The response of each is a triangle as wide at half its height as their
-        distance.
+        Also render the spectral radiance at this number of evenly spaced wavelengths. They include
+        both ends of the band. The response at each wavelength is a triangle. Its full width at half
+        maximum is the distance between the wavelengths.
     errors_um : sequence of float, optional
-        Wavelengths [um] of which the nearest `bins` get a standard error of each pixel, in channels
-        such as "stderr.S0.8000,000000nm".
+        Wavelengths [um]. The nearest of the `bins` also get a standard error for each pixel, in
+        channels such as "stderr.S0.8000,000000nm".
     max_bounces : int, "auto" or None
         Largest number of reflections, in place of the scene's. "auto" lets pilot paths choose it,
         so that at most a tenth of the tolerance (1 %) is left out. The errors include the rest.

@@ -43,14 +43,14 @@ def signature(
         A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
         Its sensor must be orthographic.
     spp : int or None
-        Number of paths, divided by the number of pixels of the sensor's film (the number in the
-        scene). The paths begin anywhere in the window, not in one pixel each.
+        Paths per pixel of the sensor's film: the number of paths is spp x pixels (default: the
+        scene's number). The paths begin anywhere in the window, not in one pixel each.
     tolerance : float, str or None
         Trace paths until the 95 % interval of the target's intensity is within this fraction of it,
-        such as 0.01 or "1%", or until `max_spp` is reached. Without a target it is that of the
-        scene's intensity.
+        such as 0.01 or "1%", or until `max_spp` is reached. Without a target, the tolerance applies
+        to the scene's intensity.
     max_spp : int or None
-        As `spp`: the largest number of paths with a tolerance (65536).
+        Largest number of paths per pixel for a tolerance (65536).
     seed, sensor : int
         As for `render`.
     progress : callable or None

@@ -91,8 +91,8 @@ def contrast(
     parameters : mapping of str to object, optional
         Entries of a scenario that is named, by dotted key such as {"sensor.band": "LWIR"}.
     spp : int or None
-        Number of paths, divided by the number of pixels of render.resolution (64). The paths begin
-        anywhere in a window around the target.
+        Paths per pixel: the number of paths is spp x the square of render.resolution (64). The
+        paths begin anywhere in a window around the target.
     tolerance : float, str or None
         Trace paths until half of the 95 % interval of each result is at most this fraction of it,
         such as 0.01 or "1%".
@@ -100,7 +100,7 @@ def contrast(
         The same in W m^-2, for a contrast that may be zero. With both tolerances, tracing ends when
         either is met.
     max_spp : int or None
-        As `spp`: the largest number of paths for a tolerance (65536).
+        Largest number of paths per pixel for a tolerance (65536).
 
     Returns
     -------

@@ -55,15 +55,15 @@ def trend(
     elevations_deg : sequence of float
         Elevations of the observer above the horizontal, degrees.
     resolution : int
-        Pixels along each side of a view. They only set the number of its paths: `spp` times their
-        number. The paths begin anywhere in the view, not in one pixel each.
+        Pixels along each side of a view. They only set the number of its paths, spp x pixels. The
+        paths begin anywhere in the view, not in one pixel each.
     spp : int, optional
-        Paths of each view, divided by the number of its pixels, instead of a tolerance.
+        Paths per pixel of each view, instead of a tolerance.
     tolerance : float or str, optional
         Trace paths until half of the 95 % interval of each view's intensity is at most this
         fraction of it, such as 0.01 or "1%" (0.01 if `spp` is not given).
     max_spp : int, optional
-        As `spp`: the largest number of paths for a tolerance (65536).
+        Largest number of paths per pixel for a tolerance (65536).
     seed : int
         Seed of the random numbers.
     areas : path-like, optional
@@ -74,7 +74,7 @@ def trend(
     parameters : mapping of str to object, optional
         Values of the scene's $-parameters, for a name or a file.
     max_bounces : int, "auto" or None
-        As for `signature`. With "auto" pilot paths toward some of the views choose it.
+        As for `signature`. The pilot paths use some of the views.
 
     Returns
     -------

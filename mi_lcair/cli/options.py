@@ -395,8 +395,8 @@ def areas(command):
 
     @file(
         "--areas",
-        "Keep what is traced in this folder. A later call that finds it there traces nothing again "
-        "(default: FILE.areas, which is removed at the end).",
+        "Keep the traced results in this folder. A later call reuses them (default: FILE.areas, "
+        "which is removed at the end).",
         metavar="FOLDER",
     )
     @option("--overwrite", "Replace an output that exists.", is_flag=True)
@@ -477,10 +477,10 @@ def outputs(what: str, *suffixes: str, **settings):
 
 solution = option(
     "--solution",
-    "Set temperatures, materials and radiances to those of a file that invert wrote, FILE.json or "
-    "FILE.json:STATE.",
+    "Set temperatures, materials and radiances to the values in a file that invert wrote, "
+    "FILE.json or FILE.json:STATE.",
 )
-motions = file("--motions", "Declare motions of meshes, which -D then sets, FILE.toml.")
+motions = file("--motions", "Read motions of meshes from FILE.toml. -D then sets their values.")
 plugin = file(
     "--plugin",
     "Run a Python file that registers your BSDFs or emitters with Mitsuba, FILE.py; may be "

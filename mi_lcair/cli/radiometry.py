@@ -40,19 +40,20 @@ OF_TRUTH = ("truth", "facet", "group", "material", "instance")  # ends of names 
 )
 @options.option(
     "--wavelengths",
-    "The same as --bins at the wavelengths A, A + STEP, ... up to B, um. Sets the scene's `band`.",
+    "Like --bins, but at the wavelengths A, A + STEP, ... up to B, um. Sets the scene's `band`.",
     metavar="A:B:STEP",
 )
 @options.workers
 def render_command(scene, outputs, atmosphere, range_m, bins, wavelengths, **sampling):
     """Render SCENE to a radiance image.
 
-    SCENE is a Mitsuba XML file or the name of a bundled scene. Written is an OpenEXR file in W m^-2
-    sr^-1: channel Y is the total radiance, the other channels are its standard error, the part of
-    the model, the apparent temperature in K and the range in m, and with --parts its parts. With
-    --bins it also has the spectral radiance in W m^-2 sr^-1 um^-1, which FILE.hdr makes an ENVI
-    file, and FILE.nc a netCDF file with the brightness temperatures. With --truth, FILE.truth.exr,
-    FILE.facet.png and others say what each pixel shows. Printed are the mean and the error.
+    SCENE is a Mitsuba XML file or the name of a bundled scene. The output is an OpenEXR file in
+    W m^-2 sr^-1. Channel Y is the total radiance. Other channels are its standard error, the part
+    of the model, the apparent temperature in K and the range in m. --parts adds the parts of the
+    radiance. --bins adds the spectral radiance in W m^-2 sr^-1 um^-1. -o FILE.hdr then writes an
+    ENVI file, and -o FILE.nc a netCDF file with the brightness temperatures. --truth also writes
+    FILE.truth.exr, FILE.facet.png and others, which say what each pixel shows. The command prints
+    the mean and the error.
     """
     if wavelengths is not None:
         from mi_lcair.rendering.images.spectral import even_wavelengths
@@ -117,18 +118,18 @@ def stem_of_truth(outputs) -> Path:
 )
 @options.file(
     "--facets",
-    "Write radiance and intensity of each facet of the model, FILE.csv; or the facets with them "
-    "for ParaView, FILE.vtp or FILE.vtu, or as OpenUSD, FILE.usda or FILE.usdc.",
+    "Write radiance and intensity of each facet of the model, FILE.csv. FILE.vtp and FILE.vtu also "
+    "have the facets, for ParaView, and FILE.usda and FILE.usdc as OpenUSD.",
     (".csv", *FACET_FILES),
 )
 def signature_command(scene, spectra, facets, **sampling):
     """Intensity of SCENE in W/sr.
 
-    SCENE is a Mitsuba XML file or the name of a bundled scene with an orthographic sensor. Printed
-    is the intensity in W/sr of the target (the model's facets) and of the whole scene: by number of
-    reflections, by the group that emits, and by the group that the sensor sees first. Written on
-    request are the spectral intensity in W/sr/um, and for each facet its temperature in K, radiance
-    in W m^-2 sr^-1 and intensity in W/sr.
+    SCENE is a Mitsuba XML file or the name of a bundled scene with an orthographic sensor. The
+    command prints the intensity in W/sr of the target (the model's facets) and of the whole scene.
+    It splits both by number of reflections, by the group that emits, and by the group that the
+    sensor sees first. --spectrum writes the spectral intensity in W/sr/um. --facets writes the
+    temperature in K, radiance in W m^-2 sr^-1 and intensity in W/sr of each facet.
     """
     if facets in spectra:
         raise InputError(f"--spectrum and --facets both name '{facets}'; give each its own file")
@@ -220,10 +221,10 @@ def trend_command():
     """Intensity of SCENE's model toward observers around it.
 
     SCENE is a Mitsuba XML file or the name of a bundled scene. FILE has a row for each view with
-    the intensity in W/sr and its error; printed are least, mean and greatest intensity. The model
-    is everything but sky and terrain. Each view is an orthographic window around it. Views are
-    rendered together in batches. A trend that was interrupted goes on when the same command is
-    given again. FILE.csv.json beside FILE.csv states how the rows were made.
+    the intensity in W/sr and its error. The command prints the smallest, mean and largest
+    intensity. The model is everything but sky and terrain. Each view is an orthographic window
+    around the model. Views are rendered together in batches. To resume an interrupted trend, run
+    the same command again. FILE.csv.json records how the rows of FILE.csv were made.
     """
 
 
@@ -265,10 +266,10 @@ def chart_command():
 def contrast_command(scenario, ranges, outputs):
     """Measure a target against its background.
 
-    SCENARIO is a TOML file or the name of a bundled scenario. It states the target, the observer,
-    the atmosphere, the background and the sensor. Printed are the irradiances at the sensor, the
-    contrast, and the largest noise at which the target is detected, all in W/m^2, and ranges in m.
-    The options of the sampling override [render] of the scenario.
+    SCENARIO is a TOML file or the name of a bundled scenario. It describes the target, the
+    observer, the atmosphere, the background and the sensor. The command prints the irradiances at
+    the sensor, the contrast, and the largest noise at which the target is detected, all in W/m^2.
+    Ranges are in m. --spp, --max-spp and the tolerances override [render] of the scenario.
     """
     if ranges and scenario.sensor.nei is None:
         raise InputError(
