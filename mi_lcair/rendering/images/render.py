@@ -447,20 +447,8 @@ def render_image(
     if truth:
         add_parts(total)
         drop_groups(total, keeps_all="group" in parts)
-    channels, air, arriving = image_channels(total, scene.band, size), {}, {}
-    if atmosphere is not None:
-        air = {
-            "atmosphere": atmosphere.name,
-            "atmosphere_range_m": "range.Y" if range_m is None else f"{range_m:g}",
-        }
-        arriving = apparent(
-            total.mean(),
-            {name: total.mean(name) for name in total.sums},
-            total.emitters.sources,
-            scene.band,
-            atmosphere,
-            range_m,
-        )
+    channels = image_channels(total, scene.band, size)
+    air, arriving = through_air(total, scene.band, atmosphere, range_m)
     wavelengths = Bins(scene.band, bins)
     of_image = header(scene, sampling, spp, total, closure_error) | air
     shown = truth_of_render(scene, camera, total, size, arriving) if truth else None
@@ -489,6 +477,19 @@ def render_image(
         left_out=beyond,
         truth=shown and replace(shown, header=of_image | shown.header),
     )
+
+
+def through_air(
+    total: Totals, band: Band, atmosphere: Atmosphere | None, range_m: float | None
+) -> tuple[dict[str, str], dict[str, np.ndarray]]:
+    """Entries of the header about the air, and the channels behind it; none without air."""
+    if atmosphere is None:
+        return {}, {}
+    stated = "range.Y" if range_m is None else f"{range_m:g}"
+    means = {name: total.mean(name) for name in total.sums}
+    sources = total.emitters.sources
+    arriving = apparent(total.mean(), means, sources, band, atmosphere, range_m)
+    return {"atmosphere": atmosphere.name, "atmosphere_range_m": stated}, arriving
 
 
 def image_channels(total: Totals, band: Band, size: tuple[int, int]) -> dict[str, np.ndarray]:
