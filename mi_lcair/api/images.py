@@ -69,7 +69,7 @@ def render(
         Also compute the apparent radiance through this atmosphere (channels apparent.Y and
         path.Y): a bundled name, a CSV, a MODTRAN tape7, "vacuum", or one that is loaded.
     range_m : float or None
-        One range of the whole model for the atmosphere [m]. By default it is that of each pixel.
+        Range of the whole model for the atmosphere [m]. By default each pixel has its own range.
     progress : callable or None
         Called with the samples per pixel that are done and their expected number.
     parameters : mapping of str to object, optional
@@ -82,11 +82,12 @@ def render(
         Wavelengths [um]. The nearest of the `bins` also get a standard error for each pixel, in
         channels such as "stderr.S0.8000,000000nm".
     max_bounces : int, "auto" or None
-        Largest number of reflections, in place of the scene's. "auto" lets pilot paths choose it,
-        so that at most a tenth of the tolerance (1 %) is left out. The errors include the rest.
+        Largest number of reflections, instead of the scene's. "auto" chooses it from a pilot run,
+        so that at most a tenth of the tolerance (default: 1 %) is left out. The errors include this
+        part.
     truth : bool
-        Also say what each pixel shows, and what its radiance consists of: numbers of facets and
-        materials, depth, normal, true temperature, emissivity, emitted and reflected radiance.
+        Also write the true content of each pixel: numbers of facets and materials, depth, normal,
+        temperature, emissivity, emitted and reflected radiance.
 
     Returns
     -------

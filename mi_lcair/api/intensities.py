@@ -65,8 +65,9 @@ def signature(
     parameters : mapping of str to object, optional
         Values of the scene's $-parameters, for a name or a file.
     max_bounces : int, "auto" or None
-        Largest number of reflections, in place of the scene's. "auto" lets pilot paths choose it,
-        so that at most a tenth of the tolerance (1 %) is left out. The errors include the rest.
+        Largest number of reflections, instead of the scene's. "auto" chooses it from a pilot run,
+        so that at most a tenth of the tolerance (default: 1 %) is left out. The errors include this
+        part.
     parts : bool
         Split the intensities by number of reflections, by emitting group and by the group that is
         seen first.

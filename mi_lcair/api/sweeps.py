@@ -74,7 +74,7 @@ def trend(
     parameters : mapping of str to object, optional
         Values of the scene's $-parameters, for a name or a file.
     max_bounces : int, "auto" or None
-        As for `signature`. The pilot paths use some of the views.
+        As for `signature`. The pilot run uses some of the views.
 
     Returns
     -------

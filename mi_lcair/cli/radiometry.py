@@ -264,7 +264,7 @@ def chart_command():
 )
 @options.outputs("the contrast, or draw its spectra", ".json", ".csv", ".html", *PICTURES)
 def contrast_command(scenario, ranges, outputs):
-    """Measure a target against its background.
+    """Compute the contrast of a target against its background.
 
     SCENARIO is a TOML file or the name of a bundled scenario. It describes the target, the
     observer, the atmosphere, the background and the sensor. The command prints the irradiances at
