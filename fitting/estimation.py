@@ -71,15 +71,15 @@ def fit(
         Measured directional emissivity and directional-hemispherical reflectance, or their files,
         or None.
     quantity
-        Quantity of the values, where the file does not state it: BRDF, BRDF x cos theta_r, or BRF,
+        Quantity of the values, if the file does not give it: BRDF, BRDF x cos theta_r, or BRF,
         which is BRDF x pi.
     theta_r_positive
-        Side on which theta_r is positive, where the file does not state it.
+        Side on which theta_r is positive, if the file does not give it.
     model
-        Name of a reflection model. With auto, the simplest one that describes the data.
+        Name of a reflection model. auto selects the simplest one that describes the data.
     form
-        Form of the model, such as thesis or normalized. With auto, all forms and their
-        restrictions are compared.
+        Form of the model, such as thesis or normalized. auto compares all forms and their
+        restrictions.
     starts
         Number of starting points of the search.
     seed
@@ -94,11 +94,11 @@ def fit(
     min_brdf
         BRDF above which points are used [1/sr].
     source_half_angle_deg
-        Angular radius of the source [degrees], 0 for a point source (default: that of the
-        measurements).
+        Angular radius of the source [degrees], 0 for a point source (default: the value in the
+        file).
     calibration
         Standard deviation of a factor that all readings have in common, such as 0.05 or "5%"
-        (default: that of the measurements).
+        (default: the value in the file).
     progress
         Function of (steps done, steps in total).
 

@@ -53,8 +53,8 @@ def budget(
         A scenario has no sensor.
     uncertainties : str, path-like, dict, Uncertainties or None
         TOML file with the uncertainties, or its tables as a dictionary, see
-        `mi_lcair.knowing.budgets.uncertainties`. The sigma of materials that state one, such as the
-        labels of surfaces, comes by itself.
+        `mi_lcair.knowing.budgets.uncertainties`. Materials that have a sigma themselves, such as
+        the labels of surfaces, need no entry.
     sensor, spp, seed
         As for `signature`.
     tolerance : float, str or None

@@ -86,38 +86,38 @@ def temperature(
         "305.2+-0.5". NaN and 0 stand for nothing. A radiometric file of a camera, such as FLIR's
         JPEG, states its conditions, which are the defaults of the others.
     band : str, Path or Band, optional
-        Band of the camera: a name, limits such as "7.5-14", or a CSV of its response. An EXR states
-        its own. With FLIR's files the camera's own curve and air count, unless a band is given.
+        Band of the camera: a name, limits such as "7.5-14", or a CSV of its response. An EXR
+        contains its band. FLIR's files use the camera's own curve and air, unless a band is given.
     emissivity : number, optional
         Emissivity of the object in the band, above 0 and at most 1. Only a radiometric file may
         leave it out.
     sigma : float
         Standard uncertainty of the apparent temperatures [K], common to all pixels.
     scale : float
-        Kelvin of one count of the image, such as 0.01.
+        Kelvin per count of the image, such as 0.01.
     offset : float
         Apparent temperature [K] of the value 0: 273.15 for an image in degrees Celsius. With an
         offset, 0 is a value.
     spots : sequence of str or pair of int
         Pixels whose temperatures are wanted: column and row from 0, such as "120,80". The first
-        region is the result's headline, and the others' differences from it are stated.
+        region is the main result. For the others, their differences from it are given, too.
     areas : sequence of str or tuple of int
         Rectangles of pixels whose mean is wanted: column, row, width, height.
 
     Other Parameters
     ----------------
     reflected : number, optional
-        Apparent temperature [K] of what the object reflects. It may be left out for an emissivity
+        Apparent temperature [K] of the reflected surroundings. It may be left out for an emissivity
         of 1.
     transmittance : number, optional
         Transmittance of the air, above 0 and at most 1; 1 if neither it nor a distance is given.
     air_temperature : number, optional
-        Temperature of the air [K]. With a transmittance it is that of `reflected` if it is left
-        out; with a distance, that of the atmosphere.
+        Temperature of the air [K]. The default is the temperature `reflected` if a transmittance is
+        given, and the temperature of the atmosphere if a distance is given.
     distance : number, optional
-        Distance of the object [m], instead of a transmittance: the air is computed.
+        Distance of the object [m]. It replaces the transmittance, which is then computed.
     humidity : number, optional
-        Relative humidity 0..0.98, with a distance.
+        Relative humidity 0..0.98, used with a distance.
     window : number, optional
         Transmittance of a window before the camera, above 0 and at most 1.
     window_temperature : number, optional

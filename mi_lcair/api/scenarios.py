@@ -166,7 +166,7 @@ def image(
     max_spp : int or None
         Largest number of paths through a pixel for a tolerance (65536).
     truth : bool
-        Also say what each pixel shows, and what its radiance consists of before optics and noise:
+        Also write what each pixel shows, and the parts of its radiance before optics and noise:
         numbers of facets and materials, depth, normal, true temperature, emissivity, emitted and
         reflected radiance, transmittance of the air.
 

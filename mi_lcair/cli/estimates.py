@@ -43,13 +43,13 @@ def audit_command(facets, result):
 @click.argument("what", shell_complete=completion.scenes_and_scenarios)
 @options.option(
     "-u --uncertainties",
-    "The uncertainties, FILE.toml: standard deviations, covariances, reports of fits. The sigma of "
-    "materials that state one, such as labels of surfaces, comes by itself.",
+    "The uncertainties, FILE.toml: standard deviations, covariances, reports of fits. Materials "
+    "that have a sigma themselves, such as labels of surfaces, need no entry.",
     options.FILE,
 )
 @options.option(
     "--of",
-    "Of a scenario: contrast (default), apparent_temperature, detection_range, snr or netd.",
+    "Result of a scenario: contrast (default), apparent_temperature, detection_range, snr or netd.",
     metavar="RESULT",
 )
 @options.changes("Set a $-parameter of the scene, or an entry of the scenario")
@@ -73,14 +73,15 @@ def audit_command(facets, result):
 @options.workers
 @options.renderer
 def budget_command(what, uncertainties, outputs, image, draws, of, **settings):
-    """Uncertainty budget of WHAT.
+    """Compute the uncertainty budget of WHAT.
 
     WHAT is a Mitsuba XML file or the name of a bundled scene, or a TOML file or the name of a
     bundled contrast scenario. The result is the intensity of the scene's target in W/sr, or the
-    contrast in W/m^2, or with --of another result of the scenario: a temperature in K, a range in
-    m, or a signal-to-noise ratio. The command lists, in the same unit, what contributes to the
-    standard uncertainty of the result, the largest share of the variance first. It checks the
-    contributions that matter with renders at plus and minus one standard deviation.
+    contrast of the scenario in W/m^2. --of selects another result of the scenario: a temperature in
+    K, a range in m, or a signal-to-noise ratio. The command lists, in the unit of the result, the
+    contributions to its standard uncertainty. The largest share of the variance comes first. The
+    command checks the contributions that matter with renders at plus and minus one standard
+    deviation.
     """
     from mi_lcair.api.estimates import is_scenario
     from mi_lcair.knowing.budgets.uncertainties import Uncertainties
@@ -166,11 +167,11 @@ def invert_command(outputs):
 
     PROBLEM is a TOML file. It names the measurements with their scenes and their noise, and the
     unknowns: temperatures of groups or facets, parameters of materials, radiances. The command
-    prints the values with their standard errors (temperatures in K, radiances in W m^-2 sr^-1),
-    what the data do not determine, and which further measurement would help most. With [goal] in
-    place of measurements, it looks for the values that give a wanted intensity or contrast. With
-    [heat] it takes measured temperatures over time, and finds what a heat balance does not know of
-    ground and air; FILE.toml is then the heat.toml with the values.
+    prints the values with their standard errors (temperatures in K, radiances in W m^-2 sr^-1). It
+    says which unknowns the data do not determine, and which further measurement would help most.
+    With [goal] in place of measurements, it looks for the values that give a wanted intensity or
+    contrast. With [heat] it estimates unknown properties of ground and air from temperatures
+    measured over time. FILE.toml is then the heat.toml with the estimated values.
     """
     for output in outputs:
         if output.suffix.lower() == ".json":

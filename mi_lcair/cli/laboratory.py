@@ -40,10 +40,10 @@ def temperature_command(image, outputs, result):
 
     IMAGE holds apparent temperatures in K, as a camera shows them for an emissivity of 1: a TIFF,
     CSV or NPY file, an EXR with temperature.Y, or one number. A radiometric file, such as FLIR's
-    JPEG or .fff, states its conditions, which options replace. Counts and degrees Celsius
-    need --scale or --offset. A quantity may have a standard uncertainty: 0.92+-0.02. Printed are
-    the temperature in K and what each quantity contributes to its uncertainty; written is the image
-    in K.
+    JPEG or .fff, contains the conditions of the measurement. Options replace them. Counts and
+    degrees Celsius need --scale or --offset. A quantity may have a standard uncertainty:
+    0.92+-0.02. The command prints the temperature in K and what each quantity contributes to its
+    uncertainty. It writes the image in K.
     """
     if not outputs and result.kelvin.ndim == 2:
         print_next([*click.get_current_context().obj, "-o", f"{Path(image).stem}_object.png"])
@@ -108,8 +108,8 @@ OF_HOUR = (".csv", *FACET_FILES)  # files of the temperatures at one time
 )
 @options.option(
     "--hour",
-    "Time of the temperatures in a .csv, .vtp, .vtu or .usd file (default: that of the warmest "
-    "facet).",
+    "Time of the temperatures in a .csv, .vtp, .vtu or .usd file (default: the time of the "
+    "warmest facet).",
     click.FloatRange(min=0),
 )
 @options.renderer
@@ -117,9 +117,9 @@ def heat_command(description, outputs, hour):
     """Temperatures of facets from their heat balance.
 
     HEAT.toml has the tables [target], [weather], [groups.NAME], [sigma], [run] and [signature].
-    Printed are the mean temperatures of the groups in K with their standard uncertainty, and what
-    each uncertain input contributes. FILE.csv is what `mi-lcair import --temperatures` takes;
-    FILE.nc has all times.
+    The command prints the mean temperatures of the groups in K with their standard uncertainty, and
+    what each uncertain input contributes. FILE.csv is the input of
+    `mi-lcair import --temperatures`. FILE.nc has all times.
     """
     files = [path for path in outputs if path.suffix.lower() in OF_HOUR]
     if hour is not None and not files:

@@ -364,13 +364,14 @@ def known_form(ctx, param, value):
 )
 @options.option(
     "--emissivity emissivities",
-    "Measured emissivity to fit as well; one file for each DATA.",
+    "Measured emissivity, fitted together with the BRDF; one file for each DATA.",
     options.FILE,
     multiple=True,
 )
 @options.option(
     "--dhr dhrs",
-    "Measured directional-hemispherical reflectance to fit as well; one file for each DATA.",
+    "Measured directional-hemispherical reflectance, fitted together with the BRDF; one file for "
+    "each DATA.",
     options.FILE,
     multiple=True,
 )
@@ -389,10 +390,10 @@ def fit_command(files, outputs, bands, **settings):
     """Fit a reflection model to measured BRDFs.
 
     DATA are CSV, ASTM E1392/E2387, Zemax, LightTools or MERL files with in-plane measurements of
-    one surface in 1/sr, one file for each band. FILE.json is a material for scenes. Printed and
-    written are the parameters (without unit) with their errors, how well each is known, and whether
-    the model describes the data: misfit in decades, reduced chi-square, correlation of the
-    residuals.
+    one surface in 1/sr, one file for each band. FILE.json is a material for scenes. The command
+    prints and writes the parameters (without unit) with their errors, and how well each is known.
+    It says whether the model describes the data: misfit in decades, reduced chi-square, correlation
+    of the residuals.
     """
     from mi_lcair.fitting import report
     from mi_lcair.fitting.scatterometer import reading

@@ -304,10 +304,11 @@ def image_command(scenario, outputs, **arguments):
     """Record the target of a scenario with its camera.
 
     SCENARIO is a TOML file as for `contrast`, with a table [camera]. FILE.exr has the radiance at
-    the aperture in W m^-2 sr^-1, electrons, counts and apparent temperature in K; FILE.tif has the
-    counts of all frames; with --truth, FILE.truth.exr, FILE.facet.png and others say what each
-    pixel shows. Printed are the camera's noise in mK and its sharpness, predicted and measured, and
-    the target's electrons and signal-to-noise ratio over range in m.
+    the aperture in W m^-2 sr^-1, electrons, counts and apparent temperature in K. FILE.tif has the
+    counts of all frames. With --truth, FILE.truth.exr, FILE.facet.png and others say what each
+    pixel shows. The command prints the camera's noise in mK and its sharpness, both predicted and
+    measured. It also prints the target's electrons, and its signal-to-noise ratio against range
+    in m.
     """
     images = [path for path in outputs if path.suffix.lower() == ".exr"]
     pages = [image.with_suffix(".tif") for image in images]
@@ -389,9 +390,9 @@ def flight_command(scenario, outputs, **arguments):
 def dataset_command():
     """Record labelled frames of many views.
 
-    DESCRIPTION is a TOML file: [base] names a scenario with a camera, [views] says from where it
-    looks, and [draws] what differs from image to image. Written are frames with noise as 16-bit
-    PNG, images without noise in W m^-2 sr^-1 and K, the truth of each pixel, poses for nerfstudio
-    and COLMAP, splits, a manifest with checksums, and a card with pictures. A data set that was
-    interrupted goes on when the same command is given again.
+    DESCRIPTION is a TOML file. [base] names a scenario with a camera, [views] gives the camera's
+    positions, and [draws] says what differs from image to image. The command writes frames with
+    noise as 16-bit PNG, images without noise in W m^-2 sr^-1 and K, the true values of each pixel,
+    poses for nerfstudio and COLMAP, splits, a manifest with checksums, and a card with pictures. To
+    resume a data set that was interrupted, give the same command again.
     """
