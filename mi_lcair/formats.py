@@ -467,6 +467,15 @@ def write_tiff(path: str | Path, values: np.ndarray, description: str = "") -> N
     write_bytes(path, content.getvalue())
 
 
+def write_png(path: str | Path, values: np.ndarray) -> None:
+    """Write an image of integers as a PNG of as many bits, completely or not at all."""
+    from PIL import Image
+
+    content = BytesIO()
+    Image.fromarray(np.ascontiguousarray(values)).save(content, format="PNG")
+    write_bytes(path, content.getvalue())
+
+
 def check_fits(path: str | Path, pages: int, columns: int, rows: int) -> None:
     """Raise InputError if so many 16-bit pages are too large for one file."""
     size = 2 * pages * columns * rows

@@ -274,16 +274,18 @@ def check_views(scene: Scene, of: Mapping[int, Scenario]) -> None:
         eyes.append(camera.eye)
     points = np.concatenate([middles(shape) for shape in model_shapes(scene)])
     points = points[random.integers(len(points), size=POINTS)]
-    for view, eye in zip(of, eyes):
-        toward = points - eye
-        toward /= np.linalg.norm(toward, axis=1)[:, None]
-        start = points - 2 * BESIDE * target.radius * toward
-        start, toward = own_memory([mi.Point3f(start.T), mi.Vector3f(toward.T)])
-        hit = scene.mi.ray_intersect(mi.Ray3f(start, toward))
-        with scene.prepared() as tracer:
+    with scene.prepared() as tracer:
+        for view, eye in zip(of, eyes):
+            toward = points - eye
+            toward /= np.linalg.norm(toward, axis=1)[:, None]
+            start = points - 2 * BESIDE * target.radius * toward
+            start, toward = own_memory([mi.Point3f(start.T), mi.Vector3f(toward.T)])
+            hit = scene.mi.ray_intersect(mi.Ray3f(start, toward))
             sees = hit.is_valid() & tracer.emitters.is_model(hit.emitter(scene.mi))
-        if not sees.numpy().any():
-            raise InputError(f"view {view}: the target is hidden from the camera; move the view")
+            if not sees.numpy().any():
+                raise InputError(
+                    f"view {view}: the target is hidden from the camera; move the view"
+                )
 
 
 def middles(shape) -> np.ndarray:

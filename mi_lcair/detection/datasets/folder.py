@@ -25,7 +25,6 @@ from mi_lcair.detection.datasets.frames import (
     digest_of,
     text_of,
     write_json,
-    write_png,
 )
 from mi_lcair.detection.datasets.poses import SPLITS, colmap, transforms
 from mi_lcair.detection.scenario import OF_SCENE, Scenario
@@ -41,6 +40,7 @@ from mi_lcair.files import (
     read_text,
     write_bytes,
 )
+from mi_lcair.formats import write_png
 from mi_lcair.heating.temperatures.heat_result import write_csv
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.images.files import read_exr

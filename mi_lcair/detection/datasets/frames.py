@@ -21,6 +21,7 @@ from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import target_scene
 from mi_lcair.errors import errors_of
 from mi_lcair.files import together, write_bytes
+from mi_lcair.formats import write_png
 from mi_lcair.plugins.bsdfs.reflection_bsdf import has_spectral_materials
 from mi_lcair.rendering.images.files import write_exr
 from mi_lcair.rendering.images.truth import Truth
@@ -272,12 +273,3 @@ def write_json(path: Path, content: Any) -> None:
 def text_of(content: Any) -> str:
     """The JSON of numbers, texts, dates, lists and dictionaries."""
     return json.dumps(plain(content), indent=1, sort_keys=True, default=str) + "\n"
-
-
-def write_png(path: Path, values: np.ndarray) -> None:
-    """Write an array of integers as a grey PNG of as many bits."""
-    from PIL import Image
-
-    content = BytesIO()
-    Image.fromarray(np.ascontiguousarray(values)).save(content, format="PNG")
-    write_bytes(path, content.getvalue())

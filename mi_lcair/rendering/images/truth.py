@@ -5,7 +5,6 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.files import together, write_bytes
+from mi_lcair.formats import write_png
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
 from mi_lcair.plugins.bsdfs.reflection_bsdf import has_spectral_materials
@@ -120,17 +120,13 @@ class Truth:
 
     def write_ids(self, path: str | Path, kind: str) -> None:
         """Write numbers as a 16-bit PNG; raises InputError if they do not fit."""
-        from PIL import Image
-
         ids = self.ids(kind)
         if ids.max() > MOST_OF_PNG:
             raise InputError(
                 f"{path}: a 16-bit PNG holds numbers up to {MOST_OF_PNG}, and a {kind} has number "
                 f"{ids.max()}; use {LAYERS[kind]} of the EXR"
             )
-        content = BytesIO()
-        Image.fromarray(ids.astype(np.uint16)).save(content, format="PNG")
-        write_bytes(path, content.getvalue())
+        write_png(path, ids.astype(np.uint16))
 
     def write_legend(self, path: str | Path) -> None:
         """Write the names of the numbers as JSON."""
