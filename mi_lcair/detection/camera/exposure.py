@@ -228,7 +228,7 @@ class WindowPaths:
             if source.in_band and other != source
         }
 
-        sums = heated(self.sums, changes)
+        sums = changed_channels(self.sums, changes)
         before, after = (
             parts_of(some, "target.") | {"target": some["target"]} for some in (self.sums, sums)
         )
@@ -240,14 +240,14 @@ class WindowPaths:
         return replace(
             self,
             sources=sources,
-            seen=heated(self.seen, changes),
+            seen=changed_channels(self.seen, changes),
             sums=sums,
             variance=self.variance * ratio["target"],
             variances={name: v * ratio[name] for name, v in self.variances.items()},
         )
 
 
-def heated(
+def changed_channels(
     channels: dict[str, np.ndarray], changes: dict[int, tuple[str, float]]
 ) -> dict[str, np.ndarray]:
     """Channels with other temperatures of their sources.

@@ -13,9 +13,9 @@ import pytest
 from mi_lcair import image
 from mi_lcair.detection.camera.exposure import (
     ModelError,
+    changed_channels,
     detector_mean,
     exposure_of,
-    heated,
     interpolated,
     model_squares,
     part_areas,
@@ -204,6 +204,8 @@ def test_parts_at_other_temperatures(by_source):
     channels |= {"target.upto.0.group.a": 6.0, "target.upto.0.group.b": 0.0}
     if by_source:
         channels |= {f"target.upto.0.source.{k}": value for k, value in enumerate((4.0, 2.0, 0.0))}
-    hot = heated({name: np.array([value]) for name, value in channels.items()}, {1: ("a", 1.0)})
+    hot = changed_channels(
+        {name: np.array([value]) for name, value in channels.items()}, {1: ("a", 1.0)}
+    )
     assert (hot["target"], hot["target.group.a"], hot["target.group.b"]) == (13, 12, 1)
     assert hot["target.upto.0.group.a"] == pytest.approx(8) and hot["target.upto.0.group.b"] == 0
