@@ -13,7 +13,7 @@ TWO_CHOICES = (
     "spp sets a fixed number of samples; tolerance and max_spp choose one, and do not go with it"
 )
 ONE_CHOICE = rule(lambda t: t.spp is None or t.tolerance is t.max_spp is None, TWO_CHOICES)
-MOST_SPP = 2**32 - 1  # paths through a pixel, which are numbered by 32-bit integers
+MOST_SPP = 2**32 - 1  # paths per pixel, which are numbered by 32-bit integers
 DEFAULT_MAX_SPP = 2**16  # largest number of samples per pixel for a tolerance
 
 
