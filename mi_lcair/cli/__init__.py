@@ -57,6 +57,56 @@ PURPOSES = {
     },
 }
 COMMANDS = {name: module for group in PURPOSES.values() for name, module in group.items()}
+# What may come next, by command: the first line of which all words are known (`words_of` in
+# `mi_lcair/cli/output.py`). `show` may return none of them: an atmosphere is read by nothing else.
+PAGE, PARAMETERS = "report {json} -o {json.stem}.html", "parameters {scene} {given}"
+NEXT = {
+    "render": ("show {exr}", PARAMETERS),
+    "signature": ("render {scene} {given} -o {name}.exr",),
+    "trend": ("show {csv}", "show {nc}", PARAMETERS),
+    "chart": ("{recommended}", PARAMETERS),
+    "contrast": (PAGE, "image {camera} {given} -o {name}.exr", "show {scenario} {given}"),
+    "image": ("show {exr}", "contrast {scenario} {given}"),
+    "sweep": ("report {nc} -o {nc.stem}.html", "report {csv} -o {csv.stem}.html"),
+    "flight": ("report {nc} -o {nc.stem}.html", "report {csv} -o {csv.stem}.html"),
+    "dataset": ("show {frame}",),
+    "temperature": (PAGE, "{call} -o {file.stem}_object.png", "{call} -o temperature.html"),
+    "cavity": (PAGE, "{call} -o {name}.png", "{call} -o {name}.html"),
+    "exchange": (PAGE, "show {scene} {given} --facets {csv} -c environment_K", PARAMETERS),
+    "heat": (PAGE, "show {target} --facets {csv} -c kelvin", "{call} -o {name}.html"),
+    "pose": ("image {toml} -o {toml.stem}.exr", "{call} -o {name}_seen.toml"),
+    "scenes": ("render cavity -o cavity.exr",),
+    "parameters": ("sensitivities {scene} {given} {first}", "render {scene} {given} -o {name}.exr"),
+    "materials": ("show {first} --band {band} {own}",),
+    "import": (
+        "signature {model}/scene.xml -D band={band}",
+        "signature {model}/scene.xml",
+        "render {thermal}/scene.xml -o {thermal.name}.exr",
+        "{call} -o {name}",
+    ),
+    "fit": (
+        "render furnace -D material={json} -D band={measured} -o {json.stem}_furnace.exr",
+        PAGE,
+        "{call} -o {name}.json",
+    ),
+    "show": (
+        "report {result} -o {name}.html",
+        "signature {scene} {given}",
+        "contrast {scenario} {given}",
+        "import {model} {given} --check",
+        "render furnace -D material={material} -D band={band} -o {name}_furnace.exr",
+    ),
+    "audit": ("render {scene} {given} -o {name}.exr",),
+    "budget": (PAGE, "{call} -o {name}_budget.json"),
+    "invert": (PAGE, "heat {toml}", "{call} -o {name}_solution.json"),
+    "sensitivities": (PAGE, "{call} -o {name}.html", PARAMETERS),
+    "shape-derivatives": (
+        PAGE,
+        "show {scene} {given} --facets {csv} -c derivative_W_sr_m3",
+        "{call} -o {name}_shape.png",
+        "{call} -o {name}_shape.html",
+    ),
+}
 # Options by their names of earlier versions
 RENAMED = {
     "--photons": ["--paths"],
@@ -80,7 +130,9 @@ class Main(click.Group):
             raise unknown("command", name, COMMANDS)
         module = importlib.import_module(f"{__name__}.{COMMANDS[name]}")
         command = vars(module)[f"{name.replace('-', '_')}_command"]
-        add_quiet(command)
+        if not any(option.name == "quiet" for option in command.params):
+            quiet_option(command)
+        command.next_lines = NEXT.get(name, ())
         return command
 
     def format_commands(self, ctx, formatter):
@@ -134,14 +186,6 @@ def _verdict(error: BaseException) -> tuple[int, str]:
         status, cause = _verdict(error.__cause__)
         message = f"{message} ({cause})" if status == FAILED else cause
     return status, message
-
-
-def add_quiet(command: click.Command) -> None:
-    """Give a command, and the commands of a group, the option -q."""
-    if not any(option.name == "quiet" for option in command.params):
-        quiet_option(command)
-    for member in getattr(command, "commands", {}).values():
-        add_quiet(member)
 
 
 def _version(ctx, option, wanted):

@@ -6,7 +6,7 @@ import click
 
 import mi_lcair
 from mi_lcair.cli import completion, options
-from mi_lcair.cli.output import print_next, print_written, write_and_print
+from mi_lcair.cli.output import print_written, write_and_print
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 from mi_lcair.files import FACET_FILES
@@ -162,7 +162,7 @@ def _write_image(scene, result, arguments, path):
         "help": "Do not compute what to measure next.",
     },
 )
-def invert_command(outputs):
+def invert_command():
     """Estimate unknown parameters from measurements.
 
     PROBLEM is a TOML file. It names the measurements with their scenes and their noise, and the
@@ -173,9 +173,6 @@ def invert_command(outputs):
     contrast. With [heat] it estimates unknown properties of ground and air from temperatures
     measured over time. FILE.toml is then the heat.toml with the estimated values.
     """
-    for output in outputs:
-        if output.suffix.lower() == ".json":
-            print_next(["report", output, "-o", f"{output.stem}.html"])
 
 
 # mi-lcair sensitivities: how much an intensity depends on parameters

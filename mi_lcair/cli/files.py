@@ -303,6 +303,12 @@ def show_command(ctx, what, output, **settings):
     if settings["scene"] and not settings["outlines"]:
         raise InputError("--scene names the scene whose facets --outlines draws; give that too")
     draw(what, output, **{name: settings[name] for name in names if name in settings})
+    from mi_lcair.show.kinds import KINDS, MATERIAL, MODEL, SCENARIO, SCENE
+
+    own = {SCENE: "scene", FACET: "scene", COLUMNS: "scene", SCENARIO: "scenario", MODEL: "model"}
+    own |= {MATERIAL: "unread" if settings["materials"] else "material"}
+    is_read = kind in (PIXEL, TWO) or kind in KINDS and KINDS[kind].page
+    return {own.get(kind, "result" if is_read else "unread"): what}
 
 
 def _kind(what, facet, facets, materials, pixel) -> str:

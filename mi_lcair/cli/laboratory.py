@@ -7,7 +7,7 @@ import click
 
 import mi_lcair
 from mi_lcair.cli import options
-from mi_lcair.cli.output import print_next, write_and_print
+from mi_lcair.cli.output import write_and_print
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 from mi_lcair.files import FACET_FILES
@@ -35,7 +35,7 @@ ANY = (".csv", ".json", ".html", ".nc", *PICTURES)  # files of every result that
     spots={"flag": "--spot", "multiple": True, "metavar": "X,Y", "show_default": False},
     areas={"flag": "--area", "multiple": True, "metavar": "X,Y,W,H", "show_default": False},
 )
-def temperature_command(image, outputs, result):
+def temperature_command(image, result):
     """Temperature of an object with its uncertainty.
 
     IMAGE holds apparent temperatures in K, as a camera shows them for an emissivity of 1: a TIFF,
@@ -45,8 +45,7 @@ def temperature_command(image, outputs, result):
     0.92+-0.02. The command prints the temperature in K and what each quantity contributes to its
     uncertainty. It writes the image in K.
     """
-    if not outputs and result.kelvin.ndim == 2:
-        print_next([*click.get_current_context().obj, "-o", f"{Path(image).stem}_object.png"])
+    return {"file": Path(image) if result.kelvin.ndim == 2 else None}
 
 
 # mi-lcair cavity: the effective emissivity of a cavity
@@ -127,6 +126,9 @@ def heat_command(description, outputs, hour):
     result = mi_lcair.heat(description)
     at_hour = dict.fromkeys(files, partial(result.save, hour=hour))
     write_and_print(result, dict.fromkeys(outputs, result.save) | at_hour)
+    from mi_lcair.heating.temperatures.description import HeatDescription
+
+    return {"target": HeatDescription.read(description).target.scene}
 
 
 # mi-lcair pose: where a camera is, from points and their pixels
@@ -146,7 +148,7 @@ def heat_command(description, outputs, hour):
 )
 @options.renderer
 @options.calls("pose", sigma_px={"flag": "--sigma"})
-def pose_command(outputs):
+def pose_command():
     """Find where a camera is from points and pixels.
 
     SCENARIO is a TOML file with a table [camera]. POINTS.csv has the columns x_m, y_m, z_m,
@@ -154,6 +156,3 @@ def pose_command(outputs):
     where they are in the frame, whose upper left corner is (0, 0). Printed are position and
     pointing with 95 % intervals, in m and degrees. `image` and `invert` take FILE.toml.
     """
-    for output in outputs:
-        if output.suffix == ".toml":
-            print_next(["image", output, "-o", f"{output.stem}.exr"])

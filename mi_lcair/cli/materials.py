@@ -1,6 +1,5 @@
 """Commands about scenes, models and materials."""
 
-import shlex
 from dataclasses import asdict
 from functools import partial
 from itertools import zip_longest
@@ -16,7 +15,6 @@ from mi_lcair.cli.output import (
     note,
     print_columns,
     print_json,
-    print_next,
     print_result,
     print_sections,
     print_written,
@@ -60,8 +58,8 @@ def scenes_command():
             }
         )
         return
-    for name in scenes.names():
-        click.echo(f"{name}: {scenes.title(name)}")
+    for number, name in enumerate(scenes.names()):
+        click.echo("\n" * bool(number) + f"{name}: {scenes.title(name)}")
         print_columns(
             [
                 (f"    {key}={parameter.default}", parameter.description)
@@ -70,11 +68,6 @@ def scenes_command():
         )
         for scenario in scenes.scenarios(name):
             click.echo(f"    scenario {scenario}: {scenes.scenario_title(scenario)}")
-        click.echo()
-    click.echo(
-        "Set a parameter with -D: mi-lcair render SCENE -D key=value -o FILE.exr. Measure a "
-        "scenario: mi-lcair contrast SCENARIO"
-    )
 
 
 # mi-lcair parameters: what of a scene can be changed
@@ -94,7 +87,7 @@ def parameters_command(scene):
     known = mi_lcair.parameters(scene.load())
     if is_set(JSON):
         print_json({name: asdict(parameter) for name, parameter in known.items()})
-        return
+        return None
     heading = ("name", "kind", "value", "unit", "lower", "upper", "sigma")
     numbers = (
         [p.name, p.kind, f"{p.value:.6g}", p.unit, f"{p.lower:.6g}", f"{p.upper:.6g}"]
@@ -102,8 +95,7 @@ def parameters_command(scene):
         for p in known.values()
     )
     print_columns([heading, *numbers])
-    if known:
-        print_next(["sensitivities", scene.scene, next(iter(known))])
+    return {"first": next(iter(known), None)}
 
 
 # mi-lcair materials: list the known materials
@@ -122,7 +114,10 @@ def materials_command(files):
     Labels of surfaces, such as steel+paint, follow with their emissivity and its sigma. A number in
     place of a name, such as 0.92, is the emissivity of a grey diffuse surface. Nothing is written.
     """
-    print_result(mi_lcair.materials(*files))
+    known = mi_lcair.materials(*files)
+    print_result(known)
+    own = ["--materials", files[0]] if files else []
+    return {"first": known.listed[0].name, "band": known.listed[0].band, "own": own}
 
 
 # mi-lcair import: convert a model of a modelling program to meshes and a scene
@@ -258,7 +253,7 @@ def import_command(ctx, file, output, check, overwrite, materials, band, **setti
         bands.band(band)  # raises InputError, before anything is written
     if file.suffix.lower() == ".xml":
         _import_scene(ctx, file, output, band or "LWIR", settings)
-        return
+        return {"thermal": output}
     if settings.pop("emissivity"):
         raise click.UsageError("--emissivity goes with a scene of Mitsuba, MODEL.xml", ctx)
     if (variants := dict(settings.pop("parameters"))) and file.suffix.lower() not in USD:
@@ -285,13 +280,9 @@ def import_command(ctx, file, output, check, overwrite, materials, band, **setti
         rows.append(("intensity", first.summary()))
         more["signature"] = first.as_dict()
     if output:
-        of_band = f" -D {shlex.quote(f'band={band}')}" if band else ""
-        after = f"next: mi-lcair signature {shlex.quote(str(output / 'scene.xml'))}{of_band}"
-        rows.append(("written to", f"{output}, {len(files)} files; {after}"))
+        rows.append(("written to", f"{output}, {len(files)} files"))
     print_result(model, rows, more, materials=materials)
-    if check:
-        words = [word for word in ctx.obj if word != "--check"]
-        print_next([*words, "-o", file.stem])
+    return {"model": output}
 
 
 def _import_scene(ctx, file, output, band, settings) -> None:
@@ -308,7 +299,6 @@ def _import_scene(ctx, file, output, band, settings) -> None:
     ):
         note(remark)
     print_written(output / "scene.xml")
-    print_next(["render", output / "scene.xml", "-o", f"{output.name}.exr"])
 
 
 def _write(model, output, materials, words, overwrite):
@@ -444,10 +434,7 @@ def fit_command(files, outputs, bands, **settings):
             time = ("time", f"{fitted.seconds:.2f} s, of which {compiled}")
             print_sections(fitted.sections(), [time])
     print_written(*outputs)
-    reports = [output for output in outputs if output.suffix.lower() == ".json"]
-    if reports and (band := content.get("band")):
-        given = ["-D", f"material={reports[0]}", "-D", f"band={band}"]
-        print_next(["render", "furnace", *given, "-o", f"{reports[0].stem}_furnace.exr"])
+    return {"measured": content.get("band")}
 
 
 def _companions(files, emissivities, dhrs):

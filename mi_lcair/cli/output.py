@@ -6,6 +6,8 @@ import shlex
 import sys
 import warnings
 from contextlib import contextmanager
+from itertools import islice
+from pathlib import Path
 
 import click
 
@@ -128,8 +130,11 @@ class Called(click.Command):
     """A command whose context keeps the arguments of its call as `obj`, a list of words.
 
     In every command --spp sets the number of samples, and a tolerance lets the renderer choose it.
-    Both together are refused.
+    Both together are refused. A result for people ends with the command that may come next:
+    `next_lines` are its templates.
     """
+
+    next_lines: tuple[str, ...] = ()
 
     def make_context(self, info_name, args, parent=None, **extra):
         words = [info_name, *args]
@@ -147,7 +152,63 @@ class Called(click.Command):
         if self.name in WITHOUT and values["max_spp"] and values["tolerance"] is None:
             problem = "--max-spp needs --tolerance; --spp sets a fixed number of samples"
             raise click.UsageError(problem, ctx)
-        return super().invoke(ctx)
+        returned = super().invoke(ctx)
+        if not (is_set(QUIET) or is_set(JSON)):
+            known = words_of(ctx, returned or {})
+            lines = (filled(line, known, ctx) for line in self.next_lines)
+            _held.extend(f"next: {line_of(line)}" for line in islice(filter(None, lines), 1))
+
+
+def words_of(ctx: click.Context, returned: dict) -> dict:
+    """What templates of the next command may name after a call.
+
+    Its arguments and options; what the command returned; the first output of each suffix; `name`,
+    after its first argument; `call`, its own words.
+    """
+    known = (ctx.params | returned).items()
+    known = {name: value for name, value in known if value not in (None, (), False)}
+    outputs = [output for output in known.get("outputs", ()) if isinstance(output, Path)]
+    known |= {output.suffix.lower()[1:]: output for output in reversed(outputs)}
+    value = next((ctx.params[p.name] for p in ctx.command.params if type(p) is click.Argument), "")
+    first = Path(value[0] if isinstance(value, tuple) and value else value or "")
+    name = (first.name == "scene.xml" and first.parent.name) or first.stem
+    return known | {"name": name, "call": [word for word in ctx.obj if word != "--check"]}
+
+
+# Options that a next command takes over
+TAKEN_OVER = ("-D", "--solution", "--motions", "--plugin", "--materials", "-s")
+
+
+def filled(template: str, known: dict, ctx: click.Context) -> list[str]:
+    """The words of a template; none if one is not known, or if the call had such an output.
+
+    {given} are the options of this call that the next command takes too.
+    """
+    words = []
+    try:
+        for word in template.split():
+            if word == "{given}":
+                words += given_options(ctx, words[0])
+            else:
+                several = known.get(word[1:-1])
+                is_list = isinstance(several, (list, tuple))
+                words += several if is_list else [word.format_map(known)]
+    except KeyError:
+        return []
+    return [] if words[-2] == "-o" and Path(words[-1]).suffix[1:] in known else words
+
+
+def given_options(ctx: click.Context, following: str) -> list[str]:
+    """Those options of a call, as they were given, that another command takes too."""
+    command = ctx.parent.command.get_command(ctx.parent, following)
+    taken = {name for option in command.params for name in option.opts}
+    words = []
+    for option in ctx.command.params:
+        flag, value = option.opts[0], ctx.params.get(option.name)
+        if flag in TAKEN_OVER and flag in taken and value is not None and value != option.default:
+            for one in value if isinstance(value, tuple) else (value,):
+                words += [flag, "=".join(one) if isinstance(one, tuple) else str(one)]
+    return words
 
 
 def line_of(words) -> str:
@@ -166,12 +227,6 @@ def note(text: object) -> None:
     """
     if not is_set(QUIET):
         _held.append(f"mi-lcair: note: {printable(text)}")
-
-
-def print_next(words) -> None:
-    """Print on stderr, at the end, the command that may come next, unless -q is given."""
-    if not is_set(QUIET):
-        _held.append(f"next: {line_of(words)}")
 
 
 def print_notes() -> None:

@@ -1,5 +1,6 @@
 """Commands that render: images, intensities, contrasts, and tables of them."""
 
+import shlex
 from math import isfinite
 from pathlib import Path
 
@@ -7,7 +8,7 @@ import click
 
 import mi_lcair
 from mi_lcair.cli import options
-from mi_lcair.cli.output import print_next, print_result, print_written, write_and_print
+from mi_lcair.cli.output import print_result, print_written, write_and_print
 from mi_lcair.drawing import PICTURES
 from mi_lcair.errors import InputError
 from mi_lcair.files import FACET_FILES, check_writable, together
@@ -78,9 +79,6 @@ def render_command(scene, outputs, atmosphere, range_m, bins, wavelengths, **sam
         more = result.truth.save(stem) if stem else []
     files = [("file", str(output)) for output in [*outputs, *more]]
     print_result(result, files, dict(files[:1]))
-    for output in outputs:
-        if output.suffix.lower() == ".exr":
-            print_next(["show", output])
 
 
 def stem_of_truth(outputs) -> Path:
@@ -236,7 +234,7 @@ def trend_command():
 @options.loading
 @options.outputs("the table, or draw the chart", ".csv", ".json", *PICTURES)
 @options.calls("chart", "seconds", unit="ways")
-def chart_command():
+def chart_command(result):
     """Chart error against processor time for SCENE.
 
     SCENE is a Mitsuba XML file or the name of a bundled scene with an orthographic sensor. It is
@@ -244,6 +242,7 @@ def chart_command():
     diffuse, and with emitters drawn or not. Printed are the intensity in W/sr, the error and the
     processor time in seconds of each, and the command of the fastest that meets the tolerance.
     """
+    return {"recommended": shlex.split(result.command)[1:] or None}
 
 
 # mi-lcair contrast: the contrast of a scenario's target at the sensor
@@ -285,6 +284,7 @@ def contrast_command(scenario, ranges, outputs):
             for row, detection in zip(result.rows, result.detection_ranges())
         ]
     write_and_print(result, dict.fromkeys(outputs, result.save), (), more, ranges=ranges)
+    return {"camera": scenario.camera and click.get_current_context().params["scenario"]}
 
 
 # mi-lcair image: what the camera of a scenario records
@@ -322,8 +322,6 @@ def image_command(scenario, outputs, **arguments):
     files = dict.fromkeys([*images, *pages, *outputs], result.save)
     files |= result.truth.files(stem) if stem else {}
     write_and_print(result, files, rows, more)
-    if images:
-        print_next(["show", images[0]])
 
 
 # mi-lcair sweep: a table of signatures over many conditions
@@ -387,7 +385,7 @@ def flight_command(scenario, outputs, **arguments):
 @options.workers
 @options.renderer
 @options.calls("dataset", unit="views", folder={"flag": "-o --output", "type": options.FILE})
-def dataset_command():
+def dataset_command(folder):
     """Record labelled frames of many views.
 
     DESCRIPTION is a TOML file. [base] names a scenario with a camera, [views] gives the camera's
@@ -396,3 +394,4 @@ def dataset_command():
     poses for nerfstudio and COLMAP, splits, a manifest with checksums, and a card with pictures. To
     resume a data set that was interrupted, give the same command again.
     """
+    return {"frame": min(folder.rglob("radiance/*.exr"))}

@@ -103,7 +103,8 @@ def test_table(run, folder):
     """A box without a bottom has the volume of the closed box."""
     result = run("import", "model.obj", "-o", "boxes")
     assert result.exit_code == 0, result.output
-    (note,) = result.stderr.splitlines()
+    note, after = result.stderr.splitlines()
+    assert after == "next: mi-lcair signature boxes/scene.xml"
     assert note.startswith("mi-lcair: note: material diffuse reflects all that arrives")
     assert (
         result.stdout
@@ -120,7 +121,7 @@ facing inward          0
 without area           0
 duplicate              0
 not planar             0 (at most 0 mm off)
-written to             boxes, 6 files; next: mi-lcair signature boxes/scene.xml
+written to             boxes, 6 files
 """
     )
     assert len(list((folder / "boxes").glob("[!.]*"))) == 6
@@ -160,7 +161,7 @@ def test_json(run, folder):
 
 def test_the_next_command_can_be_pasted(run, folder):
     result = run("import", "model.obj", "-o", "my box", "--band", "MWIR")
-    assert "next: mi-lcair signature 'my box/scene.xml' -D band=MWIR\n" in result.stdout
+    assert "next: mi-lcair signature 'my box/scene.xml' -D band=MWIR\n" in result.stderr
 
 
 def test_check_only_reports(run, folder):

@@ -151,6 +151,7 @@ theta (deg)  emissivity  standard error  95 % interval
     )
     assert result.stderr == (
         "mi-lcair: note: mwir.csv: LACK OF FIT: the model misses the data by about 12 %\n"
+        "next: mi-lcair fit mwir.csv --emissivity emissivity.csv -o mwir.json\n"
     )  # stderr is no terminal and shows no progress bar
 
 

@@ -92,8 +92,11 @@ def run_python(fence: Fence, namespace: dict) -> None:
         exec(code, namespace)
 
 
-def run_command(words: list[str], place: str) -> None:
-    """Run a command in the current folder; raises AssertionError unless its exit status is 0."""
+def run_command(words: list[str], place: str) -> str:
+    """Run a command in the current folder, and return its output.
+
+    Raises AssertionError unless its exit status is 0.
+    """
     run_words, words = command_line, words if words[0] != "python" else words[2:]
     if words[0].startswith("benchmarks."):
         run_words = importlib.import_module(words[0]).main
@@ -108,6 +111,7 @@ def run_command(words: list[str], place: str) -> None:
     except SystemExit as end:
         status = end.code or 0
     assert status == 0, f"{place}: {shlex.join(words)}\n{output.getvalue()}"
+    return output.getvalue()
 
 
 def study_error(words: list[str]) -> str | None:
