@@ -198,12 +198,10 @@ def cell_text(value: object, digits: int = 6) -> str:
     """A cell as text in ASCII: numbers with `digits`, pairs (value, standard error) with +-."""
     if isinstance(value, tuple):
         number, error = value
-        is_known = None not in value and np.isfinite(value).all()
-        return (
-            with_error(number, error)
-            if is_known
-            else f"{cell_text(number)} +- {cell_text(error, 2)}"
-        )
+        if None not in value and np.isfinite(value).all():
+            return with_error(number, error)
+        texts = cell_text(number), cell_text(error, 2)
+        return NO_VALUE if set(texts) == {NO_VALUE} else " +- ".join(texts)
     if value is None or isinstance(value, (float, np.floating)) and not np.isfinite(value):
         return NO_VALUE
     if isinstance(value, (bool, np.bool_)):

@@ -9,9 +9,13 @@ import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
+from itertools import product
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import brentq
+from scipy.spatial import ConvexHull
 from scipy.stats import binomtest
 from tqdm import tqdm
 
@@ -23,6 +27,7 @@ from mi_lcair.derivatives.shape import MovedMesh, standard_errors
 from mi_lcair.derivatives.window import differences_of, mean_and_deviations
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
+from mi_lcair.rendering.motions.motion import turned
 from mi_lcair.rendering.motions.pose import declare, moved, set_motions
 from mi_lcair.rendering.motions.table import motions_of
 from mi_lcair.rendering.parameters.values import changed
@@ -33,6 +38,7 @@ from tests.derivatives.motions.test_differences import (
     CUBE,
     GAP,
     HOT,
+    VIEW,
     WALL,
     L,
     convex_hull,
@@ -72,6 +78,7 @@ OPENED = 0.05  # growth of the opening for a value of 1 [m]
 APART = 0.1  # half the distance of two values between which vertices are taken to move evenly
 SHAPE_PATHS, SHAPE_FEW, SHAPE_TRUTH = 2**17, 2**13, 2**19
 SHAPE_SEEDS = 10
+KINKS, KINK_DISTANCES = 40, (1e-3, 0.3)  # poses, and their distances from a kink [deg]
 FRAMES = 30  # measured images that are registered
 
 
@@ -372,6 +379,46 @@ def registration(folder: Path) -> dict[str, str]:
     }
 
 
+def kinks_of(points: np.ndarray) -> list[tuple[float, float, float]]:
+    """Yaws at which a facet of a convex hull turns edge-on, and the derivatives on both sides.
+
+    Those of which no other one is near, and whose derivatives differ by a tenth.
+    """
+    of = partial(facets_intensity, points, "yaw_deg")
+    normals, roots = ConvexHull(points).equations[:, :3], []
+    for normal, yaw in product(normals, np.arange(-30.0, 30.0)):
+        toward = lambda x, n=normal: turned(n, x, "yaw_deg", np.zeros(3)) @ VIEW  # noqa: E731
+        if toward(yaw) * toward(yaw + 1) < 0:
+            roots.append(brentq(toward, yaw, yaw + 1, xtol=1e-12))
+    alone = [x for x in roots if sum(abs(x - y) < 0.7 for y in roots) == 1]
+    sides = [(x, (of(x) - of(x - H)) / H, (of(x + H) - of(x)) / H) for x in alone]
+    return [side for side in sides if np.ptp(side[1:]) > 0.1 * np.abs(side[1:]).max()]
+
+
+def kinks() -> dict[str, object]:
+    """How many kinks beside poses are named, and how many intervals of both sides hold."""
+    distances = np.geomspace(*KINK_DISTANCES, KINKS) * np.resize([1, -1], KINKS)
+    places, seed, named, off = [], 0, 0, []
+    while len(places) < KINKS:
+        points = (0.5 * np.random.default_rng(seed).normal(size=(12, 3))).astype(np.float32)
+        places += [(points.astype(float), *kink) for kink in kinks_of(points.astype(float))[:2]]
+        seed += 1
+    for seed, (distance, place) in enumerate(zip(distances, tqdm(places, "kinks"))):
+        points, yaw, *sides = place
+        scene = scene_of(convex_hull("body", points), window=4)
+        with changed(scene, {"body.yaw_deg": yaw + distance}):
+            result = mi_lcair.sensitivities(scene, ["body.yaw_deg"], paths=FEW, seed=seed)
+        found = result.differences["body.yaw_deg"]
+        named += found.verdict == "kink"
+        off += [*np.abs(np.subtract(found.one_sided, sides)) / found.one_sided_errors]
+    return {
+        "kinks": KINKS,
+        "named": named,
+        "sides": 2 * KINKS,
+        "sided": int(np.sum(np.array(off) < 1.96)),
+    }
+
+
 def budget() -> dict[str, float]:
     """Standard deviation of an intensity, by the budget and by draws that are rendered.
 
@@ -416,6 +463,7 @@ def main(page: Path) -> None:
         **of_shapes,
         **pitch(),
         **registered,
+        **kinks(),
         **budget(),
     )
 

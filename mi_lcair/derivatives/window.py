@@ -12,6 +12,7 @@ import numpy as np
 from mi_lcair.derivatives.common_numbers import METHOD, PARTS, USED, CommonNumbers, renders_beside
 from mi_lcair.derivatives.motions.differences import Difference, Differences
 from mi_lcair.errors import InputError
+from mi_lcair.estimate import with_error
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.bsdfs.reflection_bsdf import has_spectral_materials
@@ -34,7 +35,7 @@ from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals
 from mi_lcair.results import Result, entry, summary_of
-from mi_lcair.sections import Table
+from mi_lcair.sections import Lines, Table
 
 # Derivatives of one number, an intensity, with respect to parameters of a scene
 # ------------------------------------------------------------------------------
@@ -118,9 +119,32 @@ class Sensitivities(Result):
         )
 
     def facts(self) -> Iterator[Any]:
-        """The intensity in one line, and a row for each parameter."""
+        """The intensity in one line, a row for each parameter, and a sentence for each kink."""
         yield summary_of(self)
         yield Table.of(self.columns())
+        if any(of.verdict == "kink" for of in self.differences.values()):
+            yield Lines("", self.kinks())
+
+    def kinks(self) -> list[str]:
+        """A sentence for each motion at a kink, with the derivatives on both sides of it."""
+        sentences = []
+        for name, unit in zip(self.names, self.units):
+            of = self.differences.get(name)
+            if of is None or of.verdict != "kink":
+                continue
+            below, above = map(with_error, of.one_sided, of.one_sided_errors)
+            where, which = f"within {of.step:.3g} of its value", "mean of both"
+            if of.kink is not None:
+                where = (
+                    f"at its value{f' {of.kink:+.3g}' * bool(of.kink)}, where facets turn edge-on"
+                )
+            if of.kink:
+                which = "one below" if of.kink > 0 else "one above"
+            sentences.append(
+                f"{name} has a kink {where}: the derivative is {below} below and {above} above it "
+                f"({per_unit('W/sr', unit)}). The table has the {which}."
+            )
+        return sentences
 
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each parameter; derivative and standard error are in the row's unit.
@@ -138,12 +162,18 @@ class Sensitivities(Result):
         if not self.differences:
             return table
         steps = [self.differences.get(name) for name in self.names]
-        below, above = np.array([d.one_sided if d else (np.nan, np.nan) for d in steps]).T
+        none = np.nan, np.nan
+        below, above = np.array([d.one_sided if d else none for d in steps]).T
+        of_below, of_above = np.array([d.one_sided_errors if d else none for d in steps]).T
+        kinks = [np.nan if d is None or d.kink is None else d.kink for d in steps]
         return table | {
             "step": np.array([d.step if d else np.nan for d in steps]),
             "truncation": np.array([d.truncation if d else np.nan for d in steps]),
             "derivative_below": below,
+            "derivative_below_error": of_below,
             "derivative_above": above,
+            "derivative_above_error": of_above,
+            "kink_offset": np.array(kinks),
             "verdict": np.array([d.verdict if d else "" for d in steps]),
         }
 

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mi_lcair.derivatives.motions.kinks import AT_KINK, Kink, TurningFacets, turning_facets
 from mi_lcair.plugins.emission.draw_table import PREFERRED
 from mi_lcair.plugins.integrators.bounce_path import AUTO
 from mi_lcair.plugins.paths import launch
@@ -39,11 +40,11 @@ TINY = 1e-6  # part of an area by which rounding may change it
 CELLS_OF_CHANGE, ON_MODEL_BESIDE = 1024, 0.15
 
 
-def starts_in(scene, sensor, poses: list[dict]) -> list[launch.FacetStarts]:
+def starts_in(scene, sensor, poses: list[dict], among=1.0) -> list[launch.FacetStarts]:
     """Starts on the facets of a scene's model in several poses, with the same probabilities.
 
     scene: Scene whose model consists of meshes. sensor: an orthographic one. poses: values of
-    motions by name.
+    motions by name. among: whether paths begin on a triangle, (n,).
     """
     meshes = meshes_of_model(scene)
     seen = seen_shares(scene, sensor, in_view(meshes, sensor)[1])[0]
@@ -52,7 +53,7 @@ def starts_in(scene, sensor, poses: list[dict]) -> list[launch.FacetStarts]:
         with moved(scene, pose):
             of_poses.append(in_view(meshes, sensor))
     corners, areas = zip(*of_poses)
-    areas = np.concatenate(areas)
+    areas = among * np.concatenate(areas)
     radiance = radiances(meshes)
     area, change = np.max(areas, axis=0), np.ptp(areas, axis=0)
     change[change < TINY * area] = 0  # rounding of vertices that are shifted
@@ -118,8 +119,9 @@ class Difference:
     `Totals`. unscattered: standard error that they do not show. step: distance of the two renders
     from the present value. truncation: |D(2 step) - D(step)| / 3, a part of `unscattered`. method:
     ATTACHED or ON_FILM. verdict: "smooth", "kink" or "step-dependent". one_sided: derivatives below
-    and above the present value, equal if they do not differ by more than noise. ends: the renders
-    above and below.
+    and above the kink or else the present value, equal if they do not differ by more than noise.
+    one_sided_errors: their standard errors. ends: the renders above and below. kink: distance from
+    the present value at which facets turn edge-on, 0 for one at it; None without such a kink.
     """
 
     derivative: float
@@ -130,7 +132,9 @@ class Difference:
     method: str
     verdict: str
     one_sided: tuple[float, float]
+    one_sided_errors: tuple[float, float]
     ends: tuple[Totals, Totals]
+    kink: float | None = None
 
     @property
     def error(self) -> float:
@@ -146,6 +150,7 @@ class Difference:
             unscattered=factor * self.unscattered,
             truncation=factor * self.truncation,
             one_sided=(factor * self.one_sided[0], factor * self.one_sided[1]),
+            one_sided_errors=(factor * self.one_sided_errors[0], factor * self.one_sided_errors[1]),
         )
 
 
@@ -213,6 +218,7 @@ class Differences:
         self.motion: Motion = known_motions(self.scene)[self.name]
         self.value = value_of(self.scene, self.motion)
         self.aims = {}
+        self.turning: list[TurningFacets] = []
         self.can_attach = (
             self.channel == "target"
             and self.camera.class_name() == "OrthographicCamera"
@@ -239,6 +245,7 @@ class Differences:
         if integrator.max_bounces == 0:
             choices = choices[:1]
         methods = [ATTACHED, ON_FILM] if self.can_attach else [ON_FILM]
+        methods = methods[: 1 if self.turning else 2]
         return [DifferenceKind(method, choice) for method in methods for choice in choices]
 
     def aim_on_film(self, *ends: float) -> launch.Aim | None:
@@ -248,11 +255,16 @@ class Differences:
             self.aims[ends] = aim or self.aim
         return self.aims[ends]
 
-    def totals(self, offsets, kind: DifferenceKind, paths: int) -> list[Totals]:
-        """Renders with the motion at distances from its present value."""
+    def totals(self, offsets, kind: DifferenceKind, paths: int, among=None) -> list[Totals]:
+        """Renders with the motion at distances from its present value.
+
+        among: triangles on which attached paths begin; None for all but those that turn edge-on.
+        """
         poses = self.poses(offsets)
         if kind.method == ATTACHED:
-            aims = starts_in(self.scene, self.camera, poses)
+            if among is None:
+                among = np.prod([~facets.among for facets in self.turning], axis=0)
+            aims = starts_in(self.scene, self.camera, poses, among)
         else:
             aims = [self.aim_on_film(max(offsets), min(offsets))] * len(poses)
         sampling, renders = replace(self.sampling, paths=paths, spp=None, progress=None), []
@@ -269,42 +281,93 @@ class Differences:
         The renders may lie beyond the bounds of the motion, such as beyond the zenith.
         """
         h = default_step(self.scene, self.motion) if step is None else step
+        self.turning = []
+        if step is None and self.can_attach:
+            place = self.scene, self.camera, self.name, self.value
+            self.turning = turning_facets(*place, reach=h, scale=self.scale)
         pilots = {kind: self.pilot(h, kind) for kind in self.kinds()}
         kind = min(pilots, key=lambda kind: self.expected(pilots[kind]))
-        pilot = pilots[kind]
+        pilot, reach = pilots[kind], h
         if step is None:
             h, pilot = self.better_step(*self.smooth_step(h, pilot, kind), kind)
         verdict = pilot.verdict
-        is_kink = verdict == "kink"
-        ends = self.totals([h, -h, *([0] if is_kink else [])], kind, self.sampling.paths)
-        high, low = map(self.rows, ends[:2])
-        slope = (high - low) / (2 * h)
-        jump = pilot.jump
-        if is_kink:
-            jump = float(high[0] + low[0] - 2 * self.rows(ends[2])[0]) / h
+        offsets = [h, -h, *([0] if verdict == "kink" or self.turning else [])]
+        ends = self.totals(offsets, kind, self.sampling.paths)
+        high, low, *middle = map(self.rows, ends)
+        slope, bend = (high - low) / (2 * h), np.append(pilot.jump, 0 * high[1:])
+        if middle:
+            bend = (high + low - 2 * middle[0]) / h
         scatter = float(np.sqrt(np.sum(slope[1:] ** 2)))
         floor = self.floor(ends[:2], kind, h)
         if any(total.lowest["target"][0] == 0 for total in ends):  # points of facets are hidden
             floor = max(floor, self.of_edges(ends[:2], h))
         if verdict == "smooth" and self.differs_nearby(slope[0], h, kind):
             verdict = "step-dependent"
+        kinks = [self.kink(facets, reach, kind) for facets in self.turning]
         parts = [
             np.sqrt(max(floor**2 - scatter**2, 0)),
             self.rounding(pilot.rows, h),
             self.missed(ends[:2], kind, h),
             pilot.truncation if step is None else 0.0,
+            *(kink.unscattered for kink in kinks),
         ]
+        present = slope + self.of_kinks(kinks, 0.0)
+        sides, named = (present - bend / 2, present + bend / 2), None
+        if verdict != "kink" and kinks:
+            sides, named = self.sides(slope, bend / h, kinks) or ((present, present), None)
+            verdict = verdict if named is None else "kink"
+        unscattered = float(np.sqrt(np.sum(np.square(parts))))
+        below, above = (hypot(*side[1:], unscattered) for side in sides)
         return Difference(
-            derivative=float(slope[0]),
-            deviations=slope[1:],
-            unscattered=float(np.sqrt(np.sum(np.square(parts)))),
+            derivative=float(present[0]),
+            deviations=present[1:],
+            unscattered=unscattered,
             step=h,
             truncation=pilot.truncation,
             method=kind.method,
             verdict=verdict,
-            one_sided=(float(slope[0]) - jump / 2, float(slope[0]) + jump / 2),
+            one_sided=(float(sides[0][0]), float(sides[1][0])),
+            one_sided_errors=(below, above),
             ends=tuple(ends[:2]),
+            kink=named,
         )
+
+    def kink(self, facets: TurningFacets, reach: float, kind: DifferenceKind) -> Kink:
+        """What facets that turn edge-on add, from renders of them alone beside the kink."""
+        radiance, share, paths = {}, 0.0, max(PILOT_PATHS, self.sampling.paths // 4)
+        for side in (-1, 1):
+            distances = np.array([0.5, 1]) * reach
+            offsets = facets.offset + side * distances
+            areas = [facets.area(x, side) for x in offsets]
+            radiance[side] = np.zeros((2, 1))
+            if any(areas):
+                totals = self.totals(offsets, kind, paths, facets.among)
+                near, far = (self.rows(total) / area for total, area in zip(totals, areas))
+                slope = (far - near) / np.ptp(distances)
+                radiance[side] = np.array([near - distances[0] * slope, slope])
+                points = float(totals[0].paths[0]) / totals[0].randomisations
+                share = edge_share(totals[0].randomisations) / points
+        return Kink(facets, radiance, share, reach)
+
+    def of_kinks(self, kinks: list[Kink], x: float) -> np.ndarray:
+        """What kinks add to the derivative at a distance from the present value, (1 + R,)."""
+        return sum(kink.at(x, AT_KINK * self.scale) for kink in kinks) + np.zeros(1)
+
+    def sides(self, slope: np.ndarray, curvature: np.ndarray, kinks: list[Kink]):
+        """Derivatives below and above the nearest kink, and its distance; None without a kink.
+
+        slope, curvature: of what the other facets show, with their deviations, (1 + R,).
+        """
+        for kink in sorted(kinks, key=lambda kink: abs(kink.facets.offset)):
+            x = kink.facets.offset
+            others = [other for other in kinks if other is not kink]
+            smooth = slope + curvature * x + self.of_kinks(others, x)
+            below, above = (smooth + kink.slope(x, side) for side in (-1, 1))
+            jump = above - below
+            error = hypot(*jump[1:], kink.unscattered)
+            if abs(jump[0]) > max(SIGNIFICANT * error, NOTICED * max(abs(below[0]), abs(above[0]))):
+                return (below, above), x if abs(x) > AT_KINK * self.scale else 0.0
+        return None
 
     def differs_nearby(self, slope: float, h: float, kind: DifferenceKind) -> bool:
         """Whether the difference over a part of the step `h` is another one, as emission shows.

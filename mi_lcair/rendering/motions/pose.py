@@ -65,17 +65,19 @@ class ScenePose:
 
     def buffer(self, mesh) -> mi.Float:
         """The vertices of a mesh for the present values; if all are at rest, those loaded."""
-        of_mesh = [entry for entry in self.motions.values() if mesh in entry.shapes]
-        if not any(entry.name in self.values for entry in of_mesh):
+        if not any(mesh in self.motions[name].shapes for name in self.values):
             return self.loaded[mesh]
-        vertices = self.in_axes_of_model(mesh)
-        for entry in of_mesh:
-            if entry.name in self.values or entry in self.attitude:
-                value = self.values.get(entry.name, entry.rest)
-                vertices = entry.vertices(mesh, vertices, value)
-        array = mi.Float(np.ravel(vertices))
+        array = mi.Float(np.ravel(self.vertices(mesh, self.values)))
         own_memory([array])
         return array
+
+    def vertices(self, mesh, values: Mapping[str, float]) -> np.ndarray:
+        """Vertices (n, 3) of a mesh for values of motions that are not at rest [m], Float64."""
+        vertices = self.in_axes_of_model(mesh)
+        for entry in self.motions.values():
+            if mesh in entry.shapes and (entry.name in values or entry in self.attitude):
+                vertices = entry.vertices(mesh, vertices, values.get(entry.name, entry.rest))
+        return vertices
 
     def put(self, scene, buffers: dict[mi.Shape, mi.Float]) -> None:
         """Give meshes of the scene other vertices."""

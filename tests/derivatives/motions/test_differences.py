@@ -106,16 +106,6 @@ def test_kink_of_a_cube():
     assert found.one_sided == pytest.approx((-slope, slope), rel=0.01)
 
 
-def test_a_kink_beside_the_present_value():
-    """The step does not reach yaw 0, a fifth of a degree away."""
-    scene = scene_of(convex_hull("cube", CUBE))
-    with changed(scene, {"cube.yaw_deg": 0.2}):
-        result = derivative(scene, "cube.yaw_deg", 2**12)
-    exact = (cube_intensity(0.21) - cube_intensity(0.19)) / 0.02
-    assert (result.verdict, result.step) == ("smooth", 0.0625)
-    assert abs(result.derivative - exact) < 4 * result.error < 0.02 * exact
-
-
 def test_an_edge_that_hardly_moves():
     """A cover comes nearer, and its lower edge hides more by the sine of a degree.
 
