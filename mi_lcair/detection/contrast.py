@@ -27,6 +27,7 @@ from mi_lcair.plugins.emission.source import Source
 from mi_lcair.plugins.emitters.thermal_emitter import one_sun
 from mi_lcair.plugins.paths.launch import Aim
 from mi_lcair.plugins.recorders.radiance import MAX_BOUNCE_CHANNELS
+from mi_lcair.rendering.reflections import followed_row
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene, changed
 from mi_lcair.rendering.statistics import invalid_remark
@@ -238,7 +239,8 @@ def setting(entries: dict) -> list[tuple[str, str]]:
     approximated = row.get("approximated_W_m2", 0.0)
     error = float(np.hypot(total["standard_error"], approximated / NORMAL))
     reason = interval_rows(row["half_width_W_m2"], error)
-    return [*rows, accuracy(entries), *reason]
+    followed = [followed_row(entries["followed"])] if entries.get("followed") else []
+    return [*rows, accuracy(entries), *reason, *followed]
 
 
 def irradiances(entries: list[dict]) -> Table:
@@ -363,6 +365,8 @@ class Contrast(Result):
         Limits of the results, one line each.
     seconds : float
         Time of the calculation, s.
+    followed : str
+        What the paths follow, in words.
     """
 
     scenario: Scenario
@@ -381,6 +385,7 @@ class Contrast(Result):
     rows: list[ContrastRow]
     remarks: list[str]
     seconds: float = entry("time_s")
+    followed: str = ""
 
     kind = "contrast"
     computed = {
@@ -511,9 +516,10 @@ def measure_contrast(scenario: Scenario, progress) -> Contrast:
     setting = setting_of(scenario)
     detector, air, path, behind = setting.detector, setting.air, setting.path, setting.backdrop
     view, target, observer = setting.view, setting.target, scenario.observer
-    rows, invalid, paths = [], 0, 0
+    rows, invalid, paths, followed = [], 0, 0, {}
     for bounces, irradiance, result in rendered(setting, scenario.render, progress):
         allowed = scenario.render.allowed(irradiance.at(path)["total"].value)
+        followed[bounces] = result.followed
         reached = result.reached and irradiance.half_width(path) <= allowed
         rows.append(row(bounces, irradiance, path, detector, target, reached))
         invalid, paths = max(invalid, result.invalid), max(paths, result.paths)
@@ -548,6 +554,7 @@ def measure_contrast(scenario: Scenario, progress) -> Contrast:
             *approximations.averaged_plumes(view, [setting]),
         ],
         seconds=time.perf_counter() - start,
+        followed=followed[max(followed)],
     )
 
 

@@ -36,6 +36,7 @@ from mi_lcair.rendering.measurands import (
     source_count,
 )
 from mi_lcair.rendering.pixels import Allocation, PixelCriterion, allocate, may_be_sent, on_workers
+from mi_lcair.rendering.reflections import words_on_paths
 from mi_lcair.rendering.sampling import TWO_CHOICES, Sampling
 from mi_lcair.rendering.scene import Scene, changed
 from mi_lcair.rendering.statistics import Totals, check_valid, student_factor
@@ -468,7 +469,7 @@ def measure(
         result = _until_met(scene, tracer, windows, sampling, measurands, criterion, aim)
         bins = tracer.bins
     if isinstance(result, Totals):
-        result.bins = bins
+        result.bins, result.followed = bins, words_on_paths(scene.mi.integrator())
         return result
     with changed(scene, **result):
         return measure(scene, windows, sampling, measurands, criterion, aim)

@@ -157,6 +157,31 @@ def counts(share: float, error: float, tolerance: float | None) -> bool:
     return share > SHARE * tolerance and np.hypot(share, error) > tolerance
 
 
+def words_on_paths(integrator, is_open: bool = False) -> str:
+    """What paths follow under the settings of bounce_path, in words.
+
+    is_open: whether pilots decide on settings that are still `auto`. Otherwise they are off.
+    """
+    count, emitters = integrator.max_bounces, integrator.emitter_sampling
+    words = f"{count} reflection{'s' * (count != 1)}"
+    if integrator.truncation:
+        bound = percent(student_factor(float("inf")) * integrator.truncation)
+        words += f" (auto: at most {bound} is beyond)"
+    elif integrator.closure != "none":
+        words += f", the rest by closure = {integrator.closure}"
+    is_left = emitters == "auto" and is_open
+    is_drawn = emitters if emitters != "auto" else False
+    words += f"; emitters {'drawn' if is_drawn or is_left else 'not drawn'}" * (count > 0)
+    words += " where that saves paths" * (is_left and count > 0)
+    return words + "; paths kept inside openings" * (integrator.opening_sampling is True)
+
+
+def followed_row(followed: str, share: float | None = None) -> tuple[str, str]:
+    """Row (label, text) about what paths follow, and the share that is left out, if it is known."""
+    rest = f"about {percent(share)}" if share else "nothing measurable"
+    return "followed", followed + f"; the rest would add {rest}" * (share is not None)
+
+
 def words_on_left_out(worth: str) -> str:
     """A remark on reflections that are left out."""
     return (

@@ -58,7 +58,7 @@ class Totals:
     part of every standard error. aim: where in the windows the paths begin; None for anywhere.
     emitters: `EmitterTable` of the scene. excess: ratio of the error to the allowed error of each
     window, (windows,); None without a criterion. bins: the bins of wavelength in words; empty
-    without spectral materials.
+    without spectral materials. followed: what the paths follow, in words.
     """
 
     def __init__(
@@ -73,6 +73,7 @@ class Totals:
     ):
         self.by_randomisation, self.systematic = by_randomisation, systematic
         self.aim, self.emitters, self.excess, self.bins = aim, emitters, None, ""
+        self.followed = ""
         self.valid, self.radiance = (np.zeros((windows, randomisations)) for _ in range(2))
         self.sums = {}
         self.unmet, self.unmet_sums = unmet, {name: np.zeros(windows) for name in SUMMED + LARGEST}

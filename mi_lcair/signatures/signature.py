@@ -19,7 +19,13 @@ from mi_lcair.rendering.facets import FacetTable
 from mi_lcair.rendering.facets import write_vtk as write_vtk_of_facets
 from mi_lcair.rendering.measurands import ExcessFunction, IntensityInterval, Measurands
 from mi_lcair.rendering.measure import measure
-from mi_lcair.rendering.reflections import counts, left_out, share_left_out, words_on_left_out
+from mi_lcair.rendering.reflections import (
+    counts,
+    followed_row,
+    left_out,
+    share_left_out,
+    words_on_left_out,
+)
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import WHOLES, Totals, invalid_remark
@@ -147,6 +153,11 @@ def facts_of_entries(entries: dict, others: Sequence[Part | Section] = ()) -> It
     yield error_row(error, entries["tolerance"], entries["reached"], remedy=remedy)
     yield from interval_rows(main["half_width_W_sr"], main["standard_error_W_sr"])
     yield "paths", entries["paths"]
+    if entries.get("followed"):
+        beyond, share = main.get("left_out_W_sr"), None
+        if beyond is not None and not main["closure_W_sr"]:  # of which it would be the error
+            share = beyond / ((main["intensity_W_sr"] + beyond) or 1.0)
+        yield followed_row(entries["followed"], share)
     if entries.get("bins"):
         yield "wavelengths", entries["bins"]
     both = [("target", WATTS), ("scene", WATTS)]
@@ -261,6 +272,8 @@ class Signature(Result):
         Remarks on the scene, one line each.
     bins : str
         Bins of wavelength and their error, in words; empty without spectral materials.
+    followed : str
+        What the paths follow, in words.
     fewer : tuple of Signature
         The same with fewer reflections, if they were asked for, from the same paths.
     """
@@ -283,6 +296,7 @@ class Signature(Result):
     aim: "Aim | None" = entry(default=None)
     remarks: Sequence[str] = ()
     bins: str = ""
+    followed: str = ""
     fewer: "tuple[Signature, ...]" = entry(default=())
 
     kind = "signature"
@@ -445,6 +459,7 @@ def measure_signature(
             tolerance=sampling.tolerance,
             aim=total.aim,
             bins=total.bins,
+            followed=total.followed,
             remarks=scene.notes,
             fewer=fewer,
         )

@@ -16,7 +16,7 @@ from mi_lcair.errors import InputError, escaped
 from mi_lcair.extras import named, optional
 from mi_lcair.files import read_text, replacing
 from mi_lcair.rendering.measurands import Measurands
-from mi_lcair.rendering.reflections import counts, words_on_left_out
+from mi_lcair.rendering.reflections import counts, followed_row, words_on_left_out
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import View
@@ -114,6 +114,8 @@ class Trend(Result):
     left_out : float or None
         Share of the intensity beyond max_bounces, the largest of some views, by a pilot of a
         tolerance. It is in no error.
+    followed : str
+        What the paths follow, in words.
     """
 
     scene_name: str
@@ -122,6 +124,7 @@ class Trend(Result):
     tolerance: float | None = None
     made: dict[str, str] = entry(default_factory=dict)
     left_out: float | None = None
+    followed: str = ""
 
     kind = "trend"
     heading = "Intensity by aspect"
@@ -191,6 +194,8 @@ class Trend(Result):
         yield Table(COLUMNS, [extremes(self.at_elevation(angle), angle) for angle in elevations])
         if {"half_width_W_sr", "reached"} <= self.table.keys():
             yield accuracy(self)
+        if self.followed:
+            yield followed_row(self.followed, self.left_out)
         remarks = []
         if np.any(self.table.get("invalid", 0)):
             remarks.append("some samples were NaN or infinite and count as 0; see column invalid")

@@ -377,6 +377,7 @@ def test_render_json(run, renderer):
         "time_s": 1.5,
         "header": {"band": "MWIR", "spp": 16},
         "left_out": None,
+        "followed": "",
         "channels": {"radiance_W_m2_sr": {"least": 5.0, "mean": 5.0, "greatest": 5.0}},
     }
 

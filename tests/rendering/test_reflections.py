@@ -1,5 +1,6 @@
 """The number of reflections that a tolerance needs, and the error of what is left out."""
 
+import re
 from math import sqrt
 
 import mitsuba as mi
@@ -8,6 +9,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair.errors import InputError
+from mi_lcair.rendering import measure
 from mi_lcair.rendering.reflections import (
     Probe,
     beyond_last,
@@ -233,3 +235,31 @@ def test_number_of_pixels(size, windows):
     assert np.gcd(launch.stride, size[0]) == 1
     assert (launch.points, launch.randomisations, launch.seed) == (10, 8, 3)
     assert (launch.columns, launch.rows) == size
+
+
+def followed(result):
+    pairs = (part for part in result.facts() if isinstance(part, tuple))
+    return dict(pairs)["followed"]
+
+
+def test_results_say_what_they_followed_and_left_out(plain_furnace):
+    """After n reflections in the furnace (1 - emissivity)^(n + 1) of the radiance is missing."""
+    furnace = plain_furnace(0.5)
+    result = mi_lcair.signature(furnace, max_bounces=5, spp=4)
+    assert followed(result) == "5 reflections; emitters not drawn; the rest would add about 1.6 %"
+    (bound,) = re.findall(
+        r"^6 reflections \(auto: at most (.*) % is beyond\); emitters not drawn$",
+        followed(mi_lcair.signature(furnace, max_bounces="auto", tolerance="8%", parts=False)),
+    )
+    assert 99 * 0.5**7 <= float(bound) <= 0.8
+    view = mi_lcair.trend(furnace, [0], resolution=8, max_bounces=9, tolerance="5%")
+    assert followed(view).startswith("9 reflections; emitters drawn where that saves paths; the")
+
+
+def test_results_say_which_settings_a_pilot_chose(monkeypatch):
+    for is_drawn, words in ((True, "drawn"), (False, "not drawn")):
+        chosen = {"emitter_sampling": is_drawn, "opening_sampling": False}
+        monkeypatch.setattr(measure, "cheapest", lambda *_: chosen)
+        monkeypatch.setattr(measure, "WORTH_ASKING", 0)
+        image = mi_lcair.render("cavity", tolerance="50%", parameters={"resolution": 8})
+        assert followed(image).startswith(f"24 reflections; emitters {words}; the rest")

@@ -37,7 +37,7 @@ SMALLEST = 1e-3  # size of an image of a model's light, relative to the largest 
 MOST_NOISY = 1e-3  # largest share of the frame with a larger error than the camera's noise
 DIRECT = f"target.{up_to_prefix(0)}"  # beginning of the channels of paths without a reflection
 # What an exposure takes over from its paths
-OF_PATHS = ("sources", "spp", "rms_error", "reached", "invalid", "paths")
+OF_PATHS = ("sources", "spp", "rms_error", "reached", "invalid", "paths", "followed")
 
 
 @dataclass(frozen=True)
@@ -70,6 +70,8 @@ class Exposure:
         Whether a tolerance was reached; None without one.
     invalid, paths : int
         Number of samples that do not count, and of all.
+    followed : str
+        What the paths follow, in words.
     variants : tuple of mapping of str to ndarray
         Electrons that arrive from the model with other temperatures of the sources, by channel.
     picture : TargetPicture or None
@@ -90,6 +92,7 @@ class Exposure:
     reached: bool | None
     invalid: int
     paths: int
+    followed: str
     variants: tuple[Mapping[str, np.ndarray], ...] = ()
     picture: "TargetPicture | None" = None
     truth: dict[str, np.ndarray] = field(default_factory=dict)
@@ -193,7 +196,7 @@ class WindowPaths:
         Sums of the channels over the window.
     variance : ndarray, shape (n,)
         Squared standard errors of the radiance in those parts.
-    spp, rms_error, reached, invalid, paths
+    spp, rms_error, reached, invalid, paths, followed
         As in `Exposure`.
     variances : dict of str to ndarray, shape (n,)
         Squared random errors of the channels of the truth; empty without it.
@@ -213,6 +216,7 @@ class WindowPaths:
     reached: bool | None
     invalid: int
     paths: int
+    followed: str
     variances: dict[str, np.ndarray] = field(default_factory=dict)
     systematic: float = 0.0
 
@@ -315,6 +319,7 @@ def traced(
         reached=total.reached,
         invalid=total.invalid,
         paths=int(total.traced.sum()),
+        followed=total.followed,
         variances=variances,
         systematic=total.systematic,
     )

@@ -20,6 +20,7 @@ from mi_lcair.laboratory.noise import NoiseComponents
 from mi_lcair.physics.bands import Band
 from mi_lcair.rendering.images.render import image_sections
 from mi_lcair.rendering.images.truth import Truth
+from mi_lcair.rendering.reflections import followed_row
 from mi_lcair.rendering.sampling import DEFAULT_MAX_SPP
 from mi_lcair.results import Result, entry
 from mi_lcair.sections import Facts, Lines, Section, Table, error_row
@@ -240,6 +241,7 @@ def measured(image: Image) -> list[tuple[str, str]]:
             f"standard error {millikelvin(measures.render_error)} on the target, the same in all "
             f"frames; {image.exposure.spp} paths through a pixel{ending(image)}",
         ),
+        followed_row(image.exposure.followed),
         error_row(
             "the rms standard error over the pixels on the target is "
             f"{percent(image.exposure.rms_error)} of its mean radiance",

@@ -25,7 +25,7 @@ from mi_lcair.files import check_writable
 from mi_lcair.plugins.emitters.distant_emitter import DistantEmitter
 from mi_lcair.plugins.emitters.thermal_emitter import one_sun
 from mi_lcair.rendering.parameters.values import check_same, load_with_values, whole_path
-from mi_lcair.rendering.reflections import bounce_settings
+from mi_lcair.rendering.reflections import bounce_settings, words_on_paths
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene, set_all
 from mi_lcair.rendering.views import Target, View, terrain_remark
@@ -291,6 +291,8 @@ class Batch:
         Variant of Mitsuba.
     measure : callable
         `measure_view_areas`, or another function of the same arguments.
+    followed : str
+        What the paths follow, in words. Results do not depend on it.
     """
 
     subject: Subject
@@ -301,6 +303,7 @@ class Batch:
     sampling: Sampling
     variant: str
     measure: Callable = measure_view_areas
+    followed: str = ""
 
     @staticmethod
     def of_views(
@@ -315,7 +318,7 @@ class Batch:
         most = max(1, min(VIEWS_AT_ONCE, PASS_SAMPLES // resolution**2))
         bounds = np.linspace(0, len(views), -(-len(views) // most) + 1).round().astype(int)
         scene, variant = subject.load(), mi.variant()
-        fingerprint = scene.fingerprint
+        fingerprint, is_open = scene.fingerprint, sampling.spp is None
         if subject.scenario is None:  # whose observer is at its range, and not beyond the terrain
             for low, high in zip(bounds, bounds[1:]):
                 for remark in terrain_remark(scene, views[low:high]):
@@ -330,6 +333,7 @@ class Batch:
                 sampling=sampling,
                 variant=variant,
                 measure=measure,
+                followed=words_on_paths(scene.mi.integrator(), is_open),
             )
             for low, high in zip(bounds, bounds[1:])
         ]

@@ -39,7 +39,7 @@ from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
 from mi_lcair.physics.imager import Detector
 from mi_lcair.plugins.emission.source import Source
 from mi_lcair.progress import Progress
-from mi_lcair.rendering.reflections import counts, share_left_out
+from mi_lcair.rendering.reflections import counts, followed_row, share_left_out
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.views import RESOLUTION, View
@@ -73,6 +73,8 @@ class Sweep(Result):
         Number of views that were traced; the others were known.
     seconds : float
         Time of the sweep, s.
+    followed : str
+        What the paths follow, in words.
     """
 
     conditions: Conditions = entry("conditions", "values")
@@ -80,6 +82,7 @@ class Sweep(Result):
     views: int
     traced: int
     seconds: float = entry("time_s")
+    followed: str = ""
 
     kind = "sweep"
     heading = "Signatures by condition"
@@ -107,6 +110,8 @@ class Sweep(Result):
     def facts(self) -> Iterator[Any]:
         """The conditions in one line, the extremes of the quantities, and the table."""
         yield summary_of(self)
+        if self.followed:
+            yield followed_row(self.followed)
         yield extremes(self.table)
         yield LongTable(self.columns())
 
@@ -334,7 +339,9 @@ def measure_sweep(
     views = sum(len(batch.views) for of_lit in batches.values() for batch in of_lit)
     of_lit, traced = results_of(batches, folder, progress)
     table = table_of(lines, of_lit, conditions)
-    return Sweep(conditions, table, views, traced, time.perf_counter() - start)
+    followed = dict.fromkeys(batch.followed for of_key in batches.values() for batch in of_key)
+    known = views, traced, time.perf_counter() - start, ", or ".join(followed)
+    return Sweep(conditions, table, *known)
 
 
 def results_of(
@@ -482,9 +489,8 @@ def measure_trend(
         "mi_lcair": mi_lcair.__version__,
     }
     beyond = share_left_out(scene, sampling, views)
-    trend = Trend(
-        scene.name, results[scene.name].table, scene.band.label, sampling.tolerance, made, beyond
-    )
+    known = scene.band.label, sampling.tolerance, made, beyond, batches[0].followed
+    trend = Trend(scene.name, results[scene.name].table, *known)
     if beyond and counts(beyond, trend.widest, sampling.tolerance):
         trend.table["reached"][:] = 0
     return trend

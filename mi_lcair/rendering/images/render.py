@@ -58,7 +58,12 @@ from mi_lcair.rendering.images.truth import (
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.pixels import PixelError, pixel_errors
-from mi_lcair.rendering.reflections import counts, share_left_out, words_on_left_out
+from mi_lcair.rendering.reflections import (
+    counts,
+    followed_row,
+    share_left_out,
+    words_on_left_out,
+)
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.rendering.statistics import Totals, invalid_remark
@@ -122,6 +127,8 @@ class Render(Result):
         Wavelengths of the channels of spectral radiance [um]; empty for none.
     left_out : float or None
         Share of the mean radiance beyond max_bounces, by a pilot of a tolerance. It is in no error.
+    followed : str
+        What the paths follow, in words.
     truth : Truth or None
         What each pixel shows; None if it was not asked for.
     """
@@ -143,6 +150,7 @@ class Render(Result):
     tolerance: float | None
     wavelengths_um: np.ndarray = entry(default_factory=lambda: np.empty(0))
     left_out: float | None = None
+    followed: str = ""
     truth: Truth | None = entry(default=None)
 
     kind = "render"
@@ -212,6 +220,8 @@ class Render(Result):
         yield "mean radiance", f"{self.mean:.6g} W m^-2 sr^-1"
         yield error_row(error, self.tolerance, self.reached)
         yield "samples per pixel", self.spp
+        if self.followed:
+            yield followed_row(self.followed, self.left_out)
         if self.closure_error is not None:
             yield "closure error", f"{self.closure_error:.2g} W m^-2 sr^-1 (estimated)"
         remarks = invalid_remark(self.invalid, self.paths)
@@ -475,6 +485,7 @@ def render_image(
         tolerance=sampling.tolerance,
         wavelengths_um=wavelengths.nodes_um if bins else np.empty(0),
         left_out=beyond,
+        followed=total.followed,
         truth=shown and replace(shown, header=of_image | shown.header),
     )
 
