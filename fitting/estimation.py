@@ -85,8 +85,8 @@ def fit(
     seed
         Seed of the random starting points.
     loss
-        Scale on which BRDFs are compared. With log, a fit that describes the data is continued on
-        the linear scale, with the variance of its own noise.
+        Scale on which BRDFs are compared. With log, a fit that describes the data is repeated on
+        the linear scale, with the noise that the first fit shows.
     robust
         Give outliers little weight.
     max_angle_deg

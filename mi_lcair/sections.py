@@ -266,7 +266,7 @@ def interval_rows(half_width: float, error: float) -> list[tuple[str, str]]:
     """Row that says why half a 95 % interval is far more than 1.96 standard errors, if it is."""
     if half_width <= FAR * NORMAL * error:
         return []
-    reason = "it includes a source that no path has hit, and the standard error does not"
+    reason = "it includes a bound for sources that no path has hit, and the standard error does not"
     return [("interval", f"wider than 1.96 standard errors: {reason}; trace more paths")]
 
 

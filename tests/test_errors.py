@@ -66,14 +66,14 @@ def test_of_many_names_only_the_nearest_are_listed():
 
 def test_a_line_break_in_a_name_does_not_hide_the_message():
     """Mitsuba passes an exception of a plugin on as text, of which the last line is taken."""
-    error = InputError("unknown material: gloss\nmi-lcair: note: all is well")
+    error = InputError("unknown material: gloss\nmi-lcair: warning: all is well")
     text = (
         "[parser.cpp:1] At scene.xml (line 2): failed: Traceback (most recent call last):\n  x\n"
         f"mi_lcair.errors.InputError: {error}"
     )
     assert (
         str(mitsuba_error(RuntimeError(text)))
-        == "scene.xml (line 2): unknown material: gloss mi-lcair: note: all is well"
+        == "scene.xml (line 2): unknown material: gloss mi-lcair: warning: all is well"
     )
 
 

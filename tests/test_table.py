@@ -133,7 +133,7 @@ def test_a_table_that_ends_early_is_extended_and_that_is_said(file):
     theta, value, _ = read_directional_table(file("theta_deg,emissivity\n10,0.9\n80,0.5\n"))
     assert over_the_hemisphere("t.csv", theta, value, nodes)[[0, 2]].tolist() == [0.9, 0.5]
     theta, value, _ = read_directional_table(file("theta_deg,emissivity\n5,0.9\n"))
-    with pytest.warns(UserWarning, match="t.csv: measured at 5 degrees alone; its nearest value"):
+    with pytest.warns(UserWarning, match="t.csv: measured at 5 degrees alone; the nearest value"):
         assert over_the_hemisphere("t.csv", theta, value, nodes).tolist() == [0.9] * 3
 
 

@@ -22,10 +22,10 @@ def dataset(
 ) -> LabelledFrames:
     """Record labelled frames of a scenario's target from many views.
 
-    Each view has frames with noise, the image without noise, and the truth of its pixels, with
-    draws of what is uncertain. If only temperatures, air and background differ between the draws of
-    a view, it is traced once. A call that was interrupted goes on if it is repeated, and gives the
-    same files.
+    Each view has frames with noise, the image without noise, and the true values of its pixels.
+    Uncertain quantities get random values. If only temperatures, air and background differ between
+    the images of a view, it is traced once. To resume an interrupted call, repeat it. The files are
+    then the same.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def dataset(
         TOML file, or a dictionary of its tables [base], [views], [draws], [bands], [frames] and
         [splits].
     folder : path-like
-        Folder of the data set, which is made if it does not exist.
+        Folder of the data set. It is created if it does not exist.
     progress : callable, optional
         Called with (views done, all views).
 
@@ -45,8 +45,8 @@ def dataset(
     ------
     InputError
         If the description or the folder cannot be used: a view that does not see the target, a
-        distribution that is out of the bounds of its quantity, a folder with other files. All is
-        checked before anything is rendered.
+        distribution outside the bounds of its quantity, a folder with other files. All input is
+        checked before the first render.
     """
     read = DatasetDescription.read(description)
     with errors_of(f"dataset '{read.name}'"):

@@ -48,9 +48,9 @@ def budget(
     Parameters
     ----------
     what : Scene, mi.Scene, Scenario, str or path-like
-        A scene with an orthographic sensor, a contrast scenario, or the file or the bundled name of
-        either. Numbers of the sampling replace the entries of [render] of a scenario that is named.
-        A scenario has no sensor.
+        A scene with an orthographic sensor, a contrast scenario, or the file or bundled name of
+        either. For a scenario given by name or file, `spp`, `tolerance` and `seed` replace the
+        entries of its [render]. `sensor` is for scenes only.
     uncertainties : str, path-like, dict, Uncertainties or None
         TOML file with the uncertainties, or its tables as a dictionary, see
         `mi_lcair.knowing.budgets.uncertainties`. Materials that have a sigma themselves, such as
@@ -58,18 +58,18 @@ def budget(
     sensor, spp, seed
         As for `signature`.
     tolerance : float, str or None
-        Trace paths until half of the 95 % interval of the result is at most this fraction of it. It
-        is the error of the rendering alone.
+        Trace paths until half of the 95 % interval of the result is at most this fraction of it.
+        This is only the error of the rendering.
     draws : int or None
         Also compute the distribution of the result from this number of random draws.
     of : str, optional
-        What the budget of a scenario is of: "contrast" (default), "apparent_temperature" of the
-        target, "detection_range", "snr" or "netd". A scene's is of the intensity.
+        Result of a scenario: "contrast" (default), "apparent_temperature" of the target,
+        "detection_range", "snr" or "netd". For a scene the result is always the intensity.
     progress : callable or None
         Called with (renders or draws done, expected).
     parameters : mapping of str to object, optional
-        Values of the $-parameters of a scene, or entries of a scenario by dotted key, where it is
-        named.
+        Values of the $-parameters of a scene, or entries of a scenario by dotted key, if it is
+        given by name or file.
 
     Returns
     -------
@@ -102,7 +102,7 @@ def budget(
 
 
 def is_scenario(what: object) -> bool:
-    """Whether it is a contrast scenario, or the file or the bundled name of one."""
+    """Return whether `what` is a contrast scenario, or the file or bundled name of one."""
     if isinstance(what, (str, PathLike)):
         return Path(what).suffix == ".toml" or str(what) in scenes.scenarios()
     return isinstance(what, Scenario)
@@ -125,7 +125,8 @@ def invert(
     problem : path-like, dict or InverseProblem
         TOML file, its content as a dictionary, or the problem itself.
     advise : bool
-        Whether to compute what further measurements would bring, if something is not determined.
+        Whether to compute how much further measurements would help, if an unknown is not
+        determined.
     progress : callable or None
         Called with (renders of each datum done, largest number).
 
@@ -173,10 +174,10 @@ def sensitivities(
 ) -> Sensitivities:
     """Intensity and its derivatives with respect to parameters, all from the same paths.
 
-    Derivatives with respect to temperatures, radiances and emissivities of emitters are exact
-    consequences of the linearity of radiance in its sources. Those with respect to parameters of
-    materials are estimated from the scores of the paths, with a control variate where a pilot finds
-    less noise with it (see `plugins.recorders.columns`).
+    Derivatives with respect to temperatures, radiances and emissivities of emitters follow exactly
+    from the intensity, because the radiance is linear in its sources. Derivatives with respect to
+    parameters of materials are estimated from the derivatives of the path weights. A control
+    variate is used if it reduces the noise of a short test run (see `plugins.recorders.columns`).
 
     Parameters
     ----------
@@ -232,8 +233,8 @@ def shape_derivatives(
     """Derivatives of the target's intensity with respect to all vertices of a group at once.
 
     Each vertex moves along its outward normal. Vertices of other groups at the same position move
-    with it. What turns, what is hidden and what other surfaces reflect are part of the derivative,
-    but not the shade of transmitting plumes.
+    with it. The derivative includes the turning of facets, hidden surfaces and reflections in other
+    surfaces. It does not include the shadows of transmitting plumes.
 
     Parameters
     ----------
@@ -243,7 +244,8 @@ def shape_derivatives(
     group : str
         Group of the model whose surface moves.
     spp : int or None
-        Number of paths, divided by the number of pixels of the film (the number in the scene).
+        Paths per pixel of the sensor's film: the number of paths is spp x pixels (default: the
+        scene's number).
     sensor, seed
         As for `signature`.
     paths : int or None
@@ -260,8 +262,8 @@ def shape_derivatives(
     Raises
     ------
     InputError
-        If the group is unknown, if a part of the model is no mesh, for closure = tail, and as for
-        `signature`.
+        If the group is unknown, if a part of the model is not a mesh, for closure = tail, and as
+        for `signature`.
     """
     sampling = Sampling(spp=spp, paths=paths, seed=seed, sensor=sensor, progress=progress)
     return differentiate_shape(scene_of(scene, parameters), group, sampling)

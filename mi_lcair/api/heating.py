@@ -34,23 +34,23 @@ def exchange(
 ) -> Exchange:
     """Trace the exchange of heat by radiation between the facets of a scene.
 
-    Facet i gains from facet j the heat GR_ij sigma (T_j^4 - T_i^4), over all reflections. Paths
-    begin on the facets. Materials are taken in the total band, whatever the band of the scene is.
+    Facet i gains the heat GR_ij sigma (T_j^4 - T_i^4) from facet j, including all reflections.
+    Paths begin on the facets. The band `total` of each material is used, for any band of the scene.
 
     Parameters
     ----------
     scene : Scene, str, Path or mi.Scene
-        A loaded scene, or what `mi_lcair.load` takes. It needs no sun and no sky: what escapes
-        upward goes to the sky, and what escapes downward to the ground.
+        A loaded scene, or what `mi_lcair.load` takes. It needs no sun and no sky: radiation that
+        escapes upward goes to the sky, and radiation that escapes downward goes to the ground.
     paths : int
-        Number of paths of each side of a facet.
+        Number of paths for each side of a facet.
     seed : int
         The same seed gives the same result.
     sky_K : float or None
-        Temperature [K] of a blackbody in place of the sky. With it the result has the irradiance of
-        the facets at their temperatures in the scene.
+        Temperature [K] of the sky, which is replaced by a blackbody. The result then includes the
+        irradiance of the facets, for the temperatures of the scene.
     ground_K : float or None
-        The same in place of the ground.
+        The same for the ground.
     sun_deg : pair of float or None
         Elevation and azimuth of the sun [degrees], for the sunlight that facets absorb.
     parameters : mapping of str to object, optional
@@ -64,9 +64,9 @@ def exchange(
     Raises
     ------
     InputError
-        If more than 0.1 % of what a group emits ends on the backs of one-sided surfaces or on
+        If more than 0.1 % of a group's emission ends on the backs of one-sided surfaces or on
         surfaces that do not emit, for a plume that transmits, and for a material without an entry
-        for the total band or LWIR.
+        for the band `total` or LWIR.
     """
     Sampling(paths=paths, seed=seed)  # raises InputError for numbers that cannot be used
     for name, kelvin in (("sky_K", sky_K), ("ground_K", ground_K)):
@@ -93,9 +93,9 @@ def exchange(
 def heat(description: str | PathLike[str] | Mapping) -> Heat:
     """Temperatures of a scene's facets from their heat balance, with their uncertainty.
 
-    Each facet exchanges heat with all that it sees, takes up sunlight, and gives heat to the air
-    and to a wall behind it. Temperatures are those of a steady state, of a day that is repeated
-    until it is periodic, or of a series of rows.
+    Each facet exchanges radiation with everything that it sees, absorbs sunlight, and exchanges
+    heat with the air and with a wall behind it. The temperatures are those of a steady state, of a
+    day that is repeated until it is periodic, or of a series of weather data.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def heat(description: str | PathLike[str] | Mapping) -> Heat:
     Raises
     ------
     InputError
-        If the description cannot be used, or if a facet has no path for the heat that it takes up.
+        If the description cannot be used, or if a facet cannot lose the heat that it absorbs.
     """
     read = HeatDescription.read(description)
     return temperatures(scene_of(read.target.scene, read.target.parameters), read)

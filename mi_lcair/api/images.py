@@ -96,8 +96,8 @@ def render(
     Raises
     ------
     InputError
-        For settings out of bounds, samples beside a tolerance, a tolerance that cannot be reached,
-        and an image that needs more memory than is free.
+        For settings out of bounds, samples together with a tolerance, a tolerance that cannot be
+        reached, and an image that needs more memory than is free.
     """
     sampling = sampling_of(
         spp=spp, tolerance=tolerance, max_spp=max_spp, seed=seed, sensor=sensor, progress=progress
@@ -128,16 +128,16 @@ def render_with_errors(
 
     The scene is rendered eight times with independent seeds. It may have any integrator that
     `mi.render` takes, any sampler, and any variant. With a tolerance, the number of samples is
-    doubled until the error is within it. The points of the sampler `lattice` go on where they
-    ended. Those of another sampler begin again with other seeds.
+    doubled until the error is within it. With the sampler `lattice`, the samples continue where
+    they ended. Other samplers begin again with other seeds.
 
     Parameters
     ----------
     scene : mi.Scene
         What `mi.load_file` or `mi.load_dict` returns.
     spp : int or None
-        Samples per pixel, of all renders together, rounded up to a multiple of 8. None without a
-        tolerance: the number of the sensor's sampler. It does not go with a tolerance.
+        Samples per pixel, of all renders together, rounded up to a multiple of 8 (default: the
+        number of the sensor's sampler). It cannot be combined with a tolerance.
     tolerance : float, str or None
         Render until the rms standard error over the pixels is below this fraction of the mean
         magnitude, such as 0.01 or "1%", or until `max_spp` is reached.
@@ -148,7 +148,7 @@ def render_with_errors(
     sensor : int
         Number of the sensor, counted from 0.
     integrator : mi.Integrator or None
-        In place of the scene's own.
+        Integrator to use instead of the scene's integrator.
     progress : callable or None
         Called with the samples per pixel that are done and their largest number.
 
@@ -159,8 +159,8 @@ def render_with_errors(
     Raises
     ------
     InputError
-        For settings out of bounds, samples beside a tolerance, and an image with NaN or infinite
-        pixels.
+        For settings out of bounds, samples together with a tolerance, and an image with NaN or
+        infinite pixels.
     """
     sampling = sampling_of(
         spp=spp, tolerance=tolerance, max_spp=max_spp, seed=seed, sensor=sensor, progress=progress

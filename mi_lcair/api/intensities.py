@@ -60,8 +60,9 @@ def signature(
     facets : bool
         Also compute the results of each facet of the model.
     excess : callable or None
-        Instead of a tolerance: ratio of the error to the allowed error for the Signature (without
-        facets) that the paths so far give. Paths are added until it is at most 1.
+        Instead of a tolerance: a function of the Signature (without facets) from the paths so far.
+        It returns the ratio of the error to the allowed error. Paths are added until the ratio is
+        at most 1.
     parameters : mapping of str to object, optional
         Values of the scene's $-parameters, for a name or a file.
     max_bounces : int, "auto" or None
@@ -107,10 +108,9 @@ def chart(
     *,
     parameters: Mapping[str, object] | None = None,
 ) -> CostChart:
-    """Compare the ways in which a scene can be rendered: error of its intensity against time.
-
-    The ways are numbers of reflections, reflection models as the materials state them, as mirrors
-    or diffuse, and emitters that are drawn or not. What a way leaves out is a part of its error.
+    """Compare settings with which a scene can be rendered: error of its intensity against time. The
+    settings are the number of reflections, the reflection models (full, mirror or diffuse), and
+    emitter sampling (on or off). The error of a setting includes the radiation that it leaves out.
 
     Parameters
     ----------
@@ -118,14 +118,14 @@ def chart(
         A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
         Its sensor must be orthographic.
     tolerance : float or str
-        Error that is wanted, as a fraction of the intensity, such as 0.01 or "1%": half of the 95 %
-        interval, and what is left out.
+        Required error, as a fraction of the intensity, such as 0.01 or "1%". The error is half of
+        the 95 % interval plus the reflections that are left out.
     seconds : float
-        Time after which no further way is tried, s.
+        No further setting is tried after this time, s.
     seed, sensor : int
         As for `render`.
     progress : callable or None
-        Called with (ways done, all ways).
+        Called with (settings done, all settings).
     parameters : mapping of str to object, optional
         Values of the scene's $-parameters, for a name or a file.
 

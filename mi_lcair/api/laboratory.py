@@ -83,8 +83,8 @@ def temperature(
     image : str, Path, float or ndarray
         Apparent temperatures [K], as a camera shows them for an emissivity of 1: a TIFF, CSV or NPY
         file, an EXR with the channel temperature.Y, an array, or one number such as 305.2 or
-        "305.2+-0.5". NaN and 0 stand for nothing. A radiometric file of a camera, such as FLIR's
-        JPEG, states its conditions, which are the defaults of the others.
+        "305.2+-0.5". NaN and 0 mean no value. A radiometric file of a camera, such as FLIR's JPEG,
+        contains the conditions of the measurement. They are the defaults of the other arguments.
     band : str, Path or Band, optional
         Band of the camera: a name, limits such as "7.5-14", or a CSV of its response. An EXR
         contains its band. FLIR's files use the camera's own curve and air, unless a band is given.
@@ -99,10 +99,10 @@ def temperature(
         Apparent temperature [K] of the value 0: 273.15 for an image in degrees Celsius. With an
         offset, 0 is a value.
     spots : sequence of str or pair of int
-        Pixels whose temperatures are wanted: column and row from 0, such as "120,80". The first
-        region is the main result. For the others, their differences from it are given, too.
+        Pixels to evaluate: column and row from 0, such as "120,80". The first region is the main
+        result. For the others, their differences from it are given, too.
     areas : sequence of str or tuple of int
-        Rectangles of pixels whose mean is wanted: column, row, width, height.
+        Rectangles of pixels whose mean is computed: column, row, width, height.
 
     Other Parameters
     ----------------
@@ -130,8 +130,8 @@ def temperature(
     Raises
     ------
     InputError
-        If a number is out of bounds, if the image cannot be read, if something is missing or given
-        twice, and if no object can have any of the apparent temperatures.
+        If a number is out of bounds, if the image cannot be read, if an argument is missing or
+        given twice, and if none of the apparent temperatures is possible for these conditions.
     """
     name, image, sigma = named_image(image, sigma)
     own = {"emissivity": emissivity, **measurement}
@@ -174,7 +174,8 @@ def temperature(
 
 
 def named_image(image: ApparentTemperatures, sigma: float) -> tuple:
-    """Name of an image, the image or its number, and the uncertainty of its temperatures [K]."""
+    """Return the name of an image, the image or its number, and the uncertainty of its temperatures
+    [K]."""
     size = Bounds(lower=0, upper=LARGEST, unit="K")
     size.check(sigma, "sigma")
     if np.ndim(image):
@@ -221,23 +222,24 @@ def apparent(
 
 
 def noise_components(frames: str | PathLike[str] | np.ndarray) -> NoiseComponents:
-    """Components of three-dimensional noise of frames of an even scene, in the frames' unit.
-
-    They are the standard deviations of NVESD's model: sigma_tvh of each pixel of each frame,
-    sigma_vh, sigma_v and sigma_h of the fixed pattern of pixels, rows and columns, and sigma_tv,
-    sigma_th and sigma_t of rows, columns and the whole frame that are new in each frame.
+    """Components of three-dimensional noise of frames of a uniform scene, in the frames' unit. The
+    components are the standard deviations of NVESD's model. sigma_tvh is the noise of each pixel in
+    each frame. sigma_vh, sigma_v and sigma_h are the fixed pattern of pixels, rows and columns.
+    sigma_tv, sigma_th and sigma_t are the noise of rows, columns and the whole frame that changes
+    from frame to frame.
 
     Parameters
     ----------
     frames : path-like or ndarray, shape (frames, H, W)
-        TIFF whose pages are the frames, or the frames. A scene that is not even counts as a fixed
-        pattern; subtract its mean first.
+        TIFF whose pages are the frames, or an array of the frames. A scene that is not uniform
+        appears as a fixed pattern. Subtract its mean first.
 
     Returns
     -------
     NoiseComponents
-        A component from n independent samples has a relative standard error of 1 / sqrt(2 n), such
-        as 5 % of sigma_t from 200 frames. Parts of other letters do not add to it on average.
+        A component from n independent samples has a relative standard error of 1 / sqrt(2 n). For
+        sigma_t from 200 frames this is 5 %. On average the other components do not contribute to
+        it.
 
     Raises
     ------
@@ -266,8 +268,9 @@ def cavity(
 ) -> Cavity:
     """Effective emissivity of a cavity by wavelength, with its uncertainty.
 
-    Diffuse walls of a cylinder, a cone, a cylinder with a cone and a sphere are divided into rings,
-    whose radiosity is solved (thesis 3.5.2). All other walls are traced by the renderer.
+    For diffuse walls of a cylinder, a cone, a cylinder with a cone or a sphere, the wall is divided
+    into rings and the radiosity equations are solved (thesis 3.5.2). All other walls are traced by
+    the renderer.
 
     Parameters
     ----------
@@ -275,8 +278,8 @@ def cavity(
         TOML file with the tables [shape], [wall], [view] and [sigma], or these tables; see
         `mi_lcair.laboratory.cavities.description`.
     tolerance : float
-        Half of the 95 % interval of the effective emissivity, where the renderer traces it. Rings
-        have an error below 2e-5, which is stated.
+        Half of the 95 % interval of the effective emissivity, if the renderer traces it. Cavities
+        that are computed with rings have an error below 2e-5, which is printed.
     seed : int
         The same seed gives the same result.
     progress : callable or None
@@ -316,7 +319,7 @@ def audit(
         A loaded scene, or what `mi_lcair.load` takes: a bundled name, a file, Mitsuba's own scene.
         Its emitters must all be thermal, or the sun.
     paths : int
-        Paths of photons from each emitter.
+        Number of photon paths from each emitter.
     seed : int
         Seed of the random numbers.
     progress : callable, optional
@@ -331,8 +334,8 @@ def audit(
     Raises
     ------
     InputError
-        If the scene has an emitter that is not thermal, or a surface without an emitter whose
-        absorption is unknown, or if a number cannot be used.
+        If the scene has an emitter that is not thermal, if the absorption of a surface without an
+        emitter is unknown, or if a number cannot be used.
     """
     return audit_flux(
         scene_of(scene, parameters), Sampling(paths=paths, seed=seed, progress=progress)

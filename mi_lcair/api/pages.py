@@ -84,15 +84,15 @@ def report(
 ) -> list[str]:
     """Write a page in HTML that shows something, with pictures to hover and turn.
 
-    The page is one file and asks no network. The same input gives the same page, byte for byte.
+    The page is one file and loads nothing from the network. The same input gives the same page,
+    byte for byte.
 
     Parameters
     ----------
     what : str, path-like, Scene, result, or sequence of these
-        A radiance image (EXR); the JSON of a result;
-        the CSV or netCDF of a trend, facets, a spectrum, a sweep or a flight; a model; a scene (XML
-        or bundled name), which is rendered; a scenario (TOML or bundled name), which is measured;
-        or a result in memory.
+        A radiance image (EXR); the JSON of a result; the CSV or netCDF of a trend, facets, a
+        spectrum, a sweep or a flight; a model; a scene (XML or bundled name), which is rendered; a
+        scenario (TOML or bundled name), whose contrast is computed; or a result in memory.
     path : path-like
         File to write, FILE.html.
     scene : Scene, str, Path or mi.Scene, optional
@@ -100,23 +100,23 @@ def report(
     parameters : dict, optional
         $-parameters of scenes; entries of scenarios, such as {"sensor.band": "LWIR"}.
     spp : int, optional
-        Samples per pixel of images and signatures (those of the scene or scenario).
+        Samples per pixel of images and signatures (default: the number of the scene or scenario).
     tolerance : float or str, optional
-        Instead of spp, for the signature of a scene or the contrast of a scenario: half of the 95 %
-        interval as a fraction of the value, such as 0.01 or "1%".
+        Instead of spp: half of the 95 % interval of the scene's intensity or the scenario's
+        contrast, as a fraction of it, such as 0.01 or "1%".
     max_spp : int, optional
         Largest number of samples per pixel for a tolerance.
     seed, sensor : int, optional
         As for `render`.
     command : str, optional
-        What to state as the call that made the page.
+        Command to print on the page as the one that made it.
     progress : callable, optional
         Called with (samples per pixel done, expected).
 
     Returns
     -------
     list of str
-        Remarks on what the page shows and could not show, one line each.
+        Warnings about the content of the page, one line each.
 
     Raises
     ------
@@ -173,7 +173,7 @@ def page_of(what: What, request: Request) -> tuple[str, list[Section]]:
 
 
 def model_of(request: Request) -> reading.SceneModel | None:
-    """The model of the scene that is named for tables of facets, if one is."""
+    """The model of the scene that was given for tables of facets, if there is one."""
     if request.scene is None:
         return None
     scene = scene_of(request.scene, request.parameters)
@@ -212,7 +212,7 @@ def of_scene(scene: Scene, request: Request) -> tuple[str, list[Section]]:
 
 
 def audit_of(scene: Scene, seed: int) -> list[Section]:
-    """The sections of a scene's audit; a remark for a scene whose flux cannot be followed."""
+    """The sections of a scene's audit, or a warning if the audit is not possible for the scene."""
     try:
         return mi_lcair.audit(scene, paths=PHOTONS, seed=seed).sections()
     except InputError as error:
@@ -223,7 +223,7 @@ def of_scenario(what: str, request: Request) -> tuple[str, list[Section]]:
     """Title and sections of a scenario.
 
     They are the image through the air (of the camera, if the scenario has one), the contrast with
-    its ranges and spectra, the facets, the audit, and how all was made.
+    its ranges and spectra, the facets, the audit, and how the page was made.
     """
     names = ("spp", "tolerance", "max_spp", "seed")
     given = request.sampling.items()

@@ -31,21 +31,21 @@ def scenario_of(
     parameters: Mapping[str, object] | None = None,
     **sampling: object,
 ) -> Scenario:
-    """The scenario that a caller means.
+    """Return the Scenario for a scenario, a name or a file.
 
     Parameters
     ----------
     scenario : Scenario, str or path-like
         Scenario, or the file or bundled name that `Scenario.read` takes.
     parameters : mapping of str to object, optional
-        Entries of a scenario that is named, by dotted key such as "sensor.band".
+        Entries of a scenario given by name or file, by dotted key such as "sensor.band".
     **sampling
-        Entries of [render] of a scenario that is named; those that are None are left out.
+        Entries of [render] of a scenario given by name or file. None leaves an entry unchanged.
 
     Raises
     ------
     InputError
-        If the scenario cannot be used, or if entries are given for one that is read already.
+        If the scenario cannot be used, or if entries are given for a Scenario object.
     """
     given = {name: value for name, value in sampling.items() if value is not None}
     if "spp" in given and given.keys() & set(TO_A_TOLERANCE):
@@ -84,12 +84,12 @@ def contrast(
     Parameters
     ----------
     scenario : Scenario, str or path-like
-        Scenario, or the file or bundled name that `Scenario.read` takes. Numbers of the sampling
-        replace the entries of its [render] if it is named.
+        Scenario, or the file or bundled name that `Scenario.read` takes. For a name or file, `spp`,
+        `max_spp` and the tolerances replace the entries of its [render].
     progress : callable, optional
         Called with (samples per pixel done, expected).
     parameters : mapping of str to object, optional
-        Entries of a scenario that is named, by dotted key such as {"sensor.band": "LWIR"}.
+        Entries of a scenario given by name or file, by dotted key such as {"sensor.band": "LWIR"}.
     spp : int or None
         Paths per pixel: the number of paths is spp x the square of render.resolution (64). The
         paths begin anywhere in a window around the target.
@@ -147,28 +147,28 @@ def image(
     Parameters
     ----------
     scenario : Scenario, str or path-like
-        Scenario with a table [camera], or the file or bundled name that `Scenario.read` takes. Its
-        spp, max_spp and tolerance of [render] are those of a pixel, and if it is named, the
-        arguments replace them. Of several numbers of reflections, the largest is used.
+        Scenario with a table [camera], or the file or bundled name that `Scenario.read` takes.
+        `spp`, `max_spp` and `tolerance` of its [render] apply to pixels. For a name or file, the
+        arguments replace them. If [render] has several numbers of reflections, the largest is used.
     frames : int
-        Number of frames. They have independent noise, and one render.
+        Number of frames. They share one render and have independent noise.
     seed : int
         Seed of the camera's noise and fixed pattern. The same seed gives the same frames.
     progress : callable, optional
         Called with (paths through a pixel done, expected).
     parameters : mapping of str to object, optional
-        Entries of a scenario that is named, by dotted key such as {"sensor.band": "LWIR"}.
+        Entries of a scenario given by name or file, by dotted key such as {"sensor.band": "LWIR"}.
     spp : int or None
-        Paths through a pixel (64).
+        Paths per pixel (64).
     tolerance : float, str or None
         Render until the rms standard error over the pixels on the target is at most this fraction
         of its mean radiance, such as 0.01 or "1%".
     max_spp : int or None
-        Largest number of paths through a pixel for a tolerance (65536).
+        Largest number of paths per pixel for a tolerance (65536).
     truth : bool
-        Also write what each pixel shows, and the parts of its radiance before optics and noise:
-        numbers of facets and materials, depth, normal, true temperature, emissivity, emitted and
-        reflected radiance, transmittance of the air.
+        Also write the true content of each pixel, and the parts of its radiance before optics and
+        noise: numbers of facets and materials, depth, normal, true temperature, emissivity, emitted
+        and reflected radiance, transmittance of the air.
 
     Returns
     -------
@@ -200,11 +200,11 @@ def pose(
     *,
     parameters: Mapping[str, object] | None = None,
 ) -> CameraPose:
-    """Where the camera of a scenario is, from points of its scene and their pixels.
+    """Position and pointing of a scenario's camera, from points of its scene and their pixels.
 
-    The sum of the squared residuals of columns and rows is least (resection). The camera has no
-    distortion, and its focal length is that of the scenario. What the scenario says of its observer
-    does not matter.
+    The sum of the squared residuals of columns and rows is minimised (resection). The camera is
+    assumed to have no distortion. Its focal length is that of the scenario. The observer of the
+    scenario is not used.
 
     Parameters
     ----------
@@ -212,10 +212,11 @@ def pose(
         Scenario with a table [camera]: the file or bundled name that `Scenario.read` takes.
     points : str, path-like or array-like, shape (n, 5)
         CSV with the columns x_m, y_m, z_m, column_px and row_px, or their values: four or more
-        points in the scene's axes, such as corners of facets, and where they lie in the frame. The
-        upper left corner of the frame is (0, 0), the middle of its first pixel (0.5, 0.5).
+        points in the scene's axes, such as corners of facets, and their positions in the frame. The
+        upper left corner of the frame is (0, 0), and the centre of its first pixel is (0.5, 0.5).
     sigma_px : float, optional
-        Standard deviation of a column or row, pixels. By default it follows from the residuals.
+        Standard deviation of a column or row, pixels. By default it is estimated from the
+        residuals.
     parameters : mapping of str to object, optional
         Entries of the scenario, by dotted key such as {"camera.focal_length_mm": 50}.
 
@@ -240,7 +241,8 @@ def pose(
 
 
 def values_of(points: str | PathLike[str] | ArrayLike) -> np.ndarray:
-    """Values of points, (n, 5), Float64; raises InputError for a file or an array of others."""
+    """Values of points, (n, 5), Float64; raises InputError if a file or an array has another
+    form."""
     if isinstance(points, (str, PathLike)):
         return np.column_stack(list(read_table(points, COLUMNS).numbers(COLUMNS).values()))
     try:

@@ -31,7 +31,7 @@ def load(
     motions: str | PathLike[str] | None = None,
     **parameters: object,
 ) -> Scene:
-    """Load a scene XML or a bundled scene, or take over a scene that Mitsuba has loaded.
+    """Load a scene from an XML file, a bundled scene, or a scene that Mitsuba has loaded.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def load(
         scenes` lists; or a scene that Mitsuba's functions load_file, load_dict or load_string
         returned. Its integrator must be `bounce_path`.
     motions : path-like, optional
-        TOML file with motions of its own, see `mi_lcair.rendering.motions.motion`.
+        TOML file with your own motions, see `mi_lcair.rendering.motions.motion`.
     **parameters
         Values of the scene's $-parameters, and of parameters that `mi_lcair.parameters` lists, such
         as `self.temperature` or `model.yaw_deg`. "lobe.MATERIAL" sets the lobe of one material, as
@@ -62,7 +62,7 @@ def load(
 
 
 def scene_of(scene: SceneLike, parameters: Mapping[str, object] | None = None) -> Scene:
-    """The scene that a caller means.
+    """Return a loaded scene for a scene, a name or a file.
 
     Parameters
     ----------
@@ -93,10 +93,9 @@ def sampling_of(tolerance: float | str | None, **settings: Any) -> Sampling:
 
 
 def trust(*files: str | PathLike[str]) -> None:
-    """Let scenarios run these files, which they name in their table [plugins].
-
-    A plugin is a program, which could do anything that its user may do. A scenario that somebody
-    else wrote must not run one unasked.
+    """Allow scenarios to run these files, which they name in their table [plugins]. A plugin is a
+    program. It can do everything that its user may do. A scenario from somebody else therefore runs
+    it only if you allow it.
 
     Parameters
     ----------
@@ -158,7 +157,7 @@ def materials(*paths: str | Path) -> MaterialList:
     Raises
     ------
     InputError
-        If a file cannot be used, or if a folder holds no materials.
+        If a file cannot be used, or if a folder contains no materials.
     """
     return material_list(paths)
 
@@ -168,20 +167,19 @@ def materials(*paths: str | Path) -> MaterialList:
 
 
 def workers(count: int | None = None, dask: str | None = None) -> AbstractContextManager[None]:
-    """Context manager in which long work runs on worker processes.
-
-    These are the views of sweeps, trends and flights, images, frames, random draws of budgets
-    and inversions with several starts. The numbers are the same as without workers.
+    """Context manager in which long computations run on worker processes. These are sweeps, trends
+    and flights, images, frames, random draws of budgets and inversions with several starts. The
+    numbers are the same as without workers.
 
     Parameters
     ----------
     count : int, optional
-        Number of processes that are started at the first task, and ended with the block. They
-        share the processors. One that dies is replaced.
+        Number of processes. They start at the first task and end with the block. They share the
+        processors. A process that dies is replaced.
     dask : str, optional
-        Address of a Dask scheduler instead, such as "tcp://127.0.0.1:8786", with the workers that
-        you have started. They load scenes from the same paths and have the same versions of
-        mi_lcair, mitsuba and drjit.
+        Address of a Dask scheduler whose workers are used instead, such as "tcp://127.0.0.1:8786".
+        You start the scheduler and the workers. They load scenes from the same paths and need the
+        same versions of mi_lcair, mitsuba and drjit.
 
     Raises
     ------

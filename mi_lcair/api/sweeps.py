@@ -43,7 +43,8 @@ def trend(
 ) -> Trend:
     """Intensity of a scene's model toward each azimuth and elevation of the observer.
 
-    It is a sweep over the aspect alone, with the parts of the intensity by group and by reflection.
+    A trend is a sweep over the direction of view, with the parts of the intensity by group and by
+    reflection.
 
     Parameters
     ----------
@@ -67,8 +68,7 @@ def trend(
     seed : int
         Seed of the random numbers.
     areas : path-like, optional
-        Folder that keeps what is traced. A trend that was interrupted goes on from there, and what
-        it holds is not traced again.
+        Folder for the traced results. A later call reuses them, and an interrupted trend resumes.
     progress : callable, optional
         Called with (views done, all views).
     parameters : mapping of str to object, optional
@@ -83,7 +83,7 @@ def trend(
     Raises
     ------
     InputError
-        If the arguments do not fit together, if a view is missing or given twice, or if the folder
+        If the arguments cannot be combined, if a view is missing or given twice, or if the folder
         cannot be used.
     """
     scene = scene_of(scene, parameters)
@@ -103,7 +103,7 @@ def trend(
 
 
 def angles(name: str, values: Iterable[float]) -> list[float]:
-    """Angles in degrees as numbers; raises InputError for what is no sequence of numbers."""
+    """Angles in degrees as numbers; raises InputError if they are not a sequence of numbers."""
     try:
         if isinstance(values, str):
             raise ValueError(values)
@@ -126,16 +126,17 @@ def sweep(
 ) -> Sweep:
     """Signatures of a scene or a scenario over a table of conditions.
 
-    Only what changes geometry or reflectances is traced: effective areas by source, once for each
-    view. Ranges, airs, backgrounds, temperatures and the noise of the sensor are arithmetic.
+    Effective areas by source are traced once for each view, and again only if a condition changes
+    the geometry or reflectances. Ranges, airs, backgrounds, temperatures and the noise of the
+    sensor need no further tracing.
 
     Parameters
     ----------
     conditions : path-like or mapping
         TOML file, or a dictionary of its tables [base], [conditions] and [sampling].
     areas : path-like, optional
-        Folder that keeps the effective areas. What it holds is not traced again: a later sweep
-        over other ranges, airs or temperatures needs no render, and one that was killed goes on.
+        Folder for the effective areas. A later call reuses them: a sweep over other ranges, airs or
+        temperatures needs no render, and an interrupted sweep resumes.
     progress : callable, optional
         Called with (views done, all views).
 
@@ -166,10 +167,9 @@ def flight(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Flight:
-    """Contrast of a scenario's target at each moment of its flight.
-
-    Views are traced at some moments, and more where the contrast does not change linearly between
-    them. Air, range and background are calculated for each moment.
+    """Contrast of a scenario's target at each time of its flight. Views are traced at some times,
+    and at more times where the contrast does not change linearly between them. Air, range and
+    background are calculated for each time.
 
     Parameters
     ----------
@@ -177,15 +177,16 @@ def flight(
         Scenario with a table [flight], or what `Scenario.read` takes. `tolerance` of its [render]
         is half of the 95 % interval of each traced intensity, as a fraction of it (0.01).
     areas : path-like, optional
-        Folder that keeps the effective areas. What it holds is not traced again.
+        Folder for the effective areas. A later call reuses them.
     frames : path-like, optional
-        TIFF to write, FILE.tif: the counts of the scenario's [camera] at each moment, 16-bit pages.
+        Write the counts of the scenario's [camera] for each time, FILE.tif (TIFF with 16-bit
+        pages).
     video : path-like, optional
-        The same for people, FILE.gif.
+        Write the frames as an animation to look at, FILE.gif.
     seed : int
         Seed of the camera's noise and fixed pattern.
     progress : callable, optional
-        Called with (moments done, all moments).
+        Called with (times done, all times).
 
     Returns
     -------

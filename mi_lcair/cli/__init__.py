@@ -214,8 +214,8 @@ def _version(ctx, option, wanted):
 def main(ctx):
     """Thermal-infrared radiance of Mitsuba 3 scenes, in W m^-2 sr^-1.
 
-    Results are printed on stdout, with --json for programs. Notes and progress go to stderr.
-    `COMMAND -h` explains a command, with an example.
+    Results go to stdout, with --json for programs. Warnings and progress go to stderr. `COMMAND -h`
+    explains a command, with an example.
     """
     if ctx.invoked_subcommand is None:
         click.echo(ctx.get_help())

@@ -22,8 +22,8 @@ from mi_lcair.files import FACET_FILES
 def audit_command(facets, result):
     """Follow the flux that SCENE emits.
 
-    SCENE is a Mitsuba XML file or the name of a bundled scene. Photons are followed from the
-    emitters until they are absorbed or escape. Printed is their flux by material, in W and in
+    SCENE is a Mitsuba XML file or the name of a bundled scene. The command follows photons from the
+    emitters until they are absorbed or escape. It prints their flux for each material, in W and in
     percent.
     """
     if facets:
@@ -191,9 +191,9 @@ def sensitivities_command():
     """Derivatives of the intensity of SCENE.
 
     SCENE is a Mitsuba XML file or the name of a bundled scene with an orthographic sensor. Each
-    NAME is one that `mi-lcair parameters SCENE` lists. Printed are the intensity in W/sr, and its
-    derivative with respect to each parameter in W/sr per unit of the parameter, with standard
-    errors.
+    NAME is a parameter that `mi-lcair parameters SCENE` lists. The command prints the intensity in
+    W/sr, and its derivative with respect to each parameter in W/sr per unit of the parameter, with
+    standard errors.
     """
 
 
@@ -213,7 +213,8 @@ def sensitivities_command():
 def shape_derivatives_command():
     """Show where moving a surface changes the intensity.
 
-    SCENE is a Mitsuba XML file or the name of a bundled scene with an orthographic sensor. Printed
-    is the derivative of the target's intensity in W/sr with respect to an outward displacement of
-    each facet, per m and m^2, and the change if the whole surface moves.
+    SCENE is a Mitsuba XML file or the name of a bundled scene with an orthographic sensor. Each
+    facet is displaced outward. The command prints the derivative of the target's intensity in W/sr
+    with respect to the displacement, per m and per m^2 of the facet, and the change if the whole
+    surface moves.
     """

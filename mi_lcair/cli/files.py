@@ -38,7 +38,7 @@ CURVE = "theta_deg", "predicted", "standard_error"  # of the emissivity in a fit
 def convert_command(ctx, source, output, channel, scene, parameters):
     """Write the content of IN as OUT.
 
-    The suffix of OUT chooses the format:
+    The suffix of OUT sets the format:
 
     \b
     FILE.exr -> FILE.tif          a channel as 32-bit numbers, in kelvin for
@@ -57,7 +57,7 @@ def convert_command(ctx, source, output, channel, scene, parameters):
     FILE.usd, .usda, .usdc        in place of FILE.vtp: OpenUSD, with the
                                   columns as primvars; import reads it
 
-    Pictures are made by show.
+    Use show to make pictures.
     """
     convert, suffixes, names = _way(source, scene)
     options.check_given(ctx, ("source", "output", *names), f"'{source}'")
@@ -255,7 +255,7 @@ FACET, COLUMNS, PIXEL, TWO = "--facet", "--facets", "--pixel", "two images"
 )
 @options.changes("Set a $-parameter of the scene, or change an entry of the scenario", "parameters")
 @options.of("render", "sensor")
-@options.option("--band", "Band (default: that of a fit of one band, or MWIR).")
+@options.option("--band", "Band (default: the band of a fit if it has only one, otherwise MWIR).")
 @options.option("--materials", "Your own materials.", options.FILE, metavar="TOML")
 @options.option(
     "--theta-deg",
@@ -282,10 +282,10 @@ def show_command(ctx, what, output, **settings):
                                         contrast
     SCENE, MODEL.obj, FOLDER            three views of a model; FOLDER is
                                         what import wrote
-    SCENE --facet N                     what a facet sees, its neighbours'
+    SCENE --facet N                     the view from a facet, its neighbours'
                                         solid angles and view factors
     SCENE --facets FILE.csv -c COLUMN   the facets, coloured by a table
-    SCENARIO.toml                       what it states, and its target
+    SCENARIO.toml                       the entries of a scenario, and its target
     MATERIAL --band BAND                the BRDF over the hemisphere
     260K,300K --band BAND               spectra of blackbodies
     AIR --band BAND                     transmittance and path radiance of
@@ -356,7 +356,7 @@ def _drawn(kind: str):
 @options.renderer
 @click.pass_obj
 def report_command(call, what, output, parameters, **settings):
-    """Write a page of WHAT, to hover and to turn.
+    """Write an interactive page of WHAT.
 
     \b
     FILE.exr             images with the values of every channel

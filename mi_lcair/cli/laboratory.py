@@ -38,11 +38,11 @@ ANY = (".csv", ".json", ".html", ".nc", *PICTURES)  # files of every result that
 def temperature_command(image, result):
     """Temperature of an object with its uncertainty.
 
-    IMAGE holds apparent temperatures in K, as a camera shows them for an emissivity of 1: a TIFF,
-    CSV or NPY file, an EXR with temperature.Y, or one number. A radiometric file, such as FLIR's
-    JPEG or .fff, contains the conditions of the measurement. Options replace them. Counts and
-    degrees Celsius need --scale or --offset. A quantity may have a standard uncertainty:
-    0.92+-0.02. The command prints the temperature in K and what each quantity contributes to its
+    IMAGE contains apparent temperatures in K, as a camera shows them for an emissivity of 1. It is
+    a TIFF, CSV or NPY file, an EXR with temperature.Y, or one number. A radiometric file, such as
+    FLIR's JPEG or .fff, contains the conditions of the measurement. Options replace them. Counts
+    and degrees Celsius need --scale or --offset. A quantity may have a standard uncertainty:
+    0.92+-0.02. The command prints the temperature in K and the contribution of each quantity to its
     uncertainty. It writes the image in K.
     """
     return {"file": Path(image) if result.kelvin.ndim == 2 else None}
@@ -60,9 +60,9 @@ def temperature_command(image, result):
 def cavity_command():
     """Effective emissivity of a cavity with its uncertainty.
 
-    CAVITY.toml has the tables [shape], [wall], [view] and [sigma]. Printed are the effective
-    emissivity by wavelength, and what each uncertain quantity contributes to its uncertainty.
-    Emissivities are fractions.
+    CAVITY.toml has the tables [shape], [wall], [view] and [sigma]. The command prints the effective
+    emissivity at each wavelength, and the contribution of each uncertain quantity to its
+    uncertainty. Emissivities are fractions.
     """
 
 
@@ -88,9 +88,9 @@ def cavity_command():
 def exchange_command():
     """Heat that the facets of SCENE exchange by radiation.
 
-    Printed are for each group the shares of what it emits that reach sky, ground, itself and other
-    groups, and the conductors GR in m^2 between groups: the heat flow is GR sigma (T1^4 - T2^4).
-    All values have standard errors.
+    The command prints which shares of each group's emission reach sky, ground, the group itself and
+    other groups. It also prints the conductors GR in m^2 between groups: the heat flow is GR sigma
+    (T1^4 - T2^4). All values have standard errors.
     """
 
 
@@ -115,10 +115,10 @@ OF_HOUR = (".csv", *FACET_FILES)  # files of the temperatures at one time
 def heat_command(description, outputs, hour):
     """Temperatures of facets from their heat balance.
 
-    HEAT.toml has the tables [target], [weather], [groups.NAME], [sigma], [run] and [signature].
-    The command prints the mean temperatures of the groups in K with their standard uncertainty, and
-    what each uncertain input contributes. FILE.csv is the input of
-    `mi-lcair import --temperatures`. FILE.nc has all times.
+    HEAT.toml has the tables [target], [weather], [groups.NAME], [sigma], [run] and [signature]. The
+    command prints the mean temperatures of the groups in K with their standard uncertainty, and the
+    contribution of each uncertain input. FILE.csv is the input of `mi-lcair import --temperatures`.
+    FILE.nc has all times.
     """
     files = [path for path in outputs if path.suffix.lower() in OF_HOUR]
     if hour is not None and not files:
@@ -149,10 +149,11 @@ def heat_command(description, outputs, hour):
 @options.renderer
 @options.calls("pose", sigma_px={"flag": "--sigma"})
 def pose_command():
-    """Find where a camera is from points and pixels.
+    """Find the position of a camera from points in an image.
 
     SCENARIO is a TOML file with a table [camera]. POINTS.csv has the columns x_m, y_m, z_m,
-    column_px and row_px: four or more points, such as corners of facets, in the scene's axes, and
-    where they are in the frame, whose upper left corner is (0, 0). Printed are position and
-    pointing with 95 % intervals, in m and degrees. `image` and `invert` take FILE.toml.
+    column_px and row_px. Each row is a point in the scene's axes, such as a corner of a facet, and
+    its position in the frame. The frame's upper left corner is (0, 0). Four or more points are
+    needed. The command prints the camera's position and pointing with 95 % intervals, in m and
+    degrees. Use FILE.toml in `image` and `invert`.
     """

@@ -34,8 +34,8 @@ from mi_lcair.scenes import USD
 def scenes_command():
     """List the bundled scenes.
 
-    Each scene is printed with its parameters, their defaults, meanings and units, and with its
-    scenarios. Nothing is written.
+    The command prints the parameters of each scene with their defaults, meanings and units, and the
+    scenarios of the scene.
     """
     from mi_lcair import scenes
 
@@ -79,10 +79,9 @@ def scenes_command():
 def parameters_command(scene):
     """List the parameters of SCENE.
 
-    SCENE is a Mitsuba XML file or the name of a bundled scene. Printed are the name of each
-    parameter, its kind, its present value with its unit, the limits between which it can be set,
-    and the standard deviation that its material states. The names are those that -D, budget, invert
-    and sensitivities take. Nothing is written.
+    SCENE is a Mitsuba XML file or the name of a bundled scene. The command prints the name of each
+    parameter, its kind, its value with its unit, the limits of its value, and the standard
+    deviation if its material has one. Use the names in -D, budget, invert and sensitivities.
     """
     known = mi_lcair.parameters(scene.load())
     if is_set(JSON):
@@ -108,11 +107,11 @@ def parameters_command(scene):
 def materials_command(files):
     """List the known materials.
 
-    Printed are the name, the reflection model and the band in um of each material, its emissivity
-    along the normal and at 60 degrees to it, and where its parameters come from. A FILE of your own
-    materials (TOML, or the JSON of a fit) and all TOML files with materials in a FOLDER come first.
-    Labels of surfaces, such as steel+paint, follow with their emissivity and its sigma. A number in
-    place of a name, such as 0.92, is the emissivity of a grey diffuse surface. Nothing is written.
+    For each material the command prints the name, the reflection model, the band in um, the
+    emissivity along the normal and at 60 degrees to it, and the source of its parameters. A FILE of
+    your own materials (TOML, or the JSON of a fit) and all TOML files with materials in a FOLDER
+    come first. Labels of surfaces, such as steel+paint, follow with their emissivity and its sigma.
+    A number in place of a name, such as 0.92, is the emissivity of a grey diffuse surface.
     """
     known = mi_lcair.materials(*files)
     print_result(known)
@@ -143,17 +142,17 @@ AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
 )
 @options.option(
     "--forward",
-    "Forward Axis in the export dialogue of Blender, which has -Z unless it is changed. "
-    "Without --forward and --up, x, y and z are those of Blender; glTF is turned by itself.",
+    "Forward Axis from the export dialogue of Blender (-Z unless you changed it there). Without "
+    "--forward and --up, x, y and z are those of Blender; glTF is turned automatically.",
     AXIS,
 )
 @options.option(
-    "--up", "Up Axis in the export dialogue of Blender, which has Y unless it is changed.", AXIS
+    "--up", "Up Axis from the export dialogue of Blender (Y unless you changed it there).", AXIS
 )
 @options.option("--nose", "Axis along which the nose points in Blender.", AXIS, default="X")
 @options.option(
     "--names",
-    "Table that says what the faces of an object, group or Blender material are: name and "
+    "Table that describes the faces of each object, group or Blender material: name and "
     "type, material or emissivity, kelvin, group, elevation_deg.",
     options.FILE,
     metavar="CSV",
@@ -190,7 +189,7 @@ AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
 )
 @options.option(
     "--guess",
-    "Guess emissivities from metallic and roughness of a USD file where it says nothing else.",
+    "Guess emissivities from metallic and roughness of a USD file where it gives no material.",
     is_flag=True,
 )
 @options.option(
@@ -239,13 +238,14 @@ def import_command(ctx, file, output, check, overwrite, materials, band, **setti
 
     MODEL is a Wavefront OBJ, glTF (.glb, .gltf), PLY or STL file whose objects or groups are named
     {f|s|t}*{material}*{kelvin}*{anything}, such as f*bare_aluminum*300*. The first letter stands
-    for model (f), sky (s) or terrain (t). A USD file says the same by attributes such as
-    thermal:material and thermal:kelvin. A model without them takes --material and --temperature, or
-    a table --names. Written are the meshes, in m and with the temperature of each facet in K, and a
-    picture. Look at FOLDER/model.png: the nose must be at +x and the top at +z. FOLDER/scene.xml is
-    then ready for render and signature.
+    for model (f), sky (s) or terrain (t). A USD file has attributes such as thermal:material and
+    thermal:kelvin instead. For a model without labels and attributes, give --material and
+    --temperature, or a table --names. The command writes the meshes, in m and with the temperature
+    of each facet in K, and a picture. Look at FOLDER/model.png: the nose must be at +x and the top
+    at +z. Then use FOLDER/scene.xml in render and signature.
 
-    A Mitsuba scene, MODEL.xml, becomes thermal with --temperature: all its shapes emit.
+    MODEL may also be a Mitsuba scene, MODEL.xml. --temperature turns it into a thermal scene: all
+    its shapes emit.
     """
     if band:
         from mi_lcair.physics import bands

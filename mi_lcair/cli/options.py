@@ -100,7 +100,7 @@ class SceneOptions:
         """Set the scene's parameters to those of the solution's file, and print their names."""
         from mi_lcair.rendering.parameters.values import apply_solution
 
-        note(f"{self.solution}: sets {', '.join(apply_solution(scene, self.solution))}")
+        note(f"{self.solution}: sets {', '.join(apply_solution(scene, self.solution))}", "note")
 
 
 def read_scenario(name: str, changes: Mapping):
@@ -376,8 +376,8 @@ def renderer(command):
 def workers(command):
     """Give a command --workers and --dask, and run it within `mi_lcair.workers`."""
 
-    @option("--workers", "Work in this number of processes.", POSITIVE)
-    @option("--dask", "Work on the workers of this Dask scheduler.", metavar="ADDRESS")
+    @option("--workers", "Number of worker processes.", POSITIVE)
+    @option("--dask", "Address of a Dask scheduler whose workers do the work.", metavar="ADDRESS")
     @wraps(command)
     def on_workers(workers, dask, **arguments):
         with mi_lcair.workers(workers, dask):

@@ -38,7 +38,7 @@ quiet_option = flag_option(
     QUIET,
     "-q",
     "--quiet",
-    help="Print no notes and no progress on stderr; errors are still printed.",
+    help="Print no warnings and no progress on stderr, only errors.",
 )
 
 
@@ -220,13 +220,13 @@ def line_of(words) -> str:
 _held: list[str] = []
 
 
-def note(text: object) -> None:
+def note(text: object, kind: str = "warning") -> None:
     """Print on stderr, in one line, something that a user should know about the results.
 
     It is printed when the work begins, see `print_notes`. Nothing is printed with -q.
     """
     if not is_set(QUIET):
-        _held.append(f"mi-lcair: note: {printable(text)}")
+        _held.append(f"mi-lcair: {kind}: {printable(text)}")
 
 
 def print_notes() -> None:

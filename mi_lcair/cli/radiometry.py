@@ -237,10 +237,11 @@ def trend_command():
 def chart_command(result):
     """Chart error against processor time for SCENE.
 
-    SCENE is a Mitsuba XML file or the name of a bundled scene with an orthographic sensor. It is
-    rendered with few and many reflections, with reflection models as they are, as mirrors and
-    diffuse, and with emitters drawn or not. Printed are the intensity in W/sr, the error and the
-    processor time in seconds of each, and the command of the fastest that meets the tolerance.
+    SCENE is a Mitsuba XML file or the name of a bundled scene with an orthographic sensor. The
+    command renders it with different settings: few and many reflections, full reflection models,
+    mirrors or diffuse surfaces, with and without emitter sampling. For each setting it prints the
+    intensity in W/sr, the error and the processor time in seconds. It also prints the command with
+    the fastest setting that meets the tolerance.
     """
     return {"recommended": shlex.split(result.command)[1:] or None}
 
@@ -338,10 +339,10 @@ def image_command(scenario, outputs, **arguments):
 def sweep_command():
     """Signatures over the table of CONDITIONS.
 
-    CONDITIONS is a TOML file: [base] names a scene or a scenario, [conditions] lists what varies
-    and [sampling] states the tolerance. FILE.nc has a dimension for each condition. What does not
-    change geometry or reflectances is not traced again. A sweep that was interrupted goes on when
-    the same command is given again.
+    CONDITIONS is a TOML file: [base] names a scene or a scenario, [conditions] lists the values
+    that vary, and [sampling] sets the tolerance. FILE.nc has a dimension for each condition.
+    Conditions with the same geometry and reflectances share their traced paths. To resume an
+    interrupted sweep, run the same command again.
     """
 
 
@@ -353,7 +354,7 @@ def sweep_command():
 @options.scenario("flight.rate_hz=1")
 @options.of("trend", "spp", "tolerance", "max_spp")
 @options.outputs(
-    "a row for each moment, or draw contrast, signal-to-noise ratio and range",
+    "a row for each time, or draw contrast, signal-to-noise ratio and range",
     *(".csv", ".nc", *PICTURES),
     required=True,
 )
@@ -364,8 +365,8 @@ def flight_command(scenario, outputs, **arguments):
 
     SCENARIO is a TOML file as for `contrast`, with a table [flight] in place of [observer] and
     [pose]: it names the CSV of a path. FILE has the range in m, the contrast in W/m^2 and the
-    signal-to-noise ratio at each moment, with their errors. Printed is when the target is first
-    detected.
+    signal-to-noise ratio for each time, with their errors. The command prints the time at which the
+    target is first detected.
     """
     with together():
         with options.progress_bar() as progress:
@@ -389,9 +390,9 @@ def dataset_command(folder):
     """Record labelled frames of many views.
 
     DESCRIPTION is a TOML file. [base] names a scenario with a camera, [views] gives the camera's
-    positions, and [draws] says what differs from image to image. The command writes frames with
-    noise as 16-bit PNG, images without noise in W m^-2 sr^-1 and K, the true values of each pixel,
-    poses for nerfstudio and COLMAP, splits, a manifest with checksums, and a card with pictures. To
-    resume a data set that was interrupted, give the same command again.
+    positions, and [draws] gives the random values that change from image to image. The command
+    writes frames with noise as 16-bit PNG, images without noise in W m^-2 sr^-1 and K, the true
+    values of each pixel, poses for nerfstudio and COLMAP, splits, a manifest with checksums, and a
+    card with pictures. To resume an interrupted data set, run the same command again.
     """
     return {"frame": min(folder.rglob("radiance/*.exr"))}

@@ -314,11 +314,11 @@ def accuracy(entries: dict) -> tuple[str, str]:
     half_width, total = widest["half_width_W_m2"], widest["total_W_m2"]["value"]
     several = len(rows) > 1
     of = f"the contrast with {widest['max_bounces']} reflections" if several else "the contrast"
-    remedy = f"give {option('tolerance_W_m2')}, as no fraction of zero can be reached"
+    remedy = f"give {option('tolerance_W_m2')}, because a fraction of zero cannot be reached"
     is_zero, approximated = half_width >= abs(total) and absolute is None, ""
     part = widest.get("approximated_W_m2", 0.0)
     if part > MOST_APPROXIMATED * half_width:
-        approximated = ", most of it from an approximation that a note names"
+        approximated = ", most of it from an approximation that a warning names"
         if not is_zero:
             is_zero, remedy = True, "more paths do not change that"
     return error_row(
@@ -503,7 +503,7 @@ ENOUGH_TO_MEET = 2**20  # paths after which a target that none of them has met i
 REMEDIES = {
     None: "raise spp",
     True: "lower the tolerance",
-    False: "no fraction of zero can be reached, so give tolerance_W_m2 of [render]",
+    False: "a fraction of zero cannot be reached, so give tolerance_W_m2 of [render]",
 }
 # Approximations up to this part of the allowed half width are made up for by more paths
 MOST_APPROXIMATED = 0.7
@@ -796,19 +796,19 @@ def remarks(
         Range, m.
     """
     lines = [
-        f"with {row.max_bounces} reflections the contrast is less than {SIGNIFICANT} of its "
-        f"standard errors: it may be zero; {REMEDIES[row.reached]}"
+        f"with {row.max_bounces} reflections the contrast is less than {SIGNIFICANT} standard "
+        f"errors: it may be zero; {REMEDIES[row.reached]}"
         for row in rows
         if abs(row.total.value) < SIGNIFICANT * row.total.standard_error
     ]
     if overfills(target, range_m, detector):
         lines.append(
             f"the target's sphere, {target.radius:.4g} m in radius, is wider than the field of "
-            "view: the signal may be less than stated"
+            "view: the true signal may be smaller"
         )
     if range_m < NEAR * target.radius:
         lines.append(
-            f"the range is only {range_m / target.radius:.2g} radii of the target, but the target "
-            "is rendered with parallel rays, as from far away"
+            f"the range is only {range_m / target.radius:.2g} radii of the target, but the "
+            "target is rendered with parallel rays, as if it were far away"
         )
     return lines

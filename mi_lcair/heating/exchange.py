@@ -80,7 +80,7 @@ def exchange(
     if truncated.max() > MOST_LOST:
         remarks.append(
             f"group {facets.groups[int(truncated.argmax())]}: {truncated.max():.1%} of its "
-            f"radiation is left after {surfaces.MOST_REFLECTIONS} reflections and reaches nothing"
+            f"radiation is left after {surfaces.MOST_REFLECTIONS} reflections and is lost"
         )
     sun = None
     if toward_sun is not None:
@@ -133,7 +133,7 @@ def check_lost(facets: Facets, lost: np.ndarray, shape: mi.Shape, name: str) -> 
     if share[worst] <= MOST_LOST:
         return
     why = (
-        "its BSDF is one-sided and is met from behind; make it `twosided` or close the mesh"
+        "its BSDF is one-sided and rays hit it from behind; make it `twosided` or close the mesh"
         if is_thermal(shape.emitter())
         else 'it does not emit; give it <emitter type="thermal">'
     )
@@ -148,8 +148,8 @@ def remarks_on_asymmetry(asymmetry: Asymmetry, facets: Facets) -> list[str]:
     """Remarks on conductors between groups whose two directions differ."""
     return [
         f"the exchange between {facets.groups[a]} and {facets.groups[b]} differs by "
-        f"{asymmetry.relative[a, b]:.1%} between the two directions (z = {asymmetry.z[a, b]:.1f}), "
-        "because a reflection model is not reciprocal; their mean is used, and half of the "
-        "difference is part of its error"
+        f"{asymmetry.relative[a, b]:.1%} between the two directions (z = "
+        f"{asymmetry.z[a, b]:.1f}), because a reflection model is not reciprocal; their mean is "
+        "used, and its error includes half of the difference"
         for a, b in np.argwhere(asymmetry.is_certain)
     ]

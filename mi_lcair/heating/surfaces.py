@@ -35,7 +35,7 @@ TOTAL, SOLAR = "total", "0.3-2.5"  # bands of the exchanged heat and of sunlight
 STAND_IN = "LWIR"  # band that stands in for the total band
 # What the radiation of a band is, and the temperature of its spectrum [K]
 RADIATION = {TOTAL: ("heat", 300.0), SOLAR: ("sunlight", 5772.0)}
-UNUSED = "its emissivity is not used; a surface emits and absorbs what its BSDF does not reflect"
+UNUSED = "its emissivity is not used; the emissivity is 1 minus the reflectance of its BSDF"
 
 
 @dataclass
@@ -133,8 +133,8 @@ class Surfaces:
         of, kelvin = RADIATION[self.of_band]
         share = in_band_radiance(used, kelvin) / in_band_radiance(band(TOTAL), kelvin)
         self.remarks.append(
-            f"{what}: its numbers of the band {used.label} stand in for {self.of_band}, although "
-            f"that band holds {share:.0%} of the {of} at {kelvin:g} K"
+            f"{what}: its numbers for the band {used.label} are used for {self.of_band}, "
+            f"although that band contains only {share:.0%} of the {of} at {kelvin:g} K"
         )
 
 

@@ -98,14 +98,14 @@ class Audit(Result):
         return (
             f"audit of {self.scene_name}, {self.band}: {flux:.5g} +- {error:.2g} W emitted, "
             f"balance {100 * share:.2g} +- {100 * share_error:.1g} % of it (standard errors), "
-            f"{len(self.remarks) or 'no'} remarks"
+            f"{len(self.remarks) or 'no'} warnings"
         )
 
     def facts(self) -> Iterator[Any]:
         """Energy of the scene: what is emitted, absorbed and escapes, by material."""
         yield (
-            "Flux is followed from the emitters until it is absorbed or escapes. Shares of the "
-            "scene are of the emitted flux."
+            "The flux is followed from the emitters until it is absorbed or escapes. Shares of "
+            "the scene are fractions of the emitted flux."
         )
         flux, error = self.total["emitted"]
         yield "band", self.band
@@ -130,13 +130,10 @@ class Audit(Result):
                 for name, flux in self.materials.items()
             ],
         )
-        yield (
-            "What a reflection adds falls with their number: the share of the emitted flux that "
-            "leaves surfaces after it."
-        )
+        yield ("The share of the emitted flux that leaves surfaces after each reflection.")
         rows = [[n, 100 * a, 100 * b] for n, (a, b) in enumerate(self.by_reflection, start=1)]
         yield Table(["reflection", "% of emitted", "standard error, %"], rows)
-        nothing = ["nothing to remark: energy is conserved within the errors above"]
+        nothing = ["no warnings: energy is conserved within the errors above"]
         yield Lines("", self.remarks or nothing)
         yield Remarks([])  # they are among the facts
 
@@ -532,15 +529,15 @@ def remarks(kind: np.ndarray, by_facet: Flux, total: dict, materials: dict) -> l
             verb = "creates" if created > 0 else "loses"
             share = np.sign(created) * by_facet.created.sum(axis=0) * of_material
             lines.append(
-                f"material {material} {verb} {abs(created) / incident:.2%} of what arrives: its "
-                "emissivity and what it reflects do not add up to 1; most at facets "
+                f"material {material} {verb} {abs(created) / incident:.2%} of the incident flux: "
+                "its emissivity and its reflectance do not add up to 1; most at facets "
                 f"{worst(share)}"
             )
         if flux["scaled"][0] > SIGNIFICANT * incident > 0:
             lines.append(
-                f"material {material} has its BRDF scaled down at grazing angles, where "
-                f"{flux['scaled'][0] / incident:.2%} of its incident flux arrives; most at facets "
-                f"{worst(by_facet.scaled.sum(axis=0) * of_material)}"
+                f"material {material} has its BRDF scaled down at grazing angles; "
+                f"{flux['scaled'][0] / incident:.2%} of its incident flux arrives there; most at "
+                f"facets {worst(by_facet.scaled.sum(axis=0) * of_material)}"
             )
     if total["behind"][0] > SIGNIFICANT * emitted:
         lines.append(

@@ -223,7 +223,7 @@ class Temperature(Result):
         """The temperature, the air, the regions, and the budget of the uncertainty."""
         yield summary_of(self)
         if not self.headline.contributions:
-            yield "uncertainty", "none is stated; 0.92+-0.02 states one"
+            yield "uncertainty", "no uncertainty is given; write 0.92+-0.02 to give one"
         else:
             yield "interval", "{:.5g}..{:.5g} K (95 %, from draws)".format(*self.interval_K)
         yield "conditions", ", ".join(f"{name} {x}" for name, x in self.conditions.items())
@@ -324,8 +324,8 @@ class ImageConditions(
             return replace(self, reflected=reflected), []
         air, through = self.air_temperature, self.transmittance or Estimate(1.0)
         remarks = [
-            f"the air is taken to have the reflected temperature, {reflected.value:g} K; "
-            "air_temperature states another"
+            f"the air is assumed to have the reflected temperature, {reflected.value:g} K; set "
+            "another one with air_temperature"
         ]
         return replace(
             self,
@@ -446,8 +446,8 @@ def temperature_of(
     if impossible:
         low, high = np.nanmin(apparent), np.nanmax(apparent)
         text = (
-            f"{impossible} of {np.sum(np.isfinite(apparent))} pixels are colder than what "
-            f"reflection and air alone give, in an image of {low:.4g} to {high:.4g} K"
+            f"{impossible} of {np.sum(np.isfinite(apparent))} pixels are colder than reflection "
+            f"and air alone would be, in an image of {low:.4g} to {high:.4g} K"
         )
         if not np.isfinite(kelvin).any():
             raise InputError(f"{name}: {text}; check emissivity, reflected and the air")
@@ -478,8 +478,8 @@ def temperature_of(
         k, lost = int(np.argmax(off)), np.isnan(draws).mean(axis=0)
         without = f"; {lost[k]:.0%} of the draws have no temperature" if lost[k] > 0.005 else ""
         remarks.append(
-            f"at {kelvin.flat[pixels[k]]:.4g} K +- {linear[k]:.3g} K the linear uncertainty fails: "
-            f"95 % of draws lie in {ends[0, k]:.4g}..{ends[1, k]:.4g} K{without}"
+            f"at {kelvin.flat[pixels[k]]:.4g} K +- {linear[k]:.3g} K the linear uncertainty is "
+            f"wrong: 95 % of draws are in {ends[0, k]:.4g}..{ends[1, k]:.4g} K{without}"
         )
     regions, differences = regional(estimate, every, draws, INTERVAL)
     headline = combined(estimate, every[0].mean)

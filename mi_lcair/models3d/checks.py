@@ -244,9 +244,9 @@ def remarkable(figures: dict, materials):
     for material in figures["area_by_material"]:
         if emits_nothing(material, materials):
             yield (
-                f"material {material} reflects all that arrives and emits nothing: its facets are "
-                "black but for what they reflect; name a material that absorbs, such as blackbody, "
-                "where they are to radiate by their temperature"
+                f"material {material} reflects all radiation and emits nothing: its facets show "
+                "only reflections; use a material that absorbs, such as blackbody, for facets "
+                "that should emit"
             )
     if figures["temperature_min"] < COLD:
         yield f"the lowest temperature is {figures['temperature_min']:g} K"
@@ -264,6 +264,6 @@ def remarkable(figures: dict, materials):
         )
         more = f" ({count - 1} more pairs)" if count > 1 else ""
         yield (
-            f"facets {a} and {b} lie one on the other in one plane{more}; which of them is seen is "
-            "left to rounding"
+            f"facets {a} and {b} overlap in one plane{more}; which of them is seen is left to "
+            "rounding"
         )

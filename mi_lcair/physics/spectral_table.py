@@ -215,7 +215,7 @@ def over_the_hemisphere(path, theta: np.ndarray, values: np.ndarray, nodes: np.n
     if first > FARTHEST_DEG or 90 - last > FARTHEST_DEG:
         measured = f"{first:g}..{last:g} degrees" if last > first else f"{first:g} degrees alone"
         warnings.warn(
-            f"{path}: measured at {measured}; its nearest value is taken at the other angles of "
+            f"{path}: measured at {measured}; the nearest value is used at all other angles of "
             "0..90",
             stacklevel=2,
         )

@@ -114,10 +114,13 @@ def thermal_scene(
         ids = {state.nodes[shape].props.id() for shape in fixed}
         remarks.append(
             f"surfaces with a given emissivity are {percent(share(scene, ids))} of the first "
-            "sensor's image; it need not be 1 - reflectance, and holds for all of their area"
+            "sensor's image; it may differ from 1 - reflectance, and is the same on the whole "
+            "surface"
         )
     if names:
-        remarks.append(f"$-parameters are numbers now: {', '.join(sorted(names))}; -D sets them")
+        remarks.append(
+            f"$-parameters were replaced by numbers: {', '.join(sorted(names))}; -D sets them"
+        )
     written.parent.mkdir(parents=True, exist_ok=True)
     with replacing(written) as partial:
         partial.write_text(text, encoding="utf-8")
@@ -203,10 +206,10 @@ def convert(state) -> list[str]:
     add(state, 0, mi.ObjectType.Integrator, entries)
     lights = [plugin for plugin in lights if plugin not in parsing.SURFACE_EMITTERS]
     remarks = {
-        f"lamps ({lamps}) have the temperature of all shapes; change theirs": lamps,
+        f"lamps ({lamps}) have the same temperature as all shapes; change it in the scene": lamps,
         f"left out: {', '.join(lights)}; put an emitter `sky` around the scene": lights,
         f"mediums are left out: {', '.join(dict.fromkeys(mediums))}": mediums,
-        f"the integrator sets no limit; max_bounces is {UNLIMITED}": depth < 0,
+        f"the integrator has no limit of reflections; max_bounces is {UNLIMITED}": depth < 0,
     }
     return [remark for remark, holds in remarks.items() if holds]
 

@@ -185,8 +185,8 @@ def followed_row(followed: str, share: float | None = None) -> tuple[str, str]:
 def words_on_left_out(worth: str) -> str:
     """A remark on reflections that are left out."""
     return (
-        f"reflections beyond max_bounces, worth about {worth}, are left out, and no error holds "
-        "them; raise max_bounces, or set it to auto"
+        f"reflections beyond max_bounces, worth about {worth}, are left out, and the errors do "
+        "not include them; raise max_bounces, or set it to auto"
     )
 
 

@@ -280,8 +280,8 @@ def parsed_and_checked(path: Path, texts: dict[str, str], around: Sequence[dict]
     notes += remarks.turned_inside_out(state, loaded)
     if origin.any():
         notes.append(
-            f"the scene lies {np.linalg.norm(origin):g} m from its origin; for the renderer's "
-            "single precision it was moved there"
+            f"the scene is {np.linalg.norm(origin):g} m away from its origin; it was moved to "
+            "the origin, because the renderer uses single precision"
         )
     return replace(scene, notes=notes, origin=tuple(map(float, origin)), digest=digest)
 

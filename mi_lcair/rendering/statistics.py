@@ -39,7 +39,7 @@ def invalid_remark(invalid: int, paths: int) -> list[str]:
     """Remark on samples that were left out, in a list; empty if there are none."""
     if not invalid:
         return []
-    return [f"{invalid} of {paths} samples were NaN or infinite and do not count"]
+    return [f"{invalid} of {paths} samples were NaN or infinite and are ignored"]
 
 
 class Totals:

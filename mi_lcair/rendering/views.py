@@ -236,8 +236,9 @@ def terrain_remark(scene: Scene, views: Sequence[View], range_m: float = float("
         return []
     of_views = f"in {np.count_nonzero(share)} of {len(views)} views " if len(views) > 1 else ""
     return [
-        f"{of_views}terrain lies before up to {percent(share.max())} of the view, farther out than "
-        "the camera; it is ignored and does not hide the model"
+        f"{of_views}terrain is in front of up to {percent(share.max())} of the view, but is "
+        "nearer to the observer than the window around the model; it is ignored and does not "
+        "hide the model"
     ]
 
 

@@ -188,7 +188,7 @@ class CostChart(Result):
         """One line with the way that is recommended."""
         head = f"{self.scene_name}, {self.band}: for {percent(self.tolerance)} "
         if self.recommended is None:
-            return f"{head}no way that was tried is precise enough"
+            return f"{head}no setting that was tried is precise enough"
         seconds = self.table["cpu_s"][self.recommended]
         return f"{head}take {self.words(self.recommended)}: {seconds:.2g} s of processor time"
 
@@ -210,7 +210,7 @@ class CostChart(Result):
             yield "it changes", f"{change:+.2g} +- {error:.2g} % of the intensity"
             yield "command", self.command
         if self.untried:
-            yield "not tried", f"{self.untried} ways, for which there was no time"
+            yield "not tried", f"{self.untried} settings, because the time was over"
         table = {
             name: values[np.argsort(self.table["cpu_s"])] for name, values in self.table.items()
         }

@@ -402,7 +402,7 @@ def spectrum_picture(columns: Mapping[str, np.ndarray], title: str) -> LineChart
 
 def spectrum_section(columns: Mapping[str, np.ndarray]) -> Section:
     """The section of the table of a spectrum."""
-    words = "Before any atmosphere, by what emitted it. A click on a name hides a curve."
+    words = "Without atmosphere, by the group that emits. Click on a name to hide a curve."
     return Section(SPECTRUM, [words, spectrum_picture(columns, SPECTRUM)])
 
 

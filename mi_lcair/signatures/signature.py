@@ -62,7 +62,7 @@ WATTS = "W sr-1"
 KINDS = (
     ("bounce", "by number of reflections", "number of reflections"),
     ("group", "by what emitted it", "group that emits"),
-    ("seen", "by what the sensor sees first", "group that is seen"),
+    ("seen", "by the group that the sensor sees", "group that is seen"),
 )
 
 
@@ -131,9 +131,9 @@ def facts_of_entries(entries: dict, others: Sequence[Part | Section] = ()) -> It
     parts = [entries[name] for name in PARTS]
     main = entries[entries["main_part"]]
     yield (
-        "The target is what comes from the model's facets, the scene is all that lies in the "
-        "sensor's window. Errors in the tables are standard errors. A part that is less than its "
-        "error is stated by the end of its 95 % interval."
+        "The target is the radiation from the model's facets. The scene is everything in the "
+        "sensor's window. Errors in the tables are standard errors. For a part that is smaller "
+        "than its error, the upper end of its 95 % interval is given."
     )
     error = interval(
         main["half_width_W_sr"],
@@ -191,7 +191,7 @@ def remark_on_left_out(whole: dict, tolerance: float | None) -> list[str]:
     worth = f"{beyond:.2g} W/sr ({percent(beyond / intensity)})"
     if whole["closure_W_sr"]:
         remedy = "raise max_bounces"
-        return [f"what closure = tail adds may be wrong by up to about {worth}; {remedy}"]
+        return [f"the contribution of closure = tail may be wrong by up to about {worth}; {remedy}"]
     return [words_on_left_out(worth)]
 
 

@@ -356,8 +356,8 @@ class ReflectionBSDF(SpectralBSDF):
         lines = self.model.remarks(*self.values, form=self.form)
         if angle is not None:
             lines = [
-                f"the model would reflect more than arrives beyond {angle:.1f} degrees; "
-                "its BRDF is scaled down to HDR = 1 there",
+                f"the model would reflect more than 100 % beyond {angle:.1f} degrees; its BRDF "
+                "is scaled down to HDR = 1 there",
                 *lines,
             ]
         return [*self.notes, *lines]

@@ -121,7 +121,8 @@ class Recordings:
                 f"yet deleted: {error.__cause__ or error}"
             )
         warnings.warn(
-            f"launches are not recorded, and small ones are slower: {self.reason}", stacklevel=2
+            f"kernel launches are not recorded, so that small renders are slower: {self.reason}",
+            stacklevel=2,
         )
         return tracer.block_sums(*arguments)
 

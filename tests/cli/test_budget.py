@@ -84,8 +84,8 @@ def test_scenario_and_a_note_where_the_linear_answer_fails(run):
     result = run("budget", "disc.toml", "-u", "disc_sigma.toml", "-D", "render.resolution=16")
     assert result.exit_code == 0, result.output
     assert result.stdout.startswith("contrast ") and "FAILS" in result.stdout
-    notes = [line for line in result.stderr.splitlines() if "linear answer fails" in line]
-    assert len(notes) == 1 and notes[0].startswith("mi-lcair: note: self.temperature: ")
+    notes = [line for line in result.stderr.splitlines() if "linear result is wrong" in line]
+    assert len(notes) == 1 and notes[0].startswith("mi-lcair: warning: self.temperature: ")
 
 
 @pytest.mark.parametrize(

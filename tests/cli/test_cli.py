@@ -334,14 +334,14 @@ def test_invalid_samples_are_noted(run, renderer, json):
     renderer.results = {"invalid": 3}
     told = run("render", "cavity", "-o", "out.exr", *json).stderr
     note = told.splitlines()[0]
-    assert note == "mi-lcair: note: 3 of 96 samples were NaN or infinite and do not count"
+    assert note == "mi-lcair: warning: 3 of 96 samples were NaN or infinite and are ignored"
 
 
 def test_remarks_on_the_scene_go_to_stderr(run, renderer):
     renderer.remarks = ["material gloss: scaled down beyond 88 degrees"]
     result = run("render", "cavity", "-o", "out.exr", "--json")
     (note,) = result.stderr.splitlines()
-    assert note == "mi-lcair: note: material gloss: scaled down beyond 88 degrees"
+    assert note == "mi-lcair: warning: material gloss: scaled down beyond 88 degrees"
     assert json.loads(result.stdout)["spp"] == 16
 
 
@@ -603,4 +603,4 @@ def test_invalid_samples_are_told_of_on_stderr(run, renderer, folder, command, j
     renderer.results = {"invalid": 3}
     result = run(command[0], "cavity", *command[1:], *json)
     assert result.exit_code == 0
-    assert "mi-lcair: note: 3 of " in result.stderr and "NaN or infinite" in result.stderr
+    assert "mi-lcair: warning: 3 of " in result.stderr and "NaN or infinite" in result.stderr

@@ -132,8 +132,8 @@ def told(run, *options):
         (
             ["--tolerance", "1%", "--max-spp", 4, "-D", "background.temperature=400"],
             "tolerance      1 % NOT reached: the 95 % interval is +- ",
-            "and the contrast may be zero; give --tolerance-W-m2, as no fraction of zero can be "
-            "reached",
+            "and the contrast may be zero; give --tolerance-W-m2, because a fraction of zero "
+            "cannot be reached",
         ),
         (
             ["--tolerance", "1%", "--tolerance-W-m2", 1e-6, "-D", "background.temperature=400"],
@@ -181,7 +181,7 @@ def test_notes_on_stderr(run):
         "-D",
         "sensor.field_of_view_deg=0.0005",
     )
-    notes = [line for line in result.stderr.splitlines() if line.startswith("mi-lcair: note: ")]
+    notes = [line for line in result.stderr.splitlines() if line.startswith("mi-lcair: warning: ")]
     assert len(notes) == 2 and "300000 m is beyond" in notes[0] and "field of view" in notes[1]
 
 

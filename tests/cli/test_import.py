@@ -105,7 +105,7 @@ def test_table(run, folder):
     assert result.exit_code == 0, result.output
     note, after = result.stderr.splitlines()
     assert after == "next: mi-lcair signature boxes/scene.xml"
-    assert note.startswith("mi-lcair: note: material diffuse reflects all that arrives")
+    assert note.startswith("mi-lcair: warning: material diffuse reflects all radiation")
     assert (
         result.stdout
         == """\
@@ -206,8 +206,8 @@ def test_remarks(run, folder):
     (folder / "model.obj").write_text(cube(flip=[1], label="f*bareAl*150*"))
     result = run("import", "model.obj", "--check")
     assert result.stderr.splitlines() == [
-        "mi-lcair: note: the lowest temperature is 150 K",
-        "mi-lcair: note: 1 model facet faces inward; the back of a facet neither emits nor "
+        "mi-lcair: warning: the lowest temperature is 150 K",
+        "mi-lcair: warning: 1 model facet faces inward; the back of a facet neither emits nor "
         "reflects: turn their normals outward",
         "next: mi-lcair import model.obj -o model",
     ]
@@ -256,7 +256,7 @@ def test_remarks_have_the_names_of_the_file(run, folder):
     names = folder / "names.csv"
     names.write_text("name,material,kelvin\nSkin,bareAl,300\n")
     remarks = run("import", "model.obj", "--names", names, "--check").stderr
-    assert "facets 0 (Wing.001) and 1 (Fin) lie one on the other" in remarks
+    assert "facets 0 (Wing.001) and 1 (Fin) overlap" in remarks
     (folder / "model.obj").write_text(cube(flip=[1], label="Tail\nusemtl Skin"))
     remarks = run("import", "model.obj", "--names", names, "--check").stderr
     assert "1 model facet faces inward (Tail)" in remarks
@@ -271,7 +271,7 @@ def test_thin_sheets_are_remarked(run, folder):
     (folder / "model.obj").write_text(
         f"o f*bareAl*300*\n{square}f 1 2 3 4\n" + square.replace("1", "0.5") + "f 5 6 7 8\n"
     )
-    assert "facets 0 and 1 lie one on the other" in run("import", "model.obj", "--check").stderr
+    assert "facets 0 and 1 overlap" in run("import", "model.obj", "--check").stderr
     (folder / "model.obj").write_text(cube())
     assert "lie" not in run("import", "model.obj", "--check").stderr
 
@@ -330,7 +330,7 @@ def test_axes(run, refused, folder):
     assert after == "next: mi-lcair import lying.obj -o lying"
     assert "Blender 4.5.1 wrote the file" in note and "give --forward -Z --up Y" in note
     result = run(*upright)
-    assert "bounding box           3 x 2 x 5 m" in result.stdout and "note" not in result.stderr
+    assert "bounding box           3 x 2 x 5 m" in result.stdout and "warning" not in result.stderr
     assert "bounding box           2 x 3 x 5 m" in run(*upright, "--nose", "Y").stdout
     assert "--forward Y --up Y lie on one line" in refused(
         "import", "lying.obj", "--up", "Y", "--check"
@@ -347,7 +347,7 @@ def test_names_and_one_temperature(run, refused, folder):
     (folder / "names.csv").write_text("name,material,kelvin\nCube,bareAl,333\nBall,,\n")
     result = run("import", "plain.obj", "--names", "names.csv", "--check")
     assert "333 to 333 K" in result.stdout, result.output
-    assert "note: names.csv: nothing in plain.obj is called Ball" in result.stderr
+    assert "warning: names.csv: nothing in plain.obj is called Ball" in result.stderr
     result = run("import", "plain.obj", "--names", "names.csv", "--temperature", "340", "--check")
     assert "340 to 340 K" in result.stdout, result.output
     for options, reason in (
@@ -528,6 +528,6 @@ def test_a_material_that_emits_nothing_is_told_of(run, folder):
     """`diffuse` reflects all that arrives: a terrain of it would be black."""
     (folder / "model.obj").write_text(cube(label="t*diffuse*300*"))
     notes = run("import", "model.obj", "--check").stderr
-    assert "material diffuse reflects all that arrives and emits nothing" in notes
+    assert "material diffuse reflects all radiation and emits nothing" in notes
     (folder / "model.obj").write_text(cube(label="t*gloss_black*300*"))
     assert "emits nothing" not in run("import", "model.obj", "--check").stderr

@@ -138,7 +138,7 @@ minimum      converged, relative gradient 1.0e-13; 75% of the starts reached it
 time         1.25 s, of which 0.50 s to compile
 
 parameter  value    standard error  95 % interval  verdict
-epsilon    0.3      0.01            0 to 0.5       not determined by these data: anything in \
+epsilon    0.3      0.01            0 to 0.5       not determined by these data: any value in \
 0..0.5 fits; measure it and fit it too
 rho_d      0.33333  0.01            0 to 0.5       determined
 b          0.05     0.01            0 to 0.5       at its bound 0: interval 0..0.1
@@ -150,7 +150,7 @@ theta (deg)  emissivity  standard error  95 % interval
 """.replace("a plate", "mwir")
     )
     assert result.stderr == (
-        "mi-lcair: note: mwir.csv: LACK OF FIT: the model misses the data by about 12 %\n"
+        "mi-lcair: warning: mwir.csv: LACK OF FIT: the model misses the data by about 12 %\n"
         "next: mi-lcair fit mwir.csv --emissivity emissivity.csv -o mwir.json\n"
     )  # stderr is no terminal and shows no progress bar
 

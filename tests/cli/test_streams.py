@@ -11,7 +11,7 @@ import pytest
 import mi_lcair
 from mi_lcair.cli.output import print_columns
 
-NAME = "paint\nmi-lcair: note: all is well\x1b[31m $x^$"
+NAME = "paint\nmi-lcair: warning: all is well\x1b[31m $x^$"
 
 
 def test_mitsubas_warnings_go_to_stderr(run, monkeypatch, capfd):
@@ -27,7 +27,7 @@ def test_mitsubas_warnings_go_to_stderr(run, monkeypatch, capfd):
     monkeypatch.setitem(vars(mi_lcair), "audit", audit)
     result = run("audit", "two_plates", "--paths", 64, "--json")
     assert json.loads(result.stdout)["band"]
-    assert result.stderr == "mi-lcair: note: audit(): a mesh has no normals\\x1b[31m\n"
+    assert result.stderr == "mi-lcair: warning: audit(): a mesh has no normals\\x1b[31m\n"
     assert capfd.readouterr().out == ""
 
 
@@ -50,11 +50,11 @@ def test_warnings_are_notes(run, monkeypatch):
 
     monkeypatch.setitem(vars(mi_lcair), "audit", begins)
     result = run("audit", "two_plates")
-    name = r"paint mi-lcair: note: all is well\x1b[31m $x^$"
+    name = r"paint mi-lcair: warning: all is well\x1b[31m $x^$"
     assert result.exit_code == 2 and result.stdout == ""
     assert result.stderr.splitlines() == [
-        f"mi-lcair: note: extended {name}",
-        f"mi-lcair: note: logged {name}",
+        f"mi-lcair: warning: extended {name}",
+        f"mi-lcair: warning: logged {name}",
         f"mi-lcair: {name}",
     ]
 
@@ -85,7 +85,7 @@ def test_a_cell_that_is_no_line(capsys):
     print_columns([("a", "b"), (NAME, "c")])
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 2 and lines[1].startswith(
-        r"paint\nmi-lcair: note: all is well\x1b[31m $x^$"
+        r"paint\nmi-lcair: warning: all is well\x1b[31m $x^$"
     )
 
 

@@ -462,7 +462,11 @@ def test_detector(folder):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "range_m, remark",
-    [(50.0, None), (1000.0, "terrain lies before up to 50 % of the view"), (10.0, "only 5 radii")],
+    [
+        (50.0, None),
+        (1000.0, "terrain is in front of up to 50 % of the view"),
+        (10.0, "only 5 radii"),
+    ],
 )
 def test_what_stands_between_and_what_is_near_is_remarked(folder, range_m, remark):
     """A wall in front of the target, and a short range, are remarked.
@@ -784,9 +788,9 @@ def test_remarks():
     rows = [one_row(3.1, 1.0), one_row(-2.9, 1.0), one_row(0.1, 1.0, True), one_row(0, 1, False)]
     lines = remarks(rows, narrow, target, 500.0)
     assert [line.split("; ")[1][:20] for line in lines] == [
-        "raise spp", "lower the tolerance", "no fraction of zero ",
+        "raise spp", "lower the tolerance", "a fraction of zero c",
     ]  # fmt: skip
-    assert lines[0].startswith("with 2 reflections the contrast is less than 3 of its standard")
+    assert lines[0].startswith("with 2 reflections the contrast is less than 3 standard")
     # The sphere has 10 degrees at 2 / sin(5 degrees) = 22.947 m
     assert remarks([], narrow, target, 22.95) == []
     (wide,) = remarks([], narrow, target, 22.94)

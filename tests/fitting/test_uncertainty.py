@@ -539,10 +539,10 @@ def words(interval, value=0.5, at_bound=None, bounds=(0.0, 1.0), doubt=("", Fals
             "weakly determined: interval 0.0499..0.0701",
         ),
         ({"interval": (0.2, 0.699)}, "weakly determined: interval 0.2..0.699"),
-        ({"interval": (0.2, 0.71)}, "not determined by these data: anything in 0.2..0.71 fits"),
+        ({"interval": (0.2, 0.71)}, "not determined by these data: any value in 0.2..0.71 fits"),
         (
             {"interval": (0.4, 0.61), "bounds": (0.3, 0.7)},
-            "not determined by these data: anything in 0.4..0.61 fits",
+            "not determined by these data: any value in 0.4..0.61 fits",
         ),
         ({"interval": (0.9, 1), "at_bound": "b = 1"}, "at its bound b = 1: interval 0.9..1"),
         (
@@ -576,7 +576,7 @@ def words(interval, value=0.5, at_bound=None, bounds=(0.0, 1.0), doubt=("", Fals
         ),
         (
             {"interval": (0.2, 0.71), "doubt": ("", 0, 0, True)},
-            "not determined by these data: anything in 0.2..0.71 fits",
+            "not determined by these data: any value in 0.2..0.71 fits",
         ),
         (
             {"interval": (0.015, 0.02), "bounds": (0.01, 1), "at_lower": "below {high:.2g}"},

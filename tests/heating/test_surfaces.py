@@ -77,8 +77,16 @@ def test_the_entry_of_the_band_is_taken(tmp_path, name, of_band, emissivity):
 @pytest.mark.parametrize(
     ("of_band", "emissivity", "remark"),
     [
-        (TOTAL, 0.6, "LWIR 8-12 um stand in for total, although that band holds 26% of the heat"),
-        (SOLAR, 0.4, "SWIR 1-3 um stand in for 0.3-2.5, although that band holds 26% of the sunl"),
+        (
+            TOTAL,
+            0.6,
+            "LWIR 8-12 um are used for total, although that band contains only 26% of the heat",
+        ),
+        (
+            SOLAR,
+            0.4,
+            "SWIR 1-3 um are used for 0.3-2.5, although that band contains only 26% of the sunl",
+        ),
     ],
 )
 def test_another_entry_stands_in_with_a_remark(tmp_path, of_band, emissivity, remark):
@@ -112,7 +120,7 @@ def test_numbers_of_a_model_stand_in_for_their_band():
     emitter = emits() | {"band": "MWIR"}
     bsdf = {"type": "sandford_robertson", "id": "rough", **numbers}
     made = Surfaces.of(scene_of(plate=square(bsdf, emitter=emitter)), TOTAL)
-    assert "MWIR 3-5 um stand in for total" in made.remarks[0]
+    assert "MWIR 3-5 um are used for total" in made.remarks[0]
 
 
 @pytest.mark.parametrize(

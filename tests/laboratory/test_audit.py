@@ -257,15 +257,15 @@ def test_a_reciprocal_model_creates_nothing(plate, parameters):
     created, error = result.shares["bsdf"]["created"]
     assert abs(created) <= 4 * error and error < 2e-3
     agree(result.total["balance"], 0)
-    assert all("meets other facets" in remark for remark in result.remarks)  # of the paint itself
+    assert all("hits other facets" in remark for remark in result.remarks)  # of the paint itself
 
 
 def test_the_void_around_a_surface_is_named(plate):
     """A surface that reflects and stands alone has a remark, in a room that surrounds it none."""
     paint = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.5}}
     result = audited(2**6, floor=plate("floor", SQUARE, paint, 300.0))
-    assert len(result.remarks) == 1 and "100 % of what the target reflects" in result.remarks[0]
-    assert "from nothing (0 K)" in result.as_dict()["remarks"][0]
+    assert len(result.remarks) == 1 and "100 % of the target's reflections" in result.remarks[0]
+    assert "see nothing (0 K)" in result.as_dict()["remarks"][0]
 
 
 @pytest.mark.slow
@@ -319,7 +319,7 @@ def test_a_perfect_closed_reflector_is_unfinished(monkeypatch):
 
 def test_command(run_audit):
     text = run_audit("two_plates", "--paths", "4096")
-    assert "emitted" in text and "balance" in text and "nothing to remark" in text
+    assert "emitted" in text and "balance" in text and "no warnings" in text
 
 
 @pytest.fixture
@@ -469,7 +469,7 @@ def test_numbers_of_paths_that_cannot_be_used(paths):
 def test_summary():
     assert AUDIT.summary() == (
         "audit of room, LWIR: 100 +- 1 W emitted, balance 0.5 +- 0.2 % of it (standard errors), "
-        "no remarks"
+        "no warnings"
     )
 
 

@@ -166,7 +166,7 @@ def test_the_interval_holds_95_percent_of_draws(emissivity, sigma):
     assert 0.94 < np.mean((drawn >= low) & (drawn <= high)) < 0.96
     ends = np.quantile(drawn, (0.025, 0.975))
     assert [low, high] == pytest.approx(ends, abs=0.05 * np.ptp(ends))
-    remarked = [line for line in result.remarks if "the linear uncertainty fails: 95 %" in line]
+    remarked = [line for line in result.remarks if "the linear uncertainty is wrong: 95 %" in line]
     assert len(remarked) == (emissivity != 0.5)
     assert result.as_dict()["interval_K"] == pytest.approx([low, high])
 
@@ -175,7 +175,7 @@ def test_the_remark_names_the_pixel_at_which_the_linear_uncertainty_fails():
     """The cold pixel, whose interval is not that of 2 sigma; that of the hot one is wider."""
     seen = np.array([[289.9, 330.0]])
     result = mi_lcair.temperature(seen, "LWIR", emissivity=(0.92, 0.02), reflected=(293, 2))
-    (remark,) = [line for line in result.remarks if "linear uncertainty fails" in line]
+    (remark,) = [line for line in result.remarks if "linear uncertainty is wrong" in line]
     assert remark.startswith(f"at {result.kelvin[0, 0]:.4g} K")
 
 

@@ -168,7 +168,7 @@ def test_custom_properties(folder):
     copies = [row for row, name in zip(found, names) if name == "Fin.001"]
     assert copies == [("gloss_black", "Fin_001", 341.0 + k) for k in range(6)]
     (remark,) = model.remarks
-    assert remark == "its material's thermal:kelvin goes before its own: /root/Fin/Fin"
+    assert remark == "its material's thermal:kelvin is used instead of its own: /root/Fin/Fin"
 
 
 def test_the_example_is_one_model():

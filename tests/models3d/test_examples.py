@@ -28,4 +28,4 @@ def test_models_of_the_documentation(path, tmp_path):
     export(model, tmp_path / "model")
     result = audit(mi_lcair.load(tmp_path / "model" / "scene.xml"), paths=2**14)
     assert result.total["behind"][0] == 0
-    assert all("comes from nothing (0 K)" in remark for remark in result.remarks)
+    assert all("see nothing (0 K)" in remark for remark in result.remarks)

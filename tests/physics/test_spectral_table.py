@@ -22,7 +22,7 @@ def test_linear_between_the_angles_and_constant_outside():
 @pytest.mark.parametrize(
     "degrees, words",
     [
-        ((15.1, 80), "table: measured at 15.1..80 degrees; its nearest value"),
+        ((15.1, 80), "table: measured at 15.1..80 degrees; the nearest value"),
         ((10, 74.9), "measured at 10..74.9 degrees"),
         ((40,), "measured at 40 degrees alone"),
     ],

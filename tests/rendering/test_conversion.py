@@ -260,8 +260,8 @@ def test_names_and_files_are_kept(tmp_path):
     assert made.mi.sensors()[0].id() == "camera"
     assert made.mi.sensors()[0].sampler().sample_count() == 9
     assert made.mi.integrator().max_bounces == 4
-    assert any("lamps (1) have the temperature" in remark for remark in remarks)
-    assert any("$-parameters are numbers now: spp, wall" in remark for remark in remarks)
+    assert any("lamps (1) have the same temperature" in remark for remark in remarks)
+    assert any("$-parameters were replaced by numbers: spp, wall" in remark for remark in remarks)
     assert not any("left out" in remark or "limit" in remark for remark in remarks)
 
 
@@ -269,7 +269,7 @@ def test_what_is_left_out_is_told(tmp_path):
     path, _ = written(tmp_path, {"scene.xml": CBOX["scene.xml"].replace(PATH, "")})
     remarks = " ".join(thermal_scene(path, tmp_path / "thermal", 300))
     assert "left out: constant, point, spot, directional, projector; put" in remarks
-    assert "sets no limit; max_bounces is 30" in remarks and "share" not in remarks
+    assert "has no limit of reflections; max_bounces is 30" in remarks and "share" not in remarks
     path, _ = written(tmp_path, MEDIUM)
     remarks = " ".join(thermal_scene(path, tmp_path / "thermal", 300, overwrite=True))
     assert "mediums are left out: homogeneous" in remarks

@@ -1,4 +1,4 @@
-"""A thermal emitter on a surface that reflects all that arrives emits nothing; a remark says so."""
+"""A thermal emitter on a surface that reflects all radiation emits nothing; a warning says so."""
 
 from pathlib import Path
 
@@ -16,10 +16,10 @@ MATERIAL = {"type": "sandford_robertson", "material": "diffuse", "band": "LWIR"}
 @pytest.mark.parametrize(
     "bsdf, given, what",
     [
-        (MATERIAL, {}, "material diffuse reflects all that arrives"),
-        (WHITE, {}, "its BSDF reflects all that arrives"),
-        ({"type": "twosided", "bsdf": WHITE}, {}, "its BSDF reflects all that arrives"),
-        (WHITE, {"emissivity": 0.0}, "its BSDF reflects all that arrives"),
+        (MATERIAL, {}, "material diffuse reflects all radiation"),
+        (WHITE, {}, "its BSDF reflects all radiation"),
+        ({"type": "twosided", "bsdf": WHITE}, {}, "its BSDF reflects all radiation"),
+        (WHITE, {"emissivity": 0.0}, "its BSDF reflects all radiation"),
         (WHITE, {"emissivity": 0.5}, None),
         (GREY, {}, None),
     ],

@@ -57,4 +57,4 @@ def test_few_are_told_of(poison, tmp_path):
     remarks = mi_lcair.contrast(
         mi_lcair.detection.scenario.Scenario.read(tmp_path / "disc.toml", **changes)
     ).remarks
-    assert any("samples were NaN or infinite and do not count" in remark for remark in remarks)
+    assert any("samples were NaN or infinite and are ignored" in remark for remark in remarks)

@@ -286,7 +286,7 @@ def test_saturation_is_remarked(tmp_path):
             shape(parameters(epsilon=0.05, rho_d=0.02, b=0.05, e=0.3) + THERMAL),
         )
     )
-    assert any("would reflect more than arrives beyond" in remark for remark in scene.remarks)
+    assert any("would reflect more than 100 % beyond" in remark for remark in scene.remarks)
     assert not mi_lcair.load("furnace").remarks
 
 

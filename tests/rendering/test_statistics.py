@@ -259,4 +259,4 @@ def test_samples_that_are_left_out():
     with pytest.raises(InputError, match="scene: 1001 of 1000000 samples are NaN or infinite"):
         check_valid(1001, 1_000_000, "scene")
     assert invalid_remark(0, 9) == []
-    assert invalid_remark(2, 9) == ["2 of 9 samples were NaN or infinite and do not count"]
+    assert invalid_remark(2, 9) == ["2 of 9 samples were NaN or infinite and are ignored"]

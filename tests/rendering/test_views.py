@@ -88,7 +88,7 @@ def test_terrain_before_a_view(plate):
     views = [View(0, 90), View(20, 0), View(45, -90), View(30, -80)]
     assert terrain_before(scene, views).tolist() == [0, 0, 1, 1]
     (remark,) = terrain_remark(scene, views)
-    assert remark.startswith("in 2 of 4 views terrain lies before up to 100 % of the view")
+    assert remark.startswith("in 2 of 4 views terrain is in front of up to 100 % of the view")
     ceiling = floor | {"to_world": mi.ScalarTransform4f().translate([0, 0, 2])}
     room = loaded(slab=plate("slab", SLAB, BLACK, 300.0), floor=floor, ceiling=ceiling)
     assert not terrain_before(room, [View(45, -90)]).any()

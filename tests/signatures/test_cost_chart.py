@@ -89,7 +89,7 @@ def test_the_frontier_is_what_nothing_beats():
 def test_no_time_leaves_ways_untried(room):
     chart = mi_lcair.chart(room, tolerance=0.05, seconds=1e-3)
     assert len(chart.table["error"]) == 1 and chart.untried > 0
-    assert f"{chart.untried} ways, for which there was no time" in str(chart.sections())
+    assert f"{chart.untried} settings, because the time was over" in str(chart.sections())
 
 
 def test_files_hold_the_chart(chart, tmp_path):

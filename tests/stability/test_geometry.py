@@ -228,10 +228,10 @@ def test_clipping_planes(tmp_path):
     """
     small = load(tmp_path, two_plates(1e-3), 0.12e-3, 0.1e-3, 1e-3, clips="")
     assert mi_lcair.render(small, spp=4).mean == 0
-    assert small.remarks == ["sensor 0: does not see what is nearer than its near_clip = 0.01 m"]
+    assert small.remarks == ["sensor 0: does not see surfaces nearer than its near_clip = 0.01 m"]
     large = load(tmp_path, two_plates(1e5), 0.12e5, 0.1e5, 1e5, clips="")
     assert mi_lcair.render(large, spp=4).mean == 0
-    assert large.remarks == ["sensor 0: does not see what is farther than its far_clip = 10000 m"]
+    assert large.remarks == ["sensor 0: does not see surfaces farther than its far_clip = 10000 m"]
     between = load(tmp_path, two_plates(), clips="")
     assert not [remark for remark in between.remarks if "clip" in remark]
     # The scale of the sensor is also that of the distance to its near plane

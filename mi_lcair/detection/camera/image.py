@@ -55,28 +55,29 @@ def remarks(
         most = imager.amount(signal.max() + imager.dark)
         lines.append(
             f"the detector is saturated in {share:g} % of the pixels, which collect up to {most} "
-            f"in a well of {imager.amount(imager.well)}: "
-            "their temperature is at least the stated one; shorten integration_time_ms"
+            f"in a well of {imager.amount(imager.well)}: their true temperature may be higher; "
+            "shorten integration_time_ms"
             if imager.detector == "photon"
-            else f"{share:g} % of the pixels, which receive {imager.amount(signal.min())} to {most}"
-            ", are outside the converter's span_K: their temperature is that of its end"
+            else f"{share:g} % of the pixels, which receive {imager.amount(signal.min())} to "
+            f"{most}, are outside the converter's span_K: they get the temperature of its "
+            "nearest end"
         )
     if view.is_cut:
         lines.append(
-            "a part of the target is outside the frame; signal, pixels and ranges are those of the "
+            "a part of the target is outside the frame; signal, pixels and ranges are for the "
             "part inside"
         )
     if (speckle := channels["speckle.Y"]).any():
         most, share = channels["stderr_K.Y"].max(), float(f"{100 * speckle.mean():.2g}")
         lines.append(
             f"the rendering's error, up to {most:.2g} K, is larger than the camera's noise in "
-            f"{share:g} % of the pixels, which speckle.Y marks, and is the same in all frames; "
+            f"{share:g} % of the pixels (marked in speckle.Y), and is the same in all frames; "
             f"{REMEDIES[reached]} of [render]"
         )
     if assumptions := assumed(imager):
         lines.append(
-            f"the preset {imager.preset} assumes {' and '.join(assumptions)}, which its sources do "
-            "not state; give your own"
+            f"the preset {imager.preset} assumes {' and '.join(assumptions)}, because its "
+            "sources do not give them; give your own values"
         )
     return lines
 

@@ -363,14 +363,14 @@ def remarks_on(solved: Solved, sigma_px: float | None, hidden: list[int]) -> tup
     remarks = []
     if hidden:
         remarks.append(
-            f"from there the model hides point {', '.join(map(str, hidden))} of "
-            f"{len(solved.residual_px)}: do the rows go down, and are x, y, z right-handed?"
+            f"the model hides point {', '.join(map(str, hidden))} of {len(solved.residual_px)}: "
+            "do the rows go down, and are x, y, z right-handed?"
         )
     if solved.second is not None:
         place = ", ".join(f"{value:.4g}" for value in solved.second.eye)
         remarks.append(
-            f"a second pose explains the points as well, at ({place}) m; points off their plane, "
-            "or nearer ones, decide between the two"
+            f"a second pose at ({place}) m fits the points as well; add points outside their "
+            "plane, or nearer to the camera, to decide between the two"
         )
     if sigma_px is not None and solved.rms_px > 2 * sigma_px:
         remarks.append(
@@ -380,9 +380,9 @@ def remarks_on(solved: Solved, sigma_px: float | None, hidden: list[int]) -> tup
     freedom = solved.residual_px.size - 6
     if sigma_px is None and freedom < 4:
         remarks.append(
-            f"{len(solved.residual_px)} points leave {freedom} degrees of freedom for the noise: "
-            f"half of an interval is {student_factor(freedom):.3g} standard errors; state "
-            "sigma, or add points"
+            f"{len(solved.residual_px)} points leave {freedom} degrees of freedom for the noise, "
+            f"so that half of a 95 % interval is {student_factor(freedom):.3g} standard errors; "
+            "give sigma, or add points"
         )
     return tuple(remarks)
 

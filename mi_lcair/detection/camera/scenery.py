@@ -164,6 +164,6 @@ class Scenery:
             return []
         what, entry = ("sky", "sky") if around.sky is None else ("ground", "ground_temperature")
         return [
-            f"{share:.0%} of the pixels look at the {what}, which the background does not have: "
-            f"they get what is beside the horizon; give [background] {entry}"
+            f"{share:.0%} of the pixels look at the {what}, but [background] has no {what}: they "
+            f"get the radiance at the horizon; give [background] {entry}"
         ]

@@ -54,14 +54,14 @@ MANIFEST, TRANSFORMS = "manifest.json", "transforms.json"
 KIND = "mi_lcair data set"
 MOVING = ("pose.", "motions.", f"{OF_SCENE}model.")  # beginnings of draws that move the model
 MOVED = (
-    "draws move the model, and points3D.txt has it where [base] places it; methods that take the "
-    "scene as fixed need images of one pose"
+    "[draws] moves the model, but points3D.txt has it at the place that [base] gives; methods "
+    "that assume a fixed scene need images of one pose"
 )
 LIMITS = {
     "is_cut": "a part of the target is outside the frame",
     "saturated_share": "pixels are saturated; shorten integration_time_ms of [camera], or widen "
     "span_K of a bolometer",
-    "speckle_share": "the rendering's error is above the camera's noise in the pixels which "
+    "speckle_share": "the rendering's error is above the camera's noise in the pixels that "
     "speckle.Y marks; raise spp of [render]",
 }
 

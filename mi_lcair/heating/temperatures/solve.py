@@ -511,14 +511,14 @@ def remarks_on_emissivities(
         effects = (network.of_emissivity(group, sigma, whole)(kelvin, 0) for whole in (False, True))
         onward, whole = (abs(effect).max() for effect in effects)
         if onward > DOUBTFUL * whole:
-            share = f"{onward / whole:.0%} of its effect assumes that surfaces reflect evenly"
+            share = f"{onward / whole:.0%} of its effect assumes that surfaces reflect diffusely"
             remarks.append(f"[sigma] {name}: {share}")
         if has_intensity:
             delta = network.relative(group, sigma, facets.emissivity)
             share = facets.emitting_area @ delta / facets.emitting_area.sum()
             remarks.append(
                 f"[sigma] {name}: changes the intensity by temperatures only; the surfaces also "
-                f"emit {share:.1%} more at the same temperatures, which a budget takes in"
+                f"emit {share:.1%} more at the same temperatures; `budget` includes that"
             )
     return remarks
 

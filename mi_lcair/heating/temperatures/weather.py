@@ -266,7 +266,9 @@ def completed(table: WeatherTable, values: dict, times: np.ndarray, where: str) 
         raise InputError(f"{where}: air_K is missing")
     sky, remarks = sky_of(values, where)
     if "ground_K" not in values:
-        remarks += ("the ground has the temperature of the air; give ground_K to change it",)
+        remarks += (
+            "the ground is assumed to have the temperature of the air; give ground_K to change it",
+        )
         values["ground_K"] = values["air_K"]
     if "wind_m_s" in values:
         values["h_W_m2_K"] = convection(values["wind_m_s"])
@@ -276,15 +278,15 @@ def completed(table: WeatherTable, values: dict, times: np.ndarray, where: str) 
     remarks = (*remarks, *doubts(values))
     coldest = np.where(arrays["h_W_m2_K"] > 0, arrays["air_K"], np.inf).min()
     if coldest < COLD_AIR_K:
-        cold = f"air_K falls to {coldest:g}, which air never does; is it in kelvin?"
+        cold = f"air_K falls to {coldest:g}, colder than air ever is; is it in kelvin?"
         remarks = (*remarks, cold)
     sun, is_day = arrays["sun_W_m2"], arrays["sun_elevation_deg"] > 0
     share = sun[~is_day].sum() / max(sun.sum(), 1e-300)
-    at_night = f"{share:.1%} of sun_W_m2 is there with the sun below the horizon"
+    at_night = f"{share:.1%} of sun_W_m2 is at times when the sun is below the horizon"
     if share > NIGHT:
         raise InputError(f"{where}: {at_night}")
     if share > DUSK:
-        remarks = (*remarks, f"{at_night} and is left out; is the clock right?")
+        remarks = (*remarks, f"{at_night} and is ignored; is the clock right?")
     sun[~is_day] = 0
     arrays |= {
         name: np.broadcast_to(values[name], times.shape).astype(float)
@@ -329,7 +331,9 @@ def sky_of(values: dict, where: str) -> tuple[str, tuple[str, ...]]:
         raise InputError(f"{where}: cloud needs relative_humidity, from which the sky follows")
     names = ("air_K", "relative_humidity", "cloud")
     values["sky_K"] = sky_temperature(*(values[name] for name in names))
-    return sky, ("the sky follows from humidity and cloud, which is right to about 15 W/m^2",)
+    return sky, (
+        "the sky's radiation is estimated from humidity and cloud, with an error of about 15 W/m^2",
+    )
 
 
 def directions(table, values: dict, times: np.ndarray, where: str) -> np.ndarray:

@@ -240,7 +240,7 @@ class Check:
             outside = "plus" if self.plus is None else "minus"
             return (
                 f"{self.quantity}: {outside} one sigma is outside its bounds, so that the linear "
-                "answer holds on one side only; use Monte Carlo"
+                "result is right on one side only; use Monte Carlo"
             )
         sides = [
             f"{word} one sigma changes the result by {change:+.3g} {unit}"
@@ -252,8 +252,8 @@ class Check:
         ]
         sides += [f"{word} one sigma is outside its bounds" for word in lacking]
         return (
-            f"{self.quantity}: the linear answer fails: {' and '.join(sides)}, where the "
-            f"derivative says +-{abs(self.linear):.3g}; use Monte Carlo"
+            f"{self.quantity}: the linear result is wrong: {' and '.join(sides)}, but the "
+            f"derivative gives +-{abs(self.linear):.3g}; use Monte Carlo"
         )
 
 
@@ -327,7 +327,7 @@ class SecondOrder:
             return None
         return (
             f"the contrast has the other sign with a probability of {percent(self.other_sign)}; "
-            "the second order includes that, and the linear answer does not"
+            "the second order includes this, the linear result does not"
         )
 
 
@@ -596,6 +596,6 @@ def remarks(number: Number, checks: list[Check], *distributions) -> list[str]:
     lines = [*invalid_remark(total.invalid, int(total.traced.sum()))]
     lines += [entry.sentence(number.unit) for entry in checks if not entry.holds]
     if number.numbers.reached is False:
-        lines.append("the tolerance was not reached; the noise of the rendering has its own row")
+        lines.append("the tolerance was not reached; see the row for the noise of the rendering")
     sentences = [of_one.sentence() for of_one in distributions if of_one is not None]
     return [*lines, *filter(None, sentences)]

@@ -64,7 +64,7 @@ class MonteCarlo:
             return None
         return (
             f"{self.outside} of {self.draws + self.outside} draws were outside the bounds of a "
-            "quantity and were drawn again: the distributions are cut off there"
+            "quantity and were repeated: the distributions are cut off there"
         )
 
 

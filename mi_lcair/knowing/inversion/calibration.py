@@ -368,9 +368,9 @@ def calibrated(
     chance = float(stats.chi2.sf(cost(x, T), len(T)))
     if chance < SIGNIFICANCE:
         remarks += (
-            f"the balance does not fit this series: {np.std(measured - T):.2g} K are left where "
-            f"sigma_K, common_K and model_K allow less (p = {chance:.1g}); a term is missing, and "
-            "the intervals do not hold",
+            f"the balance does not fit this series: the residuals of {np.std(measured - T):.2g} "
+            f"K are larger than sigma_K, common_K and model_K allow (p = {chance:.1g}); a term "
+            "is missing, and the intervals are too small",
         )
     # What the other inputs may have changed, as if they had been other values in this series
     _, nuisance = computed(x, [*others.items()])

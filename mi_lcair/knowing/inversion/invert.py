@@ -44,8 +44,8 @@ from mi_lcair.progress import Progress
 
 NOISY = 0.75  # share of a variance from which the noise of the render is said to dominate
 SCALED = (
-    "the errors are those of {:.3g} times the stated noise, as scale_errors asks; chi-square then "
-    "does not test the model"
+    "the errors assume {:.3g} times the given noise, because scale_errors is set; chi-square "
+    "then does not test the model"
 )
 # Inputs of a heat balance whose common factor changes no temperature
 SCALED_TOGETHER = {"absorptance", "emissivity", "h", "conductivity", "density", "heat_capacity"}
@@ -309,7 +309,7 @@ def remarks_on_assumptions(assumed: dict[str, np.ndarray], answered, covariance)
         return []
     return [
         f"assumed to be right within {percent(ASSUMED_SIGMA)}: {', '.join(parts)}; camera_sigma "
-        "and model_sigma of [[data]] state other errors"
+        "and model_sigma of [[data]] set other errors"
     ]
 
 
@@ -344,10 +344,10 @@ def remarks(
     unseen = unseen_facets(state, answered)
     if unseen:
         names = listed([str(facet) for facet in unseen])
-        consequence = "they follow those that do, as correlation_m says"
+        consequence = "they follow their neighbours, as correlation_m says"
         if state.prior.ndim == 1:
             consequence = "they keep their first guess; give them a prior, or add views"
-        lines.append(f"{len(unseen)} facets reach no pixel ({names}): {consequence}")
+        lines.append(f"{len(unseen)} facets are seen by no pixel ({names}): {consequence}")
     noisy = [
         answer.label
         for answer, part in zip(answered, state.render_share)
@@ -371,13 +371,13 @@ def remarks_on_residuals(state: State, chi: dict, is_model_stated: bool) -> list
         size = model_error(state)
         remedy = "check its geometry and materials"
         if size <= LARGEST_MODEL_ERROR:
-            remedy += f'; if they are slightly wrong, state model_sigma, at least "{percent(size)}"'
+            remedy += f'; if they are slightly wrong, give model_sigma, at least "{percent(size)}"'
         return [
-            f"the residuals are larger than the noise explains {sums}: the scene misses something, "
-            f"or the noise is understated; {remedy}"
+            f"the residuals are larger than the noise explains {sums}: something is missing in "
+            f"the scene, or the given noise is too small; {remedy}"
         ]
     if p > 1 - SIGNIFICANCE and not is_model_stated:
-        return [f"{OVERSTATED} {sums}: the noise is overstated, and so are the errors"]
+        return [f"{OVERSTATED} {sums}: the given noise is too large, and so are the errors"]
     return []
 
 
@@ -397,7 +397,7 @@ def remarks_on_pixels(data: list[Datum], state: State) -> list[str]:
         if datum.plateau is not None and (count := int(datum.plateau.sum())):
             lines.append(
                 f"{datum.label}: {count} pixels have the same largest value and are left out as "
-                "saturated; state saturation = inf if they are not"
+                "saturated; set saturation = inf if they are not"
             )
         places = [f"({row}, {column})" for row, column in datum.bad_pixels(block)]
         if places:
@@ -408,8 +408,8 @@ def remarks_on_pixels(data: list[Datum], state: State) -> list[str]:
             )
         if where := gathering(datum, block):
             lines.append(
-                f"{datum.label}: the pixels that are left out {where}, as dead ones do not: the "
-                "scene misses something there"
+                f"{datum.label}: the pixels that are left out {where}, unlike dead pixels: "
+                "something is missing in the scene there"
             )
     return lines
 

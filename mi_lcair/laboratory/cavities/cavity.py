@@ -154,8 +154,8 @@ def measured(cavity: CavityDescription, sampling: Sampling) -> Cavity:
     contributions, remarks = [Contribution("numerical error", error)], []
     if traced and (half := paths.INTERVAL * error.max()) > sampling.tolerance:
         remarks.append(
-            f"{traced} paths end with half an interval of {half:.2g}, more than the tolerance of "
-            f"{sampling.tolerance:g}"
+            f"{traced} paths give half of a 95 % interval of {half:.2g}, more than the tolerance "
+            f"of {sampling.tolerance:g}"
         )
     for quantity in SIGMA:
         if quantity not in cavity.sigma:

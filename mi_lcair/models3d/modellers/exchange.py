@@ -81,8 +81,8 @@ def temperatures_of_mesh(
     if apart[worst] <= size[facet[worst]]:
         return kelvin, ()
     return kelvin, (
-        f"{path}: facet {facet[worst]} takes the temperature of a place {apart[worst]:.3g} m away, "
-        "farther than its size; check the units and the axes of the mesh",
+        f"{path}: facet {facet[worst]} gets the temperature of a point {apart[worst]:.3g} m "
+        "away, which is more than its size; check the units and the axes of the mesh",
     )
 
 
@@ -138,13 +138,14 @@ def remark(points: np.ndarray, blender: str) -> str | None:
     if about_z and not about_y:
         writer = f"Blender {blender} wrote the file, and the" if blender else "the"
         return (
-            f"{writer} model is symmetric about z = 0 and not about y = 0, as one that was "
-            f"exported with y up; if so, give {undo}, otherwise {keep}"
+            f"{writer} model is symmetric about z = 0 and not about y = 0, like a model that was "
+            f"exported with y up; if it was, give {undo}, otherwise {keep}"
         )
     if blender and not (about_y and not about_z):
         return (
-            f"Blender {blender} wrote the file, and its OBJ exporter turns y up by default; give "
-            f"{undo} if the export dialogue said so, or {keep} if it said that"
+            f"Blender {blender} wrote the file, and its OBJ exporter writes y up by default; "
+            f"give {undo} if the export dialogue had this setting, or {keep} if it had the other "
+            "one"
         )
     return None
 

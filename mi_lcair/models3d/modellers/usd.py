@@ -44,7 +44,7 @@ SMALL = 1e-3  # relative change of the area by a subdivision that is not worth a
 SMALL_CHANGE, RIGID = 1e-9, 1e-4  # of a frame's entries; of the lengths of turned vectors
 MOST_MOMENTS = 1_000_000  # places of meshes at all times together
 MOST_NAMED = 3  # prims that a remark names
-CHANGES = "changes with time, and is read at the first"
+CHANGES = "changes with time, and is read at the first time"
 
 
 def read_usd(path: str | Path, variants: Mapping[str, str] | None, guess: bool) -> Mesh:
@@ -283,7 +283,7 @@ class Stage:
         unit, up = UsdGeom.GetStageMetersPerUnit(self.usd), UsdGeom.GetStageUpAxis(self.usd)
         for name, value in (("metersPerUnit", unit), ("upAxis", up)):
             if not self.usd.HasAuthoredMetadata(name):
-                self.note(f"{name} is not stated, and USD's default of {value} is taken", "/")
+                self.note(f"{name} is missing, and USD's default of {value} is used", "/")
             for layer in self.usd.GetUsedLayers():
                 root = layer.pseudoRoot
                 if root.HasInfo(name) and root.GetInfo(name) != value:
@@ -310,7 +310,7 @@ class Stage:
         seen, where = UsdGeom.Imageable(prim), (*where, prim.GetName())
         if seen:
             if seen.GetVisibilityAttr().Get(time) == UsdGeom.Tokens.invisible:
-                self.note("invisible, and left out", prim.GetPath())
+                self.note("invisible, and is left out", prim.GetPath())
                 return
             if seen.GetPurposeAttr().HasAuthoredValue():
                 purpose = seen.GetPurposeAttr().Get()
@@ -327,9 +327,9 @@ class Stage:
         if prim.IsA(UsdGeom.Mesh) and purpose in SHOWN:
             yield Place(prim, matrix, said, where)
         elif prim.IsA(UsdGeom.Mesh):
-            self.note(f"of purpose {purpose}, and left out", prim.GetPath())
+            self.note(f"of purpose {purpose}, and is left out", prim.GetPath())
         elif prim.IsA(UsdGeom.Gprim) or kind.endswith("Light"):
-            self.note(f"{kind} is no mesh, and left out", prim.GetPath())
+            self.note(f"{kind} is not a mesh, and is left out", prim.GetPath())
         yield from self._below(prim, matrix, said, where, purpose, time)
 
     def _instances(self, prim, matrix, said, where, purpose, time) -> Iterator[Place]:
@@ -385,7 +385,9 @@ class Stage:
                 if match["key"] == "attributes":
                     value = ", ".join(map(str, values))
                 elif len(values) != 1 and not any(map(prim.IsA, MANY)):
-                    self.note("several values count only on meshes and instancers", prim.GetPath())
+                    self.note(
+                        "several values are used only on meshes and instancers", prim.GetPath()
+                    )
                     continue
             if hasattr(value, "resolvedPath"):  # an asset, such as the JSON of a fit
                 value = value.resolvedPath or value.path
@@ -448,7 +450,7 @@ class Stage:
         if not self.usd.HasAuthoredTimeCodeRange():
             first, last = min(self.changes), max(self.changes)
         if (last - first + len(self.changes)) * len(places) > MOST_MOMENTS:
-            self.note("too many moments to read a motion", "/")
+            self.note("too many times to read a motion", "/")
             return still
         times = sorted({first, last, *np.arange(first, last), *self.changes})
         times = [time for time in times if first <= time <= last]
@@ -471,7 +473,9 @@ class Stage:
         turns = paths[:, :, :3, :3]
         error = abs(turns @ turns.swapaxes(2, 3) - np.eye(3)).max(axis=(1, 2, 3))
         for k in np.flatnonzero(~(error < RIGID)):
-            self.note("changes its size or shape with time, and stays as at first", places[k].path)
+            self.note(
+                "changes its size or shape with time, and keeps the first one", places[k].path
+            )
             paths[k] = np.eye(4)
         return (np.array(times) - times[0]) / self.usd.GetTimeCodesPerSecond(), frames, paths
 
@@ -480,7 +484,7 @@ class Stage:
         depth = len(os.path.commonprefix([place.where for place in places]))
         names = [place.where[min(depth, len(place.where) - 1)] for place in places]
         if len(set(names)) > MOST_GROUPS:
-            words = f"more than {MOST_GROUPS} branches, which become no groups (thermal:group does)"
+            words = f"more than {MOST_GROUPS} branches, too many for groups; set thermal:group"
             self.note(words, "/" + "/".join(places[0].where[:depth]))
         if not 1 < len(set(names)) <= MOST_GROUPS:
             return [""] * len(places)
@@ -521,12 +525,12 @@ class Stage:
         if mesh.GetPointsAttr().ValueMightBeTimeVarying():
             self.note(CHANGES, mesh.GetPointsAttr().GetPath())
         if UsdSkel.BindingAPI(place.prim).GetInheritedSkeleton():
-            self.note("moved by a skeleton, and read at rest", place.path)
+            self.note("moved by a skeleton, and read in the rest pose", place.path)
         if is_left != (np.linalg.det(place.matrix[:3, :3]) < 0):
             faces = faces.turned()
         faces = replace(faces, points=points @ place.matrix[:3, :3] + place.matrix[3, :3])
         if mesh.GetDoubleSidedAttr().Get(self.time) and faces.is_open():
-            self.note("doubleSided and open: each face gets a back of its own", place.path)
+            self.note("doubleSided and open: each face gets a second face for its back", place.path)
             faces = faces.with_backs()
         return faces
 
@@ -545,7 +549,10 @@ class Stage:
             area, smooth = np.linalg.norm(vectors, axis=1).sum() / 2, faces.smoothed_area()
             if abs(smooth - area) > SMALL * area:
                 change = percent((smooth - area) / area)
-                words = f"subdivision {scheme} is left at its cage; a step would change the area by"
+                words = (
+                    f"subdivision {scheme} is not applied, the control mesh is used; one "
+                    "step would change the area by"
+                )
                 self.note(f"{words} {change}", place.path)
         primvar = UsdGeom.PrimvarsAPI(mesh).GetPrimvar("normals")
         normals = primvar.ComputeFlattened(self.time) if primvar else None
@@ -555,7 +562,7 @@ class Stage:
             normals = faces.at_corners(Array(np.array(normals, float), over))
             if normals is not None and (vectors * faces.means(normals)).sum() < 0:
                 self.note(
-                    "normals point against the winding of the faces, which counts", place.path
+                    "normals point against the winding of the faces, which is used", place.path
                 )
 
     def _described(self, place: Place, faces: MeshFaces) -> MeshFaces:
@@ -609,7 +616,7 @@ class Stage:
         values, outer = merged([mine, *map(self._said, subsets), of_material]), merged(place.said)
         own = outer.get("kelvin", OF_FACES)
         if own != OF_FACES and values.get("kelvin", own) not in (own, OF_FACES):
-            self.note("its material's thermal:kelvin goes before its own", place.path)
+            self.note("its material's thermal:kelvin is used instead of its own", place.path)
         values = merged([values, outer])
         if "attributes" in values:
             self.note(f"attributes {values.pop('attributes')} are not used", place.path)
@@ -720,7 +727,9 @@ class Movement:
             own = np.array([moved(place, middle, turn, unit) for place in places])
             own[:, :, :3] -= middle
             if any(varies(other - own[0], rounding).any() for other in own):
-                remarks.append(f"parts of group {group} move apart, and stay at the first time")
+                remarks.append(
+                    f"parts of group {group} move relative to each other, and keep the first pose"
+                )
                 continue
             for name, column, is_used in zip(
                 (*SHIFT, *ATTITUDE), own[0].T, varies(own[0], rounding)

@@ -338,7 +338,7 @@ class Atmosphere:
                     "[atmosphere]"
                 )
             warnings.warn(
-                f"{beyond}: its optical depth is extrapolated with its last power of range",
+                f"{beyond}: the optical depth is extrapolated with the last power of range",
                 stacklevel=3,
             )
         return ranges

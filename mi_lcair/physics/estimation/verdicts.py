@@ -26,16 +26,18 @@ class Verdict(StrEnum):
     CONDITIONAL = "determined if {what}: interval {span}"
     WEAK = "weakly determined: interval {span}"
     AT_BOUND = "at its bound {bound}: interval {span}"
-    WIDE = "not determined by these data: anything in {span} fits"
+    WIDE = "not determined by these data: any value in {span} fits"
     ONE_SIDED = "not determined by these data: {what}"
     ASSUMED = "not determined by these data: only the ranges of amplitudes limit it; give a prior"
     MISSED = "not determined by these data: the model misses {what}"
-    HIDDEN = "not determined: the noise of the render hides its effect; raise spp of [render]"
+    HIDDEN = (
+        "not determined: the noise of the render is larger than its effect; raise spp of [render]"
+    )
     UNFINISHED = "not converged: the value still moves, and its error may be too small"
     # Values that were chosen to reach a goal
     CHOSEN = "chosen"
     CHOSEN_AMONG = "chosen, but {span} does nearly as well"
-    FREE = "free: anything in {span} does as well"
+    FREE = "free: any value in {span} does as well"
 
     @staticmethod
     def of(width: float, possible: float, is_at_bound: bool, is_precise: bool) -> "Verdict":

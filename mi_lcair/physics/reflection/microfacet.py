@@ -283,8 +283,8 @@ class MicrofacetModel(MicrofacetCube):
         if lost <= WORTH_A_REMARK:
             return []
         return [
-            f"{lost:.0%} of what facets reflect at normal incidence meets other facets; "
-            "the model leaves it out"
+            f"{lost:.0%} of the radiation that facets reflect at normal incidence hits other "
+            "facets; the model leaves it out"
         ]
 
 

@@ -269,7 +269,7 @@ class SpectralParameters:
             return self.remarks
         lower, upper = self.wavelengths_um[[0, -1]]
         return *self.remarks, (
-            f"its spectrum has {lower:.6g}-{upper:.6g} um, and is taken to be constant in the "
+            f"its spectrum has {lower:.6g}-{upper:.6g} um, and is assumed to be constant in the "
             f"other {1 - self.covered(band):.0%} of band {band.label}"
         )
 
@@ -385,7 +385,7 @@ def beside(folder: Path, name: str) -> str:
 
 def of_nk(entry, files, common, fit) -> SpectralParameters:
     wavelengths, n, k, source = refractive_index(files["nk"])
-    remark = f"n and k of {source}; tabulated indices hold at room temperature"
+    remark = f"n and k of {source}; the table holds at room temperature"
     return spectrum("microfacet", entry, common, wavelengths, {"n": n, "k": k}, source, (remark,))
 
 
@@ -402,7 +402,7 @@ def of_emissivity(entry, files, common, fit) -> SpectralParameters:
         wavelengths, theta, values = table
         angles = np.arccos(NODES_OF_COSINE)
         rows = rows_at(angles, theta, values.T).T
-        remark = "an average over the band has the emissivity of the hemisphere at all angles"
+        remark = "the average over the band uses the hemispherical emissivity at all angles"
         grey = spectrum(
             "grey", entry, common, wavelengths, {"emissivity": of_hemisphere(rows)}, path, (remark,)
         )
@@ -448,8 +448,9 @@ def of_dhr(entry, files, common, fit) -> SpectralParameters:
     remarks = ()
     if infeasible.any():
         remarks = (
-            f"at {infeasible.mean():.0%} of its wavelengths the shape cannot have the measured "
-            f"DHR; epsilon is clipped there, by up to {np.abs(clipped - epsilon).max():.2g}",
+            f"at {infeasible.mean():.0%} of its wavelengths the measured DHR is impossible for "
+            "this shape; epsilon is clipped there, by up to "
+            f"{np.abs(clipped - epsilon).max():.2g}",
         )
     common = {"b": b, "e": e}
     form = {"form": shape.form} | entry

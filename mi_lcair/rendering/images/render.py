@@ -85,7 +85,7 @@ MEANINGS = {
     "stderr.Y": "stderr.Y is the standard error of Y",
     "apparent.Y": "apparent.Y is the radiance that arrives through the air",
     "temperature.Y": "temperature.Y is the brightness temperature",
-    "range.Y": "range.Y is the distance to what is seen",
+    "range.Y": "range.Y is the distance to the surface that is seen",
 }
 
 
@@ -227,8 +227,8 @@ class Render(Result):
         remarks = invalid_remark(self.invalid, self.paths)
         if not self.channels["Y"].any():
             remarks.append(
-                "the image is 0 everywhere: nothing that the sensor sees emits or reflects; is it "
-                "turned away, or does it see the backs of surfaces?"
+                "the image is 0 everywhere: the sensor sees no emission and no reflection; does "
+                "it look away from the scene, or at the backs of surfaces?"
             )
         if self.left_out and counts(self.left_out, self.rms_error or 0.0, self.tolerance):
             remarks.append(words_on_left_out(percent(self.left_out)))
@@ -338,7 +338,7 @@ def meanings(channels: dict) -> str:
     words = [meaning for name, meaning in MEANINGS.items() if name in channels]
     if any(name.startswith("seen.") for name in channels):
         words.append(
-            "group.LABEL.Y is radiance by what emitted it, seen.LABEL.Y by what is seen first"
+            "group.LABEL.Y is radiance by emitting group, seen.LABEL.Y by the group that is seen"
         )
     return "; ".join(words) + "." if words else ""
 

@@ -145,8 +145,8 @@ class Truth:
         fits = [kind for kind in LAYERS if self.ids(kind).max() <= MOST_OF_PNG]
         for kind in LAYERS.keys() - fits:
             warnings.warn(
-                f"no PNG of the numbers of each {kind} is written: 16 bits hold numbers up to "
-                f"{MOST_OF_PNG}; use {LAYERS[kind]} of the EXR",
+                f"no PNG with the numbers of each {kind} is written, because 16 bits are enough "
+                f"only up to {MOST_OF_PNG}; use {LAYERS[kind]} of the EXR",
                 stacklevel=2,
             )
         image = Path(f"{stem}.truth.exr")

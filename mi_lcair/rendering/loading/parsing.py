@@ -242,7 +242,7 @@ ENVIRONMENTS = ("envmap", "constant", "sunsky")  # others of which a scene can h
 ONE_SKY = "leave [surroundings] out, or remove that sky"
 COLOURS = ("rgb", "rgba", "xyz", "xyza")  # pixel formats of films
 KNOWN_SAMPLERS = ("lattice", "independent")
-INDEPENDENT = "sampler 'independent' may need ten times as many paths as lattice"
+INDEPENDENT = "sampler 'independent' may need ten times as many paths as the sampler lattice"
 
 
 @contextmanager

@@ -137,7 +137,7 @@ def shapes_without_bsdf(state) -> list[str]:
             reflects = "nothing" if mi.ObjectType.Emitter in inside else "half of what arrives"
             lines.append(
                 f"{mi.parser.file_location(state, node)}: the {node.props.plugin_name()} has no "
-                f"BSDF; Mitsuba's default stands for it and reflects {reflects}"
+                f"BSDF; Mitsuba's default BSDF is used and reflects {reflects}"
             )
     return lines
 
@@ -192,9 +192,9 @@ def remarks_on_loaded(scene: mi.Scene) -> list[str]:
         low, high = parsing.extent(scene)
         offset = OF_POSITION * UNIT * max(abs(low).max(), abs(high).max())
         lines.append(
-            "the scene lies far from its origin, where single precision is coarse: rays start "
-            f"{offset:.1g} m off surfaces, {percent(offset / (high - low).max())} of its size; "
-            "mi_lcair.load moves the scene of a file"
+            "the scene is far from its origin, where single precision is coarse: rays start "
+            f"{offset:.1g} m away from surfaces, {percent(offset / (high - low).max())} of its "
+            "size; load the scene from a file with mi_lcair.load, which moves it to the origin"
         )
     if any(numbers(sensor.sampler()) == "independent" for sensor in scene.sensors()):
         lines.append(parsing.INDEPENDENT)
@@ -265,13 +265,13 @@ def surfaces_that_emit_nothing(scene: mi.Scene) -> list[str]:
             known.add(surface)
         else:
             material = f"material {layers[0].material}" if layers else "its BSDF"
-            does, left = "reflects", "black but for what it reflects"
+            does, left = "reflects", "black except for reflections"
             if is_passed(int(shape.bsdf().flags())):
                 does, left = "transmits", "invisible"
             remarks.append(
-                f"group {emitter.group}, shape '{shape.id()}': {material} {does} all that "
-                f"arrives, so that the thermal emitter emits nothing and the surface is {left}; "
-                "use a material that absorbs, or give the emitter an `emissivity`"
+                f"group {emitter.group}, shape '{shape.id()}': {material} {does} all radiation, "
+                f"so that the thermal emitter emits nothing and the surface is {left}; use a "
+                "material that absorbs, or give the emitter an `emissivity`"
             )
     return remarks
 
@@ -300,20 +300,21 @@ def clipped(loaded, sensors) -> list[str]:
         farthest = np.linalg.norm(np.maximum(high - eye, eye - low))
         if nearest < near and near > 0.01 * np.linalg.norm(high - low):
             lines.append(
-                f"sensor {number}: does not see what is nearer than its near_clip = {near:g} m"
+                f"sensor {number}: does not see surfaces nearer than its near_clip = {near:g} m"
                 + scaled
             )
         if farthest > far:
             lines.append(
-                f"sensor {number}: does not see what is farther than its far_clip = {far:g} m"
+                f"sensor {number}: does not see surfaces farther than its far_clip = {far:g} m"
                 + scaled
             )
         size = (high - low).max()
         if is_parallel and UNIT * nearest > COARSE * size > 0:
             lines.append(
-                f"sensor {number}: its rays begin {nearest:.3g} m before a scene of {size:.3g} m, "
-                f"and single precision leaves places uncertain by {percent(UNIT * nearest / size)} "
-                "of it; put the sensor nearer, where its parallel rays see the same"
+                f"sensor {number}: its rays begin {nearest:.3g} m before a scene of {size:.3g} "
+                "m, and single precision leaves places uncertain by "
+                f"{percent(UNIT * nearest / size)} of it; move the sensor nearer; its parallel "
+                "rays then see the same"
             )
     return lines
 
@@ -370,13 +371,13 @@ def remarks_on_view(scene: mi.Scene, emitters: EmitterTable) -> tuple[list[str],
     of_nothing, backs = [], []
     if lost > max(LEAST_SHARE * total, LEAST_REFLECTED * met):
         of_nothing = [
-            f"{percent(lost / total)} of what the target reflects comes from nothing (0 K); an "
-            "emitter sky, [surroundings] of a scenario, or sky and ground of an import surround it"
+            f"{percent(lost / total)} of the target's reflections see nothing (0 K); add an "
+            "emitter sky, [surroundings] of a scenario, or sky and ground of an import"
         ]
     if behind > MOST_BEHIND * met:
         backs = [
-            f"{percent(behind / met)} of what the first sensor sees of the model are backs of "
-            "one-sided surfaces, which are black; turn their facets, or wrap their BSDFs in "
+            f"{percent(behind / met)} of the model's area that the first sensor sees are backs "
+            "of one-sided surfaces, which are black; turn their facets, or wrap their BSDFs in "
             "twosided"
         ]
     return of_nothing, backs

@@ -232,7 +232,7 @@ def test_points_that_the_model_hides_are_named(folder):
     right = mi_lcair.pose("plate.toml", np.hstack([points, places]), 0.3)
     assert not right.remarks
     upward = mi_lcair.pose("plate.toml", np.hstack([points, [0, 48] + [1, -1] * places]), 0.3)
-    assert "from there the model hides point 1, 2, 3, 4 of 8: do the rows go" in upward.remarks[0]
+    assert "the model hides point 1, 2, 3, 4 of 8: do the rows go" in upward.remarks[0]
 
 
 def test_a_scene_far_from_its_origin(folder):

@@ -123,7 +123,7 @@ def test_what_a_background_lacks_is_remarked(tmp_path):
     low = sky.at(LWIR, np.array([32.0]), np.array([24.0, 40.5, 46.5]))[:, 0]
     assert low[1] == pytest.approx(low[2], rel=1e-6) and low[0] < low[1]
     (line,) = sky.missing()
-    assert "% of the pixels look at the ground, which the background does not have" in line
+    assert "% of the pixels look at the ground, but [background] has no ground" in line
     dip = 1.0 - sky.around.horizon_deg
     share = np.mean(np.arange(48) + 0.5 > 24 + np.tan(np.radians(dip)) / PIXEL)
     assert line.startswith(f"{share:.0%} ")

@@ -299,7 +299,7 @@ def test_a_bolometer_records_power(tmp_path):
     draws = {"pose.yaw_deg": {"uniform": [10, 80]}}
     file = write_box(tmp_path, views=one, bands={"LWIR": camera}, splits=splits, draws=draws)
     result = mi_lcair.dataset(file, tmp_path / "set")
-    assert any("draws move the model, and points3D.txt" in remark for remark in result.remarks)
+    assert any("[draws] moves the model, but points3D.txt" in remark for remark in result.remarks)
     channels, _ = read_exr(tmp_path / "set/LWIR/radiance/000000.exr")
     assert "power.Y" in channels and channels["power.Y"].min() > 0
     assert pixels(tmp_path / "set/LWIR/images/000000.png").std() > 0

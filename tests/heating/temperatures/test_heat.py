@@ -55,7 +55,7 @@ def test_day(day):
     facets = day.facets
     share = (0.02 * facets.area).sum() / facets.emitting_area.sum()
     assert remark.startswith("[sigma] emissivity") and f"emit {share:.1%} more" in remark
-    assert any("its effect assumes that surfaces reflect evenly" in text for text in day.remarks)
+    assert any("its effect assumes that surfaces reflect diffusely" in text for text in day.remarks)
     assert day.residual_W < 1e-3
     # The mean of a group changes by the mean of its facets' changes
     k = day.facets.groups.index("self")

@@ -152,7 +152,7 @@ def test_epw_file(tmp_path):
         (lambda p: placed(p, "47,190,1"), "line 1: longitude_deg = 190; must lie in"),
         (lambda p: placed(p, "47,8,15"), "line 1: utc_offset_h = 15; must lie in -14..14"),
         (lambda p: rows(p, lambda hour: "290,,8,0,-20,0"), "line 2: '' in column 'sky_K'"),
-        (lambda p: rows(p, lambda hour: "290,260,8,5,-20,0"), "sun below the horizon"),
+        (lambda p: rows(p, lambda hour: "290,260,8,5,-20,0"), "sun is below the horizon"),
         (lambda p: rows(p, hours=[3]), "one row"),
         (lambda p: epw(p, {6: 9999}), "line 20: air_K is missing"),
         (lambda p: WeatherTable(file="site.epw"), "day = 2026-06-21"),
@@ -164,7 +164,7 @@ def test_epw_file(tmp_path):
         (lambda p: rows(p, lambda hour: "0,260,8,0,-20,0"), "line 2: air_K = 0; must lie in 10"),
         (lambda p: replace(rows(p), air_K=280.0), "has air_K; leave it out of"),
         (lambda p: replace(epw(p), north_deg=0, latitude_deg=5.0), "has latitude_deg; leave"),
-        (lambda p: night(p), "% of sun_W_m2 is there with the sun below the horizon"),
+        (lambda p: night(p), "% of sun_W_m2 is at times when the sun is below the horizon"),
         (lambda p: WeatherTable(**CONSTANT, wind_m_s=3.0), "one of them"),
         (lambda p: WeatherTable(air_K=290.0, h_W_m2_K=8.0), "sky_K is missing"),
         (lambda p: WeatherTable(air_K=290.0, h_W_m2_K=8.0, cloud=0.5), "needs relative_humidity"),
@@ -174,7 +174,7 @@ def test_epw_file(tmp_path):
             lambda p: WeatherTable(
                 **CONSTANT, sun_W_m2=900.0, sun_elevation_deg=-1, sun_azimuth_deg=0
             ),
-            "sun below the horizon",
+            "sun is below the horizon",
         ),
     ],
 )

@@ -142,7 +142,8 @@ def test_a_large_error_of_a_temperature_is_not_linear(tmp_path):
     assert check.plus == pytest.approx(B(370) - B(310), rel=0.02)
     assert check.minus == pytest.approx(B(250) - B(310), rel=0.02)
     assert (
-        len(found.remarks) == 1 and "plate.temperature: the linear answer fails" in found.remarks[0]
+        len(found.remarks) == 1
+        and "plate.temperature: the linear result is wrong" in found.remarks[0]
     )
     small = mi_lcair.budget(scene, {"sigma": {"plate.temperature": 1.0}})
     assert small.checks[0].holds and small.remarks == []
@@ -430,16 +431,17 @@ def test_only_what_matters_is_checked():
 def test_bounds():
     (found,) = checked(lambda a: a, [1], {"a": 2.0}, [[9.0]], lower=0.0)
     assert (found.plus, found.minus, found.holds) == (3.0, None, False)
-    assert "minus one sigma is outside its bounds, so that the linear answer holds on one side" in (
-        found.sentence("W/sr")
+    assert (
+        "minus one sigma is outside its bounds, so that the linear result is right on one side"
+        in (found.sentence("W/sr"))
     )
 
 
 def test_sentences():
     """A side whose change is known but wrong is stated beside the one without a change."""
     assert Check("a", 2.0, 3.0, -2.0, False).sentence("W/sr") == (
-        "a: the linear answer fails: plus one sigma changes the result by +3 W/sr and minus one "
-        "sigma changes the result by -2 W/sr, where the derivative says +-2; use Monte Carlo"
+        "a: the linear result is wrong: plus one sigma changes the result by +3 W/sr and minus "
+        "one sigma changes the result by -2 W/sr, but the derivative gives +-2; use Monte Carlo"
     )
     wrong = Check("a", -2.0, None, 2.3, False).sentence("K")
     assert "minus one sigma changes the result by +2.3 K and plus one sigma is outside" in wrong
@@ -496,7 +498,7 @@ def test_remarks_of_a_budget():
     number.total = SimpleNamespace(invalid=2, traced=np.array([60.0, 40.0]))
     checks = [Check("a", 1.0, 1.0, -1.0, True), Check("b", 1.0, None, None, False)]
     invalid, failing, last = remarks(number, checks, None)
-    assert invalid.startswith("2 of 100 samples") and failing.startswith("b: the linear answer")
+    assert invalid.startswith("2 of 100 samples") and failing.startswith("b: the linear result")
     assert last.startswith("the tolerance was not reached")
     number.numbers.reached, number.total.invalid = None, 0
     assert remarks(number, checks[:1], SimpleNamespace(sentence=lambda: "few")) == ["few"]

@@ -26,8 +26,8 @@ def answer(one, value, error, at_bound=0, held=False):
         (kelvin(), 300.0, 0.52, "weakly determined: interval 299..301 K"),
         (kelvin(), 300.0, 12.7, "weakly determined: interval 275.1..324.9 K"),
         # an interval of half of 100 K says nothing
-        (kelvin(), 300.0, 12.8, "not determined by these data: anything in 274.9..325.1 K fits"),
-        (kelvin(lower=290.0), 300.0, 13.0, "not determined .* anything in 290..325.5 K fits"),
+        (kelvin(), 300.0, 12.8, "not determined by these data: any value in 274.9..325.1 K fits"),
+        (kelvin(lower=290.0), 300.0, 13.0, "not determined .* any value in 290..325.5 K fits"),
         (unknown(), 0.04, 0.0103, "weakly determined: interval 0.01981..0.06019"),
         (unknown(), 0.04, 0.0101, "determined"),  # 0.02
         (unknown(), 0.4, 0.050, "determined"),  # a quarter of the value
@@ -74,7 +74,7 @@ def test_intervals_end_at_the_bounds():
     [
         (0.01, 0, "chosen"),
         (0.065, 0, "chosen, but 0.3726..0.6274 does nearly as well"),
-        (0.2, 0, "free: anything in 0.108..0.892 does as well"),
+        (0.2, 0, "free: any value in 0.108..0.892 does as well"),
         (0.01, 1, "at its bound 1: interval 0.4804..0.5196"),
     ],
 )

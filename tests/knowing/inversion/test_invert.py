@@ -173,7 +173,7 @@ def test_a_wrong_scene_is_seen_in_the_residuals(folder):
     np.save(entry["image"], image)
     found = mi_lcair.invert({"data": [entry], "unknowns": {"plate.temperature": {}}})
     assert found.p_value < 1e-3
-    assert any("the scene misses something" in line for line in found.remarks)
+    assert any("something is missing in the scene" in line for line in found.remarks)
 
 
 def test_gain_and_offset(folder):
@@ -348,7 +348,7 @@ def test_bad_pixels_that_lie_together(tmp_path):
     image[2:5, 3:6] *= 1.5
     found = mi_lcair.invert(corner_problem(tmp_path, path, image, 300.0, 8, spp=128), advise=False)
     assert len(found.data[0].bad_pixels) == 9 and found.p_value > 1e-3
-    assert "the pixels that are left out lie side by side, as dead ones do not" in found.remarks[-1]
+    assert "the pixels that are left out lie side by side, unlike dead pixels" in found.remarks[-1]
     what = "the model misses pixels of data 1 that were left out and lie side by side"
     assert {a.verdict for a in found.answers} == {f"not determined by these data: {what}"}
 
@@ -371,11 +371,11 @@ def test_noise_that_is_stated_too_high(tmp_path):
     given = corner_problem(tmp_path, path, clean(path), 300.0, 3, spp=256)
     given["data"][0]["netd_mK"] = 5 * NETD_MK
     found = mi_lcair.invert(given, advise=False)
-    assert found.p_value > 0.999 and "the noise is overstated" in found.remarks[-1]
+    assert found.p_value > 0.999 and "the given noise is too large" in found.remarks[-1]
     given["render"]["scale_errors"] = True
     scaled = mi_lcair.invert(given, advise=False)
     factor = np.sqrt(found.chi_square / found.degrees_of_freedom)
-    assert factor < 0.6 and f"the errors are those of {factor:.3g} times" in scaled.remarks[0]
+    assert factor < 0.6 and f"the errors assume {factor:.3g} times" in scaled.remarks[0]
     assert not any("overstated" in line for line in scaled.remarks)
     for answer, before, truth in zip(scaled.answers, found.answers, KELVIN):
         within(answer, truth)
@@ -408,7 +408,7 @@ def test_an_error_of_the_model_that_is_stated(tmp_path):
     found = mi_lcair.invert(given, advise=False)
     z = [(answer.value - T) / answer.standard_error for answer, T in zip(found.answers, KELVIN)]
     assert np.max(np.abs(z)) > 10 and not any(answer.is_determined for answer in found.answers)
-    assert 'state model_sigma, at least "' in found.remarks[-1]
+    assert 'give model_sigma, at least "' in found.remarks[-1]
     given["data"][0]["model_sigma"] = "4 %"
     found = mi_lcair.invert(given, advise=False)
     assert found.p_value > 1e-3
@@ -476,8 +476,8 @@ def test_facets_that_no_pixel_sees(tmp_path):
     assert 0 < len(unseen) < truth.size
     assert not any(answer.is_determined for answer in unseen)
     assert [answer.value for answer in unseen] == pytest.approx([300] * len(unseen), rel=1e-12)
-    (remark,) = (line for line in found.remarks if "reach no pixel" in line)
-    assert remark.startswith(f"{len(unseen)} facets reach no pixel ({unseen[0].facet}, ")
+    (remark,) = (line for line in found.remarks if "are seen by no pixel" in line)
+    assert remark.startswith(f"{len(unseen)} facets are seen by no pixel ({unseen[0].facet}, ")
     assert sum(answer.is_determined for answer in found.answers) > truth.size / 3
 
 
@@ -506,8 +506,8 @@ def test_facets_that_follow_those_that_a_pixel_sees(tmp_path):
     near = unseen & (sigma < 4)  # just behind the edge that the image shows
     assert near.any() and np.abs(alike[near]).mean() < 0.7 * np.abs(alone[near]).mean()
     assert (sigma < 1.001 * alone_sigma).all() and np.mean(np.abs(alike / sigma) < 1.96) > 0.85
-    (remark,) = (line for line in found.remarks if "reach no pixel" in line)
-    assert "they follow those that do, as correlation_m says" in remark
+    (remark,) = (line for line in found.remarks if "are seen by no pixel" in line)
+    assert "they follow their neighbours, as correlation_m says" in remark
 
 
 def test_a_first_guess_below_the_sky(tmp_path):

@@ -196,7 +196,7 @@ def test_models_on_their_side():
     assert "Blender 4.2.0 wrote the file" in exchange.remark(lying, "4.2.0")
     # A file of Blender whose symmetry shows that z points up needs no remark; any other does.
     assert exchange.remark(points, "4.2.0") is None
-    assert "turns y up by default" in exchange.remark(points + (0, 1, 0), "4.2.0")
+    assert "writes y up by default" in exchange.remark(points + (0, 1, 0), "4.2.0")
     assert exchange.remark(points + (0, 1, 0), "") is None
     flat = points * (1, 1, 0)
     assert exchange.remark(flat + (0, 1, 0), "") is None

@@ -91,8 +91,8 @@ def test_units_and_axes(load):
     same = load(mesh(points=size), head="")  # USD's defaults
     assert same.vertices == pytest.approx(model.vertices)
     assert [remark.split(":")[0] for remark in same.remarks] == [
-        "metersPerUnit is not stated, and USD's default of 0.01 is taken",
-        "upAxis is not stated, and USD's default of Y is taken",
+        "metersPerUnit is missing, and USD's default of 0.01 is used",
+        "upAxis is missing, and USD's default of Y is used",
     ]
     given = load(mesh(points=size), head="", scale=1, forward="Y", up="Z")
     assert np.ptp(given.box, axis=0) == pytest.approx((2, 1, 3))
@@ -190,9 +190,9 @@ def test_point_instancers(load):
 @pytest.mark.parametrize(
     "more, remark",
     [
-        ('token visibility = "invisible"', "invisible, and left out: /World/Other"),
-        ('uniform token purpose = "guide"', "of purpose guide, and left out: /World/Other/Box"),
-        ('uniform token purpose = "proxy"', "of purpose proxy, and left out: /World/Other/Box"),
+        ('token visibility = "invisible"', "invisible, and is left out: /World/Other"),
+        ('uniform token purpose = "guide"', "of purpose guide, and is left out: /World/Other/Box"),
+        ('uniform token purpose = "proxy"', "of purpose proxy, and is left out: /World/Other/Box"),
     ],
 )
 def test_what_is_not_seen(load, more, remark):
@@ -212,8 +212,8 @@ def test_what_is_no_mesh(load):
     others = 'def Sphere "Ball" {}\ndef DistantLight "Lamp" {}\ndef Camera "Eye" {}'
     model = solid(load(mesh(), others), 1)
     assert model.remarks == (
-        "Sphere is no mesh, and left out: /Ball",
-        "DistantLight is no mesh, and left out: /Lamp",
+        "Sphere is not a mesh, and is left out: /Ball",
+        "DistantLight is not a mesh, and is left out: /Lamp",
     )
 
 
@@ -233,7 +233,9 @@ def test_sheets_and_caps(load):
     assert model.count == 2 and report(model)["area_by_material"] == {"gloss_black": 2}
     corners = model.vertices[model.corners].reshape(2, 4, 3)
     assert np.cross(*(corners[:, 1:3] - corners[:, :1]).swapaxes(0, 1))[:, 2].tolist() == [1, -1]
-    assert model.remarks == ("doubleSided and open: each face gets a back of its own: /Sheet",)
+    assert model.remarks == (
+        "doubleSided and open: each face gets a second face for its back: /Sheet",
+    )
     assert load(mesh("Sheet", *SQUARE)).count == 1
     solid(load(mesh(more=both)), 1)
     split = [point for side in SIDES for point in (CORNERS[corner] for corner in side)]
@@ -259,7 +261,7 @@ def test_subdivision(load):
     """Cages stay. A step of Catmull and Clark takes half of the area of a cube, by hand."""
     model = solid(load(mesh(scheme="")), 1)
     (remark,) = model.remarks
-    assert remark.startswith("subdivision catmullClark is left at its cage")
+    assert remark.startswith("subdivision catmullClark is not applied")
     # Of 24 quads with the diagonals from a face's middle to a corner, 5/9 of the way out, and
     # between the points of two edges, 3/4 of the way out
     diagonals = np.array([1, 0, 0]) - 5 / 9, 0.75 * np.array([0, 1, -1])
@@ -281,7 +283,7 @@ def test_normals_against_the_winding(load):
     for sign in (1, -1):
         normals = [tuple(sign * (2.0 * x - 1) for x in corner) for corner in CORNERS]
         model = solid(load(mesh(more=f"normal3f[] normals = {normals}")), 1)
-        against = "normals point against the winding of the faces, which counts: /Box"
+        against = "normals point against the winding of the faces, which is used: /Box"
         assert model.remarks == ((against,) if sign < 0 else ())
 
 
@@ -349,7 +351,9 @@ def test_the_nearest_counts(load):
     model = load(world, **options)
     expected = [("0.5", "all", 310), ("0.6", "all", 320)]
     assert kinds(model) == [expected[k in (1, 3)] for k in range(6)]
-    assert model.remarks == ("its material's thermal:kelvin goes before its own: /World/Box",)
+    assert model.remarks == (
+        "its material's thermal:kelvin is used instead of its own: /World/Box",
+    )
     values = 'string[] primvars:thermal:group = ["a", "b", "a", "b", "a", "a"]'
     faces = f'{values} (interpolation = "uniform")'
     model = load(xform("World", paints + mesh(more=f"{bound}\n{faces}", inside=subset)), **options)
@@ -379,7 +383,7 @@ def test_labels_of_simready(load):
     assert model.remarks == ("attributes emissive, single_sided are not used: /Box",)
     many = nonvisual("steel") + xform("World", bound, "double[] thermal:kelvin = [300, 310]")
     model = load(many, material=None)
-    assert model.remarks == ("several values count only on meshes and instancers: /World",)
+    assert model.remarks == ("several values are used only on meshes and instancers: /World",)
     own = mesh(more='rel material:binding = </Paint>\ncustom string thermal:material = "0.8"')
     assert load(nonvisual("none"), own, material=None).labels[0].material == "0.8"
     both = nonvisual("steel").replace("custom", 'custom string thermal:material = "0.7"\ncustom', 1)
@@ -527,13 +531,15 @@ def test_time_samples(load):
     line = "double thermal:kelvin.timeSamples = {1: 300, 10: 310, 20: 320}"
     model = load(mesh(more=line), head=head, temperature=None)
     assert set(model.temperature) == {310}
-    assert model.remarks == ("changes with time, and is read at the first: /Box.thermal:kelvin",)
+    assert model.remarks == (
+        "changes with time, and is read at the first time: /Box.thermal:kelvin",
+    )
 
 
 SUBSET = 'def GeomSubset "S" {\nuniform token elementType = "face"\nint[] indices = [9]\n}'
 BAD = [
     ("", r"no mesh that is seen \(export meshes\)"),
-    ('def Cube "A" {}', r"no mesh that is seen \(Cube is no mesh, and left out: /A\)"),
+    ('def Cube "A" {}', r"no mesh that is seen \(Cube is not a mesh, and is left out: /A\)"),
     ('def Mesh "A" {\npoint3f[] points = [(0, 0]\n}', "cannot be read as USD: .*stage.usda:7"),
     (mesh(points=CORNERS[:7]), "/Box: Out of range face vertex index 7"),
     (mesh().replace("[4, 4, 4", "[4, 4, 5"), "/Box: Sum of faceVertexCounts"),
@@ -713,12 +719,12 @@ def test_motions_of_groups(load, tmp_path):
         (
             ("float3 xformOp:scale.timeSamples = {0: (1, 1, 1), 4: (1, 1, 2)}",),
             "",
-            "changes its size or shape with time, and stays as at first: /Heli/Rotor/Blade",
+            "changes its size or shape with time, and keeps the first one: /Heli/Rotor/Blade",
         ),
         (
             ("double3 xformOp:translate.timeSamples = {0: (3, 0, 0), 4: (3, 0, 8)}",),
             xform("Tail", mesh("A", more='custom string thermal:group = "Rotor"')),
-            "parts of group Rotor move apart, and stay at the first time",
+            "parts of group Rotor move relative to each other, and keep the first pose",
         ),
         (
             ROTOR,
@@ -739,9 +745,11 @@ def test_moving_instances(load):
     samples_of = f"point3f[] positions.timeSamples = {{0: {still}, 4: {risen}}}"
     rows = rows.replace("point3f[] positions = [(0.0, 0.0, 0.0), (4.0, 0.0, 0.0)]", samples_of)
     model = load(rows, head=TIMES)
-    assert model.remarks == ("parts of group self move apart, and stay at the first time",)
+    assert model.remarks == (
+        "parts of group self move relative to each other, and keep the first pose",
+    )
     many = load(rows, head=TIMES.replace("endTimeCode = 4", "endTimeCode = 1e9"))
-    assert many.remarks == ("too many moments to read a motion: /",)
+    assert many.remarks == ("too many times to read a motion: /",)
 
 
 def test_one_sample_is_no_motion(load):

@@ -153,7 +153,7 @@ def test_sentences():
     texts = {verdict: verdict.sentence(span="1..2 K", bound="0", what="it") for verdict in Verdict}
     assert texts[Verdict.WEAK] == "weakly determined: interval 1..2 K"
     assert texts[Verdict.AT_BOUND.of_goal] == "at its bound 0: interval 1..2 K"
-    assert texts[Verdict.WIDE.of_goal] == "free: anything in 1..2 K does as well"
+    assert texts[Verdict.WIDE.of_goal] == "free: any value in 1..2 K does as well"
     with_interval = {verdict for verdict in Verdict if Verdict.has_interval(texts[verdict])}
     assert with_interval == {Verdict.DETERMINED, Verdict.CONDITIONAL, Verdict.WEAK}
 

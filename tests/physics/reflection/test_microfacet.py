@@ -374,7 +374,7 @@ def lost_at_normal_incidence(alpha):
 def test_remark_on_what_is_lost_between_facets():
     for alpha in (0.5, 0.3):
         (remark,) = MODEL.remarks(alpha, 2, 1.5, 0, 0.4)
-        assert remark.startswith(f"{lost_at_normal_incidence(alpha):.0%} of what facets reflect")
+        assert remark.startswith(f"{lost_at_normal_incidence(alpha):.0%} of the radiation that")
     # 5 % are lost at alpha = 0.1727
     assert lost_at_normal_incidence(0.170) < 0.05 < lost_at_normal_incidence(0.175)
     assert MODEL.remarks(0.170, 2, 1.5, 0, 0.4) == [] != MODEL.remarks(0.175, 2, 1.5, 0, 0.4)

@@ -446,7 +446,7 @@ def test_files(tmp_path):
     ):
         drawn(**{"IndexFacet.X": ids}).write_ids(tmp_path / "x.png", "facet")
     assert list(tmp_path.iterdir()) == []
-    with pytest.warns(UserWarning, match="no PNG of the numbers of each facet .* IndexFacet.X"):
+    with pytest.warns(UserWarning, match="no PNG with the numbers of each facet .* IndexFacet.X"):
         written = drawn(**{"IndexFacet.X": ids, "IndexOB.X": small}).save(tmp_path / "seen")
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(path.name for path in written)
     assert tmp_path / "seen.facet.png" not in written  # its numbers do not fit

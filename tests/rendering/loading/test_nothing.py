@@ -23,7 +23,7 @@ SIDE["to_world"] = mi.ScalarTransform4f().look_at(origin=[20, 0, 0], target=[0, 
 def share(sensor=None, **shapes):
     """The share that the remark states [percent]; 0 without a remark."""
     made = mi_lcair.load(scene(PATH, sensor or camera(4, 1.0), **shapes))
-    found = [re.match(r"([\d.]+) % of what the target reflects", note) for note in made.notes]
+    found = [re.match(r"([\d.]+) % of the target's reflections", note) for note in made.notes]
     return next((float(match[1]) for match in found if match), 0.0)
 
 
@@ -79,8 +79,8 @@ def test_black_surfaces_reflect_nothing():
 def test_once_and_in_json():
     made = mi_lcair.load(scene(PATH, camera(4, 1.0), plate=PLATE))
     result = mi_lcair.signature(made, spp=4).as_dict()
-    (remark,) = [line for line in result["remarks"] if "comes from nothing (0 K)" in line]
-    assert remark.startswith("100 % of what the target reflects") and "an emitter sky" in remark
+    (remark,) = [line for line in result["remarks"] if "see nothing (0 K)" in line]
+    assert remark.startswith("100 % of the target's reflections") and "an emitter sky" in remark
 
 
 def test_an_image_of_nothing():

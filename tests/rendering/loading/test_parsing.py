@@ -443,7 +443,7 @@ def test_where_it_was_is_kept(tmp_path):
     assert plates(tmp_path, 0.0).origin == (0, 0, 0)
     scene = plates(tmp_path, 1e4)
     assert np.allclose(scene.origin, [1e4, 1e4, -1e4], atol=0.3)
-    assert any("it was moved there" in remark for remark in scene.remarks)
+    assert any("it was moved to the origin" in remark for remark in scene.remarks)
     corner = np.array(scene.mi.bbox().min, dtype=float) + scene.origin
     assert np.allclose(corner, [1e4, 1e4 - 0.05, -1e4], atol=1e-6)
 
