@@ -183,9 +183,7 @@ def replacing(path: str | Path):
     Raises
     ------
     InputError
-        If `path` cannot be written.
-    OSError
-        With the name `path`, if the disk is full or the folder vanishes.
+        If `path` cannot be written, the disk is full or the folder vanishes.
     """
     check_writable(path)
     target = _target(path)
@@ -235,6 +233,26 @@ def together():
 
 
 @contextmanager
+def resumable(folder: Path, complete: str):
+    """Context manager for work into a folder, whose files let a later call go on.
+
+    If the block fails before there is a file of the pattern `complete`, a new folder is removed.
+    Otherwise the error of a file that cannot be written says that the folder keeps them.
+    """
+    is_new = not folder.exists()
+    try:
+        yield
+    except BaseException as error:
+        if not any(folder.glob(complete)):
+            if is_new:
+                _discard(folder)
+        elif isinstance(error, InputError) and isinstance(error.__cause__, (OSError, RuntimeError)):
+            kept = f"'{folder}' keeps what is complete, and the same command goes on"
+            raise InputError(f"{error}; {kept}") from error.__cause__
+        raise
+
+
+@contextmanager
 def filling(folder: str | Path):
     """Context manager that gives a temporary folder, whose files move to `folder` at the end.
 
@@ -272,17 +290,20 @@ def filling(folder: str | Path):
 
 @contextmanager
 def _naming(path, partial: Path):
-    """Context manager: errors of the temporary file name the file that it is to replace."""
+    """Context manager: errors of the temporary file are InputErrors that name its target."""
     try:
         yield
-    except OSError as error:
-        if error.errno is None or error.filename not in (None, str(partial)):
+    except (OSError, RuntimeError) as error:
+        reason = getattr(error, "strerror", None)
+        is_own = reason and error.filename in (None, str(partial))
+        if isinstance(error, RuntimeError):  # OpenEXR's
+            is_own = str(partial) in str(error)
+            reason = str(error).rpartition('". ')[2].rstrip(".")
+        if not is_own:
             raise
-        raise OSError(error.errno, error.strerror, str(path)) from None
-    except RuntimeError as error:  # OpenEXR's
-        if str(partial) not in str(error):
-            raise
-        raise RuntimeError(str(error).replace(str(partial), str(path))) from None
+        raise InputError(
+            f"cannot write '{path}': {reason}; free space, or name another folder"
+        ) from error
 
 
 def _target(path: str | Path) -> Path:

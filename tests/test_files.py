@@ -25,6 +25,7 @@ from mi_lcair.files import (
     parse_toml,
     read_text,
     replacing,
+    resumable,
     together,
 )
 from mi_lcair.rendering.images.files import write_exr
@@ -78,7 +79,7 @@ def test_a_full_disk(tmp_path, write):
     """An error that names the file, the old file as it was, and nothing beside it."""
     path = tmp_path / "file.png"
     path.write_text("old")
-    with pytest.raises((OSError, RuntimeError)) as raised, full_disk():
+    with pytest.raises(InputError, match="File too large; free space") as raised, full_disk():
         write(path)
     assert str(path) in str(raised.value) and ".part" not in str(raised.value)
     assert [file.name for file in tmp_path.iterdir()] == ["file.png"]
@@ -87,7 +88,7 @@ def test_a_full_disk(tmp_path, write):
 
 def test_a_disk_that_is_full_before_a_picture_begins(tmp_path):
     """Matplotlib would say that its stream has no position."""
-    full = pytest.raises(OSError, match=r"file\.pdf")
+    full = pytest.raises(InputError, match=r"file\.pdf")
     with full, full_disk(0), drawing(tmp_path / "file.pdf", (8, 8)) as figure:
         figure.subplots().plot([0, 1])
     assert list(tmp_path.iterdir()) == []
@@ -105,6 +106,19 @@ def test_a_full_disk_while_a_folder_is_filled(tmp_path):
     assert (folder / "a").read_text() == "old"
 
 
+def test_a_full_disk_during_work_that_can_go_on(tmp_path):
+    """A new folder is removed while nothing in it is complete; later the error says what is."""
+    folder = tmp_path / "areas"
+    for complete, message in (([], "another folder$"), (["1.nc"], "areas' keeps what is complete")):
+        with pytest.raises(InputError, match=message), full_disk(), resumable(folder, "*.nc"):
+            folder.mkdir()
+            for name in complete:
+                (folder / name).touch()
+            text(folder / "2.nc")
+        assert [file.name for file in folder.glob("*")] == complete
+        assert folder.exists() == bool(complete)
+
+
 @pytest.mark.parametrize("write", [text, trend])
 def test_a_folder_that_vanishes(tmp_path, write, monkeypatch):
     """Between the check and the end of the writing."""
@@ -117,7 +131,7 @@ def test_a_folder_that_vanishes(tmp_path, write, monkeypatch):
         replace(source, target)
 
     monkeypatch.setattr("mi_lcair.files.os.replace", too_late)
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(InputError, match="cannot write"):
         write(folder / "file")
     assert list(tmp_path.iterdir()) == []
 

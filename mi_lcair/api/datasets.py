@@ -7,6 +7,7 @@ from pathlib import Path
 from mi_lcair.detection.datasets.description import DatasetDescription
 from mi_lcair.detection.datasets.folder import LabelledFrames, record_dataset
 from mi_lcair.errors import errors_of
+from mi_lcair.files import resumable
 from mi_lcair.progress import Progress
 from mi_lcair.tasks import exclusively
 
@@ -49,5 +50,5 @@ def dataset(
         checked before the first render.
     """
     read = DatasetDescription.read(description)
-    with errors_of(f"dataset '{read.name}'"):
+    with errors_of(f"dataset '{read.name}'"), resumable(Path(folder), "**/frames/*.json"):
         return record_dataset(read, Path(folder), progress)

@@ -13,7 +13,7 @@ import numpy as np
 
 from mi_lcair.declared import percent
 from mi_lcair.errors import InputError, check_known, mitsuba_error, option
-from mi_lcair.files import replacing
+from mi_lcair.files import filling
 from mi_lcair.models3d.modellers.naming import kelvin
 from mi_lcair.plugins.emission.emissivity import emissivity_of
 from mi_lcair.rendering.loading import parsing
@@ -121,9 +121,9 @@ def thermal_scene(
         remarks.append(
             f"$-parameters were replaced by numbers: {', '.join(sorted(names))}; -D sets them"
         )
-    written.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(written) as partial:
-        partial.write_text(text, encoding="utf-8")
+    written.absolute().parent.parent.mkdir(parents=True, exist_ok=True)
+    with filling(written.parent) as partial:
+        (partial / written.name).write_text(text, encoding="utf-8")
     return remarks
 
 

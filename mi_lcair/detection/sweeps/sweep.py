@@ -4,6 +4,7 @@ import json
 import time
 import warnings
 from collections.abc import Iterator, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -33,6 +34,7 @@ from mi_lcair.detection.sweeps.subject import (
 )
 from mi_lcair.errors import InputError
 from mi_lcair.estimate import Estimate
+from mi_lcair.files import resumable
 from mi_lcair.physics.air.atmosphere import LineOfSight
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance
@@ -357,14 +359,15 @@ def results_of(
     views = sum(len(batch.views) for batch in everything)
     new = sum(len(batch.views) for batch in missing)
     done = views - new
-    for number, traced in computed([batch.run for batch in missing]):
-        batch = missing[number]
-        known[batch.key] = traced
-        if folder is not None:
-            folder.write(batch, traced)
-        done += len(batch.views)
-        if progress:
-            progress(done, views)
+    with nullcontext() if folder is None else resumable(folder.path, "*.nc"):
+        for number, traced in computed([batch.run for batch in missing]):
+            batch = missing[number]
+            known[batch.key] = traced
+            if folder is not None:
+                folder.write(batch, traced)
+            done += len(batch.views)
+            if progress:
+                progress(done, views)
     parts = {key: [known[batch.key] for batch in of_key] for key, of_key in batches.items()}
     return {key: of_key[0].joined(of_key) for key, of_key in parts.items()}, new
 
