@@ -10,7 +10,7 @@ import re
 import sys
 from pathlib import Path
 
-__version__ = "0.2.0"
+__version__ = "1.0.0"
 
 # The module of each public name. The stub `__init__.pyi`, which type checkers and editors read, is
 # the registry; a module is imported at the first use of its name.
