@@ -18,7 +18,7 @@ def rounded(count: int) -> str:
 
 def test_paths_that_a_tolerance_takes():
     """The page on plans states the fewest and the most of the bundled scenes."""
-    section = text("validation/paths.md").partition("## What a tolerance takes")[2]
+    section = text("validation/paths.md").partition("## Number of paths to a tolerance")[2]
     cells = [line.split("|")[2:4] for line in section.splitlines() if line.count("|") == 4][2:]
     percent, tenth = (
         [int(number.replace(",", "")) for cell in column for number in re.findall(r"[\d,]+", cell)]
