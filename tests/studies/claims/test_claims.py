@@ -88,10 +88,10 @@ def test_runs_with_repeats_have_a_section_of_their_own(tmp_path):
     files = {"--read": "one.csv", "--repeated": "many.csv"}
     options = [part for key, name in files.items() for part in (key, str(tmp_path / name))]
     main([*options, "--page", str(page)])
-    once, many = page.read_text().split("## Ten runs a scene")
+    once, many = page.read_text().split("## Ten runs for each scene")
     assert "| tolerance | 20 | 20 | 90.0% |" in once
     assert "| tolerance | 200 | 20 | 99.0% | 96.4% to 99.9% | 1.00% | 0.00% | 0.00% |" in many
-    assert "Here are 20 scenes: 20 scenes of seed 1." in many
+    assert "This section has 20 scenes: 20 scenes of seed 1." in many
 
 
 def test_repeats_of_a_command_have_other_random_numbers():
