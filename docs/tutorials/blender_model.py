@@ -2,13 +2,12 @@
 # # From a Blender model to signature and trend
 #
 # At the end of this tutorial you have the intensity of a small aircraft toward an observer, with
-# its error, and a polar plot of the intensity all around it. You have both as tables for pandas
-# and ParaView. It takes a quarter of an hour to read, and the computer needs about ten seconds.
-# Your own model takes the place of the aircraft.
+# its error, and a polar plot of the intensity all around it. You have both as tables for pandas and
+# ParaView. Reading takes a quarter of an hour, and the computer needs about ten seconds. You can
+# replace the aircraft with your own model.
 #
-# The aircraft `drone.obj` was exported from Blender 5.0.1 with the settings that its dialogue
-# shows at first. It is one of the sample files of mi_lcair. This cell copies them to a new folder
-# and goes there.
+# The aircraft `drone.obj` was exported from Blender 5.0.1 with the default settings. It is one of
+# the sample files of mi_lcair. This cell copies them to a new folder and changes to this folder.
 
 # %%
 import os
@@ -30,8 +29,9 @@ os.chdir(folder.name)
 # %% [markdown]
 # ## Read the model
 #
-# The faces of the model have the Blender materials `Skin` and `Nozzle`. A table says what these
-# names mean: a reflection model, a temperature, and a group whose share we want to know.
+# The faces of the model have the Blender materials `Skin` and `Nozzle`. A table gives the meaning
+# of these names: a reflection model, a temperature, and a group. The results are reported for each
+# group.
 
 # %%
 print(Path("drone.csv").read_text())
@@ -41,20 +41,20 @@ model = models3d.read("drone.obj", names="drone.csv")
 print(*model.remarks)
 
 # %% [markdown]
-# The reader has a remark. Blender's OBJ export turns y up unless one changes its settings. The two
-# axes of the export dialogue go into `forward` and `up`. The model then has its nose along +x and
-# its top along +z.
+# The reader prints a warning. Blender's OBJ export writes y up unless you change its settings. Give
+# the two axes of the export dialogue as `forward` and `up`. The nose of the model then points along
+# +x and its top along +z.
 
 # %%
 model = models3d.read("drone.obj", names="drone.csv", forward="-Z", up="Y")
 model
 
 # %% [markdown]
-# Look at this picture before anything else. The nose is at the arrow and the fin points up. Backs
-# of facets would be pink, because a facet emits and reflects on one side only. There are none. The
+# Look at this picture first. The nose is at the arrow and the fin points up. A facet emits and
+# reflects on one side only, and its back is pink in the picture. There are no pink facets here. The
 # nozzle with its 600 K is at the tail, which none of the three views shows.
 #
-# The report counts what else may be wrong with a model.
+# The report counts other possible faults of a model.
 
 # %%
 report = models3d.report(model)
@@ -63,13 +63,14 @@ for name in ("open_edges", "inward", "degenerate", "duplicate", "non_planar"):
     assert report[name] == 0
 
 # %% [markdown]
-# ## Make a scene of it
+# ## Make a scene
 #
 # `export` writes the meshes and the Mitsuba scene `drone/scene.xml`. On the command line,
 # `mi-lcair import drone.obj --names drone.csv --forward -Z --up Y -o drone` does all of this.
 #
-# The scene has parameters. `azimuth_deg` and `elevation_deg` say from where the model is seen:
-# azimuth 0 sees the nose, and 90 the left side. We look from the left, from behind and from above.
+# The scene has parameters. `azimuth_deg` and `elevation_deg` set the direction of the observer:
+# azimuth 0 sees the nose, and 90 the left side. Here the observer is on the left, behind and above
+# the model.
 
 # %%
 models3d.export(model, "drone")
@@ -78,13 +79,13 @@ image = mi_lcair.render(scene, spp=32)
 image.plot(channels=["temperature.Y"])
 
 # %% [markdown]
-# The brightness temperature of a surface lies below its own temperature, because no surface but
-# the nozzle is black, and there is nothing around the aircraft that it could reflect.
+# The brightness temperature of the skin is below its temperature, because the skin is not black and
+# there is nothing around the aircraft that it could reflect. Only the nozzle is black.
 #
 # ## The signature
 #
-# The signature is the radiance, integrated over the area that the observer sees. We want it to 1
-# %. That is half of the 95 % interval.
+# The signature is the radiance, integrated over the area that the observer sees. The tolerance here
+# is 1 %. This is half of the 95 % interval.
 
 # %%
 signature = mi_lcair.signature(scene, tolerance="1%", facets=True)
@@ -96,7 +97,7 @@ nozzle = signature.target.by_group["exhaust"]
 print(f"{nozzle / signature.intensity:.0%} of the intensity comes from the nozzle")
 
 # %% [markdown]
-# ## Which facet sends how much?
+# ## The intensity of each facet
 #
 # With `facets=True` the same paths also give a table with a row for each facet of the model, that
 # is, for each polygon in Blender.
@@ -122,8 +123,8 @@ print(f"rendered {rendered:.2f} +- {error:.2f} W/sr, closed form {exact:.2f} W/s
 assert abs(rendered - exact) < 4 * error
 
 # %% [markdown]
-# The table and the geometry go into one file for ParaView. Other suffixes give other files, such
-# as `.csv`, `.json` and `.vtu`.
+# A `.vtp` file has the table and the geometry, for ParaView. Other suffixes give other formats,
+# such as `.csv`, `.json` and `.vtu`.
 
 # %%
 signature.facets.save("facets.vtp")
@@ -133,8 +134,8 @@ print(*sorted(Path().glob("facets*")))
 # %% [markdown]
 # ## The trend
 #
-# A trend is the intensity toward many observers. These are 36 azimuths at two elevations, each to
-# 1 %.
+# A trend is the intensity toward many observers. Here there are 36 azimuths at two elevations, each
+# with a tolerance of 1 %.
 
 # %%
 trend = mi_lcair.trend(scene, range(0, 360, 10), [0, 20], tolerance="1%")
@@ -142,9 +143,9 @@ trend
 
 # %% [markdown]
 # From behind, the nozzle alone is brighter than everything else. From the front it is hidden, and
-# what remains is the skin. The model is symmetric, so left and right must agree within their
-# errors. So must the trend and the signature where their aspects are the same. One interval of
-# twenty misses, so that a difference may exceed its half width.
+# only the skin is visible. The model is symmetric. Left and right must therefore agree within their
+# errors. The trend and the signature must agree for the same direction. One of twenty intervals
+# does not contain the true value. A difference may therefore exceed its half width.
 
 # %%
 table = trend.to_dataframe().set_index(["elevation_deg", "azimuth_deg"])
@@ -166,9 +167,9 @@ assert level.intensity_W_sr[180] > 5 * level.intensity_W_sr[0]
 # %% [markdown]
 # ## A check with one temperature
 #
-# Give all facets the same temperature and make them black. Then the intensity is Planck's radiance
-# times the projected area, toward every observer. A facet that faces inward would be dark and break
-# this. `material` and `temperature` take the place of the table.
+# If all facets are black and have the same temperature, the intensity toward every observer is
+# Planck's radiance times the projected area. A facet that faces inward would be dark, and the check
+# would fail. `material` and `temperature` replace the table.
 
 # %%
 black = models3d.read("drone.obj", material="blackbody", temperature=300, forward="-Z", up="Y")
@@ -184,6 +185,6 @@ np.testing.assert_allclose(radiance, planck, rtol=1e-5)
 #
 # - [From Blender](../howto/blender.md): export settings, names, other file formats.
 # - [Labels and facets](../howto/labels.md): a temperature for each facet, sky and terrain.
-# - [Trend](../howto/trend.md): large trends, which go on when they were interrupted.
-# - [A scatterometer's data become a material](material.py): your own paint on this model.
+# - [Trend](../howto/trend.md): large trends, and how to resume them.
+# - [From a scatterometer's data to a material](material.py): your own paint on this model.
 # - [From a scenario to a detection range](detection_range.py): the air, the sun and a camera.

@@ -2,8 +2,8 @@
 # # A box through a day
 #
 # A box of bare aluminium with a black lid stands on soil. This tutorial computes its temperatures
-# over a summer day from the weather, then its radiance against time, and what an infrared camera
-# sees at dawn and at noon.
+# over a summer day from the weather. Then it computes the intensity of the box against time, and
+# images at dawn and at noon.
 
 # %%
 import shutil
@@ -25,8 +25,9 @@ print((folder / "heat.toml").read_text())
 # %% [markdown]
 # ## Temperatures
 #
-# Each facet balances radiation, sunlight, air, and the wall behind it. The bands have two standard
-# uncertainties, and the table says where they come from.
+# The temperature of each facet follows from a balance of radiation, sunlight, and heat to the air
+# and to the wall behind it. The bands in the picture are two standard uncertainties wide on each
+# side. The table says which inputs cause them.
 
 # %%
 heat = mi_lcair.heat(folder / "heat.toml")
@@ -41,8 +42,8 @@ assert 320 < lid[noon] < 345
 assert abs(changes["h"]) > abs(changes["absorptance"])
 
 # %% [markdown]
-# The coefficient of convection is known to 30 %, and contributes most by day. At night the lid is
-# colder than the air, because it radiates to the sky.
+# The coefficient of convection has an uncertainty of 30 %. By day it is the largest contribution.
+# At night the lid is colder than the air, because it radiates to the sky.
 
 # %%
 assert lid.min() < 286
@@ -50,7 +51,8 @@ assert lid.min() < 286
 # %% [markdown]
 # ## Radiance against time
 #
-# One render gives the effective area of each facet, and with it the intensity at all times.
+# One render gives the effective area of each facet. With these areas the intensity can be computed
+# for all times.
 
 # %%
 figure, axes = plt.subplots()
@@ -63,7 +65,7 @@ assert values[noon] > values[heat.row(4)]
 # %% [markdown]
 # ## Images at dawn and at noon
 #
-# The temperatures of a time are a file that a scene takes as `modes`.
+# The temperatures at one time are saved in a file. A scene reads this file as `modes`.
 
 # %%
 figure, pair = plt.subplots(1, 2, figsize=(8, 3.6), layout="constrained")
@@ -82,4 +84,4 @@ assert np.nanmax(kelvin[1]) > np.nanmax(kelvin[0]) + 20
 
 # %% [markdown]
 # At dawn the lid is darker than the plate. The aluminium reflects the surroundings at both times.
-# Its apparent temperature therefore says little about its own.
+# Its apparent temperature is therefore very different from its true temperature.

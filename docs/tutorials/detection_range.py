@@ -1,13 +1,14 @@
 # %% [markdown]
 # # From a scenario to a detection range
 #
-# At the end of this tutorial you know from how far two sensors see a landing airliner, by night
-# and by day: a detector that integrates its whole field of view, and a camera with pixels, blur
-# and noise. It takes twenty minutes to read, and the computer needs about twenty seconds.
+# This tutorial computes the ranges at which two sensors detect a landing airliner, by night and by
+# day. One sensor is a detector that integrates over its whole field of view. The other one is a
+# camera with pixels, blur and noise. Reading takes twenty minutes, and the computer needs about
+# twenty seconds.
 #
-# Everything goes into one TOML file, the scenario. Its first table names a scene and its
-# parameters, here a bundled airliner under a clear sky. Your own scene takes its place, such as
-# the one of [the Blender tutorial](blender_model.py). This cell writes the file to a new folder.
+# One TOML file, the scenario, describes everything. Its first table names a scene and its
+# parameters, here a bundled airliner under a clear sky. You can use your own scene instead, such as
+# the one from [the Blender tutorial](blender_model.py). This cell writes the file to a new folder.
 
 # %%
 import os
@@ -25,12 +26,12 @@ Path(folder.name, "airliner.toml").write_text("""
 [target]
 scene = "a340_landing"
 [target.parameters]
-sky = "midlat_summer_clear"     # what the aircraft reflects
+sky = "midlat_summer_clear" # sky that the aircraft reflects
 
 [pose]
 pitch_deg = 10                  # nose up
 
-[observer]                      # as seen from the aircraft
+[observer] # direction from the aircraft
 range_m = 2000
 azimuth_deg = 90                # on its left side
 elevation_deg = -11.3           # below it, so that the observer looks up
@@ -39,7 +40,7 @@ elevation_deg = -11.3           # below it, so that the observer looks up
 table = "midlat_summer"         # air between aircraft and sensor
 
 [background]
-sky = "midlat_summer_clear"     # what the aircraft hides
+sky = "midlat_summer_clear" # sky behind the aircraft
 
 [sensor]
 band = "MWIR"
@@ -60,14 +61,15 @@ integration_time_ms = 0.3
 well_Me = 10                    # a pixel holds 10 million electrons
 quantum_efficiency = 0.7
 read_noise_e = 300
-least_pixels = 50               # a detection needs so many pixels on the target
+least_pixels = 50 # a detection needs this many pixels on the target
 """)
 os.chdir(folder.name)
 # %% [markdown]
 # ## The contrast by night
 #
-# The detector sees the target through the air. It sees the air before the target, too. It does not
-# see the part of the sky that the target hides. The contrast is what the target changes:
+# The detector sees the target through the air. It also sees the radiation of the air in front of
+# the target. It does not see the part of the sky that the target hides. The contrast is the change
+# that the target causes:
 #
 #     contrast = target + path - background
 
@@ -76,9 +78,9 @@ night = mi_lcair.contrast("airliner.toml")
 night
 
 # %% [markdown]
-# The first panel is the spectral intensity of the airliner, before the air. In the
-# second panel the air removes all of it near 4.3 µm, where carbon dioxide absorbs. The third panel
-# has the terms of the contrast.
+# The first panel is the spectral intensity at the airliner. The second panel is the spectrum after
+# the air. Near 4.3 µm carbon dioxide absorbs all radiation. The third panel has the terms of the
+# contrast.
 
 # %%
 row = night.rows[-1]
@@ -93,18 +95,18 @@ assert night.reached and row.half_width <= 0.03 * row.total.value
 # %% [markdown]
 # ## The detection range
 #
-# A detection needs a contrast of `snr` times `nei`, which is 5·10⁻⁵ W/m². The range at which the
-# contrast falls to that follows without another render, because the intensity of the aircraft does
-# not depend on the range. Only the air does.
+# A detection needs a contrast of `snr` times `nei`, which is 5·10⁻⁵ W/m². The program computes the
+# range at which the contrast falls to this value. This needs no other render, because the intensity
+# of the aircraft does not depend on the range. Only the air does.
 
 # %%
 (reach,) = night.detection_ranges()
 reach
 
 # %% [markdown]
-# Two checks. At exactly this range, a new contrast must be 5·10⁻⁵ W/m². And without air the
-# contrast falls as one over the range squared, so that the range in vacuum is known in closed
-# form.
+# There are two checks. At exactly this range, a new contrast must be 5·10⁻⁵ W/m². Without air the
+# contrast is proportional to one over the range squared. The range in vacuum is therefore known in
+# closed form.
 
 # %%
 needed = 10 * 5e-6  # snr * nei, W/m^2
@@ -122,9 +124,9 @@ assert in_vacuum.largest_m > 1.3 * reach.largest_m
 # %% [markdown]
 # ## By day
 #
-# The scene has a parameter for the light. The sun stands 45° high. The sky behind the aircraft is
-# now the one with scattered sunlight, and its sun is that of the scene. Azimuths count from the
-# nose toward the left side, where we stand.
+# The scene has a parameter for the light. The elevation of the sun is 45°. The sky behind the
+# aircraft now includes scattered sunlight, from the same sun as in the scene. Azimuths are counted
+# from the nose toward the left side, where the sensor is.
 
 
 # %%
@@ -154,10 +156,10 @@ pd.DataFrame(
 ).T.round(1)
 
 # %% [markdown]
-# With the sun at azimuth 60 a flat facet of the nose mirrors it to us. This glint raises the
-# contrast by a third, and the range by a seventh. With the sun 30° further back the glint misses
-# us, and what bare metal scatters elsewhere adds a few per cent. The temperatures are those of the
-# night, because the sun does not warm the skin here.
+# With the sun at azimuth 60, a flat facet of the nose mirrors it to the sensor. This glint
+# increases the contrast by a third, and the range by a seventh. With the sun 30° further back, the
+# glint misses the sensor. Sunlight that the bare metal scatters then adds a few per cent. The
+# temperatures are the same as at night, because heating by the sun is not included here.
 
 # %%
 glint, scattered = results["day, sun at 60°"].rows[-1], results["day, sun at 90°"].rows[-1]
@@ -166,8 +168,8 @@ assert glint.target.value - row.target.value > 10 * error
 assert 0 < scattered.target.value - row.target.value < 0.1 * row.target.value
 
 # %% [markdown]
-# In LWIR the sun has a fourteenth of its irradiance in MWIR, and the sky and the skin are
-# brighter. Day and night are the same there within the errors.
+# In LWIR the irradiance of the sun is a fourteenth of that in MWIR, and the sky and the skin are
+# brighter. Day and night therefore give the same contrast within the errors.
 
 # %%
 lwir = [
@@ -181,26 +183,27 @@ assert abs(lwir[1].total.value - lwir[0].total.value) < lwir[0].half_width + lwi
 # %% [markdown]
 # ## What a camera sees
 #
-# The detector above is one pixel. The table `[camera]` describes a real one. `image` renders the
-# aircraft for it, adds the air, and turns photons into electrons with the noise of each frame.
+# The detector above has one pixel. The table `[camera]` describes a real camera. `image` renders
+# the aircraft for it, adds the air, and computes the electrons from the photons, with the noise of
+# each frame.
 
 # %%
 frames = mi_lcair.image("airliner.toml", spp=16, frames=20)
 frames
 
 # %% [markdown]
-# Panel (a) is the first frame. Panel (b) says how the optics and the pixels blur it. Panel (c) has
-# two errors that must not be mixed up: the noise of the camera is new in each frame, and the error
-# of the rendering is the same in all of them. The exhausts mirror themselves in the metal skin,
-# and 16 paths through a pixel leave an error there of more than a kelvin. A remark says so, and
-# what helps.
+# Panel (a) is the first frame. Panel (b) shows the blur of the optics and the pixels. Panel (c) has
+# two different errors: the noise of the camera is new in each frame, and the error of the rendering
+# is the same in all frames. The metal skin mirrors the exhausts. With 16 paths per pixel, the error
+# of the rendering is more than a kelvin there. A warning says so, and how to reduce it.
 
 # %%
 print(*frames.remarks, sep="\n")
 
 # %% [markdown]
-# The noise-equivalent temperature difference (NETD) has a closed form. The frames must show it: in
-# a pixel of the sky the apparent temperature scatters from frame to frame by the NETD.
+# The noise-equivalent temperature difference (NETD) has a closed form. The next cell compares it
+# with the frames: in a pixel of the sky, the standard deviation of the apparent temperature from
+# frame to frame must be the NETD.
 
 # %%
 sky = np.array([frames.temperature(number)[:16] for number in range(20)])
@@ -211,18 +214,18 @@ assert abs(scatter / frames.measures.netd - 1) < 0.03
 # %% [markdown]
 # ## The camera's range
 #
-# The image is also the table of panel (c): pixels on the target, its electrons above the
-# background, and its signal-to-noise ratio over range. This camera resolves the aircraft. The
-# range is therefore not limited by noise but by the 50 pixels that we ask for.
+# The result also has the table of panel (c): pixels on the target, its electrons above the
+# background, and its signal-to-noise ratio against range. This camera resolves the aircraft. The
+# detection range is therefore limited by the required 50 pixels, not by noise.
 
 # %%
 table = frames.to_dataframe()
 table
 
 # %% [markdown]
-# The table follows from the render alone, without the camera's blur and frame. The electrons in
-# the frame must add up to the same. The number of pixels falls as one over the range squared, so
-# that the camera's range is known in closed form.
+# The table is computed from the render, without the camera's blur and frame. The sum of the
+# electrons in the frame must be the same. The number of pixels is proportional to one over the
+# range squared. The camera's range is therefore known in closed form.
 
 # %%
 at = table.set_index("range_m")
@@ -255,7 +258,8 @@ assert by_day.measures.snr > frames.measures.snr
 # ## Where to go on
 #
 # - [Contrast and detection range](../howto/contrast.md): all entries of a scenario.
-# - [Camera](../howto/camera.md): what its numbers mean, frames as TIFF.
+# - [Camera](../howto/camera.md): the meaning of its numbers, frames as TIFF.
 # - [Daylight](../howto/daylight.md) and [clear air](../howto/atmosphere.md): sun, sky and air.
 # - [The airliner by day](../validation/day.md): other directions of the sun.
-# - [Budget](../howto/budget.md): how uncertain the contrast is if temperatures and materials are.
+# - [Budget](../howto/budget.md): the uncertainty of the contrast due to uncertain temperatures and
+#   materials.

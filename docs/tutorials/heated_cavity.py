@@ -1,10 +1,10 @@
 # %% [markdown]
 # # A heated cavity against theory
 #
-# A sphere with an opening has grey, diffuse walls of emissivity 0.5 at 800 K. A ray that enters the
-# opening meets many walls before it leaves again. The opening is therefore almost black. This
-# tutorial computes its radiance, compares it with the closed form after each number of reflections,
-# and checks that the stated error is right.
+# A sphere with an opening has grey, diffuse walls with an emissivity of 0.5 at 800 K. A ray that
+# enters the opening hits the wall many times before it leaves again. The opening is therefore
+# almost black. This tutorial computes its radiance, compares it with the closed form for each
+# number of reflections, and checks that the computed error is right.
 
 # %%
 import matplotlib.pyplot as plt
@@ -19,13 +19,15 @@ print(f"{result.target.intensity:.4f} W/sr +- {result.target.half_width:.4f} (95
 # %% [markdown]
 # ## The closed form
 #
-# The opening covers the fraction f of the sphere. A sphere's inside is lit evenly by its own walls,
-# and each reflection keeps the fraction q = (1 - ε)(1 - f). After N reflections the radiance is
+# The opening covers the fraction f of the sphere. The walls light the inside of a sphere evenly.
+# After each reflection the fraction q = (1 - ε)(1 - f) of the radiation remains. After N
+# reflections the radiance is
 #
 #     L_N = ε L_b(T) (1 + q + q² + ... + q^N) = ε L_b(T) (1 - q^(N + 1)) / (1 - q)
 #
-# with the blackbody's L_b = σT⁴/π (Harkiss 2007, Eq 3.12). The opening 8 has f = 0.030902. The
-# sensor's window is 0.06 m wide and high and lies inside the opening.
+# with the radiance of a blackbody L_b = σT⁴/π (Harkiss 2007, Eq 3.12). For the parameter
+# `opening=8`, f is 0.030902. The sensor's window is 0.06 m wide and high and lies inside the
+# opening.
 
 # %%
 emissivity, temperature, fraction, window_m2 = 0.5, 800.0, 0.030902, 0.06**2
@@ -63,9 +65,9 @@ plt.show()
 # %% [markdown]
 # ## How many reflections are enough?
 #
-# Each further reflection multiplies what is missing by q = 0.485. Four reflections leave out 2.7 %,
-# ten leave out 0.035 %. The closure `tail` continues the last two as a geometric series, and two
-# reflections are then enough.
+# Each further reflection multiplies the missing radiance by q = 0.485. With four reflections 2.7 %
+# are missing, and with ten 0.035 %. The closure `tail` continues the last two reflections as a
+# geometric series. Two reflections are then enough.
 
 # %%
 for reflections in (4, 10):
@@ -76,13 +78,14 @@ for reflections in (4, 10):
     assert abs(missing - theory) < 0.0015
 
 # %% [markdown]
-# ## Does the error mean what it says?
+# ## Is the error right?
 #
-# Forty seeds give forty intensities with 95 % intervals. About 38 of them hold the mean of all.
+# Forty seeds give forty intensities with 95 % intervals. About 38 of these intervals should contain
+# the mean of all intensities.
 
 # %%
 seeds = [mi_lcair.signature(scene, spp=1, seed=seed).target for seed in range(40)]
 mean = np.mean([each.intensity for each in seeds])
 held = sum(abs(each.intensity - mean) <= each.half_width for each in seeds)
-print(f"{held} of {len(seeds)} intervals hold the mean, {mean:.4f} W/sr")
+print(f"{held} of {len(seeds)} intervals contain the mean, {mean:.4f} W/sr")
 assert held >= 34

@@ -1,12 +1,12 @@
 # %% [markdown]
 # # A thousand labelled frames
 #
-# At the end of this tutorial you have a data set of thermal frames in which each pixel knows its
-# surface, its true temperature and where its radiance comes from. It begins with sixteen frames,
-# which take the computer about ten seconds, and ends with what to change for a thousand.
+# At the end of this tutorial you have a data set of thermal frames. For each pixel it contains the
+# surface, its true temperature, and the sources of its radiance. The tutorial makes sixteen frames,
+# which takes about ten seconds. At the end it says how to make a thousand.
 #
-# The model is the labelled box of the sample files, between a sky and a ground. One camera, an
-# uncooled one, records it.
+# The model is the labelled box of the sample files, between a sky and a ground. An uncooled camera
+# records it.
 
 # %%
 import json
@@ -29,9 +29,9 @@ model = models3d.read(scenes.FOLDER / "examples" / "box.obj")
 models3d.export(model, "box", around=Words(sky="265", ground="288"))
 
 # %% [markdown]
-# In the shell that is `mi-lcair import box.obj --sky 265 --ground 288 -o box`. A scenario says
-# where the camera is and what it is like. `preset` fills in an uncooled camera with pixels of
-# 12 µm; what the file states comes first.
+# In the shell the same command is `mi-lcair import box.obj --sky 265 --ground 288 -o box`. A
+# scenario describes the camera and its position. `preset` gives the values of an uncooled camera
+# with pixels of 12 µm. Values in the file replace those of the preset.
 
 # %%
 Path("box.toml").write_text("""
@@ -64,8 +64,8 @@ height = 60
 """)
 
 # %% [markdown]
-# The data set has eight views around the box. Each has two draws of what nobody knows: the
-# temperatures of lid and walls, and that of what the camera sees beside the model.
+# The data set has eight views around the box. Each view has two images with different random values
+# for the unknown quantities: the temperatures of the lid, of the walls and of the background.
 
 # %%
 Path("dataset.toml").write_text("""
@@ -98,14 +98,14 @@ print(made)
 assert made.images == 16 and made.splits == {"train": 6, "val": 1, "test": 1}
 
 # %% [markdown]
-# The card of the set, `labelled/README.md`, begins with a contact sheet.
+# The description of the data set, `labelled/README.md`, begins with a contact sheet.
 
 # %%
 Image.open("labelled/contact.png")
 
 # %% [markdown]
-# One image, and what its pixels are: counts as the camera gives them, groups, true temperature,
-# emissivity along the view, and the share of the radiance that is reflected.
+# The next cell shows one image and the true values of its pixels: the counts of the camera, groups,
+# true temperature, emissivity toward the camera, and the reflected share of the radiance.
 
 # %%
 stem = "000003"
@@ -128,16 +128,16 @@ for panel, (name, values) in zip(panels, layers.items()):
     figure.colorbar(drawn, ax=panel, shrink=0.7)
 
 # %% [markdown]
-# The parts add up: what is emitted and what is reflected is what leaves the target.
+# The parts add up: emitted plus reflected radiance is the radiance that leaves the target.
 
 # %%
 whole = truth["emitted.Y"] + reflected
 assert np.allclose(whole[on], truth["target.Y"][on], rtol=1e-4)
 
 # %% [markdown]
-# A pose is right if points of the model fall where the frame shows them. The matrix of a frame
-# leads from the camera, which looks along -z with y upward, to the scene. Here a pixel and its
-# depth give a point of the scene, which must lie on the box of 1 m.
+# The next cell checks a pose. The matrix of a frame transforms coordinates of the camera, which
+# looks along -z with y upward, to coordinates of the scene. A pixel and its depth therefore give a
+# point of the scene. This point must lie on the box of 1 m.
 
 # %%
 tree = json.loads(Path("labelled/transforms.json").read_text())
@@ -153,9 +153,9 @@ print("points from", low.round(3), "to", high.round(3), "m")
 assert (low > [-0.51, -0.51, -0.01]).all() and (high < [0.51, 0.51, 1.01]).all()
 
 # %% [markdown]
-# For a thousand frames write `sphere = 100` and `cases = 10`. All draws of a view share its paths,
-# because only temperatures differ. A set that was interrupted goes
-# on when the same call is made again, and `mi-lcair dataset dataset.toml -o labelled --workers 2`
-# shares the views between processes; the files are the same, byte for byte. [A data set of labelled
-# frames](../howto/dataset.md) says what else can be drawn: weather, hours of a day, several bands.
-# [Two baselines](../validation/baselines.md) show what a method has to beat.
+# For a thousand frames write `sphere = 100` and `cases = 10`. All images of a view share its paths,
+# because only temperatures differ. To resume an interrupted data set, make the same call again.
+# `mi-lcair dataset dataset.toml -o labelled --workers 2` divides the views between processes. The
+# files are the same, byte for byte. [A data set of labelled frames](../howto/dataset.md) describes
+# other random quantities: weather, hours of a day, several bands. [Two
+# baselines](../validation/baselines.md) are simple methods to which you can compare your own.

@@ -1,15 +1,15 @@
 # %% [markdown]
 # # From a scatterometer's data to a material in a scene
 #
-# At the end of this tutorial a measured paint is a material that every scene takes, and you know
-# how far it can be trusted. It takes a quarter of an hour to read, and the computer needs about
-# fifteen seconds.
+# At the end of this tutorial you have a material for scenes from measurements of a paint, and you
+# know how reliable it is. Reading takes a quarter of an hour, and the computer needs about fifteen
+# seconds.
 #
-# `paint.csv` holds the BRDF of a real, rough paint in the plane of incidence. It was measured from
-# 2 to 5.7 µm with a goniometer and an infrared camera (its source and its licence, CC0, stand in
-# the file). `paint_emissivity.csv` holds the emissivity of the same paint, which was measured in
-# another way. Both are sample files of mi_lcair. This cell copies them to a new folder and goes
-# there.
+# `paint.csv` contains the BRDF of a real, rough paint in the plane of incidence. It was measured
+# from 2 to 5.7 µm with a goniometer and an infrared camera (the file names its source and its
+# licence, CC0). `paint_emissivity.csv` contains the emissivity of the same paint, which was
+# measured with another method. Both are sample files of mi_lcair. This cell copies them to a new
+# folder and changes to this folder.
 
 # %%
 import os
@@ -32,8 +32,8 @@ os.chdir(folder.name)
 # %% [markdown]
 # ## Read the file
 #
-# A file says its angles and units in the names of its columns, and its band in the lines before
-# them. `theta_r` is positive on the side of the mirror direction.
+# The names of the columns give the angles and units. The lines before them give the band. `theta_r`
+# is positive on the side of the mirror direction.
 
 # %%
 print(*Path("paint.csv").read_text().splitlines()[:10], sep="\n")
@@ -46,25 +46,25 @@ assert len(data.brdf) == 870
 # %% [markdown]
 # ## Fit a model
 #
-# `fit` compares all reflection models that it knows, and takes the simplest one that describes the
-# data not significantly worse than the best of all. For this paint that is the microfacet model,
-# with a complex refractive index n + ik, a roughness alpha, a tail exponent gamma and a diffuse
-# part rho_d.
+# `fit` compares all its reflection models. It chooses the simplest one that describes the data
+# about as well as the best model. For this paint it is the microfacet model, with a complex
+# refractive index n + ik, a roughness alpha, a tail exponent gamma and a diffuse part rho_d.
 
 # %%
-brdf_alone = mi_lcair.fit(data, starts=16)  # starting points of the search; 64 if it is left out
+brdf_alone = mi_lcair.fit(data, starts=16)  # starting points of the search; default 64
 brdf_alone
 
 # %% [markdown]
-# Dots are measured and lines are fitted, one colour for each position of the camera. The panel
-# below has their ratio. Three things are worth reading before the numbers:
+# Dots are measurements and lines are the fit, with one colour for each position of the camera. The
+# panel below has their ratio. Read these three points before the numbers:
 #
-# - `LACK OF FIT`. The residuals are no noise, because neighbouring ones are alike. A model with
-#   five parameters follows this paint to about 24 %. The standard errors account for it.
-# - The verdict beside each parameter says how well these data determine it. A model that misses
-#   the data determines none.
-# - The emissivity in the last panel was not measured here. It is what Kirchhoff's law says about
-#   the fitted BRDF.
+# - `LACK OF FIT`. The residuals are not noise, because neighbouring residuals are similar. The
+#   model with five parameters describes this paint to about 24 %. The standard errors take this
+#   into account.
+# - The verdict of each parameter says how well these data determine it. If the model does not fit
+#   the data, no parameter is determined.
+# - The emissivity in the last panel was not measured. It is computed from the fitted BRDF with
+#   Kirchhoff's law.
 
 # %%
 brdf_alone.to_dataframe()[["parameter", "value", "standard_error", "low", "high"]].round(4)
@@ -76,11 +76,12 @@ assert brdf_alone.quality.lack_of_fit and brdf_alone.converged
 assert "the model misses the measured values" in brdf_alone.verdict["n"]
 
 # %% [markdown]
-# ## What the BRDF leaves open
+# ## What the BRDF does not determine
 #
-# The verdict on k asks for an emissivity. A scan in one plane does not see all of the reflected
-# radiation, so it cannot tell k from 0. We have an emissivity, and give it to the fit as well. To
-# save time we name the model and ask for fewer starting points.
+# The verdict on k recommends a measured emissivity. A scan in one plane does not measure all of the
+# reflected radiation. Therefore it cannot distinguish k from 0. Here the emissivity was measured,
+# and the next fit uses it as well. To save time, the call names the model and has fewer starting
+# points.
 
 # %%
 paint = mi_lcair.fit(
@@ -93,10 +94,10 @@ for parameter, verdict in paint.verdict.items():
     print(f"{parameter:6s} {verdict}")
 
 # %% [markdown]
-# No parameter is at its bound any more, and the misfit of the BRDF has not grown. Both kinds of
-# data agree on one surface. Still k is only known to lie between 0 and 0.6. The correlation says
-# why: a smaller n with a larger k reflects as much. The data determine the reflectance, and not
-# the two numbers behind it.
+# No parameter is at its bound any more, and the residuals of the BRDF are not larger than before.
+# Both kinds of data are consistent. However, k can still be anywhere between 0 and 0.6. The
+# correlation explains this: a smaller n with a larger k gives the same reflectance. The data
+# determine the reflectance, but not n and k separately.
 
 # %%
 order = list(paint.parameters)
@@ -108,8 +109,8 @@ assert not any("bound" in verdict for verdict in paint.verdict.values())
 # %% [markdown]
 # ## Emissivity against angle
 #
-# The first fit did not know the measured emissivity. Its prediction is therefore a test of the
-# model and of the measurement together.
+# The first fit did not use the measured emissivity. Its prediction therefore tests the model and
+# the measurement together.
 
 # %%
 angle, measured, deviation = np.loadtxt("paint_emissivity.csv", delimiter=",", skiprows=5).T
@@ -129,14 +130,14 @@ axis.legend()
 plt.show()
 
 # %% [markdown]
-# Up to 80 degrees, both curves lie within 1.5 standard deviations of the measurement. The paint is
-# nearly black from the front, and loses emissivity toward grazing angles, as Fresnel's equations
-# say.
+# Up to 80 degrees, both curves are within 1.5 standard deviations of the measurement. The paint is
+# nearly black along the normal. Its emissivity decreases toward grazing angles, according to
+# Fresnel's equations.
 #
 # ## Save the material
 #
-# The JSON file of a fit is a material. It also holds the data's checksum, the errors and the
-# verdicts. The fit is refused in a band in which the paint was not measured.
+# The JSON file of a fit is a material. It also contains the checksum of the data, the errors and
+# the verdicts. In a band in which the paint was not measured, the scene is not loaded.
 
 # %%
 paint.save("paint.json")
@@ -152,9 +153,9 @@ else:
 # ## Render it
 #
 # The bundled scene `furnace` is a closed room with three bodies of one material. Everything in it
-# has 300 K. A blackbody's radiance must come from everywhere, whatever the material, because a
-# surface reflects what it does not emit. One number that is wrong in emissivity or reflection
-# breaks this.
+# has 300 K. With any material, the radiance must be that of a blackbody everywhere, because a
+# surface reflects the part that it does not emit. An error in the emissivity or in the reflection
+# would change this.
 
 # %%
 scene = mi_lcair.load("furnace", material="paint.json", band="MWIR", resolution=64)
@@ -166,9 +167,10 @@ assert image.mean_error < 2e-4 * blackbody
 assert abs(image.mean - blackbody) < 4 * image.mean_error
 
 # %% [markdown]
-# The parts differ. `bounce00` is what each surface emits. The sphere is darker at its edge, where
-# its emissivity is smaller. `bounce01` and `bounce02` came by one and two reflections. They are
-# brighter where the first one is darker. `Y` is the sum of all reflections, and it is even.
+# The parts differ. `bounce00` is the emission of each surface. The sphere is darker at its edge,
+# where its emissivity is smaller. `bounce01` and `bounce02` are radiation after one and two
+# reflections. They are brighter where `bounce00` is darker. `Y` is the sum of all parts, and it is
+# uniform.
 
 # %%
 image.plot(channels=["bounce00.Y", "bounce01.Y", "bounce02.Y", "Y"])
@@ -177,8 +179,7 @@ image.plot(channels=["bounce00.Y", "bounce01.Y", "bounce02.Y", "Y"])
 # ## Where to go on
 #
 # - [Fit a material](../howto/fit.md): file formats, several bands, options.
-# - [Your own reflection model](../howto/reflection_model.md): if neither model follows your
-#   surface.
+# - [Your own reflection model](../howto/reflection_model.md): if no model describes your surface.
 # - [Real surfaces](../validation/real_data.md): six of them, and what the models cannot represent.
 # - [From a Blender model to its signature](blender_model.py): there, `material="paint.json"`
 #   paints the whole model.

@@ -1,13 +1,14 @@
 # %% [markdown]
 # # Titanium and titanium dioxide by wavelength
 #
-# A band has one set of material parameters, or one for each wavelength. This tutorial has both side
-# by side, for a nozzle of titanium at 800 K and for a panel with a film of titanium dioxide. At its
-# end you know when an average over the band is enough. The computer needs about ten seconds.
+# A material has one set of parameters for a band, or one for each wavelength. This tutorial
+# compares both, for a titanium nozzle at 800 K and for a panel that is coated with titanium
+# dioxide. At the end you know when an average over the band is enough. The computer needs about ten
+# seconds.
 #
 # The sample files have the refractive indices of both (`titanium.csv`, `tio2.csv`), a materials
 # file that names them (`spectral.toml`), and a scene with a nozzle above a panel (`nozzle.xml`).
-# This cell copies them to a new folder and goes there.
+# This cell copies them to a new folder and changes to this folder.
 
 # %%
 import os
@@ -30,10 +31,10 @@ print(Path("spectral.toml").read_text().partition("[panel")[0])
 # %% [markdown]
 # ## The nozzle
 #
-# `nozzle.xml` takes each material by wavelength, or its average over the band for the radiation of
-# a temperature (`surfaces = average`, `average_K`). An average is one of the reflectance. It needs
-# to know the radiation that it stands for: a metal absorbs more at short wavelengths, where a hot
-# body emits more.
+# `nozzle.xml` uses each material by wavelength, or the average of its reflectance over the band
+# (`surfaces = average`). The weights of the average are the radiation of a blackbody at a
+# temperature (`average_K`). This temperature matters: a metal absorbs more at short wavelengths,
+# and a hot body emits more there.
 
 # %%
 surfaces = {
@@ -54,9 +55,9 @@ pd.DataFrame(
 ).round(3)
 
 # %% [markdown]
-# The average for 300 K makes the nozzle a fifth too dark. That for the nozzle's own temperature is
-# right to a per cent. Its spectrum is wrong all the same, so that a sensor for a part of the band,
-# or air that absorbs a part of it, brings an error back.
+# With the average for 300 K, the nozzle is a fifth too dark. With the average for the nozzle's own
+# temperature, the intensity is right to a per cent. Its spectrum is still wrong. There will be an
+# error if a sensor uses only a part of the band, or if the air absorbs a part of it.
 
 # %%
 assert signatures["average for 300 K"].intensity < 0.85 * exact
@@ -73,7 +74,7 @@ axis.legend()
 plt.show()
 
 # %% [markdown]
-# `signature` says how many bins of wavelength it took and what error they cause.
+# The result says how many wavelength bins were used, and the error that they cause.
 
 # %%
 print(signatures["by wavelength"].bins)
@@ -81,9 +82,10 @@ print(signatures["by wavelength"].bins)
 # %% [markdown]
 # ## The panel
 #
-# The reflectance of titanium dioxide changes within LWIR. The sky is cold where the air is clear,
-# and warm where it is not. What the panel reflects of the sky therefore depends on both spectra at
-# once, and so does what then passes the air before a sensor. A horizontal panel under a clear sky:
+# The reflectance of titanium dioxide changes within LWIR. The sky is cold at wavelengths where the
+# air is transparent, and warm where it is not. The reflected sky radiance therefore depends on both
+# spectra, wavelength by wavelength. The same is true for its path through the air to a sensor. The
+# next cell has a horizontal panel under a clear sky.
 
 # %%
 Path("panel.xml").write_text("""
@@ -127,13 +129,13 @@ axis.legend()
 plt.show()
 
 # %% [markdown]
-# The panel looks colder than 298 K because it reflects a cold sky, and near 9.6 µm a little less
-# so, where ozone makes the sky warmer. Beyond 11 µm the film reflects much, which the average
-# spreads over the whole band.
+# The panel looks colder than 298 K because it reflects a cold sky. Near 9.6 µm the effect is a
+# little smaller, because ozone makes the sky warmer. Beyond 11 µm the coating has a high
+# reflectance. The average spreads this reflectance over the whole band.
 #
 # ## Its contrast
 #
-# A sensor looks down on the panel before a background of 295 K, from 10 m and from 2 km.
+# A sensor looks down on the panel in front of a background at 295 K, from 10 m and from 2 km.
 
 # %%
 Path("panel.toml").write_text("""
@@ -166,9 +168,9 @@ contrasts = pd.DataFrame(rows, columns=columns)
 contrasts.round(4)
 
 # %% [markdown]
-# The average is off by a tenth of the contrast. No other average would help: the weight with which
-# the reflectance counts is the sky's radiance in one term and the panel's own in the other, and the
-# air changes both.
+# With the average, the contrast is wrong by a tenth. No other average would be right. In one term
+# the reflectance is weighted with the sky's radiance, and in the other term with the panel's own
+# radiance. The air changes both weights.
 
 # %%
 spectral, average = (

@@ -11,9 +11,9 @@ class Grey(ReflectionBSDF):
     emissivity     float   emissivity, 0..1; the reflectance is 1 - emissivity      (differentiable)
     ============== ======= =========================================================================
 
-    The other properties are those of `material`, without the choice of the emissivity's formula:
-    `material`, `band`, `materials`, `allow_band`, `average_K`, `form`, `lobe`. Give either
-    the number or `material`. A material whose name is a number, such as 0.92, is this surface too.
+    The other properties are those of `material`, except `emissivity`: `material`, `band`,
+    `materials`, `allow_band`, `average_K`, `form`, `lobe`. Give either the number or `material`. A
+    material whose name is a number, such as 0.92, is this surface too.
 
     .. code-block:: xml
 
@@ -26,8 +26,8 @@ class Grey(ReflectionBSDF):
 
         f(i, r) = \frac{1 - \varepsilon}{\pi}
 
-    A derivative with respect to the emissivity is whole: the reflected radiance changes with the
-    emitted one.
+    A derivative with respect to the emissivity includes both the change of the emitted radiance and
+    the change of the reflected radiance.
     """
 
     model = reflection.model("grey")

@@ -4,7 +4,7 @@ from mi_lcair.plugins.bsdfs.reflection_bsdf import ReflectionBSDF
 
 
 class Material(ReflectionBSDF):
-    r"""A named material, with the reflection model to which it was fitted.
+    r"""A named material, with the reflection model that was fitted to it.
 
     ============== ======= =========================================================================
     material       string  name of a material, or path of a fit's JSON file
@@ -26,8 +26,8 @@ class Material(ReflectionBSDF):
             <string name="material" value="gloss_black"/> <string name="band" value="MWIR"/>
         </bsdf>
 
-    Each model also has a plugin with the model's name. That plugin takes these properties too, or
-    the model's parameters as numbers. All parameters are differentiable.
+    For each model there is also a plugin with the model's name. It accepts these properties, too,
+    or the model's parameters as numbers. All parameters are differentiable.
 
     `si.wi` points to the observer and `wo` to the source. A model may violate reciprocity, so the
     order of the directions matters; TransportMode.Importance swaps them. The surface is one-sided:

@@ -46,7 +46,7 @@ class Microfacet(ReflectionBSDF):
 
     G describes facets that form V-shaped cavities. It is exact for every D, so the lobe never
     reflects more than the incident power. The model is reciprocal. Radiation that facets reflect to
-    each other is lost; `mi_lcair.physics.reflection.microfacet` states how much.
+    each other is lost; `mi_lcair.physics.reflection.microfacet` computes how much.
 
     Sources: K. E. Torrance and E. M. Sparrow, J. Opt. Soc. Am. 57, 1105, 1967; R. L. Cook and K. E.
     Torrance, ACM Trans. Graph. 1, 7, 1982; B. Walter et al., Microfacet models for refraction

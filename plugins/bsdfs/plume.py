@@ -34,17 +34,17 @@ class Plume(SpectralBSDF):
     those of such a material.
 
     The emissivity is 1 - transmittance on both sides, by Kirchhoff's law for a surface that does
-    not reflect. A ray goes straight on, times the transmittance. `bounce_path` does not count this
-    as a reflection.
+    not reflect. A ray passes straight through the surface, and its radiance is multiplied by the
+    transmittance. `bounce_path` does not count this as a reflection.
 
     The transmittance does not depend on the direction. For a thin layer of a gas it would be
     transmittance^(1 / cos), which makes the edges of the surface opaque. A plume is a volume, and
     rays near its edge have the shortest path in it. A ray crosses a closed cone twice: a cone whose
     emissivity is known from measurement as 1 - T needs `transmittance` = sqrt(T).
 
-    A path that passes more than 32 surfaces in a row is an invalid sample, which is counted and
-    reported. Mitsuba's integrator `path` counts a passage in `max_depth`, and gives 0 where a ray
-    passes plumes and then hits nothing.
+    A path that passes more than 32 plumes in a row is an invalid sample. Invalid samples are
+    counted and reported. Mitsuba's integrator `path` counts a passage in `max_depth`. It gives 0 if
+    a ray passes plumes and then hits nothing.
     """
 
     PROPERTIES = (

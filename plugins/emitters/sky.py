@@ -73,17 +73,19 @@ class Sky(DistantEmitter):
             <float name="ground_temperature" value="288"/>
         </emitter>
 
-    Rays that escape see the sky in directions above the horizon, and the ground below it. It is the
-    environment of the scene, of which there can be one. A height lowers the horizon, and puts air
-    before the ground. Ground that is not black reflects the mean of the sky and, by day, the sun.
-    The emitter itself has no sun: add a `sun` at the same azimuth.
+    Rays that escape see the sky in directions above the horizon, and the ground below it. This
+    emitter is the environment of the scene. A scene has at most one environment. With a height, the
+    horizon is lower, and there is air in front of the ground. A ground that is not black reflects
+    the mean radiance of the sky and, by day, the sun. This emitter does not include the disc of the
+    sun: add a `sun` at the same azimuth.
 
-    Parameters are `scale` of the sky, which also multiplies what the ground reflects and the light
-    of the air before it, or `temperature` of a sky of one temperature; and `temperature` and
-    `emissivity` of the ground. With `emitter_sampling`, directions are drawn by their radiance over
-    the elevation. Where sources are told apart by their spectra, the spectra of neighbouring rings
-    of elevations are mixed, and emission and scattered sunlight are sources of their own. Near the
-    sun, scattered light has the spectrum toward the sun in addition.
+    The parameters are `scale` of the sky, or `temperature` of a sky with one temperature, and
+    `temperature` and `emissivity` of the ground. `scale` also multiplies the light that the ground
+    reflects and the light of the air in front of the ground. With `emitter_sampling`, directions
+    are sampled according to the radiance as a function of elevation. If sources are resolved by
+    their spectra, the spectra of neighbouring rings of elevation are mixed. Emission and scattered
+    sunlight are then separate sources. Near the sun, scattered light also contains the spectrum
+    toward the sun.
     """
 
     is_divided = has_spectrum = True

@@ -17,7 +17,7 @@ PLACE = "latitude_deg", "longitude_deg", "time", "north_deg"
 
 
 class Sun(DistantEmitter):
-    r"""The sun, which no surface but the sky hides.
+    r"""The sun. All surfaces except the sky cast shadows.
 
     ============= ======= ==========================================================================
     azimuth_deg   float   direction toward the sun: azimuth from +x (the nose of a model that is
@@ -45,18 +45,18 @@ class Sun(DistantEmitter):
             <string name="band" value="MWIR"/> <string name="air" value="midlat_summer"/>
         </emitter>
 
-    The direction is given by `azimuth_deg` and `elevation_deg`, or by `latitude_deg`,
-    `longitude_deg`, `time` and `north_deg`. The latter needs astropy (the extra `place`).
+    Give the direction either by `azimuth_deg` and `elevation_deg`, or by `latitude_deg`,
+    `longitude_deg`, `time` and `north_deg`. The second way needs astropy (the extra `place`).
 
     The in-band irradiance on a plane perpendicular to the sun becomes the differentiable parameter
     `irradiance`. Its radiance is the same over the whole disc: there is no limb darkening, and no
     light scattered around the disc.
 
-    `bounce_path` draws directions toward the sun whatever its `emitter_sampling` says, because a
-    reflected ray hardly ever points into so small a disc. A ray that points into it by chance
-    counts too, with multiple importance sampling, so that narrow lobes and mirrors show the glint.
-    Surfaces of facet_type = sky stand for infinity and do not hide the sun. A scene has one sun at
-    most. Mitsuba's own integrators see the sun only where they draw it.
+    `bounce_path` samples directions toward the sun for any value of `emitter_sampling`, because a
+    reflected ray almost never points into so small a disc. A ray that points into it by chance is
+    also used, with multiple importance sampling. Narrow lobes and mirrors therefore show the glint.
+    Surfaces with facet_type = sky represent infinity and do not hide the sun. A scene has at most
+    one sun. Mitsuba's own integrators see the sun only with emitter sampling.
     """
 
     PROPERTIES = (

@@ -36,7 +36,7 @@ class Thermal(ThermalEmitter):
     temperature   float or texture kelvin; a `mesh_attribute` named `face_...` gives one
                                    temperature per facet                            (differentiable)
     radiance      float            in place of a temperature: in-band radiance of a source that
-                                   is no blackbody [W m^-2 sr^-1]                   (differentiable)
+                                   is not a blackbody [W m^-2 sr^-1]                (differentiable)
     spectrum      string           in place of a temperature: a CSV file
                                    wavelength_um,radiance_W_m2_sr_um, or a bundled sky table; its
                                    in-band value becomes the parameter `radiance`

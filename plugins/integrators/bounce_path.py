@@ -35,28 +35,28 @@ class BouncePath(RBIntegrator):
     =================== ======= ====================================================================
     max_bounces         integer reflections after which a path ends, 0..10000;
                                 0 = emission only                                               (4)
-    emitter_sampling    boolean at each reflection, also trace a ray to a point drawn from the
+    emitter_sampling    boolean at each reflection, also trace a ray to a sampled point on the
                                 emitters (multiple importance sampling); the sun, and lights
-                                that no path can hit (point, spot), are always drawn. auto: no,
-                                unless a pilot finds that a tolerance is then met sooner     (auto)
-                                preferred: yes, and drawn directions count more beside reflected
-                                rays that hit an emitter by chance. They follow an emitter that
-                                moves, so that differences along motions have less noise
-    opening_sampling    boolean reflected paths that would leave a hollow mesh through an opening,
-                                where they meet no radiance, are drawn again. auto: as for
-                                emitter_sampling                                             (auto)
+                                that no path can hit (point, spot), are always sampled. auto:
+                                only if a test run reaches a tolerance sooner with it        (auto)
+                                preferred: yes, with a larger weight than reflected rays that
+                                hit an emitter by chance. Sampled directions follow an emitter
+                                that moves, so that differences for motions have less noise
+    opening_sampling    boolean if a reflected path would leave a hollow mesh through an opening
+                                and find no radiance there, sample its direction again. auto: as
+                                for emitter_sampling                                         (auto)
     closure             string  estimate of the radiance beyond max_bounces reflections      (none)
-                                none: it is left out; ambient: one more reflection, and the
-                                surface which that ray hits radiates as a blackbody at
+                                none: it is left out; ambient: one more reflection, after which
+                                the surface that the ray hits radiates as a blackbody at
                                 ambient_temperature (a ray that escapes adds nothing);
                                 tail: geometric continuation of the radiances after the last
                                 two numbers of reflections, for the model and its background
                                 separately
     ambient_temperature float   kelvin, for closure = ambient
-    truncation          float   relative standard error of what is left out beyond max_bounces; it
-                                is part of all errors                                         (0.0)
-    bins                integer bins of a band for materials by wavelength, 2..512; 0: the first of
-                                16, 32 and 64 that causes an error below a tenth of the
+    truncation          float   relative standard error of the radiance beyond max_bounces; all
+                                errors include it                                             (0.0)
+    bins                integer bins of a band for materials by wavelength, 2..512; 0: the smallest
+                                of 16, 32 and 64 with an error below a tenth of the
                                 tolerance, or below .02 % without one                           (0)
     =================== ======= ====================================================================
 
@@ -64,11 +64,12 @@ class BouncePath(RBIntegrator):
 
         <integrator type="bounce_path"> <integer name="max_bounces" value="3"/> </integrator>
 
-    Emitter sampling can increase the variance much more than it can reduce it. In the furnace it
-    does, because without it all paths there have nearly the same radiance: emissivity and
-    reflectance of a surface add up to 1. Where few emitters are in sight, as in two_plates and
-    open_box, it reduces the error. `auto` measures both where a tolerance is asked for. With a
-    fixed number of paths, and for derivatives and facets, `auto` is false.
+    Emitter sampling can increase the variance much more than it can reduce it. It increases the
+    variance in the furnace. There all paths have nearly the same radiance without emitter sampling,
+    because emissivity and reflectance of a surface add up to 1. It reduces the error if few
+    emitters are visible, as in two_plates and open_box. If a tolerance is given, `auto` compares
+    both in a test run. With a fixed number of paths, and for derivatives and facets, `auto` is
+    false.
 
     Derivatives (forward and reverse, `mi.render(scene, params)`) are available with respect to the
     parameters of BSDFs and emitters and to facet temperatures, but not to the geometry. Memory does

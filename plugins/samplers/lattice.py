@@ -41,11 +41,11 @@ class Lattice(mi.Sampler):
 
     where g(i) is i with its 32 bits in reverse order, z the generating vector of `VECTOR` and s_d
     the shift, a hash of the randomisation and d. The first 2^m points are a lattice for every m.
-    More points continue it. The points of a randomisation are not independent of each other: their
-    scatter says nothing about the error of a mean. Different randomisations are independent, so
-    that the means over several of them show the error.
+    More points continue it. The points of a randomisation are not independent of each other. Their
+    scatter therefore gives no error of the mean. Different randomisations are independent. The
+    scatter of their means gives the error.
 
-    Beyond dimension 1024 the generating vector begins again, with other shifts.
+    Beyond dimension 1024 the generating vector is repeated, with other shifts.
 
     ============ ======= ===========================================================
     sample_count integer points of a pixel                                        (4)
@@ -53,8 +53,8 @@ class Lattice(mi.Sampler):
 
     With Mitsuba's own integrators each pixel gets one randomisation of `sample_count` points, from
     `first_point` on, in any variant that starts with `llvm_`. `mi_lcair.render_with_errors` renders
-    several randomisations and continues them. Variants that start with `cuda_` are untried, and
-    those that start with `scalar_` lack the sampler. With `bounce_path`, see `Launch`.
+    several randomisations and continues them. Variants that start with `cuda_` have not been tried.
+    Variants that start with `scalar_` do not have the sampler. For `bounce_path`, see `Launch`.
 
     Source: R. Cools, F. Y. Kuo, D. Nuyens, SIAM J. Sci. Comput. 28 (2006) 2162.
     """
