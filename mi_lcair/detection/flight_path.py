@@ -24,21 +24,23 @@ class FlightTable(Described, where="[flight]"):
     ----------
     path : str
         CSV with the columns time_s, x_m, y_m, z_m (middle of the target in the scene's axes, z up),
-        yaw_deg, pitch_deg, roll_deg (the scene's parameters of these names) and, if wanted,
+        yaw_deg, pitch_deg, roll_deg (the scene's parameters of these names) and, optionally,
         observer_x_m, observer_y_m, observer_z_m and temperature.GROUP, K.
     observer_m : tuple of float
         Position of an observer that does not move, m.
     ground_m : float
         z of the ground, m.
     rate_hz : float, optional
-        Moments per second, between the rows of the file. By default the rows are the moments.
+        Times per second, interpolated between the rows of the file. By default the times are those
+        of the rows.
     tolerance : float
-        Allowed difference of an interpolated contrast from a traced one, as a fraction of it,
-        beside the error of the rendering.
+        Allowed difference between an interpolated and a traced contrast, as a fraction of it, in
+        addition to the error of the rendering.
     pixels : float
-        Shift of a point of the target, pixels, from which on a camera's frame is rendered anew.
+        If a point of the target shifts by more than this number of pixels, a camera's frame is
+        rendered again.
     spp : int
-        Paths through a pixel of a camera's frame.
+        Paths per pixel of a camera's frame.
     """
 
     path: str = entry(is_file=True)

@@ -79,8 +79,8 @@ class TargetModel(Described, where="[target]", rules=(Rule(stated_elsewhere),)):
     parameters : dict
         The scene's $-parameters.
     solution : str, optional
-        File of an inversion's solution, FILE.json or FILE.json:STATE, whose temperatures, materials
-        and radiances the scene gets.
+        File of an inversion's solution, FILE.json or FILE.json:STATE. The scene gets its
+        temperatures, materials and radiances.
     height_m : float, optional
         Height of the target above the ground, m, in place of the observer's.
     """
@@ -112,7 +112,7 @@ class Pose(Described):
     Attributes
     ----------
     yaw_deg, pitch_deg, roll_deg : float, optional
-        Angle, degrees, which the scene's parameter of the same name gets.
+        Value of the scene's parameter of the same name, degrees.
     """
 
     yaw_deg: float | None = None
@@ -201,15 +201,15 @@ class Air(Weather, rules=OF_AIR):
     extrapolate : bool
         Whether ranges beyond a table are allowed.
     ranges_m : tuple of float, optional
-        Ranges, m, of the blocks of a tape7 that does not state them.
+        Ranges, m, of the blocks of a tape7 that does not contain them.
     air_temperature : float, optional
-        Temperature, K, of the air of a tape7 that holds transmittances alone (IEMSCT 0). Its path
+        Temperature, K, of the air of a tape7 that contains only transmittances (IEMSCT 0). The path
         radiance is that of a blackbody, times 1 - transmittance.
     cn2 : float
-        Turbulence that blurs a camera's image, the same along the path: structure parameter of the
-        refractive index, m^(-2/3). 0 for none.
+        Turbulence that blurs a camera's image, uniform along the path: structure parameter of the
+        refractive index, m^(-2/3). 0 means no turbulence.
     wave : str
-        "plane", or "spherical" for light of points at the target, with 3/8 of the effect.
+        "plane" wave, or "spherical" wave from points of the target, which has 3/8 of the effect.
     """
 
     table: str = entry(is_file=True)
@@ -248,10 +248,10 @@ class Background(Described, where="[background]", rules=BEHIND):
     Attributes
     ----------
     sky : str, optional
-        Sky table. One with azimuths from the sun is a sky by day.
+        Sky table. A table with azimuths from the sun is a sky by day.
     daytime_sky : str, optional
-        Clear air whose sky with scattered sunlight is the sky. The ground then reflects the sun,
-        too.
+        Name of a clear air. The sky is its sky with scattered sunlight. The ground then reflects
+        the sun, too.
     sun_azimuth_deg : float, optional
         Azimuth of that sun in the scene's axes, from +x toward +y, degrees. By default it is that
         of the scene's emitter `sun`, or 0 if it has none.
@@ -263,7 +263,7 @@ class Background(Described, where="[background]", rules=BEHIND):
         CSV file wavelength_um,irradiance_W_m2_um of the sun that the ground reflects. By default it
         is the sun of the clear air.
     ground_temperature : float, optional
-        Temperature of the ground, K, whose radiance goes through the air to the sensor.
+        Temperature of the ground, K. Its radiance crosses the air to the sensor.
     ground_emissivity : float
         Emissivity of the ground. It reflects the sky diffusely if this is below 1.
     """
@@ -301,7 +301,8 @@ class Sensor(Described, where="[sensor]"):
     band : str
         Band in which the scene is rendered.
     response : str, optional
-        CSV with the response of the detector, within the band. By default it is that of the band.
+        CSV with the response of the detector, within the band. By default the response of `band` is
+        used.
     optics_transmittance : float
         Transmittance of the optics, in (0, 1].
     field_of_view_deg : float, optional
@@ -362,16 +363,17 @@ class RenderTable(Described, where="[render]", rules=SAMPLES):
     Attributes
     ----------
     max_bounces : tuple of int or "auto"
-        Numbers of reflections. Their renders have the same paths. If it is empty, the scene's own
-        number is used. "auto": pilot paths choose one, so that at most a tenth of the tolerance, or
-        of 1 %, is left out of the target's intensity. The errors include the rest.
+        Numbers of reflections. All of them use the same paths. If it is empty, the scene's own
+        number is used. "auto" chooses one number from a short test run, so that at most a tenth of
+        the tolerance, or of 1 %, is left out of the target's intensity. The errors include this
+        part.
     lobe : str, optional
-        Fidelity of reflections, "brdf", "mirror" or "diffuse", by default the scene's own.
+        Reflection models to use: "brdf" (full), "mirror" or "diffuse"; by default as in the scene.
     resolution : int
         `spp` and `max_spp` count the paths of a render divided by resolution x resolution. The
         paths begin anywhere in a window around the target, not in one pixel each.
     spp : int or None
-        Samples per pixel (64). None with a tolerance.
+        Samples per pixel (64). Leave it out with a tolerance.
     tolerance : float, str or None
         Allowed half of the 95 % interval of each contrast, as a fraction of its magnitude, such as
         0.02 or "2%".
@@ -379,8 +381,8 @@ class RenderTable(Described, where="[render]", rules=SAMPLES):
         Allowed half of the 95 % interval of each contrast, W m^-2. With both tolerances, a render
         ends when one of them is reached.
     to_noise : bool
-        Whether a camera's image gets as many samples as its noise needs, in place of a tolerance:
-        the error of the rendering is below the noise in 99.9 % of the frame.
+        Whether the camera's noise sets the number of samples, in place of a tolerance: the error of
+        the rendering is then below the noise in 99.9 % of the frame.
     max_spp : int or None
         Largest number of samples per pixel with a tolerance (65536).
     seed : int

@@ -106,14 +106,14 @@ class Imager(Described, where="[camera]", rules=RULES):
         What the f-number N means: "aplanatic" for optics that obey Abbe's sine condition, with the
         solid angle pi / (4 N^2), or "thin" with pi / (4 N^2 + 1).
     cos4 : bool
-        Whether the light falls as cos^4 of the angle from the optical axis.
+        Whether the irradiance decreases as cos^4 of the angle from the optical axis.
     vignetting : float
-        Share of the light that rims hold back in the frame's corner, 0..0.99. It grows with the
+        Share of the light that is blocked in the frame's corner, 0..0.99. It increases with the
         square of the distance from the optical axis.
     optics_temperature : float, optional
-        Temperature of the optics, K, whose emission reaches the detector. None for cold optics.
+        Temperature of the optics, K. Their emission reaches the detector. None for cold optics.
     optics_emissivity : float, optional
-        Emissivity of the optics, by default 1 less optics_transmittance of [sensor].
+        Emissivity of the optics, by default 1 - optics_transmittance of [sensor].
     fill_factor : float
         Share of the pixel's square that is sensitive, in (0, 1].
     read_noise_e : float
@@ -135,42 +135,45 @@ class Imager(Described, where="[camera]", rules=RULES):
     right_deg, up_deg : float
         Angle of the optical axis to the right of the target's middle and above it, degrees.
     roll_deg : float
-        Turn of the camera about its optical axis, clockwise as seen from behind it, degrees.
+        Rotation of the camera about its optical axis, clockwise as seen from behind it, degrees.
     projection : str
         "perspective", or "orthographic" with the scale of the target's range.
     least_pixels : float
         Number of pixels on the target that a detection needs.
     preset : str, optional
-        Class of camera whose values hold where none is given: "insb_mwir" (cooled) or
+        Class of camera that gives all values that are not in the file: "insb_mwir" (cooled) or
         "microbolometer_12um". Their sources are in `mi_lcair/physics/cameras.toml`.
     detector : str
         "photon", which counts electrons, or "bolometer", whose signal is the power on a pixel.
     netd_mK, netd_f_number, netd_temperature : float, optional
-        A bolometer's noise in time as a temperature difference, mK, and the f-number (by default
-        that of the camera) and the temperature of the scene, K, at which it is stated.
+        Temporal noise of a bolometer: its noise-equivalent temperature difference `netd_mK`, mK,
+        given for the f-number `netd_f_number` (by default that of the camera) and the scene
+        temperature `netd_temperature`, K.
     span_K : tuple of float, optional
-        Temperatures of even scenes, K, that give a bolometer's lowest and largest count.
+        Temperatures of uniform scenes, K, for a bolometer's lowest and largest count.
     time_constant_ms : float
-        Thermal time constant of a bolometer, ms. A flight's frames lag by it.
+        Thermal time constant of a bolometer, ms. The frames of a flight lag by this time.
     frame_rate_hz : float, optional
-        Frames per second of `image`. A flight's moments have their own times.
+        Frames per second of `image`. A flight has its own times.
     sigma_vh_mK, sigma_v_mK, sigma_h_mK : float
-        Fixed pattern that is left after the correction, mK at the netd's f-number and temperature:
-        standard deviations of pixels, rows and columns.
+        Fixed pattern that remains after the correction: standard deviation of pixels (vh), rows (v)
+        and columns (h), mK at the f-number and temperature of the netd.
     sigma_tv_mK, sigma_th_mK, sigma_t_mK : float
-        Standard deviations of rows, columns and the whole frame that are new in each frame, mK.
+        Noise that changes from frame to frame: standard deviation of rows (tv), columns (th) and
+        the whole frame (t), mK.
     housing : str, optional
         CSV of the housing's temperature with the columns time_s and temperature_K.
     housing_walk_K, housing_walk_s : float, optional
-        Random walk of the housing's temperature: standard deviation, K, of its change in a time, s.
+        Random walk of the housing's temperature: standard deviation `housing_walk_K` of its change,
+        K, during the time `housing_walk_s`, s.
     drift_mK_K, drift_spread_mK_K : float
-        Change of the apparent temperature for each kelvin by which the housing is warmer than at
-        the last shutter event, mK/K: its mean over the pixels, and its standard deviation.
+        Change of the apparent temperature, mK, for each kelvin that the housing is warmer than at
+        the last shutter event: mean over the pixels (drift) and standard deviation (spread).
     shutter_s : tuple of float, optional
         Times after the first frame, s, at which the shutter closes and the offsets are measured
-        anew. At the first frame they are corrected.
+        again. At the first frame the offsets are corrected.
     shutter_every_s : float, optional
-        Time between such events, s.
+        Time between shutter events, s.
 
     Raises
     ------

@@ -543,14 +543,14 @@ class Words(
     Attributes
     ----------
     sky : str, optional
-        "clear", "overcast", a temperature, K, of an even black sky, a bundled sky or a file.
+        "clear", "overcast", the temperature of a uniform black sky, K, a bundled sky or a file.
     ground : str, optional
         KELVIN or KELVIN,EMISSIVITY or KELVIN,MATERIAL: temperature of the ground, K, and its
-        emissivity (1), or the material whose hemispherical emissivity it has.
+        emissivity (1), or a material, whose hemispherical emissivity is used.
     sun : str, optional
         ELEVATION, ELEVATION,AZIMUTH or ELEVATION,AZIMUTH,FILE: the sun in the scene's axes,
-        degrees; azimuth 0 is +x, and 90 is +y. FILE is a CSV wavelength_um,irradiance_W_m2_um of
-        what arrives at the scene, in place of that of clear air. Without a sun, it is night.
+        degrees; azimuth 0 is +x, and 90 is +y. FILE is a CSV wavelength_um,irradiance_W_m2_um with
+        the irradiance at the scene, in place of that of clear air. Without a sun, it is night.
     atmosphere : str
         Clear air of sky, sun and ground: us_standard or midlat_summer. A scenario without it takes
         the clear air of its path.

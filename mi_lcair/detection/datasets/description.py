@@ -34,8 +34,8 @@ class DatasetBase(Described, where="[base]"):
     scenario : str
         TOML file, or a bundled name, of a scenario with a table [camera].
     heat : str, optional
-        File of a heat balance, as `mi-lcair heat` takes it. The facets have its temperatures at the
-        `hour` of [draws], and [surroundings] with a sun have the sun of that time.
+        File of a heat balance for `mi-lcair heat`. The facets get its temperatures at the `hour` of
+        [draws]. If [surroundings] has a sun, the sun of that time is used.
     """
 
     scenario: str = entry(is_file=True)
@@ -72,17 +72,17 @@ class ViewsTable(
     Attributes
     ----------
     sphere : int
-        Number of views that are evenly spaced over the directions.
+        Number of views in evenly spaced directions.
     random : int
         Number of views in random directions, evenly over the sphere.
     file : str
         CSV with a row for each view: azimuth_deg, elevation_deg and range_m, or x_m, y_m and z_m
-        from the target, and if wanted right_deg, up_deg and roll_deg.
+        from the target, and optionally right_deg, up_deg and roll_deg.
     count : int, optional
-        Number of views in even steps along the line through the positions of `file`, in place of
-        those of its rows.
+        Number of views in even steps along the line through the positions of `file`, instead of one
+        view for each row.
     azimuth_deg, elevation_deg : tuple of float
-        Ends of the directions of a sphere or of random ones, degrees.
+        Limits of the directions of `sphere` or `random`, degrees.
     range_m : tuple of float
         Distance from the target, m.
     right_deg, up_deg, roll_deg : tuple of float
@@ -189,17 +189,17 @@ class FramesTable(Described, where="[frames]"):
     Attributes
     ----------
     cases : int
-        Number of draws of each view, an image each. If only temperatures, air and background
-        differ, the view is traced once.
+        Number of images of each view, each with new random values. If only temperatures, air and
+        background differ, the view is traced once.
     frames : int
-        Number of frames of each image, with independent noise. A drift of the camera counts as
-        just reset.
+        Number of frames of each image, with independent noise. Drift of the camera is assumed to be
+        just corrected.
     truth : bool
-        Whether the truth of each pixel is written too.
+        Whether the true values of each pixel are written, too.
     kelvin : bool
-        Whether frames are written in kelvin too, as the camera's calibration has them.
+        Whether frames are also written in kelvin, according to the camera's calibration.
     seed : int
-        Seed of everything that is drawn. A view depends on it and on its own number alone.
+        Seed of all random values. A view depends only on the seed and on its own number.
     """
 
     cases: int = entry(1, lower=1, upper=10_000)
@@ -225,7 +225,7 @@ class SplitsTable(
     Attributes
     ----------
     train, val, test : float
-        Shares, which add up to 1.
+        Shares of the views. They must add up to 1.
     """
 
     train: float = entry(0.8, lower=0, upper=1)

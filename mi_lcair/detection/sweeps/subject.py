@@ -57,10 +57,10 @@ class Base(Described, where="[base]", rules=BASE):
     Attributes
     ----------
     scene, scenario : str, optional
-        One of them: a file, or a bundled name.
+        A file or a bundled name. Give either `scene` or `scenario`.
     product : bool
-        Whether all combinations of the conditions are cases. Otherwise the conditions go together,
-        and the first case has the first value of each.
+        Whether all combinations of the conditions are computed. Otherwise the first case has the
+        first value of each condition, and so on.
     detection_range : bool
         Whether to compute the detection ranges, which need nei of the scenario's [sensor].
     """
@@ -81,8 +81,8 @@ class SamplingTable(Described, where="[sampling]"):
         Half of the 95 % interval of each intensity, as a fraction of it: 0.01 or "1%", which is
         also the default.
     spp, max_spp : int, optional
-        A fixed number of paths of a view instead, or the largest one, divided by resolution x
-        resolution.
+        Instead of a tolerance a fixed number of paths for each view (spp), or the largest number
+        (max_spp), divided by resolution x resolution.
     resolution : int
         See spp.
     seed : int

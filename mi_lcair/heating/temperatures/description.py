@@ -129,7 +129,7 @@ class TargetTable(Described, where="[target]"):
     scene : str
         Bundled scene or Mitsuba XML file.
     parameters : dict
-        Parameters as `mi_lcair.load` takes them.
+        Parameters for `mi_lcair.load`.
     """
 
     scene: str = entry(is_file=True)
@@ -143,37 +143,42 @@ class WeatherTable(Described, where="[weather]"):
     Attributes
     ----------
     file : str or None
-        EPW file, or CSV with the column `hour` and columns called as the numbers below.
+        EPW file, or CSV with the column `hour` and columns with the names of the numbers below.
     day : date or None
         The day of an EPW file, or of the sun by place: 2026-06-21.
     air_K : float or None
         Temperature of the air.
     h_W_m2_K, wind_m_s : float or None
-        Coefficient of convection, or the wind from which it follows (`convection`).
+        Coefficient of convection, or the wind speed from which it is computed (`convection`).
     wind_height_m, air_height_m : float
-        Heights of the wind and of temperature and humidity above the ground.
+        Heights above the ground at which the wind (wind_height_m), and temperature and humidity
+        (air_height_m) are given.
     relative_humidity, pressure_hPa : float or None
-        Humidity of the air over water in percent, and its pressure, 1013.25 if it is left out.
+        Relative humidity of the air over water in percent, and pressure of the air (default
+        1013.25).
     sky_K : float or None
         Temperature of a blackbody with the total radiance of the sky.
     down_longwave_W_m2 : float or None
         Measured irradiance of the sky on a horizontal plane, in place of sky_K.
     cloud : float or None
-        Covered share of the sky, 0 to 1. With it the sky follows from temperature and humidity.
+        Cloud cover, 0 to 1. With it the radiance of the sky is computed from temperature and
+        humidity.
     ground_K : float or None
-        Temperature of the ground below the horizon; that of the air if it is left out.
+        Temperature of the ground below the horizon (default: that of the air).
     sun_W_m2, diffuse_W_m2 : float
-        Irradiance of the beam on a plane that faces the sun, and of the sky on a horizontal plane.
+        Irradiance of the sun's beam on a plane that faces the sun (sun_W_m2), and of the sky on a
+        horizontal plane (diffuse_W_m2).
     sun_elevation_deg, sun_azimuth_deg : float or None
         Direction of the sun in the axes of the scene: azimuth 0 is +x, 90 is +y.
     albedo : float
         Share of sunlight that the ground reflects.
     latitude_deg, longitude_deg, utc_offset_h : float or None
-        Place in place of the sun's direction, and the clock of the hours. An EPW file has them.
+        Latitude and longitude, in place of the sun's direction, and the time zone of the hours. An
+        EPW file contains them.
     north_deg : float
-        Azimuth of north, as the emitter `sun` has it.
+        Azimuth of north, as for the emitter `sun`.
     day_h : float
-        Length of a day in hours; the hours of the rows are 24ths of it.
+        Length of a day in hours. The hours of the rows are 1/24 of it.
     """
 
     file: str | None = None
@@ -214,9 +219,9 @@ class LayerTable(Described):
     Attributes
     ----------
     material : str or None
-        Material of the list, which gives what is left out.
+        Material of the list. It gives the keys that are left out.
     thickness_mm, conductivity, density, heat_capacity : float
-        As those of a wall of one material.
+        As for a wall of one material.
     contact_m2_K_W : float
         Resistance between this layer and the one above it, or the surface.
     """
@@ -294,31 +299,34 @@ class GroupTable(Described, rules=BEHIND):
     Attributes
     ----------
     material : str or None
-        Material of the list, which gives what is left out and the uncertainties.
+        Material of the list. It gives the keys that are left out, and the uncertainties.
     temperature : float or None
-        Temperature at which the group is held [K]; nothing else is then given.
+        Fixed temperature of the group [K]. No other key may then be given.
     internal_W_m2 : float
-        Heat that is released below the surface.
+        Heat flux that is released below the surface.
     h_W_m2_K : float or None
         Coefficient of convection, in place of that of the weather.
     h_factor : float
-        Factor of the coefficient of convection, whichever law gives it.
+        Factor of the coefficient of convection, for any law.
     roughness_mm, heat_roughness_mm : float or None
-        Roughness lengths of ground for wind and for heat, from which its convection follows with
-        the stability of the air. That for heat is a tenth if it is left out.
+        Roughness lengths of ground for wind and for heat. The convection is computed from them and
+        from the stability of the air. The roughness for heat is a tenth of that for wind by
+        default.
     plate : str or None
-        "up", "down" or "upright": natural convection and wind along a plate that faces there.
+        "up", "down" or "upright": direction that a plate faces, for natural convection and wind
+        along it.
     length_m : float or None
         Side of a square plate, or the height of an upright one.
     wetness, resistance_s_m : float or None
-        Evaporation, dew and frost: the wet share of the surface, 0 to 1, or its resistance.
+        Evaporation, dew and frost: give the wet share of the surface, 0 to 1, or its resistance.
     absorptance, emissivity : float or None
-        Of sunlight, and hemispherical of heat, in place of those of the scene.
+        Absorptance for sunlight, and hemispherical emissivity, in place of those of the scene.
     albedo : tuple of float
-        Coefficients of a polynomial of the sun's zenith angle over 90 degrees. One less its value
-        is absorbed of the beam.
+        Coefficients of a polynomial in the sun's zenith angle divided by 90 degrees. The surface
+        absorbs 1 minus its value of the beam.
     thickness_mm, conductivity, density, heat_capacity : float or None
-        Wall of one material, in mm, W/(m K), kg/m^3 and J/(kg K).
+        Wall of one material: thickness in mm, conductivity in W/(m K), density in kg/m^3, heat
+        capacity in J/(kg K).
     layers : tuple of LayerTable
         Layers in place of one material, the outermost first.
     contact_m2_K_W : float
@@ -326,18 +334,18 @@ class GroupTable(Described, rules=BEHIND):
     radiative : float
         Conductivity grows with temperature by the factor 1 + radiative (T / 350 K)^3.
     capacity_at_K, capacity_J_kg_K : tuple of float
-        Heat capacity at some temperatures, on straight lines between them.
+        Heat capacity at some temperatures, interpolated linearly between them.
     surface_conductivity, surface_density, scale_depth_mm : float or None
-        Conductivity and density at the surface, from which those of the wall are approached
-        exponentially over this depth.
+        Conductivity and density at the surface. They approach those of the wall exponentially over
+        the depth scale_depth_mm.
     back : str
         "insulated", unless back_K is given.
     back_K, back_h : float or None
         Temperature of the back, or of the air behind it if back_h [W/(m^2 K)] is given.
     back_W_m2 : float
-        Heat that comes in through an insulated back of layers or of ground by depth.
+        Heat flux that enters through an insulated back of layers or of ground by depth.
     by_material : tuple of str
-        Keys that the material gave; not to be written.
+        Keys that the material gives. Do not write this key.
     """
 
     material: str | None = None
@@ -468,8 +476,7 @@ class RunTable(Described, where="[run]", rules=(excludes("method", "start_K", wh
     seed : int
         Seed of the random numbers.
     start_K : float or None
-        Temperature at which a series of rows begins; without it the day is repeated until it is
-        periodic.
+        Start temperature of a series of rows. By default the day is repeated until it is periodic.
     method : str
         "steps" from day to day, or "harmonics": the periodic day by its Fourier components, for
         walls of one material and convection that does not depend on the temperature.
@@ -491,7 +498,7 @@ class SignatureTable(Described, where="[signature]"):
     sensor : int
         Number of the sensor, from 0.
     spp : int
-        Paths of each pixel.
+        Paths per pixel.
     """
 
     sensor: int = entry(0, lower=0)

@@ -53,12 +53,12 @@ class UnknownEntry(Described, rules=OF_AN_UNKNOWN):
     prior : tuple of float, optional
         Mean and standard deviation that are known beforehand.
     per : tuple of str, optional
-        What has a value of its own: "band", "state", "data"; [] for one value in all data. By
-        default temperatures have one for each state, materials and emissivities one for each band,
-        and radiances one for each band and state. Motions have one for each image.
+        The unknown has a separate value for each of these: "band", "state", "data"; [] means one
+        value in all data. By default temperatures have a value for each state, materials and
+        emissivities for each band, radiances for each band and state, and motions for each image.
     correlation_m : float, optional
-        For the facets of a group: distance in metres over which their temperatures are alike. The
-        standard deviation about the mean is that of `prior`.
+        For the facets of a group: correlation length of their temperatures, m. `prior` gives the
+        standard deviation about the mean.
     correlation_um : float, optional
         The same for "MATERIAL.spectrum", in micrometres of wavelength.
     """
@@ -79,8 +79,8 @@ class Goal(Described, where="[goal]", rules=OF_A_GOAL):
     Attributes
     ----------
     quantity : str
-        "intensity" of the target [W/sr], or "contrast" [W/sr]: the intensity less that of the
-        background which the target hides.
+        "intensity" of the target [W/sr], or "contrast" [W/sr]: the intensity minus that of the
+        background behind the target.
     scene : str
         Bundled scene or Mitsuba XML file.
     parameters : dict
@@ -88,13 +88,14 @@ class Goal(Described, where="[goal]", rules=OF_A_GOAL):
     value : float
         Wanted value.
     at_most : bool
-        Whether smaller magnitudes than `value` satisfy too.
+        Whether smaller magnitudes than `value` are also accepted.
     background_K : float, optional
         Apparent temperature of the background, for a contrast.
     azimuth_deg, elevation_deg : tuple of float
-        Aspects over which the rms deviation from the value is made small: all pairs.
+        Directions of view for which the rms deviation from the value is minimised: all pairs of
+        azimuth and elevation.
     starts : int
-        Number of first guesses: the scene's values, and random ones within the bounds.
+        Number of first guesses: the scene's values, and random values within the bounds.
     """
 
     quantity: Literal["intensity", "contrast"]
@@ -120,8 +121,8 @@ class RenderSettings(Described, where="[render]"):
     Attributes
     ----------
     spp : int, optional
-        Samples per pixel (those of the scene). For the aspects of a trend or a goal, the number of
-        paths divided by 64 x 64 (16).
+        Samples per pixel (default: the number in the scene). For the directions of a trend or a
+        goal, the number of paths divided by 64 x 64 (16).
     seed : int
         Seed of the random numbers.
     randomisations : int
@@ -129,11 +130,11 @@ class RenderSettings(Described, where="[render]"):
     iterations : int
         Largest number of renders of each image, from each first guess.
     starts : int
-        Number of first guesses for measurements: those of the unknowns, and random ones within the
-        bounds. The solution with the smallest chi-square is kept.
+        Number of first guesses for measurements: those of the unknowns, and random values within
+        the bounds. The solution with the smallest chi-square is kept.
     scale_errors : bool
-        Whether the stated noise is only right up to a factor. The errors are then those of the
-        noise that makes chi-square as large as its degrees of freedom.
+        Whether the given noise is only known up to a factor. The errors then assume the noise for
+        which chi-square is equal to its degrees of freedom.
     """
 
     spp: int | None = entry(None, lower=2, upper=2**31)

@@ -49,13 +49,13 @@ class WallTable(Described, where="[wall]", rules=OF_A_WALL):
     Attributes
     ----------
     emissivity : float or None
-        The same at all wavelengths and angles.
+        Emissivity at all wavelengths and angles.
     spectrum : str or None
         CSV file wavelength_um,emissivity.
     material : str or None
         Name of a material with a reflection model.
     specular : float
-        Share of the reflectance that is a mirror's; the rest is diffuse. Not for a material.
+        Specular share of the reflectance; the rest is diffuse. Not for a material.
     temperature_K : float or None
         Temperature of an isothermal wall; None: 300 K.
     profile : str or None

@@ -67,8 +67,8 @@ class Shape(Described, where="[shape]", rules=RULES):
     angle_deg : float or None
         Full apex angle of the cone [deg]. A cone has a length or an angle.
     aperture_radius_m : float or None
-        Radius of the aperture [m]. Around a smaller one than the radius is a flat lid, inside of
-        which is a wall too. None: the whole end is open.
+        Radius of the aperture [m]. If it is smaller than the radius, a flat lid with the wall's
+        properties surrounds it. None: the whole end is open.
     """
 
     kind: Literal["cylinder", "cone", "cylinder_cone", "sphere"]

@@ -183,13 +183,13 @@ class Weather(Described, where="[atmosphere]"):
     Attributes
     ----------
     temperature : float, optional
-        Temperature of the air at the ground [K]. The whole profile is shifted with it, and keeps
-        the relative humidity of the ground.
+        Temperature of the air at the ground [K]. It shifts the whole profile, and the relative
+        humidity at the ground does not change.
     humidity : float, optional
-        Relative humidity at the ground, 0..0.98. The vapour at all heights is multiplied by the
-        same factor, up to a relative humidity of 0.98.
+        Relative humidity at the ground, 0..0.98. The water vapour at all heights is multiplied by
+        the same factor, up to a relative humidity of 0.98.
     pressure : float, optional
-        Pressure at the ground [hPa], which multiplies that at all heights.
+        Pressure at the ground [hPa]. It scales the pressure at all heights.
     visibility : float, optional
         Visibility [km], 2..50, of the haze below 5 km; 23 in the model atmospheres.
     co2 : float, optional

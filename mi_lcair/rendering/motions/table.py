@@ -30,7 +30,7 @@ class Declared(Described, rules=(one_of("scale", "displaced"),)):
     scale : tuple of float, optional
         Factors of the displacement along each axis.
     each : bool
-        Whether each connected part has a middle of its own.
+        Whether each connected part is scaled about its own centre.
     displaced : str, optional
         PLY file, in place of scale.
     """

@@ -389,8 +389,8 @@ class Observation(Described, rules=(named("name"), named("state"))):
     Attributes
     ----------
     scene : str
-        Bundled scene or Mitsuba XML file. Of a camera's image and of a contrast, the TOML file of a
-        scenario (`detection.scenario`); `parameters` are then changes of its entries, such as
+        Bundled scene or Mitsuba XML file. For a camera's image and for a contrast, the TOML file of
+        a scenario (`detection.scenario`). `parameters` then change its entries, such as
         {"observer.range_m" = 500}.
     name : str
         Name in messages and results; by default data 1, data 2 and so on.
@@ -402,7 +402,7 @@ class Observation(Described, rules=(named("name"), named("state"))):
         Name of the heating state. Temperatures have one value for each state.
     netd_mK : float, optional
         Noise-equivalent temperature difference of a pixel that sees a blackbody of 300 K, mK.
-        Colder pixels have the same noise in radiance, hotter ones the shot noise in addition.
+        Colder pixels have the same noise in radiance. Hotter pixels have more shot noise.
     sigma : float, optional
         Standard deviation of the noise: W m^-2 sr^-1 for an image, W/sr for an intensity, W m^-2
         for a contrast.
@@ -412,9 +412,9 @@ class Observation(Described, rules=(named("name"), named("state"))):
         gradients at the edges. "0" for a camera without them.
     model_sigma : str, optional
         Standard deviation of the error of the predicted radiance itself, such as "1%", for a
-        geometry or a material that is slightly wrong. There is one such error for each group that
-        an image shows, common to all pixels that see the group, and one for each pixel. Without it
-        the groups have errors of 1 %, and the pixels none. "0" for a scene without errors.
+        geometry or a material that is slightly wrong. There is one such error for each group in an
+        image, common to all pixels that see the group, and one for each pixel. By default the
+        groups have errors of 1 %, and the pixels none. "0" for a scene without errors.
     """
 
     scene: str = entry(is_file=True)
@@ -503,36 +503,36 @@ class Measurement(Observation, rules=OF_A_MEASUREMENT):
     ----------
     image : str, optional
         EXR, TIFF, CSV or NPY file, or a camera's radiometric file such as FLIR's JPEG, of the size
-        of the scene's film. With a scenario as its scene,
-        the image of the scenario's camera, whose model of noise counts.
+        of the scene's film. If the scene is a scenario, it is the image of the scenario's camera,
+        and the camera's noise model is used.
     channel : str, optional
         Channel of an EXR file ("Y").
     quantity : str, optional
-        "radiance" [W m^-2 sr^-1] or "apparent_temperature" [K]; of a camera's image "counts" or
+        "radiance" [W m^-2 sr^-1] or "apparent_temperature" [K]; for a scenario's camera "counts" or
         "apparent_temperature". Needed except for EXR and radiometric files.
     scale : float
         Number by which the values of the file are multiplied, such as 0.01 for centikelvin.
     mask : str, optional
-        PNG, TIFF, CSV or NPY file; pixels that are 0 do not count.
+        PNG, TIFF, CSV or NPY file; pixels that are 0 are ignored.
     saturation : float, optional
-        Pixels of this value and above do not count. In the unit of `quantity`. Without it, pixels
-        do not count if many have the same largest value; `inf` for a detector without saturation.
+        Pixels with this value and above are ignored, in the unit of `quantity`. By default pixels
+        are ignored if many have the same largest value. `inf` means a detector without saturation.
     sigma_image : str, optional
         Image of the noise's standard deviation in the unit of `quantity`.
     gain, offset : bool
-        Whether measured = gain x radiance + offset, with an unknown gain or offset.
+        Whether the gain or the offset is unknown, with measured = gain x radiance + offset.
     gain_prior, offset_prior : tuple of float, optional
         Mean and standard deviation that are known beforehand.
     row_noise, column_noise, frame_noise : float
-        Standard deviation of an error that all pixels of a row, of a column, or of the image share,
-        relative to the noise that each pixel has for itself.
+        Standard deviation of an error that is common to all pixels of a row, of a column, or of the
+        image, relative to the independent noise of a pixel.
     intensity : float, optional
         Intensity of the target, W/sr, in place of an image.
     contrast : float, optional
         Contrast irradiance of the target at the sensor, W m^-2, in place of an image.
     spectrum : str, optional
         CSV with the columns wavelength_um, radiance_W_m2_sr_um and, without `sigma`,
-        sigma_W_m2_sr_um: mean spectral radiance of all that the scene's sensor sees, at even
+        sigma_W_m2_sr_um: mean spectral radiance over the image of the scene's sensor, at even
         wavelengths over the scene's band, in place of an image.
     trend : str, optional
         CSV with the columns azimuth_deg, elevation_deg, intensity_W_sr and, without `sigma`,
