@@ -56,7 +56,7 @@ class Fit(Result):
     dropped
         Number of points that were left out, by reason.
     effective_points
-        Number of independent points that the correlated points are worth.
+        Number of independent points with the same information as the correlated points.
     outliers
         Number of points that lie far from the model.
     converged, gradient_norm

@@ -40,7 +40,8 @@ WIDTH = Bounds(is_positive=True, upper=LARGEST)  # standard deviations, half wid
 
 @dataclass(frozen=True)
 class Contribution:
-    """What a quantity, a group of correlated quantities or a noise adds to the error of a result.
+    """Contribution of a quantity, a group of correlated quantities or a noise to the error of a
+    result.
 
     Attributes
     ----------
@@ -53,13 +54,13 @@ class Contribution:
         Share of the variance of the result. None for members of a group and for arrays.
     value, sigma, sensitivity, sensitivity_error : float or ndarray or None
         Value and standard uncertainty of the quantity; derivative of the result with respect to it,
-        and its standard error. None for a group, for a noise, and where there is no such number.
+        and its standard error. None for a group, for a noise, and if the number is not known.
     unit : str
         Unit of value and sigma.
     distribution : str
         The quantity's distribution in words, if it is not normal.
     members : tuple of Contribution
-        The quantities of a group. Their contributions are those of each one alone.
+        The quantities of a group. Each contribution is that of the single quantity.
     """
 
     quantity: str
@@ -101,7 +102,7 @@ class Contribution:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A value with its error, and what contributes to the error.
+    """A value with its error, and the contributions to the error.
 
     Attributes
     ----------
@@ -112,7 +113,7 @@ class Estimate:
     half_width : float or ndarray or None
         Half of the 95 % interval, if it is known.
     contributions : tuple of Contribution
-        What the standard uncertainty consists of, if it is known.
+        Contributions to the standard uncertainty, if they are known.
     """
 
     value: float

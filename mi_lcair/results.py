@@ -117,10 +117,10 @@ PAGE = {".html": "mi_lcair.api.pages:save_page"}
 class Result:
     """Base class of the results of all functions.
 
-    A result states in one line what it is (`summary`, `repr`), shows its picture or its table in a
-    notebook, and becomes sections for the console and for pages (`sections`), a dictionary
-    (`as_dict`), a table (`columns`, `to_dataframe`, `to_xarray`), a figure (`plot`) or a file
-    (`save`).
+    A result describes itself in one line (`summary`, `repr`) and shows its picture or its table in
+    a notebook. Methods convert it to sections for the console and for pages (`sections`), to a
+    dictionary (`as_dict`), a table (`columns`, `to_dataframe`, `to_xarray`), a figure (`plot`) or a
+    file (`save`).
 
     A class is a dataclass whose fields are the result. It sets the names below, and defines
     `summary`, `columns`, `facts` for what the console prints, and `picture`.

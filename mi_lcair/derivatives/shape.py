@@ -365,7 +365,7 @@ def standard_errors(by_block: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, repr=False)
 class ShapeDerivatives(Result):
-    """How the target's intensity changes where the surface of a group is moved outward.
+    """Change of the target's intensity if parts of a group's surface are moved outward.
 
     Attributes
     ----------

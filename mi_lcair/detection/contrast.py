@@ -347,7 +347,7 @@ class Contrast(Result):
     sight_elevation_deg : float
         Elevation of the line of sight, degrees, upward from the sensor.
     observer_height_m, target_height_m : float or None
-        Heights above the ground, m. None where neither the scenario nor its air states them.
+        Heights above the ground, m. None if neither the scenario nor its air gives them.
     background_name : str
         Name of the background.
     transmittance : float
@@ -358,7 +358,7 @@ class Contrast(Result):
         Irradiance of the background in the whole field of view, W m^-2 (3.15). None without a field
         of view.
     radius_m : float
-        Radius of the sphere that holds the target, m.
+        Radius of the sphere around the target, m.
     rows : list of ContrastRow
         One row for each number of reflections.
     remarks : list of str

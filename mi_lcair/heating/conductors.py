@@ -69,9 +69,9 @@ class Facets:
 class Conductors:
     """Radiative conductors of n facets [m^2].
 
-    between: (n, n), sparse, symmetric; through the diagonal, of what a facet emits and absorbs
-    again, no heat flows. to_sky: (n, rings), to the rings of the sky between the elevations
-    `RINGS_DEG`. to_ground: (n,), to what lies below the horizon.
+    between: (n, n), sparse, symmetric. The diagonal is for radiation that a facet emits and absorbs
+    again; it transfers no heat. to_sky: (n, rings), to the rings of the sky between the elevations
+    `RINGS_DEG`. to_ground: (n,), to everything below the horizon.
     """
 
     between: sparse.csr_array
@@ -146,7 +146,7 @@ class Traced:
     """Conductors of each randomisation of the paths, from which every standard error follows.
 
     replicates: independent estimates of the same conductors. path_area: emitting area that one path
-    of each facet stands for, (n,) [m^2].
+    of each facet represents, (n,) [m^2].
     """
 
     replicates: tuple[Conductors, ...]

@@ -60,16 +60,16 @@ class Exchange(Result):
     sky_K, ground_K : float or None
         Temperatures of blackbodies in place of sky and ground, for the irradiance [K].
     astray : dict of str to ndarray
-        Shares of each facet's radiation that reach nothing, (n,): "buried" what begins inside a
-        closed body, where facets of two bodies cross; "truncated" what is in reflections after the
-        last; "lost" what ends on surfaces that do not take part.
+        Shares of each facet's radiation that reach nothing, (n,). "buried": radiation that begins
+        inside a closed body, where facets of two bodies intersect. "truncated": radiation after the
+        last reflection. "lost": radiation that ends on surfaces that do not take part.
     asymmetry : Asymmetry
     sun : SolarAreas or None
         Areas by which the facets absorb sunlight, of one beam.
     triangles, triangle_facet : ndarray, shapes (T, 3, 3) and (T,)
         Corners of the triangles [m], and the number of the facet of each.
     rays, seed : int
-        Paths of each side of a facet, and the seed of their random numbers.
+        Number of paths for each side of a facet, and the seed of their random numbers.
     seconds : float
     remarks : tuple of str
     """

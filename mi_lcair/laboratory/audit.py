@@ -56,10 +56,10 @@ class Audit(Result):
     scene_name, band : str
         Names of the scene and of its band.
     total : dict
-        {name: FluxAndError}, W, with the names emitted, absorbed, escaped, behind,
-        created, unfinished and balance. The balance is emitted + created less the other fluxes. It
-        is 0 except for its error. `emitted` includes the sunlight through a disc that covers
-        everything but the sky.
+        {name: FluxAndError}, W, with the names emitted, absorbed, escaped, behind, created,
+        unfinished and balance. The balance is emitted + created minus the other fluxes. It is 0
+        except for its error. `emitted` includes the sunlight through a disc that covers everything
+        except the sky.
     materials : dict
         {material: {name: FluxAndError}}, W, with the names of `Flux`.
     shares : dict
@@ -69,7 +69,7 @@ class Audit(Result):
         Share of the emitted flux that leaves surfaces after its first, second,
         ... reflection.
     remarks : list of str
-        Notes on the scene, such as that nothing surrounds its model, and one line for each
+        Warnings about the scene, such as that nothing surrounds its model, and one line for each
         imbalance with the facets that cause most of it.
     photons : int
         Number of photons that were followed.

@@ -15,7 +15,7 @@ class NoiseComponents(NamedTuple):
 
     The letters are those of NVESD's model: t time, v rows, h columns. tvh: each pixel of each
     frame. vh, v, h: fixed pattern of pixels, rows and columns. tv, th, t: rows, columns and the
-    whole frame, anew in each frame.
+    whole frame, different in each frame.
     """
 
     sigma_tvh: float

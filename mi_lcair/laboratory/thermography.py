@@ -156,16 +156,16 @@ class Temperature(Result):
     headline : Estimate
         Mean temperature of the first region. Without one it is that of the hottest pixel.
     interval_K : tuple of float
-        Interval that holds 95 % of the headline's temperatures for random quantities. Quantities
-        are drawn from normal distributions that are cut off at their bounds.
+        Interval that contains 95 % of the headline's temperatures for random quantities. The
+        quantities have normal distributions that are cut off at their bounds.
     conditions : dict of str to Estimate
         The quantities of the measurement.
     transmittance : float
         Mean transmittance of the air in the band, for the headline's temperature.
     regions, differences : dict of str to ndarray
-        Mean temperature of each region with its error and its interval, lowest and highest one, and
-        where the latter is. The same of differences from the first region, of which the errors
-        that both share are subtracted. Empty for a number.
+        Mean temperature of each region with its error and its interval, its lowest and highest
+        temperature, and the position of the highest one. The same for differences from the first
+        region. Errors that are common to both regions cancel in a difference. Empty for a number.
     places : tuple of Region
         The regions.
     remarks : tuple of str

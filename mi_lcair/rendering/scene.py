@@ -41,13 +41,14 @@ LOBE_OF = "lobe."  # beginning of a parameter that sets the lobe of a material
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Scene:
-    """A loaded scene. Every function of mi_lcair takes it, and so do `mi.render` and `mi.traverse`.
+    """A loaded scene. You can pass it to every function of mi_lcair, and to `mi.render` and
+    `mi.traverse`.
 
     Attributes
     ----------
     mi : mi.Scene
-        Mitsuba's scene. Its objects are the scene: what is changed there, for example by
-        `mi.traverse(scene)` and `update()`, holds in all later results.
+        Mitsuba's scene. If you change its objects, for example by `mi.traverse(scene)` and
+        `update()`, all later results use the changed scene.
     name : str
         Name of the bundled scene or of the file, or the id of a scene that Mitsuba loaded.
     band : Band
@@ -57,9 +58,9 @@ class Scene:
     parameters : dict of str to str
         $-parameters that were given, as text.
     notes : list of str
-        Remarks on materials and shapes, one line each.
+        Warnings about materials and shapes, one line each.
     of_nothing : tuple of str
-        Those of the notes that say what is reflected of an empty space.
+        Those of the notes about reflections of empty space.
     sensors : list of mi.Sensor
         Mitsuba's sensors.
     path : Path or None

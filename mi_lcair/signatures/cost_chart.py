@@ -145,29 +145,29 @@ LONG = 0.5  # s of a render that is not repeated
 
 @dataclass(frozen=True, repr=False)
 class CostChart(Result):
-    """Error of an intensity against processor time, a row for each way to render the scene.
+    """Error of an intensity against processor time, with a row for each setting of the renderer.
 
     Attributes
     ----------
     scene_name, band : str
     tolerance : float
-        Error that is wanted, as a fraction of the intensity: half of the 95 % interval and what is
-        left out.
+        Required error, as a fraction of the intensity: half of the 95 % interval plus the
+        reflections that are left out.
     intensity_W_sr, half_width_W_sr : float
-        Intensity with all reflections, and half of its 95 % interval. The others are compared with
-        it.
+        Intensity with all reflections, and half of its 95 % interval. All settings are compared
+        with it.
     table : dict of str to ndarray, shape (ways,)
-        max_bounces; reflection, the lobe of all reflection models ("scene": as the materials state
-        it); drawn, what is drawn at each reflection; left_out, the change of the intensity as a
-        fraction; left_out_error, its standard error; error, as a fraction, of noise and what is
-        left out; cpu_s, time of all processors after the compile, median of three renders; paths;
-        on_frontier, 1 where nothing is faster and more precise.
+        max_bounces; reflection, the lobe of all reflection models ("scene": as in the materials);
+        drawn, emitters that are sampled at each reflection; left_out, the change of the intensity
+        as a fraction; left_out_error, its standard error; error, as a fraction, including noise and
+        left_out; cpu_s, time of all processors without compilation, median of three renders; paths;
+        on_frontier, 1 if no other setting is faster and more precise.
     recommended : int or None
-        Row of the fastest way with an error within the tolerance; None if there is none.
+        Row of the fastest setting with an error within the tolerance; None if there is none.
     command : str
         The command of that row; empty without one.
     untried : int
-        Ways for which there was no time.
+        Number of settings that were not tried, because the time was over.
     """
 
     scene_name: str

@@ -127,13 +127,14 @@ class SourcesInBand(Result):
 class EffectiveAreas(SourcesInBand):
     """Effective areas of the sources, for the target and for the whole scene.
 
-    The first axis of the arrays is that of PARTS: the model's facets (target), and all in the
+    The first axis of the arrays has two parts: the model's facets (target), and everything in the
     sensor's window (scene). The attributes of `SourcesInBand` come first.
 
     Attributes
     ----------
     error : ndarray, shape (2, sources)
-        Standard errors of the effective areas, m^2, with what paths may have missed.
+        Standard errors of the effective areas, m^2, with a bound for sources that paths may have
+        missed.
     covariance : ndarray, shape (2, sources + nodes + 1, sources + nodes + 1)
         Covariance of the amounts.
     """

@@ -78,8 +78,8 @@ class Intensity:
         Half of the 95 % interval of the intensity, W/sr.
     by_bounce, by_bounce_error : list of float
         Part of the paths with 0, 1, ... max_bounces reflections, W/sr, and its standard error. The
-        last entry holds all reflections from the 64th on. With `closure` they add up to the
-        intensity.
+        last entry contains all reflections from the 64th on. Together with `closure` they add up to
+        the intensity.
     by_group, by_group_error : dict of str to float
         Part that each group emitted, W/sr, and its standard error.
     by_seen, by_seen_error : dict of str to float
@@ -88,9 +88,9 @@ class Intensity:
         Estimate of the reflections beyond max_bounces, W/sr. It is included in `intensity`. None
         without `by_bounce`.
     left_out : float or None
-        Estimate of the reflections beyond max_bounces that neither `intensity` nor `half_width`
-        holds, W/sr; with closure = tail that of its error. It is `by_bounce`, continued by a
-        geometric series, or a pilot's. None where neither is known.
+        Estimate of the reflections beyond max_bounces that are neither in `intensity` nor in
+        `half_width`, W/sr; with closure = tail an estimate of its error. It comes from `by_bounce`,
+        continued by a geometric series, or from a test run. None if neither is known.
     """
 
     intensity: float
@@ -240,14 +240,14 @@ class Signature(Result):
     band : str
         Name of the band.
     scene : Intensity
-        Intensity of all that lies in the sensor's window.
+        Intensity of everything in the sensor's window.
     target : Intensity
         Intensity of the model's facets. It includes sky and terrain that they reflect, but not sky
         and terrain that the sensor sees directly.
     effective_areas : EffectiveAreas or None
-        Effective area of each source, if it was asked for.
+        Effective area of each source, if it was requested.
     facets : FacetResults or None
-        Results of each facet, if they were asked for.
+        Results of each facet, if they were requested.
     window_area : float
         Area of the sensor's window, m^2.
     seconds : float
@@ -255,27 +255,27 @@ class Signature(Result):
     paths : int
         Number of paths.
     invalid : int
-        Number of samples that were NaN or infinite, and count as 0.
+        Number of samples that were NaN or infinite. They count as 0.
     degrees_of_freedom : int
         Degrees of freedom of all standard errors, see `student_factor`.
     missed : float
         Intensity that a source which no path has hit may add to the target, W/sr.
     systematic : float
-        Relative error of every intensity that more paths do not reduce.
+        Relative error of every intensity that does not decrease with more paths.
     tolerance : float or None
-        Tolerance that was asked for.
+        Requested tolerance.
     reached : bool or None
         Whether the tolerance was reached, or the criterion `excess` was met; None without them.
     aim : Aim or None
-        Where in the window the paths began. Renders with one aim and one number share their paths.
+        Where in the window the paths began. Renders with the same aim and number share their paths.
     remarks : sequence of str
-        Remarks on the scene, one line each.
+        Warnings about the scene, one line each.
     bins : str
-        Bins of wavelength and their error, in words; empty without spectral materials.
+        Wavelength bins and their error, in words; empty without spectral materials.
     followed : str
         What the paths follow, in words.
     fewer : tuple of Signature
-        The same with fewer reflections, if they were asked for, from the same paths.
+        The same with fewer reflections, if they were requested, from the same paths.
     """
 
     scene_name: str

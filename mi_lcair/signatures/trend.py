@@ -112,8 +112,8 @@ class Trend(Result):
     made : dict of str to str
         How the rows were made. For a CSV it is in the file FILE.csv.json.
     left_out : float or None
-        Share of the intensity beyond max_bounces, the largest of some views, by a pilot of a
-        tolerance. It is in no error.
+        Share of the intensity beyond max_bounces, the largest of some views, from the test run of a
+        tolerance. No error includes it.
     followed : str
         What the paths follow, in words.
     """

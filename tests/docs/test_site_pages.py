@@ -74,5 +74,5 @@ def test_the_page_of_keys_has_every_table_that_a_user_writes():
     text = on_page_markdown(page)
     assert ":::" not in text
     assert "| `focal_length_mm` | needed | Focal length, mm, and its ratio" in text
-    assert "| `cos4` | `false` | Whether the light falls as cos^4 of the angle" in text
+    assert "| `cos4` | `false` | Whether the irradiance decreases as cos^4" in text
     assert "must lie in 230..320." in keys("mi_lcair.detection.scenario.Air")

@@ -41,9 +41,9 @@ class Image(Result):
     counts : ndarray of uint16, shape (frames, H, W)
         Frames of the same scene with independent noise.
     channels : dict of str to ndarray, float32 (H, W)
-        apparent.Y: radiance at the aperture with the detector's response, W m^-2 sr^-1, as the
-        optics blur it. electrons.Y: mean electrons of the signal with the optics' emission, or
-        power.Y, W, of a bolometer. electrons.background.Y: those without the target. counts.Y,
+        apparent.Y: radiance at the aperture with the detector's response, W m^-2 sr^-1, blurred by
+        the optics. electrons.Y: mean electrons of the signal with the optics' emission, or power.Y,
+        W, of a bolometer. electrons.background.Y: those without the target. counts.Y,
         temperature.Y: counts of the first frame, and their apparent temperature, K.
         mean_temperature.Y: that of the mean electrons. stderr_K.Y and noise_K.Y: standard error of
         the rendering, and noise of the camera in time, K. speckle.Y: 1 where the former is larger,
@@ -55,11 +55,11 @@ class Image(Result):
         The target at other ranges.
     detected_to_m, peak_detected_to_m : float or None
         Largest range within `ranges` at which the target is detected, m, by a matched filter and by
-        its strongest pixel; None for nowhere. It may be more where that is the end of the air's
-        table.
+        its strongest pixel; None if it is not detected anywhere. If this is the end of the air's
+        table, the true range may be larger.
     noise : NoiseComponents or None
-        Noise of the frames by time, row and column, K at the background's temperature; None for
-        one frame, and where more than 1 % of the pixels are saturated.
+        Noise of the frames by time, row and column, K at the background's temperature; None for one
+        frame, and if more than 1 % of the pixels are saturated.
     view : CameraView
         Position and pointing of the camera, and the part of the frame with the target.
     mtf_parts : dict of str to ndarray
@@ -73,7 +73,7 @@ class Image(Result):
     seconds, render_seconds : float
         Time of the calculation, and of the render in it, s.
     truth : Truth or None
-        What each pixel shows, before optics and noise; None if it was not asked for.
+        True content of each pixel, before optics and noise; None if it was not requested.
     """
 
     scenario: Scenario

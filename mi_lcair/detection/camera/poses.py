@@ -222,7 +222,7 @@ COLUMNS = ("x_m", "y_m", "z_m", "column_px", "row_px")
 
 @dataclass(frozen=True, repr=False)
 class CameraPose(Result):
-    """Where a camera is that sees points of a scene in known pixels.
+    """Position and pointing of a camera, from points of a scene in known pixels.
 
     Attributes
     ----------
@@ -235,13 +235,14 @@ class CameraPose(Result):
     position_error_m : ndarray, shape (3,)
         Standard errors of its coordinates.
     turn_error_deg : ndarray, shape (3,)
-        Standard errors of turns about the directions to the right, upward, and along the axis.
+        Standard errors of rotations about the directions to the right, upward, and along the axis.
     factor : float
-        Half of a 95 % interval in standard errors (Student's, where the residuals are the noise).
+        Half of a 95 % interval in standard errors (Student's factor if the noise is estimated from
+        the residuals).
     residual_px : ndarray, shape (n, 2)
-        Predicted columns and rows less the given ones.
+        Predicted columns and rows minus the given ones.
     observer : Observer
-        The position from the middle of the scene's model.
+        The position relative to the middle of the scene's model.
     pointing : dict of str to float
         right_deg, up_deg and roll_deg of a table [camera].
     tables : dict

@@ -68,7 +68,7 @@ LIMITS = {
 
 @dataclass(frozen=True, repr=False)
 class LabelledFrames(Result):
-    """A data set that is complete.
+    """A complete data set.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class LabelledFrames(Result):
     splits : dict of str to int
         Number of views of each split.
     traced : int
-        How often a view was traced now.
+        Number of views that this call traced.
     files, bytes : int
         Number of all files, and their size.
     remarks : list of str

@@ -50,7 +50,7 @@ class Flight(Result):
     seconds : float
         Time of the calculation, s.
     rendered : int or None
-        Number of renders for the camera's frames, the other frames being as before with new noise;
+        Number of renders for the camera's frames. The other frames reuse a render with new noise.
         None without frames.
     """
 

@@ -72,7 +72,7 @@ class Sweep(Result):
     views : int
         Number of views that the cases need.
     traced : int
-        Number of views that were traced; the others were known.
+        Number of views that were traced; the others were already known.
     seconds : float
         Time of the sweep, s.
     followed : str

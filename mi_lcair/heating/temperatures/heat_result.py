@@ -41,9 +41,9 @@ class Heat(Result):
     estimate : Estimate
         Temperatures [K] with their errors, (m, n). The first contribution is that of the random
         numbers of the exchange, "exchange". The others are the changes for one standard uncertainty
-        of each input, with its `sigma` as it was stated, such as 2 or "30 %".
+        of each input, with its `sigma` as it was given, such as 2 or "30 %".
     residual_W : float
-        Largest power that the balance of a facet leaves over.
+        Largest remaining imbalance of power of a facet.
     days : int
         Days until the temperatures were periodic; 0 for a steady state.
     drift_K : float

@@ -411,11 +411,11 @@ class Budget(Result):
     inputs : Inputs
         The uncertain quantities with their covariance.
     checks : list of Check
-        Results at plus and minus one standard deviation of what matters.
+        Results at plus and minus one standard deviation of the important quantities.
     second_order : SecondOrder or None
         Mean, standard deviation and interval of the result from the checks; None without any.
     monte_carlo : MonteCarlo or None
-        Distribution of the result for random quantities, if it was asked for.
+        Distribution of the result for random quantities, if it was requested.
     remarks : list of str
         Limits of the budget, one line each.
     renders : int

@@ -29,8 +29,8 @@ METHODS = {"rings": "radiosity of diffuse rings", "paths": "paths of the rendere
 class Cavity(Result):
     """Effective emissivity of a cavity by wavelength, with its uncertainty.
 
-    It is the mean radiance of the rays that the view counts, divided by the radiance of a blackbody
-    of the reference temperature.
+    It is the mean radiance of the rays of the view, divided by the radiance of a blackbody at the
+    reference temperature.
 
     Attributes
     ----------

@@ -122,15 +122,16 @@ class Render(Result):
     window_m : tuple of float or None
         Width and height of an orthographic sensor's window [m]. None for another sensor.
     tolerance : float or None
-        Tolerance that was asked for.
+        Requested tolerance.
     wavelengths_um : ndarray
         Wavelengths of the channels of spectral radiance [um]; empty for none.
     left_out : float or None
-        Share of the mean radiance beyond max_bounces, by a pilot of a tolerance. It is in no error.
+        Share of the mean radiance beyond max_bounces, from the test run of a tolerance. No error
+        includes it.
     followed : str
         What the paths follow, in words.
     truth : Truth or None
-        What each pixel shows; None if it was not asked for.
+        True content of each pixel; None if it was not requested.
     """
 
     channels: dict[str, np.ndarray] = entry()

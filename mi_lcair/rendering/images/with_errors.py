@@ -18,8 +18,8 @@ FIRST_POINTS = 8  # samples per pixel of each of them before the first look at t
 class ImageWithErrors:
     """The mean of several independent renders, and its standard errors.
 
-    The errors are those of the scatter of the renders. They do not know of light that no path has
-    met, nor of a bias that all renders share, such as that of a limited number of reflections.
+    The errors come from the scatter of the renders. They do not include light that no path has hit,
+    nor a bias that is common to all renders, such as that of a limited number of reflections.
 
     Attributes
     ----------
