@@ -136,7 +136,7 @@ def excludes(name: str, *others: str, why: str = "give one of them") -> Rule:
 
     def message(table):
         has = given(table, others) if given(table, (name,)) else []
-        return f"{name} and {has[0]} do not go together; {why}" if has else None
+        return f"{name} and {has[0]} cannot be combined; {why}" if has else None
 
     return Rule(message, {name: others, **dict.fromkeys(others, (name,))})
 

@@ -247,7 +247,7 @@ def resumable(folder: Path, complete: str):
             if is_new:
                 _discard(folder)
         elif isinstance(error, InputError) and isinstance(error.__cause__, (OSError, RuntimeError)):
-            kept = f"'{folder}' keeps what is complete, and the same command goes on"
+            kept = f"'{folder}' keeps the complete parts; run the same command again to resume"
             raise InputError(f"{error}; {kept}") from error.__cause__
         raise
 

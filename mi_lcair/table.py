@@ -200,7 +200,7 @@ def set_key(file: str, header: dict, key: str, value: str, number: int) -> None:
     earlier, line = header.setdefault(key, (value, number))
     if earlier != value:
         raise InputError(
-            f"{file}, line {number}: {shown(key)} differs from line {line}; which one holds?"
+            f"{file}, line {number}: {shown(key)} differs from line {line}; keep one of them"
         )
 
 

@@ -196,8 +196,8 @@ class Cluster:
                 refusal, result = future.result()
             except (CancelledError, CommClosedError):
                 raise ConnectionError(
-                    f"the Dask scheduler at '{self.address}' was lost; what a folder of effective "
-                    "areas holds is kept"
+                    f"the Dask scheduler at '{self.address}' was lost; a folder of effective "
+                    "areas keeps its results"
                 ) from None
             if refusal is not None:
                 client.cancel(list(numbers))

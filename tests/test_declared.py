@@ -113,7 +113,7 @@ def test_a_table_that_keeps_its_rules_is_completed():
         ),
         (
             {"angle_deg": 2, "on": True, "path": "a"},
-            "path and on do not go together; a path has its own",
+            "path and on cannot be combined; a path has its own",
         ),
         (
             {"focal_m": 1, "on": True},

@@ -109,7 +109,10 @@ def test_a_full_disk_while_a_folder_is_filled(tmp_path):
 def test_a_full_disk_during_work_that_can_go_on(tmp_path):
     """A new folder is removed while nothing in it is complete; later the error says what is."""
     folder = tmp_path / "areas"
-    for complete, message in (([], "another folder$"), (["1.nc"], "areas' keeps what is complete")):
+    for complete, message in (
+        ([], "another folder$"),
+        (["1.nc"], "areas' keeps the complete parts"),
+    ):
         with pytest.raises(InputError, match=message), full_disk(), resumable(folder, "*.nc"):
             folder.mkdir()
             for name in complete:

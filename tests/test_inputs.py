@@ -176,7 +176,7 @@ def test_scenarios_take_changes():
     read = Scenario.read(SCENARIO, **QUICK, **{"render.spp": 4, "sensor.band": "LWIR"})
     given = mi_lcair.contrast(SCENARIO, parameters=QUICK | {"sensor.band": "LWIR"}, spp=4)
     assert given.as_dict()["rows"] == mi_lcair.contrast(read).as_dict()["rows"]
-    with pytest.raises(InputError, match="is read already, so that render.spp cannot be changed"):
+    with pytest.raises(InputError, match="is already read, so that render.spp cannot be changed"):
         mi_lcair.contrast(read, spp=4)
     with pytest.raises(InputError, match="spp sets a fixed number of samples; tolerances"):
         mi_lcair.contrast(SCENARIO, spp=4, tolerance="1%")
@@ -195,7 +195,7 @@ def test_budget_of_a_scenario_takes_sampling():
     assert budget.value == mi_lcair.budget(read, uncertain).value
     with pytest.raises(InputError, match="sensor is one of a scene; a scenario has its observer"):
         mi_lcair.budget(SCENARIO, uncertain, sensor=1)
-    with pytest.raises(InputError, match="is read already"):
+    with pytest.raises(InputError, match="is already read"):
         mi_lcair.budget(read, uncertain, spp=4)
 
 
@@ -299,12 +299,14 @@ def test_a_number_that_may_be_in_percent(value, scene):
 @pytest.mark.parametrize("angles", ["0:360:90", 30, [None]])
 def test_angles_of_a_trend(angles, scene):
     for given in ({"azimuths_deg": angles}, {"azimuths_deg": [0], "elevations_deg": angles}):
-        with pytest.raises(InputError, match=f"^{list(given)[-1]} = .* is no sequence of angles"):
+        with pytest.raises(
+            InputError, match=f"^{list(given)[-1]} = .* is not a sequence of angles"
+        ):
             mi_lcair.trend(scene, **given)
 
 
 def test_one_name_without_brackets(scene):
     with pytest.raises(InputError, match=r"one text; give a sequence of names: \['plate"):
         mi_lcair.sensitivities(scene, TEMPERATURE)
-    with pytest.raises(InputError, match="^names = 3 is no sequence of names, such as"):
+    with pytest.raises(InputError, match="^names = 3 is not a sequence of names, such as"):
         mi_lcair.sensitivities(scene, 3)

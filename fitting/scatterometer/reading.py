@@ -336,8 +336,8 @@ def _columns(table: TextTable, quantity: str | None) -> dict[str, tuple[str, str
         missing += [] if value in known else [f"{value}_per_sr"]
         raise InputError(
             f"{table.file}: no column {' and no '.join(missing)}; found: "
-            f"{', '.join(map(shown, table.columns[:12])) or 'nothing'}; "
-            "rename the column that holds it"
+            f"{', '.join(map(shown, table.columns[:12])) or 'nothing'}; rename the column that "
+            "has it"
         )
     return {
         role: column for role, column in known.items() if role not in QUANTITIES or role == value

@@ -140,7 +140,7 @@ def temperature(
     given, camera, remarks = own, None, ()
     if str(image).lower().endswith(radiometric.SUFFIXES):
         if (scale, offset) != (1, 0):
-            raise InputError(f"{name}: states its temperatures; leave scale and offset out")
+            raise InputError(f"{name}: contains temperatures already; leave scale and offset out")
         file = radiometric.read(str(image))
         image, camera = file.kelvin, None if band else file.calibration
         band, remarks = band or file.band, file.remarks
@@ -157,7 +157,7 @@ def temperature(
     if "emissivity" not in given:
         example = option("emissivity", 0.95)
         raise InputError(
-            f"{name}: states no emissivity; give that of the object, such as {example}"
+            f"{name}: contains no emissivity; give that of the object, such as {example}"
         )
     band = band_of(band)
     Bounds(is_positive=True).check(scale, "scale")
@@ -190,7 +190,7 @@ def named_image(image: ApparentTemperatures, sigma: float) -> tuple:
             ) from None
         return Path(image).name, image, sigma
     if error and sigma:
-        raise InputError(f"'{image}' states its uncertainty; leave sigma out")
+        raise InputError(f"'{image}' gives its uncertainty already; leave sigma out")
     size.check(error, f"uncertainty of '{image}'")
     return f"{number:g} K", np.array(number), error or sigma
 
@@ -206,7 +206,7 @@ def apparent(
     is_nothing = np.equal(kelvin, 0) & (offset == 0)
     kelvin = np.where(is_nothing, np.nan, np.asarray(kelvin, float) * scale + offset)
     if np.isinf(kelvin).any():
-        raise InputError(f"{name}: holds infinite values; write nan where there is no temperature")
+        raise InputError(f"{name}: has infinite values; write nan where there is no temperature")
     known = np.isfinite(kelvin)
     if not known.any():
         raise InputError(f"{name}: holds no temperature")

@@ -58,8 +58,8 @@ def scenario_of(
         return Scenario.read(scenario, **changes)
     if changes:
         raise InputError(
-            f"scenario '{scenario.name}': is read already, so that {', '.join(changes)} cannot be "
-            "changed here; Scenario.read takes changes"
+            f"scenario '{scenario.name}': is already read, so that {', '.join(changes)} cannot "
+            "be changed here; give the changes to Scenario.read"
         )
     return scenario
 

@@ -110,8 +110,8 @@ def angles(name: str, values: Iterable[float]) -> list[float]:
         return [float(value) for value in values]
     except (TypeError, ValueError):
         raise InputError(
-            f"{name} = {values!r} is no sequence of angles in degrees, such as range(0, 360, 10) "
-            "or [0, 30]"
+            f"{name} = {values!r} is not a sequence of angles in degrees, such as range(0, 360, "
+            "10) or [0, 30]"
         ) from None
 
 

@@ -122,7 +122,7 @@ def heat_command(description, outputs, hour):
     """
     files = [path for path in outputs if path.suffix.lower() in OF_HOUR]
     if hour is not None and not files:
-        raise InputError(f"--hour goes with an output {', '.join(OF_HOUR)}")
+        raise InputError(f"--hour needs an output {', '.join(OF_HOUR)}")
     result = mi_lcair.heat(description)
     at_hour = dict.fromkeys(files, partial(result.save, hour=hour))
     write_and_print(result, dict.fromkeys(outputs, result.save) | at_hour)

@@ -255,9 +255,9 @@ def import_command(ctx, file, output, check, overwrite, materials, band, **setti
         _import_scene(ctx, file, output, band or "LWIR", settings)
         return {"thermal": output}
     if settings.pop("emissivity"):
-        raise click.UsageError("--emissivity goes with a scene of Mitsuba, MODEL.xml", ctx)
+        raise click.UsageError("--emissivity needs a scene of Mitsuba, MODEL.xml", ctx)
     if (variants := dict(settings.pop("parameters"))) and file.suffix.lower() not in USD:
-        raise click.UsageError("-D goes with a scene of Mitsuba, MODEL.xml, or a USD file", ctx)
+        raise click.UsageError("-D needs a scene of Mitsuba, MODEL.xml, or a USD file", ctx)
     if bool(output) == check:
         raise click.UsageError("give either -o FOLDER or --check", click.get_current_context())
     words = {name: settings.pop(name) for name in ("sky", "ground", "sun", "atmosphere")}

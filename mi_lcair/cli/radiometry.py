@@ -88,7 +88,7 @@ def stem_of_truth(outputs) -> Path:
     """
     stems = [output.with_suffix("") for output in outputs if output.suffix.lower() == ".exr"]
     if not stems:
-        raise InputError("--truth writes its files beside an image; give -o FILE.exr too")
+        raise InputError("--truth writes files next to an image; give -o FILE.exr too")
     taken = [stems[0].with_name(f"{stems[0].name}.{end}").resolve() for end in OF_TRUTH]
     for output in outputs:
         if output.with_suffix("").resolve() in taken:
@@ -295,7 +295,7 @@ def contrast_command(scenario, ranges, outputs):
 @options.command("image", "mi-lcair image box.toml --spp 4 -o seen.exr -o seen.png")
 @options.scenario("camera.f_number=2")
 @options.outputs(
-    "the image, and the counts to FILE.tif beside it, or draw frame and measures",
+    "the image, and the counts to FILE.tif in the same folder, or draw frame and measures",
     ".exr",
     *PICTURES,
     required=True,

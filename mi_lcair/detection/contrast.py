@@ -693,7 +693,7 @@ def check_reachable(sampling: RenderTable, irradiance: Irradiance, path: LineOfS
 def check_met(result: Signature, target: Target) -> None:
     """Raise InputError if the paths of a render met no more of the target than by rounding."""
     if not result.effective_areas.projected_area > SMALLEST_TARGET * target.radius**2:
-        raise InputError("no ray met the target; raise resolution or spp of [render]")
+        raise InputError("no ray hit the target; raise resolution or spp of [render]")
 
 
 def row(

@@ -325,14 +325,14 @@ class Sensor(Described, where="[sensor]"):
         rendered.check_limits("[sensor]")
         if rendered.response is not None:
             raise InputError(
-                f"band = '{self.band}' is a response; give it as response, and as band "
-                "a name or limits that hold it"
+                f"band = '{self.band}' is a response; give it as response, and give a name or "
+                "limits that contain it as band"
             )
         detector = self.detector().band
         if not rendered.holds(detector):
             raise InputError(
-                f"response {detector.label} is not within band {rendered.label}; choose "
-                "a band that holds it"
+                f"response {detector.label} is not within band {rendered.label}; choose a band "
+                "that contains it"
             )
 
     def detector(self) -> Detector:

@@ -138,9 +138,8 @@ def check_lost(facets: Facets, lost: np.ndarray, shape: mi.Shape, name: str) -> 
         else 'it does not emit; give it <emitter type="thermal">'
     )
     raise InputError(
-        f"{name}: {share[worst]:.2%} of the radiation of group "
-        f"{facets.groups[worst]} ends on surfaces that take no part in the exchange, most on shape "
-        f"'{shape.id()}': {why}"
+        f"{name}: {share[worst]:.2%} of the radiation of group {facets.groups[worst]} ends on "
+        f"surfaces that do not take part in the exchange, most on shape '{shape.id()}': {why}"
     )
 
 

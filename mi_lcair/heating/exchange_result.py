@@ -220,7 +220,7 @@ class Exchange(Result):
             "inside bodies": facets.share_of_groups(self.astray["buried"]) * emitted,
         }
         shares = {name: area / emitted for name, area in areas.items()}
-        label = "share of what the group emits"
+        label = "share of the group's emission"
         chart = BarChart(
             "where it is absorbed",
             facets.groups,

@@ -381,7 +381,7 @@ def passive_emissivity(index: int, shape):
         return partial(emissivity_of(shape.bsdf()).eval, shape.bsdf())
     except InputError as error:
         raise InputError(
-            f"shape {shape.id() or index} has no emitter, and what it absorbs is not known "
+            f"shape {shape.id() or index} has no emitter, and its absorption is not known "
             f"({error}); give it another BSDF"
         ) from None
 

@@ -282,8 +282,7 @@ def _emitters(model, around, sources):
     """
     if around.sky is not None and any(label.type == "s" for label in model.labels):
         raise InputError(
-            f"sky {around.sky}: the model has sky facets of its own; remove them, or leave the sky "
-            "out"
+            f"sky {around.sky}: the model already has sky facets; remove them, or leave the sky out"
         )
     emitters = around.emitters("$band")
     if around.sky_file is not None:

@@ -377,7 +377,7 @@ def _solved_temperatures(path, given):
         groups = [facets for of_datum in data for facets in of_datum.values()]
         solved = [(int(facet), float(value)) for group in groups for facet, value in group.items()]
     except (ValueError, RecursionError, KeyError, TypeError, AttributeError):
-        raise InputError(f"{path}: is no solution of an inversion; a table needs .csv") from None
+        raise InputError(f"{path}: is not a solution of an inversion; a table needs .csv") from None
     if not solved:
         raise InputError(f"{path}: has no temperatures of facets; make GROUP.facets unknown")
     temperature = given.copy()

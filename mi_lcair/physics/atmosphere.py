@@ -220,7 +220,7 @@ def _from_tape7(name, path, ranges_m, elevation_deg, air_temperature) -> Atmosph
                 why = (
                     "is a path to space or the ground (ITYPE 3), to no target"
                     if block.to_space
-                    else "states no range on card 3"
+                    else "has no range on card 3"
                 )
                 raise InputError(
                     f"atmosphere {path}: the block with the header in line {block.line} {why}; "
@@ -253,8 +253,9 @@ def between_elevations(path, elevations_deg, airs, elevation_deg) -> AtmosphereT
     first, last = elevations_deg[0], elevations_deg[-1]
     if elevation_deg is None:
         raise InputError(
-            f"atmosphere {path}: holds paths of {len(airs)} elevations, {first:g}..{last:g} "
-            "degrees, one of which the line of sight of a scenario chooses; keep the blocks of one"
+            f"atmosphere {path}: has paths of {len(airs)} elevations, {first:g}..{last:g} "
+            "degrees; only the line of sight of a scenario can select one of them; keep the "
+            "blocks of one elevation"
         )
     if not first - SAME_ELEVATION_DEG <= elevation_deg <= last + SAME_ELEVATION_DEG:
         raise InputError(

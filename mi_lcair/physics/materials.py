@@ -310,8 +310,8 @@ def _reports(name):
     if _is_solution(file):
         if len(reports) > 1:
             raise InputError(
-                f"{name}: holds the materials {', '.join(reports)}; give their file as `materials` "
-                "and one of them as `material`"
+                f"{name}: contains the materials {', '.join(reports)}; give their file as "
+                "`materials` and one of them as `material`"
             )
         reports = next(iter(reports.values()))
     return list(reports.values())
@@ -325,8 +325,7 @@ def _check_report(name, report):
         )
     if report.get("band", "") is None:
         raise InputError(
-            f"{name}: the fitted data did not state their band; add '# band_um: 3 5' to their file "
-            "and fit again"
+            f"{name}: the fitted data had no band; add '# band_um: 3 5' to their file and fit again"
         )
     kinds = {"parameters": dict, "form": str, "band": str}
     with errors_of(name):
@@ -386,7 +385,7 @@ def _spectral(where, name, folder, keys, revisions):
     def fit(path):
         reports = _fits(path)
         if len(reports) > 1:
-            raise InputError(f"shape '{path}': holds {len(reports)} fits; give the file of one")
+            raise InputError(f"shape '{path}': contains {len(reports)} fits; give the file of one")
         return reports[0]
 
     spectrum = spectral_parameters(where, dict(keys), folder, fit)

@@ -395,8 +395,8 @@ def sunlight(
         table = spectral_table(path, "sunlight", ((IRRADIANCE, LARGEST),))
         if distance_au is not None:
             raise InputError(
-                f"sunlight {path}: distance_au = {distance_au:g}, but a file holds the irradiance "
-                "at the scene; leave the distance out"
+                f"sunlight {path}: distance_au = {distance_au:g}, but a file contains the "
+                "irradiance at the scene; leave the distance out"
             )
         return Spectrum(str(air), table.wavelengths_um, table.columns[0])
     return Spectrum(OUTSIDE_AIR, x, irradiance / (distance_au or 1) ** 2)

@@ -341,8 +341,8 @@ def bounce_settings(
     limits = [limit for limit in limits if limit is not None]
     if not limits:
         raise InputError(
-            f"{scene.name}: max_bounces = auto finds no number, because no pilot path meets "
-            "radiance; give a number"
+            f"{scene.name}: max_bounces = auto finds no number, because no path of the test run "
+            "finds radiance; give a number"
         )
     numbers, errors = zip(*limits)
     return {"max_bounces": max(numbers), "truncation": max(errors)}

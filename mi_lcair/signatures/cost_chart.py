@@ -190,7 +190,7 @@ class CostChart(Result):
         if self.recommended is None:
             return f"{head}no setting that was tried is precise enough"
         seconds = self.table["cpu_s"][self.recommended]
-        return f"{head}take {self.words(self.recommended)}: {seconds:.2g} s of processor time"
+        return f"{head}use {self.words(self.recommended)}: {seconds:.2g} s of processor time"
 
     def words(self, row: int) -> str:
         """What a row leaves out, in words."""

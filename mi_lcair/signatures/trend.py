@@ -150,7 +150,7 @@ class Trend(Result):
             raise InputError(f"{path}: is no trend, which has the columns {', '.join(needed)}")
         texts = [name for name, values in columns.items() if values.dtype.kind not in "iuf"]
         if texts:
-            raise InputError(f"{path}: what column '{texts[0]}' holds is not a number")
+            raise InputError(f"{path}: column '{texts[0]}' has a value that is not a number")
         rows = np.isfinite(columns["intensity_W_sr"])  # others are points without a view
         table = {name: values[rows] for name, values in columns.items()}
         return Trend(made.get("scene", path.stem), table, made.get("band", ""))

@@ -109,7 +109,7 @@ def windows_of(scene: Scene, views: list[View], resolution: int) -> tuple[Window
 
 
 FEW_AMOUNTS = 32  # number of amounts whose pairs take less time than the randomisations
-NOT_HELD = "is no file of effective areas that mi_lcair wrote"
+NOT_HELD = "is not a file of effective areas that mi_lcair wrote"
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)

@@ -221,14 +221,14 @@ class ReflectionBSDF(SpectralBSDF):
             self.measured = mi.Float(over_the_hemisphere(path, theta, emissivity, np.arccos(cos)))
         elif self.emissivity == "model" and not self.model.has_emissivity:
             raise InputError(
-                f"{self.model.name}: emissivity = model, but the model has no formula of its own; "
-                "use kirchhoff or a measured table"
+                f"{self.model.name}: emissivity = model, but the model has no own formula for "
+                "it; use kirchhoff or a measured table"
             )
         self.set_lobe(given["lobe"])
         if self.spectrum is not None and (self.emissivity != "kirchhoff" or given["form"]):
             raise InputError(
-                f"material '{self.material}': depends on wavelength; its form is that of its entry "
-                "and its emissivity 1 - HDR, so that `form` and `emissivity` must be left out"
+                f"material '{self.material}': depends on wavelength; its entry sets its form, "
+                "and its emissivity is 1 - HDR; leave `form` and `emissivity` out"
             )
 
     def read_surface(self, props, plugin: str) -> tuple[tuple[float, ...], str]:

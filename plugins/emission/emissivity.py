@@ -151,8 +151,8 @@ def emissivity_of(bsdf) -> Emissivity | Emissivities:
     kinds = {layer.class_name() for layer in layers}
     if kinds & set(HIDING):
         raise InputError(
-            f"bsdf '{bsdf.id()}': {', '.join(kinds & set(HIDING))} hides the emissivity of what it "
-            "wraps; use the BSDF itself, or give the thermal emitter an `emissivity`"
+            f"bsdf '{bsdf.id()}': {', '.join(kinds & set(HIDING))} hides the emissivity of the "
+            "BSDF inside it; use that BSDF itself, or give the thermal emitter an `emissivity`"
         )
     if all(dr.all(layer.has_attribute("emissivity", mi.Bool(True))) for layer in layers):
         return Emissivity("attribute", flags)

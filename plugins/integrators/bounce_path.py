@@ -89,7 +89,7 @@ class BouncePath(RBIntegrator):
     RULES = (
         rule(
             lambda t: (t.closure == "ambient") == (t.ambient_temperature is not None),
-            "closure = ambient and ambient_temperature go together",
+            "closure = ambient and ambient_temperature need each other",
         ),
         rule(lambda t: t.bins != 1, "bins = 1; must be 0, or 2 to 512"),
         rule(

@@ -165,7 +165,7 @@ def test_truth(run, folder):
 @pytest.mark.parametrize(
     "outputs, words",
     [
-        (("a.png",), "--truth writes its files beside an image; give -o FILE.exr too"),
+        (("a.png",), "--truth writes files next to an image; give -o FILE.exr too"),
         (("a.exr", "a.facet.png"), "output 'a.facet.png' is a file of --truth"),
         (("a.exr", "../{folder}/a.facet.png"), "a.facet.png' is a file of --truth"),
         (("a.exr", "none/b.png"), "output folder 'none' does not exist"),

@@ -555,7 +555,7 @@ def test_refused_before_anything_is_loaded(folder, monkeypatch, changes, message
         ({"render__lobe": "mirrror"}, "unknown lobe 'mirrror'"),
         ({"pose__yaw_deg": 5}, "unknown parameter of disc.xml 'yaw_deg'"),
         ({"render__resolution": 10**6}, "resolution = 1000000; must lie in 1..8192"),
-        ({"observer__azimuth_deg": 90}, "no ray met the target"),
+        ({"observer__azimuth_deg": 90}, "no ray hit the target"),
     ],
 )
 def test_refused_before_the_rest(folder, changes, message):
@@ -835,7 +835,7 @@ def test_a_target_that_no_path_has_met():
         for area in (4.1e-6, 3.9e-6)
     )
     check_met(met, target)
-    with pytest.raises(InputError, match="no ray met the target"):
+    with pytest.raises(InputError, match="no ray hit the target"):
         check_met(missed, target)
 
 

@@ -131,7 +131,7 @@ def test_a_tolerance_instead_of_a_number_of_samples(written):
         written(text), **{"render.tolerance": 0.02, "render.tolerance_W_m2": 1}
     ).render
     assert both.allowed(5) == 1 and both.allowed(500) == 10
-    with pytest.raises(InputError, match="spp and tolerance_W_m2 do not go together"):
+    with pytest.raises(InputError, match="spp and tolerance_W_m2 cannot be combined"):
         Scenario.read(written(text + "tolerance_W_m2 = 1e-8\n"))
     fixed = Scenario.read(written(TOML + "[render]\ntolerance = 0.1\n"), **{"render.spp": 8})
     assert (fixed.render.spp, fixed.render.tolerance) == (8, None)
@@ -225,7 +225,7 @@ def test_what_is_missing(written, left_out, message):
 @pytest.mark.parametrize(
     "extra, message",
     [
-        ("temperature = 294", "temperature and sky do not go together; give one"),
+        ("temperature = 294", "temperature and sky cannot be combined; give one"),
         ("= 4", "Invalid|Expected"),
         ("[observer]\nposition_m = [1, 2, 3]", "Cannot declare|twice"),
     ],
@@ -243,7 +243,7 @@ def test_what_is_too_much(written, extra, message):
     assert Scenario.read(written(placed), **polar).observer.range_m == 7
     with pytest.raises(InputError, match="azimuth_deg is missing"):
         Scenario.read(written(placed), **{"observer.range_m": 7})
-    with pytest.raises(InputError, match="position_m and range_m do not go together"):
+    with pytest.raises(InputError, match="position_m and range_m cannot be combined"):
         Scenario.read(written(TOML.replace("[atmosphere]", "position_m = [1, 2, 3]\n[atmosphere]")))
 
 

@@ -133,7 +133,7 @@ def test_a_scene_with_its_own_sky(folder):
             'name="facet_type" value="sky"/> </emitter> </shape> </scene>',
         )
     )
-    with pytest.raises(InputError, match="has sky facets of its own"):
+    with pytest.raises(InputError, match="already has sky facets"):
         setting_of(disc(folder, surroundings__sky="clear", observer__elevation_deg=-5))
 
 

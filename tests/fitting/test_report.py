@@ -108,7 +108,7 @@ def test_several_bands_are_one_material(tmp_path):
 def test_an_unknown_band_is_said_where_the_material_is_used(tmp_path):
     path = tmp_path / "fit.json"
     assert written(path, result(measurements(band_um=None)))["band"] is None
-    with pytest.raises(InputError, match="did not state their band; add '# band_um: 3 5'"):
+    with pytest.raises(InputError, match="had no band; add '# band_um: 3 5'"):
         material(str(path), band("MWIR"))
 
 

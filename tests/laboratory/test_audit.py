@@ -137,8 +137,7 @@ def test_a_surface_of_unknown_absorption_is_refused(plate):
     lens = {**plate("lens", LID, {"type": "dielectric"})}
     with pytest.raises(
         InputError,
-        match="shape lens has no emitter, and what it absorbs is not known "
-        ".*; give it another BSDF",
+        match="shape lens has no emitter, and its absorption is not known .*; give it another BSDF",
     ):
         audited(floor=plate("floor", SQUARE, black, 300.0), lens=lens)
 

@@ -36,7 +36,7 @@ def test_sky_facets_and_a_sky(tmp_path):
     text = OBJ.format(x=1, z=0).replace("plate", "s*blackbody*250*")
     (tmp_path / "sky.obj").write_text(text)
     model = models3d.read(tmp_path / "sky.obj")
-    with pytest.raises(InputError, match="has sky facets of its own"):
+    with pytest.raises(InputError, match="already has sky facets"):
         models3d.export(model, tmp_path / "out", around=Words(sky="clear"))
     assert not (tmp_path / "out").exists()
     models3d.export(model, tmp_path / "out", around=Words(ground="288"))

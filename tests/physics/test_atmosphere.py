@@ -497,7 +497,7 @@ def test_slant_paths_of_several_elevations(file):
     )
     with pytest.raises(InputError, match="elevation of -45 degrees is outside its -30..90 degrees"):
         atmosphere(path, elevation_deg=-45)
-    with pytest.raises(InputError, match="holds paths of 3 elevations, -30..90 degrees"):
+    with pytest.raises(InputError, match="has paths of 3 elevations, -30..90 degrees"):
         atmosphere(path)
     uneven = file(slant(30, 0.8, 1), slant(60, 0.8, 2))
     with pytest.raises(InputError, match="its elevations have different ranges"):

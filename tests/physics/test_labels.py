@@ -160,7 +160,7 @@ def test_sigma_goes_into_budgets_by_itself(tmp_path):
     assert stated.sigma_of_quantities == pytest.approx(AL * 0.01, rel=1e-3)
     both = budget_of(tmp_path, "brick", {"sigma": {"plate.temperature": 0.5}})
     assert {"brick.emissivity", "plate.temperature"} == set(both.inputs.names)
-    with pytest.raises(InputError, match="nothing of .* is uncertain: no material states a sigma"):
+    with pytest.raises(InputError, match="nothing of .* is uncertain: no material has a sigma"):
         budget_of(tmp_path, "own")
 
 

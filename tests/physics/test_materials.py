@@ -295,7 +295,7 @@ def test_an_unusable_entry_is_one_line_that_names_file_material_and_key(user_fil
         ('{"parameters": {}, "form": "thesis"}', "lacks band"),
         (
             '{"parameters": {}, "form": "thesis", "band": null}',
-            "the fitted data did not state their band; add '# band_um: 3 5'",
+            "the fitted data had no band; add '# band_um: 3 5'",
         ),
         ('{"materials": {}}', "'materials' must be a table with a fit for each band"),
         ('{"materials": {"3-5": 1}}', "'materials' must be a table with a fit for each band"),

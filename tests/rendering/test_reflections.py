@@ -126,7 +126,7 @@ def test_the_view_that_needs_most_decides():
 
     assert [number(view) for view in views[:2]] == [0, 1]
     assert number(*views) == 1
-    with pytest.raises(InputError, match="no pilot path meets radiance"):
+    with pytest.raises(InputError, match="no path of the test run finds radiance"):
         number(views[2])
 
 

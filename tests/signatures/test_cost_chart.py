@@ -45,7 +45,7 @@ def test_what_few_reflections_leave_out(chart):
     # With all reflections it is the reference, without an error of rounding
     assert table["left_out"][(table["reflection"] == "scene").nonzero()[0]].max() == 0
     assert chart.words(chart.recommended).startswith(f"{table['max_bounces'][chart.recommended]} r")
-    assert ", LWIR 8-12 um: for 1 % take" in chart.summary()
+    assert ", LWIR 8-12 um: for 1 % use" in chart.summary()
 
 
 def test_the_cheapest_way_that_meets_the_tolerance_is_recommended(chart, room):

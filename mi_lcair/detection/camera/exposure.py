@@ -302,7 +302,7 @@ def traced(
     total = measure(scene, windows, sampling, measurands, criterion)
     on = total.mean("target.hit") > 0
     if not on.any():
-        raise InputError("no ray met the target; raise spp of [render]")
+        raise InputError("no ray hit the target; raise spp of [render]")
     variance = total.standard_error() ** 2 + missed(total)
     squares = model_squares(total, windows.parts, variance)
     variances = squared_errors(total, view, on) if truth else {}

@@ -125,7 +125,7 @@ def solve(points: np.ndarray, places: np.ndarray, imager: Imager, sigma_px: floa
     try:
         covariance = variance * np.linalg.inv(best.slopes.T @ best.slopes)
     except LinAlgError:
-        raise InputError("the points do not determine the pose; add points beside them") from None
+        raise InputError("the points do not determine the pose; add points elsewhere") from None
     errors = np.sqrt(np.diag(covariance))
     second = None
     for other in others:
@@ -145,7 +145,7 @@ def check_points(points: np.ndarray, places: np.ndarray) -> None:
     _, sizes, _ = np.linalg.svd(points - points.mean(axis=0))
     if sizes[1] <= ON_A_LINE * sizes[0]:
         raise InputError(
-            "the points lie on a line, about which the camera may turn; add one beside it"
+            "the points lie on a line, about which the camera could turn; add one outside the line"
         )
     if np.linalg.svd(places - places.mean(axis=0))[1][1] < 1e-9:
         raise InputError("the pixels lie on a line; such points do not determine a pose")

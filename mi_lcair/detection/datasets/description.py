@@ -60,7 +60,7 @@ class ViewsTable(
         rule(lambda t: t.file or t.range_m, "range_m is missing; give the camera's distance in m"),
         rule(
             lambda t: not t.file or not t.range_m,
-            "file states the range of each view; leave range_m out",
+            "file gives the range of each view; leave range_m out",
         ),
         Rule(of_ends),
     ),
@@ -303,7 +303,7 @@ def described_set(tree: Mapping, folder: Path, name: str) -> DatasetDescription:
                 if key in ("sensor.band", *changes):
                     raise InputError(f"{key} is that of band '{band}' of [bands]; leave one out")
         if (HOUR in draws) != (base.heat is not None):
-            raise InputError("hour goes with heat of [base]; give both, or none of them")
+            raise InputError("hour needs heat of [base]; give both or neither")
     return DatasetDescription(
         base=base,
         views=filled(ViewsTable, tree.get("views", {}), "[views]", folder),
@@ -332,7 +332,9 @@ def check_draw(name: str, stated) -> None:
         values = stated[CHOICE] if isinstance(stated[CHOICE], list) else []
         plain = all(type(value) in (str, int, float, bool) for value in values)
         if len(stated) > 1 or not values or not plain:
-            raise InputError(f"{name}: {CHOICE} must be a list of texts or numbers, and alone")
+            raise InputError(
+                f"{name}: {CHOICE} must be a list of texts or numbers, without other keys"
+            )
     elif stated != SPREAD:
         if isinstance(stated, str) and "%" not in stated:
             raise InputError(

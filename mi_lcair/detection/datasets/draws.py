@@ -72,7 +72,7 @@ def law_of(name: str, stated: Stated, known: Quantity | None) -> Law:
         )
     elif stated == SPREAD:
         if not known.sigma:
-            raise InputError(f"{name}: its material states no sigma; give one")
+            raise InputError(f"{name}: its material has no sigma; give one")
         return limited(Distribution.of(name, {"normal": known.sigma}, known.value), known.bounds)
     else:
         law = Distribution.of(name, table, known.value)

@@ -248,12 +248,12 @@ def check_folder(folder: Path, stated: Mapping) -> None:
     file = folder / MANIFEST
     held = parse_json(read_text(file), str(file)) if MANIFEST in names else None
     if not isinstance(held, dict) or held.get("kind") != KIND:
-        raise InputError(f"'{folder}' holds other files; name a new or an empty folder")
+        raise InputError(f"'{folder}' contains other files; name a new or an empty folder")
     for name, value in json.loads(text_of(dict(stated))).items():
         if held.get(name) != value:
             raise InputError(
-                f"'{folder}' holds another data set, with other {name.replace('_', ' ')}; name "
-                "another folder, or remove this one"
+                f"'{folder}' contains another data set, with other {name.replace('_', ' ')}; "
+                "name another folder, or remove this one"
             )
 
 
@@ -475,7 +475,7 @@ FILES_OF_TRUTH = {
     "temperature, emissivity, and parts of the radiance with standard errors",
     "masks/NUMBER.png": "the target: 255 where it is seen",
     "depth/NUMBER.npy": "distance along the camera's axis in mm; 0 for none",
-    "coco_SPLIT.json": "boxes and masks of what is seen, as COCO has them",
+    "coco_SPLIT.json": "boxes and masks of visible groups, in COCO's format",
 }
 
 
@@ -497,7 +497,7 @@ def text_of_card(
     files = (
         FILES | (FILES_IN_KELVIN if plan.kelvin else {}) | (FILES_OF_TRUTH if plan.truth else {})
     )
-    place = "Each band has a folder of its own." if any(plan.bands) else "All is in this folder."
+    place = "Each band has its own folder." if any(plan.bands) else "All is in this folder."
     made_by = ", ".join(f"{name} {version}" for name, version in versions().items())
     parts = [
         f"# {description.name}",
@@ -505,13 +505,13 @@ def text_of_card(
         f"images in "
         f"{bands}, {camera.width} x {camera.height} pixels.",
         f"![images]({CONTACT})",
-        "Some images in apparent temperature, each with a scale of its own.",
+        "Some images in apparent temperature, each with its own scale.",
         f"Apparent temperatures are {coldest:.4g} to {hottest:.4g} K, and the target has "
         f"{min(pixels):.3g} to {max(pixels):.3g} pixels.",
         f"![histograms]({STATISTICS})",
         f"## Files\n\n{place} `manifest.json` has the checksums of all files and the description.",
         "\n".join(
-            ["| file | what it holds |", "|---|---|"]
+            ["| file | content |", "|---|---|"]
             + [f"| `{name}` | {text} |" for name, text in files.items()]
         ),
         "## How it was made",

@@ -90,7 +90,7 @@ class Flight(Result):
         """The first detection in words."""
         first, earliest, latest = self.detections_s
         if "snr" not in self.table:
-            return "no noise of the sensor is given"
+            return "the sensor's noise is not given"
         if earliest is None:
             return "not detected"
         until = "later, or never" if latest is None else f"{latest:g} s"
@@ -180,7 +180,7 @@ def sampling_of(scenario: Scenario) -> Sampling:
     render = scenario.render
     if render.tolerance_W_m2 is not None or render.to_noise:
         raise InputError(
-            "[render]: a flight takes spp, or tolerance of each intensity; leave tolerance_W_m2 "
+            "[render]: a flight needs spp, or tolerance of each intensity; leave tolerance_W_m2 "
             "and to_noise out"
         )
     tolerance = render.tolerance

@@ -528,8 +528,8 @@ def check_names(conditions: Conditions) -> None:
     for name in names:
         if conditions.base.scenario is not None and name.startswith("camera."):
             raise InputError(
-                f"[conditions]: {name} belongs to the camera, on which no quantity of a sweep "
-                "depends; leave it out"
+                f"[conditions]: {name} belongs to the camera, which does not affect a sweep; "
+                "leave it out"
             )
 
 

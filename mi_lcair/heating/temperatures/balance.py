@@ -77,9 +77,9 @@ class Balance:
             if (abs(step) < 1e-13 * kelvin).all():
                 return kelvin, worst
         why = (
-            "internal_W_m2 takes more heat from a surface than it gets at 0 K"
+            "internal_W_m2 removes more heat from a surface than it gets at 0 K"
             if kelvin.min() < 1
-            else "a surface needs a path for the heat that it takes up"
+            else "a surface must be able to lose the heat that it absorbs"
         )
         raise InputError(
             f"the heat balance does not converge: {worst:.3g} W are left over after {MOST_STEPS} "

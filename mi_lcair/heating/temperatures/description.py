@@ -208,7 +208,7 @@ class WeatherTable(Described, where="[weather]"):
 
 WALL = ("thickness_mm", "conductivity", "density", "heat_capacity")
 SURFACE = ("surface_conductivity", "surface_density", "scale_depth_mm")
-HELD = "a group at a temperature has no wall, no back and no heat of its own"
+HELD = "a group with a temperature cannot have a wall, a back or internal heat"
 LAW = "one law gives the coefficient of convection"
 
 
@@ -265,7 +265,7 @@ BEHIND = (
     ),
     rule(
         lambda t: not (t.layers and t.contact_m2_K_W),
-        "contact_m2_K_W of a wall of layers is that of its first layer",
+        "for a wall of layers, give contact_m2_K_W in its first layer",
     ),
     rule(
         lambda t: not t.albedo or min(t.albedos) >= -1e-9 and max(t.albedos) <= 1 + 1e-9,
@@ -277,7 +277,7 @@ BEHIND = (
     ),
     rule(  # the weather's coefficient, an array, is not used then
         lambda t: t.roughness_mm is t.plate is None or not isinstance(t.h_W_m2_K, float),
-        f"h_W_m2_K goes with neither roughness_mm nor plate; {LAW}",
+        f"h_W_m2_K cannot be combined with roughness_mm or plate; {LAW}",
     ),
     excludes("roughness_mm", "plate", why=LAW),
     together("plate", "length_m"),
@@ -460,7 +460,7 @@ class GroupTable(Described, rules=BEHIND):
         )  # fmt: skip
 
 
-PERIODIC = "harmonics are those of a periodic day"
+PERIODIC = "harmonics need a periodic day"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -239,7 +239,7 @@ class Network:
         power, conductance = (values.imag / STEP for values in changed.loads())
         walls = changed.walls if bare in OF_WALL else None
         if walls and any(type(wall) is not type(own) for wall, own in zip(walls, self.walls)):
-            raise InputError(f"[sigma]: {name}: the wall has none; state it in [groups.{group}]")
+            raise InputError(f"[sigma]: {name}: the wall has none; give it in [groups.{group}]")
 
         def gained(kelvin, k):
             taken = changed.leaving(kelvin, k).imag / STEP if self.with_laws else 0.0
@@ -261,7 +261,7 @@ class Network:
                 by_law = table.roughness_mm is not None or table.plate is not None
                 if by_law and not isinstance(sigma, str):
                     raise InputError(
-                        f'[sigma]: {name}: a law gives h; state a relative one, such as "30 %"'
+                        f'[sigma]: {name}: a law gives h; give a relative one, such as "30 %"'
                     )
                 return larger(table, "h_factor" if by_law else "h_W_m2_K")
             if entry == "down_longwave_W_m2":

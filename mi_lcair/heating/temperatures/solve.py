@@ -357,7 +357,7 @@ class Harmonics:
             values = values + change
             if abs(change).max() < LEFT_K * max(1.0, abs(values).max() / 1000):
                 return values
-        raise InputError('the components do not converge; take method = "steps" of [run]')
+        raise InputError('the components do not converge; use method = "steps" of [run]')
 
     def temperatures(self, start: np.ndarray) -> np.ndarray:
         """Temperatures over the day, (m, n), from those of a mean day, (n,)."""

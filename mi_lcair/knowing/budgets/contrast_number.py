@@ -165,7 +165,7 @@ class ContrastNumber(Number):
     def start(self):
         super().start()
         if not self.areas.projected_area > 0:
-            raise InputError("no ray met the target; raise resolution or spp of [render]")
+            raise InputError("no ray hit the target; raise resolution or spp of [render]")
 
     def scenario_quantities(self) -> dict[str, Parameter]:
         """The scenario's quantities and their values, by name."""
@@ -518,7 +518,7 @@ class DetectionRangeNumber(DerivedNumber):
         result = detection_range(seen, detector, air, seen.setting.target.radius)
         if self.first is None:
             if result.largest_m is None or result.at_least:
-                raise InputError(f"has no end of the detection for a budget: {result.summary()}")
+                raise InputError(f"has no end of detection for a budget: {result.summary()}")
             self.first = result.largest_m
         return result.largest_m or 0.0
 

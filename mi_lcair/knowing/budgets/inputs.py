@@ -170,13 +170,13 @@ def gathered(uncertainties: Uncertainties, known: dict[str, Parameter], what: st
     quantities = [entry for _, entries, _ in blocks for entry in entries]
     if not (quantities or uncertainties.facets):
         raise InputError(
-            f"nothing of {what} is uncertain: no material states a sigma; "
-            f"give {option('uncertainties')}"
+            f"nothing of {what} is uncertain: no material has a sigma; give "
+            f"{option('uncertainties')}"
         )
     names = [entry.name for entry in quantities]
     for name in names:
         if names.count(name) > 1:
-            raise InputError(f"'{name}' has more than one uncertainty; state each only once")
+            raise InputError(f"'{name}' has more than one uncertainty; give each only once")
     covariance, groups, first = np.zeros((len(names),) * 2), [], 0
     for label, entries, matrix in blocks:
         index = np.arange(first, first + len(entries))

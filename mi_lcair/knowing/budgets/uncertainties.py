@@ -126,7 +126,7 @@ def parsed(tree: Mapping, name: str, folder: Path) -> Uncertainties:
             check_sigma(f"facets.{group}", value)
             facets[group] = float(value)
     if not (sigma or fits or facets):
-        raise InputError("holds no uncertainties; give [sigma], [scenario], [facets] or [fits]")
+        raise InputError("contains no uncertainties; give [sigma], [scenario], [facets] or [fits]")
     motions = motions_of(tree.get(MOTIONS, {}), folder)
     return Uncertainties(name, sigma, correlated, fits, facets, motions)
 

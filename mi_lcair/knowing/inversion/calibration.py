@@ -231,7 +231,7 @@ def sought(name: str, given: UnknownEntry, network: Network) -> Sought:
             mine = network.facets.group == network.facets.groups.index(group)
             value = float(network.sun.absorptance[mine].mean())
         if value is None:
-            raise InputError(f"{key} is not stated; give a first guess in the heat.toml")
+            raise InputError(f"{key} is missing; give a first guess in the heat.toml")
         known = (*table.by_material, "h") if table.material else ()
         stated = {k: sigma for k, sigma in sigmas_of(table).items() if k in known}
         sigma = stated.get(key, BROAD.get(key, 1.0))

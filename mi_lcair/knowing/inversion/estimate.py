@@ -69,8 +69,8 @@ def check_goal(everything: list[Unknown], goal: Goal) -> None:
     moving = [unknown.name for unknown in everything if unknown.kind == "motion"]
     if goal.background_K is not None and moving:
         raise InputError(
-            f"'{moving[0]}' changes the area of the background that the target hides; a goal of a "
-            "contrast takes no motions, one of an intensity does"
+            f"'{moving[0]}' changes the area of the background that the target hides; motions "
+            "are possible with a goal of an intensity, but not of a contrast"
         )
 
 

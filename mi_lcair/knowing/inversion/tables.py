@@ -31,7 +31,7 @@ OF_AN_UNKNOWN = (
 OF_A_GOAL = (
     rule(
         lambda t: (t.background_K is not None) == (t.quantity == "contrast"),
-        "background_K goes with quantity = 'contrast', and is needed there",
+        "background_K is needed with quantity = 'contrast', and only then",
     ),
     rule(
         lambda t: t.value > 0 or not t.at_most,

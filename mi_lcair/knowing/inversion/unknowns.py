@@ -36,7 +36,7 @@ def twice(problem: "InverseProblem") -> str | None:
 
 
 PROBLEM = (
-    rule(lambda t: not (t.data and t.goal), "has [[data]] beside [goal]; give one of them"),
+    rule(lambda t: not (t.data and t.goal), "has both [[data]] and [goal]; give one of them"),
     rule(lambda t: t.data or t.goal, "no [[data]]: add a measurement, or a [goal]"),
     rule(lambda t: t.unknowns, "no [unknowns]: name at least one parameter of the scene"),
     Rule(twice),

@@ -37,7 +37,7 @@ OF_A_VIEW = (
     rule(lambda t: t.wavelengths_um, "wavelengths_um is empty; give one or more"),
     rule(
         lambda t: not t.angle_deg or t.direction == "normal" and t.distance_m is None,
-        'angle_deg goes with from = "normal" and without distance_m',
+        'angle_deg needs from = "normal" and no distance_m',
     ),
 )
 

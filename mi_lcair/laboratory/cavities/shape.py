@@ -31,7 +31,9 @@ def of_its_kind(shape: "Shape") -> str | None:
     if shape.kind == "cone":
         return None if len(stated) == 1 else "a cone needs one of length_m and angle_deg"
     needed = listed(taken) if taken else "neither length_m nor angle_deg"
-    return None if stated == [*taken] else f"a {shape.kind} takes {needed} beside radius_m"
+    return (
+        None if stated == [*taken] else (f"a {shape.kind} needs {needed} in addition to radius_m")
+    )
 
 
 RULES = (
@@ -222,7 +224,7 @@ class OwnMesh:
         Raises InputError for a mesh that is no wall with one flat hole.
         """
         if set(table) != {"mesh"} or not isinstance(table["mesh"], str):
-            raise InputError('[shape] with a mesh has this key alone: mesh = "FILE.ply" or .obj')
+            raise InputError('[shape] with a mesh has only this key: mesh = "FILE.ply" or .obj')
         path = folder / table["mesh"]
         kind = check_suffix(path, (".ply", ".obj"), "mesh")[1:]
         check_file(path)

@@ -180,7 +180,7 @@ def _text_numbers(text):
     try:
         return np.array(text.split(), dtype=float)
     except ValueError:
-        raise InputError("holds a word that is no number") from None
+        raise InputError("has a word that is not a number") from None
 
 
 def _columns(data, element, order):

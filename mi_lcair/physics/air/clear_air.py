@@ -262,8 +262,8 @@ class ClearAir:
         along = self.ray(height_m, elevation_deg)
         if along.heights_km[-1] < TOP_M / 2000:
             raise InputError(
-                f"air '{self.name}': from {height_m:g} m at {elevation_deg:g} degrees the line of "
-                "sight meets the ground, and no sky"
+                f"air '{self.name}': from {height_m:g} m at {elevation_deg:g} degrees the line "
+                "of sight ends at the ground, not in the sky"
             )
         return self.emitted(along, sun)
 

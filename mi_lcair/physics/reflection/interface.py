@@ -301,7 +301,7 @@ class ReflectionModel(ABC):
 
     def emissivity(self, S, cos, sin2):
         """Directional emissivity by the model's own equation, for models with `has_emissivity`."""
-        raise TypeError(f"{self.name} has no emissivity of its own")
+        raise TypeError(f"{self.name} has no own formula for the emissivity")
 
     # ------------------------------------------------------------------ Drawing directions
     # The renderer samples the floor with a density proportional to the cosine, and the lobe with

@@ -98,7 +98,7 @@ def material_list(paths: Sequence[str | Path] = ()) -> MaterialList:
             except InputError as error:
                 left_out.append(str(error))
         if len(listed) == count:
-            raise InputError(f"{path}: no TOML file in the folder holds materials")
+            raise InputError(f"{path}: no TOML file in the folder contains materials")
     listed += materials.entries_of(materials.BUILT_IN)
     emissivity = np.array([emissivity_of(entry, np.radians(ANGLES_DEG)) for entry in listed])
     return MaterialList(tuple(listed), emissivity, tuple(left_out))

@@ -59,8 +59,8 @@ def spectrum_of(
         return of_ecostress(path, quantity, lines)
     if lines and all(re.fullmatch(r"\s*[-+.\deE]+\s*", line) for _, line in lines[1:9]):
         raise InputError(
-            f"spectrum {path}: holds one value a line, as USGS's splib07; name the file of its "
-            "wavelengths in the key `wavelengths`"
+            f"spectrum {path}: has one value in each line, like USGS's splib07; name the file of "
+            "its wavelengths in the key `wavelengths`"
         )
     names = header_of(f"spectrum {path}", "\n".join(line for _, line in lines), (WAVELENGTH,))
     if quantity == "emissivity" and quantity not in names:

@@ -63,8 +63,8 @@ def write_exr(
     for name, values in pixels.items():
         if not np.isfinite(values).all():
             raise ValueError(
-                f"channel '{name}' holds {np.count_nonzero(~np.isfinite(values))} "
-                "NaN or infinite values"
+                f"channel '{name}' has {np.count_nonzero(~np.isfinite(values))} NaN or infinite "
+                "values"
             )
     attributes = {_checked_name(name): _attribute(name, value) for name, value in header.items()}
     attributes |= {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
@@ -92,7 +92,7 @@ def write_render(path: str | Path, result) -> None:
 
 def _checked_name(name: str) -> str:
     if not 0 < len(name.encode()) < 256 or "\0" in name or name in STRUCTURE:
-        raise ValueError(f"an OpenEXR file cannot hold the name {name!r}")
+        raise ValueError(f"an OpenEXR file cannot contain the name {name!r}")
     return name
 
 
@@ -189,17 +189,17 @@ def read_values(path: str, channel: str | None, quantity: str | None, band: Band
     if suffix == ".exr":
         return from_exr(path, channel, quantity, band)
     if channel is not None:
-        raise InputError(f"{path}: channel = '{channel}' goes with an EXR file only")
+        raise InputError(f"{path}: channel = '{channel}' is possible only for an EXR file")
     if suffix in radiometric.SUFFIXES:
         if quantity not in (None, TEMPERATURE):
             raise InputError(
-                f"{path}: holds apparent temperatures, and no {quantity}; leave quantity out"
+                f"{path}: contains apparent temperatures, not {quantity}; leave quantity out"
             )
         return radiometric.read(path).kelvin, TEMPERATURE
     if quantity is None:
         raise InputError(
-            f"{path}: does not say what it holds; give quantity = 'radiance' (W m^-2 sr^-1) or "
-            "'apparent_temperature' (K)"
+            f"{path}: does not say what its values are; give quantity = 'radiance' (W m^-2 "
+            "sr^-1) or 'apparent_temperature' (K)"
         )
     read = {".csv": from_csv, ".npy": from_npy}.get(suffix, from_picture)
     values = read(path)
@@ -230,11 +230,11 @@ def from_npy(path: str) -> np.ndarray:
     try:
         values = np.load(io.BytesIO(content), allow_pickle=False)
     except MemoryError:
-        raise InputError(f"{path}: states a size that does not fit into the memory") from None
+        raise InputError(f"{path}: has a size that does not fit into memory") from None
     except Exception as error:  # of any kind: the header is parsed as Python
         raise InputError(f"{path}: is no NumPy array: {error}") from None
     if not isinstance(values, np.ndarray) or values.dtype.kind not in "fiub":
-        raise InputError(f"{path}: holds no array of real numbers")
+        raise InputError(f"{path}: contains no array of real numbers")
     return values
 
 
@@ -254,7 +254,8 @@ def from_csv(path: str) -> np.ndarray:
             rows.append([float(cell) if cell.strip() else np.nan for cell in cells])
         except ValueError:
             raise InputError(
-                f"{path}, line {number}: is no row of numbers; put # in front of a line of a header"
+                f"{path}, line {number}: is not a row of numbers; put # in front of a line of a "
+                "header"
             ) from None
         if len(rows[-1]) != len(rows[0]):
             raise InputError(

@@ -162,7 +162,7 @@ def flir_block(content: bytes) -> bytes:
 def from_flir(block: bytes) -> RadiometricImage:
     """The image of FLIR's block. Raises struct.error if it is cut off."""
     if not block.startswith(b"FFF\0"):
-        raise InputError("holds no radiometric data of FLIR (block FFF)")
+        raise InputError("contains no radiometric data of FLIR (block FFF)")
     is_big = 100 <= struct.unpack_from(">I", block, 0x14)[0] < 200  # the version of the block
     order = ">" if is_big else "<"
     start, count = struct.unpack_from(f"{order}II", block, 0x18)

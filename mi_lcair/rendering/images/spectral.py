@@ -219,7 +219,7 @@ def even_wavelengths(text: str) -> tuple[str, int]:
 def check_bins(scene: Scene, bins: int, errors_um: Sequence[float], atmosphere) -> None:
     """Raise InputError for a spectral image that cannot be rendered."""
     if errors_um and not bins:
-        raise InputError("errors_um are those of a spectral image; give its number of bins")
+        raise InputError("errors_um needs a spectral image; give its number of bins")
     if not bins:
         return
     if isinstance(bins, bool) or not isinstance(bins, Integral):
@@ -230,7 +230,9 @@ def check_bins(scene: Scene, bins: int, errors_um: Sequence[float], atmosphere) 
         raise InputError("bins: a spectral image has no air; leave out the atmosphere")
     of_band = Bounds(lower=scene.band.lower_um, upper=scene.band.upper_um, unit="um")
     if not isinstance(errors_um, Iterable):
-        raise InputError(f"errors_um = {errors_um!r} is no sequence of wavelengths, such as [4.2]")
+        raise InputError(
+            f"errors_um = {errors_um!r} is not a sequence of wavelengths, such as [4.2]"
+        )
     of_band.check_all(np.array(errors_um), lambda k: "errors_um")
 
 

@@ -123,8 +123,8 @@ class Truth:
         ids = self.ids(kind)
         if ids.max() > MOST_OF_PNG:
             raise InputError(
-                f"{path}: a 16-bit PNG holds numbers up to {MOST_OF_PNG}, and a {kind} has number "
-                f"{ids.max()}; use {LAYERS[kind]} of the EXR"
+                f"{path}: a 16-bit PNG can have numbers up to {MOST_OF_PNG}, and a {kind} has "
+                f"number {ids.max()}; use {LAYERS[kind]} of the EXR"
             )
         write_png(path, ids.astype(np.uint16))
 

@@ -134,8 +134,8 @@ def check_scene(scene, sensor: int, integrator) -> None:
     """Raise InputError for what is no scene of the present variant or cannot be rendered."""
     if not isinstance(scene, mi.Scene):
         raise InputError(
-            f"{type(scene).__name__} is no scene of variant {mi.variant()}; load one with "
-            "mi.load_file or mi.load_dict; mi_lcair.render takes thermal scenes"
+            f"{type(scene).__name__} is not a scene of variant {mi.variant()}; load one with "
+            "mi.load_file or mi.load_dict; use mi_lcair.render for thermal scenes"
         )
     if not 0 <= sensor < len(scene.sensors()):
         raise InputError(f"sensor = {sensor}; the scene has {len(scene.sensors())}, counted from 0")

@@ -198,7 +198,7 @@ def check_complete(node, values: dict, nodes) -> None:
     """Raise InputError if a plugin lacks something without which it would end the process."""
     plugin = node.props.plugin_name()
     if plugin in SPECTRAL_ONLY:
-        raise InputError(f"{plugin}: works in spectral variants of Mitsuba alone; use another BSDF")
+        raise InputError(f"{plugin}: works only in spectral variants of Mitsuba; use another BSDF")
     needed = REQUIRED_PROPERTY.get(plugin)
     if needed and needed not in values:
         raise InputError(f"{plugin}: lacks its {needed}")
@@ -316,10 +316,10 @@ def surround(state, around: Sequence[dict]) -> None:
             if plugin in REPLACED:
                 del state.root.props[name]
             elif plugin in ENVIRONMENTS:
-                raise InputError(f"the scene has a sky of its own, {plugin}; {ONE_SKY}")
+                raise InputError(f"the scene already has a sky, {plugin}; {ONE_SKY}")
     for node in state.nodes:
         if node.type == mi.ObjectType.Emitter and properties(node).get("facet_type") == "sky":
-            raise InputError(f"the scene has sky facets of its own; {ONE_SKY}")
+            raise InputError(f"the scene already has sky facets; {ONE_SKY}")
     for number, emitter in enumerate(around):
         add_child(state, state.root, f"_surroundings_{number}", mi.ObjectType.Emitter, emitter)
 

@@ -39,7 +39,7 @@ class Arrays:
         if isinstance(values, np.generic):
             return values.item()
         if not isinstance(values, np.ndarray):
-            raise TypeError(f"a page cannot hold {type(values).__name__}")
+            raise TypeError(f"a page cannot contain {type(values).__name__}")
         with np.errstate(over="ignore"):
             block = values.astype("<f4").ravel()
         key = block.tobytes()

@@ -65,7 +65,7 @@ def image(what: str, model):
 
     channels, header = read_exr(what)
     if not channels:
-        raise InputError(f"'{what}': holds no channels; there is nothing to show")
+        raise InputError(f"'{what}': has no channels; there is nothing to show")
     shapes = {pixels.shape for pixels in channels.values()}
     if len(shapes) > 1 or any(len(shape) != 2 for shape in shapes):
         raise InputError(
@@ -241,7 +241,7 @@ def made_rows(what: str) -> list[tuple[str, object]]:
         try:
             rows += parse_json(read_text(file), str(file))["made"].items()
         except (ValueError, KeyError, TypeError, AttributeError):
-            raise InputError(f"'{file}': does not state how '{what}' was made; remove it") from None
+            raise InputError(f"'{file}': does not say how '{what}' was made; remove it") from None
     return [(key, unpacked(value)) for key, value in rows]
 
 
@@ -250,7 +250,7 @@ def numeric(what: str, columns: dict, needed) -> dict[str, np.ndarray]:
     numbers = {name: values for name, values in columns.items() if values.dtype.kind == "f"}
     for name in needed:
         if name not in numbers or not np.isfinite(numbers[name]).any():
-            raise InputError(f"'{what}': column '{name}' must hold numbers")
+            raise InputError(f"'{what}': column '{name}' must contain numbers")
     return numbers
 
 

@@ -261,7 +261,7 @@ def test_noise_that_pixels_share_weakens_a_matched_filter(tmp_path):
 @pytest.mark.parametrize(
     "entries, message",
     [
-        ({"read_noise_e": 100.0}, "detector and read_noise_e do not go together"),
+        ({"read_noise_e": 100.0}, "detector and read_noise_e cannot be combined"),
         ({"netd_mK": None}, "detector needs netd_mK and span_K"),
         ({"detector": "photon"}, "integration_time_ms is missing"),
         ({"span_K": (300.0, 200.0)}, "lower temperature first"),

@@ -165,11 +165,11 @@ def test_another_set_or_other_files_are_refused(made, tmp_path):
         "base": {"scenario": str(folder / "scenario.toml")},
         "views": {"random": 1, "range_m": [50]},
     }
-    with pytest.raises(InputError, match="holds another data set, with other"):
+    with pytest.raises(InputError, match="contains another data set, with other"):
         mi_lcair.dataset(tree, folder / "whole")
     (tmp_path / "notes.txt").write_text("")
     for place, message in (
-        (tmp_path, "holds other files; name a new or an empty folder"),
+        (tmp_path, "contains other files; name a new or an empty folder"),
         (tmp_path / "notes.txt", "is no folder"),
         (tmp_path / "no/where", "its folder does not exist"),
     ):
@@ -202,7 +202,7 @@ def test_workers_give_the_same_bytes(made):
             "lid.temperature = .*; must lie",
         ),
         ({"draws": {"gloss_black.epsilon": 0.5}}, "gloss_black.epsilon = .*; must lie"),
-        ({"draws": {"lid.temperature": "sigma"}}, "its material states no sigma"),
+        ({"draws": {"lid.temperature": "sigma"}}, "its material has no sigma"),
         ({"draws": {"lid.temperature": 5, "target.parameters.lid.temperature": 5}}, "the same"),
         ({"draws": {"lid.heat": 5}}, "unknown quantity 'lid.heat'"),
         ({"draws": {"background.sky": 5}}, "background.sky has no value"),

@@ -223,7 +223,7 @@ def test_more_cooling_than_heat_is_refused():
     cooled = network(
         [[0]], [1.0], [0.0], weather(h_W_m2_K=0.0), groups={"g0": {"internal_W_m2": -900.0}}
     )
-    with pytest.raises(InputError, match="internal_W_m2 takes more heat"):
+    with pytest.raises(InputError, match="internal_W_m2 removes more heat"):
         course(cooled)
 
 

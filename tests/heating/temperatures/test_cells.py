@@ -215,12 +215,12 @@ def test_measured_sky():
     ("table", "message"),
     [
         ({"wetness": 1.2}, "wetness = 1.2; must lie in 0..1"),
-        ({"wetness": 0.2, "resistance_s_m": 10.0}, "wetness and resistance_s_m do not go together"),
+        ({"wetness": 0.2, "resistance_s_m": 10.0}, "wetness and resistance_s_m cannot be combined"),
         ({"layers": [{"thickness_mm": 10}]}, r"layers\[0\]: conductivity is missing"),
         ({"layers": {"thickness_mm": 10}}, "layers must be tables"),
         (
             {"layers": [BRICK | {"thickness_mm": 9}], "thickness_mm": 3},
-            "do not go together|missing",
+            "cannot be combined|missing",
         ),
         ({"plate": "up"}, "length_m is missing"),
         ({"plate": "sideways", "length_m": 1.0}, "sideways"),
@@ -233,7 +233,7 @@ def test_measured_sky():
         ),
         ({"back_K": 290.0}, "back_K needs thickness_mm"),
         ({"radiative": 2.7}, "radiative and contact_m2_K_W need thickness_mm"),
-        ({"contact_m2_K_W": 0.1, "layers": [BRICK | {"thickness_mm": 9}]}, "that of its first"),
+        ({"contact_m2_K_W": 0.1, "layers": [BRICK | {"thickness_mm": 9}]}, "in its first layer"),
         (BRICK | {"thickness_mm": 9, "back_K": 290.0, "back_W_m2": 9.0}, "without back_K"),
         ({"plate": "up", "length_m": 1.0, "h_W_m2_K": 3.0}, "one law gives"),
         ({"roughness_mm": 10.0, "heat_roughness_mm": 20.0}, "is more than roughness_mm"),

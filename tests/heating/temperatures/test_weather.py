@@ -192,7 +192,10 @@ def test_refused(tmp_path, make, message):
         ({"weather": {"day": "20260621"}}, "must be a date without quotes, such as 2026-06-21"),
         ({"groups": {"self": {"conductivity": -1.0}}}, r"groups.self.: conductivity = -1"),
         ({"groups": {"self": {"thickness_mm": 2.0}}}, "conductivity is missing; give thickness_mm"),
-        ({"groups": {"self": {"temperature": 300.0, "internal_W_m2": 5.0}}}, "at a temperature"),
+        (
+            {"groups": {"self": {"temperature": 300.0, "internal_W_m2": 5.0}}},
+            "a group with a temperature",
+        ),
         ({"groups": {"self": {"back_h": 5.0}}}, "back_h needs back_K"),
         ({"groups": {"self": {"back_K": 300.0}}}, "back_K needs thickness_mm, conductivity"),
         ({"groups": {"self": FOIL}}, "groups.self.: heat crosses the wall faster than"),

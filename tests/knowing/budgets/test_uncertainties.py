@@ -24,7 +24,7 @@ PAIR = ["self.temperature", "sky.radiance"]
 @pytest.mark.parametrize(
     "tree, message",
     [
-        ({}, "holds no uncertainties"),
+        ({}, "contains no uncertainties"),
         ({"sigmas": {}}, "unknown table 'sigmas'; known: sigma"),
         (
             {"sigma": {"self.temperatur": 1}},

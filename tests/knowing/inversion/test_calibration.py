@@ -113,7 +113,7 @@ def test_thick_ground_gives_only_its_inertia(folder):
         ({"unknowns": {}}, r"no \[unknowns\]"),
         ({"unknowns": {"terrain.colour": {}}}, "unknown input 'colour'"),
         ({"unknowns": {"roof.h": {}}}, "unknown group 'roof'"),
-        ({"unknowns": {"terrain.wetness": {}}}, "wetness is not stated; give a first guess"),
+        ({"unknowns": {"terrain.wetness": {}}}, "wetness is missing; give a first guess"),
         ({"unknowns": {"terrain.h": {"start": -1.0}}}, "h = -1; must lie in 0..1000"),
         ({"data": []}, "unknown table 'data'"),
         ({"heat": {"file": "heat.toml"}}, "measured is missing"),

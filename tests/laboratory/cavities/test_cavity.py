@@ -151,7 +151,7 @@ BAD = {
         {"shape": {"kind": "cone", "radius_m": 1, "length_m": 1, "angle_deg": 30}},
         "one of length_m and angle_deg",
     ),
-    "lid": ({"shape": SPHERE | {"kind": "cylinder"}}, "takes length_m"),
+    "lid": ({"shape": SPHERE | {"kind": "cylinder"}}, "needs length_m"),
     "two walls": ({"wall": {"emissivity": 0.5, "material": "gloss_black"}}, "give one of"),
     "emissivity": ({"wall": {"emissivity": 1.2}}, "emissivity = 1.2"),
     "material": ({"wall": {"material": "gloss_blac"}}, "gloss_blac"),
@@ -161,7 +161,7 @@ BAD = {
     ),
     "spot": ({"view": {"spot_m": 0.5}}, "wider than the aperture"),
     "direction": ({"view": {"from": "above"}}, "'above'"),
-    "angle": ({"view": {"angle_deg": 10}}, "angle_deg goes with"),
+    "angle": ({"view": {"angle_deg": 10}}, "angle_deg needs"),
     "sigma": ({"sigma": {"length_m": 0.1}}, "the cavity has no such number"),
     "negative sigma": ({"sigma": {"radius_m": -0.1}}, "'radius_m' = -0.1; must be positive"),
     "no distribution": (

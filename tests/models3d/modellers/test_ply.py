@@ -73,7 +73,7 @@ def test_extent(tmp_path):
         ("3 0 2 3 310", "2 0 2 310", "face 1 has fewer than three corners"),
         ("3 0 1 2 300\n3 0 2 3 310", "4 0 1 2 3 9\n4 0 1 2 3 9", "have 4 corners; .* triangles"),
         ("2 3 0 7", "2 inf 0 7", "vertex 2 is not finite"),
-        ("2 3 0 7", "2 three 0 7", "a word that is no number"),
+        ("2 3 0 7", "2 three 0 7", "a word that is not a number"),
         ("list uchar int", "list float int", "cannot be understood"),
         (
             "element face 2\n",

@@ -181,7 +181,7 @@ def test_what_cannot_be_computed():
         (lambda: air.sky(-1.0, 10.0), r"height above the ground = -1 m; must lie in 0\.\.100000"),
         (lambda: air.sky(1e6, 10.0), r"must lie in 0\.\.100000"),
         (lambda: air.ray(0.0, 91.0), r"elevation = 91; must lie in -90\.\.90"),
-        (lambda: air.sky(3000.0, -10.0), "meets the ground, and no sky"),
+        (lambda: air.sky(3000.0, -10.0), "ends at the ground, not in the sky"),
         (lambda: air.sun(0.0, 0.5), r"elevation of the sun = 0.5 degrees; must lie in 1\.\.90"),
     ):
         with pytest.raises(InputError, match=message):

@@ -252,7 +252,7 @@ def test_new_values():
         ({"ground_emissivity": 0.9}, "ground_emissivity needs ground_temperature"),
         (
             {**NIGHT, "ground_emissivity": 0.9, "ground_material": "gloss_black"},
-            "do not go together",
+            "cannot be combined",
         ),
         ({"sky": "sunny"}, "sky table 'sunny'"),
         ({"sky": "overcast", "sun_elevation_deg": 30.0}, "hides the sun"),

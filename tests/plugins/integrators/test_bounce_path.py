@@ -221,8 +221,8 @@ def test_ambient():
 @pytest.mark.parametrize(
     "integrator, message",
     [
-        ({"closure": "ambient"}, "ambient_temperature go together"),
-        ({"ambient_temperature": 300.0}, "ambient_temperature go together"),
+        ({"closure": "ambient"}, "ambient_temperature need each other"),
+        ({"ambient_temperature": 300.0}, "ambient_temperature need each other"),
         ({"closure": "ambient", "ambient_temperature": -1.0}, "must be positive"),
         ({"closure": "tail", "max_bounces": 1}, "must be >= 2"),
     ],

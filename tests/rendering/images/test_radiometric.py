@@ -104,7 +104,7 @@ def test_an_image_of_an_inverse_problem(tmp_path):
         kelvin, of = read_values(path, None, quantity, band("LWIR"))
         assert of == "apparent_temperature"
         np.testing.assert_allclose(kelvin, KELVIN, atol=0.02)
-    with pytest.raises(InputError, match="holds apparent temperatures, and no radiance"):
+    with pytest.raises(InputError, match="contains apparent temperatures, not radiance"):
         read_values(path, None, "radiance", band("LWIR"))
 
 
@@ -127,7 +127,7 @@ LOSSY = struct.pack("<3H26x", 2, 12, 9) + b"\xff\xd8\xff\xf7"
         (PLAIN, "a picture without radiometric data; use the camera's own file"),
         (b"", "no radiometric data of FLIR"),
         (b"\xff\xd8", "a picture without radiometric data"),
-        (b"FPF \0".ljust(900, b"\0"), "holds no radiometric data of FLIR .block FFF."),
+        (b"FPF \0".ljust(900, b"\0"), "contains no radiometric data of FLIR .block FFF."),
         (b"FFF\0", "are cut off"),
         (fff(COUNTS)[:-100], "are cut off"),
         (fff(COUNTS)[:150], "are cut off"),

@@ -442,7 +442,7 @@ def test_files(tmp_path):
     ids = np.array([[0, 1, 65535], [40000, 2**24 - 1, 2**24 - 2]], np.float32)
     small = np.where(ids > 65535, 2, ids)
     with pytest.raises(
-        InputError, match="PNG holds numbers up to 65535, and a facet has number 16"
+        InputError, match="PNG can have numbers up to 65535, and a facet has number 16"
     ):
         drawn(**{"IndexFacet.X": ids}).write_ids(tmp_path / "x.png", "facet")
     assert list(tmp_path.iterdir()) == []

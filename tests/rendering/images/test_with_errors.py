@@ -102,7 +102,7 @@ def test_unusable_input_is_one_line(room):
     ):
         with pytest.raises(InputError, match=message):
             mi_lcair.render_with_errors(scene, **options)
-    with pytest.raises(InputError, match="str is no scene"):
+    with pytest.raises(InputError, match="str is not a scene"):
         mi_lcair.render_with_errors("cavity")
     bad = mi.load_dict(
         {

@@ -143,7 +143,7 @@ def placed(operation: str) -> str:
             ),
             '"to_world" has the wrong type',
         ),
-        (shape('<bsdf type="hair"/>'), "hair: works in spectral variants"),
+        (shape('<bsdf type="hair"/>'), "hair: works only in spectral variants"),
     ],
 )
 def test_refused(tmp_path, element, message):

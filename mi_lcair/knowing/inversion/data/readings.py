@@ -462,14 +462,14 @@ def noise_once(data: "Measurement") -> str | None:
     noises, allowed = data.noises(), NOISES if data.image else ("sigma",)
     if data.is_of_camera:
         return noises and (
-            f"states its noise by {' and '.join(noises)}, but the [camera] of {data.scene} has its "
-            "own; leave it out"
+            f"gives its noise by {' and '.join(noises)}, but the [camera] of {data.scene} has "
+            "its own; leave it out"
         )
     if len(noises) == 1 and noises[0] in allowed or (data.trend or data.spectrum) and not noises:
         return None
     return (
-        f"states its noise by {' and '.join(noises) or 'nothing'}; "
-        f"give {'one of ' if len(allowed) > 1 else ''}{', '.join(allowed)}"
+        f"gives its noise by {' and '.join(noises) or 'nothing'}; give "
+        f"{'one of ' if len(allowed) > 1 else ''}{', '.join(allowed)}"
     )
 
 

@@ -63,8 +63,8 @@ def precision(unknowns: list[Unknown], sigma: np.ndarray) -> np.ndarray | None:
         return None
     if len(unknowns) > MOST_FACETS:
         raise InputError(
-            f"correlation_m with {len(unknowns)} unknowns; it needs at most {MOST_FACETS}: take a "
-            "coarser model, or leave it out"
+            f"correlation_m with {len(unknowns)} unknowns; at most {MOST_FACETS} are possible: "
+            "use a coarser model, or leave it out"
         )
     result = np.diag(sigma**-2.0)
     for (_, _, length), numbers in groups.items():

@@ -86,7 +86,7 @@ def test_the_same_image_in_all_formats(tmp_path):
     ("name", "content", "message"),
     [
         ("a.csv", "1,2\n3\n", "line 2: 1 numbers where the first row has 2"),
-        ("a.csv", "a,b\n1,2\n", "line 1: is no row of numbers"),
+        ("a.csv", "a,b\n1,2\n", "line 1: is not a row of numbers"),
         ("a.npy", "text", "is no NumPy array"),
         ("a.tif", "text", "is no image that can be read"),
         ("a.gif", "text", "use .exr, .tif"),
@@ -111,7 +111,7 @@ def test_an_image_that_is_larger_than_any_memory(tmp_path):
     np.save(path, np.zeros((8, 16)))
     large = b"(10000000, 10000000), }"
     path.write_bytes(path.read_bytes().replace(b"(8, 16), }".ljust(len(large)), large))
-    with pytest.raises(InputError, match="a.npy: states a size that does not fit into the memory"):
+    with pytest.raises(InputError, match="a.npy: has a size that does not fit into memory"):
         read_values(str(path), None, "radiance", band("LWIR"))
 
 
@@ -231,7 +231,7 @@ def test_an_image_that_is_larger_than_any_memory(tmp_path):
     np.save(path, np.zeros((8, 16)))
     large = b"(10000000, 10000000), }"
     path.write_bytes(path.read_bytes().replace(b"(8, 16), }".ljust(len(large)), large))
-    with pytest.raises(InputError, match="a.npy: states a size that does not fit into the memory"):
+    with pytest.raises(InputError, match="a.npy: has a size that does not fit into memory"):
         read_values(str(path), None, "radiance", band("LWIR"))
 
 
@@ -453,10 +453,10 @@ IMAGE = {"image": "a.npy", "quantity": "radiance", "netd_mK": 50.0}
     [
         ({}, "image, intensity, contrast, trend and spectrum are missing; give one"),
         (IMAGE | {"trend": "t.csv"}, "has image and trend; give one of"),
-        (IMAGE | {"sigma": 0.1}, "states its noise by netd_mK and sigma; give one of netd_mK"),
-        ({"intensity": 0.0}, "states its noise by nothing; give sigma"),
-        ({"intensity": 1.0, "netd_mK": 50.0}, "states its noise by netd_mK; give sigma"),
-        ({"trend": "t.csv", "netd_mK": 50.0}, "states its noise by netd_mK; give sigma"),
+        (IMAGE | {"sigma": 0.1}, "gives its noise by netd_mK and sigma; give one of netd_mK"),
+        ({"intensity": 0.0}, "gives its noise by nothing; give sigma"),
+        ({"intensity": 1.0, "netd_mK": 50.0}, "gives its noise by netd_mK; give sigma"),
+        ({"trend": "t.csv", "netd_mK": 50.0}, "gives its noise by netd_mK; give sigma"),
         (IMAGE | {"netd_mK": 0.0}, "netd_mK = 0; must be positive"),
         ({"intensity": 1.0, "sigma": -1.0}, "sigma = -1; must be positive"),
         (IMAGE | {"scale": 0.0}, "scale = 0; must not be zero"),

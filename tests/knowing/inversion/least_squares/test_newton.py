@@ -56,7 +56,7 @@ def test_values_that_do_not_correlate(monkeypatch):
     assert precision([kelvin()], np.ones(1)) is None
     monkeypatch.setattr(newton, "MOST_FACETS", 2)
     assert precision(facets("wing", np.eye(3)[:2]), np.ones(2)).shape == (2, 2)
-    with pytest.raises(InputError, match="3 unknowns; it needs at most 2: take a coarser model"):
+    with pytest.raises(InputError, match="3 unknowns; at most 2 are possible: use a coarser model"):
         precision(facets("wing", np.eye(3)), np.ones(3))
 
 
