@@ -91,9 +91,12 @@ def complete(what: str):
     except InputError:
         raise
     except (LookupError, TypeError, AttributeError, ValueError) as error:
-        raise InputError(
-            f"{what} is incomplete ({type(error).__name__}: {error}); make it anew"
-        ) from None
+        problem = "an entry is of another kind than it must be"
+        if isinstance(error, KeyError):
+            problem = f"entry {error} is missing"
+        elif isinstance(error, ValueError):
+            problem = str(error)
+        raise InputError(f"{what} is incomplete: {problem}; make it anew") from None
 
 
 def unknown(kind: str, name: str, names) -> InputError:

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 # -----------------------------------------------------------------------
 
 PLAIN = {float: (float, int), int: int, str: str, bool: bool}  # types of JSON for those of fields
+NAMED = {float: "number", int: "whole number", str: "text", bool: "true or false"}  # in messages
 
 
 def built(hint: Any, value: Any) -> Any:
@@ -88,7 +89,7 @@ def built(hint: Any, value: Any) -> Any:
     if hint is float and value is None:
         return np.nan
     if hint in PLAIN and not isinstance(value, PLAIN[hint]):
-        raise TypeError(f"{value!r} in place of a {hint.__name__}")
+        raise ValueError(f"{value!r} in place of a {NAMED[hint]}")
     return value
 
 

@@ -37,7 +37,7 @@ from mi_lcair.physics.bands import band as band_of
 from mi_lcair.physics.imager import LOCK_ON, Detector, Imager, with_preset
 from mi_lcair.physics.materials import hemispherical_emissivity
 from mi_lcair.physics.sky import clear_name, has_azimuths
-from mi_lcair.physics.surroundings import Words, sky_name
+from mi_lcair.physics.surroundings import HOTTEST_K, Words, sky_name
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.motions.table import MOTIONS, Declared, motions_of
 from mi_lcair.rendering.sampling import Sampling
@@ -51,6 +51,7 @@ STATED = "a scenario is a TOML file that names a scene, its observer and the sen
 WEATHER = tuple(entry.name for entry in fields(Weather))
 POLAR = ("range_m", "azimuth_deg", "elevation_deg")
 HIGHEST_M = 100_000.0  # largest height of a sensor, above all air
+KELVIN = {"is_positive": True, "upper": HOTTEST_K, "unit": "K"}
 DEFAULT_SPP = 64  # samples per pixel without a tolerance
 # Entries that spp does not go with
 TO_A_TOLERANCE = ("tolerance", "tolerance_W_m2", "to_noise", "max_spp")
@@ -273,8 +274,8 @@ class Background(Described, where="[background]", rules=BEHIND):
     sun_azimuth_deg: float | None = None
     sun_elevation_deg: float | None = entry(None, lower=1, upper=90)
     sun_file: str | None = entry(None, is_file=True)
-    temperature: float | None = entry(None, is_positive=True, unit="K")
-    ground_temperature: float | None = entry(None, is_positive=True, unit="K")
+    temperature: float | None = entry(None, **KELVIN)
+    ground_temperature: float | None = entry(None, **KELVIN)
     ground_emissivity: float = entry(1.0, is_positive=True, upper=1)
 
     @property

@@ -1,13 +1,13 @@
 """Components of a camera's noise by time, row and column, from its frames."""
 
 from collections.abc import Iterable, Iterator
-from io import BytesIO
 from typing import NamedTuple
 
 import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.files import read_bytes
+from mi_lcair.rendering.images.radiometric import opened
 
 
 class NoiseComponents(NamedTuple):
@@ -81,14 +81,8 @@ class NoiseComponents(NamedTuple):
 
 def pages_of(path: str) -> Iterator[np.ndarray]:
     """Yield the pages (H, W) of a TIFF of frames. Raises InputError if it cannot be read."""
-    from PIL import Image, ImageSequence, UnidentifiedImageError
+    from PIL import ImageSequence
 
-    content = BytesIO(read_bytes(path))
-    try:
-        with Image.open(content) as picture:
-            for page in ImageSequence.Iterator(picture):
-                yield np.asarray(page, dtype=float)
-    except UnidentifiedImageError:
-        raise InputError(f"{path}: has no frames that can be read: not an image") from None
-    except (OSError, ValueError, SyntaxError) as error:
-        raise InputError(f"{path}: has no frames that can be read: {error}") from None
+    with opened(read_bytes(path), f"{path}: has no frames that can be read") as picture:
+        for page in ImageSequence.Iterator(picture):
+            yield np.asarray(page, dtype=float)

@@ -17,10 +17,12 @@ MOST_PIXELS = 8192  # pixels along each side of a frame
 MOST_IN_FRAME = 2**24  # pixels of a frame
 # Smallest f-number, for a cone of light with a half angle of 90 degrees (Abbe's sine condition).
 FASTEST = 0.5
+SLOWEST = 1e4  # largest f-number; that of a pinhole is some hundred
 NARROWEST_DEG, WIDEST_DEG = 1e-4, 150.0  # width and height of a frame, degrees
 # Counts below zero signal, as a fraction of the largest count. Read noise would be clipped at 0.
 PEDESTAL = 1 / 64
 POSITIVE, NOT_NEGATIVE = {"is_positive": True}, {"lower": 0}
+MILLIKELVIN = {"lower": 0, "upper": 1e5}
 SHARE, ASIDE = {"is_positive": True, "upper": 1}, {"lower": -45, "upper": 45}
 BOLOMETER = {"detector": "bolometer"}
 # Numbers of a photon detector that a bolometer has not
@@ -182,25 +184,25 @@ class Imager(Described, where="[camera]", rules=RULES):
     """
 
     focal_length_mm: float = entry(**POSITIVE)
-    f_number: float = entry(lower=FASTEST)
+    f_number: float = entry(lower=FASTEST, upper=SLOWEST)
     pitch_um: float = entry(**POSITIVE)
     width: int = entry(lower=1, upper=MOST_PIXELS)
     height: int = entry(lower=1, upper=MOST_PIXELS)
-    integration_time_ms: float | None = entry(None, **POSITIVE)
-    well_Me: float | None = entry(None, **POSITIVE)
+    integration_time_ms: float | None = entry(None, is_positive=True, upper=1e6)
+    well_Me: float | None = entry(None, is_positive=True, upper=1e6)
     quantum_efficiency: float = entry(1.0, **SHARE)
     lens: Literal["aplanatic", "thin"] = "aplanatic"
     cos4: bool = False
     vignetting: float = entry(0.0, lower=0, upper=0.99)
-    optics_temperature: float | None = entry(None, is_positive=True, unit="K")
+    optics_temperature: float | None = entry(None, is_positive=True, upper=5000, unit="K")
     optics_emissivity: float | None = entry(None, lower=0, upper=1)
     fill_factor: float = entry(1.0, **SHARE)
-    read_noise_e: float = entry(0.0, **NOT_NEGATIVE)
+    read_noise_e: float = entry(0.0, lower=0, upper=1e9)
     dark_current_e_s: float = entry(0.0, **NOT_NEGATIVE)
     bits: int = entry(14, lower=1, upper=16)
     jitter_urad: float = entry(0.0, **NOT_NEGATIVE)
     defocus_um: float = 0.0
-    gain_nonuniformity: float = entry(0.0, **NOT_NEGATIVE)
+    gain_nonuniformity: float = entry(0.0, lower=0, upper=1)
     offset_nonuniformity_e: float = entry(0.0, **NOT_NEGATIVE)
     nuc: bool = False
     right_deg: float = entry(0.0, **ASIDE)
@@ -210,23 +212,23 @@ class Imager(Described, where="[camera]", rules=RULES):
     least_pixels: float = entry(1.0, **NOT_NEGATIVE)
     preset: str | None = None
     detector: Literal["photon", "bolometer"] = "photon"
-    netd_mK: float | None = entry(None, is_positive=True, upper=1e5)
-    netd_f_number: float | None = entry(None, lower=FASTEST)
+    netd_mK: float | None = entry(None, is_positive=True, upper=MILLIKELVIN["upper"])
+    netd_f_number: float | None = entry(None, lower=FASTEST, upper=SLOWEST)
     netd_temperature: float = entry(300.0, lower=100, upper=1000, unit="K")
     span_K: tuple[float, float] | None = entry(None, is_positive=True, upper=5000)
     time_constant_ms: float = entry(0.0, lower=0, upper=1e4)
-    frame_rate_hz: float | None = entry(None, **POSITIVE)
-    sigma_vh_mK: float = entry(0.0, **NOT_NEGATIVE)
-    sigma_v_mK: float = entry(0.0, **NOT_NEGATIVE)
-    sigma_h_mK: float = entry(0.0, **NOT_NEGATIVE)
-    sigma_tv_mK: float = entry(0.0, **NOT_NEGATIVE)
-    sigma_th_mK: float = entry(0.0, **NOT_NEGATIVE)
-    sigma_t_mK: float = entry(0.0, **NOT_NEGATIVE)
+    frame_rate_hz: float | None = entry(None, is_positive=True, upper=1e6)
+    sigma_vh_mK: float = entry(0.0, **MILLIKELVIN)
+    sigma_v_mK: float = entry(0.0, **MILLIKELVIN)
+    sigma_h_mK: float = entry(0.0, **MILLIKELVIN)
+    sigma_tv_mK: float = entry(0.0, **MILLIKELVIN)
+    sigma_th_mK: float = entry(0.0, **MILLIKELVIN)
+    sigma_t_mK: float = entry(0.0, **MILLIKELVIN)
     housing: str | None = entry(None, is_file=True)
-    housing_walk_K: float | None = entry(None, **NOT_NEGATIVE)
+    housing_walk_K: float | None = entry(None, lower=0, upper=1e3)
     housing_walk_s: float | None = entry(None, **POSITIVE)
-    drift_mK_K: float = 0.0
-    drift_spread_mK_K: float = entry(0.0, **NOT_NEGATIVE)
+    drift_mK_K: float = entry(0.0, lower=-1e5, upper=1e5)
+    drift_spread_mK_K: float = entry(0.0, **MILLIKELVIN)
     shutter_s: tuple[float, ...] | None = entry(None, lower=0)
     shutter_every_s: float | None = entry(None, **POSITIVE)
 
@@ -405,7 +407,7 @@ class Detector(Described, where="sensor"):
     band: Band
     optics_transmittance: float = entry(1.0, is_positive=True, upper=1)
     field_of_view_deg: float | None = entry(None, is_positive=True, upper=180)
-    nei: float | None = entry(None, is_positive=True, unit="W m^-2")
+    nei: float | None = entry(None, is_positive=True, upper=1e4, unit="W m^-2")
     snr: float = entry(LOCK_ON, is_positive=True)
 
     def complete(self) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mi_lcair import formats
-from mi_lcair.errors import InputError
+from mi_lcair.errors import InputError, complete
 from mi_lcair.estimate import Estimate
 from mi_lcair.physics.bands import Band, Spectrum
 from mi_lcair.physics.bands import band as band_of
@@ -351,10 +351,8 @@ class ViewAreas(SourcesInBand):
         dataset = formats.read(path)
         if dataset.attrs.get("checksum", stated := formats.checksum(dataset)) != stated:
             raise InputError(f"{path}: does not match its checksum; trace it again")
-        try:
+        with complete(f"{path}: {NOT_HELD}, or"):
             return of_dataset(dataset)
-        except (KeyError, ValueError, IndexError, AttributeError) as error:
-            raise InputError(f"{path}: {NOT_HELD} ({type(error).__name__}: {error})") from None
 
 
 def of_dataset(dataset: "xarray.Dataset") -> ViewAreas:

@@ -96,5 +96,5 @@ def test_refuses_an_incomplete_file(folder, refused, command):
     (folder / "audit.json").write_text(json.dumps(entries))
     output = {"convert": ("t.csv",), "report": ("-o", "p.html")}[command]
     message = refused(command, "audit.json", *output)
-    assert "'audit.json': an audit that is incomplete (KeyError: 'shares'); make it anew" in message
+    assert "an audit that is incomplete: entry 'shares' is missing; make it anew" in message
     assert not list(folder.glob("*.csv")) and not list(folder.glob("*.html"))

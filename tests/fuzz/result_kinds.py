@@ -11,6 +11,7 @@ from mi_lcair.physics import materials
 from mi_lcair.physics.bands import band
 from mi_lcair.rendering.images.files import from_npy
 from mi_lcair.rendering.parameters.values import apply_solution
+from mi_lcair.scenes import FOLDER
 from tests.fuzz.mutants import Kind
 
 RESULTS = Path(__file__).parents[1] / "data" / "results"
@@ -25,6 +26,14 @@ def array_bytes() -> bytes:
 
 
 NPY = Kind("npy", ".npy", (array_bytes(),), from_npy, (b"descr", b"<f8", b"|O", b"(3,4)", b"(0,)"))
+
+RADIOMETRIC = Kind(
+    "radiometric",
+    ".jpg",
+    ((FOLDER / "examples" / "photo.jpg").read_bytes(),),
+    lambda path: mi_lcair.temperature(path, spots=["10,10"]),
+    (b"FLIR", b"FFF\0", b"\xff\xe1", b"\x89PNG"),
+)
 
 
 def use_result(path: Path) -> None:
@@ -78,4 +87,4 @@ SPECTRAL = Kind(
     SPECTRA,
 )
 
-RESULT_KINDS = (NPY, RESULT, SOLUTION, SIGMA, SPECTRAL)
+RESULT_KINDS = (NPY, RADIOMETRIC, RESULT, SOLUTION, SIGMA, SPECTRAL)

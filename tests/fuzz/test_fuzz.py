@@ -29,10 +29,11 @@ def test_mutants(kind, tmp_path, worker):
     [
         ("spectral", b"gamma = 2", b"gamma = {}", "gamma = {}; must be a number, a text or a list"),
         ("spectral", b"nk.csv", b"A" * 5000, "cannot be read"),
-        ("solution", b'"state": "', b'"station": "', "its content is incomplete (KeyError"),
+        ("solution", b'"state": "', b'"station": "', "incomplete: entry 'state' is missing"),
         ("result", b'"share": 0.377027', b'"share": null', "a result that is incomplete"),
         ("result", b'"theta_deg": [\n', b'"theta_deg": [1,', "a fit that is incomplete"),
         ("npy", b"}", b" ", "is no NumPy array"),
+        ("radiometric", b"IHDR", b"IHDS", "its raw image cannot be read: not an image"),
     ],
 )
 def test_one_line(name, old, new, message, tmp_path):

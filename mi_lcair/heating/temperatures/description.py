@@ -197,7 +197,7 @@ class WeatherTable(Described, where="[weather]"):
     sun_W_m2: float = entry(0.0, **FLUX)
     diffuse_W_m2: float = entry(0.0, **FLUX)
     sun_elevation_deg: float | None = entry(None, lower=-90, upper=90)
-    sun_azimuth_deg: float | None = entry(None)
+    sun_azimuth_deg: float | None = entry(None, lower=-3600, upper=3600)
     albedo: float = entry(0.2, lower=0, upper=1)
     latitude_deg: float | None = entry(None, lower=-90, upper=90)
     longitude_deg: float | None = entry(None, lower=-180, upper=180)

@@ -48,6 +48,7 @@ LIMITS = {
 INFRARED = Bounds(lower=10, upper=9999)  # of an EPW file [W m^-2]: a row without it may have 0
 SEA_LEVEL_HPA = 1013.25
 SHARE, THIN_HPA = 1.0, 300.0  # humidity as a share [%], and less pressure than on any mountain
+SUNLIGHT_W_M2 = 1361  # irradiance by the sun at the Earth's distance, above the air
 COLD_AIR_K = 120.0  # less than any air of the atmosphere has
 # Largest shares of the beam's energy below the horizon: from rows that are means of an hour without
 # a remark, and with one, as of a clock that is an hour off
@@ -300,7 +301,7 @@ def completed(table: WeatherTable, values: dict, times: np.ndarray, where: str) 
 
 
 def doubts(values: dict) -> list[str]:
-    """Remarks on humidity and pressure that may be in another unit."""
+    """Remarks on humidity, pressure and sunlight that may be in another unit."""
     humidity = np.max(values.get("relative_humidity", 100.0))
     pressure = np.max(values.get("pressure_hPa", SEA_LEVEL_HPA))
     remarks = []
@@ -312,6 +313,10 @@ def doubts(values: dict) -> list[str]:
             f"pressure_hPa is {pressure:g} at most, {pressure / SEA_LEVEL_HPA:.1%} of sea level's"
         )
         remarks.append(f"{thin}; {pressure:g} kPa would be {10 * pressure:g} hPa")
+    for name in ("sun_W_m2", "diffuse_W_m2"):
+        if (most := np.max(values.get(name, 0.0))) > SUNLIGHT_W_M2:
+            times = f"{most / SUNLIGHT_W_M2:.3g} times as much as the sun sends to the Earth"
+            remarks.append(f"{name} rises to {most:g}, {times}; is it in W/m^2?")
     return remarks
 
 

@@ -266,17 +266,11 @@ def from_csv(path: str) -> np.ndarray:
 
 
 def from_picture(path: str) -> np.ndarray:
-    """The first page of a TIFF or PNG file, read by Pillow, which Matplotlib brings."""
-    from PIL import Image, UnidentifiedImageError
-
-    content = io.BytesIO(read_bytes(path))
-    try:
-        with Image.open(content) as picture:
-            if len(picture.getbands()) == 4 or picture.mode in ("P", "LA"):
-                picture = picture.convert("L")
-            values = np.asarray(picture)
-    except (UnidentifiedImageError, OSError, ValueError, SyntaxError) as error:
-        raise InputError(f"{path}: is no image that can be read: {error}") from None
+    """The first page of a TIFF or PNG file."""
+    with radiometric.opened(read_bytes(path), f"{path}: is no image that can be read") as picture:
+        if len(picture.getbands()) == 4 or picture.mode in ("P", "LA"):
+            picture = picture.convert("L")
+        values = np.asarray(picture)
     if values.ndim == 3 and (values == values[..., :1]).all():
         values = values[..., 0]  # a grey picture stored in colour
     if values.ndim == 3:

@@ -7,6 +7,7 @@ Dudzik, Infrared Thermography: Errors and Uncertainties, 2009, for the curve and
 
 import io
 import struct
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -199,6 +200,25 @@ def stated(values: dict[str, float]) -> dict[str, float]:
     return {name: value for name, value in values.items() if name not in without}
 
 
+@contextmanager
+def opened(content: bytes, what: str):
+    """Context manager that gives a picture, read by Pillow, which Matplotlib brings.
+
+    what: begins the message for what cannot be read.
+    """
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with Image.open(io.BytesIO(content)) as picture:
+            yield picture
+    except UnidentifiedImageError:
+        raise InputError(f"{what}: not an image") from None
+    except (OSError, ValueError, SyntaxError, struct.error, Image.DecompressionBombError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{what}: {error}") from None
+
+
 def raw_image(record: bytes) -> np.ndarray:
     """Counts (H, W) of FLIR's raw image, which is a PNG or 16-bit numbers."""
     order = "<" if record.startswith(LITTLE) else ">"
@@ -211,13 +231,8 @@ def raw_image(record: bytes) -> np.ndarray:
             raise struct.error
         counts = np.frombuffer(data, f"{order}u2", width * height)
         return counts.reshape(height, width).astype(float)
-    from PIL import Image
-
-    try:
-        with Image.open(io.BytesIO(data)) as picture:
-            counts = np.asarray(picture).astype(np.uint16)
-    except (OSError, ValueError, SyntaxError) as error:
-        raise InputError(f"its raw image cannot be read: {error}") from None
+    with opened(data, "its raw image cannot be read") as picture:
+        counts = np.asarray(picture).astype(np.uint16)
     if counts.ndim != 2:
         raise InputError("its raw image is in colour; use the camera's own file")
 

@@ -95,6 +95,8 @@ def test_air_in_celsius_is_doubted(tmp_path):
     assert "drier than any desert; as a share it would be 50 %" in remark
     (remark,) = remarks(pressure_hPa=90.0)
     assert "8.9% of sea level's; 90 kPa would be 900 hPa" in remark
+    (remark,) = remarks(sun_W_m2=2722.0, sun_elevation_deg=30.0, sun_azimuth_deg=0.0)
+    assert remark.startswith("sun_W_m2 rises to 2722, 2 times as much as the sun sends")
     assert not remarks(relative_humidity=2.0, pressure_hPa=340.0)
 
 
