@@ -435,11 +435,11 @@ def changes(help: str, name: str = "changes"):
 
 
 def check_given(ctx: click.Context, names, what: str) -> None:
-    """Raise UsageError if an option beside `names` was given, which does not go with `what`."""
+    """Raise UsageError if an option that is not in `names` was given with `what`."""
     for parameter in ctx.command.params:
         given = ctx.get_parameter_source(parameter.name) is click.core.ParameterSource.COMMANDLINE
         if given and parameter.name not in (*names, "quiet"):
-            raise click.UsageError(f"{parameter.opts[-1]} does not go with {what}", ctx)
+            raise click.UsageError(f"{parameter.opts[-1]} cannot be combined with {what}", ctx)
 
 
 def output(what: str, suffixes=(), metavar: str = "FILE", name: str = "output", **settings):

@@ -147,7 +147,7 @@ class Called(click.Command):
         options = [option for option in self.params if option.name in CHOOSING]
         chosen = [option.opts[0] for option in options if values[option.name] is not None]
         if values.get("spp") and chosen:
-            problem = "--spp sets a fixed number of samples; {} cannot go with it"
+            problem = "--spp sets a fixed number of samples; {} cannot be combined with it"
             raise click.UsageError(problem.format(listed(chosen)), ctx)
         if self.name in WITHOUT and values["max_spp"] and values["tolerance"] is None:
             problem = "--max-spp needs --tolerance; --spp sets a fixed number of samples"

@@ -53,7 +53,7 @@ POLAR = ("range_m", "azimuth_deg", "elevation_deg")
 HIGHEST_M = 100_000.0  # largest height of a sensor, above all air
 KELVIN = {"is_positive": True, "upper": HOTTEST_K, "unit": "K"}
 DEFAULT_SPP = 64  # samples per pixel without a tolerance
-# Entries that spp does not go with
+# Entries that spp cannot be combined with
 TO_A_TOLERANCE = ("tolerance", "tolerance_W_m2", "to_noise", "max_spp")
 
 

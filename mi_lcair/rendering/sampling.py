@@ -9,9 +9,7 @@ from mi_lcair.progress import Progress
 if TYPE_CHECKING:
     import mitsuba as mi
 
-TWO_CHOICES = (
-    "spp sets a fixed number of samples; tolerance and max_spp choose one, and do not go with it"
-)
+TWO_CHOICES = "spp sets a fixed number of samples; tolerance and max_spp cannot be combined with it"
 ONE_CHOICE = rule(lambda t: t.spp is None or t.tolerance is t.max_spp is None, TWO_CHOICES)
 MOST_SPP = 2**32 - 1  # paths per pixel, which are numbered by 32-bit integers
 DEFAULT_MAX_SPP = 2**16  # largest number of samples per pixel for a tolerance

@@ -152,7 +152,7 @@ def test_tables_there_and_back(run, folder):
         (["t.csv", "t.vtp"], "becomes .nc; output 't.vtp' does not end in .nc"),
         (["f.csv", "f.vtp", "--scene", "two_plates"], "facet '7.0' is not in the scene"),
         (["f.csv", "f.png", "--scene", "two_plates"], "does not end in .vtp, .vtu, .usd"),
-        (["t.csv", "t.nc", "-c", "Y"], "does not go with 't.csv'"),
+        (["t.csv", "t.nc", "-c", "Y"], "cannot be combined with 't.csv'"),
         (["none.exr", "a.tif"], "No such file"),
         (["none.csv", "a.nc"], "No such file"),
         (["empty.csv", "a.nc"], "empty.csv"),

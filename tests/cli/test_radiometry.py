@@ -120,7 +120,10 @@ def test_a_tolerance_that_was_missed_is_told(run):
         (("--azimuth", "0", "-o", "no/t.csv"), "output folder 'no' does not exist"),
         (("--azimuth", "0", "-o", "t.csv", "--spp", 0), "--spp"),
         (("--azimuth", "0", "--elevation", "95", "-o", "t.csv"), "-90..90"),
-        (("--azimuth", "0", "--spp", 2, "--tolerance", "1%", "-o", "t.csv"), "cannot go with it"),
+        (
+            ("--azimuth", "0", "--spp", 2, "--tolerance", "1%", "-o", "t.csv"),
+            "cannot be combined with it",
+        ),
     ],
 )
 def test_refused(refused, folder, args, message):

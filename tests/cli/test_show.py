@@ -107,13 +107,16 @@ def test_material(run, folder, figures):
         ),
         (["two_plates", "--facet", "-1"], "--facet"),
         (["two_plates", "--facet", "one"], "--facet"),
-        (["two_plates", "--vmin", "1"], "--vmin does not go with a scene"),
+        (["two_plates", "--vmin", "1"], "--vmin cannot be combined with a scene"),
         (["own.xml"], "no such file"),
         (["nowhere.xml", "--facet", "0"], "no such file"),
         (["two_plates", "--facet", "0", "-D", "bnad=LWIR"], "unknown parameter"),
-        (["two_plates", "--facet", "0", "--facets", "t.csv"], "--facets does not go with --facet"),
-        (["two_plates", "--facet", "0", "--log"], "--log does not go with --facet"),
-        (["two_plates", "--facet", "0", "-s", "0"], "--sensor does not go with --facet"),
+        (
+            ["two_plates", "--facet", "0", "--facets", "t.csv"],
+            "--facets cannot be combined with --facet",
+        ),
+        (["two_plates", "--facet", "0", "--log"], "--log cannot be combined with --facet"),
+        (["two_plates", "--facet", "0", "-s", "0"], "--sensor cannot be combined with --facet"),
         (["two_plates", "--facet", "0", "-o", "a.csv"], "does not end in .png, .svg or .pdf"),
         (["two_plates", "--facet", "0", "-o", "nowhere/a.png"], "does not exist"),
         (["two_plates", "--facets", "t.csv"], "say which column with -c; it has facet, area_m2"),
@@ -127,7 +130,7 @@ def test_material(run, folder, figures):
         ),
         (
             ["two_plates", "--facets", "t.csv", "-c", "area_m2", "--json"],
-            "--json does not go with --facets",
+            "--json cannot be combined with --facets",
         ),
         (["two_plates", "--facets", "none.csv", "-c", "a"], "No such file"),
         (["diffuse"], "give its --band"),
@@ -140,13 +143,13 @@ def test_material(run, folder, figures):
         (["none.toml"], "No such file"),
         (["picture.png"], "'picture.png' is no image (.exr)"),
         (["two_plates", "--facets", "t.csv", "-c", "area_m2", "--cmap", "nope"], "'nope'"),
-        (["two_plates", "--facets", "t.csv", "-c", "area_m2", "--scene", "a"], "--scene does not"),
+        (["two_plates", "--facets", "t.csv", "-c", "area_m2", "--scene", "a"], "--scene cannot be"),
         (["image.exr", "--scene", "two_plates"], "--scene names the scene whose facets"),
         (["none.json", "--band", "MWIR"], "No such file"),
         (["gloss_black", "--band", "SWIR"], "not measured for band SWIR"),
         (["diffuse", "--band", "MWIR", "--theta-deg", "90"], "--theta-deg"),
-        (["diffuse", "--band", "MWIR", "-D", "a=b"], "-D does not go with a material"),
-        (["image.exr", "--band", "MWIR"], "--band does not go with an image"),
+        (["diffuse", "--band", "MWIR", "-D", "a=b"], "-D cannot be combined with a material"),
+        (["image.exr", "--band", "MWIR"], "--band cannot be combined with an image"),
     ],
 )
 def test_show_refuses(refused, folder, args, reason):
@@ -214,7 +217,7 @@ def test_two_images(run, refused, folder, figures):
     assert "unknown channel of both images" in refused("show", "a.exr", "b.exr", "-c", "range.Y")
     for what in (("a.exr", "b.exr", "a.exr"), ("a.exr", "two_plates")):
         assert "show takes one WHAT, or two images" in refused("show", *what)
-    assert "--outlines does not go with two images" in refused(
+    assert "--outlines cannot be combined with two images" in refused(
         "show", "a.exr", "b.exr", "--outlines"
     )
 

@@ -54,7 +54,7 @@ def test_sweep(run, refused, folder):
     [
         (SWEEP.replace("500", "-5"), (), "range"),
         (SWEEP.replace("range_m", "rnage_m"), (), "rnage_m"),
-        (SWEEP.replace("spp = 2", "spp = 2\ntolerance = 0.1"), (), "do not go with it"),
+        (SWEEP.replace("spp = 2", "spp = 2\ntolerance = 0.1"), (), "cannot be combined with it"),
         (SWEEP, ("--workers", 2, "--dask", "x"), "give one of them"),
         (SWEEP, ("--areas", "disc.toml"), "no folder"),
         ("[base", (), "sweep.toml"),

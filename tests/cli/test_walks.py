@@ -112,7 +112,7 @@ def test_scenes_that_cannot_become_thermal(refused, folder, change, message):
     (folder / "a.xml").write_text(STOCK.replace(*change))
     assert message in refused("import", "a.xml", "-o", "a", "--temperature", 300)
     assert "needs -o FOLDER and --temperature" in refused("import", "a.xml", "-o", "a")
-    assert "--nose does not go with a scene" in refused("import", "a.xml", "--nose", "X")
+    assert "--nose cannot be combined with a scene" in refused("import", "a.xml", "--nose", "X")
     assert not (folder / "a").exists()
     (folder / "scene.xml").write_text(STOCK)
     given = ("import", "scene.xml", "--temperature")

@@ -267,7 +267,7 @@ BAD = [
     ({"conditions": {"air": ["fog"]}}, "fog"),
     ({"conditions": {"target.parameters.colour": ["red"]}}, "colour"),
     ({"weather": {}}, "weather"),
-    ({"sampling": {"spp": 4, "tolerance": 0.1}}, "do not go with it"),
+    ({"sampling": {"spp": 4, "tolerance": 0.1}}, "cannot be combined with it"),
     ({"sampling": {"seeds": 4}}, "seeds"),
 ]
 
@@ -432,9 +432,9 @@ def test_a_file_beside_it_of_another_kind(tmp_path, made):
         ({"azimuths_deg": []}, "needs views"),
         ({"azimuths_deg": [10, 10]}, "twice"),
         ({"resolution": 10**5}, "resolution = 100000; must lie in"),
-        ({"max_spp": 4}, "do not go with it"),
+        ({"max_spp": 4}, "cannot be combined with it"),
         ({"elevations_deg": [100]}, "-90..90"),
-        ({"tolerance": 0.1}, "do not go with it"),
+        ({"tolerance": 0.1}, "cannot be combined with it"),
     ],
 )
 def test_bad_input_of_trend(cylinder, changes, message):

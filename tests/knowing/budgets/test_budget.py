@@ -212,7 +212,7 @@ def test_error_of_the_monte_carlo_covers_the_truth(tmp_path, sigma):
     "arguments, message",
     [
         ({"closure": "tail"}, "closure = tail has no derivatives"),
-        ({"spp": 4, "tolerance": 0.1}, "tolerance and max_spp choose one"),
+        ({"spp": 4, "tolerance": 0.1}, "tolerance and max_spp cannot be combined"),
         ({"tolerance": -1}, "tolerance = -1; must be positive"),
         ({"draws": 3}, "must be 10 or more"),
         (

@@ -453,7 +453,7 @@ class Observation(Described, rules=(named("name"), named("state"))):
 def without_camera(key: str) -> Rule:
     return rule(
         lambda t: not (t.is_of_camera and getattr(t, key)),
-        f"{key} does not go with the image of a scenario's camera",
+        f"{key} cannot be combined with the image of a scenario's camera",
     )
 
 

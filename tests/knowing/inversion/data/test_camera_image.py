@@ -136,7 +136,7 @@ def test_what_a_camera_s_image_does_not_take(scenario, tmp_path):
     given = {"data": [data], "unknowns": {NAMES[3]: {}}, "render": {"spp": 16}}
     for changes, message in (
         ({"netd_mK": 50}, "has its own; leave it out"),
-        ({"sensor": 1}, "sensor does not go with the image of a scenario's camera"),
+        ({"sensor": 1}, "sensor cannot be combined with the image of a scenario's camera"),
         ({"offset": True}, "needs offset_prior, in electrons"),
         ({"quantity": "radiance"}, "quantity"),
         ({"parameters": {"camera.width": 12}}, "has 24 x 24 pixels"),
