@@ -144,6 +144,7 @@ VALUES_PER = {
 }
 FACETS = ".facets"  # end of the name of all facet temperatures of a group
 SPECTRUM = ".spectrum"  # end of the name of the changes of a material's spectrum at all its nodes
+FAR = 3  # standard deviations of a prior, beyond which it has no values
 SPAN_K = 100.0  # width of the interval in which a temperature is taken to be known beforehand, K
 SPAN_OFFSET = 100.0  # the same for an unknown offset, W m^-2 sr^-1
 # Half widths of 95 % intervals up to which an unknown is determined, absolute and relative.
@@ -422,13 +423,19 @@ def instances(
 def with_entry(plain: Unknown, entry: UnknownEntry) -> Unknown:
     """An unknown with the first guess, the bounds and the prior of its entry.
 
-    Raises InputError for bounds without a value between them, and for a start outside the bounds.
+    Raises InputError for bounds without a value between them, for a start outside the bounds, and
+    for a prior whose mean is FAR standard deviations from all values of the parameter.
     """
     label, start = plain.label, plain.start if entry.start is None else entry.start
     lower = plain.lower if entry.lower is None else max(entry.lower, plain.lower)
     upper = plain.upper if entry.upper is None else min(entry.upper, plain.upper)
     if not lower < upper:
         raise InputError(f"'{label}': no value lies in its bounds {lower:g}..{upper:g}")
+    if entry.prior is not None:
+        (mean, sigma), low, high = entry.prior, plain.lower, plain.upper
+        if max(low - mean, mean - high) > FAR * sigma:
+            prior = f"'{label}': prior = {list(entry.prior)}"
+            raise InputError(f"{prior} excludes all values; they lie in {low:g}..{high:g}")
     if entry.start is None and entry.prior is not None:
         start = entry.prior[0]
     if entry.start is None and not lower <= start <= upper:

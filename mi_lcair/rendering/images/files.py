@@ -231,8 +231,8 @@ def from_npy(path: str) -> np.ndarray:
         values = np.load(io.BytesIO(content), allow_pickle=False)
     except MemoryError:
         raise InputError(f"{path}: has a size that does not fit into memory") from None
-    except Exception as error:  # of any kind: the header is parsed as Python
-        raise InputError(f"{path}: is no NumPy array: {error}") from None
+    except Exception:  # of any kind: the header is parsed as Python
+        raise InputError(f"{path}: is no NumPy array; write it by numpy.save") from None
     if not isinstance(values, np.ndarray) or values.dtype.kind not in "fiub":
         raise InputError(f"{path}: contains no array of real numbers")
     return values

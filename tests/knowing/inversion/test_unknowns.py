@@ -152,6 +152,10 @@ def test_first_guesses_and_bounds():
         with_entry(one, UnknownEntry(start=0.7, upper=0.5))
     with pytest.raises(InputError, match="no value lies in its bounds 1.5..1"):
         with_entry(one, UnknownEntry(lower=1.5))
+    assert with_entry(one, UnknownEntry(prior=(-0.29, 0.1))).start == 0
+    for mean in (-0.31, 1.31):
+        with pytest.raises(InputError, match="excludes all values; they lie in 0..1"):
+            with_entry(one, UnknownEntry(prior=(mean, 0.1)))
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from mi_lcair.knowing.budgets.contrast_number import ContrastNumber, present
 from mi_lcair.knowing.inversion.tables import prior_of
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import brightness_temperature, in_band_radiance, in_band_slope
+from mi_lcair.physics.imager import MILLIKELVIN
 from mi_lcair.physics.spectra.bins import Bins
 from mi_lcair.physics.spectra.parameters import Change
 from mi_lcair.physics.spectral_table import WAVELENGTH
@@ -422,7 +423,7 @@ class Observation(Described, rules=(named("name"), named("state"))):
     parameters: dict = entry(dict, is_file=True)
     sensor: int = entry(0, lower=0)
     state: str = ""
-    netd_mK: float | None = entry(None, is_positive=True)
+    netd_mK: float | None = entry(None, is_positive=True, upper=MILLIKELVIN["upper"])
     sigma: float | None = entry(None, is_positive=True)
     camera_sigma: str | None = None
     model_sigma: str | None = None

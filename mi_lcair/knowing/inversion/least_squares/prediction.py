@@ -22,6 +22,7 @@ import numpy as np
 from scipy import sparse
 from scipy.linalg import cho_solve
 
+from mi_lcair.errors import InputError
 from mi_lcair.physics.bands import Band
 from mi_lcair.physics.blackbody import in_band_radiance, in_band_slope
 
@@ -345,7 +346,12 @@ class Equations:
 
     @cached_property
     def inverse_noise(self) -> np.ndarray:
-        """Pseudoinverse (N, N) of the dense noise."""
+        """Pseudoinverse (N, N) of the dense noise; raises InputError if it is not finite."""
+        if not np.isfinite(self.noise).all():
+            raise InputError(
+                "the measured values and their derivatives cannot be predicted, because an unknown "
+                "is almost 0, such as a temperature below 5 K; give another start or prior"
+            )
         scale = np.sqrt(np.diag(self.noise))
         scale[scale == 0] = 1
         values, vectors = np.linalg.eigh(self.noise / np.outer(scale, scale))

@@ -458,6 +458,7 @@ IMAGE = {"image": "a.npy", "quantity": "radiance", "netd_mK": 50.0}
         ({"intensity": 1.0, "netd_mK": 50.0}, "gives its noise by netd_mK; give sigma"),
         ({"trend": "t.csv", "netd_mK": 50.0}, "gives its noise by netd_mK; give sigma"),
         (IMAGE | {"netd_mK": 0.0}, "netd_mK = 0; must be positive"),
+        (IMAGE | {"netd_mK": 1e6}, "at most 100000"),
         ({"intensity": 1.0, "sigma": -1.0}, "sigma = -1; must be positive"),
         (IMAGE | {"scale": 0.0}, "scale = 0; must not be zero"),
         (IMAGE | {"sensor": -1}, "sensor = -1; "),

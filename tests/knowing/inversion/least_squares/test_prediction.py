@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
+from mi_lcair.errors import InputError
 from mi_lcair.knowing.inversion.answers import chi_square
 from mi_lcair.knowing.inversion.least_squares import prediction
 from mi_lcair.knowing.inversion.least_squares.prediction import (
@@ -262,6 +263,13 @@ def test_equations_of_few_values_have_a_lower_rank():
     found = prediction.equations([block([[1.0]], [[[2.0, 2.0]]], [3.0], 0.5)], np.zeros(2))
     np.testing.assert_allclose(found.information, 16 * np.ones((2, 2)))
     np.testing.assert_allclose(found.pull, [16, 16])  # 2 (3 - 1) / 0.25
+
+
+def test_equations_that_are_not_finite_are_refused():
+    broken = np.full((2, 2), np.nan)
+    found = prediction.Equations(np.eye(2), np.zeros(2), broken, broken)
+    with pytest.raises(InputError, match="cannot be predicted, because an unknown is almost 0"):
+        found.pull  # noqa: B018
 
 
 def test_a_direction_of_rounding_errors_has_no_pressure():
