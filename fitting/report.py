@@ -248,9 +248,7 @@ def sections_of_report(report: dict, fit, measurements=None, directional=None) -
     directional: measured tables by quantity; by default the emissivity of the report.
     """
     directional = measured_emissivity(report) if directional is None else directional
-    note = (
-        "The measured data are not in the folder of the report. Only the fitted curves are shown."
-    )
+    note = "The measured data are not in the report's folder. Only the fit is shown."
     data = [note] if measurements is None else []
     draw = named("mi_lcair.show.pictures.fit:curves")
     words = "Measured and fitted BRDF, residuals, and emissivity"

@@ -308,5 +308,5 @@ def test_angles_of_a_trend(angles, scene):
 def test_one_name_without_brackets(scene):
     with pytest.raises(InputError, match=r"one text; give a sequence of names: \['plate"):
         mi_lcair.sensitivities(scene, TEMPERATURE)
-    with pytest.raises(InputError, match="^names = 3 is not a sequence of names, such as"):
+    with pytest.raises(InputError, match="^names = 3 must be a sequence such as"):
         mi_lcair.sensitivities(scene, 3)

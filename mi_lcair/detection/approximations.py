@@ -128,9 +128,9 @@ def multiplied_light(sources: list[Source], shares: np.ndarray) -> list[str]:
     k = int(np.abs(shares).argmax())
     source, how = sources[k], "bright" if shares[k] > 0 else "dark"
     return [
-        f"light of {source.group} ({source.spectrum.name}) has crossed air before it reaches the "
-        "target, but a table does not contain the amounts of absorbers: the transmittances are "
-        f"multiplied, which makes this light up to about {percent(abs(shares[k]))} too {how}"
+        f"light of {source.group} ({source.spectrum.name}) has crossed air before the target, "
+        "but a table does not contain its absorbers: transmittances are multiplied, which makes "
+        f"this light up to about {percent(abs(shares[k]))} too {how}"
     ]
 
 
@@ -164,8 +164,7 @@ def averaged_plumes(scene: Scene, lines: Iterable) -> list[str]:
     return [
         "where no sky of the scene is behind a plume by wavelength, the background is multiplied "
         "by the plume's mean transmittance; at two crossings this is an error of "
-        f"{percent(error)} of the background; use [surroundings] in place of [background] to "
-        "compute it by wavelength"
+        f"{percent(error)} of the background; use [surroundings] instead"
     ]
 
 

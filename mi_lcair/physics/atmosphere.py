@@ -254,8 +254,8 @@ def between_elevations(path, elevations_deg, airs, elevation_deg) -> AtmosphereT
     if elevation_deg is None:
         raise InputError(
             f"atmosphere {path}: has paths of {len(airs)} elevations, {first:g}..{last:g} "
-            "degrees; only the line of sight of a scenario can select one of them; keep the "
-            "blocks of one elevation"
+            "degrees, and only a scenario selects one by its line of sight; keep the blocks of "
+            "one"
         )
     if not first - SAME_ELEVATION_DEG <= elevation_deg <= last + SAME_ELEVATION_DEG:
         raise InputError(

@@ -209,8 +209,7 @@ def _read(source):
         blocks = tape7.blocks(path)
         if len({block.range_m for block in blocks}) > 1:
             raise InputError(
-                f"spectrum {path}: has lines of sight of different ranges; keep the blocks of "
-                "one range"
+                f"spectrum {path}: has lines of sight of different ranges; keep the blocks of one"
             )
         block = tape7.joined(path, blocks)
         return path, SpectralTable({}, block.wavelengths_um, (block.total_radiance,))

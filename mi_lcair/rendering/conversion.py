@@ -114,13 +114,10 @@ def thermal_scene(
         ids = {state.nodes[shape].props.id() for shape in fixed}
         remarks.append(
             f"surfaces with a given emissivity are {percent(share(scene, ids))} of the first "
-            "sensor's image; it may differ from 1 - reflectance, and is the same on the whole "
-            "surface"
+            "sensor's image; it may differ from 1 - reflectance, and is uniform on a surface"
         )
     if names:
-        remarks.append(
-            f"$-parameters were replaced by numbers: {', '.join(sorted(names))}; -D sets them"
-        )
+        remarks.append(f"$-parameters became numbers: {', '.join(sorted(names))}; -D sets them")
     written.absolute().parent.parent.mkdir(parents=True, exist_ok=True)
     with filling(written.parent) as partial:
         (partial / written.name).write_text(text, encoding="utf-8")

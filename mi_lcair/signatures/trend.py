@@ -198,9 +198,7 @@ class Trend(Result):
             yield followed_row(self.followed, self.left_out)
         remarks = []
         if np.any(self.table.get("invalid", 0)):
-            remarks.append(
-                "some samples were NaN or infinite and are counted as 0; see column invalid"
-            )
+            remarks.append("some samples were NaN or infinite and count as 0; see column invalid")
         if self.left_out and counts(self.left_out, self.widest, self.tolerance):
             remarks.append(words_on_left_out(percent(self.left_out)))
         yield Remarks(remarks)

@@ -261,7 +261,7 @@ def test_names_and_files_are_kept(tmp_path):
     assert made.mi.sensors()[0].sampler().sample_count() == 9
     assert made.mi.integrator().max_bounces == 4
     assert any("lamps (1) have the same temperature" in remark for remark in remarks)
-    assert any("$-parameters were replaced by numbers: spp, wall" in remark for remark in remarks)
+    assert any("$-parameters became numbers: spp, wall" in remark for remark in remarks)
     assert not any("left out" in remark or "limit" in remark for remark in remarks)
 
 

@@ -332,9 +332,7 @@ def check_draw(name: str, stated) -> None:
         values = stated[CHOICE] if isinstance(stated[CHOICE], list) else []
         plain = all(type(value) in (str, int, float, bool) for value in values)
         if len(stated) > 1 or not values or not plain:
-            raise InputError(
-                f"{name}: {CHOICE} must be a list of texts or numbers, without other keys"
-            )
+            raise InputError(f"{name}: {CHOICE} must be a list of texts or numbers, and alone")
     elif stated != SPREAD:
         if isinstance(stated, str) and "%" not in stated:
             raise InputError(

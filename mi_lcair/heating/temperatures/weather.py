@@ -267,9 +267,7 @@ def completed(table: WeatherTable, values: dict, times: np.ndarray, where: str) 
         raise InputError(f"{where}: air_K is missing")
     sky, remarks = sky_of(values, where)
     if "ground_K" not in values:
-        remarks += (
-            "the ground is assumed to have the temperature of the air; give ground_K to change it",
-        )
+        remarks += ("the ground has the temperature of the air; give ground_K to change it",)
         values["ground_K"] = values["air_K"]
     if "wind_m_s" in values:
         values["h_W_m2_K"] = convection(values["wind_m_s"])
@@ -336,9 +334,7 @@ def sky_of(values: dict, where: str) -> tuple[str, tuple[str, ...]]:
         raise InputError(f"{where}: cloud needs relative_humidity, from which the sky follows")
     names = ("air_K", "relative_humidity", "cloud")
     values["sky_K"] = sky_temperature(*(values[name] for name in names))
-    return sky, (
-        "the sky's radiation is estimated from humidity and cloud, with an error of about 15 W/m^2",
-    )
+    return sky, ("the sky is estimated from humidity and cloud, with an error of about 15 W/m^2",)
 
 
 def directions(table, values: dict, times: np.ndarray, where: str) -> np.ndarray:

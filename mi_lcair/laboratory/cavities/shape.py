@@ -31,9 +31,7 @@ def of_its_kind(shape: "Shape") -> str | None:
     if shape.kind == "cone":
         return None if len(stated) == 1 else "a cone needs one of length_m and angle_deg"
     needed = listed(taken) if taken else "neither length_m nor angle_deg"
-    return (
-        None if stated == [*taken] else (f"a {shape.kind} needs {needed} in addition to radius_m")
-    )
+    return None if stated == [*taken] else (f"a {shape.kind} needs {needed} and radius_m")
 
 
 RULES = (

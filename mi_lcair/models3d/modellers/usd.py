@@ -385,9 +385,7 @@ class Stage:
                 if match["key"] == "attributes":
                     value = ", ".join(map(str, values))
                 elif len(values) != 1 and not any(map(prim.IsA, MANY)):
-                    self.note(
-                        "several values are used only on meshes and instancers", prim.GetPath()
-                    )
+                    self.note("several values count only on meshes and instancers", prim.GetPath())
                     continue
             if hasattr(value, "resolvedPath"):  # an asset, such as the JSON of a fit
                 value = value.resolvedPath or value.path
@@ -473,9 +471,7 @@ class Stage:
         turns = paths[:, :, :3, :3]
         error = abs(turns @ turns.swapaxes(2, 3) - np.eye(3)).max(axis=(1, 2, 3))
         for k in np.flatnonzero(~(error < RIGID)):
-            self.note(
-                "changes its size or shape with time, and keeps the first one", places[k].path
-            )
+            self.note("changes size or shape with time, and keeps the first one", places[k].path)
             paths[k] = np.eye(4)
         return (np.array(times) - times[0]) / self.usd.GetTimeCodesPerSecond(), frames, paths
 
@@ -549,10 +545,7 @@ class Stage:
             area, smooth = np.linalg.norm(vectors, axis=1).sum() / 2, faces.smoothed_area()
             if abs(smooth - area) > SMALL * area:
                 change = percent((smooth - area) / area)
-                words = (
-                    f"subdivision {scheme} is not applied, the control mesh is used; one "
-                    "step would change the area by"
-                )
+                words = f"subdivision {scheme} is not applied; one step would change the area by"
                 self.note(f"{words} {change}", place.path)
         primvar = UsdGeom.PrimvarsAPI(mesh).GetPrimvar("normals")
         normals = primvar.ComputeFlattened(self.time) if primvar else None
@@ -727,9 +720,7 @@ class Movement:
             own = np.array([moved(place, middle, turn, unit) for place in places])
             own[:, :, :3] -= middle
             if any(varies(other - own[0], rounding).any() for other in own):
-                remarks.append(
-                    f"parts of group {group} move relative to each other, and keep the first pose"
-                )
+                remarks.append(f"parts of group {group} move apart, and keep the first pose")
                 continue
             for name, column, is_used in zip(
                 (*SHIFT, *ATTITUDE), own[0].T, varies(own[0], rounding)

@@ -30,9 +30,7 @@ class Verdict(StrEnum):
     ONE_SIDED = "not determined by these data: {what}"
     ASSUMED = "not determined by these data: only the ranges of amplitudes limit it; give a prior"
     MISSED = "not determined by these data: the model misses {what}"
-    HIDDEN = (
-        "not determined: the noise of the render is larger than its effect; raise spp of [render]"
-    )
+    HIDDEN = "not determined: the noise of the render exceeds its effect; raise spp of [render]"
     UNFINISHED = "not converged: the value still moves, and its error may be too small"
     # Values that were chosen to reach a goal
     CHOSEN = "chosen"

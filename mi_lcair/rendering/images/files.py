@@ -254,8 +254,7 @@ def from_csv(path: str) -> np.ndarray:
             rows.append([float(cell) if cell.strip() else np.nan for cell in cells])
         except ValueError:
             raise InputError(
-                f"{path}, line {number}: is not a row of numbers; put # in front of a line of a "
-                "header"
+                f"{path}, line {number}: is not a row of numbers; put # in front of a header"
             ) from None
         if len(rows[-1]) != len(rows[0]):
             raise InputError(

@@ -230,9 +230,7 @@ def check_bins(scene: Scene, bins: int, errors_um: Sequence[float], atmosphere) 
         raise InputError("bins: a spectral image has no air; leave out the atmosphere")
     of_band = Bounds(lower=scene.band.lower_um, upper=scene.band.upper_um, unit="um")
     if not isinstance(errors_um, Iterable):
-        raise InputError(
-            f"errors_um = {errors_um!r} is not a sequence of wavelengths, such as [4.2]"
-        )
+        raise InputError(f"errors_um = {errors_um!r} must be a sequence such as [4.2]")
     of_band.check_all(np.array(errors_um), lambda k: "errors_um")
 
 

@@ -226,9 +226,7 @@ def parameters_named(scene, names) -> list[entries.StoredParameter]:
     if isinstance(names, str):
         raise InputError(f"names = '{names}' is one text; give a sequence of names: ['{names}']")
     if not isinstance(names, Iterable):
-        raise InputError(
-            f"names = {names!r} is not a sequence of names, such as ['self.temperature']"
-        )
+        raise InputError(f"names = {names!r} must be a sequence such as ['self.temperature']")
     known = all_stored(scene)
     check_known(f"parameter of {scene.name}", known, *names)
     return [known[name] for name in names]

@@ -323,9 +323,7 @@ def drawable(name: str, values: np.ndarray) -> np.ndarray:
     """
     size = np.abs(np.where(np.isfinite(values), values, 0))
     if size.max(initial=0) > LARGEST:
-        raise InputError(
-            f"{name}: has the value {size.max():g}; values up to {LARGEST:g} can be drawn"
-        )
+        raise InputError(f"{name}: has {size.max():g}; values up to {LARGEST:g} can be drawn")
     return np.where((size > 0) & (size < SMALLEST), 0, values)
 
 

@@ -234,7 +234,7 @@ def test_sheets_and_caps(load):
     corners = model.vertices[model.corners].reshape(2, 4, 3)
     assert np.cross(*(corners[:, 1:3] - corners[:, :1]).swapaxes(0, 1))[:, 2].tolist() == [1, -1]
     assert model.remarks == (
-        "doubleSided and open: each face gets a second face for its back: /Sheet",
+        "doubleSided and open: each face gets a second face for its back: /Sheet"
     )
     assert load(mesh("Sheet", *SQUARE)).count == 1
     solid(load(mesh(more=both)), 1)
@@ -351,9 +351,7 @@ def test_the_nearest_counts(load):
     model = load(world, **options)
     expected = [("0.5", "all", 310), ("0.6", "all", 320)]
     assert kinds(model) == [expected[k in (1, 3)] for k in range(6)]
-    assert model.remarks == (
-        "its material's thermal:kelvin is used instead of its own: /World/Box",
-    )
+    assert model.remarks == ("its material's thermal:kelvin is used instead of its own: /World/Box")
     values = 'string[] primvars:thermal:group = ["a", "b", "a", "b", "a", "a"]'
     faces = f'{values} (interpolation = "uniform")'
     model = load(xform("World", paints + mesh(more=f"{bound}\n{faces}", inside=subset)), **options)
@@ -383,7 +381,7 @@ def test_labels_of_simready(load):
     assert model.remarks == ("attributes emissive, single_sided are not used: /Box",)
     many = nonvisual("steel") + xform("World", bound, "double[] thermal:kelvin = [300, 310]")
     model = load(many, material=None)
-    assert model.remarks == ("several values are used only on meshes and instancers: /World",)
+    assert model.remarks == ("several values count only on meshes and instancers: /World",)
     own = mesh(more='rel material:binding = </Paint>\ncustom string thermal:material = "0.8"')
     assert load(nonvisual("none"), own, material=None).labels[0].material == "0.8"
     both = nonvisual("steel").replace("custom", 'custom string thermal:material = "0.7"\ncustom', 1)
@@ -532,7 +530,7 @@ def test_time_samples(load):
     model = load(mesh(more=line), head=head, temperature=None)
     assert set(model.temperature) == {310}
     assert model.remarks == (
-        "changes with time, and is read at the first time: /Box.thermal:kelvin",
+        "changes with time, and is read at the first time: /Box.thermal:kelvin"
     )
 
 
@@ -719,12 +717,12 @@ def test_motions_of_groups(load, tmp_path):
         (
             ("float3 xformOp:scale.timeSamples = {0: (1, 1, 1), 4: (1, 1, 2)}",),
             "",
-            "changes its size or shape with time, and keeps the first one: /Heli/Rotor/Blade",
+            "changes size or shape with time, and keeps the first one: /Heli/Rotor/Blade",
         ),
         (
             ("double3 xformOp:translate.timeSamples = {0: (3, 0, 0), 4: (3, 0, 8)}",),
             xform("Tail", mesh("A", more='custom string thermal:group = "Rotor"')),
-            "parts of group Rotor move relative to each other, and keep the first pose",
+            "parts of group Rotor move apart, and keep the first pose",
         ),
         (
             ROTOR,
@@ -745,9 +743,7 @@ def test_moving_instances(load):
     samples_of = f"point3f[] positions.timeSamples = {{0: {still}, 4: {risen}}}"
     rows = rows.replace("point3f[] positions = [(0.0, 0.0, 0.0), (4.0, 0.0, 0.0)]", samples_of)
     model = load(rows, head=TIMES)
-    assert model.remarks == (
-        "parts of group self move relative to each other, and keep the first pose",
-    )
+    assert model.remarks == ("parts of group self move apart, and keep the first pose",)
     many = load(rows, head=TIMES.replace("endTimeCode = 4", "endTimeCode = 1e9"))
     assert many.remarks == ("too many times to read a motion: /",)
 

@@ -193,7 +193,7 @@ def test_errors_of_no_bins(tmp_path):
         mi_lcair.render(loaded, spp=4, errors_um=[4.0])
     with pytest.raises(InputError, match=r"errors_um = 6 um; must lie in 3..5"):
         mi_lcair.render(loaded, spp=4, bins=4, errors_um=[6.0])
-    with pytest.raises(InputError, match="errors_um = 4 is not a sequence of wavelengths"):
+    with pytest.raises(InputError, match="errors_um = 4 must be a sequence"):
         mi_lcair.render(loaded, spp=4, bins=4, errors_um=4)
     for bins in ("x", 2.5, True):
         with pytest.raises(InputError, match=f"^bins = {bins!r}; must be a whole number, 2 to 512"):
