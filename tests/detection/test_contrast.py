@@ -462,11 +462,7 @@ def test_detector(folder):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "range_m, remark",
-    [
-        (50.0, None),
-        (1000.0, "terrain is in front of up to 50 % of the view"),
-        (10.0, "only 5 radii"),
-    ],
+    [(50.0, None), (1000.0, "terrain is in front of up to 50 %"), (10.0, "only 5 radii")],
 )
 def test_what_stands_between_and_what_is_near_is_remarked(folder, range_m, remark):
     """A wall in front of the target, and a short range, are remarked.

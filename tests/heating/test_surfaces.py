@@ -77,16 +77,8 @@ def test_the_entry_of_the_band_is_taken(tmp_path, name, of_band, emissivity):
 @pytest.mark.parametrize(
     ("of_band", "emissivity", "remark"),
     [
-        (
-            TOTAL,
-            0.6,
-            "LWIR 8-12 um are used for total, although that band contains only 26% of the heat",
-        ),
-        (
-            SOLAR,
-            0.4,
-            "SWIR 1-3 um are used for 0.3-2.5, although that band contains only 26% of the sunl",
-        ),
+        (TOTAL, 0.6, "LWIR 8-12 um are used for total, although that band contains only 26%"),
+        (SOLAR, 0.4, "SWIR 1-3 um are used for 0.3-2.5, although that band contains only 26%"),
     ],
 )
 def test_another_entry_stands_in_with_a_remark(tmp_path, of_band, emissivity, remark):

@@ -234,7 +234,7 @@ def test_sheets_and_caps(load):
     corners = model.vertices[model.corners].reshape(2, 4, 3)
     assert np.cross(*(corners[:, 1:3] - corners[:, :1]).swapaxes(0, 1))[:, 2].tolist() == [1, -1]
     assert model.remarks == (
-        "doubleSided and open: each face gets a second face for its back: /Sheet"
+        "doubleSided and open: each face gets a second face for its back: /Sheet",
     )
     assert load(mesh("Sheet", *SQUARE)).count == 1
     solid(load(mesh(more=both)), 1)
@@ -351,7 +351,9 @@ def test_the_nearest_counts(load):
     model = load(world, **options)
     expected = [("0.5", "all", 310), ("0.6", "all", 320)]
     assert kinds(model) == [expected[k in (1, 3)] for k in range(6)]
-    assert model.remarks == ("its material's thermal:kelvin is used instead of its own: /World/Box")
+    assert model.remarks == (
+        "its material's thermal:kelvin is used instead of its own: /World/Box",
+    )
     values = 'string[] primvars:thermal:group = ["a", "b", "a", "b", "a", "a"]'
     faces = f'{values} (interpolation = "uniform")'
     model = load(xform("World", paints + mesh(more=f"{bound}\n{faces}", inside=subset)), **options)
@@ -530,7 +532,7 @@ def test_time_samples(load):
     model = load(mesh(more=line), head=head, temperature=None)
     assert set(model.temperature) == {310}
     assert model.remarks == (
-        "changes with time, and is read at the first time: /Box.thermal:kelvin"
+        "changes with time, and is read at the first time: /Box.thermal:kelvin",
     )
 
 
