@@ -214,7 +214,7 @@ def test_fit_with_its_data(run, folder):
     (folder / "paint.csv").write_text(data + "\n")  # no longer what was fitted
     run("report", "fit.json", "-o", "without.html")
     pages = [(folder / f"{name}.html").read_text() for name in ("with", "without")]
-    assert ["The measured data are not in the report's folder" in page for page in pages] == [
+    assert ["The measured data are not in the report" in page for page in pages] == [
         False,
         True,
     ]
