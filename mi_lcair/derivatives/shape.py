@@ -13,6 +13,7 @@ from scipy.sparse import csr_array
 
 from mi_lcair.charts import facets_section
 from mi_lcair.coincident import weld
+from mi_lcair.derivatives.attached import AttachedPaths, can_attach
 from mi_lcair.errors import InputError, check_known
 from mi_lcair.physics.bands import known_band
 from mi_lcair.plugins.emission.triangles import (
@@ -196,6 +197,7 @@ STEP = 0.03
 # Shares of the paths that begin on triangles by their visible area, by that times their radiance,
 # and on all that can be seen alike
 SHARES = 0.35, 0.35, 0.3
+NOISY = 0.1  # relative error of attached paths from which on displacements are tried as well
 SEEDS = 2**12  # more than the launches of one seed
 
 
@@ -263,8 +265,8 @@ class Estimation:
         self.triangles = numbers_of_triangles(surface.meshes)
         self.choice = self.starts()
         self.q = self.choice.probability
-        paths = Windows.whole(self.sensor).paths(sampling.settled(self.sensor))
-        self.points = -(-paths // (2 * RANDOMISATIONS * order))
+        self.paths = Windows.whole(self.sensor).paths(sampling.settled(self.sensor))
+        self.points = -(-self.paths // (2 * RANDOMISATIONS * order))
 
     def starts(self) -> Choice:
         """What draws the triangle on which a path begins."""
@@ -274,6 +276,47 @@ class Estimation:
         return facets.mixed_choice(SHARES, parts)
 
     def run(self) -> VertexDerivatives:
+        """The derivatives from attached paths, or from displacements where these are better."""
+        is_edge_on = (self.area == 0) & (self.most_growth @ np.ones(len(self.size)) > 0)
+        result = None
+        with self.scene.prepared() as tracer:
+            if can_attach(self.scene, tracer) and not is_edge_on.any():
+                paths = AttachedPaths(self.surface, self.sensor, tracer, self.choice)
+                result = None if paths.crosses_itself() else self.from_paths(paths)
+        norm = np.linalg.norm
+        if result is not None and norm(result.error) <= NOISY * norm(result.mean):
+            return result
+        other = self.from_displacements()
+        is_better = result is None or norm(other.error) < norm(result.error)
+        return other if is_better else result
+
+    def from_paths(self, paths: AttachedPaths) -> VertexDerivatives:
+        sampling, surface = self.sampling, self.surface
+        points = -(-self.paths // (2 * RANDOMISATIONS))
+        gradient, self.sums, self.counts, invalid = paths.run(
+            sampling.seed, points, sampling.progress
+        )
+        check_valid(invalid, RANDOMISATIONS * points, self.scene.name)
+        pooled, R = self.mean_radiances()
+        moves = surface.moving >= 0
+        number = surface.moving[moves]
+        along = np.einsum("bvk,vk->bv", gradient[:, moves], self.along[number])
+        count = len(self.size)
+        by_vertex = [np.bincount(number, of_block, count) for of_block in along]
+        by_block = R @ self.growth + np.array(by_vertex)
+        missed = np.where(self.counts.any(axis=0), 0, self.radiance) @ self.most_growth
+        rounding = rounding_error(self.scene.mi.integrator().max_bounces)
+        unscattered = np.hypot(missed, rounding * (pooled @ self.most_growth))
+        paths_in_all = 2 * RANDOMISATIONS * points
+        return VertexDerivatives(self.window * by_block, self.window * unscattered, paths_in_all)
+
+    def mean_radiances(self) -> tuple[np.ndarray, np.ndarray]:
+        """Mean radiance of each triangle over all paths (T,), and of each block, (R, T)."""
+        pooled = self.sums.sum(axis=0) / np.maximum(self.counts.sum(axis=0), 1)
+        R = np.where(self.counts > 0, self.sums / np.maximum(self.counts, 1), pooled)
+        return pooled, R
+
+    def from_displacements(self) -> VertexDerivatives:
         random, count = np.random.default_rng(self.sampling.seed), len(self.size)
         signs = random.choice([-1.0, 1.0], (RANDOMISATIONS, count))
         launches = RANDOMISATIONS * len(self.patterns)
@@ -290,8 +333,7 @@ class Estimation:
                     self.sampling.progress(launch + 1, launches)
         paths = 2 * launches * self.points
         check_valid(invalid, paths, self.scene.name)
-        pooled = self.sums.sum(axis=0) / np.maximum(self.counts.sum(axis=0), 1)
-        R = np.where(self.counts > 0, self.sums / np.maximum(self.counts, 1), pooled)
+        pooled, R = self.mean_radiances()
         unscattered = self.unscattered(pooled, standard_errors(of_radiance))
         by_block = R @ self.growth + of_radiance
         return VertexDerivatives(self.window * by_block, self.window * unscattered, paths)

@@ -123,12 +123,12 @@ class Scattering:
 class Walk:
     """Follows paths through a scene.
 
-    emitters: the scene's emitters. max_bounces: number of reflections after which a path ends.
-    shares_hits: whether emitters that a ray can hit are also drawn. ambient_radiance: radiance of
-    any surface after one more reflection [W m^-2 sr^-1]; None: the path ends before. explored: for
-    the pointer to a BSDF, a positive number if it is explored; None if none is, see
-    `columns/tables.py`. by_bin: tables of spectral materials; None if the scene has none. openings:
-    those through which no path leaves by chance; None where paths do.
+    emitters: the scene's emitters. max_bounces: number of reflections after which paths end, or
+    after which each path ends. shares_hits: whether emitters that a ray can hit are also drawn.
+    ambient_radiance: radiance of any surface after one more reflection [W m^-2 sr^-1]; None: the
+    path ends before. explored: for the pointer to a BSDF, a positive number if it is explored; None
+    if none is, see `columns/tables.py`. by_bin: tables of spectral materials; None if the scene has
+    none. openings: those through which no path leaves by chance; None where paths do.
     """
 
     def __init__(
@@ -136,7 +136,7 @@ class Walk:
     ):
         self.scene: mi.Scene = scene
         self.emitters: EmitterTable = emitters
-        self.max_bounces: int = max_bounces
+        self.max_bounces: int | mi.UInt32 = max_bounces
         self.shares_hits: bool = emitter_sampling and emitters.draws
         self.ambient_radiance: mi.Float | None = ambient_radiance
         self.explored: mi.UInt32 | None = explored
@@ -179,7 +179,8 @@ class Walk:
         """
         primal, mode = replay is None, None if replay is None else replay.mode
         # An opaque number, so that one kernel serves every number of reflections
-        most = dr.opaque(mi.UInt32, 0 if part == DIRECT else self.max_bounces)
+        most = 0 if part == DIRECT else self.max_bounces
+        most = most if isinstance(most, mi.UInt32) else dr.opaque(mi.UInt32, most)
         # Radiance: accumulated in the primal pass; in a replay, the part not yet accounted for
         L, latent = self.nothing() if primal else replay.state
         δL = mi.Spectrum(0 if primal or replay.gradient is None else replay.gradient)

@@ -24,9 +24,20 @@ L = 5.670374419e-8 * 300.0**4 / np.pi
 VIEW = np.array([np.cos(np.radians(20)), 0, np.sin(np.radians(20))])  # to the observer
 
 
-def mesh(name: str, corners, triangles, reflectance: float = 0.0, kelvin: float = 300.0):
+def mesh(
+    name: str,
+    corners,
+    triangles,
+    reflectance: float = 0.0,
+    kelvin: float = 300.0,
+    bsdf=None,
+    more=(),
+):
+    """A mesh with one temperature. bsdf: in place of a diffuse one. more: other properties."""
     values = mi.Properties()
-    values["bsdf"] = mi.load_dict({"type": "diffuse", "reflectance": reflectance})
+    for key, value in dict(more).items():
+        values[key] = value
+    values["bsdf"] = mi.load_dict(bsdf or {"type": "diffuse", "reflectance": reflectance})
     values["emitter"] = mi.load_dict(
         {"type": "thermal", "band": "total", "temperature": kelvin, "group": name}
     )

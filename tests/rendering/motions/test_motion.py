@@ -8,7 +8,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair import InputError
-from mi_lcair.derivatives.motions.pixel_step import of_pixels
+from mi_lcair.derivatives.common_numbers import of_pixels
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.knowing.budgets.uncertainties import Uncertainties
 from mi_lcair.knowing.inversion.data.loader import Loader

@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy import fft
 
-from mi_lcair.derivatives.motions.pixel_step import MOST, PIXELS, pixel_step
+from mi_lcair.derivatives.common_numbers import MOST, PIXELS, pixel_step
 from mi_lcair.detection.camera.electronics import Camera, electrons, signal_of
 from mi_lcair.detection.camera.exposure import Exposure, exposure
 from mi_lcair.detection.camera.optics import OVERSAMPLING

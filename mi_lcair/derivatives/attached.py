@@ -1,0 +1,501 @@
+"""Derivatives of an intensity with respect to all vertices, from paths attached to the surfaces.
+
+A path keeps its triangles and its places on them when the vertices move. Its directions, distances
+and angles then change smoothly, and their derivatives are found by reverse mode. What it misses is
+that nearer surfaces hide more or less of farther ones: integrals over the silhouettes, as the
+sensor and as points of reflecting surfaces see them.
+"""
+
+from copy import copy
+from dataclasses import dataclass, replace
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mi_lcair.coincident import unit_normals, weld
+from mi_lcair.plugins.emission.triangles import (
+    Choice,
+    is_faceted,
+    numbers_of_triangles,
+    triangle_vertices,
+)
+from mi_lcair.plugins.paths.launch import FacetStarts, Launch, ParallelRays
+from mi_lcair.plugins.paths.sheets import nearest_hit
+from mi_lcair.plugins.recorders.recorder import Recorders
+from mi_lcair.rendering.facets import radiances
+from mi_lcair.rendering.window import RANDOMISATIONS, window, window_size
+
+TURN = 1e-3  # change of a direction from which the slope of a reflection or an emission is taken
+BESIDE = 2e-5  # distance of a ray from a silhouette, in parts of the model's extent
+MOST_PATHS = 2**19  # paths of one pass, times their reflections, whose derivatives are kept
+# An edge that leaves out this part of its end, or runs along a surface, does not pass through it
+SHORTER, GRAZING = 1e-4, 1e-3
+FLAT = 1e-6  # distance of a vertex from a plane, in parts of the extent, at which it lies in it
+EDGES = 0x27D4EB2F  # changes the seed of paths that begin beside silhouettes
+
+
+def can_attach(scene, tracer) -> bool:
+    """Whether paths can be attached: all surfaces are meshes that reflect by smooth lobes."""
+    emitters, walk = tracer.emitters, tracer.paths
+    plain = not emitters.passes and emitters.sun is None
+    plain &= walk.by_bin is None and walk.ambient_radiance is None
+    flags = [shape.bsdf().flags() for shape in scene.mi.shapes()]
+    delta = any(mi.has_flag(of, mi.BSDFFlags.Delta) for of in flags)
+    return bool(plain and not delta and all(map(is_faceted, scene.mi.shapes())))
+
+
+class ModelEdges:
+    """The edges of triangles at which a surface may end, as a point or a direction sees it.
+
+    ends: two vertices of each edge (E, 2). opposite: the third vertex of each of its triangles, -1
+    for none, (E, K). ModelEdges between two triangles in one plane are left out.
+
+    vertices: (V, 3) [m]. triangles: their vertices (T, 3).
+    """
+
+    def __init__(self, vertices: np.ndarray, triangles: np.ndarray):
+        same, size = weld(vertices), np.ptp(vertices, axis=0).max()
+        sides = np.concatenate([np.roll(triangles, k, axis=1) for k in range(3)])
+        ends = np.sort(same[sides[:, :2]], axis=1)
+        unique, edge, count = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
+        edge = edge.ravel()
+        order = np.argsort(edge, kind="stable")
+        place = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
+        opposite = np.full((len(unique), count.max()), -1)
+        opposite[edge[order], place] = sides[order, 2]
+        a, b = vertices[unique].swapaxes(0, 1)
+        self.length = np.linalg.norm(b - a, axis=1)
+        third = vertices[opposite] - a[:, None]
+        normal = np.cross(b - a, third[:, 0])
+        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+        height = np.abs(np.einsum("ek,ejk->ej", normal, third)).max(
+            axis=1, where=opposite >= 0, initial=0
+        )
+        along = (b - a) / np.maximum(self.length, 1e-300)[:, None]
+        across = np.cross(normal, along)
+        far = np.einsum("ek,ejk->ej", across, third)
+        beyond = np.where(opposite >= 0, far * far[:, :1], 1).min(axis=1) < 0
+        keep = ~((height < FLAT * size) & beyond) & (self.length > 0)
+        self.ends, self.opposite, self.length = unique[keep], opposite[keep], self.length[keep]
+
+
+@dataclass
+class EdgePoint:
+    """A point of an edge with its `Choice`: number, position along it, and density [1/m]."""
+
+    a: mi.UInt32
+    b: mi.UInt32
+    t: mi.Float
+    density: mi.Float
+
+
+class AttachedPaths:
+    """Paths that are attached to the triangles of a `MovedMesh`, and their derivatives.
+
+    surface: the MovedMesh. starts: the `Choice` of the triangles on which paths begin. Call its
+    methods while the scene is prepared. tracer: the scene's `PathTracer`.
+    """
+
+    def __init__(self, surface, sensor, tracer, starts: Choice):
+        self.surface, self.sensor, self.tracer = surface, sensor, tracer
+        self.scene, self.walk, self.emitters = tracer.scene, tracer.paths, tracer.emitters
+        self.rays, self.number = ParallelRays.of(sensor), numbers_of_triangles(surface.meshes)
+        vertices = surface.vertices
+        ends = np.append(0, surface.ends)
+        order = [triangle_vertices(mesh) + first for mesh, first in zip(surface.meshes, ends)]
+        self.corners = mi.UInt32(np.ravel(np.concatenate(order)).astype(np.uint32))
+        self.extent = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+        area, _ = surface.in_view(sensor, vertices)
+        self.aim = FacetStarts.at(surface.meshes, vertices[surface.triangles], area, starts)
+        self.edges = ModelEdges(vertices, surface.triangles)
+        self.ends = mi.UInt32(np.ravel(self.edges.ends).astype(np.uint32))
+        self.opposite = mi.UInt32(np.ravel(self.edges.opposite).astype(np.int64) % 2**32)
+        self.by_length = self.choice(self.edges.length) if len(self.edges.length) else None
+        areas = np.linalg.norm(surface.normals, axis=1) / 2
+        emitted = areas * radiances(surface.meshes)
+        self.emitting = Choice(emitted) if emitted.any() else None
+        density = np.zeros(1) if self.emitting is None else self.emitting.probability / areas
+        self.drawn_density = mi.Float(np.append(0.0, density))
+        self.silhouettes = self.seen_by_sensor()
+
+    def choice(self, lengths: np.ndarray) -> tuple:
+        """What draws an edge by a length of each, (E,), and the density along each edge [1/m]."""
+        choice = Choice(lengths)
+        return choice, mi.Float(choice.probability / np.maximum(self.edges.length, 1e-300))
+
+    def seen_by_sensor(self) -> tuple | None:
+        """What draws an edge that the sensor may see as a silhouette, by its projected length."""
+        direction = window(self.sensor)[-1]
+        vertices, edges = self.surface.vertices, self.edges
+        a, b = vertices[edges.ends].swapaxes(0, 1)
+        normal = np.cross(direction, b - a)
+        length = np.linalg.norm(normal, axis=1)
+        side = np.einsum("ek,ejk->ej", normal, vertices[edges.opposite] - a[:, None])
+        flat = FLAT * self.extent * length[:, None]
+        some = edges.opposite >= 0
+        one_side = ~((some & (side > flat)).any(axis=1) & (some & (side < -flat)).any(axis=1))
+        if not (length * one_side).any():
+            return None
+        return self.choice(length * one_side)
+
+    def crosses_itself(self) -> bool:
+        """Whether an edge of the model passes through a triangle of another part of it.
+
+        What is seen of the two surfaces then ends at a curve that is no edge.
+        """
+        vertices, edges = self.surface.vertices, self.edges
+        if not len(edges.ends):
+            return False
+        a, b = (vertices[edges.ends[:, k]] for k in range(2))
+        inset = FLAT * self.extent * (b - a) / edges.length[:, None] * 10
+        begin, d = mi.Point3f((a + inset).T), mi.Vector3f(((b - a) / edges.length[:, None]).T)
+        pi = self.scene.ray_intersect_preliminary(
+            mi.Ray3f(begin, d, mi.Float(edges.length * (1 - SHORTER)), 0, [])
+        )
+        triangle = self.number.at(pi.shape, pi.prim_index, pi.is_valid()).numpy().astype(int) - 1
+        hit = np.flatnonzero(triangle >= 0)
+        of_hit = weld(vertices)[self.surface.triangles[triangle[hit]]]
+        shares = (of_hit[:, :, None] == edges.ends[hit, None]).any(axis=(1, 2))
+        normals = unit_normals(vertices[self.surface.triangles[triangle[hit]]])
+        steep = np.abs(np.sum(normals * (b - a)[hit], axis=1)) > GRAZING * edges.length[hit]
+        return bool((~shares & steep).any())
+
+    # -------------------------------------------------------------------- Attached geometry
+
+    def vertex(self, number) -> mi.Point3f:
+        """A vertex in the copy of the block of each path."""
+        first = 3 * (number + self.block * mi.UInt32(len(self.surface.vertices)))
+        return mi.Point3f(*(dr.gather(mi.Float, self.positions, first + k) for k in range(3)))
+
+    def attach(self, si, pi, active) -> "AttachedPlace":
+        """Where rays have hit triangles: point and frame with derivatives; others stay."""
+        triangle = self.number.at(pi.shape, pi.prim_index, active & pi.is_valid())
+        known = triangle > 0
+        first = 3 * (dr.maximum(triangle, 1) - 1)
+        a, b, c = (self.vertex(dr.gather(mi.UInt32, self.corners, first + k)) for k in range(3))
+        u, v = pi.prim_uv
+        p = a + u * (b - a) + v * (c - a)
+        n = dr.cross(b - a, c - a)
+        twice_area = dr.select(known, dr.norm(n), 1)
+        n = dr.normalize(n) * dr.sign(dr.dot(dr.detach(n), si.sh_frame.n))
+        p, n = dr.select(known, p, si.p), dr.select(known, n, si.sh_frame.n)
+        s = dr.normalize(si.sh_frame.s - n * dr.dot(n, si.sh_frame.s))
+        return AttachedPlace(
+            si, p, mi.Vector3f(s), mi.Vector3f(dr.cross(n, s)), mi.Vector3f(n), twice_area, triangle
+        )
+
+    def edge_point(self, choice: tuple, sample) -> EdgePoint:
+        draws, density = choice
+        edge, rest = draws.pick_and_rest(sample)
+        a, b = (dr.gather(mi.UInt32, self.ends, 2 * edge + k) for k in range(2))
+        point = EdgePoint(a, b, rest.x, dr.gather(mi.Float, density, edge))
+        point.edge = edge
+        return point
+
+    def outward(self, point: EdgePoint, normal) -> mi.Vector3f:
+        """The unit normal of a plane through the edge, toward where none of its triangles is.
+
+        0 where it is no silhouette. normal: a normal of the plane.
+        """
+        a, columns = self.vertex(point.a), self.edges.opposite.shape[1]
+        above, below = mi.Bool(False), mi.Bool(False)
+        flat = FLAT * self.extent
+        normal = dr.normalize(normal)
+        for k in range(columns):
+            third = dr.gather(mi.UInt32, self.opposite, columns * point.edge + k)
+            exists = third != 0xFFFFFFFF
+            side = dr.dot(normal, self.vertex(dr.select(exists, third, 0)) - a)
+            above, below = above | (exists & (side > flat)), below | (exists & (side < -flat))
+        n = dr.select(above, -normal, normal)
+        return dr.detach(dr.select(above & below, mi.Vector3f(0), n))
+
+    # ------------------------------------------------------------------------ Paths
+
+    def run(self, seed: int, points: int, progress=None) -> tuple:
+        """Independent estimates from paths on the model, and as many beside its silhouettes.
+
+        Returns the derivatives of the mean radiance of the window by all coordinates of vertices
+        (blocks, V, 3), without the growth of the triangles; the sums of the paths' radiance by the
+        triangles on which they begin, and their numbers, (blocks, T) each; and how many paths are
+        invalid. points: paths of each block.
+        """
+        vertices = np.ravel(self.surface.vertices).astype(np.float32)
+        step = max(1, MOST_PATHS // RANDOMISATIONS // max(self.walk.max_bounces, 1))
+        count, invalid = len(self.surface.triangles), 0
+        gradient = np.zeros(RANDOMISATIONS * len(vertices))
+        sums, counts = np.zeros((2, RANDOMISATIONS * count))
+        for first in range(0, points, step):
+            here = min(step, points - first)
+            launch = Launch(1, 1, seed, RANDOMISATIONS, here, first, aim=self.aim)
+            block = np.repeat(np.arange(RANDOMISATIONS), here)
+            self.block = mi.UInt32(block.astype(np.uint32))
+            self.positions = mi.Float(np.tile(vertices, RANDOMISATIONS))
+            dr.enable_grad(self.positions)
+            L, weight, start = self.paths(launch)
+            valid = dr.isfinite(L)
+            total = dr.sum(dr.select(valid, dr.detach(weight) * L, 0))
+            if self.silhouettes is not None:
+                beside = replace(launch, seed=seed ^ EDGES, aim=None)
+                total += dr.sum(self.beside_silhouettes(beside))
+            if dr.grad_enabled(total):
+                dr.backward(total)
+                gradient += dr.grad(self.positions).numpy()
+            radiance = dr.select(valid & (weight > 0), self.radiance, 0).numpy()
+            begins = block * count + start.numpy()
+            invalid += int(np.sum(~valid.numpy()))
+            sums += np.bincount(begins, np.broadcast_to(radiance, block.shape), len(sums))
+            counts += np.bincount(begins, minlength=len(counts))
+            if progress is not None:
+                progress(first + here, points)
+        shape = RANDOMISATIONS, -1
+        gradient = gradient.reshape(*shape, 3) / points
+        return gradient, sums.reshape(shape), counts.reshape(shape), invalid
+
+    def paths(self, launch: Launch) -> tuple:
+        """Radiance of paths on the model with its derivatives, their weights and triangles."""
+        paths = launch.paths_from(self.sensor.sampler())
+        sampler, column, row, _, weight, facet = paths.begin()
+        start = self.number.at(facet.shape, facet.primitive) - 1
+        position = self.rays.position(facet.p, column)
+        weight = dr.select(dr.all((position >= 0) & (position < 1)), weight, 0)
+        ray = self.rays.at(column, row, position, paths.columns, paths.rows)
+        pi, active = facet.first_hit(self.scene, self.emitters.sheets, ray)
+        weight = dr.select(active, weight, 0)
+        si = pi.compute_surface_interaction(ray, mi.RayFlags.All, active)
+        place, toward = self.attach(si, pi, active), mi.Vector3f(-ray.d)
+        most, throughput = self.walk.max_bounces, mi.Float(1)
+        L = place.emission(self.scene, toward, active)
+        at_edge, number = None, sampler.next_1d()
+        for bounce in range(most):
+            active &= si.is_valid()
+            bsdf = si.bsdf(ray)
+            bs, _ = bsdf.sample(mi.BSDFContext(), si, sampler.next_1d(), sampler.next_2d(), active)
+            drawn = self.drawn(place, toward, bsdf, sampler.next_2d(), sampler.next_2d(), active)
+            L += throughput * drawn
+            # One reflection of each path looks for silhouettes, an early one more often
+            share = 0.5 ** min(bounce + 1, most - 1)
+            here = (number < 2 * share if bounce + 1 < most else True) & (number >= share)
+            visit = Visit(
+                place,
+                toward,
+                bsdf,
+                dr.detach(throughput) / share,
+                mi.UInt32(most - 1 - bounce),
+                active,
+            )
+            at_edge = visit if at_edge is None else dr.select(here, visit, at_edge)
+            active &= bs.pdf > 0
+            ray = self.emitters.spawn_ray(si, si.to_world(bs.wo))
+            pi = nearest_hit(self.scene, self.emitters.sheets, ray, active=active)
+            si = pi.compute_surface_interaction(ray, mi.RayFlags.All, active)
+            there = self.attach(si, pi, active)
+            hits = active & si.is_valid()
+            to = dr.select(hits, dr.normalize(there.p - place.p), ray.d)
+            density = self.density_of(there, place)
+            of_area = there.facing(place)
+            change = dr.select(hits, of_area / dr.detach(of_area), 1)
+            f = place.reflection(bsdf, toward, to, active)
+            throughput = dr.select(active, throughput * f * change / bs.pdf, 0)
+            share = dr.select(hits, bs.pdf / (bs.pdf + density), 1)
+            place, toward = there, -to
+            L += throughput * share * place.emission(self.scene, toward, active)
+            dr.eval(L, throughput, place, toward, si, pi, ray, active, at_edge)
+        self.radiance = dr.detach(L)
+        if at_edge is not None and self.by_length is not None:
+            L += self.beside_edges(at_edge, sampler)
+        return L, weight, start
+
+    def drawn(self, place, toward, bsdf, choice, point, active) -> mi.Float:
+        """What a drawn point of a triangle that emits brings, with its derivatives.
+
+        It shares its radiance with the reflected rays that meet it.
+        """
+        if self.emitting is None:
+            return mi.Float(0)
+        triangle, _ = self.emitting.pick_and_rest(choice)
+        first = 3 * triangle
+        with dr.suspend_grad():
+            a, b, c = (self.vertex(dr.gather(mi.UInt32, self.corners, first + k)) for k in range(3))
+            u, v = mi.warp.square_to_uniform_triangle(point)
+            x = dr.detach(place.p)
+            to = dr.normalize(a + u * (b - a) + v * (c - a) - x)
+            f = place.detached(bsdf, toward, to, active)
+            active = active & (f > 0)
+            ray = self.emitters.spawn_ray(place.si, to)
+            pi = nearest_hit(self.scene, self.emitters.sheets, ray, active=active)
+            active &= (
+                self.number.at(pi.shape, pi.prim_index, active & pi.is_valid()) == triangle + 1
+            )
+            si = pi.compute_surface_interaction(ray, mi.RayFlags.All, active)
+        there = self.attach(si, pi, active)
+        to, of_area = dr.normalize(there.p - place.p), there.facing(place)
+        density = dr.detach(self.density_of(there, place))
+        pdf = place.density(bsdf, toward, to, active)
+        f = place.reflection(bsdf, toward, to, active)
+        emitted = f * there.emission(self.scene, -to, active)
+        weight = of_area / dr.detach(of_area) / (density + pdf)
+        return dr.select(active & (density > 0), emitted * weight, 0)
+
+    def density_of(self, there: "AttachedPlace", place: "AttachedPlace") -> mi.Float:
+        """Density with which the direction to a point of a triangle is drawn, without derivatives.
+
+        See `drawn` [1/sr].
+        """
+        if self.emitting is None:
+            return mi.Float(0)
+        of_area = dr.gather(mi.Float, self.drawn_density, there.triangle)
+        facing = dr.detach(there.facing(place)) / dr.detach(there.twice_area)
+        return dr.select(facing > 0, of_area / facing, 0)
+
+    def beside_edges(self, visit: "Visit", sampler) -> mi.Float:
+        """What silhouettes hide or uncover of what a place reflects; 0, with derivatives."""
+        place, toward, active = visit.place, visit.toward, mi.Bool(visit.active)
+        edge = self.edge_point(self.by_length, sampler.next_2d())
+        a, b, x = self.vertex(edge.a), self.vertex(edge.b), place.p
+        z = a + edge.t * (b - a)
+        with dr.suspend_grad():
+            x0, z0, side = dr.detach(x), dr.detach(z), dr.detach(b - a)
+            n = self.outward(edge, dr.cross(z0 - x0, side))
+            distance = dr.norm(z0 - x0)
+            to = dr.normalize(z0 + BESIDE * self.extent * n - x0)
+            f = place.detached(visit.bsdf, toward, to, active)
+            active &= (dr.squared_norm(n) > 0) & (f > 0) & (visit.throughput > 0)
+            ray = self.emitters.spawn_ray(place.si, to)
+            pi = nearest_hit(self.scene, self.emitters.sheets, ray, active=active)
+            active &= ~pi.is_valid() | (pi.t > distance - BESIDE * self.extent)
+            si = pi.compute_surface_interaction(ray, mi.RayFlags.All, active)
+            L = self.incoming(ray, pi, sampler, visit.bounces, active)
+            of_length = dr.norm(dr.cross(side, to)) / dr.norm(side) / distance
+            value = visit.throughput * f * L * of_length / edge.density
+            beyond = dr.norm(si.p - x0)
+        y = self.attach(si, pi, active).p
+        moves = dr.dot(z - x, n) / distance
+        moves -= dr.select(active & si.is_valid(), dr.dot(y - x, n) / beyond, 0)
+        return -dr.select(active, value * (moves - dr.detach(moves)), 0)
+
+    def incoming(self, ray, pi, sampler, bounces, active) -> mi.Float:
+        """Radiance along rays whose hits are known, with at most some reflections."""
+        walk = copy(self.walk)
+        walk.max_bounces = bounces
+        with dr.suspend_grad():
+            (L, _), _, _ = walk.walk(sampler, (ray, pi), active, Recorders([]))
+        return dr.select(active, L[0], 0)
+
+    def beside_silhouettes(self, launch: Launch) -> mi.Float:
+        """What the silhouettes that the sensor sees hide or uncover of farther surfaces."""
+        paths = launch.paths_from(self.sensor.sampler())
+        sampler, column, row, *_ = paths.begin()
+        edge = self.edge_point(self.silhouettes, sampler.next_2d())
+        a, b = self.vertex(edge.a), self.vertex(edge.b)
+        z = a + edge.t * (b - a)
+        with dr.suspend_grad():
+            z0, side, d = dr.detach(z), dr.detach(b - a), self.rays.direction
+            n = self.outward(edge, dr.cross(d, side))
+            position = self.rays.position(z0 + BESIDE * self.extent * n, column)
+            active = dr.all((position >= 0) & (position < 1)) & (dr.squared_norm(n) > 0)
+            ray = self.rays.at(column, row, position, paths.columns, paths.rows)
+            distance = dr.dot(z0 - ray.o, d)
+            near = dr.minimum(distance, self.extent)
+            begin, before = ray.o + (distance - near) * d, distance - near
+            active &= ~self.scene.ray_test(
+                mi.Ray3f(begin, -d, before, 0, []), active & (before > 0)
+            )
+            shorter = mi.Ray3f(begin, d, ray.maxt - before, 0, [])
+            pi = nearest_hit(self.scene, self.emitters.sheets, shorter, active=active)
+            active &= pi.is_valid() & (pi.t > near - BESIDE * self.extent)
+            active &= self.emitters.is_model(pi.shape.emitter())
+            si = pi.compute_surface_interaction(shorter, mi.RayFlags.All, active)
+            most = mi.UInt32(self.walk.max_bounces)
+            L = self.incoming(shorter, pi, sampler, most, active)
+            of_length = dr.norm(dr.cross(side, d)) / dr.norm(side)
+            area = float(np.prod(window_size(self.sensor)))
+            value = dr.select(active, L * of_length / edge.density / area, 0)
+        y = self.attach(si, pi, active).p
+        moves = dr.dot(z - y, n)
+        return -value * dr.select(active, moves - dr.detach(moves), 0)
+
+
+@dataclass
+class Visit:
+    """Where a path looks for silhouettes: the place, and what reaches the sensor from there.
+
+    toward: direction to the place before. bounces: reflections that may follow.
+    """
+
+    place: "AttachedPlace"
+    toward: mi.Vector3f
+    bsdf: mi.BSDFPtr
+    throughput: mi.Float
+    bounces: mi.UInt32
+    active: mi.Bool
+
+
+@dataclass
+class AttachedPlace:
+    """A point of a surface and its frame, with derivatives, and the interaction without them.
+
+    twice_area: of its triangle [m^2]; 1 for other surfaces. triangle: from 1, or 0.
+    """
+
+    si: mi.SurfaceInteraction3f
+    p: mi.Point3f
+    s: mi.Vector3f
+    t: mi.Vector3f
+    n: mi.Vector3f
+    twice_area: mi.Float
+    triangle: mi.UInt32
+
+    def facing(self, place: "AttachedPlace") -> mi.Float:
+        """Twice the area of its triangle as another place sees it, by their squared distance."""
+        between = self.p - place.p
+        cosine = dr.abs(dr.dot(self.n, dr.normalize(between)))
+        return cosine * self.twice_area / dr.squared_norm(between)
+
+    def density(self, bsdf, toward, to, active) -> mi.Float:
+        """Density with which a reflection takes a direction, without derivatives [1/sr]."""
+        wi, wo = dr.detach(self.local(toward)), dr.detach(self.local(to))
+        return bsdf.pdf(mi.BSDFContext(), self.at(wi), wo, active)
+
+    def local(self, direction) -> mi.Vector3f:
+        return mi.Vector3f(*(dr.dot(direction, axis) for axis in (self.s, self.t, self.n)))
+
+    def at(self, wi) -> mi.SurfaceInteraction3f:
+        si = mi.SurfaceInteraction3f(self.si)
+        si.wi = wi
+        return si
+
+    def detached(self, bsdf, toward, to, active) -> mi.Float:
+        """Reflection toward a direction times cosine, without derivatives."""
+        wi, wo = self.local(dr.detach(toward)), self.local(to)
+        return bsdf.eval(mi.BSDFContext(), self.at(dr.detach(wi)), dr.detach(wo), active)[0]
+
+    def reflection(self, bsdf, toward, to, active) -> mi.Float:
+        """Reflection times cosine, with its derivatives by both directions."""
+        ctx, wi, wo = mi.BSDFContext(), self.local(toward), self.local(to)
+        wi0, wo0 = dr.detach(wi), dr.detach(wo)
+        value = lambda i, o: bsdf.eval(ctx, self.at(i), o, active)[0]  # noqa: E731
+        f = value(wi0, wo0)
+        return f + slope(lambda i: value(i, wo0), wi) + slope(lambda o: value(wi0, o), wo)
+
+    def emission(self, scene, toward, active) -> mi.Float:
+        """Emission toward a direction, with its derivatives."""
+        emitter, wi = self.si.emitter(scene, active), self.local(toward)
+        value = lambda w: emitter.eval(self.at(w), active)[0]  # noqa: E731
+        here = dr.select(self.si.is_valid(), slope(value, wi), 0)
+        return value(dr.select(self.si.is_valid(), dr.detach(wi), self.si.wi)) + here
+
+
+def slope(function, direction) -> mi.Float:
+    """0, with the derivatives of a function of a direction."""
+    here = dr.detach(direction)
+    change = mi.Float(0)
+    with dr.suspend_grad():
+        slopes = []
+        for axis in mi.coordinate_system(here):
+            ends = [function(dr.normalize(here + side * TURN * axis)) for side in (1, -1)]
+            slopes.append((axis, (ends[0] - ends[1]) / (2 * TURN)))
+    for axis, of_axis in slopes:
+        moves = dr.dot(axis, direction)
+        change += of_axis * (moves - dr.detach(moves))
+    return change
