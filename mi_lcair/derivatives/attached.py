@@ -58,8 +58,10 @@ class ModelEdges:
         same, size = weld(vertices), np.ptp(vertices, axis=0).max()
         sides = np.concatenate([np.roll(triangles, k, axis=1) for k in range(3)])
         ends = np.sort(same[sides[:, :2]], axis=1)
-        unique, edge, count = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
-        edge = edge.ravel()
+        _, first, edge, count = np.unique(
+            ends, axis=0, return_index=True, return_inverse=True, return_counts=True
+        )
+        unique, edge = sides[first, :2], edge.ravel()
         order = np.argsort(edge, kind="stable")
         place = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
         opposite = np.full((len(unique), count.max()), -1)
@@ -82,8 +84,9 @@ class ModelEdges:
 
 @dataclass
 class EdgePoint:
-    """A point of an edge with its `Choice`: number, position along it, and density [1/m]."""
+    """A point of an edge: the edge and its ends, position along it, and density [1/m]."""
 
+    edge: mi.UInt32
     a: mi.UInt32
     b: mi.UInt32
     t: mi.Float
@@ -156,7 +159,7 @@ class AttachedPaths:
         triangle = self.number.at(pi.shape, pi.prim_index, pi.is_valid()).numpy().astype(int) - 1
         hit = np.flatnonzero(triangle >= 0)
         of_hit = weld(vertices)[self.surface.triangles[triangle[hit]]]
-        shares = (of_hit[:, :, None] == edges.ends[hit, None]).any(axis=(1, 2))
+        shares = (of_hit[:, :, None] == weld(vertices)[edges.ends[hit, None]]).any(axis=(1, 2))
         normals = unit_normals(vertices[self.surface.triangles[triangle[hit]]])
         steep = np.abs(np.sum(normals * (b - a)[hit], axis=1)) > GRAZING * edges.length[hit]
         return bool((~shares & steep).any())
@@ -189,26 +192,25 @@ class AttachedPaths:
         draws, density = choice
         edge, rest = draws.pick_and_rest(sample)
         a, b = (dr.gather(mi.UInt32, self.ends, 2 * edge + k) for k in range(2))
-        point = EdgePoint(a, b, rest.x, dr.gather(mi.Float, density, edge))
-        point.edge = edge
-        return point
+        return EdgePoint(edge, a, b, rest.x, dr.gather(mi.Float, density, edge))
 
     def outward(self, point: EdgePoint, normal) -> mi.Vector3f:
         """The unit normal of a plane through the edge, toward where none of its triangles is.
 
-        0 where it is no silhouette. normal: a normal of the plane.
+        It is 0 where the edge is no silhouette, and half as long where a triangle lies in the
+        plane: the edge is one if that triangle turns to one side. normal: a normal of the plane.
         """
         a, columns = self.vertex(point.a), self.edges.opposite.shape[1]
-        above, below = mi.Bool(False), mi.Bool(False)
-        flat = FLAT * self.extent
-        normal = dr.normalize(normal)
+        above, below, within = mi.Bool(False), mi.Bool(False), mi.Bool(False)
+        flat, normal = FLAT * self.extent, dr.normalize(normal)
         for k in range(columns):
             third = dr.gather(mi.UInt32, self.opposite, columns * point.edge + k)
             exists = third != 0xFFFFFFFF
             side = dr.dot(normal, self.vertex(dr.select(exists, third, 0)) - a)
             above, below = above | (exists & (side > flat)), below | (exists & (side < -flat))
-        n = dr.select(above, -normal, normal)
-        return dr.detach(dr.select(above & below, mi.Vector3f(0), n))
+            within |= exists & (dr.abs(side) <= flat)
+        size = dr.select(above == below, 0.0, dr.select(within, 0.5, 1.0))
+        return dr.detach(normal * dr.select(above, -size, size))
 
     # ------------------------------------------------------------------------ Paths
 

@@ -1,7 +1,7 @@
 """The surface of a model whose vertices move one by one, and what a sensor sees of it."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import count
 from typing import Any
@@ -43,7 +43,8 @@ BESIDE = 1e-3  # distance from a vertex, in these heights, at which other surfac
 class MovedMesh:
     """The triangles of a model, and those of its vertices that move: the vertices of a group.
 
-    Vertices at the same position move together, also those of other groups, so that no crack opens.
+    None for the group is the whole model. Vertices at the same position move together, also those
+    of other groups, so that no crack opens.
     Raises InputError for an unknown group, or if a part of the model is no mesh or has a
     triangle without area.
 
@@ -56,9 +57,9 @@ class MovedMesh:
     the group (T,). sides: see `facings`.
     """
 
-    def __init__(self, scene, group: str):
+    def __init__(self, scene, group: str | None):
         self.scene, self.meshes = scene, facets.meshes_of_model(scene)
-        groups = groups_of_meshes(scene)
+        groups = groups_of_meshes(scene) | {None: self.meshes or []}
         check_known(f"group of meshes of {scene.name}", groups, group)
         if self.meshes is None:
             raise InputError(f"{scene.name}: a part of the model is no mesh, and has no vertices")
@@ -197,6 +198,7 @@ STEP = 0.03
 # Shares of the paths that begin on triangles by their visible area, by that times their radiance,
 # and on all that can be seen alike
 SHARES = 0.35, 0.35, 0.3
+FEW = 2**12  # paths that find the radiance of triangles that are edge-on
 NOISY = 0.1  # relative error of attached paths from which on displacements are tried as well
 SEEDS = 2**12  # more than the launches of one seed
 
@@ -277,10 +279,9 @@ class Estimation:
 
     def run(self) -> VertexDerivatives:
         """The derivatives from attached paths, or from displacements where these are better."""
-        is_edge_on = (self.area == 0) & (self.most_growth @ np.ones(len(self.size)) > 0)
         result = None
         with self.scene.prepared() as tracer:
-            if can_attach(self.scene, tracer) and not is_edge_on.any():
+            if can_attach(self.scene, tracer):
                 paths = AttachedPaths(self.surface, self.sensor, tracer, self.choice)
                 result = None if paths.crosses_itself() else self.from_paths(paths)
         norm = np.linalg.norm
@@ -297,7 +298,16 @@ class Estimation:
             sampling.seed, points, sampling.progress
         )
         check_valid(invalid, RANDOMISATIONS * points, self.scene.name)
-        pooled, R = self.mean_radiances()
+        growth = self.most_growth @ np.ones(len(self.size))
+        is_edge_on = (self.area == 0) & (growth > EDGE_ON * growth.max())
+        if is_edge_on.any():  # no path begins there unless the vertices are displaced
+            few = Estimation(
+                surface, self.along, replace(sampling, paths=FEW, spp=None, progress=None)
+            )
+            few.from_displacements()
+            self.sums[:, is_edge_on] = few.sums[:, is_edge_on]
+            self.counts[:, is_edge_on] = few.counts[:, is_edge_on]
+        pooled, R = mean_radiances(self.sums, self.counts)
         moves = surface.moving >= 0
         number = surface.moving[moves]
         along = np.einsum("bvk,vk->bv", gradient[:, moves], self.along[number])
@@ -309,12 +319,6 @@ class Estimation:
         unscattered = np.hypot(missed, rounding * (pooled @ self.most_growth))
         paths_in_all = 2 * RANDOMISATIONS * points
         return VertexDerivatives(self.window * by_block, self.window * unscattered, paths_in_all)
-
-    def mean_radiances(self) -> tuple[np.ndarray, np.ndarray]:
-        """Mean radiance of each triangle over all paths (T,), and of each block, (R, T)."""
-        pooled = self.sums.sum(axis=0) / np.maximum(self.counts.sum(axis=0), 1)
-        R = np.where(self.counts > 0, self.sums / np.maximum(self.counts, 1), pooled)
-        return pooled, R
 
     def from_displacements(self) -> VertexDerivatives:
         random, count = np.random.default_rng(self.sampling.seed), len(self.size)
@@ -333,7 +337,7 @@ class Estimation:
                     self.sampling.progress(launch + 1, launches)
         paths = 2 * launches * self.points
         check_valid(invalid, paths, self.scene.name)
-        pooled, R = self.mean_radiances()
+        pooled, R = mean_radiances(self.sums, self.counts)
         unscattered = self.unscattered(pooled, standard_errors(of_radiance))
         by_block = R @ self.growth + of_radiance
         return VertexDerivatives(self.window * by_block, self.window * unscattered, paths)
@@ -399,6 +403,63 @@ class Estimation:
 def standard_errors(by_block: np.ndarray) -> np.ndarray:
     """Standard errors of the means of independent estimates (R, n), (n,)."""
     return by_block.std(axis=0, ddof=1) / np.sqrt(len(by_block))
+
+
+# Derivative of an intensity along given velocities of all vertices
+# -----------------------------------------------------------------
+
+
+def slope_along(scene, sensor, velocities: np.ndarray, paths: int, seed: int):
+    """Derivative of the target's mean radiance along a motion, and its error, by attached paths.
+
+    Returns the derivative with the deviations of independent estimates, (1 + R,), and the standard
+    error that they do not show; None if paths cannot be attached. velocities: of the vertices of
+    all meshes of the model, (V, 3) [m per unit of the motion].
+    """
+    try:
+        surface = MovedMesh(scene, None)
+    except InputError:  # a triangle without area
+        return None
+    growth = velocity_of_areas(surface, sensor, velocities)
+    area, _ = surface.in_view(sensor, surface.vertices)
+    radiance = facets.radiances(surface.meshes)
+    shown = area * facets.seen_shares(scene, sensor, area[None])[0]
+    choice = facets.mixed_choice(SHARES, (shown, shown * radiance, (shown > 0).astype(float)))
+    with scene.prepared() as tracer:
+        if not can_attach(scene, tracer):
+            return None
+        attached = AttachedPaths(surface, sensor, tracer, choice)
+        if attached.crosses_itself():
+            return None
+        points = -(-paths // (2 * RANDOMISATIONS))
+        gradient, sums, counts, invalid = attached.run(seed, points)
+        check_valid(invalid, RANDOMISATIONS * points, scene.name)
+    pooled, R = mean_radiances(sums, counts)
+    by_block = R @ growth + np.einsum("bvk,vk->b", gradient, velocities)
+    unscattered = np.where(counts.any(axis=0), 0, radiance) @ abs(growth)
+    rounding = rounding_error(scene.mi.integrator().max_bounces) * (pooled @ abs(growth))
+    deviations = by_block - by_block.mean()
+    deviations /= np.sqrt(RANDOMISATIONS * (RANDOMISATIONS - 1))
+    return np.append(by_block.mean(), deviations), float(np.hypot(unscattered, rounding))
+
+
+def velocity_of_areas(surface: MovedMesh, sensor, velocities: np.ndarray) -> np.ndarray:
+    """Derivatives of the visible areas of triangles, in parts of the window's area, (T,)."""
+    step = 1e-6 * np.ptp(surface.vertices, axis=0).max() / max(abs(velocities).max(), 1e-300)
+    ends = [
+        facets.projected((surface.vertices + side * step * velocities)[surface.triangles], sensor)
+        for side in (1, -1)
+    ]
+    return surface.in_view(sensor, surface.vertices)[1] * (ends[0] - ends[1]) / (2 * step)
+
+
+def mean_radiances(sums: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean radiance of each triangle over all paths (T,), and of each block, (R, T).
+
+    sums: of the radiance by block and triangle (R, T). counts: numbers of paths.
+    """
+    pooled = sums.sum(axis=0) / np.maximum(counts.sum(axis=0), 1)
+    return pooled, np.where(counts > 0, sums / np.maximum(counts, 1), pooled)
 
 
 # Derivatives of an intensity with respect to the shape of a group, by vertex and by facet

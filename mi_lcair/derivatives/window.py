@@ -62,7 +62,7 @@ class Sensitivities(Result):
     method : tuple of str
         How each derivative was found: "linear", "score", "control variate", "mirror" (the same with
         the radiance of the mirror direction), "difference" (of renders), or for a motion "attached
-        difference" or "difference on the film".
+        difference", "difference on the film" or "attached paths".
     by_bounce : ndarray, shape (N,)
         Intensity of paths with 0, 1, ... N - 1 reflections, W/sr.
     paths : int
@@ -496,6 +496,7 @@ def differences_of(numbers: CommonNumbers, name: str, weights: Mapping | None = 
         rows_of_part(numbers, weights),
         PARTS[numbers.part],
         numbers.aim,
+        is_target=weights is None and numbers.part == "target",
     )
 
 

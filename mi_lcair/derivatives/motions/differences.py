@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mi_lcair.derivatives.motions.kinks import AT_KINK, Kink, TurningFacets, turning_facets
+from mi_lcair.derivatives.shape import slope_along
 from mi_lcair.plugins.emission.draw_table import PREFERRED
 from mi_lcair.plugins.integrators.bounce_path import AUTO
 from mi_lcair.plugins.paths import launch
@@ -22,7 +23,7 @@ from mi_lcair.rendering.loading.parsing import extent
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import aim_over_model, blurred, measure
 from mi_lcair.rendering.motions.motion import MODEL, OBSERVER, Motion
-from mi_lcair.rendering.motions.pose import known_motions, moved, value_of
+from mi_lcair.rendering.motions.pose import ScenePose, known_motions, moved, value_of
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene, changed
 from mi_lcair.rendering.statistics import Totals, edge_share
@@ -86,6 +87,7 @@ def aim_at_change(scene, sensor, poses: list[dict], seed: int) -> launch.Aim | N
 
 
 ATTACHED, ON_FILM = "attached difference", "difference on the film"
+ALONG_PATHS = "attached paths"
 PILOT_PATHS = 2**12  # paths of each render that chooses the kind of differences and their step
 PIXELS = 25.0  # shift of an image that changes it by about as much as it is; a step is half a pixel
 # Default step: a turn [deg], a shift as a fraction of what moves, and a change of the size
@@ -203,6 +205,8 @@ class Differences:
         Channel of the radiance of which the number is a part: "target", or None for the scene.
     aim : Aim or None
         Where paths on the film begin.
+    is_target : bool
+        Whether the number is the mean radiance of the target.
     """
 
     scene: Scene
@@ -212,6 +216,7 @@ class Differences:
     rows: Callable[[Totals], np.ndarray]
     channel: str | None = "target"
     aim: launch.Aim | None = None
+    is_target: bool = False
 
     def __post_init__(self):
         self.camera = self.scene.sensor(self.sampling.sensor)
@@ -291,6 +296,8 @@ class Differences:
         if step is None:
             h, pilot = self.better_step(*self.smooth_step(h, pilot, kind), kind)
         verdict = pilot.verdict
+        if step is None and verdict == "smooth" and (found := self.along_paths(pilot)):
+            return found
         offsets = [h, -h, *([0] if verdict == "kink" or self.turning else [])]
         ends = self.totals(offsets, kind, self.sampling.paths)
         high, low, *middle = map(self.rows, ends)
@@ -331,6 +338,41 @@ class Differences:
             ends=tuple(ends[:2]),
             kink=named,
         )
+
+    def along_paths(self, pilot: "Pilot") -> Difference | None:
+        """The derivative by attached paths and silhouettes, where it has less error.
+
+        None where differences are fine, or paths cannot be attached.
+        """
+        paths, slope = 2 * self.sampling.paths, abs(pilot.slope(3, 1)[0])
+        expected = hypot(self.expected(pilot), pilot.truncation)
+        if not (self.is_target and self.can_attach and self.motion.shapes) or self.turning:
+            return None
+        if expected < FINE * slope:
+            return None
+        place, seed = (self.scene, self.camera, self.velocities()), self.sampling.seed
+        few = slope_along(*place, 2 * PILOT_PATHS, seed)
+        if few is None:
+            return None
+        ratio = np.sqrt(2 * PILOT_PATHS / paths)
+        if ratio * hypot(*few[0][1:]) > WORTH * expected:
+            return None
+        rows, unscattered = slope_along(*place, paths, seed)
+        found = float(rows[0])
+        result = Difference(
+            found, rows[1:], unscattered, 0.0, 0.0, ALONG_PATHS, "smooth", (found,) * 2, (), ()
+        )
+        return replace(result, one_sided_errors=(result.error,) * 2)
+
+    def velocities(self) -> np.ndarray:
+        """Velocities of the vertices of all meshes of the model, (V, 3) [m per unit]."""
+        pose, step = ScenePose.of(self.scene), TINY * self.scale
+        ends = []
+        for value in (self.value + step, self.value - step):
+            values = {**pose.values, self.name: value}
+            meshes = meshes_of_model(self.scene)
+            ends.append(np.concatenate([pose.vertices(mesh, values) for mesh in meshes]))
+        return (ends[0] - ends[1]) / (2 * step)
 
     def kink(self, facets: TurningFacets, reach: float, kind: DifferenceKind) -> Kink:
         """What facets that turn edge-on add, from renders of them alone beside the kink."""
