@@ -24,6 +24,7 @@ from mi_lcair.plugins.paths.launch import FacetStarts, Launch, ParallelRays
 from mi_lcair.plugins.paths.sheets import nearest_hit
 from mi_lcair.plugins.recorders.recorder import Recorders
 from mi_lcair.rendering.facets import radiances
+from mi_lcair.rendering.statistics import check_valid, edge_share
 from mi_lcair.rendering.window import RANDOMISATIONS, window, window_size
 
 TURN = 1e-3  # change of a direction from which the slope of a reflection or an emission is taken
@@ -80,6 +81,45 @@ class ModelEdges:
         beyond = np.where(opposite >= 0, far * far[:, :1], 1).min(axis=1) < 0
         keep = ~((height < FLAT * size) & beyond) & (self.length > 0)
         self.ends, self.opposite, self.length = unique[keep], opposite[keep], self.length[keep]
+
+
+@dataclass(frozen=True)
+class PathSums:
+    """What attached paths bring.
+
+    gradient: derivatives of the mean radiance of the window by all coordinates of vertices, without
+    the growth of the triangles, of independent blocks, (R, V, 3). silhouettes: the part of those
+    that the sensor sees. hiding: number of paths beside these that meet something behind them.
+    sums, counts: radiance of the paths by the triangle on which they begin, and their number, (R,
+    T).
+    """
+
+    gradient: np.ndarray
+    silhouettes: np.ndarray
+    hiding: int
+    sums: np.ndarray
+    counts: np.ndarray
+
+    def along(self, velocities: np.ndarray) -> np.ndarray:
+        """Derivatives by the vertices with these velocities (V, 3), of each block, (R, V)."""
+        return np.einsum("bvk,vk->bv", self.gradient, velocities)
+
+    def of_one_path(self, velocities: np.ndarray) -> float:
+        """Standard error from where the visible part of a silhouette ends, see `edge_share`.
+
+        All blocks may have the same number of points there.
+        """
+        moved = np.abs(np.einsum("bvk,vk->bv", self.silhouettes, velocities)).sum()
+        return edge_share(RANDOMISATIONS) * float(moved) / max(self.hiding, 1)
+
+
+def mean_radiances(sums: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean radiance of each triangle over all paths (T,), and of each block, (R, T).
+
+    sums: of the radiance by block and triangle (R, T). counts: numbers of paths.
+    """
+    pooled = sums.sum(axis=0) / np.maximum(counts.sum(axis=0), 1)
+    return pooled, np.where(counts > 0, sums / np.maximum(counts, 1), pooled)
 
 
 @dataclass
@@ -214,18 +254,15 @@ class AttachedPaths:
 
     # ------------------------------------------------------------------------ Paths
 
-    def run(self, seed: int, points: int, progress=None) -> tuple:
+    def run(self, seed: int, points: int, progress=None) -> "PathSums":
         """Independent estimates from paths on the model, and as many beside its silhouettes.
 
-        Returns the derivatives of the mean radiance of the window by all coordinates of vertices
-        (blocks, V, 3), without the growth of the triangles; the sums of the paths' radiance by the
-        triangles on which they begin, and their numbers, (blocks, T) each; and how many paths are
-        invalid. points: paths of each block.
+        points: paths of each block.
         """
         vertices = np.ravel(self.surface.vertices).astype(np.float32)
         step = max(1, MOST_PATHS // RANDOMISATIONS // max(self.walk.max_bounces, 1))
-        count, invalid = len(self.surface.triangles), 0
-        gradient = np.zeros(RANDOMISATIONS * len(vertices))
+        count, invalid, hiding = len(self.surface.triangles), 0, 0
+        gradients = np.zeros((2, RANDOMISATIONS * len(vertices)))
         sums, counts = np.zeros((2, RANDOMISATIONS * count))
         for first in range(0, points, step):
             here = min(step, points - first)
@@ -236,13 +273,16 @@ class AttachedPaths:
             dr.enable_grad(self.positions)
             L, weight, start = self.paths(launch)
             valid = dr.isfinite(L)
-            total = dr.sum(dr.select(valid, dr.detach(weight) * L, 0))
+            totals = [dr.sum(dr.select(valid, dr.detach(weight) * L, 0))]
             if self.silhouettes is not None:
-                beside = replace(launch, seed=seed ^ EDGES, aim=None)
-                total += dr.sum(self.beside_silhouettes(beside))
-            if dr.grad_enabled(total):
-                dr.backward(total)
-                gradient += dr.grad(self.positions).numpy()
+                beside = self.beside_silhouettes(replace(launch, seed=seed ^ EDGES, aim=None))
+                hiding += int(dr.count(self.hides)[0])
+                totals.append(dr.sum(beside))
+            for gradient, total in zip(gradients, totals):
+                if dr.grad_enabled(total):
+                    dr.backward(total)
+                    gradient += dr.grad(self.positions).numpy()
+                    dr.clear_grad(self.positions)
             radiance = dr.select(valid & (weight > 0), self.radiance, 0).numpy()
             begins = block * count + start.numpy()
             invalid += int(np.sum(~valid.numpy()))
@@ -250,9 +290,12 @@ class AttachedPaths:
             counts += np.bincount(begins, minlength=len(counts))
             if progress is not None:
                 progress(first + here, points)
+        check_valid(invalid, RANDOMISATIONS * points, self.surface.scene.name)
+        interior, silhouettes = gradients.reshape(2, RANDOMISATIONS, -1, 3) / points
         shape = RANDOMISATIONS, -1
-        gradient = gradient.reshape(*shape, 3) / points
-        return gradient, sums.reshape(shape), counts.reshape(shape), invalid
+        return PathSums(
+            interior + silhouettes, silhouettes, hiding, sums.reshape(shape), counts.reshape(shape)
+        )
 
     def paths(self, launch: Launch) -> tuple:
         """Radiance of paths on the model with its derivatives, their weights and triangles."""
@@ -413,6 +456,7 @@ class AttachedPaths:
             of_length = dr.norm(dr.cross(side, d)) / dr.norm(side)
             area = float(np.prod(window_size(self.sensor)))
             value = dr.select(active, L * of_length / edge.density / area, 0)
+            self.hides = value > 0
         y = self.attach(si, pi, active).p
         moves = dr.dot(z - y, n)
         return -value * dr.select(active, moves - dr.detach(moves), 0)

@@ -13,7 +13,7 @@ from scipy.sparse import csr_array
 
 from mi_lcair.charts import facets_section
 from mi_lcair.coincident import weld
-from mi_lcair.derivatives.attached import AttachedPaths, can_attach
+from mi_lcair.derivatives.attached import AttachedPaths, can_attach, mean_radiances
 from mi_lcair.errors import InputError, check_known
 from mi_lcair.physics.bands import known_band
 from mi_lcair.plugins.emission.triangles import (
@@ -294,10 +294,8 @@ class Estimation:
     def from_paths(self, paths: AttachedPaths) -> VertexDerivatives:
         sampling, surface = self.sampling, self.surface
         points = -(-self.paths // (2 * RANDOMISATIONS))
-        gradient, self.sums, self.counts, invalid = paths.run(
-            sampling.seed, points, sampling.progress
-        )
-        check_valid(invalid, RANDOMISATIONS * points, self.scene.name)
+        found = paths.run(sampling.seed, points, sampling.progress)
+        self.sums, self.counts = found.sums, found.counts
         growth = self.most_growth @ np.ones(len(self.size))
         is_edge_on = (self.area == 0) & (growth > EDGE_ON * growth.max())
         if is_edge_on.any():  # no path begins there unless the vertices are displaced
@@ -308,15 +306,23 @@ class Estimation:
             self.sums[:, is_edge_on] = few.sums[:, is_edge_on]
             self.counts[:, is_edge_on] = few.counts[:, is_edge_on]
         pooled, R = mean_radiances(self.sums, self.counts)
-        moves = surface.moving >= 0
+        moves, count = surface.moving >= 0, len(self.size)
         number = surface.moving[moves]
-        along = np.einsum("bvk,vk->bv", gradient[:, moves], self.along[number])
-        count = len(self.size)
-        by_vertex = [np.bincount(number, of_block, count) for of_block in along]
+        velocities = np.zeros(surface.vertices.shape)
+        velocities[moves] = self.along[number]
+        by_vertex = [
+            np.bincount(number, block, count) for block in found.along(velocities)[:, moves]
+        ]
         by_block = R @ self.growth + np.array(by_vertex)
+        # Of a vertex whose edges hide something
+        hides = np.einsum("bvk,vk->v", np.abs(found.silhouettes), np.abs(velocities))
+        hides = np.bincount(number, hides[moves], count) > 0
+        one_path = hides * found.of_one_path(velocities)
+        of_ends = np.sqrt(np.maximum(one_path**2 - standard_errors(by_block) ** 2, 0))
         missed = np.where(self.counts.any(axis=0), 0, self.radiance) @ self.most_growth
         rounding = rounding_error(self.scene.mi.integrator().max_bounces)
-        unscattered = np.hypot(missed, rounding * (pooled @ self.most_growth))
+        parts = missed, of_ends, rounding * (pooled @ self.most_growth)
+        unscattered = np.linalg.norm(parts, axis=0)
         paths_in_all = 2 * RANDOMISATIONS * points
         return VertexDerivatives(self.window * by_block, self.window * unscattered, paths_in_all)
 
@@ -432,15 +438,17 @@ def slope_along(scene, sensor, velocities: np.ndarray, paths: int, seed: int):
         if attached.crosses_itself():
             return None
         points = -(-paths // (2 * RANDOMISATIONS))
-        gradient, sums, counts, invalid = attached.run(seed, points)
-        check_valid(invalid, RANDOMISATIONS * points, scene.name)
-    pooled, R = mean_radiances(sums, counts)
-    by_block = R @ growth + np.einsum("bvk,vk->b", gradient, velocities)
-    unscattered = np.where(counts.any(axis=0), 0, radiance) @ abs(growth)
-    rounding = rounding_error(scene.mi.integrator().max_bounces) * (pooled @ abs(growth))
+        found = attached.run(seed, points)
+    pooled, R = mean_radiances(found.sums, found.counts)
+    by_block = R @ growth + found.along(velocities).sum(axis=1)
     deviations = by_block - by_block.mean()
     deviations /= np.sqrt(RANDOMISATIONS * (RANDOMISATIONS - 1))
-    return np.append(by_block.mean(), deviations), float(np.hypot(unscattered, rounding))
+    parts = [
+        np.where(found.counts.any(axis=0), 0, radiance) @ abs(growth),
+        np.sqrt(max(found.of_one_path(velocities) ** 2 - np.sum(deviations**2), 0)),
+        rounding_error(scene.mi.integrator().max_bounces) * (pooled @ abs(growth)),
+    ]
+    return np.append(by_block.mean(), deviations), float(np.linalg.norm(parts))
 
 
 def velocity_of_areas(surface: MovedMesh, sensor, velocities: np.ndarray) -> np.ndarray:
@@ -451,15 +459,6 @@ def velocity_of_areas(surface: MovedMesh, sensor, velocities: np.ndarray) -> np.
         for side in (1, -1)
     ]
     return surface.in_view(sensor, surface.vertices)[1] * (ends[0] - ends[1]) / (2 * step)
-
-
-def mean_radiances(sums: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean radiance of each triangle over all paths (T,), and of each block, (R, T).
-
-    sums: of the radiance by block and triangle (R, T). counts: numbers of paths.
-    """
-    pooled = sums.sum(axis=0) / np.maximum(counts.sum(axis=0), 1)
-    return pooled, np.where(counts > 0, sums / np.maximum(counts, 1), pooled)
 
 
 # Derivatives of an intensity with respect to the shape of a group, by vertex and by facet

@@ -355,9 +355,10 @@ class Differences:
         if few is None:
             return None
         ratio = np.sqrt(2 * PILOT_PATHS / paths)
-        if ratio * hypot(*few[0][1:]) > WORTH * expected:
+        if ratio * hypot(*few[0][1:], few[1]) > WORTH * expected:
             return None
         rows, unscattered = slope_along(*place, paths, seed)
+        unscattered = hypot(unscattered, self.rounding(pilot.rows, self.scale))
         found = float(rows[0])
         result = Difference(
             found, rows[1:], unscattered, 0.0, 0.0, ALONG_PATHS, "smooth", (found,) * 2, (), ()
