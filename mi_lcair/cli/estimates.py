@@ -37,9 +37,7 @@ def audit_command(facets, result):
 # ------------------------------------------------------------------------------------
 
 
-@options.command(
-    "budget", "mi-lcair budget box.toml -u sigma.toml -D render.max_bounces=1 --spp 16"
-)
+@options.command("budget", "mi-lcair budget box.toml -u sigma.toml -o tornado.png")
 @click.argument("what", shell_complete=completion.scenes_and_scenarios)
 @options.option(
     "-u --uncertainties",
@@ -139,8 +137,8 @@ def _write_image(scene, result, arguments, path):
 @options.command(
     "invert",
     "mi-lcair render box/scene.xml -D azimuth_deg=30 -D elevation_deg=30 -D resolution=64 "
-    "-o camera.exr",
-    "mi-lcair invert problem.toml --no-advice -o solution.json",
+    "--seed 1 -o camera.exr",
+    "mi-lcair invert problem.toml -o solution.json -o residual.png",
 )
 @click.argument("problem", type=options.FILE)
 @options.outputs(
@@ -181,7 +179,7 @@ def invert_command():
 
 @options.command(
     "sensitivities",
-    "mi-lcair sensitivities cylinder_ir_range self.temperature bare_aluminum.e --spp 16",
+    "mi-lcair sensitivities box/scene.xml lid.temperature self.temperature",
 )
 @options.loading
 @click.argument("names", nargs=-1, required=True, metavar="NAME...")
@@ -203,7 +201,8 @@ def sensitivities_command():
 
 @options.command(
     "shape-derivatives",
-    "mi-lcair shape-derivatives cylinder_ir_range --group self --spp 4 -o shape.png",
+    "mi-lcair shape-derivatives cylinder_ir_range -D resolution=32 --group self --spp 32 "
+    "-o shape.png",
 )
 @options.loading
 @options.outputs(

@@ -22,7 +22,7 @@ CURVE = "theta_deg", "predicted", "standard_error"  # of the emissivity in a fit
 
 @options.command(
     "convert",
-    "mi-lcair convert open_box.exr open_box.tif -c temperature.Y",
+    "mi-lcair convert box.exr box_K.tif -c temperature.Y",
     "mi-lcair convert box.obj box.vtp",
     "mi-lcair convert box.obj box.usda",
 )
@@ -212,7 +212,7 @@ FACET, COLUMNS, PIXEL, TWO = "--facet", "--facets", "--pixel", "two images"
 
 @options.command(
     "show",
-    "mi-lcair show open_box.exr -o open_box.png",
+    "mi-lcair show two_plates.exr",
     "mi-lcair show gloss_black --band LWIR -o brdf.png",
 )
 @click.argument("what", nargs=-1, required=True, metavar="WHAT", shell_complete=completion.pictured)
@@ -348,7 +348,7 @@ def _drawn(kind: str):
 # ----------------------------------------------------------------
 
 
-@options.command("report", "mi-lcair report two_plates --spp 16 -o two_plates.html")
+@options.command("report", "mi-lcair report box.toml --spp 16 -o scenario.html")
 @click.argument("what", nargs=-1, required=True, shell_complete=completion.scenes_and_scenarios)
 @options.output("the page, FILE.html", required=True)
 @options.changes("Set a $-parameter of the scene, or an entry of the scenario", "parameters")

@@ -22,8 +22,8 @@ ANY = (".csv", ".json", ".html", ".nc", *PICTURES)  # files of every result that
     "temperature",
     "mi-lcair temperature 305.2 --band LWIR --emissivity 0.92+-0.02 --reflected 293+-2",
     "mi-lcair temperature photo.jpg --emissivity 0.95+-0.02 --spot 40,30 --spot 20,30",
-    "mi-lcair temperature seen.exr --emissivity 0.92+-0.02 --reflected 285+-2 "
-    "--distance 1000 -o object.tif",
+    "mi-lcair temperature seen.exr --emissivity 0.92+-0.02 --reflected 293+-2 "
+    "--distance 800+-10 --humidity 0.6+-0.1 -o object.csv",
 )
 @click.argument("image", metavar="IMAGE|K")
 @options.outputs("or draw the temperatures, with their uncertainty", ".tif", ".tiff", ".exr", *ANY)
@@ -72,7 +72,7 @@ def cavity_command():
 
 @options.command(
     "exchange",
-    "mi-lcair exchange box/scene.xml --sky-K 250 --ground-K 290 -o facets.csv",
+    "mi-lcair exchange box/scene.xml --sky-K 250 --ground-K 285 -o facets.csv",
     "mi-lcair exchange box/scene.xml --sun 40 120 -o exchange.nc",
 )
 @options.loading
@@ -100,7 +100,7 @@ def exchange_command():
 OF_HOUR = (".csv", *FACET_FILES)  # files of the temperatures at one time
 
 
-@options.command("heat", "mi-lcair heat heat.toml -o temperatures.csv --hour 14")
+@options.command("heat", "mi-lcair heat heat.toml -o noon.csv --hour 12")
 @click.argument("description", metavar="HEAT.toml")
 @options.outputs(
     "or draw the temperatures", *OF_HOUR, ".series", ".nc", ".json", ".html", *PICTURES

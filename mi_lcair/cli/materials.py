@@ -74,7 +74,7 @@ def scenes_command():
 # ---------------------------------------------------
 
 
-@options.command("parameters", "mi-lcair parameters cavity -D opening=8")
+@options.command("parameters", "mi-lcair parameters box/scene.xml")
 @options.loading
 def parameters_command(scene):
     """List the parameters of SCENE.

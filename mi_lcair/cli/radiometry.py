@@ -21,8 +21,8 @@ OF_TRUTH = ("truth", "facet", "group", "material", "instance")  # ends of names 
 
 @options.command(
     "render",
-    "mi-lcair render open_box --spp 64 -o open_box.exr",
-    "mi-lcair render cylinder_ir_range -D band=MWIR --tolerance 5% -o cylinder.exr -o cylinder.png",
+    "mi-lcair render two_plates --tolerance 1% -o two_plates.exr",
+    "mi-lcair render cylinder_ir_range --tolerance 2% --max-bounces auto -o seen.exr",
 )
 @options.loading
 @options.outputs(
@@ -102,8 +102,8 @@ def stem_of_truth(outputs) -> Path:
 
 @options.command(
     "signature",
-    "mi-lcair signature cylinder_ir_range --spp 16",
-    "mi-lcair signature box/scene.xml --tolerance 1% --facets facets.csv --spectrum s.csv",
+    "mi-lcair signature cylinder_ir_range --tolerance 1%",
+    "mi-lcair signature box/scene.xml --tolerance 5% --spectrum spectrum.csv --facets facets.csv",
 )
 @options.loading
 @options.sampling("signature", parts={"flag": "--parts/--no-parts", "show_default": False})
@@ -188,7 +188,7 @@ class Azimuths(Angles):
 
 @options.command(
     "trend",
-    "mi-lcair trend cylinder_ir_range --azimuth 0:180:45 --resolution 16 --spp 16 -o trend.csv",
+    "mi-lcair trend box/scene.xml --azimuth 0:330:30 --elevation 0,20 --spp 16 -o trend.csv",
 )
 @options.loading
 @options.outputs(
@@ -230,7 +230,7 @@ def trend_command():
 # --------------------------------------------
 
 
-@options.command("chart", "mi-lcair chart cavity --tolerance 2% --seconds 5 -o chart.png")
+@options.command("chart", "mi-lcair chart cylinder_ir_range --tolerance 1% -o chart.png")
 @options.loading
 @options.outputs("the table, or draw the chart", ".csv", ".json", *PICTURES)
 @options.calls("chart", "seconds", unit="ways")
@@ -252,8 +252,8 @@ def chart_command(result):
 
 @options.command(
     "contrast",
-    "mi-lcair contrast box.toml -D render.max_bounces=2 --range",
-    "mi-lcair contrast a340_landing/position_1 --spp 4",
+    "mi-lcair contrast box.toml --range",
+    "mi-lcair contrast a340_landing/position_3 -D sensor.band=LWIR -D render.tolerance=0.1",
 )
 @options.scenario("sensor.band=LWIR")
 @options.sampling("contrast", tolerance_W_m2={"type": click.FloatRange(min=0, min_open=True)})
@@ -292,7 +292,7 @@ def contrast_command(scenario, ranges, outputs):
 # -----------------------------------------------------
 
 
-@options.command("image", "mi-lcair image box.toml --spp 4 -o seen.exr -o seen.png")
+@options.command("image", "mi-lcair image box.toml -o seen.exr --frames 10 -o seen.png")
 @options.scenario("camera.f_number=2")
 @options.outputs(
     "the image, and the counts to FILE.tif in the same folder, or draw frame and measures",
@@ -350,7 +350,10 @@ def sweep_command():
 # -----------------------------------------------------------------------
 
 
-@options.command("flight", "mi-lcair flight flyby.toml -o flight.csv -o flight.png")
+@options.command(
+    "flight",
+    "mi-lcair flight flyby.toml -o flight.csv -o flight.png --frames seen.tif --video seen.gif",
+)
 @options.scenario("flight.rate_hz=1")
 @options.of("trend", "spp", "tolerance", "max_spp")
 @options.outputs(

@@ -46,6 +46,11 @@ def lines(command):
     return [line.strip() for line in text if line.strip().startswith("mi-lcair")]
 
 
+def examples():
+    """(name, words) of the example lines of all commands, in the order of the help."""
+    return [(name, shlex.split(line)) for name, command in leaves() for line in lines(command)]
+
+
 @pytest.mark.parametrize("name", [name for name, _ in leaves()])
 def test_every_command_has_an_example_of_itself(name):
     assert any(
@@ -88,7 +93,6 @@ def test_examples_run_in_order(tmp_path, monkeypatch):
     shutil.copytree(EXAMPLES, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
     run_command(shlex.split("mi-lcair import box.obj -o box"), "preparation")
-    for name, command in leaves():
-        for words in map(shlex.split, lines(command)):
-            if words not in shown:
-                check_next(run_command(words, name), words)
+    for name, words in examples():
+        if words not in shown:
+            check_next(run_command(words, name), words)

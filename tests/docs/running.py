@@ -65,17 +65,17 @@ def quick():
         yield
 
 
-def run(fence: Fence, namespace: dict) -> None:
-    """Write a fence's file or run its commands or Python; raises AssertionError if that fails."""
+def run(fence: Fence, namespace: dict) -> list[tuple[str, list[str]]]:
+    """Write a fence's file or run its commands or Python; raises AssertionError if that fails.
+
+    Returns output and words of each command.
+    """
     if fence.mark == "file" and fence.sample is None:
         Path(fence.value).write_text(fence.text, encoding="utf-8")
-    if not fence.is_run:
-        return
-    if fence.language == "python":
+    if fence.is_run and fence.language == "python":
         run_python(fence, namespace)
-        return
-    for command in commands(fence):
-        run_command(command, fence.place)
+    of_shell = commands(fence) if fence.is_run and fence.language == "sh" else []
+    return [(run_command(words, fence.place), words) for words in of_shell]
 
 
 def commands(fence: Fence) -> list[list[str]]:

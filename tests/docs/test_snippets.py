@@ -5,17 +5,20 @@ from collections import Counter
 
 import pytest
 
+from tests.cli.test_examples import check_next, examples
 from tests.docs.fences import EXAMPLES, Fence, all_fences, fences, pages
 from tests.docs.running import commands, run, study_error
 
 RUN = [page for page in pages() if any(fence.is_run for fence in fences(page))]
 LANGUAGES = {"sh", "python", "xml", "toml", "csv", "obj", "json", "text"}
 
+ELSEWHERE = "other pages or manuals have each line"
 # Fences that no test runs: page and reason -> how many. There should be no more than these.
 NOT_RUN = {
     ("README.md", "installs packages"): 1,
     ("README.md", "runs the tests"): 1,
     ("docs/start.md", "installs packages"): 1,
+    ("docs/tour.md", ELSEWHERE): 1,
     ("docs/gallery.md", "takes minutes at the picture's resolution"): 3,
     ("docs/gallery.md", "takes minutes"): 1,
     ("docs/gallery.md", "long study"): 5,
@@ -37,14 +40,25 @@ def folder(tmp_path, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.parametrize("document", RUN)
 def test_commands_and_python_run(document, folder):
-    namespace = {"__name__": "__main__"}
+    """What also ends a command's help names the next command."""
+    namespace, of_help = {"__name__": "__main__"}, [words for _, words in examples()]
     for fence in fences(document):
-        run(fence, namespace)
+        for output, words in run(fence, namespace):
+            if words in of_help:
+                check_next(output, words)
 
 
 def test_what_is_not_run_is_listed():
     marks = ((fence.page, fence.value) for fence in all_fences() if fence.mark == "not run")
     assert Counter(marks) == NOT_RUN
+
+
+def test_lines_of_elsewhere_are_run_there():
+    run_lines, repeated = [words for _, words in examples()], []
+    for fence in all_fences():
+        if fence.language == "sh" and (fence.is_run or fence.value == ELSEWHERE):
+            (run_lines if fence.is_run else repeated).extend(commands(fence))
+    assert len(repeated) > 15 and [words for words in repeated if words not in run_lines] == []
 
 
 @pytest.mark.parametrize("fence", all_fences(), ids=lambda fence: fence.place)
