@@ -207,7 +207,7 @@ def test_fit_with_its_data(run, folder):
     data = (FOLDER / "examples" / "paint.csv").read_text()
     (folder / "paint.csv").write_text(data)
     result = run(
-        "fit", "paint.csv", "--model", "sandford_robertson", "-o", "fit.json", "--starts", 4
+        "fit", "paint.csv", "--model", "sandford_robertson", "-o", "fit.json", "--starts", 1
     )
     assert result.exit_code == 0, result.output
     run("report", "fit.json", "-o", "with.html")

@@ -17,8 +17,7 @@ from functools import cached_property
 import numpy as np
 from numpy.polynomial import legendre
 from scipy import sparse
-from scipy.optimize import brentq
-from scipy.special import roots_jacobi
+from scipy.special import lambertw, roots_jacobi
 
 from mi_lcair.errors import InputError
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
@@ -27,6 +26,7 @@ ROUNDING = 1e-7  # largest residual by rounding, in the same unit
 UNSTEADY = 8  # Newton steps after which they are shortened
 MOST_STEPS = 60  # Newton steps; each at least halves the distance to a fourth root
 CLOSED = 1e-12  # residual of the balance, as a fraction of the power that surfaces exchange
+TINY = np.finfo(float).tiny  # beside what may be 0
 SOLVED = 1e-13  # residual of a linear system, as a fraction of its right-hand side
 Leaving = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
@@ -95,7 +95,7 @@ class Balance:
         """
         slope = 4 * STEFAN_BOLTZMANN * kelvin**3
         shift = np.transpose(conductance.T / slope).reshape(len(slope), -1)
-        inverse = 1 / (self.diagonal[:, None] + shift)
+        inverse = np.reciprocal(self.diagonal[:, None] + shift)
         solution, residual = np.zeros_like(power), power.copy()
         limit = solved**2 * abs(np.sum(power**2 * inverse, axis=0))
         direction = inverse * residual
@@ -104,12 +104,12 @@ class Balance:
             if (abs(before) <= limit).all():
                 break
             image = self.laplacian @ direction + shift * direction
-            length = before / (np.sum(direction * image, axis=0) + 1e-300)
+            length = before / (np.sum(direction * image, axis=0) + TINY)
             solution += length * direction
             residual -= length * image
             preconditioned = inverse * residual
             after = np.sum(residual * preconditioned, axis=0)
-            direction = preconditioned + after / (before + 1e-300) * direction
+            direction = preconditioned + after / (before + TINY) * direction
             before = after
         return solution / slope[:, None]
 
@@ -191,9 +191,10 @@ class HeatWall:
         """Derivative of the depths of the nodes with respect to `INTERVAL` [m], (nodes,)."""
         longer = np.real(self.depth / (DEEPEST * self.penetration(DAY)))
         if longer <= 1.001:
-            return self.depth * np.ones(CELLS + 1)
+            return np.full(CELLS + 1, self.depth)
         # The nodes at the surface are as close as those of a day
-        growth = brentq(lambda g: np.expm1(g) / g - longer, 1e-4, 40.0)
+        # of expm1(growth) / growth = longer
+        growth = -1 / longer - np.real(lambertw(-np.exp(-1 / longer) / longer, -1))
         return self.depth * growth / np.expm1(growth) * np.exp(growth * INTERVAL)
 
     @property

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import mi_lcair
-from mi_lcair.detection.camera.poses import pixels, solve, starts
+from mi_lcair.detection.camera.poses import pixels, remarks_on, solve, starts
 from mi_lcair.detection.camera.view import Pointing, axes_of, pointing_of
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import target_scene
@@ -127,6 +127,44 @@ def test_errors_fall_with_the_square_root_of_the_points():
     np.testing.assert_allclose(twice.errors, few.errors, rtol=1e-3)
 
 
+def test_points_behind_the_camera_are_as_near_as_a_millionth_of_their_extent():
+    """Of the longest side of their box, wherever the box is."""
+    points = np.array([[0, 0, 0], [4, 0, 0], [0, 1, -2.0]]) + [100.0, 200, 300]
+    places = pixels(points, points[0] + [1.0, 0, 3], np.eye(3), IMAGER)
+    np.testing.assert_allclose(places[0, 0] - 320, -1 / (4e-6 * IMAGER.pixel_angle))
+
+
+def noisy(count: int, pixels_off: float):
+    """Points, and their places with a noise of this rms after a pose was fitted."""
+    points, eye, sides = draw(rng := np.random.default_rng(9), count, 30.0)
+    places, noise = pixels(points, eye, sides, IMAGER), rng.normal(size=(count, 2))
+    for _ in range(4):
+        noise *= pixels_off / solve(points, places + noise, IMAGER, None).rms_px
+    return points, places + noise
+
+
+@pytest.mark.parametrize("sigma_px", [1 / 1.95, 1 / 2.05, None])
+def test_remarks_on_noise(sigma_px):
+    """Beyond two stated deviations; without any, below 4 degrees of freedom."""
+    remarks = remarks_on(solve(*noisy(8, 1.0), IMAGER, sigma_px), sigma_px, [])
+    assert [words in " ".join(remarks) for words in ("by 1 (rms), more than sigma", "freedom")] == [
+        sigma_px == 1 / 2.05,
+        False,
+    ]
+
+
+@pytest.mark.parametrize("count", [4, 5])
+def test_few_points_have_wide_intervals(count):
+    """Student's factors of 2 and 4 degrees of freedom, of printed tables: 4.303 and 2.776."""
+    solved = solve(*noisy(count, 0.1), IMAGER, None)
+    assert solved.factor == pytest.approx({4: 4.303, 5: 2.776}[count], abs=1e-3)
+    few = [words for words in remarks_on(solved, None, []) if "leave" in words]
+    assert len(few) == (count == 4) and all("leave 2 degrees of freedom" in w for w in few)
+    variance = np.sum(solved.residual_px**2) / (2 * count - 6)
+    inverse = variance * np.linalg.inv(solved.slopes.T @ solved.slopes)
+    np.testing.assert_allclose(solved.errors**2, np.diag(inverse), rtol=1e-9)
+
+
 def test_a_small_plane_has_two_poses():
     """A square far away, seen obliquely, looks alike from two sides."""
     square = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]])
@@ -154,6 +192,12 @@ def seen(points, distance_m=20.0):
         (np.outer(range(5), [1, 2, 0.5]), None, "the points lie on a line"),
         (np.zeros((5, 3)), None, "the points lie on a line"),
         (np.eye(4, 3), lambda places: 0 * places + 7, "the pixels lie on a line"),
+        (
+            np.eye(4, 3),
+            lambda places: np.outer(range(4), [30, 20]) + [50, 90],
+            "the pixels lie on a line",
+        ),
+        (np.outer(range(5), [1, 2, 0.5]) + [3, 1, 2], None, "the points lie on a line"),
         (
             np.random.default_rng(2).normal(size=(8, 3)),
             lambda places: places * [-1, 1] + [640, 0],
@@ -217,6 +261,13 @@ def test_a_pose_found_again_is_that_of_the_scenario(folder, azimuth, elevation, 
     values = np.hstack([points, pixels(points, eye, sides, scenario.camera)])
     (folder / "other").mkdir()
     result = mi_lcair.pose("plate.toml", values, 0.3)
+    *facts, table = result.facts()
+    said = dict(pair for pair in facts if isinstance(pair, tuple))
+    half = np.degrees(1.96 * solve(points, values[:, 3:], scenario.camera, 0.3).errors[:3])
+    words = ", ".join(f"{x:.2g} about {side}" for x, side in zip(half, ("right", "up", "axis")))
+    assert said["turns, 95 %"] == f"{words} [degrees]"
+    assert [row[0] for row in table.rows] == list(range(1, 9)) and "95 % +- (" in result.summary()
+    assert [row[1:4] for row in table.rows] == [tuple(point) for point in points.tolist()]
     result.save(folder / "other" / "seen.toml")
     eye_again, sides_again = camera(Scenario.read(folder / "other" / "seen.toml"))
     np.testing.assert_allclose(eye_again, eye, atol=1e-4)

@@ -6,7 +6,7 @@ from scipy import sparse
 from scipy.optimize import brentq
 
 from mi_lcair.errors import InputError
-from mi_lcair.heating.temperatures.balance import DAY, Balance, HeatWall
+from mi_lcair.heating.temperatures.balance import DAY, NODES, WEIGHTS, Balance, HeatWall
 from mi_lcair.heating.temperatures.solve import course
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 from tests.heating.temperatures.networks import network, weather
@@ -197,6 +197,47 @@ def test_derivative_with_respect_to_absorptance():
         np.testing.assert_allclose(column.gained(None, 0), expected, rtol=1e-6)
 
 
+def test_what_leaves_by_a_law_counts_in_the_residual():
+    """Nearly all heat leaves by a law that is 0 at 300 K, whatever the start."""
+    balance = Balance(sparse.csr_array([[1e-6]]))
+    law = lambda kelvin: (8 * (kelvin - 300), np.full(1, 8.0))
+    for start in (200.0, 400.0):
+        kelvin, _ = balance.solve(np.zeros(1), 0.0, [start], leaving=law)
+        assert kelvin[0] == pytest.approx(300, abs=1e-3)
+
+
+def test_a_rounding_that_no_step_takes_away_ends_the_iteration():
+    calls = []
+
+    def law(kelvin):
+        calls.append(kelvin)
+        return 8 * (kelvin - 300) + 1e-5 * (-1) ** len(calls), np.full(1, 8.0)
+
+    kelvin, _ = Balance(sparse.csr_array([[0.1]])).solve(np.zeros(1), 1.0, [310.0], leaving=law)
+    assert len(calls) < 12
+    # sigma 0.1 T^4 + T + 8 (T - 300) = 0
+    root = brentq(lambda T: STEFAN_BOLTZMANN * 0.1 * T**4 + T + 8 * (T - 300), 100, 300)
+    assert kelvin[0] == pytest.approx(root, abs=1e-5)
+
+
+def test_many_right_hand_sides_one_of_which_is_zero():
+    """Changes by powers against a dense solver; no power changes nothing."""
+    rng = np.random.default_rng(2)
+    between = rng.random((5, 5))
+    between = between + between.T - np.diag(2 * np.diag(between))
+    laplacian = np.diag(between.sum(axis=1) + 0.3) - between
+    kelvin, through = rng.uniform(200, 400, 5), rng.random(5)
+    power = rng.normal(size=(5, 3)) * [1, 0, 1e-9]
+    found = Balance(sparse.csr_array(laplacian)).linear(kelvin, through, power)
+    matrix = STEFAN_BOLTZMANN * laplacian @ np.diag(4 * kelvin**3) + np.diag(through)
+    np.testing.assert_allclose(found, np.linalg.solve(matrix, power), rtol=1e-9, atol=1e-30)
+    of_two = np.column_stack([through, 2 * through])
+    found = Balance(sparse.csr_array(laplacian)).linear(kelvin, of_two, power[:, [0, 2]])
+    np.testing.assert_allclose(
+        found[:, 1], np.linalg.solve(matrix + np.diag(through), power[:, 2]), rtol=1e-9
+    )
+
+
 def test_groups_without_a_path_for_heat_are_refused():
     still = weather(h_W_m2_K=0.0)
     with pytest.raises(InputError, match="group g0: facet 0 has no path for heat"):
@@ -272,6 +313,33 @@ def test_soil_in_a_long_series(duration, error, conductivity):
     for days in (1, np.sqrt(duration), duration):
         exact = 1 / np.sqrt(1j * OMEGA / days * 1800 * 1100 * conductivity)
         assert abs(impedance(wall, days) / exact - 1) < error
+
+
+def test_a_wall_evens_out_at_the_rates_of_its_cosines():
+    """Insulated on both sides: (k pi)^2 over the time of diffusion, and 0 [Carslaw and Jaeger]."""
+    wall = HeatWall(0.05, 0.5, 1000, 900)
+    rates = np.sort(wall.modes[0])
+    assert rates[0] < 1e-15
+    np.testing.assert_allclose(rates[1:4] * wall.diffusion, (np.pi * np.arange(1, 4)) ** 2, 1e-5)
+    assert wall.penetration(wall.diffusion * np.pi) == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize("thickness", [0.05, 50.0])
+def test_what_a_wall_stores(thickness):
+    """The whole wall's heat, or that down to six penetration depths of the day."""
+    wall = HeatWall(thickness, 0.5, 1000, 900)
+    deepest = 6 * np.sqrt(0.5 / (1000 * 900) * DAY / np.pi)
+    assert wall.mass.sum() == pytest.approx(1000 * 900 * min(thickness, deepest), rel=1e-12)
+
+
+@pytest.mark.parametrize("days", [1.003, 30, 365])
+def test_nodes_of_a_long_series_are_as_close_at_the_surface(days):
+    """As those of a day, and their depths add up to that of the series."""
+    wall = HeatWall(2000.0, 0.5, 1000, 900, duration=days * DAY)
+    daily = HeatWall(2000.0, 0.5, 1000, 900)
+    assert wall.stretch[0] == pytest.approx(daily.stretch[0], rel=1e-6)
+    assert wall.stretch @ WEIGHTS / 2 == pytest.approx(daily.depth * days**0.5, rel=1e-3)
+    assert np.ptp(np.diff(np.log(wall.stretch)) / np.diff(NODES)) < 1e-6
 
 
 @pytest.mark.parametrize("thickness", [0.05, 5.0])

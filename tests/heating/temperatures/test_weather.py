@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from mi_lcair.errors import InputError
+from mi_lcair.heating.temperatures.air import SurfaceAir
 from mi_lcair.heating.temperatures.description import HeatDescription, WeatherTable
 from mi_lcair.heating.temperatures.weather import convection, weather
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
@@ -67,7 +68,11 @@ def test_numbers_hold_all_the_time(tmp_path):
     assert constant.seconds.shape == (1,)
     np.testing.assert_allclose(constant.toward_sun, [[0, np.sqrt(3) / 2, 0.5]], atol=1e-12)
     assert constant.height_of_sun == pytest.approx(0.5)
+    assert replace(constant, sun_elevation_deg=np.array([-5.0])).height_of_sun == 0
+    assert constant.shines and not replace(constant, sun_W_m2=np.zeros(1)).shines
     assert constant.ground_K == 290
+    # The standard atmosphere's pressure, still and dry air, heights of a weather station
+    assert constant.air(0) == SurfaceAir(290.0, 0.0, 0.0, 1013.25, 10.0, 2.0)
     assert "ground" in constant.remarks[0]
 
 
@@ -79,6 +84,8 @@ def test_a_measured_sky_and_a_day_of_another_length(tmp_path):
     np.testing.assert_allclose(day.seconds, 3600 * np.arange(1, 49))
     np.testing.assert_allclose(day.air_K[:46], 290 + 0.5 * np.arange(1, 47))
     np.testing.assert_allclose(STEFAN_BOLTZMANN * day.sky_K**4, 260)
+    np.testing.assert_allclose(day.down_longwave_W_m2, 260)
+    assert day.day_s == 48 * 3600
 
 
 def test_air_in_celsius_is_doubted(tmp_path):
@@ -91,19 +98,24 @@ def test_air_in_celsius_is_doubted(tmp_path):
     (remark,) = remarks(air_K=20.0)
     assert remark.startswith("air_K falls to 20, ")
     assert not remarks() and not remarks(air_K=20.0, h_W_m2_K=0.0)
+    assert len(remarks(air_K=119.0, h_W_m2_K=0.5)) == 1 and not remarks(air_K=121.0)
     (remark,) = remarks(relative_humidity=0.5)
     assert "drier than any desert; as a share it would be 50 %" in remark
     (remark,) = remarks(pressure_hPa=90.0)
     assert "8.9% of sea level's; 90 kPa would be 900 hPa" in remark
     (remark,) = remarks(sun_W_m2=2722.0, sun_elevation_deg=30.0, sun_azimuth_deg=0.0)
     assert remark.startswith("sun_W_m2 rises to 2722, 2 times as much as the sun sends")
-    assert not remarks(relative_humidity=2.0, pressure_hPa=340.0)
+    assert not remarks(relative_humidity=1.02, pressure_hPa=301.0)
+    assert len(remarks(relative_humidity=1.0, pressure_hPa=299.0)) == 2
+    assert not remarks(relative_humidity=0.0)
 
 
 def test_rows_are_interpolated(tmp_path):
     day = weather(rows(tmp_path), tmp_path, 48, True)
     np.testing.assert_allclose(day.seconds, 1800 * np.arange(1, 49))
     np.testing.assert_allclose(day.air_K[:46], 290 + 0.5 * np.arange(1, 47))
+    # The last row is the first one of the next day, and gives way to that of this day
+    np.testing.assert_allclose(day.air_K[46:], [(313 + 290) / 2, 290])
     assert np.all(day.sun_W_m2 == 0)
     series = weather(rows(tmp_path, hours=range(7)), tmp_path, 96, False)
     np.testing.assert_allclose(series.seconds, 900 * np.arange(1, 25))
@@ -125,6 +137,94 @@ def test_an_epw_file_with_blanks_is_the_same(tmp_path):
     np.testing.assert_equal(vars(weather(table, tmp_path, 24, True)), vars(plain))
 
 
+@pytest.mark.parametrize(("step", "most"), [(0.5, 0.7), (2.0, 2.9)])
+def test_a_gap_is_one_and_a_half_of_the_usual_step(tmp_path, step, most):
+    regular = np.arange(0, 12.1, step)
+    for wide in (most, 1.6 * step):
+        hours = [*regular, regular[-1] + wide]
+        table = rows(tmp_path, lambda hour: "290,260,8,0,-20,0", hours)
+        if wide < 1.5 * step:
+            assert weather(table, tmp_path, 96, False).seconds[-1] == 3600 * hours[-1]
+        else:
+            with pytest.raises(InputError, match="there is a gap, where rows are"):
+                weather(table, tmp_path, 96, False)
+
+
+@pytest.mark.parametrize("share", [0.0148, 0.0155, 0.0495, 0.0505])
+def test_sun_at_night(tmp_path, share):
+    """Beyond 1.5 % of the day's energy it is left out with a remark, beyond 5 % refused."""
+
+    def cells(hour):
+        sun = {2: share, 12: 1 - share}.get(hour, 0)
+        return f"290,260,8,{1000 * sun},{30 if hour == 12 else -20},0"
+
+    table = rows(tmp_path, cells)
+    if share > 0.05:
+        with pytest.raises(InputError, match="5.[01]% of sun_W_m2 is there with the sun below"):
+            weather(table, tmp_path, 24, True)
+        return
+    day = weather(table, tmp_path, 24, True)
+    assert day.sun_W_m2[1] == 0 and day.sun_W_m2[11] == pytest.approx(1000 * (1 - share))
+    assert any("is the clock right?" in remark for remark in day.remarks) == (share > 0.015)
+
+
+@pytest.mark.parametrize("column", [6, 12, 14, 15, 21])
+def test_marks_of_missing_values(tmp_path, column):
+    """The marks of the EPW format; what is just below them is a value, if in its limits."""
+    mark = {6: 99.9, 21: 999}.get(column, 9999)
+    with pytest.raises(InputError, match="line 20: .* is missing"):
+        weather(epw(tmp_path, {column: mark}), tmp_path, 24, True)
+    below = {6: 99.8, 12: 9998, 14: 9998, 15: 9998, 21: 99.0}[column]
+    weather(epw(tmp_path, {column: below}), tmp_path, 24, True)
+
+
+def test_humidity_and_pressure_of_an_epw_file(tmp_path):
+    """Percent and Pa; a file that misses one of them in any row is read without it."""
+    table, file = epw(tmp_path), tmp_path / "site.epw"
+    head, lines = file.read_text().splitlines()[:8], file.read_text().splitlines()[8:]
+
+    def written(last_humidity, last_pressure):
+        filled = []
+        for number, line in enumerate(lines):
+            cells, is_last = line.split(","), number == len(lines) - 1
+            cells[8] = str(last_humidity if is_last else 40 + number)
+            cells[9] = str(last_pressure if is_last else 95_000 + number)
+            filled.append(",".join(cells))
+        file.write_text("\n".join(head + filled) + "\n")
+        return weather(table, tmp_path, 24, True)
+
+    day = written(63, 95_023)
+    np.testing.assert_allclose(day.relative_humidity, 40 + np.arange(24))
+    np.testing.assert_allclose(day.pressure_hPa, 950 + np.arange(24) / 100)
+    assert day.air(3).pressure == pytest.approx(950.03) and day.air(3).humidity == 43
+    assert day.air(3).wind == 3
+    assert written(999, 95_023).relative_humidity is None
+    assert written(0, 95_023).relative_humidity is None
+    assert written(63, 999_999).pressure_hPa is None
+
+
+def test_a_clock_of_half_hours(tmp_path):
+    """The sun of a place at UTC+5:30 stands where it does at that moment."""
+    place = {"latitude_deg": 20.0, "longitude_deg": 80.0, "utc_offset_h": 5.5, "north_deg": 90.0}
+    (tmp_path / "noon.csv").write_text("hour,sun_W_m2\n8,500\n12,900\n16,500\n")
+    table = WeatherTable(file="noon.csv", day=date(2026, 3, 1), **place, **CONSTANT)
+    day = weather(table, tmp_path, 6, False)
+    sun = sun_position(20.0, 80.0, "2026-03-01T12:00:00+05:30")
+    assert day.seconds.tolist() == [12 * 3600, 16 * 3600]
+    assert day.sun_elevation_deg[0] == pytest.approx(sun.elevation_deg, abs=1e-6)
+    # +x of the scene points east, if north is at azimuth 90
+    x, y, _ = day.toward_sun[0]
+    assert np.degrees(np.arctan2(x, y)) % 360 == pytest.approx(sun.compass_deg, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("wind", "h"), [(0, 5.7), (1, 9.5), (4.8, 23.94), (5, 22.70), (10, 38.99), (20, 66.94)]
+)
+def test_mcadams_values(wind, h):
+    """Values of his correlation; it steps down where the power law begins."""
+    assert convection(wind) == pytest.approx(h, abs=0.01)
+
+
 def test_a_short_series_is_no_steady_state(tmp_path):
     assert len(weather(rows(tmp_path, hours=(0, 1)), tmp_path, 4, False).seconds) == 2
 
@@ -137,6 +237,7 @@ def test_epw_file(tmp_path):
     assert day.h_W_m2_K[at_noon] == pytest.approx(convection(3.0)) == pytest.approx(5.7 + 11.4)
     assert STEFAN_BOLTZMANN * day.sky_K[half_past] ** 4 == pytest.approx(313, rel=1e-3)
     assert day.sun_W_m2[half_past] == pytest.approx(260)
+    assert day.diffuse_W_m2[half_past] == pytest.approx(50)
     sun = sun_position(47.48, 8.53, "2026-06-21T12:00:00+01:00")
     assert day.sun_elevation_deg[at_noon] == pytest.approx(sun.elevation_deg, abs=1e-6)
     x, y, _ = day.toward_sun[at_noon]
@@ -156,6 +257,8 @@ def test_epw_file(tmp_path):
         (lambda p: rows(p, lambda hour: "290,,8,0,-20,0"), "line 2: '' in column 'sky_K'"),
         (lambda p: rows(p, lambda hour: "290,260,8,5,-20,0"), "sun is below the horizon"),
         (lambda p: rows(p, hours=[3]), "one row"),
+        (lambda p: epw(p, {2: 22}), "has 23 rows of 2026-06-21; expected 24"),
+        (lambda p: epw(p, {12: 9}), "line 20: infrared = 9; must lie in 10..9999"),
         (lambda p: epw(p, {6: 9999}), "line 20: air_K is missing"),
         (lambda p: WeatherTable(file="site.epw"), "day = 2026-06-21"),
         (lambda p: epw(p, {6: "warm"}), "line 20: 'warm' in column 'air_K'"),

@@ -106,6 +106,30 @@ def test_stated_error_holds(shape):
     assert abs(value - many) < max(error, 1e-9) < 1e-4
 
 
+@pytest.mark.parametrize(
+    ("c", "lid", "last"), [(0.01, 0, 160), (0.1, 0, 640), (1e4, 0, 1280), (1e4, 0.5, 640)]
+)
+def test_an_error_of_second_order_is_extrapolated_away(monkeypatch, c, lid, last):
+    """Of values 1 + c / n^2, n is doubled from 40 until two steps are below 5e-6, or to the most.
+
+    2400 rings are the most of a whole wall: one part of a sphere, three of a cylinder with a lid.
+    """
+    counts = []
+
+    def value(shape, emissivity, emission, view, count):
+        counts.append(count)
+        return np.array([1 + c / count**2])
+
+    monkeypatch.setattr(rings, "of_rings", value)
+    shape = Shape(kind="sphere", radius_m=1.0, aperture_radius_m=0.5)
+    if lid:
+        shape = Shape(kind="cylinder", radius_m=1.0, length_m=1.0, aperture_radius_m=lid)
+    found, error = rings.effective_emissivity(shape, 0.5, isothermal, HemisphereView(0.5))
+    assert counts == [40 * 2**k for k in range(len(counts))] and counts[-1] == last
+    assert found[0] == pytest.approx(1, abs=1e-12 * c)
+    assert error[0] == pytest.approx(c * (16 - 4) / last**2, rel=1e-9)
+
+
 @pytest.mark.parametrize("shape", list(shapes()), ids=lambda shape: shape.kind)
 def test_exchange_is_that_of_an_enclosure(shape):
     """View factors are positive, reciprocal, and with the aperture they add up to 1."""

@@ -1,5 +1,7 @@
 """Motions move what is rendered as the scene's own $-parameters do, and leave no trace."""
 
+from dataclasses import replace
+
 import mitsuba as mi
 import numpy as np
 import pytest
@@ -81,6 +83,24 @@ def test_model_turns_about_the_origin_of_its_file(tmp_path):
     with changed(scene, {"model.yaw_deg": 90}):
         middle = vertex_positions(scene.mi.shapes()[0]).mean(axis=0) + scene.origin
     assert middle == pytest.approx([-5000, 0, 300], abs=1e-2)
+
+
+def test_the_observer_rests_where_the_file_has_it():
+    """At azimuth 180, elevation 0; a shift of a pixel is one of the window's width over 8."""
+    scene = mi_lcair.load(SCENE, resolution=8)
+    matrix = lambda of: np.array(mi.traverse(of.sensors[0])["to_world"].matrix).reshape(4, 4)
+    before, place = matrix(scene), {"azimuth_deg": 150.0, "elevation_deg": 20.0}
+    with changed(scene, {f"observer.{name}": value for name, value in place.items()}):
+        loaded = mi_lcair.load(SCENE, resolution=8, **place)
+        assert matrix(scene) == pytest.approx(matrix(loaded), abs=1e-6)
+        assert mi_lcair.parameters(scene)["observer.azimuth_deg"].value == 150
+    assert np.array_equal(matrix(scene), before)
+    with changed(scene, {"observer.x_px": 1.0}):
+        shift = matrix(scene)[:3, 3] - before[:3, 3]
+    assert np.linalg.norm(shift) == pytest.approx(1.3 / 8, rel=1e-5)
+    # Another sensor than those of the scene has no motions
+    other = replace(scene, sensors=[mi.load_dict({"type": "orthographic"})])
+    assert not any(name.startswith("observer.") for name in mi_lcair.parameters(other))
 
 
 def test_groups_move_about_their_middle():

@@ -266,8 +266,8 @@ def test_names_from_files_are_only_text(visit, tmp_path):
     x, y = opened.page.evaluate(PIXEL_AT, [1, 1])
     tip = opened.tip_at(x, y, "row 1, column 1\n")
     assert f"{SCRIPT}: 1" in tip and f"seen first: {SCRIPT}" in tip
-    phone = visit(tmp_path / "page.html", width=400).page
-    assert phone.evaluate("document.documentElement.scrollWidth") <= 400
+    opened.page.set_viewport_size({"width": 400, "height": 900})
+    opened.page.wait_for_function("document.documentElement.scrollWidth <= 400")
 
 
 def test_missing_values_are_said(visit, tmp_path):
