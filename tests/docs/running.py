@@ -19,6 +19,7 @@ from mi_lcair.cli import main as command_line
 from mi_lcair.detection.camera import ranges
 from mi_lcair.fitting import estimation
 from mi_lcair.physics.air import clear_air
+from mi_lcair.physics.estimation import verdicts
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.show.pictures import model
 from tests.docs.fences import Fence
@@ -26,6 +27,7 @@ from tests.docs.fences import Fence
 FEW = {"spp": 2, "paths": 2**10}  # largest numbers of samples
 TOLERANCE = 0.2  # smallest allowed error
 STARTS = 1  # of each fit
+STEPS = 3  # of the search for each end of an interval
 RANGES = 6  # at which clear air and the spread of a target are computed
 CELLS = 128  # along each side of a silhouette
 FITS = {}  # arguments of a fit -> its result; several pages fit the same file
@@ -33,8 +35,8 @@ FITS = {}  # arguments of a fit -> its result; several pages fit the same file
 
 @contextmanager
 def quick():
-    """Context manager in which renders take few paths, equal fits are made once, air and
-    silhouettes are coarse, and pictures have no content.
+    """Context manager in which renders take few paths, equal fits are made once, and
+    intervals, air and silhouettes are coarse, and pictures have no content.
     """
     check, fit, draw = Sampling.__post_init__, estimation.fit, Figure.savefig
 
@@ -66,6 +68,7 @@ def quick():
             (estimation, "mistake", lambda *arguments: ""),
             (Figure, "savefig", savefig),
             (model, "png", lambda *arguments: b"picture"),
+            (verdicts, "STEPS", STEPS),
             (ranges, "SPREADS", RANGES),
             (ranges, "CELLS", CELLS),
             (clear_air, "RANGES", RANGES),
