@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import mi_lcair
-from mi_lcair.detection.camera.poses import pixels, remarks_on, solve, starts
+from mi_lcair.detection.camera.poses import minima, pixels, remarks_on, solve, starts
 from mi_lcair.detection.camera.view import Pointing, axes_of, pointing_of
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import target_scene
@@ -177,6 +177,25 @@ def test_a_small_plane_has_two_poses():
     assert result.second is not None
     nearest = min((result, result.second), key=lambda pose: np.linalg.norm(pose.eye - eye))
     assert np.all(abs(nearest.eye - eye) < 4 * nearest.errors[3:])
+
+
+@pytest.mark.parametrize("distance_m", [30.0, 60.0])
+def test_a_second_pose_is_alike_and_apart(distance_m):
+    """Its chi-square is less than 9 higher, and a coordinate differs by 3 standard errors."""
+    square = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]])
+    eye = distance_m * np.array([0.4, 0.3, np.sqrt(0.75)])
+    right = np.cross([0, 0, 1], eye) / np.hypot(*eye[:2])
+    axis = -eye / distance_m
+    places = pixels(square, eye, np.stack([right, np.cross(right, axis), axis]), IMAGER)
+    best, other = minima(square, places, IMAGER)
+    alike = np.sqrt(other.square - best.square) / 3
+    of_one = solve(square, places, IMAGER, 1.0).errors[3:]
+    apart = np.max(abs(other.eye - best.eye) / of_one) / 3
+    assert alike < apart
+    for limit, below in ((alike, False), (apart, True)):
+        for factor, is_found in ((0.98, below), (1.02, not below)):
+            second = solve(square, places, IMAGER, factor * limit).second
+            assert (second is not None) == is_found
 
 
 def seen(points, distance_m=20.0):
