@@ -337,7 +337,7 @@ def image_command(scenario, outputs, **arguments):
 @options.renderer
 @options.calls("sweep", unit="views")
 def sweep_command():
-    """Signatures over the table of CONDITIONS.
+    """Signatures, in W/sr, over the table of CONDITIONS.
 
     CONDITIONS is a TOML file: [base] names a scene or a scenario, [conditions] lists the values
     that vary, and [sampling] sets the tolerance. FILE.nc has a dimension for each condition.
