@@ -133,21 +133,26 @@ def _fit(source, output, suffix):
     """The predicted emissivity of a fit by angle, with its standard error, or an OpenMATERIAL."""
     import json
 
+    import numpy as np
+
     from mi_lcair import formats
     from mi_lcair.physics import materials, openmaterial
-    from mi_lcair.show.kinds import read_json
+    from mi_lcair.show.kinds import read_json, whole
 
     report = read_json(source)
     if "emissivity" not in report:
         bands = len(report.get("materials", ()))
         raise InputError(f"'{source}': has fits of {bands} bands; convert a whole fit of one")
-    if suffix != ".csv":
-        emissivity = materials.over_hemisphere(materials.entries_of(source)[0])
-        content = openmaterial.content_of(Path(source).stem, report, emissivity, STATED_K)
-        write_bytes(output, json.dumps(content, indent=2).encode())
-        return
-    angles, curve, errors = map(report["emissivity"].get, CURVE)
-    formats.write_csv(output, {"theta_deg": angles, "emissivity": curve, "emissivity_std": errors})
+    with whole(source):
+        curve = np.array([report["emissivity"][name] for name in CURVE], float)
+        if not np.isfinite(curve[:2]).all():
+            raise ValueError("an emissivity is no number")
+        if suffix != ".csv":
+            emissivity = materials.over_hemisphere(materials.entries_of(source)[0])
+            content = openmaterial.content_of(Path(source).stem, report, emissivity, STATED_K)
+            write_bytes(output, json.dumps(content, indent=2).encode())
+            return
+    formats.write_csv(output, dict(zip(("theta_deg", "emissivity", "emissivity_std"), curve)))
 
 
 def _facets(source, output, suffix, scene, parameters):

@@ -161,9 +161,16 @@ def test_tables_there_and_back(run, folder):
         (["nothing", "a.vtp"], "'nothing' is no image"),
         (["two_plates", "a.vtk"], "does not end in .vtp, .vtu, .usd"),
         (["fit.json", "e.csv"], "convert a whole fit of one"),
+        (["half.json", "e.csv"], "a fit that is incomplete: entry 'predicted' is missing"),
+        (["none.json", "e.csv"], "a fit that is incomplete: an emissivity is no number"),
     ],
 )
 def test_refused(refused, folder, args, reason):
+    half = {"theta_deg": [0]}
+    none = half | {"predicted": [None], "standard_error": [0.1]}
+    for name, emissivity in (("half", half), ("none", none)):
+        content = {"kind": "fit", "emissivity": emissivity}
+        (folder / f"{name}.json").write_text(json.dumps(content))
     (folder / "t.csv").write_text("a,b\n1,2\n")
     (folder / "empty.csv").write_text("a,b\n")
     (folder / "f.csv").write_text("facet,b\n7.0,2\n")
