@@ -16,34 +16,37 @@ import numpy as np
 from mi_lcair.coincident import unit_normals, weld
 from mi_lcair.plugins.emission.triangles import (
     Choice,
-    is_faceted,
     numbers_of_triangles,
     triangle_vertices,
 )
 from mi_lcair.plugins.paths.launch import FacetStarts, Launch, ParallelRays
 from mi_lcair.plugins.paths.sheets import nearest_hit
 from mi_lcair.plugins.recorders.recorder import Recorders
-from mi_lcair.rendering.facets import radiances
+from mi_lcair.rendering.facets import meshes_of_model, radiances
 from mi_lcair.rendering.statistics import check_valid, edge_share
 from mi_lcair.rendering.window import RANDOMISATIONS, window, window_size
 
 TURN = 1e-3  # change of a direction from which the slope of a reflection or an emission is taken
 BESIDE = 2e-5  # distance of a ray from a silhouette, in parts of the model's extent
 MOST_PATHS = 2**19  # paths of one pass, times their reflections, whose derivatives are kept
-# An edge that leaves out this part of its end, or runs along a surface, does not pass through it
-SHORTER, GRAZING = 1e-4, 1e-3
+# Distance at which surfaces touch, in parts of the extent; cosine of a ray that runs along one; and
+# where along an edge this is tried
+INSET, GRAZING, PLACES = 1e-5, 1e-3, (0.23, 0.51, 0.79)
 FLAT = 1e-6  # distance of a vertex from a plane, in parts of the extent, at which it lies in it
 EDGES = 0x27D4EB2F  # changes the seed of paths that begin beside silhouettes
 
 
 def can_attach(scene, tracer) -> bool:
-    """Whether paths can be attached: all surfaces are meshes that reflect by smooth lobes."""
-    emitters, walk = tracer.emitters, tracer.paths
+    """Whether paths can be attached: the model is all that there is, apart from the sky.
+
+    It consists of meshes with flat triangles, which reflect by smooth lobes.
+    """
+    emitters, walk, shapes = tracer.emitters, tracer.paths, list(scene.mi.shapes())
     plain = not emitters.passes and emitters.sun is None
     plain &= walk.by_bin is None and walk.ambient_radiance is None
-    flags = [shape.bsdf().flags() for shape in scene.mi.shapes()]
-    delta = any(mi.has_flag(of, mi.BSDFFlags.Delta) for of in flags)
-    return bool(plain and not delta and all(map(is_faceted, scene.mi.shapes())))
+    unfit = [mi.has_flag(shape.bsdf().flags(), mi.BSDFFlags.Delta) for shape in shapes]
+    unfit += [shape.is_mesh() and shape.has_vertex_normals() for shape in shapes]
+    return bool(plain and not any(unfit) and len(meshes_of_model(scene) or ()) == len(shapes))
 
 
 class ModelEdges:
@@ -182,26 +185,35 @@ class AttachedPaths:
             return None
         return self.choice(length * one_side)
 
-    def crosses_itself(self) -> bool:
-        """Whether an edge of the model passes through a triangle of another part of it.
+    def meets_itself(self) -> bool:
+        """Whether an edge of the model passes through or touches a triangle of another part of it.
 
-        What is seen of the two surfaces then ends at a curve that is no edge.
+        Where parts pass through each other, what is seen of them ends at a curve that is no edge.
+        Where they touch, they may come apart or pass through each other.
         """
         vertices, edges = self.surface.vertices, self.edges
         if not len(edges.ends):
             return False
         a, b = (vertices[edges.ends[:, k]] for k in range(2))
-        inset = FLAT * self.extent * (b - a) / edges.length[:, None] * 10
-        begin, d = mi.Point3f((a + inset).T), mi.Vector3f(((b - a) / edges.length[:, None]).T)
-        pi = self.scene.ray_intersect_preliminary(
-            mi.Ray3f(begin, d, mi.Float(edges.length * (1 - SHORTER)), 0, [])
-        )
-        triangle = self.number.at(pi.shape, pi.prim_index, pi.is_valid()).numpy().astype(int) - 1
-        hit = np.flatnonzero(triangle >= 0)
-        of_hit = weld(vertices)[self.surface.triangles[triangle[hit]]]
-        shares = (of_hit[:, :, None] == weld(vertices)[edges.ends[hit, None]]).any(axis=(1, 2))
-        normals = unit_normals(vertices[self.surface.triangles[triangle[hit]]])
-        steep = np.abs(np.sum(normals * (b - a)[hit], axis=1)) > GRAZING * edges.length[hit]
+        along, inset = (b - a) / edges.length[:, None], INSET * self.extent
+        lengths = np.maximum(edges.length - 2 * inset, 0)
+        edge, place = np.nonzero(edges.opposite >= 0)
+        # Short rays through the planes of an edge's triangles, just beyond the edge
+        third = vertices[edges.opposite[edge, place]] - a[edge]
+        into = third - along[edge] * np.sum(third * along[edge], axis=1, keepdims=True)
+        into /= np.linalg.norm(into, axis=1, keepdims=True)
+        normal = np.cross(along[edge], into)
+        beyond = [a[edge] + t * (b - a)[edge] - inset * (into + normal) for t in PLACES]
+        rays = [(np.arange(len(a)), a + inset * along, along, lengths)]
+        rays += [(edge, start, normal, np.full(len(edge), 2 * inset)) for start in beyond]
+        number, start, to, length = map(np.concatenate, zip(*rays))
+        ray = mi.Ray3f(mi.Point3f(start.T), mi.Vector3f(to.T), mi.Float(length), 0, [])
+        pi = self.scene.ray_intersect_preliminary(ray)
+        hit = self.number.at(pi.shape, pi.prim_index, pi.is_valid()).numpy().astype(int) - 1
+        met, number, to = hit[hit >= 0], number[hit >= 0], to[hit >= 0]
+        same, triangles = weld(vertices), self.surface.triangles[met]
+        shares = (same[triangles][:, :, None] == same[edges.ends[number, None]]).any(axis=(1, 2))
+        steep = np.abs(np.sum(unit_normals(vertices[triangles]) * to, axis=1)) > GRAZING
         return bool((~shares & steep).any())
 
     # -------------------------------------------------------------------- Attached geometry

@@ -283,7 +283,7 @@ class Estimation:
         with self.scene.prepared() as tracer:
             if can_attach(self.scene, tracer):
                 paths = AttachedPaths(self.surface, self.sensor, tracer, self.choice)
-                result = None if paths.crosses_itself() else self.from_paths(paths)
+                result = None if paths.meets_itself() else self.from_paths(paths)
         norm = np.linalg.norm
         if result is not None and norm(result.error) <= NOISY * norm(result.mean):
             return result
@@ -435,7 +435,7 @@ def slope_along(scene, sensor, velocities: np.ndarray, paths: int, seed: int):
         if not can_attach(scene, tracer):
             return None
         attached = AttachedPaths(surface, sensor, tracer, choice)
-        if attached.crosses_itself():
+        if attached.meets_itself():
             return None
         points = -(-paths // (2 * RANDOMISATIONS))
         found = attached.run(seed, points)

@@ -11,11 +11,20 @@ from scipy.spatial import ConvexHull
 
 import mi_lcair
 from mi_lcair.cli import main
+from mi_lcair.derivatives.attached import AttachedPaths
 from mi_lcair.derivatives.shape import Estimation, MovedMesh
 from mi_lcair.errors import InputError
 from mi_lcair.rendering.parameters.values import changed
 from mi_lcair.rendering.sampling import Sampling
-from tests.derivatives.motions.test_differences import CUBE, VIEW, L, convex_hull, mesh, scene_of
+from tests.derivatives.motions.test_differences import (
+    CUBE,
+    VIEW,
+    L,
+    box,
+    convex_hull,
+    mesh,
+    scene_of,
+)
 
 
 def derivatives(scene, group: str, along=None, paths: int = 2**14, seed: int = 0):
@@ -131,11 +140,22 @@ def test_a_square_that_hides_another(kind):
     assert abs(sum_ - exact) < 3.5 * error < 0.01 * exact
 
 
-@pytest.mark.parametrize("max_bounces", [0, 2])
-def test_equal_to_attached_differences(max_bounces):
+@pytest.mark.parametrize(("height", "meets"), [(-0.1, True), (0.0, True), (0.05, False)])
+def test_parts_that_touch_or_pass_through_each_other(height, meets):
+    """A box over a plate: what is hidden then begins at a curve that is no edge, or jumps."""
+    plate = convex_hull("plate", box([-1, -1, -0.2], [1, 1, 0]))
+    scene = scene_of(plate, convex_hull("box", box([-0.2, -0.2, height], [0.2, 0.2, 0.5])))
+    surface = MovedMesh(scene, "box")
+    estimation = Estimation(surface, surface.outward, Sampling(paths=2**8))
+    with scene.prepared() as tracer:
+        paths = AttachedPaths(surface, estimation.sensor, tracer, estimation.choice)
+        assert paths.meets_itself() == meets
+
+
+def test_equal_to_attached_differences():
     """A cold square before a hot one, which it hides and lights, moves across the view."""
     cold = panel("cold", [0.3, 0.2, 0], 250.0, 0.5)
-    scene = scene_of(cold, panel("hot", [0, 0, 0], 500.0, 0.5), max_bounces=max_bounces)
+    scene = scene_of(cold, panel("hot", [0, 0, 0], 500.0, 0.5), max_bounces=2)
     _, result = derivatives(scene, "cold", lambda p: 0 * p + [0, 1.0, 0], 2**13)
     sum_, error = result.total
     expected = mi_lcair.sensitivities(scene, ["cold.y_m"], paths=2**14).differences["cold.y_m"]
