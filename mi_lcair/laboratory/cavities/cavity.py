@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from mi_lcair.errors import errors_of
+from mi_lcair.errors import InputError, errors_of
 from mi_lcair.estimate import Contribution, Estimate, deviation, slope
 from mi_lcair.laboratory.cavities import paths, rings
 from mi_lcair.laboratory.cavities.description import SIGMA, CavityDescription, ViewTable
@@ -163,6 +163,9 @@ def measured(cavity: CavityDescription, sampling: Sampling) -> Cavity:
         known = cavity.value_of(quantity)
         sigma = deviation(quantity, cavity.sigma[quantity], known or 0.0)
         limits = np.array(LIMITS.get(quantity, (-np.inf, np.inf)))
+        largest = cavity.reference if quantity.endswith("_K") else min(np.ptp(limits), known or 1.0)
+        if sigma > largest:
+            raise InputError(f"sigma: {quantity} = {sigma:g}; must be at most {largest:g}")
 
         def changed(change, name=quantity):
             return effective_emissivity(cavity.changed(name, change), method, repeated)[0]

@@ -211,6 +211,13 @@ def test_command(tmp_path, monkeypatch):
     assert Path("c.png").stat().st_size > 5000
     mi_lcair.cavity("c.toml").save("c.html")
     assert "How it was made" in Path("c.html").read_text()
+    text = Path("c.toml").read_text()
+    for old, new, message in (
+        ("emissivity = 0.01", "emissivity = 0.91", "emissivity = 0.91; must be at most 0.9"),
+        ("angle_deg = 0.5", "gradient_K = 301", "gradient_K = 301; must be at most 300"),
+    ):
+        Path("large.toml").write_text(text.replace(old, new))
+        assert message in CliRunner().invoke(main, ["cavity", "large.toml"]).stderr
     bad = CliRunner().invoke(main, ["cavity", "missing.toml", "-o", "bad.png"])
     assert bad.exit_code == 2 and len(bad.stderr.splitlines()) == 1
     assert not Path("bad.png").exists()
