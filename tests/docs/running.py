@@ -15,6 +15,8 @@ from unittest.mock import patch
 
 from matplotlib.figure import Figure
 
+import mi_lcair
+from mi_lcair.api import heating
 from mi_lcair.cli import main as command_line
 from mi_lcair.detection.camera import ranges
 from mi_lcair.fitting import estimation
@@ -31,12 +33,13 @@ STEPS = 3  # of the search for each end of an interval
 RANGES = 6  # at which clear air and the spread of a target are computed
 CELLS = 128  # along each side of a silhouette
 FITS = {}  # arguments of a fit -> its result; several pages fit the same file
+HEATED = {}  # file with its content -> its heat balance, which a page writes in several formats
 
 
 @contextmanager
 def quick():
-    """Context manager in which renders take few paths, equal fits are made once, and
-    intervals, air and silhouettes are coarse, and pictures have no content.
+    """Context manager in which renders take few paths, equal fits and heat balances are
+    made once, intervals, air and silhouettes are coarse, and pictures have no content.
     """
     check, fit, draw = Sampling.__post_init__, estimation.fit, Figure.savefig
 
@@ -54,6 +57,14 @@ def quick():
         if key not in FITS:
             FITS[key] = fit(measurements, progress=progress, **settings)
         return FITS[key]
+
+    def heat_once(described):
+        if not isinstance(described, str):
+            return heating.heat(described)
+        key = Path(described).resolve(), Path(described).read_text()
+        if key not in HEATED:
+            HEATED[key] = heating.heat(described)
+        return HEATED[key]
 
     def savefig(self, file, **options):
         if isinstance(file, str):  # a user's own call
@@ -75,6 +86,7 @@ def quick():
             (clear_air, "LIGHT_RANGES", RANGES),
         ):
             stack.enter_context(patch.object(replaced, name, value))
+        stack.enter_context(patch.dict(vars(mi_lcair), heat=heat_once))
         yield
 
 

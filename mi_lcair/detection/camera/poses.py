@@ -354,8 +354,8 @@ def hidden_points(scene, target: Target, points: np.ndarray, from_middle: np.nda
     toward /= distance[:, None]
     start = points + BESIDE * target.radius * toward
     o, d = (value.T.astype(np.float32) for value in (start, toward))
-    maxt = mi.Float(np.minimum(distance, 2 * target.radius).astype(np.float32))
-    ray = mi.Ray3f(mi.Point3f(o), mi.Vector3f(d), maxt, 0.0, [])
+    ray = mi.Ray3f(mi.Point3f(o), mi.Vector3f(d))
+    ray.maxt = mi.Float(np.minimum(distance, 2 * target.radius).astype(np.float32))
     return (1 + np.flatnonzero(scene.mi.ray_test(ray).numpy())).tolist()
 
 

@@ -285,7 +285,9 @@ def test_a_pose_found_again_is_that_of_the_scenario(folder, azimuth, elevation, 
     half = np.degrees(1.96 * solve(points, values[:, 3:], scenario.camera, 0.3).errors[:3])
     words = ", ".join(f"{x:.2g} about {side}" for x, side in zip(half, ("right", "up", "axis")))
     assert said["turns, 95 %"] == f"{words} [degrees]"
-    assert [row[0] for row in table.rows] == list(range(1, 9)) and "95 % +- (" in result.summary()
+    assert [row[0] for row in table.rows] == list(range(1, 9))
+    half = ", ".join(f"{x:.2g}" for x in 1.96 * result.position_error_m)
+    assert f"95 % +- ({half}) m" in result.summary()
     assert [row[1:4] for row in table.rows] == [tuple(point) for point in points.tolist()]
     result.save(folder / "other" / "seen.toml")
     eye_again, sides_again = camera(Scenario.read(folder / "other" / "seen.toml"))
