@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import benchmarks
-from benchmarks import errors, gpu, loop, speed, timing, work
+from benchmarks import errors, gpu, loop, speed, throughput, timing, work
 from mi_lcair.fitting.report import Fit
 
 ROOT = Path(__file__).parents[2]
@@ -66,7 +66,9 @@ def test_track(track):
 
 
 @pytest.mark.slow
-def test_throughput():
+def test_throughput(monkeypatch):
+    """In one of the scenes, that of all contestants."""
+    monkeypatch.setattr(throughput, "SCENES", {"furnace": throughput.SCENES["furnace"]})
     case = speed.Throughput()
     ratios = case.setup_cache(bounces=2, spp=4, resolution=16, repeats=1)
     assert all(case.track_paths(ratios, against) > 0 for against in case.params)

@@ -67,7 +67,7 @@ def test_the_csv_of_a_scatterometer(walk, folder):
     rows = [row if row[0] == "#" else row.replace(",", ";").replace(".", ",") for row in rows]
     (folder / "paint.csv").write_text("\r\n".join([*rows, "1;0;", "30;-30;n/a", ""]))
     names, output = walk(
-        "fit paint.csv --model microfacet --starts 2 -o paint.json",
+        "fit paint.csv --model sandford_robertson --starts 2 -o paint.json",
         render=("--spp", 2, "-D", "resolution=8"),
     )
     assert names == ["fit", "render", "show", "report"] and "emissivity  standard error" in output

@@ -281,9 +281,8 @@ def test_a_scaled_brdf_is_named(plate):
         "e": 0.3,
         "form": "normalized",
     }
-    result = audited(
-        floor=plate("floor", SQUARE, broad, 300.0), lid=plate("lid", LID, broad, 300.0)
-    )
+    shapes = {"floor": plate("floor", SQUARE, broad, 300.0), "lid": plate("lid", LID, broad, 300.0)}
+    result = audited(2**11, **shapes)
     assert any(
         "scaled down at grazing" in remark and "facets" in remark for remark in result.remarks
     )
