@@ -52,6 +52,13 @@ def placed(path, place):
     return table
 
 
+def renamed(path):
+    """A CSV with a column of another name."""
+    table, file = rows(path), path / "day.csv"
+    file.write_text(file.read_text().replace("sky_K", "sky_C"))
+    return table
+
+
 def night(path):
     """Sunshine around midnight at a place."""
     (path / "night.csv").write_text(
@@ -257,6 +264,7 @@ def test_epw_file(tmp_path):
         (lambda p: rows(p, lambda hour: "290,,8,0,-20,0"), "line 2: '' in column 'sky_K'"),
         (lambda p: rows(p, lambda hour: "290,260,8,5,-20,0"), "sun is below the horizon"),
         (lambda p: rows(p, hours=[3]), "one row"),
+        (lambda p: renamed(p), "column sky_C is unknown"),
         (lambda p: epw(p, {2: 22}), "has 23 rows of 2026-06-21; expected 24"),
         (lambda p: epw(p, {12: 9}), "line 20: infrared = 9; must lie in 10..9999"),
         (lambda p: epw(p, {6: 9999}), "line 20: air_K is missing"),
