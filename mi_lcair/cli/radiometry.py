@@ -350,10 +350,7 @@ def sweep_command():
 # -----------------------------------------------------------------------
 
 
-@options.command(
-    "flight",
-    "mi-lcair flight flyby.toml -o flight.csv -o flight.png --frames seen.tif --video seen.gif",
-)
+@options.command("flight", "mi-lcair flight flyby.toml -o flight.csv -o flight.png")
 @options.scenario("flight.rate_hz=1")
 @options.of("trend", "spp", "tolerance", "max_spp")
 @options.outputs(

@@ -192,8 +192,7 @@ class HeatWall:
         longer = np.real(self.depth / (DEEPEST * self.penetration(DAY)))
         if longer <= 1.001:
             return np.full(CELLS + 1, self.depth)
-        # The nodes at the surface are as close as those of a day
-        # of expm1(growth) / growth = longer
+        # expm1(growth) / growth = longer: those at the surface are as close as those of a day
         growth = -1 / longer - np.real(lambertw(-np.exp(-1 / longer) / longer, -1))
         return self.depth * growth / np.expm1(growth) * np.exp(growth * INTERVAL)
 
