@@ -202,7 +202,7 @@ class Imager(Described, where="[camera]", rules=RULES):
     bits: int = entry(14, lower=1, upper=16)
     jitter_urad: float = entry(0.0, **NOT_NEGATIVE)
     defocus_um: float = 0.0
-    gain_nonuniformity: float = entry(0.0, lower=0, upper=1)
+    gain_nonuniformity: float = entry(0.0, lower=0, upper=10)
     offset_nonuniformity_e: float = entry(0.0, **NOT_NEGATIVE)
     nuc: bool = False
     right_deg: float = entry(0.0, **ASIDE)

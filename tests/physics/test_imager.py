@@ -109,7 +109,7 @@ def test_defaults_are_those_of_an_ideal_camera_of_14_bits():
         ({"up_deg": -45.1}, "up_deg = -45.1; must lie in -45..45"),
         ({"f_number": 0.49}, "f_number = 0.49; must lie in 0.5..10000"),
         ({"integration_time_ms": 1e7}, "must be positive and at most 1e"),
-        ({"gain_nonuniformity": 2.0}, "gain_nonuniformity = 2; must lie in 0..1"),
+        ({"gain_nonuniformity": 20.0}, "gain_nonuniformity = 20; must lie in 0..10"),
         ({"lens": "fish"}, "unknown lens 'fish'; known: "),
         ({"vignetting": 1.0}, "vignetting = 1; must lie in 0..0.99"),
         ({"cos4": True, "projection": "orthographic"}, 'cos4 needs projection = "perspective"'),
