@@ -355,7 +355,7 @@ class Differences:
         if few is None:
             return None
         ratio = np.sqrt(2 * PILOT_PATHS / paths)
-        if ratio * hypot(*few[0][1:], few[1]) > WORTH * expected:
+        if ratio * hypot(*few[0][1:]) > WORTH * expected:
             return None
         rows, unscattered = slope_along(*place, paths, seed)
         unscattered = hypot(unscattered, self.rounding(pilot.rows, self.scale))
@@ -363,6 +363,8 @@ class Differences:
         result = Difference(
             found, rows[1:], unscattered, 0.0, 0.0, ALONG_PATHS, "smooth", (found,) * 2, (), ()
         )
+        if result.error > expected:  # as where no path has begun on some triangles
+            return None
         return replace(result, one_sided_errors=(result.error,) * 2)
 
     def velocities(self) -> np.ndarray:
