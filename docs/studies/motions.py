@@ -147,7 +147,7 @@ def cases(folder: Path) -> list[Case]:
             "wall.opening",
             0.0,
             lambda x: light_of_cavity(CAVITY[1] + OPENED * x),
-            {FEW: 10, MANY: 10},
+            {FEW: 6, MANY: 6},
         ),
     ]
 
