@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import mi_lcair
-from mi_lcair.detection.camera.poses import minima, pixels, remarks_on, solve, starts
+from mi_lcair.detection.camera.poses import hidden_points, minima, pixels, remarks_on, solve, starts
 from mi_lcair.detection.camera.view import Pointing, axes_of, pointing_of
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import target_scene
@@ -282,7 +282,9 @@ def test_a_pose_found_again_is_that_of_the_scenario(folder, azimuth, elevation, 
     result = mi_lcair.pose("plate.toml", values, 0.3)
     *facts, table = result.facts()
     said = dict(pair for pair in facts if isinstance(pair, tuple))
-    half = np.degrees(1.96 * solve(points, values[:, 3:], scenario.camera, 0.3).errors[:3])
+    errors = solve(points, values[:, 3:], scenario.camera, 0.3).errors
+    np.testing.assert_allclose(result.position_error_m, errors[3:])
+    half = np.degrees(1.96 * errors[:3])
     words = ", ".join(f"{x:.2g} about {side}" for x, side in zip(half, ("right", "up", "axis")))
     assert said["turns, 95 %"] == f"{words} [degrees]"
     assert [row[0] for row in table.rows] == list(range(1, 9))
@@ -305,6 +307,18 @@ def test_points_that_the_model_hides_are_named(folder):
     assert not right.remarks
     upward = mi_lcair.pose("plate.toml", np.hstack([points, [0, 48] + [1, -1] * places]), 0.3)
     assert "the model hides point 1, 2, 3, 4 of 8: do the rows go" in upward.remarks[0]
+
+
+def test_what_hides_a_point(folder):
+    """A plate of radius r at x = 0, from +x: what is beside a point or 2 r away hides none."""
+    scenario = Scenario.read("plate.toml")
+    scene = target_scene(scenario, scenario.sensor.detector())
+    target = Target.of(scene)
+    r = np.hypot(1.0, 0.5)
+    assert target.radius == pytest.approx(r, rel=1e-3)
+    x = [0.5, -0.95e-3 * r, -1.05e-3 * r, -1.9 * r, -2.1 * r, -2.9 * r]
+    points = np.column_stack([x, np.zeros((6, 2))])
+    assert hidden_points(scene, target, points, np.array([300.0, 0, 0])) == [3, 4]
 
 
 def test_a_scene_far_from_its_origin(folder):
