@@ -456,5 +456,5 @@ def test_numbers_that_do_not_exist_and_integers():
     "entries", [{"name": "a"}, {"name": 1, "value": 1.0}, {"name": "a", "value": "1"}, []]
 )
 def test_refuses_other_entries(entries):
-    with pytest.raises((KeyError, TypeError)):
+    with pytest.raises((KeyError, TypeError, ValueError)):
         built(Part, entries)
