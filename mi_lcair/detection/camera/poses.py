@@ -204,7 +204,7 @@ def minima(points: np.ndarray, places: np.ndarray, imager: Imager) -> list[Minim
 
         def turned(step, eye=eye, sides=sides):
             turn = Rotation.from_rotvec(-(step[:3] @ sides)).as_matrix()
-            return (pixels(points, eye + step[3:], sides @ turn, imager) - places).ravel()
+            return pixels(points, eye + step[3:], sides @ turn, imager).ravel()
 
         slopes = least_squares(turned, np.zeros(6), x_scale=[1, 1, 1, *[scale] * 3], max_nfev=1).jac
         result.append(Minimum(eye, sides, fit.fun.reshape(-1, 2), slopes))
