@@ -15,10 +15,11 @@ from mi_lcair.heating.temperatures.description import HeatDescription
 from mi_lcair.knowing.budgets.budget import NUMBERS, Budget, draw_up
 from mi_lcair.knowing.budgets.monte_carlo import DRAWS
 from mi_lcair.knowing.budgets.uncertainties import Uncertainties
-from mi_lcair.knowing.inversion.calibration import HeatCalibration, calibrated, series_of
 from mi_lcair.knowing.inversion.invert import solve_problem
 from mi_lcair.knowing.inversion.solution import Solution
 from mi_lcair.knowing.inversion.unknowns import InverseProblem
+from mi_lcair.knowing.twin.calibration import HeatCalibration, calibrated
+from mi_lcair.knowing.twin.problem import twin_problem
 from mi_lcair.progress import Progress
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import SceneLike
@@ -134,17 +135,18 @@ def invert(
     -------
     Solution or HeatCalibration
         The latter for a problem with the table [heat], see
-        `mi_lcair.knowing.inversion.calibration`.
+        `mi_lcair.knowing.twin.problem`.
 
     Raises
     ------
     InputError
         If the problem, or one of its files or scenes, cannot be used.
     """
-    if (series := series_of(problem)) is not None:
-        description = HeatDescription.read(series[0].file)
+    if (of_heat := twin_problem(problem)) is not None:
+        description = HeatDescription.read(of_heat.heat.file)
         target = description.target
-        return calibrated(scene_of(target.scene, target.parameters), description, *series)
+        scene = scene_of(target.scene, target.parameters)
+        return calibrated(scene, description, of_heat, advise, progress)
     if isinstance(problem, dict):
         problem = InverseProblem.of(plain(problem))
     elif not isinstance(problem, InverseProblem):

@@ -67,7 +67,7 @@ KINDS = {
     SOLUTION: Kind(json="mi_lcair solution", drawn="result",
         made_by="mi_lcair.knowing.inversion.solution:Solution", **TABLE),
     CALIBRATION: Kind(json="calibration",
-        made_by="mi_lcair.knowing.inversion.calibration:HeatCalibration", **TABLE),
+        made_by="mi_lcair.knowing.twin.calibration:HeatCalibration", **TABLE),
     BUDGET: Kind(json="budget", drawn="result",
         made_by="mi_lcair.knowing.budgets.budget:Budget", **TABLE),
     AUDIT: Kind(json="audit", made_by="mi_lcair.laboratory.audit:Audit", **TABLE),

@@ -236,7 +236,10 @@ class LayerTable(Described):
 
 BEHIND = (
     together(*WALL),
-    excludes("temperature", *WALL, "layers", "internal_W_m2", "back_K", why=HELD),
+    excludes(
+        "temperature", *WALL, "layers", "internal_W_m2", "internal_by_hour", "back_K", why=HELD
+    ),
+    excludes("internal_by_hour", "internal_W_m2"),
     excludes("layers", *WALL, *SURFACE),
     excludes("back", "back_K", why='give back = "insulated" or back_K'),
     needs("back_h", "back_K", why="the temperature of the air"),
@@ -304,6 +307,8 @@ class GroupTable(Described, rules=BEHIND):
         Fixed temperature of the group [K]. No other key may then be given.
     internal_W_m2 : float
         Heat flux that is released below the surface.
+    internal_by_hour : tuple of float
+        The same in equal parts of a day, such as 24 hours, in place of one number.
     h_W_m2_K : float or None
         Coefficient of convection, in place of that of the weather.
     h_factor : float
@@ -351,6 +356,7 @@ class GroupTable(Described, rules=BEHIND):
     material: str | None = None
     temperature: float | None = entry(None, **KELVIN)
     internal_W_m2: float = entry(0.0, lower=-1e8, upper=1e8)
+    internal_by_hour: tuple[float, ...] = entry((), lower=-1e8, upper=1e8)
     h_W_m2_K: float | None = entry(None, **CONVECTION)
     h_factor: float = entry(1.0, lower=0, upper=1000)
     roughness_mm: float | None = entry(None, lower=1e-4, upper=1e5)
@@ -379,6 +385,11 @@ class GroupTable(Described, rules=BEHIND):
     back_h: float | None = entry(None, lower=1e-6, upper=1e6)
     back_W_m2: float = entry(0.0, lower=-1e4, upper=1e4)
     by_material: tuple = ()
+
+    def internal(self, share: np.ndarray) -> np.ndarray:
+        """Heat that is released at times, shares of a day in 0..1 [W m^-2]."""
+        values = np.array(self.internal_by_hour or [self.internal_W_m2])
+        return values[np.minimum((share * len(values)).astype(int), len(values) - 1)]
 
     @property
     def has_law(self) -> bool:
@@ -505,9 +516,45 @@ class SignatureTable(Described, where="[signature]"):
     spp: int = entry(64, lower=16, upper=2**20)
 
 
+@dataclass(frozen=True, kw_only=True)
+class CorrelationTable(Described, where="[correlation]"):
+    """[correlation]: how the errors of some inputs of [sigma] go together, as `invert` writes it.
+
+    Attributes
+    ----------
+    inputs : tuple of str
+        Names as in [sigma].
+    matrix : tuple
+        Rows of the correlation matrix.
+    """
+
+    inputs: tuple[str, ...] = ()
+    matrix: tuple[tuple[float, ...], ...] = ()
+
+    @property
+    def root(self) -> np.ndarray:
+        """The lower triangle L with L L^T = matrix; raises InputError for no such matrix."""
+        count = len(self.inputs)
+        if [len(row) for row in self.matrix] != [count] * count:
+            raise InputError(f"matrix must have {count} rows of {count} numbers, as inputs")
+        C = np.array(self.matrix).reshape(count, count)
+        if abs(C - C.T).max(initial=0) > 1e-6 or abs(np.diag(C) - 1).max(initial=0) > 1e-6:
+            raise InputError("matrix must be symmetric, with 1 on its diagonal")
+        try:
+            return np.linalg.cholesky((C + C.T) / 2 + ROUNDED * np.eye(count))
+        except np.linalg.LinAlgError:
+            raise InputError("matrix has a negative eigenvalue; no errors go together so") from None
+
+    def complete(self) -> None:
+        """Raise InputError for a matrix that is no correlation."""
+        _ = self.root
+
+
+ROUNDED = 1e-5  # of correlations in a file, which keeps their matrix positive
 KINDS = {
     "weather": WeatherTable,
     "run": RunTable,
+    "correlation": CorrelationTable,
     "signature": SignatureTable,
 }
 
@@ -529,6 +576,7 @@ class HeatDescription:
     model_K: float = MODEL_K
     has_defaults: bool = False
     run: RunTable = RunTable()
+    correlation: CorrelationTable = CorrelationTable()
     signature: SignatureTable | None = None
     folder: Path = Path()
     tree: Mapping = field(default_factory=dict)
@@ -566,6 +614,8 @@ def described(tree: Mapping, folder: Path, _name: str) -> HeatDescription:
     of_file = {} if file is None else {"file": str(folder / file)}
     of_sigma = dict(table_of(tree, "sigma"))
     model = of_sigma.pop("model_K", MODEL_K)
+    stated = sigmas({"sigma": of_sigma})
+    check_known("input of [sigma] for [correlation]", stated, *tables["correlation"].inputs)
     with errors_of("[sigma]"):
         if isinstance(model, bool) or not isinstance(model, (int, float)):
             raise InputError(f"model_K = {str(model)[:40]}; must be a number of K, such as 0.8")
@@ -573,7 +623,7 @@ def described(tree: Mapping, folder: Path, _name: str) -> HeatDescription:
     return HeatDescription(
         target=target,
         groups=groups,
-        sigma=sigmas({"sigma": of_sigma}),
+        sigma=stated,
         model_K=float(model),
         has_defaults="sigma" not in tree or not of_sigma and "model_K" in tree["sigma"],
         folder=folder,

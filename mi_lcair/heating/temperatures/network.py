@@ -31,10 +31,22 @@ OF_WEATHER = (
     "air_K", "sky_K", "down_longwave_W_m2", "ground_K", "sun_W_m2", "diffuse_W_m2", "albedo",
     "wind_m_s", "relative_humidity", "pressure_hPa",
 )  # fmt: skip
-OF_WALL = (*WALL, *SURFACE, "radiative", "back_K", "back_h", "back_W_m2", "contact_m2_K_W")
+OF_WALL = (
+    *WALL,
+    *SURFACE,
+    "inertia",
+    "radiative",
+    "back_K",
+    "back_h",
+    "back_W_m2",
+    "contact_m2_K_W",
+)
 OF_LAYER = (*WALL, "contact_m2_K_W")
 OF_LAW = ("roughness_mm", "heat_roughness_mm", "length_m", "wetness", "resistance_s_m")
-OF_SURFACE = ("h", "absorptance", "emissivity", "internal_W_m2", "temperature")
+OF_SURFACE = (
+    "h", "absorptance", "emissivity", "internal_W_m2", "internal_by_hour", "temperature",
+)  # fmt: skip
+INERTIA = ("conductivity", "density")  # "inertia" is a common factor of both
 OF_GROUP = (*OF_SURFACE, *OF_LAW, *OF_WALL)
 
 
@@ -194,7 +206,9 @@ class Network:
         arriving = C.to_sky.sum(axis=1) * sky**4 + C.to_ground * ground**4
         arriving = arriving + C.between @ self.held**4
         conductance = self.convection * self.facets.radiating_area
-        internal = self.of_facets(lambda table: table.internal_W_m2) * self.facets.area
+        step = weather.seconds[1] - weather.seconds[0] if len(weather.seconds) > 1 else 0.0
+        day = (weather.seconds - step / 2) / weather.day_s % 1
+        internal = self.of_facets(lambda table: table.internal(day)).T * self.facets.area
         power = STEFAN_BOLTZMANN * arriving + self.light.mean(axis=0) + conductance * air + internal
         held = np.broadcast_to(self.held, power.shape)
         return np.where(self.is_free, power, held), np.where(self.is_free, conductance, 1.0)
@@ -226,8 +240,10 @@ class Network:
         if dot:
             check_known("group", self.facets.groups, group)
         layers = self.tables[group].layers if dot and bare in OF_LAYER else ()
+        if dot and bare == "internal_by_hour":
+            layers = self.tables[group].internal_by_hour
         if of_layer and int(of_layer) >= len(layers):
-            raise InputError(f"[sigma]: {name}: there is no such layer")
+            raise InputError(f"[sigma]: {name}: there is no such layer or part of a day")
         if dot and bare in OF_WEATHER:
             raise InputError(f"[sigma]: {name}: {bare} is of the weather, not of a group")
         if bare == "emissivity":
@@ -257,6 +273,16 @@ class Network:
                 chosen = range(len(layers)) if of_layer is None else [int(of_layer)]
                 changed = (larger(x) if k in chosen else x for k, x in enumerate(layers))
                 return replace(table, layers=tuple(changed))
+            if entry == "inertia":
+                for key in INERTIA:
+                    table = larger(table, key)
+                return table
+            if entry == "internal_by_hour":
+                values = [
+                    value + 1j * STEP * size(sigma, value) if of_layer in (None, str(k)) else value
+                    for k, value in enumerate(table.internal_by_hour)
+                ]
+                return replace(table, internal_by_hour=tuple(values))
             if entry == "h":
                 by_law = table.roughness_mm is not None or table.plate is not None
                 if by_law and not isinstance(sigma, str):
@@ -318,11 +344,16 @@ class Network:
 
         return gained
 
-    def rates(self, columns: Sequence[Column], kelvin: np.ndarray, k: int) -> np.ndarray:
+    def rates(
+        self, columns: Sequence[Column], kelvin: np.ndarray, k: int, has_scatter: bool = True
+    ) -> np.ndarray:
         """`Column.gained` of columns, and then of each randomisation of the paths, (c + R, n).
 
         The temperatures that belong to the latter scatter as those of the randomisations.
         """
+        gained = [column.gained(kelvin, k) for column in columns]
+        if not has_scatter:
+            return np.array(gained).reshape(-1, len(kelvin))
         fourth, weather = kelvin**4, self.weather
         around = weather.sky_K[k] ** 4, weather.ground_K[k] ** 4
         runs = np.array([run.gained(fourth, *around) for run in self.traced.replicates])
@@ -333,7 +364,7 @@ class Network:
             signs = hadamard(len(runs))[:, 1 + np.arange(len(missing)) % (len(runs) - 1)]
             runs = runs + np.sqrt(len(runs) - 1) * missing * signs
         scatter = self.is_free * (runs - runs.mean(axis=0))
-        return np.array([*(column.gained(kelvin, k) for column in columns), *scatter])
+        return np.array([*gained, *scatter])
 
 
 def size(sigma: Stated, value: float | np.ndarray) -> float | np.ndarray:

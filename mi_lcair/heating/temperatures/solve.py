@@ -62,6 +62,8 @@ def course(
     columns: Sequence[Column] = (),
     start_K: float | None = None,
     method: str = "steps",
+    begin: "Course | None" = None,
+    has_scatter: bool = True,
 ) -> "Course":
     """The temperatures at the times of a weather; a steady state if it has one time.
 
@@ -75,13 +77,19 @@ def course(
         day, which is repeated until it is periodic.
     method : str
         "steps" or "harmonics" for a periodic day; see `RunTable`.
+    begin : Course or None
+        Periodic day of a similar network with the same columns, from whose end the days go on.
+    has_scatter : bool
+        Whether the changes by the randomisations are wanted.
 
     Raises
     ------
     InputError
         If the days do not become periodic, or a balance does not converge.
     """
-    result = Course(network, columns, start_K)
+    result = Course(network, columns, start_K, has_scatter)
+    if begin is not None and start_K is None:
+        result.go_on_from(begin)
     if len(result.kelvin) == 1:
         result.step(0, EULER, result.seconds)
     elif start_K is not None:
@@ -118,13 +126,20 @@ class Course:
         Rates of the modes [1/s], Phi_0, and Phi^T b.
     """
 
-    def __init__(self, network: Network, columns: Sequence[Column], start_K: float | None):
-        self.network, self.columns = network, columns
+    def __init__(
+        self,
+        network: Network,
+        columns: Sequence[Column],
+        start_K: float | None,
+        has_scatter: bool = True,
+    ):
+        self.network, self.columns, self.has_scatter = network, columns, has_scatter
         times = network.weather.seconds
         m, n = len(times), len(network.facets.area)
         self.seconds = float(times[1] - times[0]) if m > 1 else np.inf
         self.power, self.conductance = network.loads()
-        self.changes = np.zeros((len(columns) + len(network.traced.replicates), m, n))
+        runs = len(network.traced.replicates) if has_scatter else 0
+        self.changes = np.zeros((len(columns) + runs, m, n))
         self.residual, self.days, self.drift = 0.0, 0, 0.0
         self.rates, (self.surface, self.back) = np.ones((CELLS + 1, n)), np.zeros((2, CELLS + 1, n))
         self.varied = []  # effect of each column on the walls of a group
@@ -160,6 +175,17 @@ class Course:
         self.kelvin = np.tile(kelvin, (m, 1))
         for cells in self.cells:
             cells.begin(kelvin[cells.members], len(self.changes))
+
+    def go_on_from(self, other: "Course") -> None:
+        """Begin with the last state of another periodic day, at the same share of each depth."""
+        if other.states.shape == self.states.shape:
+            self.states, self.kelvin = other.states.copy(), other.kelvin.copy()
+            pairs = zip(self.network.with_walls, other.network.with_walls)
+            for (_, wall, members), (_, before, _) in pairs:
+                to_new = np.linalg.pinv(wall.modes[1]) @ before.modes[1]
+                self.states[..., members] = to_new @ self.states[..., members]
+            for cells, before in zip(self.cells, other.cells):
+                cells.states, cells.U = list(before.states), before.U
 
     @property
     def scatter(self) -> np.ndarray:
@@ -281,7 +307,7 @@ class Course:
             slope = (scheme * V - history[0][:, members]) / seconds
             source[1 + c][:, members] += b - K @ V - M @ slope
         _, r = self.of_walls(lag, source[1:])
-        power = network.rates(self.columns, kelvin, k) + area * g * r
+        power = network.rates(self.columns, kelvin, k, self.has_scatter) + area * g * r
         for cells in self.cells:
             known = area[cells.members] * cells.known(kelvin[cells.members])
             power[:, cells.members] -= network.is_free[cells.members] * known
@@ -399,6 +425,7 @@ class Harmonics:
         return self.answered(residual, np.zeros_like(power), (kelvin**3).mean(axis=0))
 
 
+TOGETHER = ", with others"  # of an input whose error goes together with those of others
 WITHOUT_MODEL = "without model error: model_K of [sigma] is 0"
 # Column of the weather, keys of a material that need it, and what they describe
 FED = (
@@ -440,9 +467,18 @@ def temperatures(scene: Scene, description: HeatDescription) -> Heat:
     columns = [network.column(name, sigma) for name, sigma in sigmas.items()]
     solved = course(network, columns, run.start_K, run.method)
     rows = [Contribution("exchange", standard_error(solved.scatter))]
+    changes = dict(zip(sigmas, solved.changes))
+    names, together = description.correlation.inputs, {}
+    for k, part in enumerate(description.correlation.root.T):  # errors that do not depend on others
+        of = sum(share * changes[name] for name, share in zip(names, part))
+        together[names[k]] = of
     rows += [
-        Contribution(name, change, sigma=f"{sigma} (default)" if of_defaults else sigma)
-        for (name, sigma), change in zip(sigmas.items(), solved.changes)
+        Contribution(
+            f"{name}{TOGETHER * (name in names)}",
+            together.get(name, change),
+            sigma=f"{sigmas[name]} (default)" if of_defaults else sigmas[name],
+        )
+        for name, change in changes.items()
         if change.any() or not of_defaults
     ]
     of_sigma = [

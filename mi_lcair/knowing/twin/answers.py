@@ -1,0 +1,238 @@
+"""What a twin's data say of each unknown, which combinations they cannot tell, and what would."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mi_lcair.declared import listed
+from mi_lcair.knowing.twin.data import Frames
+from mi_lcair.knowing.twin.estimate import Estimate
+from mi_lcair.knowing.twin.model import Course, Twin
+from mi_lcair.physics.blackbody import in_band_slope
+from mi_lcair.physics.estimation.verdicts import SIGNIFICANCE, Verdict
+
+LITTLE = 0.7  # ratio to the standard deviation beforehand above which the data add little
+KNOWN_BEFORE = "not determined: known beforehand as well"
+MISSED = "something in this series"
+# Information of the data on a combination, over that which is known beforehand, below which the
+# data do not tell it
+UNTOLD = 0.5
+MEMBER = 0.1  # size of an unknown's part in a combination from which it is named
+EVEN = 0.1  # relative difference of parts that count as equal
+SCALED = "one factor of all that heats, cools and stores changes no temperature"
+WORTH = 2.0  # factor by which a proposal must narrow a combination
+PULSE_W_m2, PULSE_H = 200.0, 4  # heat that is released in a proposal, and over which hours
+NIGHT_H = (0, 3, 6, 9, 12, 15, 18, 21)  # hours at which further frames are proposed
+
+
+def verdicts(twin: Twin, found: Estimate) -> list[str]:
+    """What the data say of each unknown."""
+    result = []
+    for k, (unknown, ends) in enumerate(zip(twin.unknowns, found.ends)):
+        error, x = np.sqrt(found.covariance[k, k]), found.state.z[k]
+        at_bound = np.isin(x, unknown.limits).any()
+        verdict = Verdict.DETERMINED if error < LITTLE * unknown.sigma else None
+        span = "{:.4g}..{:.4g}".format(*map(unknown.at, ends))
+        if not found.converged:
+            verdict = Verdict.UNFINISHED
+        elif found.p_value < SIGNIFICANCE:
+            verdict = Verdict.MISSED
+        elif at_bound:
+            verdict = Verdict.AT_BOUND
+        elif not error:
+            verdict = None
+        words = verdict and verdict.sentence(span=span, bound=f"{unknown.at(x):.4g}", what=MISSED)
+        result.append(words or KNOWN_BEFORE)
+    return result
+
+
+def relative_sizes(twin: Twin, x: np.ndarray) -> np.ndarray:
+    """Change of x for a relative change of each unknown, (K,); for some of 0, of 1 unit."""
+    values = [u.at(step) for u, step in zip(twin.unknowns, x)]
+    return np.array(
+        [
+            1.0 if not u.is_linear or not v or "K" in u.key else abs(v)
+            for u, v in zip(twin.unknowns, values)
+        ]
+    )
+
+
+def information(twin: Twin, covariance: np.ndarray) -> np.ndarray:
+    """Information of the data on the unknowns (K, K), in standard deviations known beforehand."""
+    K = len(twin.unknowns)
+    sigma = np.array([u.sigma for u in twin.unknowns])
+    of = np.linalg.inv(covariance[:K, :K]) * np.outer(sigma, sigma) - np.eye(K)
+    return (of + of.T) / 2
+
+
+def combinations(twin: Twin, found: Estimate) -> np.ndarray:
+    """Combinations of the unknowns that the data do not tell, as changes of x, (c, K).
+
+    They are the eigenvectors of little information, rotated so that each has as few unknowns as
+    can be: a basis in reduced echelon form, with the largest parts as pivots.
+    """
+    sizes, vectors = np.linalg.eigh(information(twin, found.covariance))
+    sigma = np.array([u.sigma for u in twin.unknowns])
+    basis = (vectors[:, sizes < UNTOLD] * sigma[:, None]).T
+    basis = basis / relative_sizes(twin, found.state.z[: len(sigma)])
+    free = np.ones(len(sigma), dtype=bool)
+    for row in range(len(basis)):
+        part = abs(basis[row:]) * free
+        lead, column = np.unravel_index(part.argmax(), part.shape)
+        basis[[row, row + lead]] = basis[[row + lead, row]]
+        basis[row] /= basis[row, column]
+        others = np.arange(len(basis)) != row
+        basis[others] -= np.outer(basis[others, column], basis[row])
+        free[column] = False
+    return basis
+
+
+def members(combination: np.ndarray) -> np.ndarray:
+    """Numbers of the unknowns that a combination changes."""
+    return np.flatnonzero(abs(combination) > MEMBER * abs(combination).max())
+
+
+def in_words(twin: Twin, combination: np.ndarray) -> str:
+    """A combination as a sentence."""
+    chosen = members(combination)
+    names, parts = [twin.unknowns[k].name for k in chosen], combination[chosen]
+    parts = parts / (abs(parts).max() * np.sign(parts[0]))
+    if len(chosen) == 1:
+        return f"{names[0]}: these data do not depend on it"
+    if (abs(parts - 1) < EVEN).all():
+        why = f": {SCALED}" if len(chosen) > 2 else ""
+        return f"{listed(names)} can be scaled together{why}"
+    up = [n for n, p in zip(names, parts) if p > 0]
+    down = [n for n, p in zip(names, parts) if p < 0]
+    sizes = ", ".join(f"{n} {10 * p:+.2g} %" for n, p in zip(names, parts))
+    if not down:
+        return f"{listed(up)} can grow together ({sizes})"
+    return f"more {listed(up)} is made good by less {listed(down)} ({sizes})"
+
+
+def alike(twin: Twin, found: Estimate) -> list[str]:
+    """What the data cannot tell apart, one sentence for each combination."""
+    return [in_words(twin, each) for each in combinations(twin, found)]
+
+
+# What would tell them: information of measurements that were not made
+# --------------------------------------------------------------------
+
+
+def advice(twin: Twin, found: Estimate) -> list[str]:
+    """For each combination, the proposal that narrows it most, in words."""
+    untold, lines = combinations(twin, found), []
+    if not len(untold):
+        return lines
+    K = len(twin.unknowns)
+    scale = relative_sizes(twin, found.state.z[:K])
+    now = np.linalg.inv(found.covariance)
+    gains = []
+    for words, more in proposals(twin, found):
+        after = np.linalg.inv(now + more)[:K, :K]
+        gains.append((words, after))
+    for combination in untold:
+        v = combination * scale
+        before = spread(found.covariance[:K, :K], v)
+        ranked = sorted((spread(after, v) / before, words) for words, after in gains)
+        chosen = members(combination)
+        names = listed([twin.unknowns[k].name for k in chosen])
+        if ranked and ranked[0][0] < 1 / WORTH:
+            ratio, words = ranked[0]
+            lines.append(f"{words} would tell {names}, to {ratio:.2g} of the present error")
+        else:
+            most = twin.unknowns[chosen[abs(combination[chosen]).argmax()]].name
+            lines.append(f"{most} measured in another way would tell {names}; no proposal does")
+    return list(dict.fromkeys(lines))
+
+
+def spread(covariance: np.ndarray, direction: np.ndarray) -> float:
+    """Standard deviation of what is left along a direction, whatever its length."""
+    return float(1 / np.sqrt(direction @ np.linalg.solve(covariance, direction)))
+
+
+def proposals(twin: Twin, found: Estimate) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield further measurements in words, with their information (p, p)."""
+    course, p = found.state.course, len(found.state.z)
+    for camera in course.traced.cameras:
+        for hour in NIGHT_H:
+            if twin.times.day or twin.times.hours[0] <= hour <= twin.times.hours[-1]:
+                rows = expected(twin, course, camera, hour)
+                yield f"a frame of {camera.name} at {hour} h", of_rows(*rows, p)
+    groups = twin.first.network.facets.groups
+    hours = (
+        range(24) if twin.times.day else twin.times.hours[:: max(1, len(twin.times.hours) // 24)]
+    )
+    for g, group in enumerate(groups):
+        table = twin.first.network.tables[group]
+        if table.temperature is not None or any(group in datum.columns for datum in twin.contact):
+            continue
+        made = [contact(twin, course, g, hour) for hour in hours]
+        matrix, variance = (np.concatenate(parts) for parts in zip(*made))
+        yield f"a contact thermometer on {group} through the day", of_rows(matrix, variance, p)
+        pulse = pulsed(twin, found, group)
+        if pulse is not None:
+            what = f"{PULSE_W_m2:g} W/m2 of known heat in {group} for {24 // PULSE_H} h"
+            yield f"{what}, with the same data", pulse
+    for k, unknown in enumerate(twin.unknowns):
+        more = np.zeros((p, p))
+        more[k, k] = (0.1 * relative_sizes(twin, found.state.z)[k]) ** -2.0
+        yield f"{unknown.name} known to 10 %", more
+
+
+def of_rows(matrix: np.ndarray, variance: np.ndarray, p: int) -> np.ndarray:
+    """Information (p, p) of values with derivatives (s, p) and variances (s,)."""
+    return matrix.T @ (matrix / variance[:, None])
+
+
+def expected(twin: Twin, course: Course, camera: Frames, hour: float):
+    """Derivatives (s, p) and variances of the means of groups in a frame that was not taken."""
+    near = int(np.argmin(abs(camera.hours - hour)))
+    z = np.zeros(len(twin.mean))
+    kelvin, ends = twin.kelvin(course, z, hour)
+    number = [*twin.contact, *course.traced.cameras].index(camera)
+    block = camera.block(near, kelvin, np.zeros(len(camera.own)))
+    changes = twin.times.at(hour, course.changes)
+    row = twin.with_columns(course, block, (camera, number, near, kelvin), changes, ends)
+    drift = camera.table.drift_K * float(in_band_slope(camera.scene.band, 300.0))
+    own = twin.places[f"errors of {number}"]
+    matrix, variance = [], []
+    for part in np.unique(block.part):
+        share = np.where(block.part == part, block.weight, 0.0)
+        full = np.zeros(len(z))
+        np.add.at(full, row.entries, share @ row.matrix / share.sum())
+        if drift:  # its offset is another one than that of the frame which is near
+            full[own[-len(camera.hours) :]] = 0.0
+        matrix.append(full)
+        variance.append(1 / share.sum() + drift**2)
+    return np.array(matrix), np.array(variance)
+
+
+def contact(twin: Twin, course: Course, group: int, hour: float):
+    """Derivatives (1, p) and the variance of a thermometer on a group at an hour."""
+    facets = twin.first.network.facets
+    weights = (facets.group == group) * facets.area
+    weights = weights / weights.sum()
+    full = np.zeros((1, len(twin.mean)))
+    _, ends = twin.kelvin(course, full[0], hour)
+    changes = twin.times.at(hour, course.changes)
+    full[0, : len(changes)] = changes @ weights
+    model = twin.places["model"].reshape(len(twin.free), -1)
+    for node, share in ends:
+        full[0, model[:, node]] += share * (twin.free @ weights)
+    return full, np.array([0.3**2])
+
+
+def pulsed(twin: Twin, found: Estimate, group: str) -> np.ndarray | None:
+    """Information (p, p) of the same data, if known heat were released in a group."""
+    table = found.state.course.network.tables[group]
+    if any(u.group == group and u.key.startswith("internal") for u in twin.unknowns):
+        return None
+    hours = np.full(PULSE_H, table.internal_W_m2)
+    hours[0] += PULSE_W_m2
+    heated = twin.course(found.state.z, heated=(group, tuple(hours)))
+    total = np.zeros((len(found.state.z),) * 2)
+    for row in twin.rows(heated, found.state.z):
+        of = row.matrix.T @ (row.block.weight[:, None] * row.matrix)
+        total[np.ix_(row.entries, row.entries)] += of
+    return total

@@ -1,0 +1,267 @@
+"""What was measured of a twin, and what its temperatures predict: readings and frames.
+
+Every datum makes blocks: residuals of one time, their weights, and their derivatives with respect
+to temperatures' columns and to errors of its own, whose standard deviation is 1.
+"""
+
+from copy import copy
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy import ndimage, sparse
+
+from mi_lcair.declared import Bounds
+from mi_lcair.derivatives.images import facet_matrix
+from mi_lcair.errors import InputError, check_known, errors_of
+from mi_lcair.heating.conductors import Facets
+from mi_lcair.knowing.inversion.data.readings import Measurement, measured_radiance, noise_of_netd
+from mi_lcair.knowing.twin.problem import FramesTable, SeriesTable
+from mi_lcair.physics.blackbody import in_band_radiance, in_band_slope
+from mi_lcair.rendering.parameters.values import changed, parameters_of
+from mi_lcair.rendering.scene import Scene
+from mi_lcair.table import read_table
+
+KELVIN = Bounds(lower=10, upper=6000, unit="K")
+AT_K = 300.0  # temperature for which offsets are stated
+OTHER_K = 10.0  # change of a surrounding temperature from which its effective area follows
+NEIGHBOURS = 3  # pixels along a side over which the variance of the render is averaged
+
+
+@dataclass(frozen=True)
+class Block:
+    """Measured less predicted values of one time.
+
+    residual, weight: (N,), inverse variances. facets: (N, n), derivatives with respect to the
+    temperatures. own: (N, q), with respect to the errors of the datum. part: (N,), to which mean
+    each value belongs in the test of the fit.
+    """
+
+    residual: np.ndarray
+    weight: np.ndarray
+    facets: sparse.csr_array
+    own: np.ndarray
+    part: np.ndarray
+
+
+class Times:
+    """Hours as straight lines between the times of a weather.
+
+    day: 24 for a day that is repeated, None for a series.
+    """
+
+    def __init__(self, seconds: np.ndarray, hour_s: float, is_periodic: bool):
+        self.hours = seconds / hour_s
+        self.day = 24.0 if is_periodic else None
+
+    def check(self, where: str, hours: np.ndarray) -> None:
+        """Raise InputError for hours outside the weather."""
+        if self.day and not (min(hours) >= 0 and max(hours) <= self.day):
+            raise InputError(
+                f"{where}: hours {min(hours):g} to {max(hours):g} are not those of one "
+                "day, 0 to 24; give start_K of [run] for a series of days"
+            )
+        first, last = 2 * self.hours[0] - self.hours[1], self.hours[-1]
+        if not self.day and not (first - 1e-9 <= min(hours) and max(hours) <= last + 1e-9):
+            raise InputError(
+                f"{where}: hours {min(hours):g} to {max(hours):g} leave those of the "
+                f"weather, {first:g} to {last:g}"
+            )
+
+    def at(self, hour: float, values: np.ndarray) -> np.ndarray:
+        """Values (..., m, n) at an hour, (..., n)."""
+        m, step = len(self.hours), self.hours[1] - self.hours[0]
+        place = (hour - self.hours[0]) / step
+        place = place % m if self.day else np.clip(place, 0, m - 1)
+        first = int(place)
+        share, second = place - first, (first + 1) % m
+        return (1 - share) * values[..., first, :] + share * values[..., second, :]
+
+
+class Readings:
+    """Measured temperatures of groups or facets.
+
+    hours: (N,). columns: their names. kelvin: (N, columns).
+    """
+
+    def __init__(self, table: SeriesTable, facets: Facets, times: Times):
+        path, self.name = table.measured, "contact"
+        where = f"measured {path}"
+        read = read_table(path, ("hour",), "measured")
+        numbers = read.numbers(read.columns)
+        self.hours = numbers.pop("hour")
+        times.check(where, self.hours)
+        if not numbers:
+            raise InputError(f"{where}: has no column of temperatures; give one named as a group")
+        weights = []
+        for name, values in numbers.items():
+            row = np.zeros(len(facets.area))
+            if name.startswith("facet_") and name[6:].isdigit():
+                row[facets.number == int(name[6:])] = 1.0
+            else:
+                check_known(f"group of {where}", facets.groups, name)
+                row = (facets.group == facets.groups.index(name)) * facets.area
+            if not row.any():
+                raise InputError(f"{where}: there is no {name}")
+            read.check_range(name, values, KELVIN)
+            weights.append(row / row.sum())
+        self.columns = tuple(numbers)
+        self.weights = sparse.csr_array(np.array(weights))
+        self.kelvin = np.array([*numbers.values()]).T
+        self.sigma, self.common = table.sigma_K, table.common_K
+        self.own = ["error that all readings share [K]"] * (self.common > 0)
+        self.own_sigma = [self.common] * len(self.own)
+
+    def block(self, k: int, kelvin: np.ndarray, own: np.ndarray) -> Block:
+        """The block of a reading for temperatures (n,) and errors (q,)."""
+        count = len(self.columns)
+        columns = np.full((count, len(self.own)), self.common)
+        return Block(
+            residual=self.kelvin[k] - self.weights @ kelvin - columns @ own,
+            weight=np.full(count, self.sigma**-2.0),
+            facets=self.weights,
+            own=columns,
+            part=np.arange(count),
+        )
+
+
+class Frames:
+    """Images of one camera at some hours, and its effective areas by facet."""
+
+    def __init__(self, table: FramesTable, scene: Scene, facets: Facets, times: Times):
+        self.table, self.scene, self.facets, self.name = table, scene, facets, table.name
+        where = f"frames {table.list}"
+        self.where = where
+        read = read_table(table.list, ("hour", "image"), "frames")
+        names = [name for name in read.columns if name not in ("hour", "image")]
+        numbers = read.numbers(["hour", *names])
+        self.hours = numbers.pop("hour")
+        times.check(where, self.hours)
+        known = {n for n, p in parameters_of(scene).items() if p.kind == "temperature"}
+        check_known(f"temperature of {where}", known, *names)
+        for name, values in numbers.items():
+            read.check_range(name, values, KELVIN)
+        self.surroundings, place = numbers, read.columns.index("image")
+        folder = Path(table.list).parent
+        images = [str(folder / cells[place]) for _, cells in read.rows]
+        film = scene.sensor(table.sensor).film().crop_size()
+        size = int(film[1]), int(film[0])
+        of_file = ("quantity", "channel", "scale", "mask", "saturation", "netd_mK", "sigma")
+        options = {name: getattr(table, name) for name in of_file}
+        with errors_of(where):
+            made = (Measurement(scene=scene.name, image=i, **options) for i in images)
+            read_all = [measured_radiance(one, scene.band, size) for one in made]
+        self.measured = [values.ravel() for values, *_ in read_all]
+        self.counts = [counts.ravel() for _, _, counts, _ in read_all]
+        self.size, self.fixed = size, {}
+        drift = [f"{self.name}: offset at {hour:g} h [K]" for hour in self.hours]
+        stated = [
+            (table.gain, [f"{self.name}: gain [1]"]),
+            (table.offset_K, [f"{self.name}: offset [K]"]),
+            (table.pose_px, [f"{self.name}: {way} [pixel]" for way in ("right", "down")]),
+            (table.drift_K, drift),
+        ]
+        self.own = [label for sigma, labels in stated if sigma for label in labels]
+        self.own_sigma = [sigma for sigma, labels in stated if sigma for _ in labels]
+
+    def traced(self) -> "Frames":
+        """The frames with the effective areas of the scene as it is now."""
+        table, result = self.table, copy(self)
+        options = {"sensor": table.sensor, "spp": table.spp, "seed": table.seed}
+        result.of_facets, result.around = facet_matrix(self.scene, **options), {}
+        before = parameters_of(self.scene)
+        for name, kelvin in self.surroundings.items():
+            value = before[name].value
+            with changed(self.scene, {name: value + OTHER_K}):
+                warmer = facet_matrix(self.scene, **options)
+            L = in_band_radiance(self.scene.band, np.array([value + OTHER_K, value, *kelvin]))
+            area = (warmer.rest - result.of_facets.rest).mean(axis=0) / (L[0] - L[1])
+            result.around[name] = area, L[2:] - L[1]
+        result.matrix, result.rest = result.parted(
+            result.of_facets.mean, result.of_facets.rest.mean(axis=0)
+        )
+        if self.fixed.get("groups") is None:
+            self.fixed["groups"] = result.groups()
+        return result
+
+    def parted(self, matrix, rest) -> tuple[sparse.csr_array, np.ndarray]:
+        """Matrix of the facets of the balance (pixels, n), and the radiance of all else."""
+        traced = self.of_facets
+        place = {int(facet): k for k, facet in enumerate(traced.facets)}
+        column = np.array([place.get(int(number), -1) for number in self.facets.number])
+        if (column < 0).all():
+            raise InputError(
+                f"{self.where}: the camera's scene has none of the facets of the heat balance; "
+                "give it the same model"
+            )
+        other = np.setdiff1d(np.arange(len(traced.facets)), column)
+        own = sparse.csr_array(matrix[:, np.maximum(column, 0)] * (column >= 0))
+        L = in_band_radiance(traced.band, traced.temperature[other])
+        return own, rest + matrix[:, other] @ L
+
+    def groups(self) -> np.ndarray:
+        """Group that each pixel shows most, (pixels,); -1 for none, or near an outline."""
+        shares = (self.matrix @ self.facets.membership.T).toarray()
+        whole = shares.sum(axis=1)
+        group = np.where(whole > 0.5 * np.median(whole[whole > 0]), shares.argmax(axis=1), -1)
+        image, reach = group.reshape(self.size), 2 * self.table.edge_px + 1
+        ends = [f(image, size=reach) for f in (ndimage.minimum_filter, ndimage.maximum_filter)]
+        return np.where((ends[0] == ends[1]).ravel(), group, -1)
+
+    def radiance(self, k: int, kelvin: np.ndarray, of=None) -> np.ndarray:
+        """Radiance of a frame for temperatures (n,), (pixels,) [W m^-2 sr^-1].
+
+        of: matrix and rest in place of their means.
+        """
+        matrix, rest = of or (self.matrix, self.rest)
+        values = matrix @ in_band_radiance(self.scene.band, kelvin) + rest
+        return values + sum(area * L[k] for area, L in self.around.values())
+
+    def weights(self, k: int, kelvin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Pixels of a frame that count, and their inverse variances, both (pixels,).
+
+        They stay those of the first call. An error of the render is the same in all frames, and
+        therefore counts in each of them as often as there are frames.
+        """
+        if k not in self.fixed:
+            values, traced = self.radiance(k, kelvin), self.of_facets
+            runs = zip(traced.matrices, traced.rest)
+            scatter = [self.radiance(k, kelvin, self.parted(*run)) for run in runs]
+            variance = np.var(scatter, axis=0, ddof=1) / len(scatter)
+            variance = ndimage.uniform_filter(variance.reshape(self.size), NEIGHBOURS).ravel()
+            noise = np.full(len(values), self.table.sigma)
+            if self.table.netd_mK:
+                noise = noise_of_netd(self.scene.band, values, self.table.netd_mK)
+            is_good = self.counts[k] & (self.fixed["groups"] >= 0)
+            self.fixed[k] = is_good, 1 / (noise**2 + len(self.hours) * variance)
+        return self.fixed[k]
+
+    def block(self, k: int, kelvin: np.ndarray, own: np.ndarray) -> Block:
+        """The block of a frame for temperatures (n,) and errors (q,)."""
+        values, band = self.radiance(k, kelvin), self.scene.band
+        counts, weight = self.weights(k, kelvin)
+        columns = self.own_columns(k, values)[counts]
+        slope = sparse.diags_array(in_band_slope(band, kelvin))
+        return Block(
+            residual=(self.measured[k] - values)[counts] - columns @ own,
+            weight=weight[counts],
+            facets=sparse.csr_array(self.matrix[counts] @ slope),
+            own=columns,
+            part=self.fixed["groups"][counts],
+        )
+
+    def own_columns(self, k: int, values: np.ndarray) -> np.ndarray:
+        """Effect of one standard deviation of each error of the camera, (pixels, q)."""
+        table, kelvin = self.table, in_band_slope(self.scene.band, AT_K)
+        columns, ones = [], np.ones(len(values))
+        if table.gain:
+            columns.append(table.gain * values)
+        if table.offset_K:
+            columns.append(table.offset_K * kelvin * ones)
+        if table.pose_px:
+            down, right = np.gradient(values.reshape(self.size))
+            columns += [-table.pose_px * right.ravel(), -table.pose_px * down.ravel()]
+        if table.drift_K:
+            is_k = np.arange(len(self.hours)) == k
+            columns += [table.drift_K * kelvin * ones * one for one in is_k]
+        return np.array(columns).reshape(-1, len(values)).T

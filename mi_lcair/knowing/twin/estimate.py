@@ -1,0 +1,265 @@
+"""The estimate of a twin: least squares by Gauss and Newton, intervals, and the test of its fit."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg, stats
+
+from mi_lcair.knowing.twin.data import Frames
+from mi_lcair.knowing.twin.model import Course, Twin
+from mi_lcair.physics.estimation.verdicts import profile_ends, student_factor
+
+MOST_STEPS, CLOSE = 15, 0.02  # iterations, and the change in standard errors at which they end
+FLAT = 0.5  # increase of chi-square that the drift of days may make
+HALVINGS = 5  # shorter steps that are tried
+WIDTH = student_factor(np.inf)
+STRAIGHT = 0.1  # relative error of a linear interval from which it is replaced
+HELD_STEPS = 3  # iterations of the others while one unknown is held
+MOST_MEANS = 1500  # means of the residuals that are tested together
+COARSE = 1.2  # variance of pixels over the stated one from which it is taken in its place
+
+
+@dataclass(frozen=True)
+class Means:
+    """Means of the residuals by datum, time and group.
+
+    residual: (s,), in the unit of the datum. matrix: its derivatives, (s, p). variance, per_kelvin:
+    of its noise, and its change if all facets are warmer by 1 K, (s,). of: datum, hour, group.
+    """
+
+    residual: np.ndarray
+    matrix: np.ndarray
+    variance: np.ndarray
+    per_kelvin: np.ndarray
+    of: list[tuple[str, float, int]]
+
+    def kelvin(self, twin: Twin, z: np.ndarray) -> np.ndarray:
+        """What the temperatures alone leave, without the errors in z of all else, (s,) [K]."""
+        K = len(twin.unknowns)
+        return (self.residual + self.matrix[:, K:] @ z[K:]) / self.per_kelvin
+
+
+@dataclass(frozen=True)
+class State:
+    """A point of the iteration: z, course, cost, and the normal equations of the data there.
+
+    information: (p, p). gradient: of the data, (p,).
+    """
+
+    z: np.ndarray
+    course: Course
+    cost: float
+    information: np.ndarray
+    gradient: np.ndarray
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The estimate z with its covariance (p, p), and ends (K, 2) of the intervals of x.
+
+    means, before: see `Means`; with the first guess. p_value: of the fit of the means. scatter: root of the variance of pixels
+    over the stated one, by camera.
+    """
+
+    state: State
+    covariance: np.ndarray
+    ends: np.ndarray
+    means: Means
+    before: Means
+    p_value: float
+    scatter: dict[str, float]
+    converged: bool
+
+
+def evaluated(twin: Twin, z: np.ndarray, like: Course | None = None) -> State:
+    """The state at z."""
+    course = twin.course(z, like)
+    information, gradient = np.zeros((len(z),) * 2), np.zeros(len(z))
+    apart = z - twin.mean
+    cost = apart @ twin.precision @ apart
+    for row in twin.rows(course, z):
+        r, w = row.block.residual, row.block.weight
+        cost += np.sum(w * r**2)
+        weighed = w[:, None] * row.matrix
+        information[np.ix_(row.entries, row.entries)] += row.matrix.T @ weighed
+        gradient[row.entries] += weighed.T @ r
+    return State(z, course, float(cost), information, gradient)
+
+
+def step_of(twin: Twin, state: State, held: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """The step of Gauss and Newton, and the covariance (p, p). held: an unknown that stays.
+
+    Unknowns at a bound that the step would leave stay there.
+    """
+    p, K = len(state.z), len(twin.unknowns)
+    gradient = state.gradient - twin.precision @ (state.z - twin.mean)
+    normal = state.information + twin.precision
+    free = np.arange(p) != (-1 if held is None else held)
+    low, high = twin.limits
+    for _ in range(K + 1):
+        index = np.flatnonzero(free)
+        factor = linalg.cho_factor(normal[np.ix_(index, index)])
+        step = np.zeros(p)
+        step[index] = linalg.cho_solve(factor, gradient[index])
+        x, dx = state.z[:K], step[:K]
+        is_out = free[:K] & ((x <= low) & (dx < 0) | (x >= high) & (dx > 0))
+        if not is_out.any():
+            break
+        free[:K] &= ~is_out
+    covariance = np.zeros((p, p))
+    covariance[np.ix_(index, index)] = linalg.cho_solve(factor, np.eye(len(index)))
+    return step, covariance
+
+
+def clipped(twin: Twin, z: np.ndarray) -> np.ndarray:
+    """z with unknowns within their bounds."""
+    K = len(twin.unknowns)
+    return np.append(np.clip(z[:K], *twin.limits), z[K:])
+
+
+def descended(
+    twin: Twin, state: State, most: int, held: int | None = None, like=None, progress=None
+):
+    """The state after at most some steps, and whether it moves no more.
+
+    held: an unknown that stays. like: course whose derivatives are taken as they are.
+    """
+    for number in range(most):
+        step, covariance = step_of(twin, state, held)
+        if (abs(step) <= CLOSE * np.sqrt(np.diag(covariance))).all():
+            return state, True
+        for halving in range(HALVINGS):
+            z = clipped(twin, state.z + step / 3**halving)
+            trial = evaluated(twin, z, like)
+            if trial.cost <= state.cost + FLAT:
+                break
+        else:
+            return state, False
+        state = trial
+        if progress:
+            progress(number + 1, most)
+    step, covariance = step_of(twin, state, held)
+    return state, bool((abs(step) <= CLOSE * np.sqrt(np.diag(covariance))).all())
+
+
+def estimated(twin: Twin, starts: int = 1, progress=None) -> Estimate:
+    """The estimate from the best of several first guesses."""
+    random, K, found = np.random.default_rng(0), len(twin.unknowns), []
+    guess = evaluated(twin, clipped(twin, np.zeros(len(twin.mean))))
+    before = means_of(twin, guess)
+    for number in range(starts):
+        first = guess
+        if number:
+            z, sigma = np.zeros(len(twin.mean)), np.array([u.sigma for u in twin.unknowns])
+            z[:K] = twin.mean[:K] + sigma * random.standard_normal(K)
+            first = evaluated(twin, clipped(twin, z))
+        found.append(descended(twin, first, MOST_STEPS, progress=progress))
+    state, converged = min(found, key=lambda pair: pair[0].cost)
+    scatter = scatter_of(twin, state)
+    if any(ratio**2 > COARSE for ratio in scatter.values()):
+        for camera in state.course.traced.cameras:
+            coarser(camera, max(scatter[camera.name], 1.0))
+        state, converged = descended(twin, evaluated(twin, state.z), MOST_STEPS)
+    _, covariance = step_of(twin, state)
+    ends = intervals(twin, state, covariance)
+    means = means_of(twin, state)
+    p = p_value(twin, state, means)
+    return Estimate(state, covariance, ends, means, before, p, scatter, converged)
+
+
+def coarser(camera: Frames, factor: float) -> None:
+    """Divide the weights of a camera's pixels by the square of a factor."""
+    for k in range(len(camera.hours)):
+        counts, weight = camera.fixed[k]
+        camera.fixed[k] = counts, weight / factor**2
+
+
+def scatter_of(twin: Twin, state: State) -> dict[str, float]:
+    """Scatter of pixels about the mean of their group, over the stated noise, by camera."""
+    total, count = {}, {}
+    rows = twin.rows(state.course, state.z)
+    for datum in [*twin.contact, *state.course.traced.cameras]:
+        for _ in datum.hours:
+            block = next(rows).block
+            if not isinstance(datum, Frames) or not len(block.residual):
+                continue
+            part, w, r = block.part, block.weight, block.residual
+            sums = np.bincount(part, w)
+            mean = np.bincount(part, w * r) / np.maximum(sums, 1e-300)
+            total[datum.name] = total.get(datum.name, 0) + np.sum(w * (r - mean[part]) ** 2)
+            count[datum.name] = count.get(datum.name, 0) + len(r) - np.count_nonzero(sums)
+    return {name: float(np.sqrt(total[name] / max(count[name], 1))) for name in total}
+
+
+def means_of(twin: Twin, state: State) -> Means:
+    """Means of the residuals of each block and group with their derivatives."""
+    found = []
+    data = [*twin.contact, *state.course.traced.cameras]
+    places = ((datum.name, float(hour)) for datum in data for hour in datum.hours)
+    for row, place in zip(twin.rows(state.course, state.z), places):
+        block = row.block
+        for part in np.unique(block.part):
+            w = np.where(block.part == part, block.weight, 0.0)
+            share = w / w.sum()
+            matrix = np.zeros(len(state.z))
+            np.add.at(matrix, row.entries, share @ row.matrix)
+            warmer = share @ block.facets.sum(axis=1)
+            found.append((share @ block.residual, matrix, 1 / w.sum(), warmer, (*place, int(part))))
+    *columns, of = zip(*found[:: -(-len(found) // MOST_MEANS)])
+    return Means(*map(np.array, columns), list(of))
+
+
+def p_value(twin: Twin, state: State, means: Means) -> float:
+    """Probability of means that are farther from what was expected beforehand, by chance."""
+    covariance = np.linalg.inv(twin.precision)
+    apart = means.residual + means.matrix @ (state.z - twin.mean)
+    of_means = means.matrix @ covariance @ means.matrix.T + np.diag(means.variance)
+    chi_square = apart @ linalg.solve(of_means, apart, assume_a="pos")
+    return float(stats.chi2.sf(chi_square, len(apart)))
+
+
+def intervals(twin: Twin, state: State, covariance: np.ndarray) -> np.ndarray:
+    """Ends (K, 2) of the 95 % intervals of x; by the profile where the cost is curved."""
+    K, (lower, upper) = len(twin.unknowns), twin.limits
+    sd = np.sqrt(np.diag(covariance)[:K])
+    ends = state.z[:K, None] + WIDTH * sd[:, None] * [-1, 1]
+    curved = []
+    for k in range(K):
+        for side in (0, 1):
+            if not sd[k]:
+                continue
+            z = state.z + (ends[k, side] - state.z[k]) / sd[k] ** 2 * covariance[k]
+            is_out = (z[:K] < lower) | (z[:K] > upper)
+            moved = evaluated(twin, z, state.course) if not is_out.any() else None
+            if moved is None or abs(distance(state, moved) / WIDTH - 1) > STRAIGHT:
+                curved.append((k, side))
+    if curved:
+        ends[tuple(np.transpose(curved))] = profiled(twin, state, covariance, ends, curved)
+    return np.clip(ends, lower[:, None], upper[:, None])
+
+
+def distance(state: State, other: State) -> float:
+    """Distance of another state from the estimate, in standard errors."""
+    return float(np.sqrt(max(other.cost - state.cost, 0.0)))
+
+
+def profiled(twin: Twin, state: State, covariance, ends: np.ndarray, curved: list) -> np.ndarray:
+    """Ends of intervals where the cost, with all others at their best, is higher by 1.96^2."""
+    limits, like = twin.limits, state.course
+
+    def refit(numbers, held, starts):
+        result = []
+        for number, value, z in zip(numbers, held, starts):
+            k = curved[number][0]
+            z = clipped(twin, z + (value - z[k]) / covariance[k, k] * covariance[k])
+            z[k] = value
+            moved, _ = descended(twin, evaluated(twin, z, like), HELD_STEPS, k, like)
+            result.append((distance(state, moved), moved.z))
+        return tuple(map(np.array, zip(*result)))
+
+    k, side = np.transpose(curved)
+    best = state.z[k]
+    first, bound = ends[k, side], limits[side, k]
+    inside, reached, outside = profile_ends(refit, best, state.z, first, bound, WIDTH)
+    last = inside[range(len(k)), k]
+    return np.where(reached > (1 - STRAIGHT) * WIDTH, last, outside)

@@ -1,0 +1,280 @@
+"""The prediction of a twin: temperatures over the day, and what its data show of them.
+
+All that is estimated is one vector z: changes x of the unknowns; changes of the other inputs and of
+the random numbers of the exchange, in standard deviations; errors of the instruments, in the same;
+and the error of the balance itself for each group, in kelvin at nodes of the day.
+"""
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mi_lcair.declared import texts
+from mi_lcair.errors import InputError, errors_of
+from mi_lcair.heating.temperatures.description import GroupTable, HeatDescription, default_sigmas
+from mi_lcair.heating.temperatures.network import Network
+from mi_lcair.heating.temperatures.solve import course, network_of
+from mi_lcair.knowing.twin.data import Block, Frames, Readings, Times
+from mi_lcair.knowing.twin.problem import FramesTable, TwinProblem
+from mi_lcair.knowing.twin.unknowns import STEP, changed, of_others, sought
+from mi_lcair.rendering.parameters import values
+from mi_lcair.rendering.scene import Scene
+
+# Time over which the error of the model is alike, in hours of the weather's rows. It is an eighth
+# of a day, also of a long one: what the terms leave out follows the course of sun and air
+LASTS_H = 3.0
+NODE_H = 0.5  # distance of the nodes of that error
+
+
+@dataclass(frozen=True)
+class Traced:
+    """What follows from tracing the scenes: the network and the cameras' effective areas."""
+
+    network: Network
+    cameras: list[Frames]
+
+
+@dataclass(frozen=True)
+class Course:
+    """Temperatures (m, n) at some z without errors of the model, and their changes (c, m, n).
+
+    lighter: effect of unknowns that are traced on the frames at fixed temperatures, by the number
+    of the unknown: cameras above and below, and the change of x between them.
+    """
+
+    traced: Traced
+    network: Network
+    kelvin: np.ndarray
+    changes: np.ndarray
+    lighter: dict[int, tuple[list[Frames], list[Frames], float]]
+
+
+@dataclass(frozen=True)
+class Rows:
+    """A block with its derivatives with respect to some entries of z: (N, q), and which, (q,)."""
+
+    block: Block
+    matrix: np.ndarray
+    entries: np.ndarray
+
+
+class Twin:
+    """A body, its weather, and what was measured of it.
+
+    Attributes
+    ----------
+    unknowns : list of Sought
+    others : dict
+        Uncertainties of all other inputs.
+    data : list of Readings or Frames
+    sizes : dict of str to int
+        Number of entries of z of each kind, in their order.
+    mean, precision : ndarray
+        What is known of z beforehand: its mean (p,), and the inverse covariance (p, p).
+    """
+
+    def __init__(self, scene: Scene, description: HeatDescription, problem: TwinProblem):
+        self.scene, self.description, self.remarks = scene, description, ()
+        self.kept, self.last, self.alone = {}, None, None
+        network, self.remarks = network_of(scene, description)
+        if len(network.weather.seconds) == 1:
+            raise InputError(
+                f"heat '{problem.heat.file}': a steady state; give a file of [weather]"
+            )
+        known = values.parameters_of(scene)
+        self.unknowns = [
+            sought(name, given, network, known) for name, given in problem.unknowns.items()
+        ]
+        self.start_K = description.run.start_K
+        hour_s, is_periodic = network.weather.day_s / 24, self.start_K is None
+        self.times = Times(network.weather.seconds, hour_s, is_periodic)
+        self.cameras = [self.camera(table, network) for table in problem.frames]
+        by_group = [u.name for u in self.unknowns if u.key == "emissivity" and not u.is_of_scene]
+        if self.cameras and by_group:
+            raise InputError(
+                f"[unknowns] '{by_group[0]}': frames need the parameter of its material, such as "
+                f"one of {', '.join(n for n, p in known.items() if p.kind == 'material') or '-'}"
+            )
+        readings = problem.heat.measured
+        contact = [Readings(problem.heat, network.facets, self.times)] if readings else []
+        self.contact, self.first = contact, Traced(network, [c.traced() for c in self.cameras])
+        sigmas = description.sigma
+        if description.has_defaults:
+            sigmas = default_sigmas(network.weather.sky, network.tables)
+        self.sigmas, self.others = sigmas, of_others(sigmas, self.unknowns, network)
+        self.known_beforehand()
+
+    def known_beforehand(self) -> None:
+        """Lay out z, and set its mean and precision."""
+        network, data = self.first.network, [*self.contact, *self.first.cameras]
+        model_K = self.description.model_K
+        free = [k for k, t in enumerate(network.tables.values()) if t.temperature is None]
+        hours, day = self.times.hours, self.times.day
+        span = day or hours[-1] - hours[0]
+        count = max(2, round(span / NODE_H))
+        self.nodes = (0.0 if day else hours[0]) + span / (count - bool(not day)) * np.arange(count)
+        self.sizes = {
+            "unknowns": len(self.unknowns),
+            "others": len(self.others),
+            "exchange": len(network.traced.replicates),
+            **{f"errors of {k}": len(datum.own) for k, datum in enumerate(data)},
+            "model": len(free) * count if model_K else 0,
+        }
+        self.free = network.facets.membership.toarray()[free]
+        ends = np.cumsum([0, *self.sizes.values()])
+        self.places = {n: np.arange(*e) for n, e in zip(self.sizes, zip(ends, ends[1:]))}
+        self.mean, self.precision = np.zeros(ends[-1]), np.eye(ends[-1])
+        K = len(self.unknowns)
+        self.mean[:K] = [u.expected for u in self.unknowns]
+        self.precision[range(K), range(K)] = [u.sigma**-2.0 for u in self.unknowns]
+        # Deviations of R randomisations from their mean, whose error has the covariance of the sum
+        # of their products over R (R - 1)
+        R = self.sizes["exchange"]
+        self.of_scatter = 1 / np.sqrt(R * (R - 1))
+        if model_K:
+            lag = abs(np.subtract.outer(self.nodes, self.nodes))
+            lag = np.minimum(lag, day - lag) if day else lag
+            inverse = np.linalg.inv(model_K**2 * np.exp(-lag / LASTS_H))
+            for place in self.places["model"].reshape(len(free), count):
+                self.precision[np.ix_(place, place)] = inverse
+
+    def camera(self, table: FramesTable, network: Network) -> Frames:
+        """The frames of a table, with their scene."""
+        target = self.description.target
+        with errors_of(f"[[frames]] '{table.name}'"):
+            source, parameters = target.scene, target.parameters
+            if table.scene is not None:
+                source, parameters = table.scene, {}
+            options = texts("parameters", parameters | table.parameters)
+            scene = values.load_with_values(source, options)
+            return Frames(table, scene, network.facets, self.times)
+
+    def traced(self, x: np.ndarray) -> Traced:
+        """The scenes, traced for the unknowns x that need it."""
+        at = {u.name: u.at(step) for u, step in zip(self.unknowns, x) if u.is_traced}
+        if not at:
+            return self.first
+        if (key := tuple(at.values())) not in self.kept:
+            of_scene = {u.name for u in self.unknowns if u.is_of_scene}
+            groups = dict(self.description.groups)
+            for name in at.keys() - of_scene:
+                group = name.rpartition(".")[0]
+                table = groups.get(group, GroupTable())
+                groups[group] = replace(table, emissivity=at[name])
+            with ExitStack() as stack:
+                for scene in {
+                    id(s): s for s in (self.scene, *(c.scene for c in self.cameras))
+                }.values():
+                    known = values.parameters_of(scene)
+                    own = {name: at[name] for name in at if name in of_scene and name in known}
+                    stack.enter_context(values.changed(scene, own))
+                network, _ = network_of(self.scene, replace(self.description, groups=groups))
+                cameras = [camera.traced() for camera in self.cameras]
+            self.kept = dict([*self.kept.items()][-2 * len(at) :])
+            self.kept[key] = Traced(network, cameras)
+        return self.kept[key]
+
+    def network(self, traced: Traced, x: np.ndarray, heated: tuple | None = None) -> Network:
+        """The network of traced scenes for the unknowns x.
+
+        heated: group, and heat in it in equal parts of the day in place of its own.
+        """
+        network = changed(traced.network, self.unknowns, x)
+        if heated is None:
+            return network
+        group, hours = heated
+        table = replace(network.tables[group], internal_W_m2=0.0, internal_by_hour=hours)
+        result = replace(network, groups=network.tables | {group: table})
+        result.__dict__["light"] = network.light  # of the absorptances that are sought
+        return result
+
+    def course(
+        self, z: np.ndarray, like: Course | None = None, heated: tuple | None = None
+    ) -> Course:
+        """The temperatures at z.
+
+        like: course whose changes are taken as they are. heated: see `network`.
+        """
+        x, K = z[: len(self.unknowns)], len(self.unknowns)
+        traced = self.traced(x)
+        network = self.network(traced, x, heated)
+        direct = [k for k, u in enumerate(self.unknowns) if not u.is_traced]
+        pairs = [self.unknowns[k].column for k in direct] + [*self.others.items()]
+        if like is not None:
+            solved = self.alone = course(
+                network, (), self.start_K, begin=self.alone, has_scatter=False
+            )
+            return replace(like, traced=traced, network=network, kelvin=solved.kelvin)
+        columns = [network.column(*pair) for pair in pairs]
+        solved = course(network, columns, self.start_K, begin=self.last)
+        self.last = solved if heated is None else self.last
+        changes = np.zeros((K + len(solved.changes) - len(direct), *solved.kelvin.shape))
+        changes[direct] = solved.changes[: len(direct)]
+        changes[K:] = solved.changes[len(direct) :]
+        changes[K + len(self.others) :] *= self.of_scatter
+        lighter = {}
+        for k in set(range(K)) - set(direct):
+            ends = []
+            for side in (STEP, -STEP):
+                moved = np.where(np.arange(K) == k, np.clip(x + side, *self.limits), x)
+                there = self.traced(moved)
+                balance = self.network(there, moved, heated)
+                kelvin = course(balance, (), self.start_K, has_scatter=False).kelvin
+                ends.append((there.cameras, kelvin, moved[k]))
+            (above, warm, high), (below, cold, low) = ends
+            changes[k] = (warm - cold) / (high - low)
+            lighter[k] = above, below, high - low
+        return Course(traced, network, solved.kelvin, changes, lighter)
+
+    @property
+    def limits(self) -> np.ndarray:
+        """Bounds of x, (2, K)."""
+        return np.array([u.limits for u in self.unknowns]).T
+
+    def kelvin(self, course: Course, z: np.ndarray, hour: float) -> tuple[np.ndarray, list]:
+        """Temperatures (n,) at an hour, and the nodes of the model's error there with their weights."""
+        K = len(self.unknowns)
+        count = K + len(self.others) + self.sizes["exchange"]
+        rest = self.times.at(hour, course.changes[K:count])
+        kelvin = self.times.at(hour, course.kelvin) + z[K:count] @ rest
+        if not self.sizes["model"]:
+            return kelvin, []
+        step = self.nodes[1] - self.nodes[0]
+        place = (hour - self.nodes[0]) / step
+        place = place if self.times.day else np.clip(place, 0, len(self.nodes) - 1)
+        first, share = int(place), place - int(place)
+        ends = [(first % len(self.nodes), 1 - share), ((first + 1) % len(self.nodes), share)]
+        errors = z[self.places["model"]].reshape(len(self.free), -1)
+        return kelvin + sum(w * (errors[:, n] @ self.free) for n, w in ends), ends
+
+    def rows(self, course: Course, z: np.ndarray) -> Iterator[Rows]:
+        """Yield the blocks of all data at z with their derivatives."""
+        for number, datum in enumerate([*self.contact, *course.traced.cameras]):
+            own = self.places[f"errors of {number}"]
+            for k, hour in enumerate(datum.hours):
+                kelvin, ends = self.kelvin(course, z, hour)
+                block = datum.block(k, kelvin, z[own])
+                changes = self.times.at(hour, course.changes)
+                yield self.with_columns(course, block, (datum, number, k, kelvin), changes, ends)
+
+    def with_columns(self, course: Course, block: Block, of, changes, ends) -> Rows:
+        """A block with its columns. of: its datum, number, time and temperatures."""
+        datum, number, k, kelvin = of
+        columns = np.asarray(block.facets @ changes.T)
+        if isinstance(datum, Frames):
+            c = course.traced.cameras.index(datum)
+            counts, _ = datum.weights(k, kelvin)
+            for unknown, (above, below, width) in course.lighter.items():
+                more = above[c].radiance(k, kelvin) - below[c].radiance(k, kelvin)
+                columns[:, unknown] += more[counts] / width
+        own = self.places[f"errors of {number}"]
+        entries, parts = [np.arange(changes.shape[0]), own], [columns, block.own]
+        if ends:
+            of_groups = np.asarray(block.facets @ self.free.T)
+            model = self.places["model"].reshape(len(self.free), -1)
+            for node, weight in ends:
+                entries.append(model[:, node])
+                parts.append(weight * of_groups)
+        return Rows(block, np.concatenate(parts, axis=1), np.concatenate(entries))
