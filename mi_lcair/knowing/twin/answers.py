@@ -47,14 +47,10 @@ def verdicts(twin: Twin, found: Estimate) -> list[str]:
 
 
 def relative_sizes(twin: Twin, x: np.ndarray) -> np.ndarray:
-    """Change of x for a relative change of each unknown, (K,); for some of 0, of 1 unit."""
+    """Change of x for a relative change of each unknown, (K,); for temperatures and 0, of 1."""
     values = [u.at(step) for u, step in zip(twin.unknowns, x)]
-    return np.array(
-        [
-            1.0 if not u.is_linear or not v or "K" in u.key else abs(v)
-            for u, v in zip(twin.unknowns, values)
-        ]
-    )
+    is_relative = [u.is_linear and v and "K" not in u.key for u, v in zip(twin.unknowns, values)]
+    return np.where(is_relative, np.abs(values), 1.0)
 
 
 def information(twin: Twin, covariance: np.ndarray) -> np.ndarray:
@@ -134,16 +130,16 @@ def advice(twin: Twin, found: Estimate) -> list[str]:
     for combination in untold:
         v = combination * scale
         before = spread(found.covariance[:K, :K], v)
-        ranked = sorted((spread(after, v) / before, words) for words, after in gains)
         chosen = members(combination)
-        names = listed([twin.unknowns[k].name for k in chosen])
+        what = listed([twin.unknowns[k].name for k in chosen])
+        most = chosen[abs(combination[chosen]).argmax()]
+        ranked = sorted((spread(after, v) / before, words) for words, after in gains)
         if ranked and ranked[0][0] < 1 / WORTH:
-            ratio, words = ranked[0]
-            lines.append(f"{words} would tell {names}, to {ratio:.2g} of the present error")
+            lines.append(f"{ranked[0][1]} would tell {what}: {ranked[0][0]:.2g} of the error")
         else:
-            most = twin.unknowns[chosen[abs(combination[chosen]).argmax()]].name
-            lines.append(f"{most} measured in another way would tell {names}; no proposal does")
-    return list(dict.fromkeys(lines))
+            name = twin.unknowns[most].name
+            lines.append(f"no frame, thermometer or known heat tells {what}; measure {name} itself")
+    return lines
 
 
 def spread(covariance: np.ndarray, direction: np.ndarray) -> float:
@@ -174,10 +170,6 @@ def proposals(twin: Twin, found: Estimate) -> Iterator[tuple[str, np.ndarray]]:
         if pulse is not None:
             what = f"{PULSE_W_m2:g} W/m2 of known heat in {group} for {24 // PULSE_H} h"
             yield f"{what}, with the same data", pulse
-    for k, unknown in enumerate(twin.unknowns):
-        more = np.zeros((p, p))
-        more[k, k] = (0.1 * relative_sizes(twin, found.state.z)[k]) ** -2.0
-        yield f"{unknown.name} known to 10 %", more
 
 
 def of_rows(matrix: np.ndarray, variance: np.ndarray, p: int) -> np.ndarray:
@@ -199,8 +191,7 @@ def expected(twin: Twin, course: Course, camera: Frames, hour: float):
     matrix, variance = [], []
     for part in np.unique(block.part):
         share = np.where(block.part == part, block.weight, 0.0)
-        full = np.zeros(len(z))
-        np.add.at(full, row.entries, share @ row.matrix / share.sum())
+        full = row.mean(share / share.sum(), len(z))
         if drift:  # its offset is another one than that of the frame which is near
             full[own[-len(camera.hours) :]] = 0.0
         matrix.append(full)
@@ -233,6 +224,5 @@ def pulsed(twin: Twin, found: Estimate, group: str) -> np.ndarray | None:
     heated = twin.course(found.state.z, heated=(group, tuple(hours)))
     total = np.zeros((len(found.state.z),) * 2)
     for row in twin.rows(heated, found.state.z):
-        of = row.matrix.T @ (row.block.weight[:, None] * row.matrix)
-        total[np.ix_(row.entries, row.entries)] += of
+        np.add.at(total, np.ix_(row.entries, row.entries), row.normal()[0])
     return total

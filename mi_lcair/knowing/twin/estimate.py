@@ -14,7 +14,8 @@ FLAT = 0.5  # increase of chi-square that the drift of days may make
 HALVINGS = 5  # shorter steps that are tried
 WIDTH = student_factor(np.inf)
 STRAIGHT = 0.1  # relative error of a linear interval from which it is replaced
-HELD_STEPS = 3  # iterations of the others while one unknown is held
+SETTLINGS = 2  # steps of what does not change the course
+HELD_STEPS = 2  # iterations of the others while one unknown is held
 MOST_MEANS = 1500  # means of the residuals that are tested together
 COARSE = 1.2  # variance of pixels over the stated one from which it is taken in its place
 
@@ -57,8 +58,8 @@ class State:
 class Estimate:
     """The estimate z with its covariance (p, p), and ends (K, 2) of the intervals of x.
 
-    means, before: see `Means`; with the first guess. p_value: of the fit of the means. scatter: root of the variance of pixels
-    over the stated one, by camera.
+    means, before: see `Means`; with the first guess. p_value: of the fit of the means. scatter:
+    root of the variance of pixels over the stated one, by camera.
     """
 
     state: State
@@ -71,30 +72,39 @@ class Estimate:
     converged: bool
 
 
-def evaluated(twin: Twin, z: np.ndarray, like: Course | None = None) -> State:
-    """The state at z."""
-    course = twin.course(z, like)
+def evaluated(
+    twin: Twin, z: np.ndarray, like: Course | None = None, course: Course | None = None
+) -> State:
+    """The state at z. like: see `Twin.course`. course: that at z, if it is known."""
+    course = course or twin.course(z, like)
     information, gradient = np.zeros((len(z),) * 2), np.zeros(len(z))
     apart = z - twin.mean
     cost = apart @ twin.precision @ apart
     for row in twin.rows(course, z):
-        r, w = row.block.residual, row.block.weight
-        cost += np.sum(w * r**2)
-        weighed = w[:, None] * row.matrix
-        information[np.ix_(row.entries, row.entries)] += row.matrix.T @ weighed
-        gradient[row.entries] += weighed.T @ r
+        of_row, slope, chi_square = row.normal()
+        cost += chi_square
+        np.add.at(information, np.ix_(row.entries, row.entries), of_row)
+        np.add.at(gradient, row.entries, slope)
     return State(z, course, float(cost), information, gradient)
 
 
-def step_of(twin: Twin, state: State, held: int | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """The step of Gauss and Newton, and the covariance (p, p). held: an unknown that stays.
+def settled(twin: Twin, state: State) -> State:
+    """The state with all but the unknowns at their best, on which its course does not depend."""
+    for _ in range(SETTLINGS):
+        step, _ = step_of(twin, state, range(len(twin.unknowns)))
+        state = evaluated(twin, state.z + step, course=state.course)
+    return state
+
+
+def step_of(twin: Twin, state: State, held=()) -> tuple[np.ndarray, np.ndarray]:
+    """The step of Gauss and Newton, and the covariance (p, p). held: unknowns that stay.
 
     Unknowns at a bound that the step would leave stay there.
     """
     p, K = len(state.z), len(twin.unknowns)
     gradient = state.gradient - twin.precision @ (state.z - twin.mean)
     normal = state.information + twin.precision
-    free = np.arange(p) != (-1 if held is None else held)
+    free = ~np.isin(np.arange(p), held)
     low, high = twin.limits
     for _ in range(K + 1):
         index = np.flatnonzero(free)
@@ -117,12 +127,10 @@ def clipped(twin: Twin, z: np.ndarray) -> np.ndarray:
     return np.append(np.clip(z[:K], *twin.limits), z[K:])
 
 
-def descended(
-    twin: Twin, state: State, most: int, held: int | None = None, like=None, progress=None
-):
+def descended(twin: Twin, state: State, most: int, held=(), like=None, progress=None):
     """The state after at most some steps, and whether it moves no more.
 
-    held: an unknown that stays. like: course whose derivatives are taken as they are.
+    held: unknowns that stay. like: course whose derivatives are taken as they are.
     """
     for number in range(most):
         step, covariance = step_of(twin, state, held)
@@ -201,10 +209,11 @@ def means_of(twin: Twin, state: State) -> Means:
         for part in np.unique(block.part):
             w = np.where(block.part == part, block.weight, 0.0)
             share = w / w.sum()
-            matrix = np.zeros(len(state.z))
-            np.add.at(matrix, row.entries, share @ row.matrix)
-            warmer = share @ block.facets.sum(axis=1)
-            found.append((share @ block.residual, matrix, 1 / w.sum(), warmer, (*place, int(part))))
+            matrix = row.mean(share, len(state.z))
+            by_facet = share @ block.facets
+            variance = 1 / w.sum() + np.sum((by_facet * row.facet_error) ** 2)
+            value, warmer = share @ block.residual, by_facet.sum()
+            found.append((value, matrix, variance, warmer, (*place, int(part))))
     *columns, of = zip(*found[:: -(-len(found) // MOST_MEANS)])
     return Means(*map(np.array, columns), list(of))
 
@@ -230,7 +239,9 @@ def intervals(twin: Twin, state: State, covariance: np.ndarray) -> np.ndarray:
                 continue
             z = state.z + (ends[k, side] - state.z[k]) / sd[k] ** 2 * covariance[k]
             is_out = (z[:K] < lower) | (z[:K] > upper)
-            moved = evaluated(twin, z, state.course) if not is_out.any() else None
+            moved = None
+            if not is_out.any():
+                moved = settled(twin, evaluated(twin, z, state.course))
             if moved is None or abs(distance(state, moved) / WIDTH - 1) > STRAIGHT:
                 curved.append((k, side))
     if curved:
@@ -253,7 +264,8 @@ def profiled(twin: Twin, state: State, covariance, ends: np.ndarray, curved: lis
             k = curved[number][0]
             z = clipped(twin, z + (value - z[k]) / covariance[k, k] * covariance[k])
             z[k] = value
-            moved, _ = descended(twin, evaluated(twin, z, like), HELD_STEPS, k, like)
+            start = settled(twin, evaluated(twin, z, like))
+            moved, _ = descended(twin, start, HELD_STEPS, k, like)
             result.append((distance(state, moved), moved.z))
         return tuple(map(np.array, zip(*result)))
 

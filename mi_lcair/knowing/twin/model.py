@@ -10,6 +10,8 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import splu
 
 from mi_lcair.declared import texts
 from mi_lcair.errors import InputError, errors_of
@@ -25,7 +27,8 @@ from mi_lcair.rendering.scene import Scene
 # Time over which the error of the model is alike, in hours of the weather's rows. It is an eighth
 # of a day, also of a long one: what the terms leave out follows the course of sun and air
 LASTS_H = 3.0
-NODE_H = 0.5  # distance of the nodes of that error
+DRIFT_K = 5e-5  # distance from a periodic day, far below what many pixels resolve
+NODE_H = 1.0  # distance of the nodes of that error
 
 
 @dataclass(frozen=True)
@@ -53,11 +56,45 @@ class Course:
 
 @dataclass(frozen=True)
 class Rows:
-    """A block with its derivatives with respect to some entries of z: (N, q), and which, (q,)."""
+    """A block with its derivatives with respect to some entries of z.
+
+    of_facets: changes of the temperatures by some entries, (n, a). own: effects on the values
+    themselves, (N, b). entries: the numbers of both, (a + b,); a number may stand twice.
+    facet_error: standard errors of the temperatures that this block does not share, (n,) [K].
+    """
 
     block: Block
-    matrix: np.ndarray
+    of_facets: np.ndarray
+    own: np.ndarray
     entries: np.ndarray
+    facet_error: np.ndarray
+
+    def normal(self) -> tuple[np.ndarray, np.ndarray, float]:
+        """Information (q, q), gradient (q,) and chi-square of the entries.
+
+        With F the derivatives by facet, W the weights and E the variances of `facet_error`, the
+        covariance of the values is W^-1 + F E F^T. Its inverse is
+        W - W F (E^-1 + F^T W F)^-1 F^T W.
+        """
+        w, F, C = self.block.weight, self.block.facets, self.of_facets
+        values = np.column_stack([self.own, self.block.residual])
+        weighed = sparse.csr_array(F.T * w)
+        inner = sparse.csc_array(weighed @ F)
+        to_facets = np.concatenate([inner @ C, weighed @ values], axis=1)  # F^T W A and F^T W r
+        cross = C.T @ to_facets
+        own = values.T @ (w[:, None] * values)
+        whole = np.block([[cross], [cross[:, C.shape[1] :].T, own]])
+        some = np.flatnonzero(self.facet_error > 0)
+        if len(some):
+            inner = inner[:, some][some] + sparse.diags_array(self.facet_error[some] ** -2.0)
+            right = to_facets[some]
+            whole = whole - right.T @ splu(sparse.csc_array(inner)).solve(right)
+        return whole[:-1, :-1], whole[:-1, -1], float(whole[-1, -1])
+
+    def mean(self, share: np.ndarray, size: int) -> np.ndarray:
+        """Derivatives (size,) of a mean with weights (N,)."""
+        values = [(share @ self.block.facets) @ self.of_facets, share @ self.own]
+        return np.bincount(self.entries, np.concatenate(values), minlength=size)
 
 
 class Twin:
@@ -204,11 +241,11 @@ class Twin:
         pairs = [self.unknowns[k].column for k in direct] + [*self.others.items()]
         if like is not None:
             solved = self.alone = course(
-                network, (), self.start_K, begin=self.alone, has_scatter=False
+                network, (), self.start_K, begin=self.alone, has_scatter=False, drift_K=DRIFT_K
             )
             return replace(like, traced=traced, network=network, kelvin=solved.kelvin)
         columns = [network.column(*pair) for pair in pairs]
-        solved = course(network, columns, self.start_K, begin=self.last)
+        solved = course(network, columns, self.start_K, begin=self.last, drift_K=DRIFT_K)
         self.last = solved if heated is None else self.last
         changes = np.zeros((K + len(solved.changes) - len(direct), *solved.kelvin.shape))
         changes[direct] = solved.changes[: len(direct)]
@@ -221,7 +258,9 @@ class Twin:
                 moved = np.where(np.arange(K) == k, np.clip(x + side, *self.limits), x)
                 there = self.traced(moved)
                 balance = self.network(there, moved, heated)
-                kelvin = course(balance, (), self.start_K, has_scatter=False).kelvin
+                kelvin = course(
+                    balance, (), self.start_K, has_scatter=False, drift_K=DRIFT_K
+                ).kelvin
                 ends.append((there.cameras, kelvin, moved[k]))
             (above, warm, high), (below, cold, low) = ends
             changes[k] = (warm - cold) / (high - low)
@@ -234,7 +273,7 @@ class Twin:
         return np.array([u.limits for u in self.unknowns]).T
 
     def kelvin(self, course: Course, z: np.ndarray, hour: float) -> tuple[np.ndarray, list]:
-        """Temperatures (n,) at an hour, and the nodes of the model's error there with their weights."""
+        """Temperatures (n,) at an hour, and nodes of the model's error there with weights."""
         K = len(self.unknowns)
         count = K + len(self.others) + self.sizes["exchange"]
         rest = self.times.at(hour, course.changes[K:count])
@@ -262,19 +301,26 @@ class Twin:
     def with_columns(self, course: Course, block: Block, of, changes, ends) -> Rows:
         """A block with its columns. of: its datum, number, time and temperatures."""
         datum, number, k, kelvin = of
-        columns = np.asarray(block.facets @ changes.T)
+        of_facets, entries = [changes.T], [np.arange(len(changes))]
+        model = self.places["model"].reshape(len(self.free), -1)
+        for node, weight in ends:
+            of_facets.append(weight * self.free.T)
+            entries.append(model[:, node])
+        used = np.flatnonzero(block.own.any(axis=0))
+        own = [block.own[:, used]]
+        entries.append(self.places[f"errors of {number}"][used])
         if isinstance(datum, Frames):
             c = course.traced.cameras.index(datum)
             counts, _ = datum.weights(k, kelvin)
             for unknown, (above, below, width) in course.lighter.items():
                 more = above[c].radiance(k, kelvin) - below[c].radiance(k, kelvin)
-                columns[:, unknown] += more[counts] / width
-        own = self.places[f"errors of {number}"]
-        entries, parts = [np.arange(changes.shape[0]), own], [columns, block.own]
-        if ends:
-            of_groups = np.asarray(block.facets @ self.free.T)
-            model = self.places["model"].reshape(len(self.free), -1)
-            for node, weight in ends:
-                entries.append(model[:, node])
-                parts.append(weight * of_groups)
-        return Rows(block, np.concatenate(parts, axis=1), np.concatenate(entries))
+                own.append(more[counts][:, None] / width)
+                entries.append([unknown])
+        return Rows(
+            block,
+            np.concatenate(of_facets, axis=1),
+            np.concatenate(own, axis=1),
+            np.concatenate(entries).astype(int),
+            # Rays toward the sun are others at each time
+            np.linalg.norm(changes[len(changes) - self.sizes["exchange"] :], axis=0),
+        )
