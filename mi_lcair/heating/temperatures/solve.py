@@ -12,7 +12,7 @@ from mi_lcair.estimate import Contribution, Estimate
 from mi_lcair.heating.conductors import standard_error
 from mi_lcair.heating.exchange import exchange
 from mi_lcair.heating.surfaces import SolarAreas, emitting_facets, solar_areas
-from mi_lcair.heating.temperatures.balance import CELLS, CLOSED, SOLVED
+from mi_lcair.heating.temperatures.balance import CELLS, CLOSED, SLOWEST, SOLVED
 from mi_lcair.heating.temperatures.cells import Cells
 from mi_lcair.heating.temperatures.description import (
     GroupTable,
@@ -203,6 +203,12 @@ class Course:
 
     def series(self) -> None:
         """Take the steps to all times. The first, of which no earlier one is known, has parts."""
+        for c, members, b, K, _ in self.varied:  # of walls that conduct to a back at the beginning
+            rates, top = self.rates[:, members], self.surface[:, members]
+            if rates.min() > SLOWEST:
+                source = b - K @ self.states[1, 0][:, members]
+                flux = np.sum(top * source / rates, axis=0) / np.sum(top**2 / rates, axis=0)
+                self.states[:, 1 + c][..., members] = (source - top * flux) / rates
         before, of_cells = self.states[1], [cells.states[1] for cells in self.cells]
         for _ in range(PARTS):
             self.step(0, EULER, self.seconds / PARTS)

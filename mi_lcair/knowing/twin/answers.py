@@ -6,12 +6,11 @@ import numpy as np
 
 from mi_lcair.declared import listed
 from mi_lcair.knowing.twin.data import Frames
-from mi_lcair.knowing.twin.estimate import Estimate
+from mi_lcair.knowing.twin.estimate import LITTLE, Estimate
 from mi_lcair.knowing.twin.model import Course, Twin
 from mi_lcair.physics.blackbody import in_band_slope
 from mi_lcair.physics.estimation.verdicts import SIGNIFICANCE, Verdict
 
-LITTLE = 0.7  # ratio to the standard deviation beforehand above which the data add little
 KNOWN_BEFORE = "not determined: known beforehand as well"
 MISSED = "something in this series"
 # Information of the data on a combination, over that which is known beforehand, below which the
@@ -30,17 +29,15 @@ def verdicts(twin: Twin, found: Estimate) -> list[str]:
     result = []
     for k, (unknown, ends) in enumerate(zip(twin.unknowns, found.ends)):
         error, x = np.sqrt(found.covariance[k, k]), found.state.z[k]
-        at_bound = np.isin(x, unknown.limits).any()
+        at_bound = x in unknown.limits
         verdict = Verdict.DETERMINED if error < LITTLE * unknown.sigma else None
         span = "{:.4g}..{:.4g}".format(*map(unknown.at, ends))
-        if not found.converged:
-            verdict = Verdict.UNFINISHED
-        elif found.p_value < SIGNIFICANCE:
+        if found.p_value < SIGNIFICANCE:
             verdict = Verdict.MISSED
+        elif not found.converged:
+            verdict = Verdict.UNFINISHED
         elif at_bound:
             verdict = Verdict.AT_BOUND
-        elif not error:
-            verdict = None
         words = verdict and verdict.sentence(span=span, bound=f"{unknown.at(x):.4g}", what=MISSED)
         result.append(words or KNOWN_BEFORE)
     return result

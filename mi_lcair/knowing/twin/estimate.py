@@ -7,12 +7,13 @@ from scipy import linalg, stats
 
 from mi_lcair.knowing.twin.data import Frames
 from mi_lcair.knowing.twin.model import Course, Twin
-from mi_lcair.physics.estimation.verdicts import profile_ends, student_factor
+from mi_lcair.physics.estimation.verdicts import SIGNIFICANCE, profile_ends, student_factor
 
 MOST_STEPS, CLOSE = 15, 0.02  # iterations, and the change in standard errors at which they end
 FLAT = 0.5  # increase of chi-square that the drift of days may make
 HALVINGS = 5  # shorter steps that are tried
 WIDTH = student_factor(np.inf)
+LITTLE = 0.7  # ratio to the standard deviation beforehand above which the data add little
 STRAIGHT = 0.1  # relative error of a linear interval from which it is replaced
 SETTLINGS = 2  # steps of what does not change the course
 HELD_STEPS = 2  # iterations of the others while one unknown is held
@@ -139,7 +140,7 @@ def descended(twin: Twin, state: State, most: int, held=(), like=None, progress=
         for halving in range(HALVINGS):
             z = clipped(twin, state.z + step / 3**halving)
             trial = evaluated(twin, z, like)
-            if trial.cost <= state.cost + FLAT:
+            if like or trial.cost <= state.cost + FLAT:
                 break
         else:
             return state, False
@@ -168,10 +169,10 @@ def estimated(twin: Twin, starts: int = 1, progress=None) -> Estimate:
         for camera in state.course.traced.cameras:
             coarser(camera, max(scatter[camera.name], 1.0))
         state, converged = descended(twin, evaluated(twin, state.z), MOST_STEPS)
-    _, covariance = step_of(twin, state)
-    ends = intervals(twin, state, covariance)
+    covariance = np.linalg.inv(state.information + twin.precision)
     means = means_of(twin, state)
     p = p_value(twin, state, means)
+    ends = intervals(twin, state, covariance, p >= SIGNIFICANCE)
     return Estimate(state, covariance, ends, means, before, p, scatter, converged)
 
 
@@ -219,23 +220,31 @@ def means_of(twin: Twin, state: State) -> Means:
 
 
 def p_value(twin: Twin, state: State, means: Means) -> float:
-    """Probability of means that are farther from what was expected beforehand, by chance."""
-    covariance = np.linalg.inv(twin.precision)
-    apart = means.residual + means.matrix @ (state.z - twin.mean)
-    of_means = means.matrix @ covariance @ means.matrix.T + np.diag(means.variance)
+    """Probability of means that are farther from what was expected beforehand, by chance.
+
+    Unknowns at a bound cannot explain more than they do there.
+    """
+    K, covariance = len(twin.unknowns), np.linalg.inv(twin.precision)
+    is_at_bound = np.isin(state.z[:K], twin.limits)
+    matrix = means.matrix * np.append(~is_at_bound, np.ones(len(state.z) - K))
+    apart = means.residual + matrix @ (state.z - twin.mean)
+    of_means = matrix @ covariance @ matrix.T + np.diag(means.variance)
     chi_square = apart @ linalg.solve(of_means, apart, assume_a="pos")
     return float(stats.chi2.sf(chi_square, len(apart)))
 
 
-def intervals(twin: Twin, state: State, covariance: np.ndarray) -> np.ndarray:
-    """Ends (K, 2) of the 95 % intervals of x; by the profile where the cost is curved."""
+def intervals(twin: Twin, state: State, covariance: np.ndarray, is_fit: bool = True) -> np.ndarray:
+    """Ends (K, 2) of the 95 % intervals of x; by the profile where the cost is curved.
+
+    They are linear where the data say little, and if the model does not fit.
+    """
     K, (lower, upper) = len(twin.unknowns), twin.limits
     sd = np.sqrt(np.diag(covariance)[:K])
     ends = state.z[:K, None] + WIDTH * sd[:, None] * [-1, 1]
     curved = []
     for k in range(K):
         for side in (0, 1):
-            if not sd[k]:
+            if not is_fit or sd[k] > LITTLE * twin.unknowns[k].sigma:
                 continue
             z = state.z + (ends[k, side] - state.z[k]) / sd[k] ** 2 * covariance[k]
             is_out = (z[:K] < lower) | (z[:K] > upper)

@@ -20,14 +20,21 @@ from mi_lcair.heating.temperatures.network import Network
 from mi_lcair.heating.temperatures.solve import course, network_of
 from mi_lcair.knowing.twin.data import Block, Frames, Readings, Times
 from mi_lcair.knowing.twin.problem import FramesTable, TwinProblem
-from mi_lcair.knowing.twin.unknowns import STEP, changed, of_others, sought
+from mi_lcair.knowing.twin.unknowns import (
+    STEP,
+    changed,
+    check_apart,
+    of_others,
+    sought,
+)
 from mi_lcair.rendering.parameters import values
 from mi_lcair.rendering.scene import Scene
 
 # Time over which the error of the model is alike, in hours of the weather's rows. It is an eighth
 # of a day, also of a long one: what the terms leave out follows the course of sun and air
 LASTS_H = 3.0
-DRIFT_K = 5e-5  # distance from a periodic day, far below what many pixels resolve
+# Distance from a periodic day, far below what a thermometer, or many pixels, resolve [K]
+DRIFT_K, DRIFT_OF_FRAMES_K = 1e-3, 5e-5
 NODE_H = 1.0  # distance of the nodes of that error
 
 
@@ -121,10 +128,12 @@ class Twin:
                 f"heat '{problem.heat.file}': a steady state; give a file of [weather]"
             )
         known = values.parameters_of(scene)
+        check_apart(problem.unknowns)
         self.unknowns = [
             sought(name, given, network, known) for name, given in problem.unknowns.items()
         ]
         self.start_K = description.run.start_K
+        self.drift_K = DRIFT_OF_FRAMES_K if problem.frames else DRIFT_K
         hour_s, is_periodic = network.weather.day_s / 24, self.start_K is None
         self.times = Times(network.weather.seconds, hour_s, is_periodic)
         self.cameras = [self.camera(table, network) for table in problem.frames]
@@ -241,11 +250,11 @@ class Twin:
         pairs = [self.unknowns[k].column for k in direct] + [*self.others.items()]
         if like is not None:
             solved = self.alone = course(
-                network, (), self.start_K, begin=self.alone, has_scatter=False, drift_K=DRIFT_K
+                network, (), self.start_K, begin=self.alone, has_scatter=False, drift_K=self.drift_K
             )
             return replace(like, traced=traced, network=network, kelvin=solved.kelvin)
         columns = [network.column(*pair) for pair in pairs]
-        solved = course(network, columns, self.start_K, begin=self.last, drift_K=DRIFT_K)
+        solved = course(network, columns, self.start_K, begin=self.last, drift_K=self.drift_K)
         self.last = solved if heated is None else self.last
         changes = np.zeros((K + len(solved.changes) - len(direct), *solved.kelvin.shape))
         changes[direct] = solved.changes[: len(direct)]
@@ -259,7 +268,7 @@ class Twin:
                 there = self.traced(moved)
                 balance = self.network(there, moved, heated)
                 kelvin = course(
-                    balance, (), self.start_K, has_scatter=False, drift_K=DRIFT_K
+                    balance, (), self.start_K, has_scatter=False, drift_K=self.drift_K
                 ).kelvin
                 ends.append((there.cameras, kelvin, moved[k]))
             (above, warm, high), (below, cold, low) = ends

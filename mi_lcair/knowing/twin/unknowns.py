@@ -8,11 +8,13 @@ from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError, check_known, errors_of
 from mi_lcair.estimate import Stated, relative
 from mi_lcair.heating.temperatures.description import GroupTable, sigmas_of
+from mi_lcair.heating.temperatures.network import INERTIA as OF_INERTIA
 from mi_lcair.heating.temperatures.network import LAYER, OF_LAW, OF_WALL, Network
 from mi_lcair.knowing.inversion.tables import UnknownEntry
 from mi_lcair.rendering.parameters.entries import Parameter
 
 INERTIA = "inertia"  # sqrt(conductivity density heat_capacity), by a factor of the first two
+
 OF_HEAT = ("internal_W_m2", "internal_by_hour")
 KNOWN = ("h", "absorptance", "emissivity", INERTIA, *OF_HEAT, *OF_LAW, *OF_WALL)
 # Unknowns whose differences count; those of others are logarithms of factors
@@ -163,7 +165,7 @@ def with_value(table: GroupTable, key: str, value: float) -> GroupTable:
     bare, number = LAYER.fullmatch(key).groups()
     if bare == INERTIA:
         factor = value / value_of(table, INERTIA)
-        wall = {name: getattr(table, name) * factor for name in ("conductivity", "density")}
+        wall = {name: getattr(table, name) * factor for name in OF_INERTIA}
         return replace(table, **wall)
     if number is None:
         return replace(table, **{"h_factor" if bare == "h" else bare: value})
@@ -174,6 +176,15 @@ def with_value(table: GroupTable, key: str, value: float) -> GroupTable:
     layers = list(table.layers)
     layers[int(number)] = replace(layers[int(number)], **{bare: value})
     return replace(table, layers=tuple(layers))
+
+
+def check_apart(names) -> None:
+    """Raise InputError for an inertia beside a part of it."""
+    for name in names:
+        group, _, key = name.rpartition(".")
+        for part in OF_INERTIA if key == INERTIA else ():
+            if f"{group}.{part}" in names:
+                raise InputError(f"[unknowns] '{name}' is a factor of '{group}.{part}'; give one")
 
 
 def changed(network: Network, unknowns: list[Sought], x: np.ndarray) -> Network:

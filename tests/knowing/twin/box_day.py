@@ -142,8 +142,8 @@ def model_errors(hours, count: int, random, kelvin: float = 0.3) -> np.ndarray:
     return kelvin * root @ random.standard_normal((len(hours), count))
 
 
-def frames_of(path: Path, heat, hours, random, view=AROUND, errors=0.0, **camera) -> dict:
-    """Write frames of a heat result at some hours, and return the entry [[frames]] of a problem.
+def frames_of(path: Path, heat, hours, random, view=AROUND, errors=None, **camera) -> dict:
+    """Write frames of a heat result at some hours; returns the entry [[frames]] of a problem.
 
     errors: of the temperatures of groups at the hours, (hours, groups).
     """
@@ -154,9 +154,9 @@ def frames_of(path: Path, heat, hours, random, view=AROUND, errors=0.0, **camera
     slope = float(in_band_slope(scene.band, 300.0))
     rows = []
     for k, hour in enumerate(hours):
-        at = (
-            heat.kelvin[heat.row(hour)] + (errors[k] if np.ndim(errors) else 0.0)[heat.facets.group]
-        )
+        at = heat.kelvin[heat.row(hour)]
+        if errors is not None:
+            at = at + errors[k][heat.facets.group]
         kelvin = seen.temperature.copy()
         kelvin[np.searchsorted(seen.facets, heat.facets.number)] = at
         clean = seen.mean @ in_band_radiance(scene.band, kelvin) + seen.rest.mean(axis=0)
