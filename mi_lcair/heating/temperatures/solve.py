@@ -64,7 +64,7 @@ def course(
     method: str = "steps",
     begin: "Course | None" = None,
     has_scatter: bool = True,
-    drift_K: float = PERIODIC,
+    drift_K: float | None = None,
 ) -> "Course":
     """The temperatures at the times of a weather; a steady state if it has one time.
 
@@ -82,8 +82,8 @@ def course(
         Periodic day of a similar network with the same columns, from whose end the days go on.
     has_scatter : bool
         Whether the changes by the randomisations are wanted.
-    drift_K : float
-        Distance from the periodic day at which no further day is taken.
+    drift_K : float or None
+        Distance from the periodic day at which no further day is taken; `PERIODIC` if left out.
 
     Raises
     ------
@@ -100,7 +100,8 @@ def course(
     elif method == "harmonics":
         result.harmonics()
     else:
-        while not result.days or result.drift >= drift_K:
+        near = PERIODIC if drift_K is None else drift_K
+        while not result.days or result.drift >= near:
             if result.days == MOST_DAYS:
                 raise InputError(
                     f"the temperatures still change by {result.drift:.2g} K after {MOST_DAYS} days"

@@ -189,9 +189,9 @@ def remarks_of(twin: Twin, found: Estimate, rms: float) -> tuple[str, ...]:
         lines.append("the values still move; give first guesses that are nearer")
     if found.p_value < SIGNIFICANCE:
         lines.append(
-            f"the balance does not fit this series: {rms:.2g} K are left where noise, errors of "
-            f"instruments and model_K allow less (p = {found.p_value:.1g}); a term is missing, and "
-            "the intervals do not hold"
+            f"the balance does not fit this series: the residuals of {rms:.2g} K are larger than "
+            f"noise, errors of instruments and model_K allow (p = {found.p_value:.1g}); a term is "
+            "missing, and the intervals are too small"
         )
     for name, ratio in found.scatter.items():
         if ratio**2 > COARSE:

@@ -310,6 +310,7 @@ class Twin:
     def with_columns(self, course: Course, block: Block, of, changes, ends) -> Rows:
         """A block with its columns. of: its datum, number, time and temperatures."""
         datum, number, k, kelvin = of
+        scatter = changes[len(changes) - self.sizes["exchange"] :]
         of_facets, entries = [changes.T], [np.arange(len(changes))]
         model = self.places["model"].reshape(len(self.free), -1)
         for node, weight in ends:
@@ -330,6 +331,7 @@ class Twin:
             np.concatenate(of_facets, axis=1),
             np.concatenate(own, axis=1),
             np.concatenate(entries).astype(int),
-            # Rays toward the sun are others at each time
-            np.linalg.norm(changes[len(changes) - self.sizes["exchange"] :], axis=0),
+            # Few randomisations show few patterns of their error, most of which is the same at all
+            # times. It therefore counts in each block as often as there are times
+            np.sqrt(len(datum.hours)) * np.linalg.norm(scatter, axis=0),
         )

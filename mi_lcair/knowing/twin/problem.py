@@ -20,13 +20,13 @@ class SeriesTable(Described, where="[heat]", rules=(needs("common_K", "measured"
     Attributes
     ----------
     file : str
-        The heat.toml, whose values are the first guess.
+        The heat.toml. Its values are the first guess.
     measured : str or None
         CSV with the column `hour` and a column [K] for groups by name, or for facets as facet_12.
     sigma_K : float
         Noise of a reading.
     common_K : float
-        Error that all readings share, such as that of a calibration.
+        Error that is common to all readings, such as a calibration error.
     starts : int
         Number of first guesses: that of the heat.toml, and random ones within what is known
         beforehand. The one that fits best is kept.

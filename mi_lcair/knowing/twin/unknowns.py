@@ -134,7 +134,7 @@ def of_balance(group: str, key: str, network: Network) -> tuple[float, Bounds, f
         of = network.facets if key == "emissivity" else network.sun
         value = None if of is None else float(getattr(of, key)[mine].mean())
     if value is None:
-        raise InputError(f"{key} is not stated; give a first guess in the heat.toml")
+        raise InputError(f"{key} is missing; give a first guess in the heat.toml")
     known = (*table.by_material, "h") if table.material else ()
     stated = {k: sigma for k, sigma in sigmas_of(table).items() if k in known}.get(key)
     sigma = stated if stated is not None else BROAD.get(bare, 1.0)

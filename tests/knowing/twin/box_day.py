@@ -98,7 +98,7 @@ def heat_of(path: Path, values: dict | None = None, **tables) -> dict:
         "target": {"scene": str(path / "box" / "scene.xml")},
         "weather": {"file": str(tables.pop("weather", EXAMPLES / "day.csv")), "ground_K": 288},
         "groups": groups,
-        "run": {"steps": 48, "rays": 2048},
+        "run": {"steps": 48, "rays": 8192},
         "sigma": SIGMA | {"model_K": 0.3},
     }
     return tree | tables
@@ -196,7 +196,9 @@ def draw(
     errors = model_errors(np.array(hours, float), len(GROUPS), random, model_K)
     names = list(heat.facets.groups)
     frames = frames_of(path, heat, hours, random, errors=errors[:, : len(names)])
-    write_heat(path / "heat.toml", heat_of(path, sigma=SIGMA | {"model_K": model_K}))
+    guess = heat_of(path, sigma=SIGMA | {"model_K": model_K})
+    guess["run"]["seed"] = 5000 + number
+    write_heat(path / "heat.toml", guess)
     return problem(path, frames), truth, heat
 
 
