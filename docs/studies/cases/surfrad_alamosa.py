@@ -3,7 +3,8 @@
 Measured: the surface temperature from up- and downwelling longwave, with a standard uncertainty of
 1.0 to 1.4 K that all rows share. First the inputs are `material = "soil"`, because the file does
 not describe the ground, and the measured weather. Then conductivity, h, absorptance and wetness are
-calibrated on the same day.
+calibrated on the same day, and on its first half only, which then forecasts the second half. The
+pyrgeometer stands for a camera of one pixel.
 """
 
 import tempfile
@@ -17,6 +18,7 @@ from mi_lcair.toml_table import text_of
 
 MATERIAL = "soil"
 OTHERS = ("soil_dry", "sand")  # other names of bare ground, which a user might choose
+TITLES = {"calibrated": "calibrated", "forecast": "second half from the first"}
 UNKNOWNS = ("conductivity", "h", "absorptance", "wetness")
 
 
@@ -39,36 +41,41 @@ def tables(folder: Path, data: dict, material: str = MATERIAL) -> dict:
     }
 
 
+def calibrated(folder: Path, hours: np.ndarray, kelvin: np.ndarray, chosen: np.ndarray):
+    """The calibration of the first guess on the chosen rows."""
+    write_rows(folder / "measured.csv", {"hour": hours[chosen], "ground": kelvin[chosen]})
+    files = {"file": str(folder / f"{MATERIAL}.toml"), "measured": str(folder / "measured.csv")}
+    unknowns = {f"ground.{key}": {} for key in UNKNOWNS}
+    return mi_lcair.invert({"heat": files, "unknowns": unknowns})
+
+
 def compare() -> list[Comparison]:
     """Uncalibrated, and calibrated with the heat.toml that `invert` writes."""
     data = columns("surfrad_alamosa.csv")
     order = np.argsort(data["hour_local"])
     data = {name: values[order] for name, values in data.items()}
-    measured, results, notes = data["surface_K"], [], []
+    measured, results = data["surface_K"], []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for name in (MATERIAL, *OTHERS):
             (folder / f"{name}.toml").write_text(text_of(tables(folder, data, name)))
-        readings = {"hour": data["hour_local"], "ground": measured}
-        write_rows(folder / "measured.csv", readings)
-        series = {
-            "file": str(folder / f"{MATERIAL}.toml"),
-            "measured": str(folder / "measured.csv"),
-        }
-        unknowns = {f"ground.{key}": {} for key in UNKNOWNS}
-        for file in (MATERIAL, "calibrated", *OTHERS):
+        hours = data["hour_local"]
+        found = calibrated(folder, hours, measured, hours < 25)
+        found.save(folder / "calibrated.toml")
+        calibrated(folder, hours, measured, hours < 12).save(folder / "forecast.toml")
+        for file in (MATERIAL, "calibrated", "forecast", *OTHERS):
             heat = mi_lcair.heat(folder / f"{file}.toml")
-            at = data["hour_local"], heat.hours
+            is_shown = hours >= 12 if file == "forecast" else hours < 25
+            at = hours[is_shown], heat.hours
             computed, error = (
                 np.interp(*at, values[:, 0], period=24) for values in (heat.kelvin, heat.error_K)
             )
             reach = 0.8 if file == "calibrated" else 2.0
-            title = "SURFRAD, " + (file if file == "calibrated" else f'material = "{file}"')
-            results.append(Comparison(title, "K", computed, measured, 1.96 * error, reach))
-            if file == MATERIAL:
-                found = mi_lcair.invert({"heat": series, "unknowns": unknowns})
-                found.save(folder / "calibrated.toml")
-                pairs = zip(found.names, found.value, found.lower, found.upper)
-                notes = [f"{n} {v:.3g} ({low:.3g} to {high:.3g})" for n, v, low, high in pairs]
+            title = TITLES.get(file, f'material = "{file}"')
+            half = 1.96 * error
+            shown = measured[is_shown]
+            results.append(Comparison(f"SURFRAD, {title}", "K", computed, shown, half, reach))
+        pairs = zip(found.names, found.value, found.lower, found.upper)
+        notes = [f"{n} {v:.3g} ({low:.3g} to {high:.3g})" for n, v, low, high in pairs]
     note = f"SURFRAD, calibrated: {', '.join(notes)}; ground.h is the factor of the law."
     return [*results[:1], Comparison(**{**vars(results[1]), "note": note}), *results[2:]]

@@ -435,7 +435,7 @@ class Harmonics:
         return self.answered(residual, np.zeros_like(power), (kelvin**3).mean(axis=0))
 
 
-TOGETHER = ", with others"  # of an input whose error goes together with those of others
+TOGETHER = " and others"  # of an input whose error goes together with those of others
 WITHOUT_MODEL = "without model error: model_K of [sigma] is 0"
 # Column of the weather, keys of a material that need it, and what they describe
 FED = (

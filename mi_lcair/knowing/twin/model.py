@@ -10,7 +10,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import sparse
+from scipy import linalg, sparse
 from scipy.sparse.linalg import splu
 
 from mi_lcair.declared import texts
@@ -33,6 +33,7 @@ from mi_lcair.rendering.scene import Scene
 # Time over which the error of the model is alike, in hours of the weather's rows. It is an eighth
 # of a day, also of a long one: what the terms leave out follows the course of sun and air
 LASTS_H = 3.0
+DENSE = 300  # facets up to which matrices by facet are dense
 # Distance from a periodic day, far below what a thermometer, or many pixels, resolve [K]
 DRIFT_K, DRIFT_OF_FRAMES_K = 1e-3, 5e-5
 NODE_H = 1.0  # distance of the nodes of that error
@@ -85,17 +86,23 @@ class Rows:
         """
         w, F, C = self.block.weight, self.block.facets, self.of_facets
         values = np.column_stack([self.own, self.block.residual])
-        weighed = sparse.csr_array(F.T * w)
-        inner = sparse.csc_array(weighed @ F)
+        is_small = F.shape[1] <= DENSE
+        F = F.toarray() if is_small else F
+        weighed = F.T * w
+        inner = weighed @ F if is_small else sparse.csc_array(weighed @ F)
         to_facets = np.concatenate([inner @ C, weighed @ values], axis=1)  # F^T W A and F^T W r
         cross = C.T @ to_facets
         own = values.T @ (w[:, None] * values)
         whole = np.block([[cross], [cross[:, C.shape[1] :].T, own]])
         some = np.flatnonzero(self.facet_error > 0)
         if len(some):
-            inner = inner[:, some][some] + sparse.diags_array(self.facet_error[some] ** -2.0)
-            right = to_facets[some]
-            whole = whole - right.T @ splu(sparse.csc_array(inner)).solve(right)
+            right, known = to_facets[some], self.facet_error[some] ** -2.0
+            inner = inner[:, some][some]
+            if is_small:
+                solved = linalg.solve(inner + np.diag(known), right, assume_a="pos")
+            else:
+                solved = splu(sparse.csc_array(inner + sparse.diags_array(known))).solve(right)
+            whole = whole - right.T @ solved
         return whole[:-1, :-1], whole[:-1, -1], float(whole[-1, -1])
 
     def mean(self, share: np.ndarray, size: int) -> np.ndarray:

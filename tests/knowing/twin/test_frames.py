@@ -85,7 +85,7 @@ def test_truths_are_found_with_a_camera_of_unknown_gain(problem, folder, tmp_pat
     found.save(tmp_path / "twin.toml")
     heat = mi_lcair.heat(tmp_path / "twin.toml")
     changes = {row.quantity: row.contribution for row in heat.inputs}
-    names = [f"{name}, with others" for name in FEW]
+    names = [f"{name} and others" for name in FEW]
     assert set(names) < set(changes)
     # The same variance from errors that do not go together, and their correlations
     text = (tmp_path / "twin.toml").read_text()
