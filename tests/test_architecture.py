@@ -38,7 +38,7 @@ FLOORS = {
 }
 ORDER = list(FLOORS)
 MOST_LINES = 600  # code lines of a module, without docstrings and comments
-MOST_MODULES = 310
+MOST_MODULES = 320
 
 
 def room(module: str) -> str:

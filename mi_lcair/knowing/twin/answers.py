@@ -6,8 +6,8 @@ import numpy as np
 
 from mi_lcair.declared import listed
 from mi_lcair.knowing.twin.data import Frames
-from mi_lcair.knowing.twin.estimate import LITTLE, Estimate
-from mi_lcair.knowing.twin.model import Course, Twin
+from mi_lcair.knowing.twin.estimate import LITTLE, TwinEstimate
+from mi_lcair.knowing.twin.model import Twin, TwinCourse
 from mi_lcair.physics.blackbody import in_band_slope
 from mi_lcair.physics.estimation.verdicts import SIGNIFICANCE, Verdict
 
@@ -24,7 +24,7 @@ PULSE_W_m2, PULSE_H = 200.0, 4  # heat that is released in a proposal, and over 
 NIGHT_H = (0, 3, 6, 9, 12, 15, 18, 21)  # hours at which further frames are proposed
 
 
-def verdicts(twin: Twin, found: Estimate) -> list[str]:
+def verdicts(twin: Twin, found: TwinEstimate) -> list[str]:
     """What the data say of each unknown."""
     result = []
     for k, (unknown, ends) in enumerate(zip(twin.unknowns, found.ends)):
@@ -58,7 +58,7 @@ def information(twin: Twin, covariance: np.ndarray) -> np.ndarray:
     return (of + of.T) / 2
 
 
-def combinations(twin: Twin, found: Estimate) -> np.ndarray:
+def combinations(twin: Twin, found: TwinEstimate) -> np.ndarray:
     """Combinations of the unknowns that the data do not tell, as changes of x, (c, K).
 
     They are the eigenvectors of little information, rotated so that each has as few unknowns as
@@ -103,7 +103,7 @@ def in_words(twin: Twin, combination: np.ndarray) -> str:
     return f"more {listed(up)} is made good by less {listed(down)} ({sizes})"
 
 
-def alike(twin: Twin, found: Estimate) -> list[str]:
+def alike(twin: Twin, found: TwinEstimate) -> list[str]:
     """What the data cannot tell apart, one sentence for each combination."""
     return [in_words(twin, each) for each in combinations(twin, found)]
 
@@ -112,7 +112,7 @@ def alike(twin: Twin, found: Estimate) -> list[str]:
 # --------------------------------------------------------------------
 
 
-def advice(twin: Twin, found: Estimate) -> list[str]:
+def advice(twin: Twin, found: TwinEstimate) -> list[str]:
     """For each combination, the proposal that narrows it most, in words."""
     untold, lines = combinations(twin, found), []
     if not len(untold):
@@ -144,7 +144,7 @@ def spread(covariance: np.ndarray, direction: np.ndarray) -> float:
     return float(1 / np.sqrt(direction @ np.linalg.solve(covariance, direction)))
 
 
-def proposals(twin: Twin, found: Estimate) -> Iterator[tuple[str, np.ndarray]]:
+def proposals(twin: Twin, found: TwinEstimate) -> Iterator[tuple[str, np.ndarray]]:
     """Yield further measurements in words, with their information (p, p)."""
     course, p = found.state.course, len(found.state.z)
     for camera in course.traced.cameras:
@@ -174,7 +174,7 @@ def of_rows(matrix: np.ndarray, variance: np.ndarray, p: int) -> np.ndarray:
     return matrix.T @ (matrix / variance[:, None])
 
 
-def expected(twin: Twin, course: Course, camera: Frames, hour: float):
+def expected(twin: Twin, course: TwinCourse, camera: Frames, hour: float):
     """Derivatives (s, p) and variances of the means of groups in a frame that was not taken."""
     near = int(np.argmin(abs(camera.hours - hour)))
     z = np.zeros(len(twin.mean))
@@ -196,7 +196,7 @@ def expected(twin: Twin, course: Course, camera: Frames, hour: float):
     return np.array(matrix), np.array(variance)
 
 
-def contact(twin: Twin, course: Course, group: int, hour: float):
+def contact(twin: Twin, course: TwinCourse, group: int, hour: float):
     """Derivatives (1, p) and the variance of a thermometer on a group at an hour."""
     facets = twin.first.network.facets
     weights = (facets.group == group) * facets.area
@@ -211,7 +211,7 @@ def contact(twin: Twin, course: Course, group: int, hour: float):
     return full, np.array([0.3**2])
 
 
-def pulsed(twin: Twin, found: Estimate, group: str) -> np.ndarray | None:
+def pulsed(twin: Twin, found: TwinEstimate, group: str) -> np.ndarray | None:
     """Information (p, p) of the same data, if known heat were released in a group."""
     table = found.state.course.network.tables[group]
     if any(u.group == group and u.key.startswith("internal") for u in twin.unknowns):

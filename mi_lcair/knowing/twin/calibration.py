@@ -14,7 +14,7 @@ from mi_lcair.heating.temperatures.description import GroupTable, HeatDescriptio
 from mi_lcair.heating.temperatures.network import INERTIA, LAYER
 from mi_lcair.knowing.twin.answers import advice, alike, verdicts
 from mi_lcair.knowing.twin.data import Readings
-from mi_lcair.knowing.twin.estimate import COARSE, Estimate, estimated
+from mi_lcair.knowing.twin.estimate import COARSE, TwinEstimate, estimated
 from mi_lcair.knowing.twin.model import Twin
 from mi_lcair.knowing.twin.problem import TwinProblem
 from mi_lcair.knowing.twin.unknowns import Sought, with_value
@@ -152,7 +152,7 @@ def calibrated(
     )  # fmt: skip
 
 
-def series_of(twin: Twin, found: Estimate) -> tuple[list[str], np.ndarray]:
+def series_of(twin: Twin, found: TwinEstimate) -> tuple[list[str], np.ndarray]:
     """Label and measured temperature of each mean; of a camera the apparent one."""
     groups, labels, kelvin = twin.first.network.facets.groups, [], []
     data = {datum.name: datum for datum in [*twin.contact, *twin.cameras]}
@@ -171,7 +171,7 @@ def series_of(twin: Twin, found: Estimate) -> tuple[list[str], np.ndarray]:
     return labels, np.array(kelvin)
 
 
-def instruments_of(twin: Twin, found: Estimate) -> dict[str, list[float]]:
+def instruments_of(twin: Twin, found: TwinEstimate) -> dict[str, list[float]]:
     """Errors of the instruments with their standard errors, but those of single frames."""
     result = {}
     for number, datum in enumerate([*twin.contact, *twin.cameras]):
@@ -182,7 +182,7 @@ def instruments_of(twin: Twin, found: Estimate) -> dict[str, list[float]]:
     return result
 
 
-def remarks_of(twin: Twin, found: Estimate, rms: float) -> tuple[str, ...]:
+def remarks_of(twin: Twin, found: TwinEstimate, rms: float) -> tuple[str, ...]:
     """What a user should know about an estimate."""
     lines = [*twin.remarks]
     if not found.converged:

@@ -16,7 +16,7 @@ from mi_lcair.derivatives.images import facet_matrix
 from mi_lcair.errors import InputError, check_known, errors_of
 from mi_lcair.heating.conductors import Facets
 from mi_lcair.knowing.inversion.data.readings import Measurement, measured_radiance, noise_of_netd
-from mi_lcair.knowing.twin.problem import FramesTable, SeriesTable
+from mi_lcair.knowing.twin.problem import CameraFrames, SeriesTable
 from mi_lcair.physics.blackbody import in_band_radiance, in_band_slope
 from mi_lcair.rendering.parameters.values import changed, parameters_of
 from mi_lcair.rendering.scene import Scene
@@ -29,7 +29,7 @@ NEIGHBOURS = 3  # pixels along a side over which the variance of the render is a
 
 
 @dataclass(frozen=True)
-class Block:
+class DataBlock:
     """Measured less predicted values of one time.
 
     residual, weight: (N,), inverse variances. facets: (N, n), derivatives with respect to the
@@ -112,11 +112,11 @@ class Readings:
         self.own = ["error that all readings share [K]"] * (self.common > 0)
         self.own_sigma = [self.common] * len(self.own)
 
-    def block(self, k: int, kelvin: np.ndarray, own: np.ndarray) -> Block:
+    def block(self, k: int, kelvin: np.ndarray, own: np.ndarray) -> DataBlock:
         """The block of a reading for temperatures (n,) and errors (q,)."""
         count = len(self.columns)
         columns = np.full((count, len(self.own)), self.common)
-        return Block(
+        return DataBlock(
             residual=self.kelvin[k] - self.weights @ kelvin - columns @ own,
             weight=np.full(count, self.sigma**-2.0),
             facets=self.weights,
@@ -128,7 +128,7 @@ class Readings:
 class Frames:
     """Images of one camera at some hours, and its effective areas by facet."""
 
-    def __init__(self, table: FramesTable, scene: Scene, facets: Facets, times: Times):
+    def __init__(self, table: CameraFrames, scene: Scene, facets: Facets, times: Times):
         self.table, self.scene, self.facets, self.name = table, scene, facets, table.name
         where = f"frames {table.list}"
         self.where = where
@@ -236,13 +236,13 @@ class Frames:
             self.fixed[k] = is_good, 1 / (noise**2 + len(self.hours) * variance)
         return self.fixed[k]
 
-    def block(self, k: int, kelvin: np.ndarray, own: np.ndarray) -> Block:
+    def block(self, k: int, kelvin: np.ndarray, own: np.ndarray) -> DataBlock:
         """The block of a frame for temperatures (n,) and errors (q,)."""
         values, band = self.radiance(k, kelvin), self.scene.band
         counts, weight = self.weights(k, kelvin)
         columns = self.own_columns(k, values)[counts]
         slope = sparse.diags_array(in_band_slope(band, kelvin))
-        return Block(
+        return DataBlock(
             residual=(self.measured[k] - values)[counts] - columns @ own,
             weight=weight[counts],
             facets=sparse.csr_array(self.matrix[counts] @ slope),

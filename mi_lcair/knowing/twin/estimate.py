@@ -6,7 +6,7 @@ import numpy as np
 from scipy import linalg, stats
 
 from mi_lcair.knowing.twin.data import Frames
-from mi_lcair.knowing.twin.model import Course, Twin
+from mi_lcair.knowing.twin.model import Twin, TwinCourse
 from mi_lcair.physics.estimation.verdicts import SIGNIFICANCE, profile_ends, student_factor
 
 MOST_STEPS, CLOSE = 15, 0.02  # iterations, and the change in standard errors at which they end
@@ -22,8 +22,8 @@ COARSE = 1.2  # variance of pixels over the stated one from which it is taken in
 
 
 @dataclass(frozen=True)
-class Means:
-    """Means of the residuals by datum, time and group.
+class MeanResiduals:
+    """MeanResiduals of the residuals by datum, time and group.
 
     residual: (s,), in the unit of the datum. matrix: its derivatives, (s, p). variance, per_kelvin:
     of its noise, and its change if all facets are warmer by 1 K, (s,). of: datum, hour, group.
@@ -42,40 +42,40 @@ class Means:
 
 
 @dataclass(frozen=True)
-class State:
+class TwinState:
     """A point of the iteration: z, course, cost, and the normal equations of the data there.
 
     information: (p, p). gradient: of the data, (p,).
     """
 
     z: np.ndarray
-    course: Course
+    course: TwinCourse
     cost: float
     information: np.ndarray
     gradient: np.ndarray
 
 
 @dataclass(frozen=True)
-class Estimate:
+class TwinEstimate:
     """The estimate z with its covariance (p, p), and ends (K, 2) of the intervals of x.
 
-    means, before: see `Means`; with the first guess. p_value: of the fit of the means. scatter:
-    root of the variance of pixels over the stated one, by camera.
+    means, before: see `MeanResiduals`; with the first guess. p_value: of the fit of the means.
+    scatter: root of the variance of pixels over the stated one, by camera.
     """
 
-    state: State
+    state: TwinState
     covariance: np.ndarray
     ends: np.ndarray
-    means: Means
-    before: Means
+    means: MeanResiduals
+    before: MeanResiduals
     p_value: float
     scatter: dict[str, float]
     converged: bool
 
 
 def evaluated(
-    twin: Twin, z: np.ndarray, like: Course | None = None, course: Course | None = None
-) -> State:
+    twin: Twin, z: np.ndarray, like: TwinCourse | None = None, course: TwinCourse | None = None
+) -> TwinState:
     """The state at z. like: see `Twin.course`. course: that at z, if it is known."""
     course = course or twin.course(z, like)
     information, gradient = np.zeros((len(z),) * 2), np.zeros(len(z))
@@ -86,10 +86,10 @@ def evaluated(
         cost += chi_square
         np.add.at(information, np.ix_(row.entries, row.entries), of_row)
         np.add.at(gradient, row.entries, slope)
-    return State(z, course, float(cost), information, gradient)
+    return TwinState(z, course, float(cost), information, gradient)
 
 
-def settled(twin: Twin, state: State) -> State:
+def settled(twin: Twin, state: TwinState) -> TwinState:
     """The state with all but the unknowns at their best, on which its course does not depend."""
     for _ in range(SETTLINGS):
         step, _ = step_of(twin, state, range(len(twin.unknowns)))
@@ -97,7 +97,7 @@ def settled(twin: Twin, state: State) -> State:
     return state
 
 
-def step_of(twin: Twin, state: State, held=()) -> tuple[np.ndarray, np.ndarray]:
+def step_of(twin: Twin, state: TwinState, held=()) -> tuple[np.ndarray, np.ndarray]:
     """The step of Gauss and Newton, and the covariance (p, p). held: unknowns that stay.
 
     Unknowns at a bound that the step would leave stay there.
@@ -128,7 +128,7 @@ def clipped(twin: Twin, z: np.ndarray) -> np.ndarray:
     return np.append(np.clip(z[:K], *twin.limits), z[K:])
 
 
-def descended(twin: Twin, state: State, most: int, held=(), like=None, progress=None):
+def descended(twin: Twin, state: TwinState, most: int, held=(), like=None, progress=None):
     """The state after at most some steps, and whether it moves no more.
 
     held: unknowns that stay. like: course whose derivatives are taken as they are.
@@ -151,7 +151,7 @@ def descended(twin: Twin, state: State, most: int, held=(), like=None, progress=
     return state, bool((abs(step) <= CLOSE * np.sqrt(np.diag(covariance))).all())
 
 
-def estimated(twin: Twin, starts: int = 1, progress=None) -> Estimate:
+def estimated(twin: Twin, starts: int = 1, progress=None) -> TwinEstimate:
     """The estimate from the best of several first guesses."""
     random, K, found = np.random.default_rng(0), len(twin.unknowns), []
     guess = evaluated(twin, clipped(twin, np.zeros(len(twin.mean))))
@@ -173,7 +173,7 @@ def estimated(twin: Twin, starts: int = 1, progress=None) -> Estimate:
     means = means_of(twin, state)
     p = p_value(twin, state, means)
     ends = intervals(twin, state, covariance, p >= SIGNIFICANCE)
-    return Estimate(state, covariance, ends, means, before, p, scatter, converged)
+    return TwinEstimate(state, covariance, ends, means, before, p, scatter, converged)
 
 
 def coarser(camera: Frames, factor: float) -> None:
@@ -183,7 +183,7 @@ def coarser(camera: Frames, factor: float) -> None:
         camera.fixed[k] = counts, weight / factor**2
 
 
-def scatter_of(twin: Twin, state: State) -> dict[str, float]:
+def scatter_of(twin: Twin, state: TwinState) -> dict[str, float]:
     """Scatter of pixels about the mean of their group, over the stated noise, by camera."""
     total, count = {}, {}
     rows = twin.rows(state.course, state.z)
@@ -200,8 +200,8 @@ def scatter_of(twin: Twin, state: State) -> dict[str, float]:
     return {name: float(np.sqrt(total[name] / max(count[name], 1))) for name in total}
 
 
-def means_of(twin: Twin, state: State) -> Means:
-    """Means of the residuals of each block and group with their derivatives."""
+def means_of(twin: Twin, state: TwinState) -> MeanResiduals:
+    """MeanResiduals of the residuals of each block and group with their derivatives."""
     found = []
     data = [*twin.contact, *state.course.traced.cameras]
     places = ((datum.name, float(hour)) for datum in data for hour in datum.hours)
@@ -216,10 +216,10 @@ def means_of(twin: Twin, state: State) -> Means:
             value, warmer = share @ block.residual, by_facet.sum()
             found.append((value, matrix, variance, warmer, (*place, int(part))))
     *columns, of = zip(*found[:: -(-len(found) // MOST_MEANS)])
-    return Means(*map(np.array, columns), list(of))
+    return MeanResiduals(*map(np.array, columns), list(of))
 
 
-def p_value(twin: Twin, state: State, means: Means) -> float:
+def p_value(twin: Twin, state: TwinState, means: MeanResiduals) -> float:
     """Probability of means that are farther from what was expected beforehand, by chance.
 
     Unknowns at a bound cannot explain more than they do there.
@@ -233,7 +233,9 @@ def p_value(twin: Twin, state: State, means: Means) -> float:
     return float(stats.chi2.sf(chi_square, len(apart)))
 
 
-def intervals(twin: Twin, state: State, covariance: np.ndarray, is_fit: bool = True) -> np.ndarray:
+def intervals(
+    twin: Twin, state: TwinState, covariance: np.ndarray, is_fit: bool = True
+) -> np.ndarray:
     """Ends (K, 2) of the 95 % intervals of x; by the profile where the cost is curved.
 
     They are linear where the data say little, and if the model does not fit.
@@ -258,12 +260,14 @@ def intervals(twin: Twin, state: State, covariance: np.ndarray, is_fit: bool = T
     return np.clip(ends, lower[:, None], upper[:, None])
 
 
-def distance(state: State, other: State) -> float:
+def distance(state: TwinState, other: TwinState) -> float:
     """Distance of another state from the estimate, in standard errors."""
     return float(np.sqrt(max(other.cost - state.cost, 0.0)))
 
 
-def profiled(twin: Twin, state: State, covariance, ends: np.ndarray, curved: list) -> np.ndarray:
+def profiled(
+    twin: Twin, state: TwinState, covariance, ends: np.ndarray, curved: list
+) -> np.ndarray:
     """Ends of intervals where the cost, with all others at their best, is higher by 1.96^2."""
     limits, like = twin.limits, state.course
 

@@ -18,8 +18,8 @@ from mi_lcair.errors import InputError, errors_of
 from mi_lcair.heating.temperatures.description import GroupTable, HeatDescription, default_sigmas
 from mi_lcair.heating.temperatures.network import Network
 from mi_lcair.heating.temperatures.solve import course, network_of
-from mi_lcair.knowing.twin.data import Block, Frames, Readings, Times
-from mi_lcair.knowing.twin.problem import FramesTable, TwinProblem
+from mi_lcair.knowing.twin.data import DataBlock, Frames, Readings, Times
+from mi_lcair.knowing.twin.problem import CameraFrames, TwinProblem
 from mi_lcair.knowing.twin.unknowns import (
     STEP,
     changed,
@@ -40,7 +40,7 @@ NODE_H = 1.0  # distance of the nodes of that error
 
 
 @dataclass(frozen=True)
-class Traced:
+class TracedScenes:
     """What follows from tracing the scenes: the network and the cameras' effective areas."""
 
     network: Network
@@ -48,14 +48,14 @@ class Traced:
 
 
 @dataclass(frozen=True)
-class Course:
+class TwinCourse:
     """Temperatures (m, n) at some z without errors of the model, and their changes (c, m, n).
 
     lighter: effect of unknowns that are traced on the frames at fixed temperatures, by the number
     of the unknown: cameras above and below, and the change of x between them.
     """
 
-    traced: Traced
+    traced: TracedScenes
     network: Network
     kelvin: np.ndarray
     changes: np.ndarray
@@ -71,7 +71,7 @@ class Rows:
     facet_error: standard errors of the temperatures that this block does not share, (n,) [K].
     """
 
-    block: Block
+    block: DataBlock
     of_facets: np.ndarray
     own: np.ndarray
     entries: np.ndarray
@@ -152,7 +152,10 @@ class Twin:
             )
         readings = problem.heat.measured
         contact = [Readings(problem.heat, network.facets, self.times)] if readings else []
-        self.contact, self.first = contact, Traced(network, [c.traced() for c in self.cameras])
+        self.contact, self.first = (
+            contact,
+            TracedScenes(network, [c.traced() for c in self.cameras]),
+        )
         sigmas = description.sigma
         if description.has_defaults:
             sigmas = default_sigmas(network.weather.sky, network.tables)
@@ -193,7 +196,7 @@ class Twin:
             for place in self.places["model"].reshape(len(free), count):
                 self.precision[np.ix_(place, place)] = inverse
 
-    def camera(self, table: FramesTable, network: Network) -> Frames:
+    def camera(self, table: CameraFrames, network: Network) -> Frames:
         """The frames of a table, with their scene."""
         target = self.description.target
         with errors_of(f"[[frames]] '{table.name}'"):
@@ -204,7 +207,7 @@ class Twin:
             scene = values.load_with_values(source, options)
             return Frames(table, scene, network.facets, self.times)
 
-    def traced(self, x: np.ndarray) -> Traced:
+    def traced(self, x: np.ndarray) -> TracedScenes:
         """The scenes, traced for the unknowns x that need it."""
         at = {u.name: u.at(step) for u, step in zip(self.unknowns, x) if u.is_traced}
         if not at:
@@ -226,10 +229,10 @@ class Twin:
                 network, _ = network_of(self.scene, replace(self.description, groups=groups))
                 cameras = [camera.traced() for camera in self.cameras]
             self.kept = dict([*self.kept.items()][-2 * len(at) :])
-            self.kept[key] = Traced(network, cameras)
+            self.kept[key] = TracedScenes(network, cameras)
         return self.kept[key]
 
-    def network(self, traced: Traced, x: np.ndarray, heated: tuple | None = None) -> Network:
+    def network(self, traced: TracedScenes, x: np.ndarray, heated: tuple | None = None) -> Network:
         """The network of traced scenes for the unknowns x.
 
         heated: group, and heat in it in equal parts of the day in place of its own.
@@ -244,8 +247,8 @@ class Twin:
         return result
 
     def course(
-        self, z: np.ndarray, like: Course | None = None, heated: tuple | None = None
-    ) -> Course:
+        self, z: np.ndarray, like: TwinCourse | None = None, heated: tuple | None = None
+    ) -> TwinCourse:
         """The temperatures at z.
 
         like: course whose changes are taken as they are. heated: see `network`.
@@ -281,14 +284,14 @@ class Twin:
             (above, warm, high), (below, cold, low) = ends
             changes[k] = (warm - cold) / (high - low)
             lighter[k] = above, below, high - low
-        return Course(traced, network, solved.kelvin, changes, lighter)
+        return TwinCourse(traced, network, solved.kelvin, changes, lighter)
 
     @property
     def limits(self) -> np.ndarray:
         """Bounds of x, (2, K)."""
         return np.array([u.limits for u in self.unknowns]).T
 
-    def kelvin(self, course: Course, z: np.ndarray, hour: float) -> tuple[np.ndarray, list]:
+    def kelvin(self, course: TwinCourse, z: np.ndarray, hour: float) -> tuple[np.ndarray, list]:
         """Temperatures (n,) at an hour, and nodes of the model's error there with weights."""
         K = len(self.unknowns)
         count = K + len(self.others) + self.sizes["exchange"]
@@ -304,7 +307,7 @@ class Twin:
         errors = z[self.places["model"]].reshape(len(self.free), -1)
         return kelvin + sum(w * (errors[:, n] @ self.free) for n, w in ends), ends
 
-    def rows(self, course: Course, z: np.ndarray) -> Iterator[Rows]:
+    def rows(self, course: TwinCourse, z: np.ndarray) -> Iterator[Rows]:
         """Yield the blocks of all data at z with their derivatives."""
         for number, datum in enumerate([*self.contact, *course.traced.cameras]):
             own = self.places[f"errors of {number}"]
@@ -314,7 +317,7 @@ class Twin:
                 changes = self.times.at(hour, course.changes)
                 yield self.with_columns(course, block, (datum, number, k, kelvin), changes, ends)
 
-    def with_columns(self, course: Course, block: Block, of, changes, ends) -> Rows:
+    def with_columns(self, course: TwinCourse, block: DataBlock, of, changes, ends) -> Rows:
         """A block with its columns. of: its datum, number, time and temperatures."""
         datum, number, k, kelvin = of
         scatter = changes[len(changes) - self.sizes["exchange"] :]

@@ -40,7 +40,7 @@ class SeriesTable(Described, where="[heat]", rules=(needs("common_K", "measured"
 
 
 @dataclass(frozen=True)
-class FramesTable(Described, rules=(one_of("netd_mK", "sigma"),)):
+class CameraFrames(Described, rules=(one_of("netd_mK", "sigma"),)):
     """Table [[frames]]: images that one camera took at stated hours.
 
     Attributes
@@ -56,8 +56,14 @@ class FramesTable(Described, rules=(one_of("netd_mK", "sigma"),)):
         The scene's $-parameters, such as band and resolution.
     sensor : int
         Number of the sensor, counted from 0.
-    quantity, channel, scale, mask, saturation
-        As those of an image in [[data]] of a problem.
+    quantity, channel : str or None
+        What the images hold, and the channel of an EXR file, as in [[data]] of a problem.
+    scale : float
+        Number by which the values of a file are multiplied, such as 0.01 for centikelvin.
+    mask : str or None
+        PNG, TIFF, CSV or NPY file. Pixels that are 0 do not count.
+    saturation : float or None
+        Pixels of this value and above do not count.
     netd_mK, sigma : float or None
         Noise of a pixel, one of them: NETD at 300 K, or in W m^-2 sr^-1.
     gain_sigma : str
@@ -72,6 +78,7 @@ class FramesTable(Described, rules=(one_of("netd_mK", "sigma"),)):
     spp : int or None
         Paths of each pixel for the effective areas; by default the scene's.
     seed : int
+        Seed of the random numbers.
     """
 
     list: str = entry(is_file=True)
@@ -109,7 +116,7 @@ class TwinProblem:
     """What a problem with [heat] states: the balance, its cameras, and its unknowns by name."""
 
     heat: SeriesTable
-    frames: list[FramesTable]
+    frames: list[CameraFrames]
     unknowns: dict[str, UnknownEntry]
 
 
@@ -127,7 +134,7 @@ def twin_problem(problem) -> TwinProblem | None:
         check_tables(["heat", "frames", "unknowns"], tree)
         heat = filled(SeriesTable, tree["heat"], "[heat]", folder)
         frames = [
-            filled(FramesTable, {"name": f"camera {k}"} | dict(values), f"[[frames]] {k}", folder)
+            filled(CameraFrames, {"name": f"camera {k}"} | dict(values), f"[[frames]] {k}", folder)
             for k, values in enumerate(tables_of(tree, "frames"), 1)
         ]
         if heat.measured is None and not frames:
