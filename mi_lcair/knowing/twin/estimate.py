@@ -36,9 +36,9 @@ class MeanResiduals:
     of: list[tuple[str, float, int]]
 
     def kelvin(self, twin: Twin, z: np.ndarray) -> np.ndarray:
-        """What the temperatures alone leave, without the errors in z of all else, (s,) [K]."""
-        K = len(twin.unknowns)
-        return (self.residual + self.matrix[:, K:] @ z[K:]) / self.per_kelvin
+        """What is left with the errors of instruments but not that of the balance, (s,) [K]."""
+        model = twin.places["model"]
+        return (self.residual + self.matrix[:, model] @ z[model]) / self.per_kelvin
 
 
 @dataclass(frozen=True)
@@ -140,6 +140,8 @@ def descended(twin: Twin, state: TwinState, most: int, held=(), like=None, progr
         for halving in range(HALVINGS):
             z = clipped(twin, state.z + step / 3**halving)
             trial = evaluated(twin, z, like)
+            if trial.cost > state.cost:
+                trial = settled(twin, trial)
             if like or trial.cost <= state.cost + FLAT:
                 break
         else:

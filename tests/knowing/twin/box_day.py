@@ -75,7 +75,7 @@ def folder(path: Path) -> Path:
     block(lines, 0.5, (0, 0), 1.0, 0.0, names)
     block(lines, 0.25, (-1.2, -0.9), 0.4, 0.0, [f"f*{wall}*300*group=heater"] * 3)
     first = sum(line.startswith("v ") for line in lines) + 1
-    lines += [f"v {3 * x} {3 * y} -0.01" for x, y in CORNERS]
+    lines += [f"v {1.6 * x} {1.6 * y} -0.01" for x, y in CORNERS]
     lines += [f"o t*{wall}*290*plate", f"f {first} {first + 1} {first + 2} {first + 3}"]
     (path / "box.obj").write_text("\n".join(lines) + "\n")
     models3d.export(models3d.read(path / "box.obj"), path / "box")
@@ -98,7 +98,7 @@ def heat_of(path: Path, values: dict | None = None, **tables) -> dict:
         "target": {"scene": str(path / "box" / "scene.xml")},
         "weather": {"file": str(tables.pop("weather", EXAMPLES / "day.csv")), "ground_K": 288},
         "groups": groups,
-        "run": {"steps": 48, "rays": 8192},
+        "run": {"steps": 48, "rays": 16384},
         "sigma": SIGMA | {"model_K": 0.3},
     }
     return tree | tables
@@ -142,14 +142,14 @@ def model_errors(hours, count: int, random, kelvin: float = 0.3) -> np.ndarray:
     return kelvin * root @ random.standard_normal((len(hours), count))
 
 
-def frames_of(path: Path, heat, hours, random, view=AROUND, errors=None, **camera) -> dict:
+def frames_of(path: Path, heat, hours, random, view=AROUND, errors=None, spp=128, **camera) -> dict:
     """Write frames of a heat result at some hours; returns the entry [[frames]] of a problem.
 
     errors: of the temperatures of groups at the hours, (hours, groups).
     """
     parameters = {**BANDS, **view, **camera}
     scene = mi_lcair.load(path / "box" / "scene.xml", **parameters)
-    seen = facet_matrix(scene, spp=128, seed=5)
+    seen = facet_matrix(scene, spp=spp, seed=5)
     gain, offset = 1 + GAIN * random.standard_normal(), OFFSET_K * random.standard_normal()
     slope = float(in_band_slope(scene.band, 300.0))
     rows = []
@@ -191,11 +191,12 @@ def draw(
     random = np.random.default_rng(number)
     truth = drawn(random)
     tree = heat_of(path, truth, weather=other_weather(path, random), sigma={"model_K": 0})
-    tree["run"] = tree["run"] | {"seed": 1000 + number}
+    # With much less noise of its own than the estimate has
+    tree["run"] = tree["run"] | {"seed": 1000 + number, "rays": 65536}
     heat = mi_lcair.heat(tree)
     errors = model_errors(np.array(hours, float), len(GROUPS), random, model_K)
     names = list(heat.facets.groups)
-    frames = frames_of(path, heat, hours, random, errors=errors[:, : len(names)])
+    frames = frames_of(path, heat, hours, random, errors=errors[:, : len(names)], spp=1024)
     guess = heat_of(path, sigma=SIGMA | {"model_K": model_K})
     guess["run"]["seed"] = 5000 + number
     write_heat(path / "heat.toml", guess)
