@@ -23,7 +23,7 @@ def folder(tmp_path_factory):
     del tree["signature"], tree["sigma"]
     tree["target"]["scene"] = str(path / "box" / "scene.xml")
     tree["weather"]["file"] = str(EXAMPLES / "day.csv")
-    tree["run"] = {"steps": 24, "rays": 64}
+    tree["run"] = {"steps": 24, "rays": 1024}
     terrain = tree["groups"]["terrain"] | {"absorptance": 0.8}
     guesses = tree | {"groups": tree["groups"] | {"terrain": terrain}}
     truths = tree | {"groups": tree["groups"] | {"terrain": terrain | TRUTH}}
