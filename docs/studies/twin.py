@@ -9,6 +9,7 @@ import json
 import sys
 import tempfile
 import time
+import tomllib
 import warnings
 from pathlib import Path
 
@@ -29,6 +30,55 @@ def coverage(folder: Path, draw: int) -> dict:
     return judged(found, truth) | {"processor_s": time.process_time() - began}
 
 
+def forecast(folder: Path, draw: int) -> dict:
+    """The same, and the intensity of the box over another day with the weather's own errors."""
+    problem, truth, _ = box_day.draw(folder, draw, range(2, 25, 2))
+    found = mi_lcair.invert(problem, advise=False)
+    found.save(folder / "twin.toml")
+    twin = tomllib.loads((folder / "twin.toml").read_text())
+    other = overcast(folder)
+    twin["target"]["scene"] = str(folder / "box" / "scene.xml")
+    twin |= {"weather": {"file": str(other), "ground_K": 288}, "signature": {"spp": 64}}
+    random = np.random.default_rng((draw, 3))
+    happens = box_day.heat_of(folder, truth, weather=box_day.other_weather(folder, random, other))
+    happens |= {"sigma": {"model_K": 0}, "signature": {"spp": 64}}
+    happens["run"] = happens["run"] | {"seed": 3000 + draw}
+    stated, real = mi_lcair.heat(twin).intensity, mi_lcair.heat(happens).intensity
+    distance = (stated.value - real.value) / np.hypot(stated.standard_error, 1e-9)
+    return {"inside": (abs(distance) < 1.96).tolist(), "p_value": found.p_value}
+
+
+def overcast(folder: Path) -> Path:
+    """A day with half the sun, a warmer sky and more wind."""
+    head, *rows = (box_day.EXAMPLES / "day.csv").read_text().splitlines()[1:]
+    table = dict(zip(head.split(","), np.array([row.split(",") for row in rows], float).T))
+    table["sun_W_m2"], table["sky_K"] = 0.5 * table["sun_W_m2"], table["sky_K"] + 10
+    table["wind_m_s"] = table["wind_m_s"] + 2
+    lines = [",".join(f"{v:.6g}" for v in row) for row in zip(*table.values())]
+    (folder / "overcast.csv").write_text("\n".join([head, *lines]) + "\n")
+    return folder / "overcast.csv"
+
+
+FAULTS = ("layer", "wind", "heater")
+
+
+def wrong(folder: Path, draw: int) -> dict:
+    """Models that miss a layer of the lid, half of the wind, or heat that is reflected.
+
+    The verdict is right if the model is withdrawn, or if the values hold.
+    """
+    fault = FAULTS[draw % len(FAULTS)]
+    truth = {"lid.thickness_mm": 12.0} if fault == "layer" else {}
+    truth |= {"heater.internal_W_m2": 250.0} if fault == "heater" else {}
+    names = ("lid.absorptance", "terrain.inertia", "south.absorptance")
+    random = np.random.default_rng((draw, 4))
+    truth |= box_day.drawn(random, {n: box_day.PRIORS[n] for n in names})
+    problem, truth, _ = box_day.draw(folder, draw, range(2, 25, 2), truth=truth, fault=fault)
+    problem["unknowns"] = {name: problem["unknowns"][name] for name in names}
+    found = mi_lcair.invert(problem, advise=False)
+    return judged(found, truth) | {"fault": fault, "withdrawn": found.p_value < 1e-3}
+
+
 def judged(found, truth: dict) -> dict:
     """Which intervals hold, which verdicts are wrong, and the distances in standard errors."""
     values = np.array([truth[name] for name in found.names])
@@ -45,7 +95,7 @@ def judged(found, truth: dict) -> dict:
     }
 
 
-CASES = {"coverage": (coverage, 200)}
+CASES = {"coverage": (coverage, 200), "forecast": (forecast, 100), "wrong": (wrong, 60)}
 
 
 def main() -> None:

@@ -62,7 +62,7 @@ gain, offset = 1.02, 0.4
 for hour in HOURS:
     heat.save(folder / "now.csv", hour=hour)
     scene = mi_lcair.load(folder / "box" / "scene.xml", modes=folder / "now.csv", **VIEW)
-    frame = mi_lcair.render(scene, spp=512, seed=hour).channels["Y"].astype(float)
+    frame = mi_lcair.render(scene, spp=1024, seed=hour).channels["Y"].astype(float)
     drift = random.normal(0, 0.3)
     frame = gain * frame + offset + drift + random.normal(0, 0.03, frame.shape)
     np.save(folder / f"frame_{hour:02}.npy", frame)

@@ -14,7 +14,7 @@ from mi_lcair.heating.temperatures.description import GroupTable, HeatDescriptio
 from mi_lcair.heating.temperatures.network import INERTIA, LAYER
 from mi_lcair.knowing.twin.answers import advice, alike, verdicts
 from mi_lcair.knowing.twin.data import Readings
-from mi_lcair.knowing.twin.estimate import COARSE, TwinEstimate, estimated
+from mi_lcair.knowing.twin.estimate import TwinEstimate, estimated
 from mi_lcair.knowing.twin.model import Twin
 from mi_lcair.knowing.twin.problem import TwinProblem
 from mi_lcair.knowing.twin.unknowns import Sought, with_value
@@ -118,6 +118,9 @@ class HeatCalibration(Result):
         return {"input": np.array(self.names), **values, "verdict": np.array(self.verdicts)}
 
 
+COARSE = 1.2  # variance of pixels over the stated one from which it is reported
+
+
 def calibrated(
     scene: Scene,
     description: HeatDescription,
@@ -163,9 +166,9 @@ def series_of(twin: Twin, found: TwinEstimate) -> tuple[list[str], np.ndarray]:
             labels.append(datum.columns[part])
             kelvin.append(datum.kelvin[k, part])
             continue
-        counts, weight = datum.fixed[k]
-        mine = counts & (datum.fixed["groups"] == part)
-        mean = np.average(datum.measured[k][mine], weights=weight[mine])
+        cells = datum.fixed[k]
+        weight = cells.weight * (cells.group == part)
+        mean = np.average(cells.mean @ datum.measured[k], weights=weight)
         labels.append(f"{name}, {groups[part]}")
         kelvin.append(float(brightness_temperature(datum.scene.band, mean)))
     return labels, np.array(kelvin)
@@ -193,11 +196,12 @@ def remarks_of(twin: Twin, found: TwinEstimate, rms: float) -> tuple[str, ...]:
             f"noise, errors of instruments and model_K allow (p = {found.p_value:.1g}); a term is "
             "missing, and the intervals are too small"
         )
-    for name, ratio in found.scatter.items():
-        if ratio**2 > COARSE:
+    for camera in found.state.course.traced.cameras:
+        coarse = [camera.fixed[k].coarse.mean() for k in range(len(camera.hours))]
+        if (ratio := float(np.mean(coarse))) > COARSE:
             lines.append(
-                f"{name}: pixels of a group scatter by {ratio:.2g} times their noise, which "
-                "therefore counts as that much larger"
+                f"{camera.name}: pixels of a facet scatter by {np.sqrt(ratio):.2g} times their "
+                "noise, which therefore counts as that much larger"
             )
     for u in twin.unknowns:
         if u.is_of_scene:
@@ -224,7 +228,7 @@ def described(twin: Twin, value: np.ndarray, error: np.ndarray, correlated: np.n
             float(f"{error[k]:.4g}") if is_absolute else f"{100 * error[k] / value[k]:.3g} %"
         )
     result = tables | {f"groups.{name}": table for name, table in groups.items()}
-    sigmas = {n: s for n, s in twin.sigmas.items() if n not in posterior} | posterior
+    sigmas = twin.others | posterior
     result["sigma"] = sigmas | {"model_K": description.model_K}
     if len(kept) > 1:
         rows = correlated[np.ix_(kept, kept)].round(6).tolist()

@@ -18,6 +18,7 @@ from mi_lcair.heating.conductors import Facets
 from mi_lcair.knowing.inversion.data.readings import Measurement, measured_radiance, noise_of_netd
 from mi_lcair.knowing.twin.problem import CameraFrames, SeriesTable
 from mi_lcair.physics.blackbody import in_band_radiance, in_band_slope
+from mi_lcair.physics.estimation.verdicts import inner_deviation
 from mi_lcair.rendering.parameters.values import changed, parameters_of
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.table import read_table
@@ -25,7 +26,8 @@ from mi_lcair.table import read_table
 KELVIN = Bounds(lower=10, upper=6000, unit="K")
 AT_K = 300.0  # temperature for which offsets are stated
 OTHER_K = 10.0  # change of a surrounding temperature from which its effective area follows
-NEIGHBOURS = 3  # pixels along a side over which the variance of the render is averaged
+BAD = 5.0  # standard deviations from which a pixel is left out as dead or hot
+FEWEST = 4  # pixels of a cell
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,20 @@ class DataBlock:
     facets: sparse.csr_array
     own: np.ndarray
     part: np.ndarray
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Means over the pixels of a frame that show one facet.
+
+    mean: (cells, pixels). weight: inverse variances, (cells,). group: that is shown, (cells,).
+    coarse: variance of the pixels over that which is stated, at least 1, (cells,).
+    """
+
+    mean: sparse.csr_array
+    weight: np.ndarray
+    group: np.ndarray
+    coarse: np.ndarray
 
 
 class Times:
@@ -217,37 +233,62 @@ class Frames:
         values = matrix @ in_band_radiance(self.scene.band, kelvin) + rest
         return values + sum(area * L[k] for area, L in self.around.values())
 
-    def weights(self, k: int, kelvin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Pixels of a frame that count, and their inverse variances, both (pixels,).
+    def cells(self, k: int, kelvin: np.ndarray) -> Cells:
+        """The pixels of a frame by the facet that they show most, as at the first call.
 
-        They stay those of the first call. An error of the render is the same in all frames, and
-        therefore counts in each of them as often as there are frames.
+        The noise of the render stands in predictions and in derivatives alike. A fit of single
+        pixels would take its pattern for an error of the gain. An error of the render is the same
+        in all frames, and therefore counts in each of them as often as there are frames.
         """
         if k not in self.fixed:
             values, traced = self.radiance(k, kelvin), self.of_facets
             runs = zip(traced.matrices, traced.rest)
             scatter = [self.radiance(k, kelvin, self.parted(*run)) for run in runs]
             variance = np.var(scatter, axis=0, ddof=1) / len(scatter)
-            variance = ndimage.uniform_filter(variance.reshape(self.size), NEIGHBOURS).ravel()
             noise = np.full(len(values), self.table.sigma)
             if self.table.netd_mK:
                 noise = noise_of_netd(self.scene.band, values, self.table.netd_mK)
             is_good = self.counts[k] & (self.fixed["groups"] >= 0)
-            self.fixed[k] = is_good, 1 / (noise**2 + len(self.hours) * variance)
+            facet, apart = self.facet_shown(), self.measured[k] - values
+            rows, found = [], []
+            for number in np.unique(facet[is_good]):
+                mine = np.flatnonzero(is_good & (facet == number))
+                rest = apart[mine] - np.median(apart[mine])
+                mine = mine[abs(rest) <= BAD * inner_deviation(rest, 1e-300)]
+                if (count := len(mine)) < FEWEST:
+                    continue
+                squared = np.mean(noise[mine] ** 2 + len(self.hours) * variance[mine])
+                coarse = max(1.0, np.var(apart[mine], ddof=1) / squared)
+                row = np.zeros(len(values))
+                row[mine] = 1 / count
+                rows.append(row)
+                part = np.bincount(self.fixed["groups"][mine]).argmax()
+                found.append((count / (coarse * squared), part, coarse))
+            if not rows:
+                raise InputError(
+                    f"{self.where}, {self.hours[k]:g} h: no facet has {FEWEST} pixels away from "
+                    "outlines; raise the resolution, or give edge_px = 0"
+                )
+            weight, part, coarse = map(np.array, zip(*found))
+            self.fixed[k] = Cells(sparse.csr_array(np.array(rows)), weight, part, coarse)
         return self.fixed[k]
 
+    def facet_shown(self) -> np.ndarray:
+        """Column of the facet that each pixel shows most, (pixels,)."""
+        return np.asarray(self.matrix.tocsr().argmax(axis=1)).ravel()
+
     def block(self, k: int, kelvin: np.ndarray, own: np.ndarray) -> DataBlock:
-        """The block of a frame for temperatures (n,) and errors (q,)."""
+        """The block of a frame for temperatures (n,) and errors (q,): a value for each cell."""
         values, band = self.radiance(k, kelvin), self.scene.band
-        counts, weight = self.weights(k, kelvin)
-        columns = self.own_columns(k, values)[counts]
+        cells = self.cells(k, kelvin)
+        columns = cells.mean @ self.own_columns(k, values)
         slope = sparse.diags_array(in_band_slope(band, kelvin))
         return DataBlock(
-            residual=(self.measured[k] - values)[counts] - columns @ own,
-            weight=weight[counts],
-            facets=sparse.csr_array(self.matrix[counts] @ slope),
+            residual=cells.mean @ (self.measured[k] - values) - columns @ own,
+            weight=cells.weight,
+            facets=sparse.csr_array(cells.mean @ self.matrix @ slope),
             own=columns,
-            part=self.fixed["groups"][counts],
+            part=cells.group,
         )
 
     def own_columns(self, k: int, values: np.ndarray) -> np.ndarray:

@@ -5,9 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg, stats
 
-from mi_lcair.knowing.twin.data import Frames
 from mi_lcair.knowing.twin.model import Twin, TwinCourse
-from mi_lcair.physics.estimation.verdicts import SIGNIFICANCE, profile_ends, student_factor
+from mi_lcair.physics.estimation.verdicts import (
+    SIGNIFICANCE,
+    profile_ends,
+    student_factor,
+)
 
 MOST_STEPS, CLOSE = 15, 0.02  # iterations, and the change in standard errors at which they end
 FLAT = 0.5  # increase of chi-square that the drift of days may make
@@ -18,7 +21,6 @@ STRAIGHT = 0.1  # relative error of a linear interval from which it is replaced
 SETTLINGS = 2  # steps of what does not change the course
 HELD_STEPS = 2  # iterations of the others while one unknown is held
 MOST_MEANS = 1500  # means of the residuals that are tested together
-COARSE = 1.2  # variance of pixels over the stated one from which it is taken in its place
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,6 @@ class TwinEstimate:
     """The estimate z with its covariance (p, p), and ends (K, 2) of the intervals of x.
 
     means, before: see `MeanResiduals`; with the first guess. p_value: of the fit of the means.
-    scatter: root of the variance of pixels over the stated one, by camera.
     """
 
     state: TwinState
@@ -69,7 +70,6 @@ class TwinEstimate:
     means: MeanResiduals
     before: MeanResiduals
     p_value: float
-    scatter: dict[str, float]
     converged: bool
 
 
@@ -166,40 +166,11 @@ def estimated(twin: Twin, starts: int = 1, progress=None) -> TwinEstimate:
             first = evaluated(twin, clipped(twin, z))
         found.append(descended(twin, first, MOST_STEPS, progress=progress))
     state, converged = min(found, key=lambda pair: pair[0].cost)
-    scatter = scatter_of(twin, state)
-    if any(ratio**2 > COARSE for ratio in scatter.values()):
-        for camera in state.course.traced.cameras:
-            coarser(camera, max(scatter[camera.name], 1.0))
-        state, converged = descended(twin, evaluated(twin, state.z), MOST_STEPS)
     covariance = np.linalg.inv(state.information + twin.precision)
     means = means_of(twin, state)
     p = p_value(twin, state, means)
     ends = intervals(twin, state, covariance, p >= SIGNIFICANCE)
-    return TwinEstimate(state, covariance, ends, means, before, p, scatter, converged)
-
-
-def coarser(camera: Frames, factor: float) -> None:
-    """Divide the weights of a camera's pixels by the square of a factor."""
-    for k in range(len(camera.hours)):
-        counts, weight = camera.fixed[k]
-        camera.fixed[k] = counts, weight / factor**2
-
-
-def scatter_of(twin: Twin, state: TwinState) -> dict[str, float]:
-    """Scatter of pixels about the mean of their group, over the stated noise, by camera."""
-    total, count = {}, {}
-    rows = twin.rows(state.course, state.z)
-    for datum in [*twin.contact, *state.course.traced.cameras]:
-        for _ in datum.hours:
-            block = next(rows).block
-            if not isinstance(datum, Frames) or not len(block.residual):
-                continue
-            part, w, r = block.part, block.weight, block.residual
-            sums = np.bincount(part, w)
-            mean = np.bincount(part, w * r) / np.maximum(sums, 1e-300)
-            total[datum.name] = total.get(datum.name, 0) + np.sum(w * (r - mean[part]) ** 2)
-            count[datum.name] = count.get(datum.name, 0) + len(r) - np.count_nonzero(sums)
-    return {name: float(np.sqrt(total[name] / max(count[name], 1))) for name in total}
+    return TwinEstimate(state, covariance, ends, means, before, p, converged)
 
 
 def means_of(twin: Twin, state: TwinState) -> MeanResiduals:

@@ -139,6 +139,9 @@ class Twin:
         self.unknowns = [
             sought(name, given, network, known) for name, given in problem.unknowns.items()
         ]
+        if (stated := self.with_absorptances()) is not self.description:
+            self.description = stated
+            network, _ = network_of(scene, stated)
         self.start_K = description.run.start_K
         self.drift_K = DRIFT_OF_FRAMES_K if problem.frames else DRIFT_K
         hour_s, is_periodic = network.weather.day_s / 24, self.start_K is None
@@ -159,8 +162,22 @@ class Twin:
         sigmas = description.sigma
         if description.has_defaults:
             sigmas = default_sigmas(network.weather.sky, network.tables)
-        self.sigmas, self.others = sigmas, of_others(sigmas, self.unknowns, network)
+        self.others = of_others(sigmas, self.unknowns, network)
         self.known_beforehand()
+
+    def with_absorptances(self) -> HeatDescription:
+        """The description with absorptances that are sought in place of those of the scene.
+
+        They are the same at all angles, as in the heat.toml that has the values.
+        """
+        groups = dict(self.description.groups)
+        for u in self.unknowns:
+            table = groups.get(u.group, GroupTable())
+            if u.key == "absorptance" and table.absorptance is None:
+                groups[u.group] = replace(table, absorptance=u.value)
+        if groups == self.description.groups:
+            return self.description
+        return replace(self.description, groups=groups)
 
     def known_beforehand(self) -> None:
         """Lay out z, and set its mean and precision."""
@@ -331,10 +348,10 @@ class Twin:
         entries.append(self.places[f"errors of {number}"][used])
         if isinstance(datum, Frames):
             c = course.traced.cameras.index(datum)
-            counts, _ = datum.weights(k, kelvin)
+            mean = datum.cells(k, kelvin).mean
             for unknown, (above, below, width) in course.lighter.items():
                 more = above[c].radiance(k, kelvin) - below[c].radiance(k, kelvin)
-                own.append(more[counts][:, None] / width)
+                own.append((mean @ more)[:, None] / width)
                 entries.append([unknown])
         return Rows(
             block,

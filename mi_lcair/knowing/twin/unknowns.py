@@ -130,9 +130,7 @@ def of_balance(group: str, key: str, network: Network) -> tuple[float, Bounds, f
     table = network.tables[group]
     value = value_of(table, key)
     if value is None and key in ("absorptance", "emissivity"):
-        mine = network.facets.group == network.facets.groups.index(group)
-        of = network.facets if key == "emissivity" else network.sun
-        value = None if of is None else float(getattr(of, key)[mine].mean())
+        value = of_surface(network, group, key)
     if value is None:
         raise InputError(f"{key} is missing; give a first guess in the heat.toml")
     known = (*table.by_material, "h") if table.material else ()
@@ -144,6 +142,13 @@ def of_balance(group: str, key: str, network: Network) -> tuple[float, Bounds, f
         sigma = sigma / value
     bounds = LIMITS.get({"h": "h_factor", INERTIA: "conductivity"}.get(bare, bare))
     return float(value), bounds or Bounds(lower=1e-6, upper=1e12), sigma
+
+
+def of_surface(network: Network, group: str, key: str) -> float | None:
+    """Absorptance or emissivity with which a group was traced; None without sunlight."""
+    of = network.facets if key == "emissivity" else network.sun
+    mine = network.facets.group == network.facets.groups.index(group)
+    return None if of is None else float(getattr(of, key)[mine].mean())
 
 
 def value_of(table: GroupTable, key: str) -> float | None:
@@ -195,7 +200,8 @@ def changed(network: Network, unknowns: list[Sought], x: np.ndarray) -> Network:
             continue
         value, group = unknown.at(step), unknown.group
         if unknown.key == "absorptance":  # linear, also in what is reflected on others
-            more = more + network.of_absorptance(group, 1.0) * (value - unknown.value)
+            if (now := of_surface(network, group, "absorptance")) is not None:
+                more = more + network.of_absorptance(group, 1.0) * (value - now)
             continue
         groups[group] = with_value(groups[group], unknown.key, value)
     result = replace(network, groups=groups)

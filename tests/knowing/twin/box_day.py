@@ -121,14 +121,16 @@ def drawn(random, priors: dict | None = None) -> dict[str, float]:
     return result
 
 
-def other_weather(path: Path, random) -> Path:
-    """A day that differs from the example's as SIGMA says."""
-    text = (EXAMPLES / "day.csv").read_text().splitlines()
-    head, rows = text[1].split(","), [list(map(float, line.split(","))) for line in text[2:]]
+def other_weather(path: Path, random, of: Path = EXAMPLES / "day.csv", fault: str = "") -> Path:
+    """A day that differs from another one as SIGMA says. fault: "wind" has half of it."""
+    text = [line for line in of.read_text().splitlines() if not line.startswith("#")]
+    head, rows = text[0].split(","), [list(map(float, line.split(","))) for line in text[1:]]
     table = dict(zip(head, np.array(rows).T))
     table["air_K"] = table["air_K"] + SIGMA["air_K"] * random.standard_normal()
     table["sky_K"] = table["sky_K"] + SIGMA["sky_K"] * random.standard_normal()
     table["sun_W_m2"] = table["sun_W_m2"] * (1 + 0.02 * random.standard_normal())
+    if fault == "wind":
+        table["wind_m_s"] = 2 * table["wind_m_s"]
     lines = [",".join(head), *(",".join(f"{v:.6g}" for v in row) for row in zip(*table.values()))]
     (path / "weather.csv").write_text("\n".join(lines) + "\n")
     return path / "weather.csv"
@@ -183,20 +185,21 @@ def problem(path: Path, frames: dict, names=PRIORS, **heat) -> dict:
     }
 
 
-def draw(
-    path: Path, number: int, hours=range(1, 25), model_K: float = 0.3
-) -> tuple[dict, dict, object]:
-    """A problem of a drawn truth, the truth, and its temperatures."""
+def draw(path: Path, number: int, hours=range(1, 25), truth=None, fault: str = "") -> tuple:
+    """A problem of a drawn truth, the truth, and its temperatures.
+
+    truth: values in place of drawn ones. fault: see `other_weather`.
+    """
     folder(path)
-    random = np.random.default_rng(number)
-    truth = drawn(random)
-    tree = heat_of(path, truth, weather=other_weather(path, random), sigma={"model_K": 0})
+    random, model_K = np.random.default_rng(number), 0.3
+    truth = truth or drawn(random)
+    weather = other_weather(path, random, fault=fault)
+    tree = heat_of(path, truth, weather=weather, sigma={"model_K": 0})
     # With much less noise of its own than the estimate has
     tree["run"] = tree["run"] | {"seed": 1000 + number, "rays": 65536}
     heat = mi_lcair.heat(tree)
     errors = model_errors(np.array(hours, float), len(GROUPS), random, model_K)
-    names = list(heat.facets.groups)
-    frames = frames_of(path, heat, hours, random, errors=errors[:, : len(names)], spp=1024)
+    frames = frames_of(path, heat, hours, random, errors=errors, spp=1024)
     guess = heat_of(path, sigma=SIGMA | {"model_K": model_K})
     guess["run"]["seed"] = 5000 + number
     write_heat(path / "heat.toml", guess)
