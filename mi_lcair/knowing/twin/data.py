@@ -47,7 +47,7 @@ class DataBlock:
 
 
 @dataclass(frozen=True)
-class Cells:
+class FrameCells:
     """Means over the pixels of a frame that show one facet.
 
     mean: (cells, pixels). weight: inverse variances, (cells,). group: that is shown, (cells,).
@@ -233,7 +233,7 @@ class Frames:
         values = matrix @ in_band_radiance(self.scene.band, kelvin) + rest
         return values + sum(area * L[k] for area, L in self.around.values())
 
-    def cells(self, k: int, kelvin: np.ndarray) -> Cells:
+    def cells(self, k: int, kelvin: np.ndarray) -> FrameCells:
         """The pixels of a frame by the facet that they show most, as at the first call.
 
         The noise of the render stands in predictions and in derivatives alike. A fit of single
@@ -270,7 +270,7 @@ class Frames:
                     "outlines; raise the resolution, or give edge_px = 0"
                 )
             weight, part, coarse = map(np.array, zip(*found))
-            self.fixed[k] = Cells(sparse.csr_array(np.array(rows)), weight, part, coarse)
+            self.fixed[k] = FrameCells(sparse.csr_array(np.array(rows)), weight, part, coarse)
         return self.fixed[k]
 
     def facet_shown(self) -> np.ndarray:
