@@ -76,7 +76,8 @@ def fit(
     theta_r_positive
         Side on which theta_r is positive, if the file does not give it.
     model
-        Name of a reflection model. auto selects the simplest one that describes the data.
+        Name of a reflection model. auto compares sandford_robertson and microfacet,
+        and selects the simplest one that describes the data.
     form
         Form of the model, such as thesis or normalized. auto compares all forms and their
         restrictions.

@@ -295,6 +295,13 @@ class ImageConditions(
             "reflected is missing: an object of an emissivity below 1 reflects its surroundings; "
             "give their temperature in K",
         ),
+        rule(
+            lambda t: (
+                t.reflected or t.air_temperature or not t.transmittance or is_one(t.transmittance)
+            ),
+            "air_temperature is missing: air of a transmittance below 1 emits; give its "
+            "temperature in K",
+        ),
         excludes("transmittance", "distance"),
         needs("humidity", "distance", why="with a transmittance it does not count"),
         together("window", "window_temperature"),
@@ -489,7 +496,12 @@ def temperature_of(
         estimate=estimate,
         headline=headline,
         interval_K=(float(regions["from_K"][0]), float(regions["to_K"][0])),
-        conditions=conditions.quantities,
+        # Without those that do not count and that nobody gave
+        conditions={
+            quantity: number
+            for quantity, number in conditions.quantities.items()
+            if quantity in given or "reflected" in given or quantity == "transmittance"
+        },
         transmittance=conditions.air(band, values, camera).transmittance(headline.value),
         regions=regions if kelvin.ndim else {},
         differences=differences if len(places) > 1 else {},

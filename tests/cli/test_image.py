@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 
+import mi_lcair
 from mi_lcair import formats
 from mi_lcair.errors import InputError
 from mi_lcair.rendering.images.files import read_exr
@@ -63,6 +64,8 @@ def test_files_and_tables(run, folder, figures):
         pages.seek(2)
         assert np.array(pages).dtype == np.uint16
         assert not np.array_equal(np.array(pages), channels["counts.Y"])
+    with pytest.raises(InputError, match="contains a camera's counts; use the EXR"):
+        mi_lcair.temperature(folder / "seen.tif", "MWIR", emissivity=1)
     assert (folder / "seen.png").stat().st_size > 10_000
     titles = [axes.get_title() for axes in figures[0].axes]
     assert "(b) MTF up to Nyquist" in titles

@@ -232,6 +232,17 @@ def test_an_emissivity_of_1_with_an_uncertainty():
     assert bound == pytest.approx(below, rel=0.01) and bound > 0.1
 
 
+def test_conditions_that_do_not_count_are_not_stated():
+    """A body of emissivity 1 reflects nothing, and air of a transmittance of 1 emits nothing."""
+    result = mi_lcair.temperature(310.0, "LWIR", emissivity=1)
+    assert list(result.conditions) == ["emissivity", "transmittance"]
+    through = mi_lcair.temperature(
+        310.0, "LWIR", emissivity=1, transmittance=0.9, air_temperature=310
+    )
+    assert through.kelvin == pytest.approx(310, abs=1e-3)
+    assert list(through.conditions) == ["emissivity", "transmittance", "air_temperature"]
+
+
 @pytest.mark.parametrize("suffix", [".tif", ".csv", ".exr"])
 def test_images_are_read_and_written(tmp_path, suffix):
     """NaN and 0 are nothing. What is written is the object's temperature, or nothing."""
@@ -324,6 +335,10 @@ def test_kelvin_that_are_celsius_are_remarked(given, what):
         ({"distance": 2e6}, "distance = 2e.06 m; must be positive and at most 200000"),
         ({"reflected": 20}, "reflected = 20 K; must lie in 60..6000"),
         ({"reflected": None}, "reflected is missing"),
+        (
+            {"emissivity": 1, "reflected": None, "transmittance": 0.9},
+            "air_temperature is missing: air of a transmittance below 1 emits",
+        ),
         ({"emissivity": "0.9+-"}, "emissivity '0.9.-' is no number"),
         ({"emissivity": (0.9, -1)}, "standard uncertainty of emissivity = -1"),
         ({"emissivity": "nan"}, "emissivity = nan"),

@@ -216,7 +216,8 @@ class SplitsTable(
     rules=(
         rule(
             lambda t: abs(t.train + t.val + t.test - 1) <= SUM,
-            "train, val and test are {t.train:g}, {t.val:g} and {t.test:g}; they must add up to 1",
+            "train, val and test are {t.train:g}, {t.val:g} and {t.test:g}; they must add up to 1; "
+            "one that is not given is 0.8, 0.1 or 0.1",
         ),
     ),
 ):

@@ -59,10 +59,10 @@ MOVED = (
 )
 LIMITS = {
     "is_cut": "a part of the target is outside the frame",
-    "saturated_share": "pixels are saturated; shorten integration_time_ms of [camera], or widen "
-    "span_K of a bolometer",
-    "speckle_share": "the rendering's error is above the camera's noise in the pixels that "
-    "speckle.Y marks; raise spp of [render]",
+    "saturated_share": "the detector is saturated; shorten integration_time_ms of [camera], or "
+    "widen span_K of a bolometer",
+    "speckle_share": "the rendering's error is above the camera's noise, as speckle.Y marks; raise "
+    "spp of [render], or give to_noise = true instead",
 }
 
 
@@ -363,7 +363,9 @@ def remarks_of(records: list[Mapping]) -> list[str]:
     lines = list(dict.fromkeys(line for record in records for line in record["remarks"]))
     for key, text in LIMITS.items():
         if some := sum(bool(record[key]) for record in records):
-            lines.append(f"in {some} of {count} images {text}")
+            most = 100 * max(record[key] for record in records)
+            share = f" and up to {most:.2g} % of their pixels" if key.endswith("_share") else ""
+            lines.append(f"in {some} of {count} images{share} {text}")
     return lines
 
 

@@ -164,6 +164,8 @@ PICTURES = (".tif", ".tiff", ".png")
 SUFFIXES = (".exr", *PICTURES, ".csv", ".npy", *radiometric.SUFFIXES)
 KELVIN = Bounds(lower=30, upper=6000, unit="K")  # of an apparent temperature
 TEMPERATURE = "apparent_temperature"
+DESCRIPTION = 270  # tag ImageDescription of a TIFF
+COUNTED = " in a count, "  # part of the description of a TIFF of counts
 OTHERWISE = (
     "degrees Celsius need 273.15 more, counts of 0.01 K need scale = 0.01; a radiance needs "
     "quantity = 'radiance'"
@@ -202,6 +204,8 @@ def read_values(path: str, channel: str | None, quantity: str | None, band: Band
             "sr^-1) or 'apparent_temperature' (K)"
         )
     read = {".csv": from_csv, ".npy": from_npy}.get(suffix, from_picture)
+    if suffix in PICTURES and quantity in (TEMPERATURE, "radiance"):
+        check_no_counts(path)
     values = read(path)
     if values.ndim != 2:
         raise InputError(
@@ -262,6 +266,17 @@ def from_csv(path: str) -> np.ndarray:
                 f"{len(rows[0])}"
             )
     return np.array(rows)
+
+
+def check_no_counts(path: str) -> None:
+    """Raise InputError for a TIFF of counts that `image` has written, as its description says."""
+    with radiometric.opened(read_bytes(path), f"{path}: is no image that can be read") as picture:
+        described = str(getattr(picture, "tag_v2", {}).get(DESCRIPTION, ""))
+    if COUNTED in described:
+        raise InputError(
+            f"{path}: contains a camera's counts; use the EXR of the same name, whose "
+            "temperature.Y has the apparent temperatures"
+        )
 
 
 def from_picture(path: str) -> np.ndarray:
