@@ -48,9 +48,10 @@ def test_trend(run, folder):
         "t.png",
     )
     assert result.exit_code == 0, result.output
-    *table, blank, error = result.stdout.splitlines()
+    *table, blank, error, followed = result.stdout.splitlines()
     assert [line.split()[:2] for line in table] == [["elevation", "views"], ["0", "4"], ["20", "4"]]
-    assert not blank and error.startswith("error  the widest 95 % interval is +- ")
+    assert not blank and error.startswith("error     the widest 95 % interval is +- ")
+    assert followed.startswith("followed  ")
     assert sorted(file.name for file in folder.iterdir()) == ["t.csv", "t.csv.json", "t.png"]
     rows = [line for line in (folder / "t.csv").read_text().splitlines() if line[0] in "0123456789"]
     assert [tuple(map(float, row.split(",")[:2])) for row in rows] == [
