@@ -461,7 +461,7 @@ def histograms(kelvin: Mapping[tuple[str, int], np.ndarray], ranges: Sequence[fl
 
 
 FILES = {
-    "images/NUMBER.png": "counts of a frame with noise, 16 bits; `NUMBER_K.png` are more frames",
+    "images/NUMBER.png": "counts of a frame with noise, 16 bits; `NUMBER_1.png` is the second one",
     "radiance/NUMBER.exr": "without noise: radiance at the aperture in W m^-2 sr^-1, electrons, "
     "apparent temperature and its standard error in K",
     "frames/NUMBER.json": "changes of the scenario, pose, seeds, checksums",
