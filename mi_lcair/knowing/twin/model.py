@@ -35,7 +35,7 @@ from mi_lcair.rendering.scene import Scene
 LASTS_H = 3.0
 DENSE = 300  # facets up to which matrices by facet are dense
 # Distance from a periodic day, far below what a thermometer, or many pixels, resolve [K]
-DRIFT_K, DRIFT_OF_FRAMES_K = 1e-3, 5e-5
+DRIFT_K, DRIFT_OF_FRAMES_K = 1e-3, 3e-5
 NODE_H = 1.0  # distance of the nodes of that error
 
 
