@@ -1,8 +1,9 @@
 """Measure how often the intervals of a twin hold the truth, and its forecasts.
 
-    python -m docs.studies.twin [CASE[=DRAWS] ...]
+    python -m docs.studies.twin [CASE[=DRAWS] ... | page]
 
-The cases are in `CASES`. What is measured is added to docs/validation/twin/measured.json.
+The cases are in `CASES`. What is measured is added to docs/validation/twin/measured.json, from
+which docs/validation/twin.md is written. A draw of `coverage` takes about half a minute.
 """
 
 import json
@@ -16,9 +17,11 @@ from pathlib import Path
 import numpy as np
 
 import mi_lcair
+from docs.studies.page import write_page
 from mi_lcair.files import replacing
 from tests.knowing.twin import box_day
 
+PAGE = Path("docs/validation/twin.md")
 MEASURED = Path("docs/validation/twin/measured.json")
 
 
@@ -95,12 +98,64 @@ def judged(found, truth: dict) -> dict:
     }
 
 
-CASES = {"coverage": (coverage, 200), "forecast": (forecast, 100), "wrong": (wrong, 60)}
+def untold(folder: Path, draw: int) -> dict:
+    """Readings of groups, and combinations of unknowns that they cannot tell."""
+    problem, expected = box_day.untold(folder, draw)
+    found = mi_lcair.invert(problem, advise=False)
+    named = box_day.named(found.alike, found.names)
+    return {"right": sorted(map(sorted, named)) == sorted(map(sorted, expected))}
+
+
+CASES = {
+    "coverage": (coverage, 200),
+    "forecast": (forecast, 100),
+    "untold": (untold, 50),
+    "wrong": (wrong, 60),
+}
+
+
+def fields(content: dict) -> dict:
+    """What the page says, from what was measured."""
+    draws = content["coverage"]
+    inside = np.array([draw["inside"] for draw in draws])
+    sure = np.array([draw["determined"] for draw in draws])
+    false = np.array([draw["false"] for draw in draws])
+    ahead = np.array([draw["inside"] for draw in content["forecast"]])
+    faults = content["wrong"]
+    right = [draw["withdrawn"] or all(draw["inside"]) for draw in faults]
+    by_fault = ", ".join(
+        f"{fault} {sum(r for r, d in zip(right, faults) if d['fault'] == fault)} of "
+        f"{sum(d['fault'] == fault for d in faults)}"
+        for fault in FAULTS
+    )
+    rows = [
+        f"| `{name}` | {share:.0%} |" for name, share in zip(draws[0]["names"], inside.mean(axis=0))
+    ]
+    return {
+        "draws": len(draws),
+        "inside": f"{inside.mean():.1%}",
+        "count": inside.size,
+        "sure": int(sure.sum()),
+        "false": int(false.sum()),
+        "seconds": f"{np.median([draw['processor_s'] for draw in draws]):.0f}",
+        "rows": "\n".join(rows),
+        "ahead": len(ahead),
+        "ahead_inside": f"{ahead.mean():.1%}",
+        "ahead_count": ahead.size,
+        "told": sum(draw["right"] for draw in content["untold"]),
+        "problems": len(content["untold"]),
+        "right": sum(right),
+        "faults": len(faults),
+        "by_fault": by_fault,
+    }
 
 
 def main() -> None:
     """Measure the cases that are named, or all."""
-    wanted = [text.partition("=") for text in sys.argv[1:]] or [(name, "", "") for name in CASES]
+    words = [word for word in sys.argv[1:] if word != "page"]
+    wanted = [text.partition("=") for text in words]
+    if not sys.argv[1:]:
+        wanted = [(name, "", "") for name in CASES]
     for name, _, count in wanted:
         case, usual = CASES[name]
         content = json.loads(MEASURED.read_text()) if MEASURED.exists() else {}
@@ -113,6 +168,9 @@ def main() -> None:
             MEASURED.parent.mkdir(parents=True, exist_ok=True)
             with replacing(MEASURED) as partial:
                 partial.write_text(json.dumps(content | {name: done}, indent=None))
+    content = json.loads(MEASURED.read_text())
+    if content.keys() >= CASES.keys():
+        write_page(PAGE, "twin", **fields(content))
 
 
 if __name__ == "__main__":

@@ -139,7 +139,7 @@ time         1.25 s, of which 0.50 s to compile
 
 parameter  value    standard error  95 % interval  verdict
 epsilon    0.3      0.01            0 to 0.5       not determined by these data: any value in \
-0..0.5 fits; measure it and fit it too
+0..0.5 fits; measure the emissivity and give it to the fit
 rho_d      0.33333  0.01            0 to 0.5       determined
 b          0.05     0.01            0 to 0.5       at its bound 0: interval 0..0.1
 e          0.1      0.01            0 to 0.5       determined

@@ -82,7 +82,7 @@ def test_an_emissivity_beside_the_brdf_is_followed():
     missed = (predicted - table.value)[inside]
     assert both.emissivity_rms < 0.5 * np.sqrt(np.mean(missed**2))
     assert both.rms_dex < 1.2 * alone.rms_dex
-    advice = "measure it and fit it too"
+    advice = "measure the emissivity and give it to the fit"
     assert advice in alone.verdict["epsilon"] and advice not in both.verdict["epsilon"]
 
 
