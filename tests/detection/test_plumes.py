@@ -90,7 +90,7 @@ def test_a_plume_by_wavelength_tells_how_far_its_background_is_off(tmp_path):
     hidden = (1 - short) * (1 - 0.2**2)
     error = abs(result.rows[-1].background.value / irradiance(BEHIND_K) - hidden)
     (remark,) = [text for text in result.remarks if "a plume by wavelength" in text]
-    stated = float(remark.split("transmittance, ")[1].split(" %")[0]) / 100
+    stated = float(remark.split("an error of ")[1].split(" %")[0]) / 100
     assert stated == pytest.approx(error, rel=0.1)
     row = result.rows[-1]
     assert row.half_width >= row.approximated

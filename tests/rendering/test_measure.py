@@ -68,7 +68,13 @@ class Tracer:
 
 def run(tracer, sampling, criterion=None, windows=None, aim=None):
     prepared = lambda *kinds: nullcontext(tracer)
-    integrator = SimpleNamespace(emitter_sampling=False, opening_sampling=False, max_bounces=1)
+    integrator = SimpleNamespace(
+        emitter_sampling=False,
+        opening_sampling=False,
+        max_bounces=1,
+        truncation=0.0,
+        closure="none",
+    )
     objects = SimpleNamespace(integrator=lambda: integrator)
     scene = SimpleNamespace(name="box", prepared=prepared, mi=objects)
     windows = windows or Windows(ANY_SENSOR, columns=len(tracer.noise), pixels=64)

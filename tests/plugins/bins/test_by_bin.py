@@ -326,7 +326,7 @@ def test_what_does_not_work_says_so(tmp_path):
     parameters.update()
     with pytest.raises(InputError, match="average_K"):
         dr.backward(mi.render(loaded.mi, parameters, spp=16))
-    with pytest.raises(RuntimeError, match="left out"):
+    with pytest.raises(RuntimeError, match="leave `form` and `emissivity` out"):
         plate(file, surface(file, "a", emissivity="model"), 400.0)
     with pytest.raises(InputError, match="material 'a'.* does not cover band LWIR"):
         plate(file, surface(file, "a"), 300.0, "LWIR")

@@ -164,7 +164,7 @@ def test_numbers_that_cannot_be_drawn(tmp_path, log):
     for values in ([1e-320, 1e-310], [5e-324, 1e37], [-1e37, 1e37], [np.nan, np.inf]):
         save_picture(tmp_path / "a.png", {"Y": np.array([values, values])}, log=log)
     for values in ([1e308, -1e308], [3e38, 0]):
-        with pytest.raises(InputError, match="Y: holds .*; values up to 1e.37 can be drawn"):
+        with pytest.raises(InputError, match="Y: has .*; values up to 1e.37 can be drawn"):
             save_picture(tmp_path / "b.png", {"Y": np.array([values, values])}, log=log)
     assert [file.name for file in tmp_path.iterdir()] == ["a.png"]
 
