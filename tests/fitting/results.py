@@ -11,7 +11,8 @@ from mi_lcair.physics.reflection.models import MODELS
 
 PARAMETERS = {"epsilon": 0.1 + 0.2, "rho_d": 1 / 3, "b": 0.05, "e": 0.1}  # two have 17 digits
 VERDICTS = (
-    "not determined by these data: any value in 0..0.5 fits; measure the emissivity and give it to the fit",
+    "not determined by these data: any value in 0..0.5 fits; measure the emissivity and give it "
+    "to the fit",
     "determined",
     "at its bound 0: interval 0..0.1",
     "determined",

@@ -12,7 +12,7 @@ from mi_lcair.physics.estimation.verdicts import (
     student_factor,
 )
 
-MOST_STEPS, CLOSE = 15, 0.02  # iterations, and the change in standard errors at which they end
+MOST_STEPS, CLOSE = 15, 0.1  # iterations, and the decrease of chi-square at which they end
 FLAT = 0.5  # increase of chi-square that the drift of days may make
 HALVINGS = 5  # shorter steps that are tried
 WIDTH = student_factor(np.inf)
@@ -92,13 +92,13 @@ def evaluated(
 def settled(twin: Twin, state: TwinState) -> TwinState:
     """The state with all but the unknowns at their best, on which its course does not depend."""
     for _ in range(SETTLINGS):
-        step, _ = step_of(twin, state, range(len(twin.unknowns)))
+        step = step_of(twin, state, range(len(twin.unknowns)))
         state = evaluated(twin, state.z + step, course=state.course)
     return state
 
 
-def step_of(twin: Twin, state: TwinState, held=()) -> tuple[np.ndarray, np.ndarray]:
-    """The step of Gauss and Newton, and the covariance (p, p). held: unknowns that stay.
+def step_of(twin: Twin, state: TwinState, held=()) -> np.ndarray:
+    """The step of Gauss and Newton, (p,). held: unknowns that stay.
 
     Unknowns at a bound that the step would leave stay there.
     """
@@ -117,9 +117,12 @@ def step_of(twin: Twin, state: TwinState, held=()) -> tuple[np.ndarray, np.ndarr
         if not is_out.any():
             break
         free[:K] &= ~is_out
-    covariance = np.zeros((p, p))
-    covariance[np.ix_(index, index)] = linalg.cho_solve(factor, np.eye(len(index)))
-    return step, covariance
+    return step
+
+
+def decrease(twin: Twin, state: TwinState, step: np.ndarray) -> float:
+    """Decrease of the cost that a step promises."""
+    return float(step @ (state.gradient - twin.precision @ (state.z - twin.mean)))
 
 
 def clipped(twin: Twin, z: np.ndarray) -> np.ndarray:
@@ -134,8 +137,8 @@ def descended(twin: Twin, state: TwinState, most: int, held=(), like=None, progr
     held: unknowns that stay. like: course whose derivatives are taken as they are.
     """
     for number in range(most):
-        step, covariance = step_of(twin, state, held)
-        if (abs(step) <= CLOSE * np.sqrt(np.diag(covariance))).all():
+        step = step_of(twin, state, held)
+        if decrease(twin, state, step) < CLOSE:
             return state, True
         for halving in range(HALVINGS):
             z = clipped(twin, state.z + step / 3**halving)
@@ -149,8 +152,7 @@ def descended(twin: Twin, state: TwinState, most: int, held=(), like=None, progr
         state = trial
         if progress:
             progress(number + 1, most)
-    step, covariance = step_of(twin, state, held)
-    return state, bool((abs(step) <= CLOSE * np.sqrt(np.diag(covariance))).all())
+    return state, decrease(twin, state, step_of(twin, state, held)) < CLOSE
 
 
 def estimated(twin: Twin, starts: int = 1, progress=None) -> TwinEstimate:
