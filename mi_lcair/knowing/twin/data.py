@@ -219,6 +219,8 @@ class Frames:
         """Group that each pixel shows most, (pixels,); -1 for none, or near an outline."""
         shares = (self.matrix @ self.facets.membership.T).toarray()
         whole = shares.sum(axis=1)
+        if not whole.any():
+            raise InputError(f"{self.where}: the camera sees no facet of the heat balance")
         group = np.where(whole > 0.5 * np.median(whole[whole > 0]), shares.argmax(axis=1), -1)
         image, reach = group.reshape(self.size), 2 * self.table.edge_px + 1
         ends = [f(image, size=reach) for f in (ndimage.minimum_filter, ndimage.maximum_filter)]

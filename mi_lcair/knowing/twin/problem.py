@@ -10,6 +10,7 @@ from mi_lcair.files import parse_toml, read_text
 from mi_lcair.knowing.inversion.tables import UnknownEntry
 from mi_lcair.toml_table import check_tables, dotted, filled, plain, table_of, tables_of
 
+OF_ENTRY = tuple(UnknownEntry.__dataclass_fields__)
 OF_UNKNOWN = ("start", "lower", "upper", "prior")  # entries that an unknown may have
 
 
@@ -140,7 +141,7 @@ def twin_problem(problem) -> TwinProblem | None:
         if heat.measured is None and not frames:
             raise InputError("[heat]: measured is missing; give it, or [[frames]]")
         unknowns = {}
-        for name, values in dotted(table_of(tree, "unknowns"), OF_UNKNOWN).items():
+        for name, values in dotted(table_of(tree, "unknowns"), OF_ENTRY).items():
             place = f"[unknowns] '{name}'"
             check_known(f"key of {place}", OF_UNKNOWN, *(values if type(values) is dict else ()))
             unknowns[name] = filled(UnknownEntry, values, place)

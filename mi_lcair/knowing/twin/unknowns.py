@@ -16,7 +16,7 @@ from mi_lcair.rendering.parameters.entries import Parameter
 INERTIA = "inertia"  # sqrt(conductivity density heat_capacity), by a factor of the first two
 
 OF_HEAT = ("internal_W_m2", "internal_by_hour")
-KNOWN = ("h", "absorptance", "emissivity", INERTIA, *OF_HEAT, *OF_LAW, *OF_WALL)
+KNOWN = ("h", "absorptance", "emissivity", *OF_HEAT, *OF_LAW, *OF_WALL)
 # Unknowns whose differences count; those of others are logarithms of factors
 LINEAR = (
     "absorptance", "emissivity", "wetness", "back_K", "back_W_m2", "radiative", *OF_HEAT,
@@ -161,7 +161,8 @@ def value_of(table: GroupTable, key: str) -> float | None:
         return getattr(table, "h_factor" if bare == "h" else bare)
     of = getattr(table, bare) if bare == "internal_by_hour" else table.layers
     if int(number) >= len(of):
-        raise InputError(f"there is no {key}; the last one is {bare}[{len(of) - 1}]")
+        last = f"the last one is {bare}[{len(of) - 1}]" if of else f"leave [{number}] out"
+        raise InputError(f"there is no {key}; {last}")
     return of[int(number)] if of is not table.layers else getattr(of[int(number)], bare)
 
 
