@@ -53,7 +53,7 @@ class ModelEdges:
     """The edges of triangles at which a surface may end, as a point or a direction sees it.
 
     ends: two vertices of each edge (E, 2). opposite: the third vertex of each of its triangles, -1
-    for none, (E, K). ModelEdges between two triangles in one plane are left out.
+    for none, (E, K). Edges between two triangles in one plane are left out.
 
     vertices: (V, 3) [m]. triangles: their vertices (T, 3).
     """

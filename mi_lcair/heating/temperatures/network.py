@@ -46,7 +46,7 @@ OF_LAW = ("roughness_mm", "heat_roughness_mm", "length_m", "wetness", "resistanc
 OF_SURFACE = (
     "h", "absorptance", "emissivity", "internal_W_m2", "internal_by_hour", "temperature",
 )  # fmt: skip
-INERTIA = ("conductivity", "density")  # "inertia" is a common factor of both
+OF_INERTIA = ("conductivity", "density")  # "inertia" is a common factor of both
 OF_GROUP = (*OF_SURFACE, *OF_LAW, *OF_WALL)
 
 
@@ -274,7 +274,7 @@ class Network:
                 changed = (larger(x) if k in chosen else x for k, x in enumerate(layers))
                 return replace(table, layers=tuple(changed))
             if entry == "inertia":
-                for key in INERTIA:
+                for key in OF_INERTIA:
                     table = larger(table, key)
                 return table
             if entry == "internal_by_hour":

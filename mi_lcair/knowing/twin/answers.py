@@ -8,7 +8,7 @@ from mi_lcair.declared import listed
 from mi_lcair.knowing.twin.data import Frames
 from mi_lcair.knowing.twin.estimate import LITTLE, TwinEstimate
 from mi_lcair.knowing.twin.model import Twin, TwinCourse
-from mi_lcair.physics.blackbody import in_band_slope
+from mi_lcair.knowing.twin.problem import SeriesTable
 from mi_lcair.physics.estimation.verdicts import SIGNIFICANCE, Verdict
 
 KNOWN_BEFORE = "not determined: known beforehand as well"
@@ -146,12 +146,12 @@ def spread(covariance: np.ndarray, direction: np.ndarray) -> float:
 
 def proposals(twin: Twin, found: TwinEstimate) -> Iterator[tuple[str, np.ndarray]]:
     """Yield further measurements in words, with their information (p, p)."""
-    course, p = found.state.course, len(found.state.z)
+    course = found.state.course
     for camera in course.traced.cameras:
         for hour in NIGHT_H:
             if twin.times.day or twin.times.hours[0] <= hour <= twin.times.hours[-1]:
                 rows = expected(twin, course, camera, hour)
-                yield f"a frame of {camera.name} at {hour} h", of_rows(*rows, p)
+                yield f"a frame of {camera.name} at {hour} h", of_rows(*rows)
     groups = twin.first.network.facets.groups
     hours = (
         range(24) if twin.times.day else twin.times.hours[:: max(1, len(twin.times.hours) // 24)]
@@ -162,14 +162,14 @@ def proposals(twin: Twin, found: TwinEstimate) -> Iterator[tuple[str, np.ndarray
             continue
         made = [contact(twin, course, g, hour) for hour in hours]
         matrix, variance = (np.concatenate(parts) for parts in zip(*made))
-        yield f"a contact thermometer on {group} through the day", of_rows(matrix, variance, p)
+        yield f"a contact thermometer on {group} through the day", of_rows(matrix, variance)
         pulse = pulsed(twin, found, group)
         if pulse is not None:
             what = f"{PULSE_W_m2:g} W/m2 of known heat in {group} for {24 // PULSE_H} h"
             yield f"{what}, with the same data", pulse
 
 
-def of_rows(matrix: np.ndarray, variance: np.ndarray, p: int) -> np.ndarray:
+def of_rows(matrix: np.ndarray, variance: np.ndarray) -> np.ndarray:
     """Information (p, p) of values with derivatives (s, p) and variances (s,)."""
     return matrix.T @ (matrix / variance[:, None])
 
@@ -179,11 +179,11 @@ def expected(twin: Twin, course: TwinCourse, camera: Frames, hour: float):
     near = int(np.argmin(abs(camera.hours - hour)))
     z = np.zeros(len(twin.mean))
     kelvin, ends = twin.kelvin(course, z, hour)
-    number = [*twin.contact, *course.traced.cameras].index(camera)
+    number = twin.data(course).index(camera)
     block = camera.block(near, kelvin, np.zeros(len(camera.own)))
     changes = twin.times.at(hour, course.changes)
     row = twin.with_columns(course, block, (camera, number, near, kelvin), changes, ends)
-    drift = camera.table.drift_K * float(in_band_slope(camera.scene.band, 300.0))
+    drift = camera.table.drift_K * camera.kelvin_at_netd
     own = twin.places[f"errors of {number}"]
     matrix, variance = [], []
     for part in np.unique(block.part):
@@ -208,7 +208,7 @@ def contact(twin: Twin, course: TwinCourse, group: int, hour: float):
     model = twin.places["model"].reshape(len(twin.free), -1)
     for node, share in ends:
         full[0, model[:, node]] += share * (twin.free @ weights)
-    return full, np.array([0.3**2])
+    return full, np.array([SeriesTable.sigma_K**2])
 
 
 def pulsed(twin: Twin, found: TwinEstimate, group: str) -> np.ndarray | None:

@@ -11,13 +11,13 @@ import numpy as np
 
 from mi_lcair.files import replacing
 from mi_lcair.heating.temperatures.description import GroupTable, HeatDescription
-from mi_lcair.heating.temperatures.network import INERTIA, LAYER
+from mi_lcair.heating.temperatures.network import LAYER, OF_INERTIA
 from mi_lcair.knowing.twin.answers import advice, alike, verdicts
 from mi_lcair.knowing.twin.data import Readings
 from mi_lcair.knowing.twin.estimate import TwinEstimate, estimated
 from mi_lcair.knowing.twin.model import Twin
 from mi_lcair.knowing.twin.problem import TwinProblem
-from mi_lcair.knowing.twin.unknowns import Sought, with_value
+from mi_lcair.knowing.twin.unknowns import INERTIA, Sought, with_value
 from mi_lcair.physics.blackbody import brightness_temperature
 from mi_lcair.physics.estimation.verdicts import SIGNIFICANCE, correlation
 from mi_lcair.progress import Progress
@@ -239,9 +239,9 @@ def described(twin: Twin, value: np.ndarray, error: np.ndarray, correlated: np.n
 def entries_of(unknown: Sought, number: float, stated: dict, table: GroupTable) -> dict:
     """The entries of a group that give an unknown its value. stated: those that it has."""
     bare, index = LAYER.fullmatch(unknown.key).groups()
-    if bare == "inertia":
+    if bare == INERTIA:
         changed = with_value(table, bare, number)
-        return {key: float(f"{getattr(changed, key):.6g}") for key in INERTIA}
+        return {key: float(f"{getattr(changed, key):.6g}") for key in OF_INERTIA}
     if index is None:
         return {"h_factor" if bare == "h" else bare: number}
     key = bare if bare in stated else "layers"

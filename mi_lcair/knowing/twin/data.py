@@ -6,6 +6,7 @@ to temperatures' columns and to errors of its own, whose standard deviation is 1
 
 from copy import copy
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,13 @@ from mi_lcair.declared import Bounds
 from mi_lcair.derivatives.images import facet_matrix
 from mi_lcair.errors import InputError, check_known, errors_of
 from mi_lcair.heating.conductors import Facets
-from mi_lcair.knowing.inversion.data.readings import Measurement, measured_radiance, noise_of_netd
+from mi_lcair.heating.temperatures.description import KELVIN
+from mi_lcair.knowing.inversion.data.readings import (
+    NETD_K,
+    Measurement,
+    measured_radiance,
+    noise_of_netd,
+)
 from mi_lcair.knowing.twin.problem import CameraFrames, SeriesTable
 from mi_lcair.physics.blackbody import in_band_radiance, in_band_slope
 from mi_lcair.physics.estimation.verdicts import inner_deviation
@@ -23,8 +30,6 @@ from mi_lcair.rendering.parameters.values import changed, parameters_of
 from mi_lcair.rendering.scene import Scene
 from mi_lcair.table import read_table
 
-KELVIN = Bounds(lower=10, upper=6000, unit="K")
-AT_K = 300.0  # temperature for which offsets are stated
 OTHER_K = 10.0  # change of a surrounding temperature from which its effective area follows
 BAD = 5.0  # standard deviations from which a pixel is left out as dead or hot
 FEWEST = 4  # pixels of a cell
@@ -60,15 +65,15 @@ class FrameCells:
     coarse: np.ndarray
 
 
+@dataclass(frozen=True)
 class Times:
-    """Hours as straight lines between the times of a weather.
+    """Even hours, with straight lines between them.
 
     day: 24 for a day that is repeated, None for a series.
     """
 
-    def __init__(self, seconds: np.ndarray, hour_s: float, is_periodic: bool):
-        self.hours = seconds / hour_s
-        self.day = 24.0 if is_periodic else None
+    hours: np.ndarray
+    day: float | None
 
     def check(self, where: str, hours: np.ndarray) -> None:
         """Raise InputError for hours outside the weather."""
@@ -84,14 +89,17 @@ class Times:
                 f"weather, {first:g} to {last:g}"
             )
 
-    def at(self, hour: float, values: np.ndarray) -> np.ndarray:
-        """Values (..., m, n) at an hour, (..., n)."""
+    def ends(self, hour: float) -> list[tuple[int, float]]:
+        """Numbers of the hours on either side of one, with their weights."""
         m, step = len(self.hours), self.hours[1] - self.hours[0]
         place = (hour - self.hours[0]) / step
         place = place % m if self.day else np.clip(place, 0, m - 1)
         first = int(place)
-        share, second = place - first, (first + 1) % m
-        return (1 - share) * values[..., first, :] + share * values[..., second, :]
+        return [(first, 1 - (place - first)), ((first + 1) % m, place - first)]
+
+    def at(self, hour: float, values: np.ndarray) -> np.ndarray:
+        """Values (..., m, n) at an hour, (..., n)."""
+        return sum(weight * values[..., k, :] for k, weight in self.ends(hour))
 
 
 class Readings:
@@ -119,7 +127,7 @@ class Readings:
                 row = (facets.group == facets.groups.index(name)) * facets.area
             if not row.any():
                 raise InputError(f"{where}: there is no {name}")
-            read.check_range(name, values, KELVIN)
+            read.check_range(name, values, Bounds(**KELVIN))
             weights.append(row / row.sum())
         self.columns = tuple(numbers)
         self.weights = sparse.csr_array(np.array(weights))
@@ -156,7 +164,7 @@ class Frames:
         known = {n for n, p in parameters_of(scene).items() if p.kind == "temperature"}
         check_known(f"temperature of {where}", known, *names)
         for name, values in numbers.items():
-            read.check_range(name, values, KELVIN)
+            read.check_range(name, values, Bounds(**KELVIN))
         self.surroundings, place = numbers, read.columns.index("image")
         folder = Path(table.list).parent
         images = [str(folder / cells[place]) for _, cells in read.rows]
@@ -179,6 +187,11 @@ class Frames:
         ]
         self.own = [label for sigma, labels in stated if sigma for label in labels]
         self.own_sigma = [sigma for sigma, labels in stated if sigma for _ in labels]
+
+    @property
+    def kelvin_at_netd(self) -> float:
+        """Radiance for a change of 1 K at the temperature of NETD and offsets [W m^-2 sr^-1]."""
+        return float(in_band_slope(self.scene.band, NETD_K))
 
     def traced(self) -> "Frames":
         """The frames with the effective areas of the scene as it is now."""
@@ -215,6 +228,12 @@ class Frames:
         L = in_band_radiance(traced.band, traced.temperature[other])
         return own, rest + matrix[:, other] @ L
 
+    @cached_property
+    def runs(self) -> list[tuple[sparse.csr_array, np.ndarray]]:
+        """Matrix and rest of each randomisation."""
+        traced = self.of_facets
+        return [self.parted(*run) for run in zip(traced.matrices, traced.rest)]
+
     def groups(self) -> np.ndarray:
         """Group that each pixel shows most, (pixels,); -1 for none, or near an outline."""
         shares = (self.matrix @ self.facets.membership.T).toarray()
@@ -243,9 +262,8 @@ class Frames:
         in all frames, and therefore counts in each of them as often as there are frames.
         """
         if k not in self.fixed:
-            values, traced = self.radiance(k, kelvin), self.of_facets
-            runs = zip(traced.matrices, traced.rest)
-            scatter = [self.radiance(k, kelvin, self.parted(*run)) for run in runs]
+            values = self.radiance(k, kelvin)
+            scatter = [self.radiance(k, kelvin, run) for run in self.runs]
             variance = np.var(scatter, axis=0, ddof=1) / len(scatter)
             noise = np.full(len(values), self.table.sigma)
             if self.table.netd_mK:
@@ -277,7 +295,7 @@ class Frames:
 
     def facet_shown(self) -> np.ndarray:
         """Column of the facet that each pixel shows most, (pixels,)."""
-        return np.asarray(self.matrix.tocsr().argmax(axis=1)).ravel()
+        return np.asarray(self.matrix.argmax(axis=1)).ravel()
 
     def block(self, k: int, kelvin: np.ndarray, own: np.ndarray) -> DataBlock:
         """The block of a frame for temperatures (n,) and errors (q,): a value for each cell."""
@@ -295,7 +313,7 @@ class Frames:
 
     def own_columns(self, k: int, values: np.ndarray) -> np.ndarray:
         """Effect of one standard deviation of each error of the camera, (pixels, q)."""
-        table, kelvin = self.table, in_band_slope(self.scene.band, AT_K)
+        table, kelvin = self.table, self.kelvin_at_netd
         columns, ones = [], np.ones(len(values))
         if table.gain:
             columns.append(table.gain * values)

@@ -25,7 +25,7 @@ MOST_MEANS = 1500  # means of the residuals that are tested together
 
 @dataclass(frozen=True)
 class MeanResiduals:
-    """MeanResiduals of the residuals by datum, time and group.
+    """Means of the residuals by datum, time and group.
 
     residual: (s,), in the unit of the datum. matrix: its derivatives, (s, p). variance, per_kelvin:
     of its noise, and its change if all facets are warmer by 1 K, (s,). of: datum, hour, group.
@@ -176,9 +176,9 @@ def estimated(twin: Twin, starts: int = 1, progress=None) -> TwinEstimate:
 
 
 def means_of(twin: Twin, state: TwinState) -> MeanResiduals:
-    """MeanResiduals of the residuals of each block and group with their derivatives."""
+    """Means of the residuals of each block and group with their derivatives."""
     found = []
-    data = [*twin.contact, *state.course.traced.cameras]
+    data = twin.data(state.course)
     places = ((datum.name, float(hour)) for datum in data for hour in datum.hours)
     for row, place in zip(twin.rows(state.course, state.z), places):
         block = row.block

@@ -17,7 +17,7 @@ from mi_lcair.declared import texts
 from mi_lcair.errors import InputError, errors_of
 from mi_lcair.heating.temperatures.description import GroupTable, HeatDescription, default_sigmas
 from mi_lcair.heating.temperatures.network import Network
-from mi_lcair.heating.temperatures.solve import course, network_of
+from mi_lcair.heating.temperatures.solve import course, network_of, sunlight
 from mi_lcair.knowing.twin.data import DataBlock, Frames, Readings, Times
 from mi_lcair.knowing.twin.problem import CameraFrames, TwinProblem
 from mi_lcair.knowing.twin.unknowns import (
@@ -119,7 +119,6 @@ class Twin:
     unknowns : list of Sought
     others : dict
         Uncertainties of all other inputs.
-    data : list of Readings or Frames
     sizes : dict of str to int
         Number of entries of z of each kind, in their order.
     mean, precision : ndarray
@@ -127,7 +126,7 @@ class Twin:
     """
 
     def __init__(self, scene: Scene, description: HeatDescription, problem: TwinProblem):
-        self.scene, self.description, self.remarks = scene, description, ()
+        self.scene, self.description = scene, description
         self.kept, self.last, self.alone = {}, None, None
         network, self.remarks = network_of(scene, description)
         if len(network.weather.seconds) == 1:
@@ -140,12 +139,13 @@ class Twin:
             sought(name, given, network, known) for name, given in problem.unknowns.items()
         ]
         if (stated := self.with_absorptances()) is not self.description:
-            self.description = stated
-            network, _ = network_of(scene, stated)
+            self.description, n = stated, len(network.facets.number)
+            light = n, network.weather, stated.run, stated.stated("absorptance")
+            network = replace(network, sun=sunlight(scene, *light))
         self.start_K = description.run.start_K
         self.drift_K = DRIFT_OF_FRAMES_K if problem.frames else DRIFT_K
-        hour_s, is_periodic = network.weather.day_s / 24, self.start_K is None
-        self.times = Times(network.weather.seconds, hour_s, is_periodic)
+        day = 24.0 if self.start_K is None else None
+        self.times = Times(network.weather.seconds / (network.weather.day_s / 24), day)
         self.cameras = [self.camera(table, network) for table in problem.frames]
         by_group = [u.name for u in self.unknowns if u.key == "emissivity" and not u.is_of_scene]
         if self.cameras and by_group:
@@ -154,11 +154,8 @@ class Twin:
                 f"one of {', '.join(n for n, p in known.items() if p.kind == 'material') or '-'}"
             )
         readings = problem.heat.measured
-        contact = [Readings(problem.heat, network.facets, self.times)] if readings else []
-        self.contact, self.first = (
-            contact,
-            TracedScenes(network, [c.traced() for c in self.cameras]),
-        )
+        self.contact = [Readings(problem.heat, network.facets, self.times)] if readings else []
+        self.first = TracedScenes(network, [camera.traced() for camera in self.cameras])
         sigmas = description.sigma
         if description.has_defaults:
             sigmas = default_sigmas(network.weather.sky, network.tables)
@@ -181,13 +178,14 @@ class Twin:
 
     def known_beforehand(self) -> None:
         """Lay out z, and set its mean and precision."""
-        network, data = self.first.network, [*self.contact, *self.first.cameras]
+        network, data = self.first.network, [*self.contact, *self.cameras]
         model_K = self.description.model_K
         free = [k for k, t in enumerate(network.tables.values()) if t.temperature is None]
         hours, day = self.times.hours, self.times.day
         span = day or hours[-1] - hours[0]
         count = max(2, round(span / NODE_H))
-        self.nodes = (0.0 if day else hours[0]) + span / (count - bool(not day)) * np.arange(count)
+        first = 0.0 if day else hours[0]
+        self.nodes = Times(first + span / (count - bool(not day)) * np.arange(count), day)
         self.sizes = {
             "unknowns": len(self.unknowns),
             "others": len(self.others),
@@ -207,7 +205,7 @@ class Twin:
         R = self.sizes["exchange"]
         self.of_scatter = 1 / np.sqrt(R * (R - 1))
         if model_K:
-            lag = abs(np.subtract.outer(self.nodes, self.nodes))
+            lag = abs(np.subtract.outer(*2 * [self.nodes.hours]))
             lag = np.minimum(lag, day - lag) if day else lag
             inverse = np.linalg.inv(model_K**2 * np.exp(-lag / LASTS_H))
             for place in self.places["model"].reshape(len(free), count):
@@ -316,17 +314,16 @@ class Twin:
         kelvin = self.times.at(hour, course.kelvin) + z[K:count] @ rest
         if not self.sizes["model"]:
             return kelvin, []
-        step = self.nodes[1] - self.nodes[0]
-        place = (hour - self.nodes[0]) / step
-        place = place if self.times.day else np.clip(place, 0, len(self.nodes) - 1)
-        first, share = int(place), place - int(place)
-        ends = [(first % len(self.nodes), 1 - share), ((first + 1) % len(self.nodes), share)]
-        errors = z[self.places["model"]].reshape(len(self.free), -1)
+        ends, errors = self.nodes.ends(hour), z[self.places["model"]].reshape(len(self.free), -1)
         return kelvin + sum(w * (errors[:, n] @ self.free) for n, w in ends), ends
+
+    def data(self, course: TwinCourse) -> list[Readings | Frames]:
+        """Readings, and frames with the effective areas of a course."""
+        return [*self.contact, *course.traced.cameras]
 
     def rows(self, course: TwinCourse, z: np.ndarray) -> Iterator[Rows]:
         """Yield the blocks of all data at z with their derivatives."""
-        for number, datum in enumerate([*self.contact, *course.traced.cameras]):
+        for number, datum in enumerate(self.data(course)):
             own = self.places[f"errors of {number}"]
             for k, hour in enumerate(datum.hours):
                 kelvin, ends = self.kelvin(course, z, hour)

@@ -4,9 +4,10 @@ from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 
-from mi_lcair.declared import Described, entry, fraction, needs, one_of
+from mi_lcair.declared import Described, entry, needs, one_of
 from mi_lcair.errors import InputError, check_known, errors_of
 from mi_lcair.files import parse_toml, read_text
+from mi_lcair.knowing.inversion.data.readings import relative
 from mi_lcair.knowing.inversion.tables import UnknownEntry
 from mi_lcair.toml_table import check_tables, dotted, filled, plain, table_of, tables_of
 
@@ -105,7 +106,7 @@ class CameraFrames(Described, rules=(one_of("netd_mK", "sigma"),)):
     @property
     def gain(self) -> float:
         """gain_sigma as a number."""
-        return 0.0 if self.gain_sigma.strip(" %") == "0" else fraction(self.gain_sigma)
+        return relative(self.gain_sigma)
 
     def complete(self) -> None:
         """Raise InputError for a standard deviation that is no fraction."""

@@ -8,13 +8,11 @@ from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError, check_known, errors_of
 from mi_lcair.estimate import Stated, relative
 from mi_lcair.heating.temperatures.description import GroupTable, sigmas_of
-from mi_lcair.heating.temperatures.network import INERTIA as OF_INERTIA
-from mi_lcair.heating.temperatures.network import LAYER, OF_LAW, OF_WALL, Network
+from mi_lcair.heating.temperatures.network import LAYER, OF_INERTIA, OF_LAW, OF_WALL, Network
 from mi_lcair.knowing.inversion.tables import UnknownEntry
 from mi_lcair.rendering.parameters.entries import Parameter
 
 INERTIA = "inertia"  # sqrt(conductivity density heat_capacity), by a factor of the first two
-
 OF_HEAT = ("internal_W_m2", "internal_by_hour")
 KNOWN = ("h", "absorptance", "emissivity", *OF_HEAT, *OF_LAW, *OF_WALL)
 # Unknowns whose differences count; those of others are logarithms of factors
