@@ -1,4 +1,4 @@
-"""What a twin's data say of each unknown, which combinations they cannot tell, and what would."""
+"""What a twin's data say of each unknown, and which combinations they do not determine."""
 
 from collections.abc import Iterator
 
@@ -18,7 +18,7 @@ MISSED = "something in this series"
 UNTOLD = 0.5
 MEMBER = 0.1  # size of an unknown's part in a combination from which it is named
 EVEN = 0.1  # relative difference of parts that count as equal
-SCALED = "one factor of all that heats, cools and stores changes no temperature"
+SCALED = "a common factor of all heat flows and heat capacities changes no temperature"
 WORTH = 2.0  # factor by which a proposal must narrow a combination
 PULSE_W_m2, PULSE_H = 200.0, 4  # heat that is released in a proposal, and over which hours
 NIGHT_H = (0, 3, 6, 9, 12, 15, 18, 21)  # hours at which further frames are proposed
@@ -59,7 +59,7 @@ def information(twin: Twin, covariance: np.ndarray) -> np.ndarray:
 
 
 def combinations(twin: Twin, found: TwinEstimate) -> np.ndarray:
-    """Combinations of the unknowns that the data do not tell, as changes of x, (c, K).
+    """Combinations of the unknowns that the data do not determine, as changes of x, (c, K).
 
     They are the eigenvectors of little information, rotated so that each has as few unknowns as
     can be: a basis in reduced echelon form, with the largest parts as pivots.
@@ -100,7 +100,7 @@ def in_words(twin: Twin, combination: np.ndarray) -> str:
     sizes = ", ".join(f"{n} {10 * p:+.2g} %" for n, p in zip(names, parts))
     if not down:
         return f"{listed(up)} can grow together ({sizes})"
-    return f"more {listed(up)} is made good by less {listed(down)} ({sizes})"
+    return f"more {listed(up)} is compensated by less {listed(down)} ({sizes})"
 
 
 def alike(twin: Twin, found: TwinEstimate) -> list[str]:
@@ -132,10 +132,11 @@ def advice(twin: Twin, found: TwinEstimate) -> list[str]:
         most = chosen[abs(combination[chosen]).argmax()]
         ranked = sorted((spread(after, v) / before, words) for words, after in gains)
         if ranked and ranked[0][0] < 1 / WORTH:
-            lines.append(f"{ranked[0][1]} would tell {what}: {ranked[0][0]:.2g} of the error")
+            factor, words = ranked[0]
+            lines.append(f"{words} would reduce the error of {what} to {100 * factor:.2g} %")
         else:
             name = twin.unknowns[most].name
-            lines.append(f"no frame, thermometer or known heat tells {what}; measure {name} itself")
+            lines.append(f"no frame, thermometer or heat determines {what}; measure {name} itself")
     return lines
 
 

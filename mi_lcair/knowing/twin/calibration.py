@@ -41,7 +41,7 @@ class HeatCalibration(Result):
     verdicts : list of str
         What the data say of each.
     alike, advice : list of str
-        Combinations that the data do not tell, and what would tell them.
+        Combinations that the data do not determine, and measurements that would help.
     rms_before_K, rms_K : float
         Of what the temperatures alone leave, with the first guess and with the values.
     p_value : float
@@ -98,7 +98,8 @@ class HeatCalibration(Result):
         if self.instruments:
             rows = [(n, f"{v:.3g} +- {e:.2g}") for n, (v, e) in self.instruments.items()]
             yield Table(["error of", "value"], rows)
-        for title, lines in ("the data do not tell", self.alike), ("what would", self.advice):
+        titles = "the data do not determine", "what would help"
+        for title, lines in zip(titles, (self.alike, self.advice)):
             if lines:
                 yield Lines(title, lines)
 

@@ -108,7 +108,7 @@ def test_thick_ground_gives_only_its_inertia(folder):
     found = mi_lcair.invert(problem(folder, "conductivity", "density"))
     assert found.correlation[0, 1] < -0.8
     assert found.alike == [
-        "more terrain.conductivity is made good by less terrain.density "
+        "more terrain.conductivity is compensated by less terrain.density "
         "(terrain.conductivity +10 %, terrain.density -10 %)"
     ]
 
