@@ -49,7 +49,7 @@ def alone_table(surfaces: list) -> str:
             *model.names,
             "rms (decades)",
             "Points",
-            "Independent",
+            "Independent points",
             "Error of emissivity",
         ],
         [
@@ -116,7 +116,7 @@ def loss_table(surfaces: list) -> str:
         ["Surface"]
         + [
             f"{loss.replace('_', ' ')}: {what}"
-            for what in ("rms (decades)", f"{LOSS_WIDTH}, halves")
+            for what in ("rms (decades)", f"ratio of {LOSS_WIDTH} from two halves")
             for loss in losses
         ],
         [
@@ -137,8 +137,8 @@ def choice_table(by_model: dict[str, list], chosen: list[tuple[Fit, Fit]]) -> st
     """
     return table(
         ["Surface"]
-        + [f"{MODELS[name].title}: {what}" for what in ("rms", "emissivity") for name in by_model]
-        + ["auto takes, BRDF alone", "auto takes, with emissivity"],
+        + [f"{MODELS[name].title}: {what}" for what in ("rms", "error of emissivity") for name in by_model]
+        + ["auto chooses, BRDF alone", "auto chooses, with emissivity"],
         [
             [
                 row[0].title,
