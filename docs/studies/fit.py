@@ -268,36 +268,36 @@ LEVEL_WORDS = "if the level is calibrated"
 
 
 def of_truth(truth, s, rng):
-    """Noise whose sigma is stated as a share of the true value."""
+    """Noise proportional to the true value; its standard deviation is given."""
     return truth * (1 + s * rng.standard_normal(truth.size)), s * truth
 
 
 def of_reading(truth, s, rng):
-    """The same noise, with sigma as a share of the reading."""
+    """The same noise; the given standard deviation is proportional to the reading."""
     brdf = of_truth(truth, s, rng)[0]
     return brdf, s * np.abs(brdf)
 
 
 def unstated(truth, s, rng):
-    """The same noise without a sigma."""
+    """The same noise; no standard deviation is given."""
     return of_truth(truth, s, rng)[0], None
 
 
 def additive(truth, s, rng):
-    """Noise of one size for all readings, s times their median, which is stated."""
+    """Equal noise for all readings, relative to their median; it is given."""
     size = np.full(truth.size, s * np.median(truth))
     return truth + size * rng.standard_normal(truth.size), size
 
 
 def shot(truth, s, rng):
-    """Noise that grows as the square root of the level, with the sigma of each reading."""
+    """Noise proportional to the square root of the true value; it is given by reading."""
     unit = s**2 * np.median(truth)
     brdf = truth + np.sqrt(unit * truth) * rng.standard_normal(truth.size)
     return brdf, np.sqrt(unit * np.maximum(brdf, unit))
 
 
 def repeated(truth, s, rng):
-    """The mean of three scans, whose scatter gives sigma."""
+    """The mean of three scans; the standard deviation comes from their scatter."""
     scans = truth * (1 + s * np.sqrt(3) * rng.standard_normal((3, truth.size)))
     angle = np.tile(np.arange(truth.size) / 1e3, 3)
     return pool(angle, angle, scans.ravel())[2:]
@@ -312,7 +312,7 @@ def dense(data, rng):
 
 
 def sparse(data, rng):
-    """One angle of incidence, every third observer."""
+    """One angle of incidence, every third angle of observation."""
     return kept(data, (data.theta_i == data.theta_i[0]) & (np.arange(len(data.brdf)) % 3 == 0))
 
 
@@ -322,12 +322,12 @@ def gap(data, rng):
 
 
 def calibrated(data, rng):
-    """All readings times one factor, whose standard deviation is stated."""
+    """All readings times one random factor; its standard deviation is given."""
     return replace(uncalibrated(data, rng), calibration=CALIBRATION)
 
 
 def uncalibrated(data, rng):
-    """The same factor, which is not stated."""
+    """The same factor; its standard deviation is not given."""
     return scaled(data, 1 + CALIBRATION * rng.standard_normal())
 
 
@@ -337,23 +337,23 @@ def times_cos(data, rng):
 
 
 def offset(data, rng):
-    """A mistake: a floor of the instrument that is not subtracted, a tenth of the median."""
+    """A mistake: a constant background, a tenth of the median, is not subtracted."""
     return replace(data, brdf=data.brdf + 0.1 * np.median(data.brdf))
 
 
 def unstated_floor(data, rng):
-    """A mistake: noise of one size, half of the median, that sigma does not contain."""
+    """A mistake: the given noise lacks equal noise of half the median."""
     size = 0.5 * np.median(data.brdf) * rng.standard_normal(data.brdf.size)
     return replace(data, brdf=np.abs(data.brdf + size))
 
 
 def opposite(data, rng):
-    """A mistake: the sign of theta_r."""
+    """A mistake: theta_r has the opposite sign."""
     return replace(data, theta_r=-data.theta_r)
 
 
 def wide_source(data, rng):
-    """A mistake: a source of 2 degrees half-angle that is not stated."""
+    """A mistake: the source has a half-angle of 2 degrees, which is not given."""
     return data
 
 

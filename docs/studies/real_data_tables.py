@@ -137,7 +137,11 @@ def choice_table(by_model: dict[str, list], chosen: list[tuple[Fit, Fit]]) -> st
     """
     return table(
         ["Surface"]
-        + [f"{MODELS[name].title}: {what}" for what in ("rms", "error of emissivity") for name in by_model]
+        + [
+            f"{MODELS[name].title}: {what}"
+            for what in ("rms", "error of emissivity")
+            for name in by_model
+        ]
         + ["auto chooses, BRDF alone", "auto chooses, with emissivity"],
         [
             [
