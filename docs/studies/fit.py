@@ -290,7 +290,7 @@ def additive(truth, s, rng):
 
 
 def shot(truth, s, rng):
-    """Noise proportional to the square root of the true value; it is given by reading."""
+    """Noise proportional to the square root of the true value; it is given for each reading."""
     unit = s**2 * np.median(truth)
     brdf = truth + np.sqrt(unit * truth) * rng.standard_normal(truth.size)
     return brdf, np.sqrt(unit * np.maximum(brdf, unit))
@@ -342,7 +342,7 @@ def offset(data, rng):
 
 
 def unstated_floor(data, rng):
-    """A mistake: the given noise lacks equal noise of half the median."""
+    """A mistake: further noise of half the median, which is not given."""
     size = 0.5 * np.median(data.brdf) * rng.standard_normal(data.brdf.size)
     return replace(data, brdf=np.abs(data.brdf + size))
 
