@@ -3,8 +3,7 @@
 #
 # At the end of this tutorial you have the intensity of a small aircraft toward an observer, with
 # its error, and a polar plot of the intensity all around it. You have both as tables for pandas and
-# ParaView. Reading takes a quarter of an hour, and the computer needs about ten seconds. You can
-# replace the aircraft with your own model.
+# ParaView. The computer needs about ten seconds. You can replace the aircraft with your own model.
 #
 # The aircraft `drone.obj` was exported from Blender 5.0.1 with the default settings. It is one of
 # the sample files of mi_lcair. This cell copies them to a new folder and changes to this folder.
@@ -30,8 +29,8 @@ os.chdir(folder.name)
 # ## Read the model
 #
 # The faces of the model have the Blender materials `Skin` and `Nozzle`. A table gives the meaning
-# of these names: a reflection model, a temperature, and a group. The results are reported for each
-# group.
+# of these names: a reflection model, a temperature, and a group. The results are also given for
+# each group.
 
 # %%
 print(Path("drone.csv").read_text())
@@ -84,8 +83,8 @@ image.plot(channels=["temperature.Y"])
 #
 # ## The signature
 #
-# The signature is the radiance, integrated over the area that the observer sees. The tolerance here
-# is 1 %. This is half of the 95 % interval.
+# The signature is the intensity in W/sr: the radiance, integrated over the area that the observer
+# sees. With a tolerance of 1 %, half of the 95 % interval is at most 1 % of the intensity.
 
 # %%
 signature = mi_lcair.signature(scene, tolerance="1%", facets=True)
@@ -107,9 +106,10 @@ facets = signature.facets.to_dataframe().sort_values("intensity_W_sr", ascending
 facets[["facet", "material", "temperature_K", "intensity_W_sr", "standard_error_W_sr"]].head(6)
 
 # %% [markdown]
-# The facets add up to the target. The brightest one is the rear of the nozzle. It is a blackbody
-# that faces backward, so its intensity is known: Planck's radiance, times its area, times the
-# cosine between its normal and the observer's direction.
+# The intensities of the facets add up to the intensity of the model. The brightest facet is the
+# rear of the nozzle. This facet is a blackbody that faces backward, so its intensity is known:
+# Planck's radiance, times its area, times the cosine between its normal and the observer's
+# direction.
 
 # %%
 np.testing.assert_allclose(facets.intensity_W_sr.sum(), signature.intensity, rtol=1e-6)
@@ -123,8 +123,8 @@ print(f"rendered {rendered:.2f} +- {error:.2f} W/sr, closed form {exact:.2f} W/s
 assert abs(rendered - exact) < 4 * error
 
 # %% [markdown]
-# A `.vtp` file has the table and the geometry, for ParaView. Other suffixes give other formats,
-# such as `.csv`, `.json` and `.vtu`.
+# A `.vtp` file contains the table and the geometry, for ParaView. Other suffixes give other
+# formats, such as `.csv`, `.json` and `.vtu`.
 
 # %%
 signature.facets.save("facets.vtp")
@@ -142,10 +142,11 @@ trend = mi_lcair.trend(scene, range(0, 360, 10), [0, 20], tolerance="1%")
 trend
 
 # %% [markdown]
-# From behind, the nozzle alone is brighter than everything else. From the front it is hidden, and
-# only the skin is visible. The model is symmetric. Left and right must therefore agree within their
-# errors. The trend and the signature must agree for the same direction. One of twenty intervals
-# does not contain the true value. A difference may therefore exceed its half width.
+# Seen from behind, the nozzle alone is brighter than everything else. Seen from the front, the
+# nozzle is hidden, and only the skin is visible. The model is symmetric. The intensities on the
+# left and on the right must therefore agree within their errors. The trend and the signature must
+# agree for the same direction. On average, one of twenty 95 % intervals does not contain the true
+# value. A few differences may therefore be larger than their intervals.
 
 # %%
 table = trend.to_dataframe().set_index(["elevation_deg", "azimuth_deg"])
@@ -168,8 +169,8 @@ assert level.intensity_W_sr[180] > 5 * level.intensity_W_sr[0]
 # ## A check with one temperature
 #
 # If all facets are black and have the same temperature, the intensity toward every observer is
-# Planck's radiance times the projected area. A facet that faces inward would be dark, and the check
-# would fail. `material` and `temperature` replace the table.
+# Planck's radiance times the projected area. If a facet faced inward, it would be dark, and the
+# check would fail. The arguments `material` and `temperature` replace the table of names.
 
 # %%
 black = models3d.read("drone.obj", material="blackbody", temperature=300, forward="-Z", up="Y")

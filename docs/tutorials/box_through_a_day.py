@@ -26,8 +26,8 @@ print((folder / "heat.toml").read_text())
 # ## Temperatures
 #
 # The temperature of each facet follows from a balance of radiation, sunlight, and heat to the air
-# and to the wall behind it. The bands in the picture are two standard uncertainties wide on each
-# side. The table says which inputs cause them.
+# and to the wall behind it. The bands in the picture show two standard uncertainties on each side.
+# The table says how much each input contributes to the uncertainty.
 
 # %%
 heat = mi_lcair.heat(folder / "heat.toml")
@@ -42,8 +42,9 @@ assert 320 < lid[noon] < 345
 assert abs(changes["h"]) > abs(changes["absorptance"])
 
 # %% [markdown]
-# The coefficient of convection has an uncertainty of 30 %. By day it is the largest contribution.
-# At night the lid is colder than the air, because it radiates to the sky.
+# The coefficient of convection has an uncertainty of 30 %. By day it contributes most to the
+# uncertainty of the temperatures. At night the lid is colder than the air, because it radiates to
+# the sky.
 
 # %%
 assert lid.min() < 286
@@ -51,8 +52,9 @@ assert lid.min() < 286
 # %% [markdown]
 # ## Radiance against time
 #
-# One render gives the effective area of each facet. With these areas the intensity can be computed
-# for all times.
+# One render gives the effective area of each facet: the intensity that the facet causes, divided by
+# its blackbody radiance. The areas do not change with temperature. The intensity at all times
+# follows from them.
 
 # %%
 figure, axes = plt.subplots()
@@ -65,7 +67,8 @@ assert values[noon] > values[heat.row(4)]
 # %% [markdown]
 # ## Images at dawn and at noon
 #
-# The temperatures at one time are saved in a file. A scene reads this file as `modes`.
+# The temperatures at one time are saved in a file. A scene that is loaded with this file as `modes`
+# has these temperatures.
 
 # %%
 figure, pair = plt.subplots(1, 2, figsize=(8, 3.6), layout="constrained")
@@ -83,5 +86,5 @@ for axes, hour in zip(pair, (4, 12)):
 assert np.nanmax(kelvin[1]) > np.nanmax(kelvin[0]) + 20
 
 # %% [markdown]
-# At dawn the lid is darker than the plate. The aluminium reflects the surroundings at both times.
+# At dawn the lid is darker than the soil. The aluminium reflects the surroundings at both times.
 # Its apparent temperature is therefore very different from its true temperature.

@@ -3,12 +3,11 @@
 #
 # This tutorial computes the ranges at which two sensors detect a landing airliner, by night and by
 # day. One sensor is a detector that integrates over its whole field of view. The other one is a
-# camera with pixels, blur and noise. Reading takes twenty minutes, and the computer needs about
-# twenty seconds.
+# camera with pixels, blur and noise. The computer needs about twenty seconds.
 #
 # One TOML file, the scenario, describes everything. Its first table names a scene and its
 # parameters, here a bundled airliner under a clear sky. You can use your own scene instead, such as
-# the one from [the Blender tutorial](blender_model.py). This cell writes the file to a new folder.
+# that of [the Blender tutorial](blender_model.py). This cell writes the file to a new folder.
 
 # %%
 import os
@@ -78,9 +77,9 @@ night = mi_lcair.contrast("airliner.toml")
 night
 
 # %% [markdown]
-# The first panel is the spectral intensity at the airliner. The second panel is the spectrum after
-# the air. Near 4.3 µm carbon dioxide absorbs all radiation. The third panel has the terms of the
-# contrast.
+# The first panel shows the spectral intensity at the airliner. The second panel shows the spectrum
+# after the air. Near 4.3 µm carbon dioxide absorbs all radiation. The third panel shows the terms
+# of the contrast.
 
 # %%
 row = night.rows[-1]
@@ -95,9 +94,10 @@ assert night.reached and row.half_width <= 0.03 * row.total.value
 # %% [markdown]
 # ## The detection range
 #
-# A detection needs a contrast of `snr` times `nei`, which is 5·10⁻⁵ W/m². The program computes the
-# range at which the contrast falls to this value. This needs no other render, because the intensity
-# of the aircraft does not depend on the range. Only the air does.
+# A detection needs a contrast of `snr` (required signal-to-noise ratio) times `nei`
+# (noise-equivalent irradiance), which is 5·10⁻⁵ W/m² here. The program computes the range at which
+# the contrast falls to this value. This needs no other render, because the intensity of the
+# aircraft does not depend on the range. Only the air does.
 
 # %%
 (reach,) = night.detection_ranges()
@@ -105,8 +105,8 @@ reach
 
 # %% [markdown]
 # There are two checks. At exactly this range, a new contrast must be 5·10⁻⁵ W/m². Without air the
-# contrast is proportional to one over the range squared. The range in vacuum is therefore known in
-# closed form.
+# contrast is inversely proportional to the square of the range. The range in vacuum is therefore
+# known in closed form.
 
 # %%
 needed = 10 * 5e-6  # snr * nei, W/m^2
@@ -124,7 +124,7 @@ assert in_vacuum.largest_m > 1.3 * reach.largest_m
 # %% [markdown]
 # ## By day
 #
-# The scene has a parameter for the light. The elevation of the sun is 45°. The sky behind the
+# The scene has a parameter that adds the sun. The elevation of the sun is 45°. The sky behind the
 # aircraft now includes scattered sunlight, from the same sun as in the scene. Azimuths are counted
 # from the nose toward the left side, where the sensor is.
 
@@ -156,10 +156,11 @@ pd.DataFrame(
 ).T.round(1)
 
 # %% [markdown]
-# With the sun at azimuth 60, a flat facet of the nose mirrors it to the sensor. This glint
-# increases the contrast by a third, and the range by a seventh. With the sun 30° further back, the
-# glint misses the sensor. Sunlight that the bare metal scatters then adds a few per cent. The
-# temperatures are the same as at night, because heating by the sun is not included here.
+# With the sun at azimuth 60, a flat facet of the nose mirrors it to the sensor. Compared with the
+# night, this glint increases the contrast by a third, and the range by a seventh. With the sun 30°
+# further back, the glint misses the sensor. Sunlight that the bare metal scatters then adds a few
+# per cent. The temperatures are the same as at night, because heating by the sun is not included
+# here.
 
 # %%
 glint, scattered = results["day, sun at 60°"].rows[-1], results["day, sun at 90°"].rows[-1]
@@ -169,7 +170,7 @@ assert 0 < scattered.target.value - row.target.value < 0.1 * row.target.value
 
 # %% [markdown]
 # In LWIR the irradiance of the sun is a fourteenth of that in MWIR, and the sky and the skin are
-# brighter. Day and night therefore give the same contrast within the errors.
+# brighter than in MWIR. Day and night therefore give the same contrast within the errors.
 
 # %%
 lwir = [
@@ -183,19 +184,20 @@ assert abs(lwir[1].total.value - lwir[0].total.value) < lwir[0].half_width + lwi
 # %% [markdown]
 # ## What a camera sees
 #
-# The detector above has one pixel. The table `[camera]` describes a real camera. `image` renders
-# the aircraft for it, adds the air, and computes the electrons from the photons, with the noise of
-# each frame.
+# The detector above has one pixel. The table `[camera]` of the scenario describes a real camera.
+# `image` renders the aircraft for this camera, adds the air, and computes the electrons from the
+# photons, with the noise of each frame.
 
 # %%
 frames = mi_lcair.image("airliner.toml", spp=16, frames=20)
 frames
 
 # %% [markdown]
-# Panel (a) is the first frame. Panel (b) shows the blur of the optics and the pixels. Panel (c) has
-# two different errors: the noise of the camera is new in each frame, and the error of the rendering
-# is the same in all frames. The metal skin mirrors the exhausts. With 16 paths per pixel, the error
-# of the rendering is more than a kelvin there. A warning says so, and how to reduce it.
+# Panel (a) is the first frame. Panel (b) shows the blur of the optics and the pixels. Panel (c)
+# compares two different errors: the noise of the camera is new in each frame, and the error of the
+# rendering is the same in all frames. The metal skin mirrors the exhausts. With 16 paths per pixel,
+# the error of the rendering is more than a kelvin there. A warning says so, and says how to reduce
+# the error.
 
 # %%
 print(*frames.remarks, sep="\n")
@@ -223,9 +225,10 @@ table = frames.to_dataframe()
 table
 
 # %% [markdown]
-# The table is computed from the render, without the camera's blur and frame. The sum of the
-# electrons in the frame must be the same. The number of pixels is proportional to one over the
-# range squared. The camera's range is therefore known in closed form.
+# The table is computed from the render, without the blur of the camera and the edges of the frame.
+# The sum of the electrons of the target in the frame must agree with the table. The number of
+# pixels on the target is inversely proportional to the square of the range. The camera's detection
+# range is therefore known in closed form.
 
 # %%
 at = table.set_index("range_m")

@@ -3,8 +3,8 @@
 #
 # A sphere with an opening has grey, diffuse walls with an emissivity of 0.5 at 800 K. A ray that
 # enters the opening hits the wall many times before it leaves again. The opening is therefore
-# almost black. This tutorial computes its radiance, compares it with the closed form for each
-# number of reflections, and checks that the computed error is right.
+# almost black. This tutorial computes the radiance of the opening, compares it with the closed form
+# for each number of reflections, and checks that the computed error is right.
 
 # %%
 import matplotlib.pyplot as plt
@@ -19,14 +19,14 @@ print(f"{result.target.intensity:.4f} W/sr +- {result.target.half_width:.4f} (95
 # %% [markdown]
 # ## The closed form
 #
-# The opening covers the fraction f of the sphere. The walls light the inside of a sphere evenly.
-# After each reflection the fraction q = (1 - ε)(1 - f) of the radiation remains. After N
+# The opening covers the fraction f of the sphere. In a sphere, diffuse walls irradiate each other
+# evenly. After each reflection the fraction q = (1 - ε)(1 - f) of the radiation remains. After N
 # reflections the radiance is
 #
 #     L_N = ε L_b(T) (1 + q + q² + ... + q^N) = ε L_b(T) (1 - q^(N + 1)) / (1 - q)
 #
 # with the radiance of a blackbody L_b = σT⁴/π (Harkiss 2007, Eq 3.12). For the parameter
-# `opening=8`, f is 0.030902. The sensor's window is 0.06 m wide and high and lies inside the
+# `opening=8`, f is 0.030902. The sensor sees a square of 0.06 m, its window, which lies inside the
 # opening.
 
 # %%
@@ -66,8 +66,9 @@ plt.show()
 # ## How many reflections are enough?
 #
 # Each further reflection multiplies the missing radiance by q = 0.485. With four reflections 2.7 %
-# are missing, and with ten 0.035 %. The closure `tail` continues the last two reflections as a
-# geometric series. Two reflections are then enough.
+# are missing, and with ten 0.035 %. The closure `tail` estimates the missing radiance: it continues
+# the radiances after the last two reflections as a geometric series. Two reflections are then
+# enough.
 
 # %%
 for reflections in (4, 10):

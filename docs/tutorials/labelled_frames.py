@@ -1,12 +1,13 @@
 # %% [markdown]
 # # A thousand labelled frames
 #
-# At the end of this tutorial you have a data set of thermal frames. For each pixel it contains the
-# surface, its true temperature, and the sources of its radiance. The tutorial makes sixteen frames,
-# which takes about ten seconds. At the end it says how to make a thousand.
+# At the end of this tutorial you have a data set of thermal frames. For each pixel the data set
+# contains the visible surface, the true temperature of this surface, and the parts of the radiance.
+# The tutorial makes sixteen frames, which takes about ten seconds. Its last paragraph says how to
+# make a thousand.
 #
-# The model is the labelled box of the sample files, between a sky and a ground. An uncooled camera
-# records it.
+# The model is the box of the sample files, between a sky and a ground. An uncooled camera records
+# the box.
 
 # %%
 import json
@@ -98,7 +99,7 @@ print(made)
 assert made.images == 16 and made.splits == {"train": 6, "val": 1, "test": 1}
 
 # %% [markdown]
-# The description of the data set, `labelled/README.md`, begins with a contact sheet.
+# The description of the data set, `labelled/README.md`, begins with an overview of the images.
 
 # %%
 Image.open("labelled/contact.png")
@@ -153,9 +154,10 @@ print("points from", low.round(3), "to", high.round(3), "m")
 assert (low > [-0.51, -0.51, -0.01]).all() and (high < [0.51, 0.51, 1.01]).all()
 
 # %% [markdown]
-# For a thousand frames write `sphere = 100` and `cases = 10`. All images of a view share its paths,
-# because only temperatures differ. To resume an interrupted data set, make the same call again.
-# `mi-lcair dataset dataset.toml -o labelled --workers 2` divides the views between processes. The
-# files are the same, byte for byte. [A data set of labelled frames](../howto/dataset.md) describes
-# other random quantities: weather, hours of a day, several bands. [Two
-# baselines](../validation/baselines.md) are simple methods to which you can compare your own.
+# For a thousand frames write `sphere = 100` (views) and `cases = 10` (images of each view). All
+# images of a view are computed from the same paths, because only temperatures differ. To resume an
+# interrupted data set, make the same call again. `mi-lcair dataset dataset.toml -o labelled
+# --workers 2` divides the views between processes. The files are identical to those of one process.
+# [A data set of labelled frames](../howto/dataset.md) describes other random quantities: weather,
+# hours of a day, several bands. [Two baselines](../validation/baselines.md) are simple methods to
+# which you can compare your own.

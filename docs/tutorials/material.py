@@ -2,8 +2,7 @@
 # # From a scatterometer's data to a material in a scene
 #
 # At the end of this tutorial you have a material for scenes from measurements of a paint, and you
-# know how reliable it is. Reading takes a quarter of an hour, and the computer needs about fifteen
-# seconds.
+# know how reliable it is. The computer needs about fifteen seconds.
 #
 # `paint.csv` contains the BRDF of a real, rough paint in the plane of incidence. It was measured
 # from 2 to 5.7 µm with a goniometer and an infrared camera (the file names its source and its
@@ -32,8 +31,8 @@ os.chdir(folder.name)
 # %% [markdown]
 # ## Read the file
 #
-# The names of the columns give the angles and units. The lines before them give the band. `theta_r`
-# is positive on the side of the mirror direction.
+# The names of the columns give the angles and units. The lines before the names give the band.
+# `theta_r` is positive on the side of the mirror direction.
 
 # %%
 print(*Path("paint.csv").read_text().splitlines()[:10], sep="\n")
@@ -46,8 +45,8 @@ assert len(data.brdf) == 870
 # %% [markdown]
 # ## Fit a model
 #
-# `fit` compares all its reflection models. It chooses the simplest one that describes the data
-# about as well as the best model. For this paint it is the microfacet model, with a complex
+# `fit` compares all reflection models that it knows. It chooses the simplest model that describes
+# the data about as well as the best one. For this paint it is the microfacet model, with a complex
 # refractive index n + ik, a roughness alpha, a tail exponent gamma and a diffuse part rho_d.
 
 # %%
@@ -56,7 +55,7 @@ brdf_alone
 
 # %% [markdown]
 # Dots are measurements and lines are the fit, with one colour for each position of the camera. The
-# panel below has their ratio. Read these three points before the numbers:
+# panel below shows the ratio of measurement and fit. Read these three points before the numbers:
 #
 # - `LACK OF FIT`. The residuals are not noise, because neighbouring residuals are similar. The
 #   model with five parameters describes this paint to about 24 %. The standard errors take this
@@ -79,9 +78,9 @@ assert "the model misses the measured values" in brdf_alone.verdict["n"]
 # ## What the BRDF does not determine
 #
 # The verdict on k recommends a measured emissivity. A scan in one plane does not measure all of the
-# reflected radiation. Therefore it cannot distinguish k from 0. Here the emissivity was measured,
-# and the next fit uses it as well. To save time, the call names the model and has fewer starting
-# points.
+# reflected radiation. The scan therefore cannot distinguish k from 0. Here the emissivity was
+# measured, and the next fit uses it as well. To save time, the call names the model and has fewer
+# starting points.
 
 # %%
 paint = mi_lcair.fit(
@@ -94,10 +93,10 @@ for parameter, verdict in paint.verdict.items():
     print(f"{parameter:6s} {verdict}")
 
 # %% [markdown]
-# No parameter is at its bound any more, and the residuals of the BRDF are not larger than before.
-# Both kinds of data are consistent. However, k can still be anywhere between 0 and 0.6. The
-# correlation explains this: a smaller n with a larger k gives the same reflectance. The data
-# determine the reflectance, but not n and k separately.
+# No parameter is at a bound of its allowed range any more, and the residuals of the BRDF are not
+# larger than before. BRDF and emissivity are consistent. However, k can still be anywhere between 0
+# and 0.6. The correlation explains this: a smaller n with a larger k gives the same reflectance.
+# The data determine the reflectance, but not n and k separately.
 
 # %%
 order = list(paint.parameters)
@@ -167,10 +166,10 @@ assert image.mean_error < 2e-4 * blackbody
 assert abs(image.mean - blackbody) < 4 * image.mean_error
 
 # %% [markdown]
-# The parts differ. `bounce00` is the emission of each surface. The sphere is darker at its edge,
-# where its emissivity is smaller. `bounce01` and `bounce02` are radiation after one and two
-# reflections. They are brighter where `bounce00` is darker. `Y` is the sum of all parts, and it is
-# uniform.
+# The parts of the radiance by number of reflections differ. `bounce00` is the emission of each
+# surface. The sphere is darker at its edge, where its emissivity is smaller. `bounce01` and
+# `bounce02` are radiation after one and two reflections. They are brighter where `bounce00` is
+# darker. `Y` is the sum of all parts, and it is uniform.
 
 # %%
 image.plot(channels=["bounce00.Y", "bounce01.Y", "bounce02.Y", "Y"])

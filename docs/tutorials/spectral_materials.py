@@ -1,14 +1,14 @@
 # %% [markdown]
 # # Titanium and titanium dioxide by wavelength
 #
-# A material has one set of parameters for a band, or one for each wavelength. This tutorial
-# compares both, for a titanium nozzle at 800 K and for a panel that is coated with titanium
-# dioxide. At the end you know when an average over the band is enough. The computer needs about ten
-# seconds.
+# A material has one set of parameters for a band, or parameters that depend on wavelength. This
+# tutorial compares both kinds of material, for a titanium nozzle at 800 K and for a panel that is
+# coated with titanium dioxide. At the end you know when an average over the band is enough. The
+# computer needs about ten seconds.
 #
-# The sample files have the refractive indices of both (`titanium.csv`, `tio2.csv`), a materials
-# file that names them (`spectral.toml`), and a scene with a nozzle above a panel (`nozzle.xml`).
-# This cell copies them to a new folder and changes to this folder.
+# The sample files contain the refractive indices of titanium and of its dioxide (`titanium.csv`,
+# `tio2.csv`), a materials file that uses them (`spectral.toml`), and a scene with a nozzle above a
+# panel (`nozzle.xml`). This cell copies them to a new folder and changes to this folder.
 
 # %%
 import os
@@ -31,10 +31,10 @@ print(Path("spectral.toml").read_text().partition("[panel")[0])
 # %% [markdown]
 # ## The nozzle
 #
-# `nozzle.xml` uses each material by wavelength, or the average of its reflectance over the band
-# (`surfaces = average`). The weights of the average are the radiation of a blackbody at a
-# temperature (`average_K`). This temperature matters: a metal absorbs more at short wavelengths,
-# and a hot body emits more there.
+# `nozzle.xml` uses each material by wavelength. With `surfaces = average` it uses the average of
+# the reflectance over the band instead. The average is weighted with the radiation of a blackbody
+# at the temperature `average_K`. This temperature matters: a metal absorbs more at short
+# wavelengths, and a hot body emits more there.
 
 # %%
 surfaces = {
@@ -56,8 +56,8 @@ pd.DataFrame(
 
 # %% [markdown]
 # With the average for 300 K, the nozzle is a fifth too dark. With the average for the nozzle's own
-# temperature, the intensity is right to a per cent. Its spectrum is still wrong. There will be an
-# error if a sensor uses only a part of the band, or if the air absorbs a part of it.
+# temperature, the intensity is right to a per cent. The spectrum is still wrong. If a sensor uses
+# only a part of the band, or if the air absorbs a part of it, the result has an error.
 
 # %%
 assert signatures["average for 300 K"].intensity < 0.85 * exact
@@ -74,7 +74,8 @@ axis.legend()
 plt.show()
 
 # %% [markdown]
-# The result says how many wavelength bins were used, and the error that they cause.
+# The program divides the band into wavelength bins. The result says how many bins were used, and
+# the error that they cause.
 
 # %%
 print(signatures["by wavelength"].bins)
@@ -84,8 +85,8 @@ print(signatures["by wavelength"].bins)
 #
 # The reflectance of titanium dioxide changes within LWIR. The sky is cold at wavelengths where the
 # air is transparent, and warm where it is not. The reflected sky radiance therefore depends on both
-# spectra, wavelength by wavelength. The same is true for its path through the air to a sensor. The
-# next cell has a horizontal panel under a clear sky.
+# spectra, wavelength by wavelength. The same is true for the radiance that arrives at a sensor
+# through air. The next cell has a horizontal panel under a clear sky.
 
 # %%
 Path("panel.xml").write_text("""
@@ -131,7 +132,7 @@ plt.show()
 # %% [markdown]
 # The panel looks colder than 298 K because it reflects a cold sky. Near 9.6 µm the effect is a
 # little smaller, because ozone makes the sky warmer. Beyond 11 µm the coating has a high
-# reflectance. The average spreads this reflectance over the whole band.
+# reflectance. A material with the average has the same, medium reflectance in the whole band.
 #
 # ## Its contrast
 #
@@ -168,9 +169,10 @@ contrasts = pd.DataFrame(rows, columns=columns)
 contrasts.round(4)
 
 # %% [markdown]
-# With the average, the contrast is wrong by a tenth. No other average would be right. In one term
-# the reflectance is weighted with the sky's radiance, and in the other term with the panel's own
-# radiance. The air changes both weights.
+# With the average, the contrast is wrong by a tenth. No other average would be right: the reflected
+# radiance depends on the reflectance weighted with the sky's radiance, and the emitted radiance on
+# the reflectance weighted with the radiation of a blackbody at the panel's temperature. The air
+# changes both weights.
 
 # %%
 spectral, average = (

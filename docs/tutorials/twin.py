@@ -2,8 +2,8 @@
 # # A day of frames
 #
 # A camera with an uncooled detector looks at a box through a day. Its gain is known to 3 %, and its
-# offset drifts. From eight frames this tutorial finds what the box is like, with intervals, and
-# forecasts its intensity on the next, overcast day.
+# offset drifts. From eight frames this tutorial estimates three parameters of the box, with
+# intervals, and forecasts the intensity of the box on the next, overcast day.
 
 # %%
 import shutil
@@ -44,8 +44,9 @@ written(guess, "guess.toml")
 # %% [markdown]
 # ## The frames
 #
-# The truth is invented: the lid is darker and releases more heat, and the soil is wetter than the
-# first guess says. Each frame gets the camera's errors.
+# The frames are simulated with invented true values: the lid absorbs more sunlight and releases
+# more heat than in the first guess, and the soil conducts heat better. Errors of the camera are
+# added to each frame: gain, offset, drift and noise.
 
 # %%
 TRUTH = {"lid.absorptance": 0.88, "lid.internal_W_m2": 45.0, "terrain.conductivity": 1.7}
@@ -78,8 +79,8 @@ for axes, hour in zip(pair, (6, 15)):
 # %% [markdown]
 # ## The parameters
 #
-# The problem names the balance, the frames with the camera's uncertainties, and the unknowns with
-# what is known of them.
+# The problem names the heat balance, the frames with the uncertainties of the camera, and the
+# unknowns. Each unknown has a prior: an expected value and its standard deviation.
 
 # %%
 problem = {
@@ -113,8 +114,9 @@ assert (error < 4).all()
 # %% [markdown]
 # ## The next day
 #
-# The next day has half the sun, a warmer sky and more wind. The forecast has the errors of the
-# parameters with their correlations, of the weather, and of the balance itself.
+# The next day has half the sun, a warmer sky and more wind. The uncertainty of the forecast
+# includes the errors of the parameters with their correlations, of the weather, and of the balance
+# itself.
 
 # %%
 text = (folder / "day.csv").read_text().splitlines()
