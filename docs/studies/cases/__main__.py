@@ -35,7 +35,7 @@ def main(names) -> None:
             rows.append(result.row)
             notes += [result.note] if result.note else []
             if result.rms > result.reach:
-                notes.append(f"{result.title}: its rms is more than {result.reach:g}, the goal.")
+                notes.append(f"{result.title}: the rms exceeds the goal of {result.reach:g}.")
     if not names:
         write_page(PAGE, "cases", rows="\n".join(rows), notes="\n".join(f"- {x}" for x in notes))
 
