@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 import numpy as np
+from scipy import linalg
 
 from mi_lcair.declared import listed
 from mi_lcair.knowing.twin.data import Frames
@@ -21,6 +22,7 @@ EVEN = 0.1  # relative difference of parts that count as equal
 SCALED = "a common factor of all heat flows and heat capacities changes no temperature"
 WORTH = 2.0  # factor by which a proposal must narrow a combination
 PULSE_W_m2, PULSE_H = 200.0, 4  # heat that is released in a proposal, and over which hours
+BANDS = {"MWIR", "LWIR"}  # in which further frames are proposed
 NIGHT_H = (0, 3, 6, 9, 12, 15, 18, 21)  # hours at which further frames are proposed
 
 
@@ -44,10 +46,13 @@ def verdicts(twin: Twin, found: TwinEstimate) -> list[str]:
 
 
 def relative_sizes(twin: Twin, x: np.ndarray) -> np.ndarray:
-    """Change of x for a relative change of each unknown, (K,); for temperatures and 0, of 1."""
-    values = [u.at(step) for u, step in zip(twin.unknowns, x)]
-    is_relative = [u.is_linear and v and "K" not in u.key for u, v in zip(twin.unknowns, values)]
-    return np.where(is_relative, np.abs(values), 1.0)
+    """Change of x for a relative change of each unknown, (K,).
+
+    NaN for temperatures, and for values that are known less well than their size.
+    """
+    sizes = [abs(u.at(step)) if u.is_linear else 1.0 for u, step in zip(twin.unknowns, x)]
+    small = [u.is_linear and (u.sigma > v or "K" in u.key) for u, v in zip(twin.unknowns, sizes)]
+    return np.where(small, np.nan, sizes)
 
 
 def information(twin: Twin, covariance: np.ndarray) -> np.ndarray:
@@ -59,16 +64,14 @@ def information(twin: Twin, covariance: np.ndarray) -> np.ndarray:
 
 
 def combinations(twin: Twin, found: TwinEstimate) -> np.ndarray:
-    """Combinations of the unknowns that the data do not determine, as changes of x, (c, K).
+    """Combinations that the data do not determine, in standard deviations, (c, K).
 
     They are the eigenvectors of little information, rotated so that each has as few unknowns as
     can be: a basis in reduced echelon form, with the largest parts as pivots.
     """
     sizes, vectors = np.linalg.eigh(information(twin, found.covariance))
-    sigma = np.array([u.sigma for u in twin.unknowns])
-    basis = (vectors[:, sizes < UNTOLD] * sigma[:, None]).T
-    basis = basis / relative_sizes(twin, found.state.z[: len(sigma)])
-    free = np.ones(len(sigma), dtype=bool)
+    basis = vectors[:, sizes < UNTOLD].T
+    free = np.ones(len(sizes), dtype=bool)
     for row in range(len(basis)):
         part = abs(basis[row:]) * free
         lead, column = np.unravel_index(part.argmax(), part.shape)
@@ -85,19 +88,26 @@ def members(combination: np.ndarray) -> np.ndarray:
     return np.flatnonzero(abs(combination) > MEMBER * abs(combination).max())
 
 
-def in_words(twin: Twin, combination: np.ndarray) -> str:
-    """A combination as a sentence."""
+def in_words(twin: Twin, x: np.ndarray, combination: np.ndarray) -> str:
+    """A combination as a sentence. x: the estimate (K,)."""
     chosen = members(combination)
-    names, parts = [twin.unknowns[k].name for k in chosen], combination[chosen]
-    parts = parts / (abs(parts).max() * np.sign(parts[0]))
+    names = [twin.unknowns[k].name for k in chosen]
     if len(chosen) == 1:
         return f"{names[0]}: these data do not depend on it"
-    if (abs(parts - 1) < EVEN).all():
+    steps = combination * [u.sigma for u in twin.unknowns]
+    parts = (steps / relative_sizes(twin, x))[chosen]
+    is_relative, steps = np.isfinite(parts), steps[chosen]
+    scale = 0.1 / max(abs(parts[is_relative])) if is_relative.any() else 1.0
+    parts, steps = (values * scale * np.sign(steps[0]) for values in (parts, steps))
+    if (abs(parts - 0.1) < 0.1 * EVEN).all():
         why = f": {SCALED}" if len(chosen) > 2 else ""
         return f"{listed(names)} can be scaled together{why}"
-    up = [n for n, p in zip(names, parts) if p > 0]
-    down = [n for n, p in zip(names, parts) if p < 0]
-    sizes = ", ".join(f"{n} {10 * p:+.2g} %" for n, p in zip(names, parts))
+    up = [n for n, step in zip(names, steps) if step > 0]
+    down = [n for n, step in zip(names, steps) if step < 0]
+    sizes = ", ".join(
+        f"{n} {100 * p:+.2g} %" if np.isfinite(p) else f"{n} {step:+.2g}"
+        for n, p, step in zip(names, parts, steps)
+    )
     if not down:
         return f"{listed(up)} can grow together ({sizes})"
     return f"more {listed(up)} is compensated by less {listed(down)} ({sizes})"
@@ -105,7 +115,8 @@ def in_words(twin: Twin, combination: np.ndarray) -> str:
 
 def alike(twin: Twin, found: TwinEstimate) -> list[str]:
     """What the data cannot tell apart, one sentence for each combination."""
-    return [in_words(twin, each) for each in combinations(twin, found)]
+    x = found.state.z[: len(twin.unknowns)]
+    return [in_words(twin, x, each) for each in combinations(twin, found)]
 
 
 # What would tell them: information of measurements that were not made
@@ -118,14 +129,14 @@ def advice(twin: Twin, found: TwinEstimate) -> list[str]:
     if not len(untold):
         return lines
     K = len(twin.unknowns)
-    scale = relative_sizes(twin, found.state.z[:K])
+    sigma = np.array([u.sigma for u in twin.unknowns])
     now = np.linalg.inv(found.covariance)
     gains = []
     for words, more in proposals(twin, found):
         after = np.linalg.inv(now + more)[:K, :K]
         gains.append((words, after))
     for combination in untold:
-        v = combination * scale
+        v = combination * sigma
         before = spread(found.covariance[:K, :K], v)
         chosen = members(combination)
         what = listed([twin.unknowns[k].name for k in chosen])
@@ -153,6 +164,12 @@ def proposals(twin: Twin, found: TwinEstimate) -> Iterator[tuple[str, np.ndarray
             if twin.times.day or twin.times.hours[0] <= hour <= twin.times.hours[-1]:
                 rows = expected(twin, course, camera, hour)
                 yield f"a frame of {camera.name} at {hour} h", of_rows(*rows)
+    for number, camera in enumerate(twin.cameras):
+        for band in sorted(BANDS - {camera.scene.band.label}):
+            other = twin.in_band(course, found.state.z, number, band)
+            for hour in camera.hours if other else ():
+                rows = expected(twin, other, other.traced.cameras[0], hour, camera)
+                yield f"a frame of {camera.name} in {band} at {hour:g} h", of_rows(*rows)
     groups = twin.first.network.facets.groups
     hours = (
         range(24) if twin.times.day else twin.times.hours[:: max(1, len(twin.times.hours) // 24)]
@@ -170,13 +187,19 @@ def proposals(twin: Twin, found: TwinEstimate) -> Iterator[tuple[str, np.ndarray
             yield f"{what}, with the same data", pulse
 
 
-def of_rows(matrix: np.ndarray, variance: np.ndarray) -> np.ndarray:
-    """Information (p, p) of values with derivatives (s, p) and variances (s,)."""
-    return matrix.T @ (matrix / variance[:, None])
+def of_rows(matrix: np.ndarray, variance: np.ndarray, shared: np.ndarray | int = 0) -> np.ndarray:
+    """Information (p, p) of values with derivatives (s, p) and variances (s,).
+
+    shared: covariance of the errors that they share, (s, s).
+    """
+    return matrix.T @ linalg.solve(np.diag(variance) + shared, matrix, assume_a="pos")
 
 
-def expected(twin: Twin, course: TwinCourse, camera: Frames, hour: float):
-    """Derivatives (s, p) and variances of the means of groups in a frame that was not taken."""
+def expected(twin: Twin, course: TwinCourse, camera: Frames, hour: float, like=None) -> tuple:
+    """Derivatives (s, p), variances and shared covariance of means of groups in a further frame.
+
+    like: frames with the errors of the instrument, if `camera` has none.
+    """
     near = int(np.argmin(abs(camera.hours - hour)))
     z = np.zeros(len(twin.mean))
     kelvin, ends = twin.kelvin(course, z, hour)
@@ -184,17 +207,23 @@ def expected(twin: Twin, course: TwinCourse, camera: Frames, hour: float):
     block = camera.block(near, kelvin, np.zeros(len(camera.own)))
     changes = twin.times.at(hour, course.changes)
     row = twin.with_columns(course, block, (camera, number, near, kelvin), changes, ends)
+    instrument = np.zeros((len(block.weight), 0))
+    if like is not None:
+        errors = camera.own_columns(near, camera.radiance(near, kelvin), like.table)
+        instrument = camera.cells(near, kelvin).mean @ errors
     drift = camera.table.drift_K * camera.kelvin_at_netd
     own = twin.places[f"errors of {number}"]
-    matrix, variance = [], []
+    matrix, variance, errors = [], [], []
     for part in np.unique(block.part):
         share = np.where(block.part == part, block.weight, 0.0)
         full = row.mean(share / share.sum(), len(z))
+        errors.append(share / share.sum() @ instrument)
         if drift:  # its offset is another one than that of the frame which is near
             full[own[-len(camera.hours) :]] = 0.0
         matrix.append(full)
         variance.append(1 / share.sum() + drift**2)
-    return np.array(matrix), np.array(variance)
+    errors = np.array(errors)
+    return np.array(matrix), np.array(variance), errors @ errors.T
 
 
 def contact(twin: Twin, course: TwinCourse, group: int, hour: float):

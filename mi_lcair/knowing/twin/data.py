@@ -5,7 +5,7 @@ to temperatures' columns and to errors of its own, whose standard deviation is 1
 """
 
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -213,6 +213,18 @@ class Frames:
             self.fixed["groups"] = result.groups()
         return result
 
+    def without_errors(self, scene: Scene) -> "Frames":
+        """Frames of a camera without errors of its own, of a scene that is loaded in another band.
+
+        They have the same NETD, and show nothing yet.
+        """
+        result, table = copy(self), self.table
+        netd = table.netd_mK or 1e3 * table.sigma / self.kelvin_at_netd
+        ideal = {"gain_sigma": "0", "offset_K": 0.0, "drift_K": 0.0, "pose_px": 0.0}
+        result.table = replace(table, netd_mK=netd, sigma=None, **ideal)
+        result.scene, result.fixed, result.own, result.own_sigma = scene, {}, [], []
+        return result
+
     def parted(self, matrix, rest) -> tuple[sparse.csr_array, np.ndarray]:
         """Matrix of the facets of the balance (pixels, n), and the radiance of all else."""
         traced = self.of_facets
@@ -311,9 +323,12 @@ class Frames:
             part=cells.group,
         )
 
-    def own_columns(self, k: int, values: np.ndarray) -> np.ndarray:
-        """Effect of one standard deviation of each error of the camera, (pixels, q)."""
-        table, kelvin = self.table, self.kelvin_at_netd
+    def own_columns(self, k: int, values: np.ndarray, table=None) -> np.ndarray:
+        """Effect of one standard deviation of each error of the camera, (pixels, q).
+
+        table: a description with other errors.
+        """
+        table, kelvin = table or self.table, self.kelvin_at_netd
         columns, ones = [], np.ones(len(values))
         if table.gain:
             columns.append(table.gain * values)

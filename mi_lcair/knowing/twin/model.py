@@ -301,6 +301,36 @@ class Twin:
             lighter[k] = above, below, high - low
         return TwinCourse(traced, network, solved.kelvin, changes, lighter)
 
+    def in_band(self, course: TwinCourse, z: np.ndarray, number: int, band: str):
+        """The course with one camera in another band, without errors of its own.
+
+        Its frames are those that z predicts. None if the scene cannot be loaded in this band.
+        """
+        camera, x = self.cameras[number], z[: len(self.unknowns)]
+        parameters = camera.scene.parameters | {"band": band}
+        try:
+            scene = values.load_with_values(camera.scene.source, parameters)
+        except InputError:
+            return None
+        camera = camera.without_errors(scene)
+        known = values.parameters_of(scene)
+
+        def traced(x):
+            mine = [(u, step) for u, step in zip(self.unknowns, x) if u.is_of_scene]
+            at = {u.name: u.at(step) for u, step in mine if u.name in known}
+            with values.changed(scene, at):
+                return camera.traced()
+
+        here, lighter = traced(x), {}
+        temperatures = [self.kelvin(course, z, hour)[0] for hour in here.hours]
+        here.measured = [here.radiance(k, kelvin) for k, kelvin in enumerate(temperatures)]
+        for k in course.lighter:
+            ends = np.clip(x[k] + np.array([STEP, -STEP]), *self.limits[:, k])
+            above, below = (traced(np.where(np.arange(len(x)) == k, end, x)) for end in ends)
+            lighter[k] = [above], [below], ends[0] - ends[1]
+        cameras = TracedScenes(course.network, [here])
+        return replace(course, traced=cameras, lighter=lighter)
+
     @property
     def limits(self) -> np.ndarray:
         """Bounds of x, (2, K)."""

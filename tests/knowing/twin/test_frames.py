@@ -7,6 +7,8 @@ import mi_lcair
 from mi_lcair.api.scenes import scene_of
 from mi_lcair.errors import InputError
 from mi_lcair.heating.temperatures.description import HeatDescription
+from mi_lcair.knowing.twin.answers import expected, of_rows
+from mi_lcair.knowing.twin.estimate import evaluated
 from mi_lcair.knowing.twin.model import Twin
 from mi_lcair.knowing.twin.problem import twin_problem
 from tests.knowing.twin import box_day
@@ -104,6 +106,29 @@ def test_combinations_that_no_reading_tells_are_named(folder, number):
     named = box_day.named(found.alike, found.names)
     assert sorted(map(sorted, named)) == sorted(map(sorted, expected))
     assert len(found.advice) == len(expected)
+
+
+def test_a_frame_in_another_band_tells_what_it_promises(problem, folder, tmp_path):
+    """Its information without taking it is that of a problem which has this frame."""
+    (tmp_path / "box").symlink_to(folder / "box")
+    unknowns = {"gloss_black.epsilon": {"prior": [0.9, 0.05]}, "lid.internal_W_m2": {}}
+    tree = problem[0] | {"unknowns": unknowns}
+    twin = twin_of(tree)
+    z = np.zeros(len(twin.mean))
+    state = evaluated(twin, z)
+    alone = np.linalg.inv(state.information + twin.precision)[:2, :2]
+    other = twin.in_band(state.course, z, 0, "MWIR")
+    more = of_rows(*expected(twin, other, other.traced.cameras[0], 13, twin.cameras[0]))
+    promised = np.linalg.inv(state.information + twin.precision + more)[:2, :2]
+    heat = mi_lcair.heat(folder / "heat.toml")
+    random = np.random.default_rng(4)
+    frame = box_day.frames_of(tmp_path, heat, (13,), random, resolution=32, band="MWIR")
+    both = twin_of(tree | {"frames": [*tree["frames"], frame]})
+    state = evaluated(both, np.zeros(len(both.mean)))
+    kept = np.linalg.inv(state.information + both.precision)[:2, :2]
+    errors = np.sqrt([np.diag(covariance) for covariance in (promised, kept, alone)])
+    np.testing.assert_allclose(errors[0], errors[1], rtol=0.15)  # of groups in place of facets
+    assert (errors[1] < 0.8 * errors[2]).any()
 
 
 def test_a_wrong_model_is_withdrawn(problem, folder):
