@@ -176,7 +176,8 @@ class SingleNumber(StoredParameter):
         return float(numbers[0][0])
 
     def described(self) -> Parameter:
-        return Parameter(self.name, self.kind, self.value, self.unit, self.lower, self.upper)
+        limits = self.lower, self.upper
+        return Parameter(self.name, self.kind, self.value, self.unit, *limits, self.sigma)
 
 
 # ---------------------------------------------------------------- Where the numbers are

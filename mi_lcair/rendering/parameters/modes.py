@@ -165,7 +165,7 @@ def modes_of(scene: Scene) -> Mapping[str, ModeAmplitude]:
     values = patterns.values()
     return {
         name: ModeAmplitude(
-            name, "mode", [temperatures_of(s) for s in of], value=values[name], changes=of
+            name, "mode", list(map(temperatures_of, of)), value=values[name], changes=of, sigma=1.0
         )
         for name, of in patterns.changes.items()
     }

@@ -52,6 +52,13 @@ def test_values_add_their_patterns(box):
     np.testing.assert_array_equal(temperatures(box), KELVIN.astype(np.float32))
 
 
+def test_budgets_count_all_modes(box):
+    """By themselves, as each is an error of one standard deviation."""
+    stated = {"sigma": dict.fromkeys(("heat.h", "heat.sky_K"), 1.0)}
+    alone, told = (mi_lcair.budget(box, *u, spp=16) for u in ([], [stated]))
+    assert alone.estimate == told.estimate
+
+
 def test_derivative_is_that_of_all_temperatures(box):
     """The sum over the facets of effective area, slope of the radiance and pattern."""
     of_paths = mi_lcair.sensitivities(box, ["heat.h"], spp=64)
