@@ -157,10 +157,7 @@ class Result:
 
         They are the fields, with the keys that `entry` states, and `computed`.
         """
-        found = {}
-        for key, name, part in _keys(type(self)):
-            value = getattr(self, name)
-            found[key] = getattr(value, part) if part else value
+        found = entries_of(self)
         more = {key: attrgetter(name)(self) for key, name in self.computed.items()}
         return found | {key: value() if callable(value) else value for key, value in more.items()}
 
@@ -453,18 +450,24 @@ def _keys(cls) -> list[tuple[str, str, str]]:
     return [(key, name, of) for name, (key, of) in stated if key]
 
 
+def entries_of(value: Any) -> dict[str, Any]:
+    """The fields of a dataclass that have an entry of the JSON, by the keys that `entry` states."""
+    pairs = [(key, getattr(value, name), of) for key, name, of in _keys(type(value))]
+    return {key: getattr(part, of) if of else part for key, part, of in pairs}
+
+
 def strict(value):
     """A value as strict JSON has it: arrays as lists, NumPy's numbers as Python's, NaN as None.
 
-    A dataclass becomes the dictionary of its fields, or that of its method `as_dict`, a NamedTuple
-    too.
+    A dataclass becomes the dictionary of its `entries_of`, or that of its method `as_dict`, and a
+    NamedTuple that of its fields.
     """
     if hasattr(value, "as_dict"):
         value = value.as_dict()
     if isinstance(value, Estimate):
         value = value.as_dict()
     if is_dataclass(value):
-        value = {entry.name: getattr(value, entry.name) for entry in fields(value)}
+        value = entries_of(value)
     if hasattr(value, "_asdict"):
         value = value._asdict()
     if isinstance(value, dict):

@@ -280,8 +280,10 @@ def contrast_command(scenario, ranges, outputs):
         result = mi_lcair.contrast(scenario, progress=progress)
     more = {}
     if ranges:
+        from mi_lcair.results import strict
+
         more["rows"] = [
-            row.as_dict() | {"detection_range": detection.as_dict()}
+            strict(row) | {"detection_range": detection.as_dict()}
             for row, detection in zip(result.rows, result.detection_ranges())
         ]
     write_and_print(result, dict.fromkeys(outputs, result.save), (), more, ranges=ranges)

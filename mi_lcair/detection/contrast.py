@@ -7,7 +7,7 @@ effective areas.
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 from typing import Any
 
@@ -32,7 +32,7 @@ from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene, changed
 from mi_lcair.rendering.statistics import invalid_remark
 from mi_lcair.rendering.views import Target, terrain_remark
-from mi_lcair.results import Result, entry
+from mi_lcair.results import Result, entries_of, entry
 from mi_lcair.sections import (
     NORMAL,
     Section,
@@ -93,51 +93,20 @@ class ContrastRow:
     """
 
     max_bounces: int
-    intensity: Estimate
-    target: Estimate
-    path: Estimate
-    background: Estimate
-    total: Estimate
-    half_width: float
-    approximated: float
+    intensity: Estimate = entry("intensity_W_sr")
+    target: Estimate = entry("target_W_m2")
+    background: Estimate = entry("background_W_m2")
+    path: Estimate = entry("path_W_m2")
+    total: Estimate = entry("total_W_m2")
+    nei_max: Estimate = entry("nei_max_W_m2")
+    projected_area: Estimate = entry("projected_area_m2")
+    half_width: float = entry("half_width_W_m2")
+    approximated: float = entry("approximated_W_m2")
+    solid_angle: float = entry("solid_angle_sr")
+    observed: float | None = entry("observed_W_m2")
     reached: bool | None
-    nei_max: Estimate
-    projected_area: Estimate
-    solid_angle: float
-    observed: float | None
     detected: bool | None
-    irradiance: Irradiance = field(repr=False)
-
-    def estimates(self) -> dict[str, Estimate]:
-        """Values with standard errors by name with the unit, in the order of the console's table.
-
-        They are those of the attributes of the same names.
-        """
-        return {
-            "intensity_W_sr": self.intensity,
-            "target_W_m2": self.target,
-            "background_W_m2": self.background,
-            "path_W_m2": self.path,
-            "total_W_m2": self.total,
-            "nei_max_W_m2": self.nei_max,
-            "projected_area_m2": self.projected_area,
-        }
-
-    def numbers(self) -> dict:
-        """The other entries by name with the unit, such as half_width_W_m2."""
-        return {
-            "half_width_W_m2": self.half_width,
-            "approximated_W_m2": self.approximated,
-            "solid_angle_sr": self.solid_angle,
-            "observed_W_m2": self.observed,
-            "reached": self.reached,
-            "detected": self.detected,
-        }
-
-    def as_dict(self) -> dict:
-        """The row as a dictionary, for JSON."""
-        estimates = {name: value.as_dict() for name, value in self.estimates().items()}
-        return {"max_bounces": self.max_bounces, **estimates, **self.numbers()}
+    irradiance: Irradiance = entry(repr=False)
 
 
 def facts_of_entries(entries: dict) -> Iterator[Any]:
@@ -443,16 +412,18 @@ class Contrast(Result):
 
     def columns(self) -> dict[str, np.ndarray]:
         """A row for each number of reflections, with values and standard errors."""
-        columns = {"max_bounces": np.array([row.max_bounces for row in self.rows])}
-        for name in self.rows[0].estimates():
-            estimates = [row.estimates()[name] for row in self.rows]
+        rows = [entries_of(row) for row in self.rows]
+        columns = {"max_bounces": np.array([row.pop("max_bounces") for row in rows])}
+        for name, first in rows[0].items():
+            values = [row[name] for row in rows]
+            if not isinstance(first, Estimate):
+                columns[name] = np.array(values, dtype=float)
+                continue
             quantity, unit = name.rsplit("_W_" if "_W_" in name else "_", 1)
             unit = f"W_{unit}" if "_W_" in name else unit
-            columns[name] = np.array([estimate.value for estimate in estimates])
-            errors = np.array([estimate.standard_error for estimate in estimates])
+            columns[name] = np.array([estimate.value for estimate in values])
+            errors = np.array([estimate.standard_error for estimate in values])
             columns[f"{quantity}_standard_error_{unit}"] = errors
-        for name in self.rows[0].numbers():
-            columns[name] = np.array([row.numbers()[name] for row in self.rows], dtype=float)
         return columns
 
     def groups(self, number: int = -1) -> dict[str, dict[str, dict[str, float]]]:

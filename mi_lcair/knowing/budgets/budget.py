@@ -5,7 +5,7 @@ import pickle
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -188,7 +188,6 @@ MATTERS = 0.01  # share of the variance from which a quantity is checked
 # Difference between the change of the result and its linear estimate, relative to that estimate,
 # from which the linear answer fails
 FAILS = 0.1
-SIDES = "plus", "minus"
 POINTS = 17  # logarithm to base 2 of the number of points of the distribution to the second order
 BLOCKS = 32  # into which they are divided, for the memory
 INTERVAL = 0.025, 0.975  # quantiles at the ends of an interval
@@ -218,11 +217,7 @@ class Check:
     plus: float | None
     minus: float | None
     holds: bool
-    cubic: np.ndarray | None = field(default=None, repr=False)
-
-    def as_dict(self) -> dict[str, Any]:
-        """The check for JSON."""
-        return {name: getattr(self, name) for name in ("quantity", "linear", *SIDES, "holds")}
+    cubic: np.ndarray | None = entry(default=None, repr=False)
 
     def cells(self) -> list[str]:
         """The check as a row of a table."""
