@@ -1,7 +1,7 @@
 """Electrons of the model and its background in the samples of a frame, before optics and noise."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 
 import numpy as np
@@ -36,15 +36,43 @@ RANDOMISATIONS = 2
 SMALLEST = 1e-3  # size of an image of a model's light, relative to the largest one
 MOST_NOISY = 1e-3  # largest share of the frame with a larger error than the camera's noise
 DIRECT = f"target.{up_to_prefix(0)}"  # beginning of the channels of paths without a reflection
-# What an exposure takes over from its paths
-OF_PATHS = ("sources", "spp", "rms_error", "reached", "invalid", "paths", "followed")
 
 
-@dataclass(frozen=True)
-class Exposure:
+@dataclass(frozen=True, kw_only=True)
+class TracedModel:
+    """What is known of the paths through a camera's window, whatever arrives of their light.
+
+    Attributes
+    ----------
+    sources : Sources
+        Sources of the channels.
+    spp : int
+        Paths through a pixel, or through the model where it is smaller.
+    rms_error : float
+        Rms standard error over the pixels on the model, as a fraction of its mean radiance.
+    reached : bool or None
+        Whether a tolerance was reached; None without one.
+    invalid, paths : int
+        Number of samples that do not count, and of all.
+    followed : str
+        What the paths follow, in words.
+    """
+
+    sources: Sources
+    spp: int
+    rms_error: float
+    reached: bool | None
+    invalid: int
+    paths: int
+    followed: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exposure(TracedModel):
     """The model in the samples of a camera's window, through the air, less the background.
 
-    Arrays have the shape (rows, columns) of the samples.
+    Arrays have the shape (rows, columns) of the samples. The attributes of `TracedModel` come
+    first.
 
     Attributes
     ----------
@@ -60,18 +88,6 @@ class Exposure:
         and `area` are those of the part in the frame.
     area : float
         Projected area of the model, m^2.
-    sources : Sources
-        Sources of the channels.
-    spp : int
-        Paths through a pixel, or through the model where it is smaller.
-    rms_error : float
-        Rms standard error over the pixels on the model, as a fraction of its mean radiance.
-    reached : bool or None
-        Whether a tolerance was reached; None without one.
-    invalid, paths : int
-        Number of samples that do not count, and of all.
-    followed : str
-        What the paths follow, in words.
     variants : tuple of mapping of str to ndarray
         Electrons that arrive from the model with other temperatures of the sources, by channel.
     picture : TargetPicture or None
@@ -86,13 +102,6 @@ class Exposure:
     share: np.ndarray
     intensities: dict[str, float]
     area: float
-    sources: Sources
-    spp: int
-    rms_error: float
-    reached: bool | None
-    invalid: int
-    paths: int
-    followed: str
     variants: tuple[Mapping[str, np.ndarray], ...] = ()
     picture: "TargetPicture | None" = None
     truth: dict[str, np.ndarray] = field(default_factory=dict)
@@ -174,20 +183,18 @@ def windows_of(view: CameraView, scene: Scene, by_randomisation: bool = False) -
     )
 
 
-@dataclass(frozen=True)
-class WindowPaths:
+@dataclass(frozen=True, kw_only=True)
+class WindowPaths(TracedModel):
     """What the paths through a camera's window know of the model, before the air and the detector.
 
     It serves any air, background and detector within the band of the render, and other temperatures
-    of the sources.
+    of the sources. The attributes of `TracedModel` come first.
 
     Attributes
     ----------
     view : CameraView
     band : Band
         Band of the render.
-    sources : Sources
-        Sources of the channels.
     on : ndarray of bool, shape (parts,)
         Which parts of the window have a share of the model.
     seen : dict of str to ndarray, shape (n,)
@@ -196,8 +203,6 @@ class WindowPaths:
         Sums of the channels over the window.
     variance : ndarray, shape (n,)
         Squared standard errors of the radiance in those parts.
-    spp, rms_error, reached, invalid, paths, followed
-        As in `Exposure`.
     variances : dict of str to ndarray, shape (n,)
         Squared random errors of the channels of the truth; empty without it.
     systematic : float
@@ -206,17 +211,10 @@ class WindowPaths:
 
     view: CameraView
     band: Band
-    sources: Sources
     on: np.ndarray
     seen: dict[str, np.ndarray]
     sums: dict[str, np.ndarray]
     variance: np.ndarray
-    spp: int
-    rms_error: float
-    reached: bool | None
-    invalid: int
-    paths: int
-    followed: str
     variances: dict[str, np.ndarray] = field(default_factory=dict)
     systematic: float = 0.0
 
@@ -348,7 +346,6 @@ def exposure(
     detector: Band,
     behind: Callable[[Band], np.ndarray],
     variants: Callable[[Sources], Iterable[Sources]] = lambda sources: (),
-    ranges_m: ArrayLike = (),
 ) -> Exposure:
     """Render the model into the samples of a camera's window.
 
@@ -373,8 +370,6 @@ def exposure(
     variants : callable
         Gives the sources with other temperatures for which what arrives is computed too, by
         channel, from the same paths.
-    ranges_m : array-like
-        Ranges between which a picture of the model is wanted.
 
     Raises
     ------
@@ -382,7 +377,7 @@ def exposure(
         For settings out of bounds, and if no ray meets the model.
     """
     paths = traced(setting, view, sampling, detector, behind)
-    return exposure_of(paths, setting, detector, behind, variants, ranges_m)
+    return exposure_of(paths, setting, detector, behind, variants)
 
 
 def exposure_of(
@@ -395,8 +390,8 @@ def exposure_of(
 ) -> Exposure:
     """What arrives of traced paths through an air at a detector.
 
-    paths: those of a scene of the same geometry and reflectances. The other parameters are those of
-    `exposure`.
+    paths: those of a scene of the same geometry and reflectances. ranges_m: ranges between which a
+    picture of the model is wanted. The other parameters are those of `exposure`.
     """
     view, seen, on, sources, band = paths.view, paths.seen, paths.on, paths.sources, paths.band
     air, extrapolate = setting.air, setting.sight.extrapolate
@@ -456,7 +451,7 @@ def exposure_of(
         variants=tuple(by_channel(emitting) for emitting in variants(sources)),
         picture=picture,
         truth=frame_layers(paths, setting, arrival, behind) if paths.variances else {},
-        **{name: getattr(paths, name) for name in OF_PATHS},
+        **{of.name: getattr(paths, of.name) for of in fields(TracedModel)},
     )
 
 
