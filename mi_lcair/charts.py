@@ -149,9 +149,20 @@ class BarCharts(Picture):
 class Scale(TypedDict, total=False):
     """Options of the colour scales of a picture.
 
-    log: make the scales logarithmic, over six decades at most. vmin, vmax: their
-    ends. cmap: name of a colour map of Matplotlib. common_scale: channels of one quantity have the
-    same scale, which is the default. part: rows and columns of the pixels that set the ends.
+    Attributes
+    ----------
+    log : bool
+        Logarithmic colours, over six decades at most.
+    vmin : float, optional
+        Value at the lower end of the colour scale.
+    vmax : float, optional
+        Value at the upper end of the colour scale.
+    cmap : str, optional
+        Colour map of Matplotlib, such as gray or viridis.
+    common_scale : bool
+        One scale for all panels of a quantity (default), or one for each panel.
+    part : tuple of slice
+        Rows and columns of the pixels that set the ends.
     """
 
     log: bool

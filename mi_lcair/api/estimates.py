@@ -46,6 +46,8 @@ def budget(
 ) -> Budget:
     """Uncertainty budget of a target's intensity, or of a result of a scenario.
 
+    `mi_lcair.knowing.budgets.uncertainties` says how uncertainties are stated.
+
     Parameters
     ----------
     what : Scene, mi.Scene, Scenario, str or path-like
@@ -53,9 +55,9 @@ def budget(
         either. For a scenario given by name or file, `spp`, `tolerance` and `seed` replace the
         entries of its [render]. `sensor` is for scenes only.
     uncertainties : str, path-like, dict, Uncertainties or None
-        TOML file with the uncertainties, or its tables as a dictionary, see
-        `mi_lcair.knowing.budgets.uncertainties`. Materials that have a sigma themselves, such as
-        the labels of surfaces, need no entry.
+        TOML file with the uncertainties, or its tables as a dictionary: standard deviations,
+        covariances, reports of fits. Materials that have a sigma themselves, such as labels of
+        surfaces, need no entry.
     sensor, spp, seed
         As for `signature`.
     tolerance : float, str or None

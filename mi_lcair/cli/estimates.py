@@ -39,17 +39,6 @@ def audit_command(facets, result):
 
 @options.command("budget", "mi-lcair budget box.toml -u sigma.toml -o tornado.png")
 @click.argument("what", shell_complete=completion.scenes_and_scenarios)
-@options.option(
-    "-u --uncertainties",
-    "The uncertainties, FILE.toml: standard deviations, covariances, reports of fits. Materials "
-    "that have a sigma themselves, such as labels of surfaces, need no entry.",
-    options.FILE,
-)
-@options.option(
-    "--of",
-    "Result of a scenario: contrast (default), apparent_temperature, detection_range, snr or netd.",
-    metavar="RESULT",
-)
 @options.changes("Set a $-parameter of the scene, or an entry of the scenario")
 @options.outputs(
     "the budget for show, report and convert, or draw a tornado chart", ".json", *PICTURES
@@ -60,12 +49,12 @@ def audit_command(facets, result):
     "pixel, FILE.exr.",
     (".exr",),
 )
-@options.option(
-    "--monte-carlo draws",
-    "Also compute the distribution of the result from this number of random draws.",
-    options.POSITIVE,
+@options.sampling(
+    "budget",
+    uncertainties={"flag": "-u --uncertainties", "type": options.FILE},
+    of={"metavar": "RESULT"},
+    draws={"flag": "--monte-carlo"},
 )
-@options.sampling("budget")
 @options.solution
 @options.motions
 @options.workers

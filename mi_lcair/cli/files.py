@@ -228,15 +228,11 @@ FACET, COLUMNS, PIXEL, TWO = "--facet", "--facets", "--pixel", "two images"
     "such as 'bounce*'; may be repeated.",
     multiple=True,
 )
-@options.option("--log", "Logarithmic colours.", is_flag=True)
-@options.option("--vmin", "Value at the lower end of the colour scale.", float)
-@options.option("--vmax", "Value at the upper end of the colour scale.", float)
-@options.option("--cmap", "Colour map of Matplotlib, such as gray or viridis.", metavar="NAME")
-@options.option(
-    "--common-scale/--own-scales",
-    "One scale for all panels of a quantity (default), or one for each panel.",
-    default=True,
-    show_default=False,
+@options.of(
+    "mi_lcair.charts:Scale",
+    *("log", "vmin", "vmax"),
+    cmap={"metavar": "NAME"},
+    common_scale={"flag": "--common-scale/--own-scales", "default": True, "show_default": False},
 )
 @options.option("--outlines", "Draw lines between the facets.", is_flag=True)
 @options.option("--scene", "With --outlines: the scene of FILE.exr, if it is not a bundled one.")

@@ -134,86 +134,33 @@ AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
 )
 @click.argument("file", type=options.FILE, metavar="MODEL")
 @options.output(
-    "meshes, model.xml, scene.xml and the picture model.png to FOLDER", metavar="FOLDER"
+    "meshes, model.xml, scene.xml, a copy of your own materials and the picture model.png to "
+    "FOLDER",
+    metavar="FOLDER",
 )
 @options.option("--check", "Only report; write nothing.", is_flag=True)
 @options.option(
     "--overwrite", "Replace files in FOLDER that were edited since the last import.", is_flag=True
 )
-@options.option(
-    "--forward",
-    "Forward Axis from the export dialogue of Blender (-Z unless you changed it there). Without "
-    "--forward and --up, x, y and z are those of Blender; glTF is turned automatically.",
-    AXIS,
+@options.of(
+    "mi_lcair.models3d.model:read",
+    forward={"type": AXIS},
+    up={"type": AXIS},
+    nose={"type": AXIS},
+    names={"type": options.FILE, "metavar": "CSV"},
+    temperature={"metavar": "K"},
+    temperatures={"type": options.FILE, "metavar": "CSV|VTU|JSON"},
+    material={"metavar": "NAME|NUMBER|JSON", "shell_complete": completion.materials},
+    materials={"type": options.FILE, "metavar": "TOML|JSON"},
+    scale={},
+    guess={},
 )
-@options.option(
-    "--up", "Up Axis from the export dialogue of Blender (Y unless you changed it there).", AXIS
-)
-@options.option("--nose", "Axis along which the nose points in Blender.", AXIS, default="X")
-@options.option(
-    "--names",
-    "Table that describes the faces of each object, group or Blender material: name and "
-    "type, material or emissivity, kelvin, group, elevation_deg.",
-    options.FILE,
-    metavar="CSV",
-)
-@options.option(
-    "--temperature",
-    "Temperature of all model facets, instead of the labels' temperatures.",
-    float,
-    metavar="K",
-)
-@options.option(
-    "--temperatures",
-    "Table facet,kelvin with each facet once, instead of the labels' temperatures; a mesh of "
-    "a FEM program (.vtu, .med); or the solution of an inversion, for the facets that were unknown "
-    "in it.",
-    options.FILE,
-    metavar="CSV|VTU|JSON",
-)
-@options.option(
-    "--material",
-    "Material of all model facets, instead of the labels' materials: a name, the emissivity "
-    "of a grey surface, or the JSON of a fit.",
-    metavar="NAME|NUMBER|JSON",
-    shell_complete=completion.materials,
-)
-@options.option(
-    "--materials",
-    "Your own materials, or the JSON of a fit or of an inversion; copied to FOLDER.",
-    options.FILE,
-    metavar="TOML|JSON",
-)
-@options.option(
-    "--scale", "Length of the file's unit, in metres (default: 1, or what a USD file says).", float
-)
-@options.option(
-    "--guess",
-    "Guess emissivities from metallic and roughness of a USD file where it gives no material.",
-    is_flag=True,
-)
-@options.option(
-    "--sky",
-    "Sky around the model: clear, overcast, a temperature, a bundled table, or a CSV that is "
-    "copied to FOLDER. A model with sky facets that have elevation_deg=... in their label takes "
-    "their spectra from the TABLE.",
-    metavar="clear|overcast|KELVIN|TABLE",
-)
-@options.option(
-    "--ground",
-    "Ground below the model: its temperature, and its emissivity (1) or material.",
-    metavar="KELVIN[,EMISSIVITY|MATERIAL]",
-)
-@options.option(
-    "--sun",
-    "Sun by day, in degrees; azimuth 0 is the nose, 90 the left side. FILE is a CSV of its "
-    "irradiance.",
-    metavar="ELEVATION[,AZIMUTH[,FILE]]",
-)
-@options.option(
-    "--atmosphere",
-    "Clear air of sky and sun: us_standard (the default) or midlat_summer.",
-    metavar="NAME",
+@options.of(
+    "mi_lcair.physics.surroundings:Words",
+    sky={"metavar": "clear|overcast|KELVIN|TABLE"},
+    ground={"metavar": "KELVIN[,EMISSIVITY|MATERIAL]"},
+    sun={"metavar": "ELEVATION[,AZIMUTH[,FILE]]"},
+    atmosphere={"metavar": "NAME"},
 )
 @options.option(
     "--band",

@@ -222,9 +222,11 @@ def parameters(function: str) -> dict[str, tuple[str, object, str]]:
     """Annotation, default and description of each parameter of a public function.
 
     They are read from its source, because its import takes its time. The default is `...` if there
-    is none. Keywords that a TypedDict declares follow the others.
+    is none. Keywords that a TypedDict declares follow the others. function: its name, or that of
+    any function or dataclass as "module:name".
     """
-    home = Path(mi_lcair.__file__).parent.parent / mi_lcair._HOME[function].replace(".", "/")
+    place, _, name = function.rpartition(":")
+    home = Path(mi_lcair.__file__).parent.parent / (place or mi_lcair._HOME[name]).replace(".", "/")
     module = ast.parse(home.with_suffix(".py").read_text("utf-8"))
     named = {node.name: node for node in module.body if hasattr(node, "name")}
     constants = {
@@ -234,22 +236,24 @@ def parameters(function: str) -> dict[str, tuple[str, object, str]]:
     }
     texts = {
         name: AS_FOR.sub(lambda as_for: parameters(as_for[1])[name][2], " ".join(text.split()))
-        for names, text in ENTRY.findall(ast.get_docstring(named[function]))
+        for names, text in ENTRY.findall(ast.get_docstring(named[name]))
         for name in names.split(", ")
     }
-    given = named[function].args
-    defaults = [None] * (len(given.args) - len(given.defaults)) + given.defaults
-    pairs = [*zip(given.args, defaults), *zip(given.kwonlyargs, given.kw_defaults)]
-    read = {
-        argument.arg: (
-            ast.unparse(argument.annotation),
-            ... if node is None else ast.literal_eval(constants.get(ast.unparse(node), node)),
-        )
-        for argument, node in pairs
-    }
-    if given.kwarg:
-        declared = named[ast.unparse(given.kwarg.annotation.slice)].body
-        fields = [node for node in declared if isinstance(node, ast.AnnAssign)]
+    read, declared = {}, named[name]
+    if isinstance(declared, ast.FunctionDef):
+        given = declared.args
+        defaults = [None] * (len(given.args) - len(given.defaults)) + given.defaults
+        pairs = [*zip(given.args, defaults), *zip(given.kwonlyargs, given.kw_defaults)]
+        read = {
+            argument.arg: (
+                ast.unparse(argument.annotation),
+                ... if node is None else ast.literal_eval(constants.get(ast.unparse(node), node)),
+            )
+            for argument, node in pairs
+        }
+        declared = given.kwarg and named[ast.unparse(given.kwarg.annotation.slice)]
+    if declared:
+        fields = [node for node in declared.body if isinstance(node, ast.AnnAssign)]
         read |= {node.target.id: (ast.unparse(node.annotation), None) for node in fields}
     return {name: (*values, texts.get(name, "")) for name, values in read.items()}
 
@@ -260,7 +264,7 @@ def flag_of(parameter: str) -> str:
 
 
 def of(function: str, *names: str, **settings: dict):
-    """Decorator that gives a command options for these parameters of a public function.
+    """Decorator that gives a command options for these parameters of a function, see `parameters`.
 
     Name, type, default and help follow from the function's signature and its docstring. settings:
     arguments of click.option by parameter, for what does not follow, and "flag" for another name.

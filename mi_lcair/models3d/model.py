@@ -163,29 +163,35 @@ def read(
     ----------
     path : str or Path
     temperatures : str, Path or None
-        CSV file facet,kelvin with the temperatures, in place of those in the labels. Or a mesh with
-        temperatures of cells or nodes, such as .vtu or .med, which meshio reads. Or the JSON
-        file of an inversion, for the facets that were unknown in it.
+        Table facet,kelvin with each facet once, in place of the temperatures in the labels. Or a
+        mesh with temperatures of cells or nodes, such as .vtu or .med of a FEM program, which
+        meshio reads. Or the JSON file of an inversion, for the facets that were unknown in it.
     material : str or None
-        Material of all model facets (f), in place of those in the labels: a name, or a fit's JSON
-        file. If temperatures and material are given, facets without a label are model facets.
+        Material of all model facets (f), in place of those in the labels: a name, the emissivity of
+        a grey surface, or a fit's JSON file. If temperatures and material are given, facets without
+        a label are model facets.
     materials : str, Path or None
         TOML file with the user's materials, or the JSON file of a fit or of an inversion.
     scale : float or None
-        Length of the file's unit [m]; None for 1, or for what a USD file says.
+        Length of the file's unit [m] (default: 1, or what a USD file says).
     temperature : float or None
         Temperature of all model facets (f) [K], in place of those in the labels.
     names : str, Path or None
-        CSV file that says what faces with a name are, see `NameTable`.
-    forward, up : str or None
-        Axes of the file along which Blender's +Y and +Z were written, see `exchange.rotation`.
-        None for Y and Z, or for those of the file's format.
+        Table that describes the faces of each object, group or Blender material: name and type,
+        material or emissivity, kelvin, group, elevation_deg.
+    forward : str or None
+        Forward Axis from the export dialogue of Blender (-Z unless it was changed there), along
+        which Blender's +Y was written. Without `forward` and `up`, x, y and z are those of Blender;
+        glTF is turned automatically.
+    up : str or None
+        Up Axis from the export dialogue of Blender (Y unless it was changed there), along which
+        Blender's +Z was written.
     nose : str
-        Axis of Blender's coordinates along which the nose points.
+        Axis along which the nose points in Blender.
     variants : mapping of str to str, optional
         Variant to select in the variant sets of a USD file, by their name.
     guess : bool
-        Whether roughness and metallic of a USD file give an emissivity, see `read_usd`.
+        Guess emissivities from metallic and roughness of a USD file where it gives no material.
 
     Returns
     -------

@@ -543,7 +543,9 @@ class Words(
     Attributes
     ----------
     sky : str, optional
-        "clear", "overcast", the temperature of a uniform black sky, K, a bundled sky or a file.
+        "clear", "overcast", the temperature of a uniform black sky, K, a bundled sky or a file. A
+        model that is imported with sky facets that have elevation_deg=... in their label takes
+        their spectra from it.
     ground : str, optional
         KELVIN or KELVIN,EMISSIVITY or KELVIN,MATERIAL: temperature of the ground, K, and its
         emissivity (1), or a material, whose hemispherical emissivity is used.
@@ -552,8 +554,8 @@ class Words(
         degrees; azimuth 0 is +x, and 90 is +y. FILE is a CSV wavelength_um,irradiance_W_m2_um with
         the irradiance at the scene, in place of that of clear air. Without a sun, it is night.
     atmosphere : str
-        Clear air of sky, sun and ground: us_standard or midlat_summer. A scenario without it takes
-        the clear air of its path.
+        Clear air of sky, sun and ground: us_standard (the default) or midlat_summer. A scenario
+        without it takes the clear air of its path.
     """
 
     sky: str | None = entry(None, is_file=True)
