@@ -104,7 +104,7 @@ def _in_plane(corners, normals):
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     across = np.cross(normals, along)
     flat = np.stack([np.einsum("tck,tk->tc", corners, axis) for axis in (along, across)], axis=-1)
-    clockwise = _cross(flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]) < 0
+    clockwise = cross(flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]) < 0
     flat[clockwise] = flat[clockwise][:, ::-1]
     return flat
 
@@ -154,13 +154,14 @@ def _overlap(a, b, rounding):
     apart = np.zeros(len(a), bool)
     for first, second in ((a, b), (b, a)):
         edges = np.roll(first, -1, axis=1) - first
-        sides = _cross(edges[:, :, None], second[:, None] - first[:, :, None])  # (n, edge, corner)
+        sides = cross(edges[:, :, None], second[:, None] - first[:, :, None])  # (n, edge, corner)
         margin = rounding * np.linalg.norm(edges, axis=-1)
         apart |= (sides.max(axis=2) <= margin).any(axis=1)
     return ~apart
 
 
-def _cross(a, b):
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Cross products of vectors in a plane, (..., 2) each, (...)."""
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from mi_lcair.coincident import cross
+
 # Ratio of height to longest edge at which a triangle counts as a sliver, without area.
 SLIVER = 1e-6
 # Largest number of corners of a facet that is not convex; the time grows with its square.
@@ -127,7 +129,7 @@ def _find_ear(points, names, left):
     spikes = flat & (np.einsum("nk,nk->n", arriving, leaving) <= 0)
     if spikes.any():
         return np.argmax(spikes), True
-    left_turns = _cross(arriving, leaving) > 0
+    left_turns = cross(arriving, leaving) > 0
     rounding = ROUNDING * np.ptp(points, axis=0).max() ** 2
     # First without another corner in the ear or on its border, then, where the polygon touches
     # itself, inside only.
@@ -137,9 +139,9 @@ def _find_ear(points, names, left):
             others = points[left[(names[left] != a) & (names[left] != b) & (names[left] != c)]]
             a, b, c = corners[position]
             inside = (
-                (_cross(b - a, others - a) > margin)
-                & (_cross(c - b, others - b) > margin)
-                & (_cross(a - c, others - c) > margin)
+                (cross(b - a, others - a) > margin)
+                & (cross(c - b, others - b) > margin)
+                & (cross(a - c, others - c) > margin)
             )
             if not inside.any():
                 return position, False
@@ -154,8 +156,8 @@ def _crosses_itself(points, names):
         apart = ~np.isin(names, ends_of_edge) & ~np.isin(end_names, ends_of_edge)
         c, d = points[apart], ends[apart]
         parts = [
-            (_cross(b - a, c - a), _cross(b - a, d - a)),
-            (_cross(d - c, a - c), _cross(d - c, b - c)),
+            (cross(b - a, c - a), cross(b - a, d - a)),
+            (cross(d - c, a - c), cross(d - c, b - c)),
         ]
         if np.all(
             [(np.minimum(*sides) < -rounding) & (np.maximum(*sides) > rounding) for sides in parts],
@@ -194,9 +196,7 @@ def _is_sliver(corners):
     """Whether the height of triangles (..., 3, 2 or 3) is below SLIVER of their longest edge."""
     edges = np.roll(corners, -1, axis=-2) - corners
     a, b = edges[..., 0, :], edges[..., 1, :]
-    doubled_area = (
-        abs(_cross(a, b)) if a.shape[-1] == 2 else np.linalg.norm(np.cross(a, b), axis=-1)
-    )
+    doubled_area = abs(cross(a, b)) if a.shape[-1] == 2 else np.linalg.norm(np.cross(a, b), axis=-1)
     return doubled_area <= SLIVER * np.einsum("...k,...k->...", edges, edges).max(axis=-1)
 
 
@@ -205,7 +205,3 @@ def _projected(points, normal):
     along = np.cross(normal, np.eye(3)[np.argmin(abs(normal))])
     along /= np.linalg.norm(along)
     return np.stack([points @ along, points @ np.cross(normal, along)], axis=1)
-
-
-def _cross(a, b):
-    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]

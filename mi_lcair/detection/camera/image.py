@@ -203,12 +203,30 @@ class Shot:
     def developed(
         self, exposed: Exposure, frames: int
     ) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]:
-        """What the camera makes of an exposure; see `developed`."""
+        """What the optics and the electronics make of an exposure.
+
+        Counts (frames, H, W), the channels of `Image` in double precision, and the share of each
+        pixel that the target fills (H, W).
+        """
+        camera, around = self.camera, self.view.around
+        optics, name = camera.optics, camera.imager.channel
         background, radiance = (
-            self.scenery.image(rule, self.camera.optics)
-            for rule in (self.camera.band, self.setting.detector.band)
+            self.scenery.image(rule, optics) for rule in (camera.band, self.setting.detector.band)
         )
-        return developed(self.camera, self.view, exposed, background, radiance, frames)
+        scene = np.maximum(background + optics.seen(exposed.contrast, around), 0)
+        signal = camera.design.undone(scene)
+        error = np.sqrt(optics.variance(exposed.error**2, around))
+        frame_counts = camera.frames(signal, frames)
+        channels = {
+            "apparent.Y": radiance + optics.seen(exposed.radiance, around),
+            f"{name}.Y": signal,
+            f"{name}.background.Y": camera.design.undone(np.broadcast_to(background, signal.shape)),
+            "counts.Y": frame_counts[0],
+            "temperature.Y": camera.temperatures(frame_counts[0]),
+            **camera.mean_temperatures(scene, error),
+        }
+        channels["speckle.Y"] = channels["stderr_K.Y"] > channels["noise_K.Y"]
+        return frame_counts, channels, optics.seen(exposed.share, around)
 
 
 def record_image(
@@ -285,42 +303,6 @@ def record_image(
         seconds=time.perf_counter() - start,
         render_seconds=render_seconds,
     )
-
-
-def developed(
-    camera: Camera, view: CameraView, exposed: Exposure, background, radiance, frames: int
-) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]:
-    """What the optics and the electronics make of an exposure.
-
-    Parameters
-    ----------
-    camera, view, exposed : Camera, CameraView, Exposure
-    background, radiance : ndarray, shape (H, W), or float
-        Electrons of the background, and its in-band radiance, W m^-2 sr^-1.
-    frames : int
-        Number of frames.
-
-    Returns
-    -------
-    tuple
-        Counts (frames, H, W), the channels of `Image` in double precision, and the share of each
-        pixel that the target fills (H, W).
-    """
-    optics, name = camera.optics, camera.imager.channel
-    scene = np.maximum(background + optics.seen(exposed.contrast, view.around), 0)
-    signal = camera.design.undone(scene)
-    error = np.sqrt(optics.variance(exposed.error**2, view.around))
-    frame_counts = camera.frames(signal, frames)
-    channels = {
-        "apparent.Y": radiance + optics.seen(exposed.radiance, view.around),
-        f"{name}.Y": signal,
-        f"{name}.background.Y": camera.design.undone(np.broadcast_to(background, signal.shape)),
-        "counts.Y": frame_counts[0],
-        "temperature.Y": camera.temperatures(frame_counts[0]),
-        **camera.mean_temperatures(scene, error),
-    }
-    channels["speckle.Y"] = channels["stderr_K.Y"] > channels["noise_K.Y"]
-    return frame_counts, channels, optics.seen(exposed.share, view.around)
 
 
 def check_frames(imager: Imager, frames: int) -> None:

@@ -11,15 +11,16 @@ import numpy as np
 from scipy import fft
 
 from mi_lcair.derivatives.common_numbers import MOST, PIXELS, pixel_step
-from mi_lcair.detection.camera.electronics import Camera, electrons, signal_of
+from mi_lcair.detection.camera.electronics import electrons, signal_of
 from mi_lcair.detection.camera.exposure import Exposure, exposure
+from mi_lcair.detection.camera.image import Shot
 from mi_lcair.detection.camera.optics import OVERSAMPLING
 from mi_lcair.detection.camera.scenery import Scenery
 from mi_lcair.detection.camera.view import CameraView, Pointing, axes_of
 from mi_lcair.detection.irradiance import QUANTITIES, in_weather, weather_quantities
 from mi_lcair.detection.scenario import Scenario
-from mi_lcair.detection.setting import Setting, rendered_as, setting_of
-from mi_lcair.errors import InputError
+from mi_lcair.detection.setting import rendered_as
+from mi_lcair.errors import InputError, errors_of
 from mi_lcair.knowing.budgets.contrast_number import BEHIND, present
 from mi_lcair.knowing.budgets.number import SOURCE_STEP
 from mi_lcair.knowing.inversion.data.readings import check_counts, values_that_count
@@ -51,19 +52,12 @@ FULL = 4.0  # standard deviations from either end of the span up to which a pixe
 
 
 @dataclass(frozen=True)
-class CameraImage:
+class CameraImage(Shot):
     """A scenario whose image a camera recorded.
 
-    scenario: the scenario. setting: its scene, air and background. camera: its optics and
-    electronics. view: where the camera is. scenery: the background in its frame. pointing: values
-    of POINTING.
+    pointing: values of POINTING.
     """
 
-    scenario: Scenario
-    setting: Setting
-    camera: Camera
-    view: CameraView
-    scenery: Scenery
     pointing: Pointing = Pointing()
 
     @staticmethod
@@ -73,14 +67,8 @@ class CameraImage:
         Raises InputError if the scenario cannot be used, or has no camera.
         """
         scenario = Scenario.read(source, **entries).with_motions(motions)
-        if scenario.camera is None:
-            raise InputError(f"{source}: has no table [camera], whose image this could be")
-        setting = setting_of(scenario)
-        setting.air.check_covers(setting.view.band)
-        behind = setting.backdrop.at_sensor(scenario.observer.range_m)
-        camera = Camera.of(scenario, setting.detector, behind, 0)
-        scenario = replace(scenario, camera=camera.imager)
-        return CameraImage(scenario, setting, camera, None, None).facing()
+        with errors_of(source):
+            return CameraImage(**vars(Shot.of(scenario, 0))).facing()
 
     @property
     def aspect(self) -> tuple:
