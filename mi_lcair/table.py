@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mi_lcair.declared import Bounds
+from mi_lcair.declared import Bounds, listed
 from mi_lcair.errors import InputError, escaped, shown
 from mi_lcair.files import read_text
 
@@ -135,12 +135,6 @@ def column_names(file: str, number: int, line: str, example) -> tuple[list[str],
             f"{file}, line {number}: no header line; name the columns, such as {','.join(example)}"
         )
     return columns, separator
-
-
-def listed(names) -> str:
-    """ "a, b and c" of some names."""
-    *first, last = names
-    return f"{', '.join(first)} and {last}" if first else last
 
 
 def lines_of(text: str):

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from os import PathLike
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,10 +16,6 @@ from mi_lcair.errors import InputError, errors_of
 from mi_lcair.progress import Progress
 from mi_lcair.table import FARTHEST, read_table
 from mi_lcair.tasks import exclusively
-
-if TYPE_CHECKING:
-    pass
-
 
 # The scenario that a caller of a public function means
 # -----------------------------------------------------

@@ -119,21 +119,24 @@ class PixelCriterion(Criterion):
     def squares(self, total: Totals) -> np.ndarray:
         """Squared ratios of the pixels' errors from scatter to the allowed error, (P,)."""
 
-    @abstractmethod
     def expected(self, squares: np.ndarray, more: np.ndarray) -> float:
-        """Ratio of the error to the allowed one if pixels had `more` times their paths, (P,)."""
+        """Ratio of the error to the allowed one if pixels had `more` times their paths, (P,).
+
+        By default the error is the rms over the pixels.
+        """
+        return float(np.sqrt(np.mean(squares / more)))
 
     def unmet(self, total: Totals) -> float:
         """Ratio of the error from sources that no path has hit to the allowed error."""
         return 0.0
 
-    @abstractmethod
     def weight(self, total: Totals, size: tuple[int, int]) -> np.ndarray:
         """Numbers of paths that serve best, in any unit, (P,).
 
         That of a pixel must not depend on its own paths, but on its `surroundings`. total: of as
         many paths in each pixel. size: rows and columns of the image.
         """
+        return np.sqrt(surroundings(total.scatter_error() ** 2, size))
 
     def excess(self, total):
         return hypot(self.expected(self.squares(total), np.ones(1)), self.unmet(total))
@@ -156,12 +159,6 @@ class PixelError(PixelCriterion):
 
     def unmet(self, total):
         return np.sqrt(len(total.valid)) * total.missed_by_all() / self.allowed(total)
-
-    def expected(self, squares, more):
-        return float(np.sqrt(np.mean(squares / more)))
-
-    def weight(self, total, size):
-        return np.sqrt(surroundings(total.scatter_error() ** 2, size))
 
     def excess(self, total):
         error = total.rms_error()

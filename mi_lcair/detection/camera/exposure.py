@@ -618,12 +618,6 @@ class ModelError(PixelCriterion):
         squares = model_squares(total, self.in_pixel, missed(total))
         return float(np.sqrt(squares.mean())) / self.tolerance
 
-    def expected(self, squares, more):
-        return float(np.sqrt(np.mean(squares / more)))
-
-    def weight(self, total, size):
-        return np.sqrt(surroundings(total.scatter_error() ** 2, size))
-
 
 @dataclass(frozen=True)
 class NoiseError(PixelCriterion):
