@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from importlib.metadata import version
+from operator import attrgetter
 from os import PathLike
 from typing import Any
 
@@ -144,18 +145,13 @@ def report(
     sections = [
         Section(f"{title}: {section.title}" if len(pages) > 1 else section.title, section.parts)
         for title, of_thing in pages
-        for section in sorted(of_thing, key=is_detail)
+        for section in sorted(of_thing, key=attrgetter("is_detail"))
     ]
     title = ", ".join(title for title, _ in pages)
     stated = ", ".join(f"'{subject}'" for subject in subjects if str(subject).endswith(".json"))
     with complete(f"{stated}: a result that") if stated else nullcontext():
         save(path, title, [*sections, this_page(command, subjects)])
     return remarks(sections)
-
-
-def is_detail(section: Section) -> bool:
-    """Whether a section is one of the last of its page."""
-    return section.is_detail
 
 
 def page_of(what: What, request: Request) -> tuple[str, list[Section]]:
@@ -300,7 +296,5 @@ def save_page(path: str | PathLike[str], result: Result, **options: Any) -> None
     """
     check_output(path)
     if "scene" in options:
-        from mi_lcair.api.scenes import scene_of  # loads the renderer, which other results need not
-
         options["scene"] = scene_of(options["scene"])
     save(path, result.page_title(), result.page(**options))

@@ -167,12 +167,9 @@ AXIS = click.Choice(["X", "Y", "Z", "-X", "-Y", "-Z"])
     "Also print the intensity of the model in this band, toward the scene's sensor.",
     metavar="MWIR|LWIR|A-B",
 )
-@options.option(
-    "--emissivity",
-    "Emissivity of the shapes and BSDFs of a Mitsuba scene with this id, or of BSDFs of this "
-    "plugin; a number alone is for all surfaces that need one. May be repeated.",
-    multiple=True,
-    metavar="[NAME=]NUMBER",
+@options.of(
+    "mi_lcair.rendering.conversion:thermal_scene",
+    emissivity={"multiple": True, "metavar": "[NAME=]NUMBER", "show_default": False},
 )
 @options.changes(
     "Set a $-parameter of a Mitsuba scene, such as spp=16, or select a variant of a USD file",

@@ -63,8 +63,9 @@ def thermal_scene(
     band : str
         Band of the radiances.
     emissivity : sequence of str
-        "NAME=NUMBER" for shapes and BSDFs with this id and for BSDFs of this plugin, or "NUMBER"
-        for all surfaces whose emissivity does not follow from their BSDF.
+        Emissivity of surfaces of a Mitsuba scene: "NAME=NUMBER" for shapes and BSDFs with this id
+        and for BSDFs of this plugin, or "NUMBER" for all surfaces whose emissivity does not follow
+        from their BSDF.
     parameters : mapping of str to str, optional
         Values of the scene's $-parameters.
     overwrite : bool

@@ -14,7 +14,7 @@ from mi_lcair.charts import Curve, LineChart, LineCharts, label
 from mi_lcair.declared import percent
 from mi_lcair.errors import InputError, escaped
 from mi_lcair.extras import named, optional
-from mi_lcair.files import read_text, replacing
+from mi_lcair.files import parse_json, read_text, replacing
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.reflections import counts, followed_row, words_on_left_out
 from mi_lcair.rendering.sampling import Sampling
@@ -254,20 +254,20 @@ def write_csv(path: Path, trend: Trend) -> None:
         formats.write_csv(path, trend.table)
 
 
+def made_of(path: Path) -> dict[str, Any]:
+    """How a table in a .csv or .nc file was made, as far as the file, or FILE.csv.json, says it."""
+    if path.suffix.lower() == ".nc":
+        return formats.read_attributes(path)
+    file = settings_file(path)
+    stated = parse_json(read_text(file), str(file)) if file.is_file() else {"made": {}}
+    if not isinstance(stated, dict) or not isinstance(stated.get("made"), dict):
+        raise InputError(f"{file}: does not say how '{path}' was made; remove it")
+    return stated["made"]
+
+
 def settings_of(path: Path) -> dict[str, str]:
     """Scene's name and band of a trend in a .csv or .nc file, as far as they are known."""
-    made = {}
-    if path.suffix.lower() == ".nc":
-        made = formats.read_attributes(path)
-    elif settings_file(path).exists():
-        try:
-            made = dict(json.loads(read_text(settings_file(path)))["made"])
-        except (ValueError, TypeError, KeyError, RecursionError) as error:
-            if isinstance(error, InputError):
-                raise
-            raise InputError(
-                f"{settings_file(path)}: has no settings of a trend; remove it"
-            ) from None
+    made = made_of(path)
     return {name: str(made[name]) for name in ("scene", "band") if name in made}
 
 

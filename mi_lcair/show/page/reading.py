@@ -13,7 +13,7 @@ from mi_lcair import formats
 from mi_lcair.charts import facets_section
 from mi_lcair.errors import InputError, errors_of, option
 from mi_lcair.extras import named
-from mi_lcair.files import parse_json, read_bytes, read_text
+from mi_lcair.files import read_bytes, read_text
 from mi_lcair.fitting.report import fit_of_report, sections_of_report
 from mi_lcair.physics.bands import Band, known_band
 from mi_lcair.rendering.images.render import image_sections
@@ -22,7 +22,7 @@ from mi_lcair.sections import Facts, LongTable, Remarks, Section, unpacked
 from mi_lcair.show import kinds
 from mi_lcair.show.page.model_panel import rows_by_facet
 from mi_lcair.signatures.effective_areas import spectrum_section
-from mi_lcair.signatures.trend import Trend, settings_file
+from mi_lcair.signatures.trend import Trend, made_of
 from mi_lcair.table import lines_of
 
 MADE = "How it was made"
@@ -234,14 +234,7 @@ def made_rows(what: str) -> list[tuple[str, object]]:
         if line.lstrip().startswith("#"):
             key, colon, value = line.lstrip("# ").partition(": ")
             rows.append((key, value) if colon else ("remark", key))
-    if what.lower().endswith(".nc"):
-        rows += formats.read_attributes(what).items()
-    file = settings_file(Path(what))
-    if file.is_file():
-        try:
-            rows += parse_json(read_text(file), str(file))["made"].items()
-        except (ValueError, KeyError, TypeError, AttributeError):
-            raise InputError(f"'{file}': does not say how '{what}' was made; remove it") from None
+    rows += made_of(Path(what)).items()
     return [(key, unpacked(value)) for key, value in rows]
 
 
