@@ -8,6 +8,7 @@ stderr. The exit status is 0 for success, 1 for a failure, 2 for unusable argume
 import importlib
 import os
 import sys
+from itertools import chain
 
 import click
 
@@ -18,45 +19,29 @@ from mi_lcair.cli.output import quiet_option, warnings_as_notes
 from mi_lcair.errors import InputError, in_shell, mitsuba_error, printable, unknown
 from mi_lcair.interrupts import INTERRUPTED
 
-# Module of each command, by what the commands are for.
+# The commands of each module, by what they are for.
 PURPOSES = {
     "Images and intensities": {
-        "render": "radiometry",
-        "signature": "radiometry",
-        "trend": "radiometry",
-        "chart": "radiometry",
-        "contrast": "radiometry",
-        "image": "radiometry",
-        "sweep": "radiometry",
-        "flight": "radiometry",
-        "dataset": "radiometry",
-        "temperature": "laboratory",
-        "cavity": "laboratory",
-        "exchange": "laboratory",
-        "heat": "laboratory",
-        "pose": "laboratory",
+        "radiometry": (
+            *("render", "signature", "trend", "chart", "contrast"),
+            *("image", "sweep", "flight", "dataset"),
+        ),
+        "laboratory": ("temperature", "cavity", "exchange", "heat", "pose"),
     },
     "Scenes and materials": {
-        "scenes": "materials",
-        "parameters": "materials",
-        "materials": "materials",
-        "import": "materials",
-        "fit": "materials",
+        "materials": ("scenes", "parameters", "materials", "import", "fit"),
     },
-    "Pictures, pages and files": {
-        "show": "files",
-        "report": "files",
-        "convert": "files",
-    },
+    "Pictures, pages and files": {"files": ("show", "report", "convert")},
     "Errors, and what they depend on": {
-        "audit": "estimates",
-        "budget": "estimates",
-        "invert": "estimates",
-        "sensitivities": "estimates",
-        "shape-derivatives": "estimates",
+        "estimates": ("audit", "budget", "invert", "sensitivities", "shape-derivatives"),
     },
 }
-COMMANDS = {name: module for group in PURPOSES.values() for name, module in group.items()}
+COMMANDS = {
+    name: module
+    for modules in PURPOSES.values()
+    for module, names in modules.items()
+    for name in names
+}
 # What may come next, by command: the first line of which all words are known (`words_of` in
 # `mi_lcair/cli/output.py`). `show` may return none of them: an atmosphere is read by nothing else.
 PAGE, PARAMETERS = "report {json} -o {json.stem}.html", "parameters {scene} {given}"
@@ -138,8 +123,9 @@ class Main(click.Group):
     def format_commands(self, ctx, formatter):
         """Write the commands by purpose into the help."""
         width = formatter.width - 4 - max(map(len, COMMANDS))
-        for purpose, names in PURPOSES.items():
+        for purpose, modules in PURPOSES.items():
             with formatter.section(purpose):
+                names = chain.from_iterable(modules.values())
                 commands = ((name, self.get_command(ctx, name)) for name in names)
                 formatter.write_dl(
                     [(name, command.get_short_help_str(width)) for name, command in commands],

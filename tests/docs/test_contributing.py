@@ -68,7 +68,7 @@ def test_a_command_is_added_by_the_steps(tmp_path):
     assert len(list(filter(str.strip, command.splitlines()))) <= 10
     (tmp_path / "mi_lcair/cli/slopes.py").write_text(command)
     file = tmp_path / "mi_lcair/cli/__init__.py"
-    before = '        "scenes": "materials",\n'
+    before = '        "laboratory": ("temperature", "cavity", "exchange", "heat", "pose"),\n'
     text = file.read_text()
     assert text.count(before) == 1
     file.write_text(text.replace(before, before + line))
