@@ -110,7 +110,8 @@ def in_words(twin: Twin, x: np.ndarray, combination: np.ndarray) -> str:
     )
     if not down:
         return f"{listed(up)} can grow together ({sizes})"
-    return f"more {listed(up)} is compensated by less {listed(down)} ({sizes})"
+    verb = "are" if len(up) > 1 else "is"
+    return f"more {listed(up)} {verb} compensated by less {listed(down)} ({sizes})"
 
 
 def alike(twin: Twin, found: TwinEstimate) -> list[str]:
@@ -184,7 +185,7 @@ def proposals(twin: Twin, found: TwinEstimate) -> Iterator[tuple[str, np.ndarray
         pulse = pulsed(twin, found, group)
         if pulse is not None:
             what = f"{PULSE_W_m2:g} W/m2 of known heat in {group} for {24 // PULSE_H} h"
-            yield f"{what}, with the same data", pulse
+            yield f"the same data with {what}", pulse
 
 
 def of_rows(matrix: np.ndarray, variance: np.ndarray, shared: np.ndarray | int = 0) -> np.ndarray:
