@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.polynomial import legendre
+from numpy.polynomial import Legendre
 from scipy import sparse
 from scipy.special import lambertw, roots_jacobi
 
@@ -25,9 +25,8 @@ from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 ROUNDING = 1e-7  # largest residual by rounding, in the same unit
 UNSTEADY = 8  # Newton steps after which they are shortened
 MOST_STEPS = 60  # Newton steps; each at least halves the distance to a fourth root
-CLOSED = 1e-12  # residual of the balance, as a fraction of the power that surfaces exchange
+CLOSED = 1e-12  # residual, as a fraction of the power that surfaces exchange
 TINY = np.finfo(float).tiny  # beside what may be 0
-SOLVED = 1e-13  # residual of a linear system, as a fraction of its right-hand side
 Leaving = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
@@ -70,15 +69,13 @@ class Balance:
                 return kelvin, worst
             before = left
             through = conductance + np.maximum(slope, 0)
-            step = self.linear(kelvin, through, residual[:, None], closed**0.5)[:, 0]
+            step = self.linear(kelvin, through, residual[:, None], np.sqrt(closed))[:, 0]
             # Where convection sets in, steps may go to and fro
             step = step / (1 + attempt // UNSTEADY if leaving else 1)
             kelvin = np.maximum(kelvin + step, kelvin / 2)
-            if (abs(step) < 1e-13 * kelvin).all():
-                return kelvin, worst
         why = (
             "internal_W_m2 removes more heat from a surface than it gets at 0 K"
-            if kelvin.min() < 1
+            if residual.min() + residual.max() < 0
             else "a surface must be able to lose the heat that it absorbs"
         )
         raise InputError(
@@ -86,7 +83,7 @@ class Balance:
             f"steps; {why}"
         )
 
-    def linear(self, kelvin, conductance, power, solved: float = SOLVED) -> np.ndarray:
+    def linear(self, kelvin, conductance, power, solved: float = CLOSED) -> np.ndarray:
         """Changes of temperature [K], (n, m), that balance small changes of power [W], (n, m).
 
         Solves (sigma L diag(4 T^3) + diag(C)) x = power by conjugate gradients for diag(4 T^3) x,
@@ -94,13 +91,13 @@ class Balance:
         after the other with scipy's cg they take seven times as long.
         """
         slope = 4 * STEFAN_BOLTZMANN * kelvin**3
-        shift = np.transpose(conductance.T / slope).reshape(len(slope), -1)
+        shift = np.atleast_2d(conductance.T / slope).T
         inverse = np.reciprocal(self.diagonal[:, None] + shift)
         solution, residual = np.zeros_like(power), power.copy()
-        limit = solved**2 * abs(np.sum(power**2 * inverse, axis=0))
         direction = inverse * residual
         before = np.sum(residual * direction, axis=0)
-        for _ in range(10 * len(kelvin) + 10):
+        limit = solved**2 * abs(before)
+        for _ in range(10 * len(kelvin)):
             if (abs(before) <= limit).all():
                 break
             image = self.laplacian @ direction + shift * direction
@@ -135,13 +132,11 @@ DEEPEST = 6.0
 
 def gauss_lobatto(degree: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Nodes in -1..1, weights, and the matrix of the derivative at the nodes."""
-    last = np.eye(degree + 1)[degree]
     # The zeros of the derivative of a Legendre polynomial are those of a Jacobi polynomial
     x = np.concatenate([[-1.0], roots_jacobi(degree - 1, 1, 1)[0], [1.0]])
-    value = legendre.legval(x, last)
-    apart = x[:, None] - x + np.eye(degree + 1)
+    value, apart = Legendre.basis(degree)(x), x[:, None] - x
+    np.fill_diagonal(apart, np.inf)
     derivative = value[:, None] / (value * apart)
-    np.fill_diagonal(derivative, 0)
     np.fill_diagonal(derivative, -derivative.sum(axis=1))
     return x, 2 / (degree * (degree + 1) * value**2), derivative
 
@@ -154,7 +149,7 @@ SLOWEST = 1e-30  # rate in place of 0 [1/s]
 
 @dataclass(frozen=True)
 class HeatWall:
-    """A wall, or nothing behind the surface if its thickness is 0.
+    """A wall of one material.
 
     thickness [m], conductivity [W m^-1 K^-1], density [kg m^-3], heat_capacity [J kg^-1 K^-1].
     back: coefficient of heat transfer at the back [W m^-2 K^-1]; 0 for an insulated back, infinite
@@ -162,10 +157,10 @@ class HeatWall:
     numbers may be complex, for derivatives by complex steps. duration: of the weather [s].
     """
 
-    thickness: complex = 0.0
-    conductivity: complex = 1.0
-    density: complex = 0.0
-    heat_capacity: complex = 0.0
+    thickness: complex
+    conductivity: complex
+    density: complex
+    heat_capacity: complex
     back: complex = 0.0
     back_temperature: complex = 0.0
     duration: float = DAY

@@ -426,14 +426,14 @@ class GroupTable(Described, rules=BEHIND):
             h = usual + 0 * kelvin
         return self.h_factor * h
 
-    def wall(self, duration: float) -> HeatWall | CellWall:
-        """The wall for weather of a duration [s]; one of thickness 0 if there is none."""
+    def wall(self, duration: float) -> HeatWall | CellWall | None:
+        """The wall for weather of a duration [s], if there is one."""
         usual = 0.0 if self.back_K is None else np.inf
         back = usual if self.back_h is None else self.back_h
         if self.is_of_cells:
             return self.cells(duration, back)
         if self.thickness_mm is None:
-            return HeatWall()
+            return None
         mm, *of_material = (getattr(self, name) for name in WALL)
         return HeatWall(mm / 1000, *of_material, back, self.back_K or 0.0, duration)
 

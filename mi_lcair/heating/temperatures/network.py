@@ -61,7 +61,7 @@ class Column:
 
     name: str
     gained: Callable[[np.ndarray, int], np.ndarray]
-    walls: list[HeatWall | CellWall] | None = None
+    walls: list[HeatWall | CellWall | None] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,8 +158,8 @@ class Network:
         return self.is_free * power
 
     @cached_property
-    def walls(self) -> list[HeatWall | CellWall]:
-        """The wall of each group; one of thickness 0 if it has none."""
+    def walls(self) -> list[HeatWall | CellWall | None]:
+        """The wall of each group, if it has one."""
         duration = float(np.ptp(self.weather.seconds))
         return [table.wall(duration) for table in self.tables.values()]
 
@@ -169,7 +169,7 @@ class Network:
         group = self.facets.group
         walls = enumerate(self.walls)
         members = ((g, wall, np.flatnonzero(group == g)) for g, wall in walls)
-        return [row for row in members if isinstance(row[1], HeatWall) and row[1].thickness]
+        return [row for row in members if isinstance(row[1], HeatWall)]
 
     @property
     def with_cells(self) -> list[tuple[int, CellWall, np.ndarray]]:

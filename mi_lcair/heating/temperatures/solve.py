@@ -12,7 +12,7 @@ from mi_lcair.estimate import Contribution, Estimate
 from mi_lcair.heating.conductors import standard_error
 from mi_lcair.heating.exchange import exchange
 from mi_lcair.heating.surfaces import SolarAreas, emitting_facets, solar_areas
-from mi_lcair.heating.temperatures.balance import CELLS, CLOSED, SLOWEST, SOLVED
+from mi_lcair.heating.temperatures.balance import CELLS, CLOSED, SLOWEST
 from mi_lcair.heating.temperatures.cells import Cells
 from mi_lcair.heating.temperatures.description import (
     GroupTable,
@@ -287,7 +287,7 @@ class Course:
     def step(self, k: int, scheme: float, seconds: float, has_changes: bool = True) -> None:
         """Take the step to a time, of the temperatures and then of their changes, if wanted."""
         network, balance, area = self.network, self.network.balance, self.network.facets.area
-        closed, solved = (DAILY, ROUGH) if np.isfinite(seconds) else (CLOSED, SOLVED)
+        closed, solved = (DAILY, ROUGH) if np.isfinite(seconds) else (CLOSED, CLOSED)
         earlier, last = self.states
         history = last if scheme == EULER else 2 * last - 0.5 * earlier
         source, lag = history / seconds, 1 / (scheme / seconds + self.rates)

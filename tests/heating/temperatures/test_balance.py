@@ -6,7 +6,7 @@ from scipy import sparse
 from scipy.optimize import brentq
 
 from mi_lcair.errors import InputError
-from mi_lcair.heating.temperatures.balance import DAY, NODES, WEIGHTS, Balance, HeatWall
+from mi_lcair.heating.temperatures.balance import NODES, WEIGHTS, Balance, HeatWall
 from mi_lcair.heating.temperatures.solve import course
 from mi_lcair.physics.blackbody import STEFAN_BOLTZMANN
 from tests.heating.temperatures.networks import network, weather
@@ -220,6 +220,81 @@ def test_a_rounding_that_no_step_takes_away_ends_the_iteration():
     assert kelvin[0] == pytest.approx(root, abs=1e-5)
 
 
+def scripted(shares):
+    """A law whose share of the power that is left over is scripted, and the temperatures it saw."""
+    seen = []
+
+    def law(kelvin):
+        seen.append(kelvin[0])
+        return np.array([1 - 2 * shares[len(seen) - 1]]), np.array([1e-3])
+
+    return law, seen
+
+
+@pytest.mark.parametrize(
+    "shares", [(1.02e-7, 1.02e-7, 0.98e-7, 1.0), (0.98e-7, 0.48e-7, 0.245e-7, 1.0)]
+)
+def test_what_no_longer_halves_below_1e_7_is_rounding(shares):
+    law, seen = scripted(shares)
+    Balance(sparse.csr_array([[1e-30]])).solve(np.ones(1), np.zeros(1), [300.0], leaving=law)
+    assert len(seen) == 3
+
+
+def test_what_cannot_be_balanced_is_halved_sixty_times():
+    seen = []
+    law = lambda kelvin: (seen.append(kelvin[0]) or np.array([1e6]), np.zeros(1))
+    with pytest.raises(InputError, match="after 60 steps; internal_W_m2 removes more heat"):
+        Balance(sparse.csr_array([[0.1]])).solve(np.zeros(1), np.zeros(1), [300.0], leaving=law)
+    np.testing.assert_allclose(seen, 300 / 2.0 ** np.arange(60))
+
+
+def test_what_cannot_lose_its_heat_is_refused():
+    law = lambda kelvin: (-2 * STEFAN_BOLTZMANN * 0.1 * kelvin**4, np.zeros(1))
+    with pytest.raises(InputError, match="must be able to lose the heat that it absorbs"):
+        Balance(sparse.csr_array([[0.1]])).solve(np.zeros(1), np.zeros(1), [300.0], leaving=law)
+
+
+def test_steps_that_go_to_and_fro_are_shortened_after_eight():
+    """Where a law rises twice as steeply as it says, each step leads to the other side.
+
+    Half of the ninth step leads to the middle.
+    """
+    calls = []
+
+    def law(kelvin):
+        calls.append(kelvin[0])
+        emitted = STEFAN_BOLTZMANN * 0.1 * kelvin**4
+        return 4 * (kelvin - 300) - emitted, 2 - 4 * emitted / kelvin
+
+    kelvin, _ = Balance(sparse.csr_array([[0.1]])).solve(
+        np.zeros(1), np.zeros(1), [310.0], leaving=law
+    )
+    assert kelvin[0] == pytest.approx(300, abs=1e-9)
+    np.testing.assert_allclose(calls, [310, 290] * 4 + [310, 300], atol=1e-6)
+
+
+def test_a_surface_without_a_source_ends_at_a_millikelvin():
+    """It then radiates 1e-12 of what it would at 1 K."""
+    for start, is_end in ((0.995e-3, True), (1.005e-3, False)):
+        kelvin, _ = Balance(sparse.csr_array([[0.5]])).solve(np.zeros(1), np.zeros(1), [start])
+        assert (kelvin[0] == start) == is_end
+
+
+def test_linear_systems_are_solved_as_well_as_asked():
+    """Surfaces in a row, to a thousandth; without exchange, at once."""
+    n, kelvin = 40, np.full(40, 300.0)
+    row = sparse.diags_array([np.full(n - 1, -1.0), np.full(n, 2.1), np.full(n - 1, -1.0)],
+                             offsets=[-1, 0, 1]).tocsr()  # fmt: skip
+    power = np.random.default_rng(3).normal(size=(n, 1))
+    found = Balance(row).linear(kelvin, np.zeros(n), power, 1e-3)
+    left = power - STEFAN_BOLTZMANN * 4 * 300.0**3 * row @ found
+    assert 1e-4 < np.linalg.norm(left) / np.linalg.norm(power) < 1e-3
+    loss = np.linspace(0, 9, n)
+    found = Balance(sparse.diags_array(np.full(n, 0.5)).tocsr()).linear(kelvin, loss, power, 0.5)
+    slope = STEFAN_BOLTZMANN * 0.5 * 4 * 300.0**3 + loss
+    np.testing.assert_allclose(found[:, 0], power[:, 0] / slope, rtol=1e-12)
+
+
 def test_many_right_hand_sides_one_of_which_is_zero():
     """Changes by powers against a dense solver; no power changes nothing."""
     rng = np.random.default_rng(2)
@@ -276,7 +351,7 @@ def test_a_network_without_a_free_group_has_its_temperatures():
 # Walls against the closed forms of conduction
 # --------------------------------------------
 
-OMEGA = 2 * np.pi / DAY
+OMEGA = 2 * np.pi / 86400
 
 
 def impedance(wall: HeatWall, days: float = 1.0) -> complex:
@@ -309,7 +384,7 @@ def test_soil_is_a_semi_infinite_body(thickness):
 @pytest.mark.parametrize(("duration", "error"), [(3, 1e-4), (30, 1e-3), (365, 1e-2)])
 def test_soil_in_a_long_series(duration, error, conductivity):
     """The wall has the impedance of waves of a day and of the whole series."""
-    wall = HeatWall(2000.0, conductivity, 1800, 1100, duration=duration * DAY)
+    wall = HeatWall(2000.0, conductivity, 1800, 1100, duration=duration * 86400)
     for days in (1, np.sqrt(duration), duration):
         exact = 1 / np.sqrt(1j * OMEGA / days * 1800 * 1100 * conductivity)
         assert abs(impedance(wall, days) / exact - 1) < error
@@ -328,14 +403,14 @@ def test_a_wall_evens_out_at_the_rates_of_its_cosines():
 def test_what_a_wall_stores(thickness):
     """The whole wall's heat, or that down to six penetration depths of the day."""
     wall = HeatWall(thickness, 0.5, 1000, 900)
-    deepest = 6 * np.sqrt(0.5 / (1000 * 900) * DAY / np.pi)
+    deepest = 6 * np.sqrt(0.5 / (1000 * 900) * 86400 / np.pi)
     assert wall.mass.sum() == pytest.approx(1000 * 900 * min(thickness, deepest), rel=1e-12)
 
 
 @pytest.mark.parametrize("days", [1.003, 30, 365])
 def test_nodes_of_a_long_series_are_as_close_at_the_surface(days):
     """As those of a day, and their depths add up to that of the series."""
-    wall = HeatWall(2000.0, 0.5, 1000, 900, duration=days * DAY)
+    wall = HeatWall(2000.0, 0.5, 1000, 900, duration=days * 86400)
     daily = HeatWall(2000.0, 0.5, 1000, 900)
     assert wall.stretch[0] == pytest.approx(daily.stretch[0], rel=1e-6)
     assert wall.stretch @ WEIGHTS / 2 == pytest.approx(daily.depth * days**0.5, rel=1e-3)
