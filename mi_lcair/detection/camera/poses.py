@@ -9,7 +9,7 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 from scipy.linalg import LinAlgError
-from scipy.optimize import least_squares
+from scipy.optimize import approx_fprime, least_squares
 from scipy.spatial.transform import Rotation
 
 from mi_lcair.detection.camera.view import pointing_of
@@ -142,56 +142,60 @@ def check_points(points: np.ndarray, places: np.ndarray) -> None:
         raise InputError(
             f"{len(points)} points; a pose needs {FEWEST} or more, and six or more for its errors"
         )
-    _, sizes, _ = np.linalg.svd(points - points.mean(axis=0))
-    if sizes[1] <= ON_A_LINE * sizes[0]:
+    if is_line(points):
         raise InputError(
             "the points lie on a line, about which the camera could turn; add one outside the line"
         )
-    if np.linalg.svd(places - places.mean(axis=0))[1][1] < 1e-9:
+    if is_line(places):
         raise InputError("the pixels lie on a line; such points do not determine a pose")
+
+
+def is_line(points: np.ndarray) -> bool:
+    """Whether points (n, 2) or (n, 3) are one point or count as a line."""
+    sizes = np.linalg.svd(points - points.mean(axis=0))[1]
+    return bool(sizes[1] <= ON_A_LINE * sizes[0])
 
 
 def starts(points: np.ndarray, places: np.ndarray, imager: Imager) -> list[tuple]:
     """First guesses (eye, sides) from a parallel projection with a scale.
 
-    With p the points from their middle, the tangents are x = x0 + I.p and y = y0 + J.p, where I and
+    With the points p from their middle, the tangents are x = x0 + I.p and y = y0 + J.p, where I and
     J are the vectors to the right and upward divided by the distance (DeMenthon and Davis 1995).
     Points that are nearly in a plane leave the parts of I and J across it open. Both must be
     equally long and at right angles, which has two solutions.
     """
-    middle = points.mean(axis=0)
     x = (places - [imager.width / 2, imager.height / 2]) * [1, -1] * imager.pixel_angle
     offset = x.mean(axis=0)
-    _, sizes, axes = np.linalg.svd(points - middle)
+    _, sizes, axes = np.linalg.svd(points)
     if sizes[2] > IN_A_PLANE * sizes[0]:
-        guesses = [np.linalg.lstsq(points - middle, x - offset, rcond=None)[0].T]
+        guesses = [np.linalg.lstsq(points, x - offset, rcond=None)[0].T]
     else:
-        flat = (points - middle) @ axes[:2].T
+        flat = points @ axes[:2].T
         inside = np.linalg.lstsq(flat, x - offset, rcond=None)[0].T @ axes[:2]
         difference = inside[1] @ inside[1] - inside[0] @ inside[0]
         product = -inside[0] @ inside[1]
         across = np.sqrt(max((difference + np.hypot(difference, 2 * product)) / 2, 0))
-        along = np.sqrt(max(across**2 - difference, 0)) * (np.sign(product) or 1)
+        along = np.copysign(np.sqrt(max(across**2 - difference, 0)), product)
         guesses = [inside + sign * np.outer([across, along], axes[2]) for sign in (1, -1)]
     result = []
     for right, up in guesses:
-        lengths = np.linalg.norm([right, up], axis=1)
-        if lengths.min() <= 1e-6 * lengths.max():
+        if np.linalg.matrix_rank([right, up]) < 2:
             continue
+        distance = 1 / np.linalg.norm([right, up], axis=1).mean()
         # The nearest pair of unit vectors at right angles
-        u, _, v = np.linalg.svd(np.stack([right, up]) / lengths.mean(), full_matrices=False)
+        u, _, v = np.linalg.svd([right, up], full_matrices=False)
         right, up = u @ v
         sides = np.stack([right, up, np.cross(up, right)])
-        toward = sides[2] + offset @ sides[:2]
-        result.append((middle - toward / lengths.mean(), sides))
+        result.append((-distance * sides[2], sides))
     return result
 
 
 def minima(points: np.ndarray, places: np.ndarray, imager: Imager) -> list[Minimum]:
     """The minima of the squared residuals that the first guesses lead to, the deepest first."""
-    result = []
+    result, middle = [], points.mean(axis=0)
+    points = points - middle  # for the precision of small steps
     for eye, sides in starts(points, places, imager):
-        scale = np.linalg.norm(points.mean(axis=0) - eye)
+        scale = np.linalg.norm(eye)
 
         def placed(step, eye=eye, sides=sides, scale=scale):
             return eye + scale * step[3:], Rotation.from_rotvec(step[:3]).as_matrix() @ sides
@@ -199,15 +203,15 @@ def minima(points: np.ndarray, places: np.ndarray, imager: Imager) -> list[Minim
         def residuals(step, placed=placed):
             return (pixels(points, *placed(step), imager) - places).ravel()
 
-        fit = least_squares(residuals, np.zeros(6), method="lm", max_nfev=2000, xtol=1e-12)
+        fit = least_squares(residuals, np.zeros(6), method="lm", xtol=1e-12)
         eye, sides = placed(fit.x)
 
         def turned(step, eye=eye, sides=sides):
             turn = Rotation.from_rotvec(-(step[:3] @ sides)).as_matrix()
             return pixels(points, eye + step[3:], sides @ turn, imager).ravel()
 
-        slopes = least_squares(turned, np.zeros(6), x_scale=[1, 1, 1, *[scale] * 3], max_nfev=1).jac
-        result.append(Minimum(eye, sides, fit.fun.reshape(-1, 2), slopes))
+        slopes = approx_fprime(np.zeros(6), turned)
+        result.append(Minimum(middle + eye, sides, fit.fun.reshape(-1, 2), slopes))
     if not result:
         raise InputError("the pixels do not fit to a view of the points; check their order")
     return sorted(result, key=lambda minimum: minimum.square)

@@ -6,10 +6,19 @@ from itertools import product
 import mitsuba as mi
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 import mi_lcair
-from mi_lcair.detection.camera.poses import hidden_points, minima, pixels, remarks_on, solve, starts
+from mi_lcair.detection.camera.poses import (
+    hidden_points,
+    is_line,
+    minima,
+    pixels,
+    remarks_on,
+    solve,
+    starts,
+)
 from mi_lcair.detection.camera.view import Pointing, axes_of, pointing_of
 from mi_lcair.detection.scenario import Scenario
 from mi_lcair.detection.setting import target_scene
@@ -76,11 +85,61 @@ def test_far_points_begin_with_their_pose(is_flat):
     """A first guess is the pose itself as rays become parallel; a plane has one guess more."""
     for seed in range(5):
         points, _, sides = draw(np.random.default_rng(seed), 8, 4e4, is_flat)
-        eye = points.mean(axis=0) - 4e4 * sides[2]
+        points -= points.mean(axis=0)
+        eye = -4e4 * sides[2]
         guesses = starts(points, pixels(points, eye, sides, IMAGER), IMAGER)
         assert len(guesses) == 1 + is_flat
         off = [np.linalg.norm(guess - eye) / 4e4 + np.ptp(axes - sides) for guess, axes in guesses]
         assert min(off) < 2e-3
+        # Points beside the axis give the eye as well, and an axis toward them
+        eye = eye - 4e4 * np.array([0.05, -0.03]) @ sides[:2]
+        guesses = starts(points, pixels(points, eye, sides, IMAGER), IMAGER)
+        assert min(np.linalg.norm(guess - eye) for guess, _ in guesses) < 0.01 * 4e4
+
+
+def box(*sides_m):
+    return np.array(list(product((-1.0, 1.0), repeat=3))) * sides_m
+
+
+def test_limits_of_lines_and_planes():
+    """1e-4 of the length of points or pixels is a line, 0.05 of it a plane."""
+    places = np.random.default_rng(1).uniform(0, 500, (8, 2))
+    for width, is_one in ((0.98e-4, True), (1.02e-4, False)):
+        assert is_line(box(3, 3 * width, 0)) == is_one
+        assert is_line(box(40, 40 * width, 0)[:, :2] + 300) == is_one
+    for thickness, count in ((0.049, 2), (0.051, 1)):
+        assert len(starts(box(3, 1, 3 * thickness), places, IMAGER)) == count
+
+
+def test_points_behind_the_camera_miss_by_three_pixels_and_thrice_as_much_as_inverted():
+    """Mirrored columns, whose misfit falls with the distance of the points."""
+    points, _, sides = draw(np.random.default_rng(4), 8, 20.0)
+    noise = np.random.default_rng(6).normal(size=(8, 2))
+
+    def places(distance_m, noise_px=0.0):
+        eye = points.mean(axis=0) - distance_m * sides[2]
+        return pixels(points, eye, sides, IMAGER) * [-1, 1] + [640, 0] + noise_px * noise
+
+    def misfits(*given):
+        middle, seen = points.mean(axis=0), places(*given)
+        return [minima(p, seen, IMAGER)[0].rms_px for p in (points, 2 * middle - points)]
+
+    def is_refused(*given):
+        try:
+            solve(points, places(*given), IMAGER, None)
+        except InputError as error:
+            return "behind the camera" in str(error)
+        return False
+
+    far = brentq(lambda distance_m: misfits(distance_m)[0] - 3, 10, 200, xtol=1e-4)
+    assert is_refused(0.99 * far) and not is_refused(1.01 * far)
+
+    def excess(noise_px):
+        front, behind = misfits(0.3 * far, noise_px)
+        return front - 3 * behind
+
+    much = brentq(excess, 0.1, 20, xtol=1e-4)
+    assert is_refused(0.3 * far, 0.97 * much) and not is_refused(0.3 * far, 1.03 * much)
 
 
 @pytest.mark.parametrize("distance_m", [4.5, 40.0, 400.0])
@@ -187,6 +246,7 @@ def test_a_second_pose_is_alike_and_apart(distance_m):
     right = np.cross([0, 0, 1], eye) / np.hypot(*eye[:2])
     axis = -eye / distance_m
     places = pixels(square, eye, np.stack([right, np.cross(right, axis), axis]), IMAGER)
+    places = places + 0.6 * np.random.default_rng(1).normal(size=places.shape)
     best, other = minima(square, places, IMAGER)
     alike = np.sqrt(other.square - best.square) / 3
     of_one = solve(square, places, IMAGER, 1.0).errors[3:]
@@ -217,6 +277,13 @@ def seen(points, distance_m=20.0):
             "the pixels lie on a line",
         ),
         (np.outer(range(5), [1, 2, 0.5]) + [3, 1, 2], None, "the points lie on a line"),
+        (
+            np.array(list(product((-1, 1), repeat=3))),
+            lambda places: np.array(
+                [[300 + 50 * x, 200 + 40 * y * z] for x, y, z in product((-1, 1), repeat=3)]
+            ),
+            "the pixels do not fit to a view of the points",
+        ),
         (
             np.random.default_rng(2).normal(size=(8, 3)),
             lambda places: places * [-1, 1] + [640, 0],
@@ -319,6 +386,9 @@ def test_what_hides_a_point(folder):
     x = [0.5, -0.95e-3 * r, -1.05e-3 * r, -1.9 * r, -2.1 * r, -2.9 * r]
     points = np.column_stack([x, np.zeros((6, 2))])
     assert hidden_points(scene, target, points, np.array([300.0, 0, 0])) == [3, 4]
+    # From 3 m in front, points 1 m behind are hidden up to 4/3 of the half of the width, 1 m
+    points = np.array([[-1, 1.2, 0], [-1, 1.4, 0], [-1, -1.3, 0]])
+    assert hidden_points(scene, target, points, np.array([3.0, 0, 0])) == [1, 3]
 
 
 def test_a_scene_far_from_its_origin(folder):
@@ -335,6 +405,7 @@ def test_a_scene_far_from_its_origin(folder):
     result = mi_lcair.pose("plate.toml", np.hstack([points + origin, places]), 0.3)
     np.testing.assert_allclose(result.position_m, eye + origin, atol=1e-3)
     assert result.observer.range_m == pytest.approx(300.0, abs=1e-3)
+    assert result.remarks[0].startswith("the model hides point 1, 2, 3, 4 of 8: ")
 
 
 def test_pointing_is_the_inverse_of_the_axes(folder):
