@@ -112,6 +112,20 @@ def test_ground_by_temperature_and_depth():
     np.testing.assert_allclose(result.kelvin[[11, 23], 0], surface, atol=0.06)
 
 
+@pytest.mark.parametrize(
+    ("name", "top", "deep"), [("conductivity", 7.4e-4, 3.4e-3), ("density", 1100.0, 1800.0)]
+)
+def test_cells_have_the_numbers_of_their_middles(name, top, deep):
+    """Over all cells, exp(-z / s) has the integral s (1 - exp(-D / s))."""
+    for mm, s in ((500.0, 0.06), (20.0, 0.01)):
+        table = MOON | {"thickness_mm": mm, "scale_depth_mm": 1000 * s}
+        wall = group_of(table, "[groups.g0]").wall(86400.0)
+        near = (deep - getattr(wall, name)) / (deep - top)
+        D = wall.dz.sum()
+        assert near @ wall.dz == pytest.approx(s * (1 - np.exp(-D / s)), rel=1e-3)
+        np.testing.assert_allclose(np.log(near[0] / near[1]), (wall.dz[0] + wall.dz[1]) / 2 / s)
+
+
 EVERYTHING = {
     "g0": MOON
     | {

@@ -4,6 +4,8 @@ It knows nothing of discs: the kernel is the cosine law, integrated over the azi
 Howell, Menguc, Siegel, Thermal Radiation Heat Transfer, integral equation of diffuse enclosures.
 """
 
+from functools import lru_cache
+
 import numpy as np
 
 ANGLES = 240  # azimuths, dense near 0
@@ -47,11 +49,9 @@ def kernel(r, z, n_r, n_z, other):
     return result
 
 
-def radiosity(corners, emissivity, emission):
-    """Places on the wall (r, z), their areas, the radiosity there, and the aperture's view factor.
-
-    corners: from the aperture's edge to the axis. emission: blackbody radiance by depth.
-    """
+@lru_cache(maxsize=1)
+def enclosure(corners):
+    """Places on the wall (r, z), their areas, their exchange, and the aperture's view factor."""
     r, z, n_r, n_z, area = places(corners)
     K = kernel(r, z, n_r, n_z, (r, z, n_r, n_z)) * area
     a = corners[0][0]
@@ -63,6 +63,15 @@ def radiosity(corners, emissivity, emission):
     # Where the kernel is singular, only differences of radiosity count: the rows add up to 1
     np.fill_diagonal(K, 0)
     np.fill_diagonal(K, 1 - escaping - K.sum(axis=1))
+    return r, z, area, K, escaping
+
+
+def radiosity(corners, emissivity, emission):
+    """Places on the wall (r, z), their areas, the radiosity there, and the aperture's view factor.
+
+    corners: from the aperture's edge to the axis. emission: blackbody radiance by depth.
+    """
+    r, z, area, K, escaping = enclosure(tuple(corners))
     B = emission(z)
     J = np.linalg.solve(np.eye(len(r)) - (1 - emissivity) * K, emissivity * B)
     return r, z, area, J, escaping

@@ -228,8 +228,8 @@ def test_tolerance_of_paths(monkeypatch):
     """Paths end at the tolerance, or say that they do not reach it."""
     cylinder = {"kind": "cylinder", "radius_m": 0.5, "length_m": 1.0}  # few triangles
     tables = {"shape": cylinder, "wall": {"emissivity": 0.8, "specular": 0.5}}
-    result = mi_lcair.cavity(tables, tolerance=1e-3)
-    assert 2.131 * result.numerical.max() <= 1e-3 and result.remarks == ()
+    result = mi_lcair.cavity(tables, tolerance=2e-3)
+    assert 2.131 * result.numerical.max() <= 2e-3 and result.remarks == ()
     monkeypatch.setattr("mi_lcair.api.laboratory.MOST_PATHS", 2**12)
     result = mi_lcair.cavity(tables, tolerance=1e-5)
     assert "more than the tolerance of 1e-05" in result.remarks[0]
