@@ -153,14 +153,15 @@ def row(name: str, parameters: dict) -> str:
 def main(page):
     """Write the page."""
     rows = [row(*case) for case in tqdm(SCENES)]
-    ways = [f"{count} of power" for count in CANDIDATES]
+    first, *others = map(str, CANDIDATES)
+    ways = [f"{first} candidate", *others]
     write_page(
         page,
         "light_tree",
         receivers=RECEIVERS,
         draws=DRAWS,
         rounds=ROUNDS,
-        names=" | ".join(["tree", *ways, *ways]),
+        names=" | ".join(["variance: tree", *ways, f"variance x time: {ways[0]}", *others]),
         lines="|".join(["---"] * (1 + 2 * len(CANDIDATES))),
         rows="\n".join(rows),
     )
