@@ -159,19 +159,18 @@ def is_line(points: np.ndarray) -> bool:
 def starts(points: np.ndarray, places: np.ndarray, imager: Imager) -> list[tuple]:
     """First guesses (eye, sides) from a parallel projection with a scale.
 
-    With the points p from their middle, the tangents are x = x0 + I.p and y = y0 + J.p, where I and
-    J are the vectors to the right and upward divided by the distance (DeMenthon and Davis 1995).
+    With points and pixels from their middles, the tangents are x = I.p and y = J.p, where I and J
+    are the vectors to the right and upward divided by the distance (DeMenthon and Davis 1995).
     Points that are nearly in a plane leave the parts of I and J across it open. Both must be
     equally long and at right angles, which has two solutions.
     """
-    x = (places - [imager.width / 2, imager.height / 2]) * [1, -1] * imager.pixel_angle
-    offset = x.mean(axis=0)
+    x = (places - places.mean(axis=0)) * [1, -1] * imager.pixel_angle
     _, sizes, axes = np.linalg.svd(points)
     if sizes[2] > IN_A_PLANE * sizes[0]:
-        guesses = [np.linalg.lstsq(points, x - offset, rcond=None)[0].T]
+        guesses = [np.linalg.lstsq(points, x, rcond=None)[0].T]
     else:
         flat = points @ axes[:2].T
-        inside = np.linalg.lstsq(flat, x - offset, rcond=None)[0].T @ axes[:2]
+        inside = np.linalg.lstsq(flat, x, rcond=None)[0].T @ axes[:2]
         difference = inside[1] @ inside[1] - inside[0] @ inside[0]
         product = -inside[0] @ inside[1]
         across = np.sqrt(max((difference + np.hypot(difference, 2 * product)) / 2, 0))

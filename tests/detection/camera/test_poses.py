@@ -173,6 +173,22 @@ def test_intervals_hold_the_pose(count, distance_m, is_flat, sigma_px):
     assert np.all(np.mean(held, axis=0) > 0.95 - 4 * np.sqrt(0.95 * 0.05 / len(held)))
 
 
+def test_slopes_are_those_of_differences():
+    points, eye, sides = draw(np.random.default_rng(5), 8, 30.0)
+    found = solve(points, pixels(points, eye, sides, IMAGER), IMAGER, 0.3)
+    step = 1e-4
+    for k in range(3):
+        turns = (Rotation.from_rotvec(sign * step * sides[k]).apply(sides) for sign in (1, -1))
+        places = (
+            ((eye, turn) for turn in turns),
+            ((eye + sign * step * np.eye(3)[k], sides) for sign in (1, -1)),
+        )
+        for column, pair in zip((k, 3 + k), places):
+            after, before = (pixels(points, *place, IMAGER) for place in pair)
+            slope = ((after - before) / (2 * step)).ravel()
+            np.testing.assert_allclose(found.slopes[:, column], slope, atol=1e-5 * abs(slope).max())
+
+
 def test_errors_fall_with_the_square_root_of_the_points():
     """Each point four times: the same pose, and half of the errors."""
     points, eye, sides = draw(np.random.default_rng(5), 8, 30.0)
