@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mi_lcair.coincident import unit_normals, weld
 from mi_lcair.plugins.emission.triangles import (
@@ -53,12 +54,13 @@ class ModelEdges:
     """The edges of triangles at which a surface may end, as a point or a direction sees it.
 
     ends: two vertices of each edge (E, 2). opposite: the third vertex of each of its triangles, -1
-    for none, (E, K). Edges between two triangles in one plane are left out.
+    for none, (E, K). beside: the numbers of these triangles, (E, K). Edges between two triangles of
+    one kind in one plane are left out.
 
-    vertices: (V, 3) [m]. triangles: their vertices (T, 3).
+    vertices: (V, 3) [m]. triangles: their vertices (T, 3). kinds: a number of each triangle, (T,).
     """
 
-    def __init__(self, vertices: np.ndarray, triangles: np.ndarray):
+    def __init__(self, vertices: np.ndarray, triangles: np.ndarray, kinds=None):
         same, size = weld(vertices), np.ptp(vertices, axis=0).max()
         sides = np.concatenate([np.roll(triangles, k, axis=1) for k in range(3)])
         ends = np.sort(same[sides[:, :2]], axis=1)
@@ -70,6 +72,8 @@ class ModelEdges:
         place = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
         opposite = np.full((len(unique), count.max()), -1)
         opposite[edge[order], place] = sides[order, 2]
+        beside = np.full(opposite.shape, -1)
+        beside[edge[order], place] = order % len(triangles)
         a, b = vertices[unique].swapaxes(0, 1)
         self.length = np.linalg.norm(b - a, axis=1)
         third = vertices[opposite] - a[:, None]
@@ -82,8 +86,11 @@ class ModelEdges:
         across = np.cross(normal, along)
         far = np.einsum("ek,ejk->ej", across, third)
         beyond = np.where(opposite >= 0, far * far[:, :1], 1).min(axis=1) < 0
-        keep = ~((height < FLAT * size) & beyond) & (self.length > 0)
-        self.ends, self.opposite, self.length = unique[keep], opposite[keep], self.length[keep]
+        of_kind = np.zeros(len(triangles)) if kinds is None else kinds
+        alike = (of_kind[beside] == of_kind[beside[:, :1]])[:, 1:] | (beside[:, 1:] < 0)
+        keep = ~((height < FLAT * size) & beyond & alike.all(axis=1)) & (self.length > 0)
+        self.ends, self.opposite, self.beside = unique[keep], opposite[keep], beside[keep]
+        self.length = self.length[keep]
 
 
 @dataclass(frozen=True)
@@ -139,11 +146,12 @@ class EdgePoint:
 class AttachedPaths:
     """Paths that are attached to the triangles of a `MovedMesh`, and their derivatives.
 
-    surface: the MovedMesh. starts: the `Choice` of the triangles on which paths begin. Call its
-    methods while the scene is prepared. tracer: the scene's `PathTracer`.
+    surface: the MovedMesh. starts: the `Choice` of the triangles on which paths begin; None for
+    paths that begin on the film. kinds: see `ModelEdges`. Call its methods while the scene is
+    prepared. tracer: the scene's `PathTracer`.
     """
 
-    def __init__(self, surface, sensor, tracer, starts: Choice):
+    def __init__(self, surface, sensor, tracer, starts: Choice | None, kinds=None):
         self.surface, self.sensor, self.tracer = surface, sensor, tracer
         self.scene, self.walk, self.emitters = tracer.scene, tracer.paths, tracer.emitters
         self.rays, self.number = ParallelRays.of(sensor), numbers_of_triangles(surface.meshes)
@@ -152,9 +160,7 @@ class AttachedPaths:
         order = [triangle_vertices(mesh) + first for mesh, first in zip(surface.meshes, ends)]
         self.corners = mi.UInt32(np.ravel(np.concatenate(order)).astype(np.uint32))
         self.extent = float(np.linalg.norm(np.ptp(vertices, axis=0)))
-        area, _ = surface.in_view(sensor, vertices)
-        self.aim = FacetStarts.at(surface.meshes, vertices[surface.triangles], area, starts)
-        self.edges = ModelEdges(vertices, surface.triangles)
+        self.edges = ModelEdges(vertices, surface.triangles, kinds)
         self.ends = mi.UInt32(np.ravel(self.edges.ends).astype(np.uint32))
         self.opposite = mi.UInt32(np.ravel(self.edges.opposite).astype(np.int64) % 2**32)
         self.by_length = self.choice(self.edges.length) if len(self.edges.length) else None
@@ -163,7 +169,10 @@ class AttachedPaths:
         self.emitting = Choice(emitted) if emitted.any() else None
         density = np.zeros(1) if self.emitting is None else self.emitting.probability / areas
         self.drawn_density = mi.Float(np.append(0.0, density))
-        self.silhouettes = self.seen_by_sensor()
+        if starts is not None:
+            area, _ = surface.in_view(sensor, vertices)
+            self.aim = FacetStarts.at(surface.meshes, vertices[surface.triangles], area, starts)
+            self.silhouettes = self.seen_by_sensor()
 
     def choice(self, lengths: np.ndarray) -> tuple:
         """What draws an edge by a length of each, (E,), and the density along each edge [1/m]."""
@@ -185,15 +194,21 @@ class AttachedPaths:
             return None
         return self.choice(length * one_side)
 
-    def meets_itself(self) -> bool:
+    def meets_itself(self, velocities=None) -> bool:
         """Whether an edge of the model passes through or touches a triangle of another part of it.
 
         Where parts pass through each other, what is seen of them ends at a curve that is no edge.
-        Where they touch, they may come apart or pass through each other.
+        Where they touch, they may come apart or pass through each other. With velocities of the
+        vertices (V, 3), this counts only if they do, but so does what lies on an edge or a vertex.
         """
         vertices, edges = self.surface.vertices, self.edges
         if not len(edges.ends):
             return False
+        if velocities is not None:
+            slowest = TURN * np.abs(velocities).max()
+            together = np.abs(velocities - velocities[weld(vertices)]).max() <= slowest
+            if not together or self.ends_within_edges():
+                return True
         a, b = (vertices[edges.ends[:, k]] for k in range(2))
         along, inset = (b - a) / edges.length[:, None], INSET * self.extent
         lengths = np.maximum(edges.length - 2 * inset, 0)
@@ -204,17 +219,38 @@ class AttachedPaths:
         into /= np.linalg.norm(into, axis=1, keepdims=True)
         normal = np.cross(along[edge], into)
         beyond = [a[edge] + t * (b - a)[edge] - inset * (into + normal) for t in PLACES]
-        rays = [(np.arange(len(a)), a + inset * along, along, lengths)]
-        rays += [(edge, start, normal, np.full(len(edge), 2 * inset)) for start in beyond]
-        number, start, to, length = map(np.concatenate, zip(*rays))
+        rays = [(np.arange(len(a)), a + inset * along, along, lengths, np.full(len(a), np.nan))]
+        short = np.full(len(edge), 2 * inset)
+        rays += [(edge, o, normal, short, 0 * short + t) for o, t in zip(beyond, PLACES)]
+        number, start, to, length, t = map(np.concatenate, zip(*rays))
         ray = mi.Ray3f(mi.Point3f(start.T), mi.Vector3f(to.T), mi.Float(length), 0, [])
         pi = self.scene.ray_intersect_preliminary(ray)
         hit = self.number.at(pi.shape, pi.prim_index, pi.is_valid()).numpy().astype(int) - 1
-        met, number, to = hit[hit >= 0], number[hit >= 0], to[hit >= 0]
+        met, number, to, t = (values[hit >= 0] for values in (hit, number, to, t))
         same, triangles = weld(vertices), self.surface.triangles[met]
         shares = (same[triangles][:, :, None] == same[edges.ends[number, None]]).any(axis=(1, 2))
-        steep = np.abs(np.sum(unit_normals(vertices[triangles]) * to, axis=1)) > GRAZING
-        return bool((~shares & steep).any())
+        normals = unit_normals(vertices[triangles])
+        meets = ~shares & (np.abs(np.sum(normals * to, axis=1)) > GRAZING)
+        if velocities is not None and meets.any():
+            u, v = pi.prim_uv.numpy()[:, hit >= 0]
+            of_edges = np.einsum("kn,nkx->nx", [1 - t, t], velocities[edges.ends[number]])
+            corners = self.corners.numpy().reshape(-1, 3)[met]
+            apart = of_edges - np.einsum("kn,nkx->nx", [1 - u - v, u, v], velocities[corners])
+            apart = np.abs(np.sum(normals * apart, axis=1))
+            meets &= ~(apart <= slowest)  # NaN where an edge passes through
+        return bool(meets.any())
+
+    def ends_within_edges(self) -> bool:
+        """Whether an edge ends within another one, so that both are the edge of a surface."""
+        vertices, edges = self.surface.vertices, self.edges
+        ends = np.unique(weld(vertices)[edges.ends])
+        a, b = vertices[edges.ends].swapaxes(0, 1)
+        near = cKDTree(vertices[ends]).query_ball_point((a + b) / 2, edges.length * (0.5 - TURN))
+        edge, point = np.repeat(np.arange(len(near)), list(map(len, near))), vertices[ends]
+        point = point[np.concatenate(near).astype(int)] - a[edge]
+        along = ((b - a) / edges.length[:, None])[edge]
+        beside = np.linalg.norm(np.cross(along, point), axis=1)
+        return bool((beside < INSET * self.extent).any())
 
     # -------------------------------------------------------------------- Attached geometry
 
@@ -320,8 +356,11 @@ class AttachedPaths:
         pi, active = facet.first_hit(self.scene, self.emitters.sheets, ray)
         weight = dr.select(active, weight, 0)
         si = pi.compute_surface_interaction(ray, mi.RayFlags.All, active)
-        place, toward = self.attach(si, pi, active), mi.Vector3f(-ray.d)
-        most, throughput = self.walk.max_bounces, mi.Float(1)
+        return self.follow(sampler, ray, si, self.attach(si, pi, active), active), weight, start
+
+    def follow(self, sampler, ray, si, place, active) -> mi.Float:
+        """Radiance of paths from the first place that they meet, with its derivatives."""
+        most, throughput, toward = self.walk.max_bounces, mi.Float(1), mi.Vector3f(-ray.d)
         L = place.emission(self.scene, toward, active)
         at_edge, number = None, sampler.next_1d()
         for bounce in range(most):
@@ -361,7 +400,7 @@ class AttachedPaths:
         self.radiance = dr.detach(L)
         if at_edge is not None and self.by_length is not None:
             L += self.beside_edges(at_edge, sampler)
-        return L, weight, start
+        return L
 
     def drawn(self, place, toward, bsdf, choice, point, active) -> mi.Float:
         """What a drawn point of a triangle that emits brings, with its derivatives.

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
@@ -13,6 +14,7 @@ from mi_lcair.charts import ChannelImages, Scale, named_channels
 from mi_lcair.declared import Bounds
 from mi_lcair.derivatives import window
 from mi_lcair.derivatives.common_numbers import METHOD, renders_beside
+from mi_lcair.derivatives.frames import ALONG_FRAME, along_frame
 from mi_lcair.derivatives.motions.differences import ON_FILM
 from mi_lcair.errors import InputError, unknown
 from mi_lcair.formats import pixel_axes
@@ -64,7 +66,7 @@ class DerivativeImages(Result):
     missed : ndarray, shape (1 + K, height, width)
         Standard errors of the radiance and the derivatives from sources that no path has met.
     method : tuple of str
-        How each derivative was found, as for `Sensitivities`.
+        How each derivative was found, as for `Sensitivities`, or "edges and attached paths".
     scene_name, band : str
         Names of the scene and of its band.
     units : tuple of str
@@ -251,10 +253,16 @@ def differentiate_image(
             method |= batch.method
             for name, channels in batch.channels.items():
                 images[name] = images_of(total, windows, channels).astype(np.float32)
+    moved = [name for name in differenced if kinds[name] == "motion"]
+    along = along_frame(
+        scene, moved, windows, sampling, partial(difference_of_images, scene, windows)
+    )
     for name in differenced:
-        *ends, step = renders_beside(scene, name, windows, sampling, Measurands.of(None))
-        high, low = (images_of(end, windows) for end in ends)
-        images[name] = ((high - low) / step).astype(np.float32)
+        if name in along:
+            images[name] = along[name].reshape(radiance.shape).astype(np.float32)
+            method[name] = ALONG_FRAME
+            continue
+        images[name] = difference_of_images(scene, windows, name, sampling).astype(np.float32)
         method[name] = ON_FILM if kinds[name] == "motion" else METHOD
     # A motion moves what paths have met
     still = [name for name in names if kinds[name] != "motion"]
@@ -273,6 +281,13 @@ def differentiate_image(
         band=scene.band.label,
         units=units(scene, names),
     )
+
+
+def difference_of_images(scene: Scene, windows: Windows, name: str, sampling: Sampling):
+    """Derivatives with respect to a parameter from two renders, (R, height, width)."""
+    *ends, step = renders_beside(scene, name, windows, sampling, Measurands.of(None))
+    high, low = (images_of(end, windows) for end in ends)
+    return (high - low) / step
 
 
 def randomised_images(scene: Scene, sampling: Sampling, randomisations: int) -> np.ndarray:

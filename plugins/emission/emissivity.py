@@ -158,17 +158,11 @@ def emissivity_of(bsdf) -> Emissivity | Emissivities:
         return Emissivity("attribute", flags)
     if kinds == {"SmoothDiffuse"}:
         return Emissivity("diffuse", flags)
-    textures = [
-        child
-        for layer in layers
-        for child in derivatives.children(layer)
-        if isinstance(child, mi.Texture)
-    ]
     # Mitsuba's BSDFs do not set the flag SpatiallyVarying, so their textures are checked
     for is_so, word in (
         (flags & mi.BSDFFlags.Transmission, "transmits"),
         (flags & mi.BSDFFlags.Anisotropic, "is anisotropic"),
-        (any(texture.is_spatially_varying() for texture in textures), "varies over the surface"),
+        (is_textured(bsdf), "varies over the surface"),
     ):
         if is_so:
             raise InputError(
@@ -176,6 +170,15 @@ def emissivity_of(bsdf) -> Emissivity | Emissivities:
                 "give the thermal emitter an `emissivity`"
             )
     return Emissivities(bsdf, flags)
+
+
+def is_textured(bsdf) -> bool:
+    """Whether a texture of a BSDF, or of those inside it, varies over the surface."""
+    return any(
+        child.is_spatially_varying() if isinstance(child, mi.Texture) else is_textured(child)
+        for child in derivatives.children(bsdf)
+        if isinstance(child, mi.Texture | mi.BSDF)
+    )
 
 
 def sampled_HDR(bsdf, side: int, with_derivatives: bool) -> list:

@@ -187,6 +187,17 @@ def poses_around(scene, name: str, step: float) -> list[dict[str, float]]:
     return [{name: value + 2 * step}, {name: value - 2 * step}]
 
 
+def velocities_of(scene, name: str) -> np.ndarray:
+    """Velocities of the vertices of all meshes of the model in a motion, (V, 3) [m per unit]."""
+    pose, motion, ends = ScenePose.of(scene), known_motions(scene)[name], []
+    value = value_of(scene, motion)
+    step = TINY * scale_of(motion, value)
+    for end in (value + step, value - step):
+        values = {**pose.values, name: end}
+        ends.append(np.concatenate([pose.vertices(m, values) for m in meshes_of_model(scene)]))
+    return (ends[0] - ends[1]) / (2 * step)
+
+
 @dataclass(eq=False)
 class Differences:
     """Differences of a number that renders give, with respect to one motion.
@@ -350,7 +361,8 @@ class Differences:
             return None
         if expected < FINE * slope:
             return None
-        place, seed = (self.scene, self.camera, self.velocities()), self.sampling.seed
+        velocities = velocities_of(self.scene, self.name)
+        place, seed = (self.scene, self.camera, velocities), self.sampling.seed
         few = slope_along(*place, 2 * PILOT_PATHS, seed)
         if few is None:
             return None
@@ -366,16 +378,6 @@ class Differences:
         if result.error > expected:  # as where no path has begun on some triangles
             return None
         return replace(result, one_sided_errors=(result.error,) * 2)
-
-    def velocities(self) -> np.ndarray:
-        """Velocities of the vertices of all meshes of the model, (V, 3) [m per unit]."""
-        pose, step = ScenePose.of(self.scene), TINY * self.scale
-        ends = []
-        for value in (self.value + step, self.value - step):
-            values = {**pose.values, self.name: value}
-            meshes = meshes_of_model(self.scene)
-            ends.append(np.concatenate([pose.vertices(mesh, values) for mesh in meshes]))
-        return (ends[0] - ends[1]) / (2 * step)
 
     def kink(self, facets: TurningFacets, reach: float, kind: DifferenceKind) -> Kink:
         """What facets that turn edge-on add, from renders of them alone beside the kink."""

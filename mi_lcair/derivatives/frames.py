@@ -1,0 +1,380 @@
+"""Derivatives of frames along motions: edges that move over the pixels, and attached paths.
+
+The radiance on the film jumps at the edges of surfaces. When these move, a pixel gains what is on
+one side of them, and loses what is on the other. Edges are cut at the borders of the pixels, and
+their speed over the film is integrated exactly. Between the edges the radiance changes as surfaces
+turn, and as what they reflect moves. Paths from fixed places of the film are attached to them.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mi_lcair.coincident import SINGLE
+from mi_lcair.derivatives.attached import EDGES, MOST_PATHS, AttachedPaths, can_attach
+from mi_lcair.derivatives.motions.differences import velocities_of
+from mi_lcair.derivatives.shape import MovedMesh
+from mi_lcair.errors import InputError
+from mi_lcair.plugins.emission.emissivity import is_textured
+from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.plugins.paths.sheets import nearest_hit
+from mi_lcair.plugins.recorders.recorder import Recorders
+from mi_lcair.rendering.facets import radiances
+from mi_lcair.rendering.motions.motion import KINDS, matrix_of
+from mi_lcair.rendering.motions.pose import known_motions
+from mi_lcair.rendering.sampling import Sampling
+from mi_lcair.rendering.statistics import check_valid
+from mi_lcair.rendering.window import Windows
+
+ALONG_FRAME = "edges and attached paths"
+FEWER = 8  # samples per pixel of all, for each of the pilot that chooses it or differences
+# Distance of a ray from an edge [pixels]; in roundings of a coordinate, the least one
+ASIDE, ROUNDINGS = 1e-4, 8
+CLEAR = 4  # distance of a ray from the ends of an edge, in its distance from the edge
+ALONG_EDGES = 8  # places along a pixel's length of an edge for each point of a pixel
+MOST_RAYS = 2**20  # of one pass beside edges
+
+
+@dataclass(frozen=True)
+class Film:
+    """Where a sensor sees points: positions (x to the right, y down) [pixels], and depths.
+
+    size: columns and rows. origin: of its rays (3,) [m]. axes: change of a point with x, y and the
+    depth (3, 3) [m]; of a `is_central` sensor, with x and y at a depth of 1. depths: least and
+    largest [m].
+    """
+
+    size: np.ndarray
+    origin: np.ndarray
+    axes: np.ndarray
+    is_central: bool
+    depths: tuple[float, float]
+
+    @staticmethod
+    def of(sensor) -> "Film":
+        corners = mi.Point2f([0, 1, 0], [0, 0, 1])
+        ray, _ = sensor.sample_ray(0, 0, corners, mi.Point2f(0.5))
+        start, d = (np.array(part, dtype=float).T for part in (ray.o, ray.d))
+        size, matrix = np.array(sensor.film().crop_size()), matrix_of(sensor)
+        is_central = sensor.class_name() == "PerspectiveCamera"
+        axis = matrix[:3, 2] / np.linalg.norm(matrix[:3, 2])
+        ends = d / (d @ axis)[:, None] if is_central else start
+        last, origin = (ends[0], matrix[:3, 3]) if is_central else (axis, start[0])
+        axes = np.stack([*(ends[1:] - ends[0]) / size[:, None], last], axis=1)
+        near = float(sensor.near_clip()) if is_central else 0.0
+        return Film(size, origin, axes, is_central, (near, near + ray.maxt[0] * (d[0] @ axis)))
+
+    def seen(self, points: np.ndarray) -> np.ndarray:
+        """Positions and depths of points (..., 3) [m], (..., 3)."""
+        place = (points - self.origin) @ np.linalg.inv(self.axes).T
+        if self.is_central:
+            place[..., :2] /= place[..., 2:]
+        return place
+
+    def speeds(self, seen: np.ndarray, velocities: np.ndarray) -> np.ndarray:
+        """Velocities of positions from those of the points in space, (..., 2)."""
+        rates = velocities @ np.linalg.inv(self.axes).T
+        if self.is_central:
+            return (rates[..., :2] - seen[..., :2] * rates[..., 2:]) / seen[..., 2:]
+        return rates[..., :2]
+
+    def rays(self, position: np.ndarray, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Points (n, 3) [m] at positions (n, 2) and depths (n,), and change with the depth."""
+        x, y, along = self.axes.T
+        aside = position[:, :1] * x + position[:, 1:] * y
+        if self.is_central:
+            return self.origin + (aside + along) * depth[:, None], aside + along
+        return self.origin + aside + along * depth[:, None], np.broadcast_to(along, aside.shape)
+
+
+def within(values: np.ndarray, rates: np.ndarray, low, high) -> tuple[np.ndarray, np.ndarray]:
+    """Where values + s rates, (..., n), are from low to high: from and to which s in 0..1."""
+    rates = np.where(rates == 0, 1e-300, rates)
+    with np.errstate(over="ignore"):
+        ends = np.sort([(low - values) / rates, (high - values) / rates], axis=0)
+    return np.clip(ends[0], 0, 1), np.clip(ends[1], 0, 1)
+
+
+def parts_in_pixels(start: np.ndarray, side: np.ndarray, size) -> tuple[np.ndarray, ...]:
+    """Parts of lines start + s side, (n, 2) [pixels], in 0 < s < 1, that are in one pixel each.
+
+    Returns the line of each part, s at its ends, and its pixel, row by row.
+    """
+    low, high = within(start.T, side.T, 0, np.reshape(size, (2, 1)))
+    low, high = low.max(axis=0), np.maximum(high.min(axis=0), low.max(axis=0))
+    lines, cuts = [np.tile(np.arange(len(start)), 2)], [low, high]
+    for of, along in zip(start.T, side.T):
+        ends = np.sort([of + low * along, of + high * along], axis=0)
+        count = np.maximum(np.ceil(ends[1]) - np.floor(ends[0]) - 1, 0).astype(int)
+        line = np.repeat(np.arange(len(of)), count)
+        border = np.floor(ends[0])[line] + 1
+        border += np.arange(len(line)) - np.repeat(np.cumsum(count) - count, count)
+        lines.append(line)
+        cuts.append(np.clip((border - of[line]) / along[line], low[line], high[line]))
+    line, cut = np.concatenate(lines), np.concatenate(cuts)
+    order = np.lexsort([cut, line])
+    line, cut = line[order], cut[order]
+    some = np.flatnonzero((line[1:] == line[:-1]) & (cut[1:] > cut[:-1]))
+    line, ends = line[some], np.stack([cut[some], cut[some + 1]])
+    column, row = np.floor(start[line] + ends.mean(axis=0)[:, None] * side[line]).astype(int).T
+    return line, *ends, np.clip(row, 0, size[1] - 1) * size[0] + np.clip(column, 0, size[0] - 1)
+
+
+@dataclass(frozen=True)
+class MovingEdges:
+    """Parts of edges that move over the film, each within one pixel.
+
+    edge: number of the edge of each part, (n,). ends: positions and depths of the ends of the edge,
+    (n, 2, 3). speeds: velocities of these across the edge, times its length on the film, (K, n, 2)
+    [pixels^2 per unit]. span: where the part begins and ends, in parts of the edge on the film, (2,
+    n). pixel: (n,).
+    """
+
+    edge: np.ndarray
+    ends: np.ndarray
+    speeds: np.ndarray
+    span: np.ndarray
+    pixel: np.ndarray
+
+    @staticmethod
+    def of(film: Film, vertices: np.ndarray, ends: np.ndarray, velocities) -> "MovingEdges":
+        """Those of edges between vertices (E, 2), for velocities of all vertices, (K, V, 3)."""
+        depth = film.seen(vertices[ends])[..., 2]
+        low, high = within(depth[:, 0], depth[:, 1] - depth[:, 0], *film.depths)
+        edge = np.flatnonzero(high > low)
+        t = np.stack([low, high], axis=1)[edge, :, None]
+        points, moves = (
+            of[..., :1, :] + t * (of[..., 1:, :] - of[..., :1, :])
+            for of in (vertices[ends[edge]], velocities[:, ends[edge]])
+        )
+        seen = film.seen(points)
+        side = seen[:, 1, :2] - seen[:, 0, :2]
+        speeds = np.einsum("kntx,nx->knt", film.speeds(seen, moves), across(side))
+        line, *span, pixel = parts_in_pixels(seen[:, 0, :2], side, film.size)
+        moving = np.abs(speeds[:, line]).max(axis=(0, 2)) > 0
+        line = line[moving]
+        span = np.array(span)[:, moving]
+        return MovingEdges(edge[line], seen[line], speeds[:, line], span, pixel[moving])
+
+    def strata(self, points: int) -> "MovingEdges":
+        """Equal parts of the parts, as many as `points` for each pixel of length."""
+        side = np.linalg.norm(self.ends[:, 1, :2] - self.ends[:, 0, :2], axis=1)
+        count = np.ceil(points * np.diff(self.span, axis=0)[0] * side).astype(int)
+        number = np.repeat(np.arange(len(count)), count)
+        k = np.arange(len(number)) - np.repeat(np.cumsum(count) - count, count)
+        low, high = self.span[:, number]
+        each = (high - low) / count[number]
+        return replace(self.some(number), span=np.array([low + k * each, low + (k + 1) * each]))
+
+    def some(self, which) -> "MovingEdges":
+        return MovingEdges(
+            self.edge[which],
+            self.ends[which],
+            self.speeds[:, which],
+            self.span[:, which],
+            self.pixel[which],
+        )
+
+    @property
+    def swept(self) -> np.ndarray:
+        """Areas over which the parts move, (K, n) [pixels^2 per unit]; exact."""
+        low, high = self.span
+        middle = (low + high) / 2
+        return (high - low) * ((1 - middle) * self.speeds[..., 0] + middle * self.speeds[..., 1])
+
+
+def across(side: np.ndarray) -> np.ndarray:
+    """Vectors (n, 2) perpendicular to others, and as long."""
+    return np.stack([-side[:, 1], side[:, 0]], axis=1)
+
+
+class Frame:
+    """A frame of a scene, and its derivatives along motions. Use it while the scene is prepared.
+
+    surface: MovedMesh. windows: the pixels. paths: the AttachedPaths.
+    """
+
+    def __init__(self, surface: MovedMesh, windows: Windows, tracer):
+        meshes, self.windows = surface.meshes, windows
+        of_mesh = np.repeat(np.arange(len(meshes)), [mesh.face_count() for mesh in meshes])
+        shown = np.stack([of_mesh, radiances(meshes)], axis=1)
+        kinds = np.unique(shown, axis=0, return_inverse=True)[1].ravel()
+        self.paths = AttachedPaths(surface, windows.sensor, tracer, None, kinds)
+        self.film, self.surface = Film.of(windows.sensor), surface
+
+    @staticmethod
+    def of(scene, windows: Windows, tracer) -> "Frame | None":
+        """The frame of a sensor; None if paths from fixed places of it cannot be attached."""
+        if windows.sensor.class_name() not in KINDS or not can_attach(scene, tracer):
+            return None
+        try:
+            surface = MovedMesh(scene, None)
+        except InputError:  # a triangle without area
+            return None
+        varies = [is_textured(mesh.bsdf()) for mesh in surface.meshes]
+        emitters = filter(None, (mesh.emitter() for mesh in surface.meshes))
+        varies += [emitter.facet_radiance() is None for emitter in emitters]
+        return None if any(varies) else Frame(surface, windows, tracer)
+
+    # ------------------------------------------------------------------ Edges on the film
+
+    def moving_edges(self, velocities: np.ndarray, seed: int, points: int) -> np.ndarray:
+        """What edges that move over the pixels bring, (R, K, pixels).
+
+        velocities: of all vertices, (K, V, 3) [m per unit]. points: of each randomisation.
+        """
+        vertices, R = self.surface.vertices, self.windows.randomisations
+        edges = MovingEdges.of(self.film, vertices, self.paths.edges.ends, velocities)
+        strata = edges.strata(ALONG_EDGES * points)
+        total = np.zeros((R, len(velocities), self.windows.count))
+        for first in range(0, len(strata.edge), MOST_RAYS // R):
+            some = strata.some(slice(first, first + MOST_RAYS // R))
+            step = self.step_across(some, seed, first)
+            for r, k in np.ndindex(total.shape[:2]):
+                total[r, k] += np.bincount(some.pixel, step[r] * some.swept[k], self.windows.count)
+        return total
+
+    def step_across(self, edges: MovingEdges, seed: int, first: int) -> np.ndarray:
+        """Radiance before edges minus that behind them, at one place of each part, (R, n).
+
+        0 where something hides them. first: number of the first one.
+        """
+        film, R, n = self.film, self.windows.randomisations, len(edges.edge)
+        low, high = edges.span
+        random = np.random.default_rng([seed, first]).random((R, n))
+        s = (low + (high - low) * random).ravel()
+        (a, b), edge = np.tile(edges.ends, (R, 1, 1)).swapaxes(0, 1), np.tile(edges.edge, R)
+        pitch = np.linalg.norm(film.axes[:, 0])  # [m]
+        if film.is_central:
+            pitch = pitch * np.minimum(a[:, 2], b[:, 2])
+        rounding = ROUNDINGS * SINGLE * np.abs(self.surface.vertices).max()
+        aside, side = np.maximum(ASIDE, rounding / pitch), (b - a)[:, :2]
+        aside /= np.linalg.norm(side, axis=1)
+        # Close to its ends, a ray beside an edge may meet the next triangle
+        margin = np.minimum(CLEAR * aside, 0.5)
+        s = np.clip(s, margin, 1 - margin)
+        depth = (1 - s) * a[:, 2] + s * b[:, 2]
+        if film.is_central:
+            depth = 1 / ((1 - s) / a[:, 2] + s / b[:, 2])
+        place, aside = a[:, :2] + s[:, None] * side, aside[:, None] * across(side)
+        radiance, is_own = zip(
+            *(
+                self.radiance(place + move, depth, edge, Launch(1, 1, seed ^ EDGES, R, n, first))
+                for move in (-aside, aside)
+            )
+        )
+        return np.where(np.any(is_own, axis=0), radiance[0] - radiance[1], 0).reshape(R, n)
+
+    def radiance(self, place, depth, edge, launch: Launch) -> tuple[np.ndarray, np.ndarray]:
+        """Radiance at places of the film (n, 2), and whether a triangle at an edge is seen, (n,).
+
+        depth: of the edge, (n,) [m].
+        """
+        paths, film = self.paths, self.film
+        near = np.maximum(depth - paths.extent, film.depths[0])
+        start, to = film.rays(place, near)
+        length = np.linalg.norm(to, axis=1)
+        farthest = mi.Float((film.depths[1] - near) * length)
+        direction = mi.Vector3f(*(to / length[:, None]).T)
+        ray = mi.Ray3f(mi.Point3f(*start.T), direction, farthest, 0, [])
+        pi = nearest_hit(paths.scene, paths.emitters.sheets, ray)
+        sampler, *_ = launch.paths_from(self.windows.sensor.sampler()).begin()
+        (L, _), _, _ = paths.walk.walk(sampler, (ray, pi), mi.Bool(True), Recorders([]))
+        L = np.broadcast_to(L[0].numpy(), depth.shape)
+        check_valid(int(np.sum(~np.isfinite(L))), len(L), self.surface.scene.name)
+        met = paths.number.at(pi.shape, pi.prim_index, pi.is_valid()).numpy().astype(int)
+        return L, (paths.edges.beside[edge] == np.where(met > 0, met - 1, -2)[:, None]).any(axis=1)
+
+    # -------------------------------------------------------------- Between the edges
+
+    def interior(self, velocities: np.ndarray, seed: int, points: int) -> np.ndarray:
+        """What paths from fixed places of the film bring, (R, K, pixels)."""
+        windows, bounces = self.windows, max(1, self.paths.walk.max_bounces)
+        total, every = 0.0, np.arange(windows.count)
+        step = max(1, MOST_PATHS // (bounces * windows.count * windows.randomisations))
+        for first in range(0, points, step):
+            some = min(step, points - first)
+            rows = MOST_PATHS // bounces // some
+            launches = windows.launches(every, first, some, seed, None, rows)
+            parts = [self.along(velocities, launch) for launch in launches]
+            total += np.concatenate(parts, axis=-1)
+        return total / points
+
+    def along(self, velocities: np.ndarray, launch: Launch) -> np.ndarray:
+        """Sums of the derivatives along the paths of some pixels, (R, K, windows)."""
+        paths, sensor = self.paths, self.windows.sensor
+        paths.block, sums = mi.UInt32(0), []
+        paths.positions = mi.Float(np.ravel(self.surface.vertices))
+        dr.enable_grad(paths.positions)
+        sampler, column, row, position, *_ = launch.paths_from(sensor.sampler()).begin()
+        place = (mi.Point2f(column, row) + position) / mi.Point2f(self.film.size.tolist())
+        ray, _ = sensor.sample_ray(0, 0, place, mi.Point2f(0.5))
+        pi = nearest_hit(paths.scene, paths.emitters.sheets, ray)
+        si = pi.compute_surface_interaction(ray, mi.RayFlags.All)
+        first = paths.attach(si, pi, mi.Bool(True))
+        # The place on the plane of the triangle that stays on the ray
+        t = dr.dot(first.n, first.p - ray.o) / dr.dot(first.n, ray.d)
+        first.p = dr.select(si.is_valid(), ray.o + t * ray.d, first.p)
+        L = paths.follow(sampler, ray, si, first, mi.Bool(True))
+        for of in velocities:
+            dr.clear_grad(L)
+            dr.set_grad(paths.positions, mi.Float(np.ravel(of)))
+            dr.forward_from(paths.positions, flags=dr.ADFlag.ClearVertices)
+            change = dr.grad(L).numpy() if dr.grad_enabled(L) else np.zeros(1)
+            sums.append(np.broadcast_to(change, launch.paths))
+        invalid = int(np.sum(~np.isfinite(sums)))
+        check_valid(invalid, np.size(sums), self.surface.scene.name)
+        shape = len(velocities), -1, launch.randomisations, launch.points
+        return np.reshape(sums, shape).sum(axis=-1, dtype=float).transpose(2, 0, 1)
+
+
+# The choice between edges with attached paths, and differences
+# -------------------------------------------------------------
+
+
+def along_frame(
+    scene, names, windows: Windows, sampling: Sampling, difference: Callable
+) -> dict[str, np.ndarray]:
+    """Derivatives of the pixels along motions of meshes by name, (R, pixels) each.
+
+    Motions whose differences have less error are left out, and those for which there is no `Frame`.
+    difference: gives the difference for a name and a sampling, (R, pixels).
+    """
+    motions = known_motions(scene)
+    names = [name for name in names if motions[name].shapes]
+    few = replace(sampling, spp=-(-sampling.spp // FEWER), progress=None)
+    with scene.prepared() as tracer:
+        frame = Frame.of(scene, windows, tracer) if names else None
+        if frame is None:
+            return {}
+        velocities = {name: velocities_of(scene, name) for name in names}
+        names = [name for name in names if not frame.paths.meets_itself(velocities[name])]
+        seed, points = sampling.seed, windows.points(few.spp)
+        pilots = {}
+        for name in names:
+            of = velocities[name][None]
+            pilots[name] = frame.moving_edges(of, seed, points), frame.interior(of, seed, points)
+    changing = {name for name, (_, interior) in pilots.items() if interior.any()}
+    names = [
+        name
+        for name in names
+        if name not in changing or noise(sum(pilots[name])[:, 0]) < noise(difference(name, few))
+    ]
+    if not names:
+        return {}
+    of, changing = np.array([velocities[name] for name in names]), changing.intersection(names)
+    points = windows.points(sampling.spp)
+    with scene.prepared() as tracer:
+        frame = Frame.of(scene, windows, tracer)
+        total = frame.moving_edges(of, seed, points)
+        if changing:
+            total += frame.interior(of, seed, points)
+    return {name: total[:, k] for k, name in enumerate(names)}
+
+
+def noise(images: np.ndarray) -> float:
+    """Sum of the variances of the pixels over the randomisations (R, pixels)."""
+    return float(images.var(axis=0).sum())

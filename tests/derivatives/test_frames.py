@@ -1,0 +1,226 @@
+"""Derivatives of frames along motions, against areas of polygons on the film and closed forms.
+
+A black body has the radiance L = sigma T^4 / pi everywhere. A pixel is then L times the part of it
+that the body covers.
+"""
+
+import mitsuba as mi
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull
+
+import mi_lcair
+from mi_lcair.derivatives.frames import ALONG_FRAME, parts_in_pixels
+from mi_lcair.derivatives.motions.differences import ON_FILM
+from mi_lcair.plugins.emission.triangles import triangle_vertices, vertex_positions
+from mi_lcair.rendering.window import window_area
+from tests.derivatives.motions import test_differences as closed
+from tests.derivatives.motions.test_differences import CUBE, L, convex_hull, mesh
+
+SIZE, FOV, AT = 12, 25.0, np.array([4.0, 0.7, 1.3])
+
+
+def camera(at=AT, size: int = SIZE, **more) -> dict:
+    to_world = mi.ScalarTransform4f().look_at(list(at), [0, 0, 0], [0, 0, 1])
+    film = {"type": "hdrfilm", "width": size, "height": size, "rfilter": {"type": "box"}}
+    film |= {"pixel_format": "luminance", "component_format": "float32"}
+    lattice = {"type": "lattice"}
+    sensor = {"type": "perspective", "to_world": to_world, "fov": FOV, "near_clip": 0.1}
+    return {**sensor, "film": film, "sampler": lattice, **more}
+
+
+def scene_of(*shapes, max_bounces: int = 0, **settings):
+    integrator = {"type": "bounce_path", "max_bounces": max_bounces}
+    scene = {"type": "scene", "integrator": integrator, "sensor": camera(**settings)}
+    scene |= {f"shape{k}": shape for k, shape in enumerate(shapes)}
+    return mi_lcair.load(mi.load_dict(scene, optimize=False))
+
+
+def derivative(scene, *names: str, spp: int = 16, method: str = ALONG_FRAME):
+    """Derivatives of the pixels, (K, rows, columns), and their errors."""
+    found = mi_lcair.derivative_images(scene, names, spp=spp)
+    assert found.method == (method,) * len(names)
+    return found.derivative, found.derivative_error
+
+
+def on_film(points, at=AT, size: int = SIZE) -> np.ndarray:
+    """Positions of points (n, 3) on the film of a pinhole camera, (n, 2) [pixels]."""
+    forward = -at / np.linalg.norm(at)
+    right = np.cross(forward, [0, 0, 1])
+    right /= np.linalg.norm(right)
+    x, y, z = ((points - at) @ np.stack([right, np.cross(forward, right), forward], axis=1)).T
+    return size / 2 * (1 + np.stack([x, y], axis=1) / z[:, None] / np.tan(np.radians(FOV / 2)))
+
+
+def cut(polygon, axis: int, border: float, side: int) -> np.ndarray:
+    """The part of a convex polygon (n, 2) with side (coordinate - border) > 0."""
+    kept = []
+    for a, b in zip(polygon, np.roll(polygon, -1, axis=0)):
+        p, q = (side * (end[axis] - border) for end in (a, b))
+        kept += [a] if p > 0 else []
+        kept += [a + p / (p - q) * (b - a)] if p * q < 0 else []
+    return np.array(kept)
+
+
+def covered(points: np.ndarray, size: int = SIZE) -> np.ndarray:
+    """Parts of the pixels that the convex hull of points (n, 2) covers, (size, size)."""
+    hull, areas = points[ConvexHull(points).vertices], np.zeros((size, size))
+    for row, column in np.ndindex(areas.shape):
+        corners = hull
+        for axis, border in ((0, column), (1, row)):
+            for side in (0, 1):
+                corners = cut(corners, axis, border + side, 1 - 2 * side)
+        x, y = corners.T if len(corners) else np.zeros((2, 1))
+        areas[row, column] = abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
+    return areas
+
+
+def expected(points, moved, at=AT, size: int = SIZE, h: float = 1e-5) -> np.ndarray:
+    """Derivative of the pixels of a convex blackbody. moved: its points for a value."""
+    ends = [covered(on_film(moved(points, side * h), at, size), size) for side in (1, -1)]
+    return L * (ends[0] - ends[1]) / (2 * h)
+
+
+def close(found, to, tolerance: float = 1e-4) -> bool:
+    return np.abs(found - to).max() < tolerance * np.abs(to).max()
+
+
+TWO_SIDED = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": 0.0}}
+SQUARE = np.array([[0, y, z] for y, z in ((-0.5, -0.4), (0.5, -0.4), (0.5, 0.4), (-0.5, 0.4))])
+TURNED = closed.turned(CUBE, 25.0, "yaw_deg", np.zeros(3))
+MOTIONS = {
+    "x_m": lambda points, x: points + [x, 0, 0],
+    "y_m": lambda points, x: points + [0, x, 0],
+    "size": lambda points, x: (1 + x) * points,
+    "yaw_deg": lambda points, x: closed.turned(points, x, "yaw_deg", np.zeros(3)),
+}
+
+
+def square(name: str = "square", **settings):
+    return mesh(name, SQUARE, [[0, 1, 2], [0, 2, 3]], **settings)
+
+
+def test_square_before_a_pinhole():
+    """Seen along its normal, all of it moves toward the camera: dA / dx = 2 A / distance."""
+    at, distance = np.array([4.0, 0, 0]), 4.0
+    scene = scene_of(square(), at=at)
+    pixel = 2 * distance * np.tan(np.radians(FOV / 2)) / SIZE
+    found, error = derivative(scene, "square.x_m", "square.size", "square.y_m")
+    exact = L * 0.8 / pixel**2
+    sums = found.sum(axis=(1, 2))
+    assert sums == pytest.approx([2 / distance * exact, 2 * exact, 0], rel=1e-6, abs=1e-3)
+    assert error.max() == 0
+    # The right edge moves to the right, through pixels that it crosses from top to bottom
+    column = int(SIZE / 2 + 0.5 / pixel)
+    assert found[2][SIZE // 2, column] == pytest.approx(L / pixel, rel=1e-6)
+
+
+def split(shape):
+    """A mesh whose triangles share no vertex."""
+    triangles = triangle_vertices(shape)
+    corners = vertex_positions(shape)[triangles].reshape(-1, 3)
+    return mesh("cube", corners, np.arange(len(corners)))
+
+
+@pytest.mark.parametrize("is_split", [False, True])
+def test_turned_cube(is_split):
+    shape = convex_hull("cube", TURNED)
+    found, _ = derivative(
+        scene_of(split(shape) if is_split else shape), *map("cube.{}".format, MOTIONS)
+    )
+    for of, moved in zip(found, MOTIONS.values()):
+        assert close(of, expected(TURNED, moved))
+
+
+def test_mirrored_mesh(tmp_path):
+    """Its triangles show their backs, which emit as well."""
+    shape = convex_hull("cube", TURNED)
+    shape.write_ply(str(tmp_path / "cube.ply"))
+    emitter = {"type": "thermal", "band": "total", "temperature": 300.0, "group": "cube"}
+    mirror = mi.ScalarTransform4f().scale([1, -1, 1])
+    ply = {"type": "ply", "filename": str(tmp_path / "cube.ply"), "to_world": mirror}
+    ply |= {"bsdf": TWO_SIDED, "emitter": emitter, "face_normals": True}
+    found, _ = derivative(scene_of(mi.load_dict(ply)), "cube.y_m")
+    assert close(found[0], expected(TURNED * [1, -1, 1], MOTIONS["y_m"]))
+
+
+def test_nearer_body_hides_a_farther_one():
+    """The square behind a small cube: where they overlap, only the cube's edges count."""
+    small, at = 0.2 * TURNED + [1.0, 0, 0], np.array([4.0, 0.1, 0.2])
+    scene = scene_of(square(kelvin=400.0), convex_hull("cube", small), at=at)
+    found, _ = derivative(scene, "cube.y_m", "square.y_m", spp=64)
+    cube, large = (expected(points, MOTIONS["y_m"], at=at) for points in (small, SQUARE))
+    ratio = (400 / 300) ** 4
+    inside = (covered(on_film(small, at)) > 0) | (cube != 0)
+    assert close(found[0], (1 - ratio) * cube, 5e-4)
+    assert close(found[1], ratio * large * ~inside)
+
+
+def test_neighbours_in_one_plane():
+    """The border between two temperatures moves, though it is no silhouette."""
+    right = SQUARE + [0, 1.0, 0]
+    parts = square("left", kelvin=400.0), mesh("right", right, [[0, 1, 2], [0, 2, 3]])
+    found, _ = derivative(scene_of(*parts), "model.yaw_deg")
+    ratio = (400 / 300) ** 4
+    of = [expected(points, MOTIONS["yaw_deg"]) for points in (SQUARE, right)]
+    assert close(found[0], ratio * of[0] + of[1])
+
+
+def test_plates_light_each_other():
+    """The mean over the pixels times the window's area is an intensity of known derivative."""
+    scene, h = closed.plates(), 1e-4
+    found = mi_lcair.derivative_images(scene, ["plate.z_m"], spp=256)
+    assert found.method == (ALONG_FRAME,)
+    means = found.derivatives.mean(axis=(1, 2, 3)) * window_area(scene.sensor(0), "plates")
+    ends = [closed.light_of_plate(closed.GAP + side * h) for side in (1, -1)]
+    error = means.std(ddof=1) / np.sqrt(len(means))
+    assert means.mean() == pytest.approx((ends[0] - ends[1]) / (2 * h), abs=5 * error)
+    assert error < 0.2 * means.mean()
+
+
+def strip(begin: float):
+    """A strip at the camera's right, from some distance behind its eye or before it [m]."""
+    x, z = [begin - 4, 20, 20, begin - 4], [-0.3, -0.3, 0.3, 0.3]
+    corners = np.stack([-np.array(x), np.full(4, 0.5), z], axis=1)
+    return mesh("strip", corners, [[0, 1, 2], [0, 2, 3]], bsdf=TWO_SIDED)
+
+
+def test_an_edge_that_begins_behind_the_camera():
+    """It looks as one that begins outside of the view."""
+    at = np.array([4.0, 0, 0])
+    behind, before = (derivative(scene_of(strip(x), at=at), "strip.z_m")[0] for x in (-5, 0.5))
+    assert np.abs(before).max() > 100
+    assert close(behind, before)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [SQUARE + [0, 1.0, 0], SQUARE[:, [1, 0, 2]] + [0.2, 0, 0], 1.2 * SQUARE + [0, 1.1, 0]],
+    ids=["comes apart", "passes through", "corner on an edge"],
+)
+def test_differences_where_no_edge_ends_a_surface(other):
+    """Or where two edges of bodies that move apart are the same."""
+    scene = scene_of(square(), mesh("other", other, [[0, 1, 2], [0, 2, 3]], bsdf=TWO_SIDED))
+    derivative(scene, "square.y_m", method=ON_FILM)
+
+
+def test_parts_in_pixels():
+    """Lines through random places: parts add up, and their middles are in their pixels."""
+    random = np.random.default_rng(0)
+    start, end = random.uniform(-4, 12, (2, 200, 2))
+    line, first, last, pixel = parts_in_pixels(start, end - start, (8, 6))
+    s = random.random(4000)
+    points = start[:, None] + s[:, None] * (end - start)[:, None]
+    inside = ((points > 0) & (points < [8, 6])).all(axis=-1).mean(axis=1)
+    lengths = np.bincount(line, last - first, 200)
+    assert lengths == pytest.approx(inside, abs=0.04)
+    middle = start[line] + ((first + last) / 2)[:, None] * (end - start)[line]
+    assert pixel.tolist() == (np.floor(middle) @ [1, 8]).astype(int).tolist()
+    assert (np.abs(end - start)[line] * (last - first)[:, None]).max() < 1 + 1e-9
+
+
+def test_a_texture_is_differentiated_by_differences():
+    """The place on a surface that a pixel shows moves over its texture."""
+    image = {"type": "bitmap", "data": mi.TensorXf(np.ones((2, 2, 1)) / 2), "raw": True}
+    shape = square(bsdf={"type": "diffuse", "reflectance": image})
+    derivative(scene_of(shape), "square.y_m", method=ON_FILM)
