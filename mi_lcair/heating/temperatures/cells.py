@@ -106,6 +106,14 @@ class Cells:
         changes = np.zeros((columns, *U.shape))
         self.U, self.states = U, [(U, changes), (U, changes)]
 
+    def go_on_from(self, other: "Cells") -> None:
+        """Begin with the last state of other cells, at the same share of the depth."""
+        depths = [np.cumsum(cells.wall.dz) - cells.wall.dz / 2 for cells in (self, other)]
+        share, of_other = (np.real(depth) / np.real(depth[-1]) for depth in depths)
+        to_new = np.array([np.interp(share, of_other, one) for one in np.eye(len(of_other))])
+        self.states = [tuple(values @ to_new for values in state) for state in other.states]
+        self.U = other.U @ to_new
+
     def start_step(self, scheme: float, seconds: float) -> None:
         """Begin a step of BDF2 or, with the scheme 1, of Euler."""
         (first, changes), (last, of_last) = self.states

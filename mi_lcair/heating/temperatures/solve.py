@@ -189,7 +189,7 @@ class Course:
                 to_new = np.linalg.pinv(wall.modes[1]) @ before.modes[1]
                 self.states[..., members] = to_new @ self.states[..., members]
             for cells, before in zip(self.cells, other.cells):
-                cells.states, cells.U = list(before.states), before.U
+                cells.go_on_from(before)
 
     @property
     def scatter(self) -> np.ndarray:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from mi_lcair.declared import listed
 from mi_lcair.files import replacing
 from mi_lcair.heating.temperatures.description import GroupTable, HeatDescription
 from mi_lcair.heating.temperatures.network import LAYER, OF_INERTIA
@@ -204,7 +205,10 @@ def remarks_of(twin: Twin, found: TwinEstimate, rms: float) -> tuple[str, ...]:
                 f"{camera.name}: pixels of a facet scatter by {np.sqrt(ratio):.2g} times their "
                 "noise, which therefore counts as that much larger"
             )
+    bands = sorted({camera.scene.band.label for camera in twin.cameras})
     for u in twin.unknowns:
+        if u.is_of_scene and len(bands) > 1:
+            lines.append(f"{u.name}: counts as the same in {listed(bands)}")
         if u.is_of_scene:
             lines.append(f"{u.name}: the heat.toml has its value, but not its error")
     return tuple(lines)

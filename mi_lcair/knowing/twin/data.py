@@ -76,12 +76,15 @@ class Times:
     day: float | None
 
     def check(self, where: str, hours: np.ndarray) -> None:
-        """Raise InputError for hours outside the weather."""
+        """Raise InputError for hours outside the weather, and for one that is there twice."""
         if self.day and not (min(hours) >= 0 and max(hours) <= self.day):
             raise InputError(
                 f"{where}: hours {min(hours):g} to {max(hours):g} are not those of one "
                 "day, 0 to 24; give start_K of [run] for a series of days"
             )
+        given, counts = np.unique(hours, return_counts=True)
+        if (counts > 1).any():
+            raise InputError(f"{where}: hour {given[counts.argmax()]:g} stands in two rows")
         first, last = 2 * self.hours[0] - self.hours[1], self.hours[-1]
         if not self.day and not (first - 1e-9 <= min(hours) and max(hours) <= last + 1e-9):
             raise InputError(

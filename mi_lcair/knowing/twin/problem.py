@@ -139,6 +139,9 @@ def twin_problem(problem) -> TwinProblem | None:
             filled(CameraFrames, {"name": f"camera {k}"} | dict(values), f"[[frames]] {k}", folder)
             for k, values in enumerate(tables_of(tree, "frames"), 1)
         ]
+        names = [table.name for table in frames]
+        for name in {name for name in names if names.count(name) > 1}:
+            raise InputError(f"[[frames]]: two cameras have the name '{name}'")
         if heat.measured is None and not frames:
             raise InputError("[heat]: measured is missing; give it, or [[frames]]")
         unknowns = {}

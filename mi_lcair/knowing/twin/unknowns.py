@@ -7,7 +7,7 @@ import numpy as np
 from mi_lcair.declared import Bounds
 from mi_lcair.errors import InputError, check_known, errors_of
 from mi_lcair.estimate import Stated, relative
-from mi_lcair.heating.temperatures.description import GroupTable, sigmas_of
+from mi_lcair.heating.temperatures.description import GroupTable, LayerTable, sigmas_of
 from mi_lcair.heating.temperatures.network import LAYER, OF_INERTIA, OF_LAW, OF_WALL, Network
 from mi_lcair.knowing.inversion.tables import UnknownEntry
 from mi_lcair.rendering.parameters.entries import Parameter
@@ -19,6 +19,7 @@ KNOWN = ("h", "absorptance", "emissivity", *OF_HEAT, *OF_LAW, *OF_WALL)
 LINEAR = (
     "absorptance", "emissivity", "wetness", "back_K", "back_W_m2", "radiative", *OF_HEAT,
 )  # fmt: skip
+OF_LAYER = tuple(f.name for f in fields(LayerTable) if f.name != "material")
 LIMITS = {f.name: f.metadata["bounds"] for f in fields(GroupTable) if "bounds" in f.metadata}
 # Standard deviations of what no material says; those of others are a factor of e
 BROAD = {"absorptance": 0.2, "emissivity": 0.1, "wetness": 0.3, "back_K": 10.0}
@@ -126,13 +127,19 @@ def of_balance(group: str, key: str, network: Network) -> tuple[float, Bounds, f
     bare = (LAYER.fullmatch(key) or [key, key])[1]
     check_known("input", KNOWN, bare)
     table = network.tables[group]
+    if table.temperature is not None and key not in ("absorptance", "emissivity"):
+        raise InputError(f"group {group} has a fixed temperature, which {key} does not change")
     value = value_of(table, key)
     if value is None and key in ("absorptance", "emissivity"):
         value = of_surface(network, group, key)
     if value is None:
         raise InputError(f"{key} is missing; give a first guess in the heat.toml")
     known = (*table.by_material, "h") if table.material else ()
-    stated = {k: sigma for k, sigma in sigmas_of(table).items() if k in known}.get(key)
+    owner = table
+    if bare in OF_LAYER and table.layers:
+        owner = table.layers[int(LAYER.fullmatch(key)[2])]
+        known = OF_LAYER if owner.material else ()
+    stated = {k: sigma for k, sigma in sigmas_of(owner).items() if k in known}.get(bare)
     sigma = stated if stated is not None else BROAD.get(bare, 1.0)
     if isinstance(sigma, str):
         sigma = relative(sigma) * (value if bare in LINEAR else 1.0)
@@ -155,13 +162,16 @@ def value_of(table: GroupTable, key: str) -> float | None:
     if bare == INERTIA:
         wall = [getattr(table, name) for name in ("conductivity", "density", "heat_capacity")]
         return None if None in wall else float(np.sqrt(np.prod(wall)))
-    if number is None:
+    is_of_layer = bare != "internal_by_hour"
+    of = table.layers if is_of_layer else table.internal_by_hour
+    if number is None and is_of_layer and not (of and bare in OF_LAYER):
         return getattr(table, "h_factor" if bare == "h" else bare)
-    of = getattr(table, bare) if bare == "internal_by_hour" else table.layers
-    if int(number) >= len(of):
-        last = f"the last one is {bare}[{len(of) - 1}]" if of else f"leave [{number}] out"
+    check_known("input with a number", (*OF_LAYER, "internal_by_hour"), bare)
+    if number is None or int(number) >= len(of):
+        what = "layers" if is_of_layer else bare
+        last = f"the last one is {bare}[{len(of) - 1}]" if of else f"the heat.toml gives no {what}"
         raise InputError(f"there is no {key}; {last}")
-    return of[int(number)] if of is not table.layers else getattr(of[int(number)], bare)
+    return getattr(of[int(number)], bare) if is_of_layer else of[int(number)]
 
 
 def with_value(table: GroupTable, key: str, value: float) -> GroupTable:

@@ -24,6 +24,21 @@ def layers(*pairs):
     return {"layers": tuple(LayerTable(**values, thickness_mm=mm) for values, mm in pairs)}
 
 
+@pytest.mark.parametrize("conductivity", [0.3, 3.0])
+def test_day_after_another_wall(conductivity):
+    """A day that begins with that of a wall with other cells is the same day."""
+    conditions = weather(24, air_K=290 + 10 * np.sin(np.arange(24) / 24 * 2 * np.pi), h_W_m2_K=8.0)
+
+    def day(k, **more):
+        wall = layers((BRICK, 60.0), (FOAM | {"conductivity": k}, 40.0)) | {"back_K": 290.0}
+        return course(network([[0]], [0.0], [0.0], conditions, groups={"g0": wall}), **more)
+
+    first, alone = day(0.04), day(conductivity)
+    assert first.cells[0].U.shape != alone.cells[0].U.shape
+    after = day(conductivity, begin=first)
+    np.testing.assert_allclose(after.kelvin, alone.kelvin, atol=3e-3)
+
+
 def test_wave_through_layers():
     """1e-3 of the product of the layers' matrices [Carslaw and Jaeger, section 3.7]."""
     steps, h, back_h, contact = 144, 8.0, 5.0, 0.05

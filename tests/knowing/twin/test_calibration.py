@@ -8,6 +8,10 @@ import pytest
 import mi_lcair
 from mi_lcair import models3d, scenes
 from mi_lcair.errors import InputError
+from mi_lcair.estimate import relative
+from mi_lcair.heating.temperatures.description import HeatDescription, materials
+from mi_lcair.heating.temperatures.solve import network_of
+from mi_lcair.knowing.twin.unknowns import of_balance
 from mi_lcair.toml_table import text_of
 
 EXAMPLES = scenes.FOLDER / "examples"
@@ -128,6 +132,65 @@ def test_thick_ground_gives_only_its_inertia(folder):
 def test_bad_problems_are_refused(folder, change, message):
     with pytest.raises(InputError, match=message):
         mi_lcair.invert(problem(folder, "h") | change)
+
+
+LAYERS = [
+    {"material": "brick", "thickness_mm": 60.0},
+    {"thickness_mm": 40.0, "conductivity": 0.04, "density": 30.0, "heat_capacity": 1400.0},
+]
+
+
+@pytest.fixture(scope="module")
+def layered(folder, tmp_path_factory):
+    """A problem of a lid of two layers, the first of which conducts more than brick."""
+    path = tmp_path_factory.mktemp("layers")
+    tables = tomllib.loads((folder / "heat.toml").read_text())
+    tables["run"] = {"steps": 24, "rays": 256}
+    truth = {"layers": [LAYERS[0] | {"conductivity": 2.5}, LAYERS[1]]}
+    for name, lid in (("truth", truth), ("guess", {"layers": LAYERS})):
+        groups = tables["groups"] | {"lid": lid, "self": {"temperature": 290.0}}
+        tables["groups"] = {}
+        named = {f"groups.{group}": table for group, table in groups.items()}
+        (path / f"{name}.toml").write_text(text_of({**tables, **named}))
+        tables["groups"] = groups
+    heat = mi_lcair.heat(path / "truth.toml")
+    kelvin = heat.by_group()["lid"].value + np.random.default_rng(2).normal(0, 0.05, 24)
+    rows = "".join(f"{hour},{T}\n" for hour, T in zip(heat.hours, kelvin))
+    (path / "lid.csv").write_text(f"hour,lid\n{rows}")
+    tables = {"file": str(path / "guess.toml"), "measured": str(path / "lid.csv"), "sigma_K": 0.05}
+    return {"heat": tables}
+
+
+def test_a_layer_is_found(layered):
+    """Although another conductivity means other cells."""
+    wide = {"lid.conductivity[0]": {"prior": [0.77, 1.0]}}
+    found = mi_lcair.invert(layered | {"unknowns": wide}, advise=False)
+    assert found.verdicts == ["determined"] and found.p_value > 0.01
+    assert found.lower[0] < 2.5 < found.upper[0]
+
+
+def test_the_material_of_a_layer_is_its_prior(layered):
+    description = HeatDescription.read(layered["heat"]["file"])
+    network, _ = network_of(mi_lcair.load(description.target.scene), description)
+    sigmas = [of_balance("lid", f"conductivity[{k}]", network)[2] for k in range(2)]
+    assert sigmas == [relative(materials()["brick"]["conductivity"].partition("+-")[2].strip()), 1]
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("lid.conductivity", r"no conductivity; the last one is conductivity\[1\]"),
+        ("lid.conductivity[2]", r"the last one is conductivity\[1\]"),
+        ("lid.h[0]", "unknown input with a number 'h'"),
+        ("terrain.internal_by_hour[3]", "the heat.toml gives no internal_by_hour"),
+        ("terrain.internal_by_hour", "the heat.toml gives no internal_by_hour"),
+        ("terrain.density[0]", "the heat.toml gives no layers"),
+        ("self.h", "group self has a fixed temperature, which h does not change"),
+    ],
+)
+def test_unknowns_without_a_value_are_refused(layered, name, message):
+    with pytest.raises(InputError, match=message):
+        mi_lcair.invert(layered | {"unknowns": {name: {}}})
 
 
 def test_hours_of_a_series_are_those_of_its_weather(folder, tmp_path):

@@ -149,6 +149,11 @@ BAD = {
     "size": ({"parameters": {"band": "LWIR", "resolution": 16}}, "has 32 x 32 pixels"),
     "noise": ({"netd_mK": 0.0}, "netd_mK"),
     "gain": ({"gain_sigma": "three"}, "gain_sigma|three"),
+    "mask": ({"mask": "mask.npy"}, "the mask has 4 x 4 pixels"),
+    "twice": (
+        {"list": "hour,image\n3,frame_00.npy\n3,frame_01.npy\n"},
+        "hour 3 stands in two rows",
+    ),
     "column": ({"list": "hour,image,moon.temperature\n3,frame_00.npy,4\n"}, "moon.temperature"),
 }
 
@@ -160,8 +165,17 @@ def test_bad_frames_are_refused(problem, folder, case):
     if "list" in change:
         (folder / "bad.csv").write_text(change["list"])
         change = {"list": str(folder / "bad.csv")}
+    if "mask" in change:
+        np.save(folder / "mask.npy", np.ones((4, 4)))
+        change = {"mask": str(folder / "mask.npy")}
     with pytest.raises(InputError, match=message):
         mi_lcair.invert(tree | {"frames": [tree["frames"][0] | change]})
+
+
+def test_cameras_of_one_name_are_refused(problem):
+    frames = problem[0]["frames"][0] | {"name": "mast"}
+    with pytest.raises(InputError, match="two cameras have the name 'mast'"):
+        mi_lcair.invert(problem[0] | {"frames": [frames, frames]})
 
 
 def test_inertia_beside_its_part_is_refused(problem):

@@ -109,7 +109,7 @@ def values_that_count(measurement, channel, quantity, band: Band, size: tuple[in
     plateau = np.zeros_like(counts)
     if measurement.mask is not None:
         mask, _ = read_values(measurement.mask, None, "mask", band)
-        check_size(measurement.mask, mask, size)
+        check_size(measurement.mask, mask, size, "mask")
         counts &= np.isfinite(mask) & (mask != 0)
     if measurement.saturation is None and counts.any():
         plateau = is_on_plateau(values, counts)
@@ -163,12 +163,12 @@ def check_radiance(path, values: np.ndarray, predicted: np.ndarray, band: Band) 
         )
 
 
-def check_size(path, values: np.ndarray, size: tuple[int, int]) -> None:
+def check_size(path, values: np.ndarray, size: tuple[int, int], what: str = "image") -> None:
     """Raise InputError for an image that is not of the size (height, width) of the film."""
     if values.shape != tuple(size):
         raise InputError(
-            f"{path}: has {values.shape[1]} x {values.shape[0]} pixels, and the scene's film "
-            f"{size[1]} x {size[0]}; render the scene at the size of the image"
+            f"{path}: the {what} has {values.shape[1]} x {values.shape[0]} pixels, and the scene's "
+            f"film {size[1]} x {size[0]}; give both the same size"
         )
 
 
