@@ -444,7 +444,9 @@ def test_a_camera_that_rolls_to_the_right_turns_its_image_to_the_left(folder):
 
 def test_unusable_input_is_one_line(folder):
     values = np.ones((4, 5))
+    outside = np.ones((4, 5)) * [[1, 1, 1, 1, 1]] + np.eye(4, 5, 1) * [0, 0, 0, 0, 900]
     for points, options, message in (
+        (outside, {}, "point 4: column 1, row 901 is far outside the frame"),
         (np.ones((4, 4)), {}, r"points must be an array \(n, 5\)"),
         (values, {"sigma_px": -1}, "sigma_px"),
         (values, {"parameters": {"camera.projection": "orthographic"}}, "needs a table .camera."),
