@@ -351,11 +351,11 @@ def folder(tmp_path, monkeypatch):
 def test_a_pose_found_again_is_that_of_the_scenario(folder, azimuth, elevation, roll):
     """From exact pixels; the written scenario has the same eye and sides, at poles, too."""
     entries = {
-        "observer.range_m": 200.0,
+        "observer.range_m": 400.0,
         "observer.azimuth_deg": azimuth,
         "observer.elevation_deg": elevation,
-        "camera.right_deg": 0.7,
-        "camera.up_deg": -0.4,
+        "camera.right_deg": 0.1,
+        "camera.up_deg": -0.05,
         "camera.roll_deg": roll,
     }
     eye, sides = camera(scenario := Scenario.read("plate.toml", **entries))
