@@ -17,7 +17,6 @@ from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.columns.tables import (
     CELLS,
     ColumnTables,
-    differentiated,
     incoming_radiance,
     kind_of,
     pilot_launch,
@@ -53,16 +52,24 @@ class Control:
         return dr.gather(mi.Float, self.tables.incoming, place, number > 0)
 
 
-def control_of(tracer, sensor, seed: int) -> Control | None:
-    """The control variate for the gradients that are enabled; None if no surface has any.
+def has_scores(bsdf) -> bool:
+    """Whether scores of a BSDF that is known are noisy: a diffuse one has the weight HDR."""
+    kind = kind_of(bsdf)
+    if kind is None or is_plume(bsdf) or kind.lobe == "diffuse":
+        return False
+    return kind.model != "grey" or bsdf.least_share > 0
+
+
+def control_of(tracer, differentiated, sensor, seed: int) -> Control | None:
+    """The control variate for the gradients that are enabled; None if no surface needs it.
 
     tracer: the `PathTracer`, whose pilot measures the incoming radiance. It has its own numbers.
+    differentiated: the BSDFs that have gradients.
     """
-    objects = nodes(tracer.scene)
-    surfaces = [b for b in differentiated(objects) if kind_of(b) is not None and not is_plume(b)]
+    surfaces = [b for b in differentiated if has_scores(b)]
     if not surfaces:
         return None
-    tables = ColumnTables.of_surfaces(objects, surfaces)
+    tables = ColumnTables.of_surfaces(nodes(tracer.scene), surfaces)
     channels = Channels(None, tables=tables)
     # The numbers of the pilot must not be those of the render
     arriving = tracer.trace(sensor, pilot_launch(seed ^ 0x5EED, 1), channels).channels

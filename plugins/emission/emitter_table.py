@@ -17,7 +17,7 @@ from mi_lcair.plugins.emission.sources import Groups, Sources, at_pointer
 from mi_lcair.plugins.emission.spherical_polygons import Receiver
 from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of, groups_of, is_thermal, one_sun
 from mi_lcair.plugins.paths.launch import Offsets, by_camera
-from mi_lcair.plugins.paths.sheets import Sheets, nearest_hit
+from mi_lcair.plugins.paths.sheets import Sheets
 
 # Directions drawn toward emitters, what rays along them hit, and radiance by bin
 # -------------------------------------------------------------------------------
@@ -342,7 +342,7 @@ class EmitterTable:
         return DrawnDirection(ds, compared, index, other, may_radiate, bound)
 
     def trace(
-        self, table: DrawTable, scene, si, drawn: DrawnDirection, active, with_hit: bool = False
+        self, table: DrawTable, nearest, si, drawn: DrawnDirection, active, with_hit: bool = False
     ):
         """Trace a drawn direction to its first hit, through the surfaces that rays pass.
 
@@ -353,7 +353,8 @@ class EmitterTable:
         ----------
         table : DrawTable
             That of the direction.
-        scene : mi.Scene
+        nearest : callable
+            Gives what a ray hits first, for the ray and whether it is traced.
         si : mi.SurfaceInteraction3f
             The hit from which the direction was drawn.
         drawn : DrawnDirection
@@ -369,12 +370,12 @@ class EmitterTable:
         active = active & (ds.pdf > 0)
         of_panels = active & (drawn.index < table.panel_count)
         ray = self.spawn_ray(si, ds.d)
-        pi = nearest_hit(scene, self.sheets, ray, active=active)
+        pi = nearest(ray, active)
         transmittance, distance, passed = None, ds.dist, []
         if self.passes:
             with dr.suspend_grad():
                 ray, pi, transmittance, passed = self.pass_through(
-                    table, scene, ray, pi, drawn, active
+                    table, nearest, ray, pi, drawn, active
                 )
                 distance = dr.norm(ds.p - ray.o)
         met, emitter = active & pi.is_valid(), pi.shape.emitter()
@@ -418,14 +419,15 @@ class EmitterTable:
         return on_panel, on_other
 
     @dr.syntax
-    def pass_through(self, table: DrawTable, scene, ray, pi, drawn: DrawnDirection, active):
+    def pass_through(self, table: DrawTable, nearest, ray, pi, drawn: DrawnDirection, active):
         """Follow rays toward drawn points through the surfaces that rays pass.
 
         A ray ends at its drawn point, at a surface that it does not pass, or at none.
 
         Parameters
         ----------
-        scene : mi.Scene
+        nearest : callable
+            As for `trace`.
         ray : mi.Ray3f
         pi : mi.PreliminaryIntersection3f
             Its first hit.
@@ -452,7 +454,7 @@ class EmitterTable:
             # Aimed at the drawn point again, because the start moves sideways by the offset
             start = self.offsets.leave(si, ray.d)
             ray = mi.Ray3f(start, dr.normalize(drawn.ds.p - start))
-            pi = nearest_hit(scene, self.sheets, ray, active=active)
+            pi = nearest(ray, active)
             active &= (transmittance > 0) & self.continues(table, ray, pi, drawn, active)
         return ray, pi, transmittance, times
 

@@ -21,12 +21,14 @@ from mi_lcair.plugins.bins.sums import MOST_SUMS, BinSums, ByBinOfPath, SourceSu
 from mi_lcair.plugins.bsdfs.plume import is_plume
 from mi_lcair.plugins.bsdfs.reflection_bsdf import ReflectionBSDF, has_spectral_materials
 from mi_lcair.plugins.columns.control import control_of
-from mi_lcair.plugins.derivatives import is_aligned
+from mi_lcair.plugins.columns.tables import differentiated
+from mi_lcair.plugins.derivatives import is_aligned, nodes
 from mi_lcair.plugins.emission.draw_table import PREFERENCE, PREFERRED, UnmetSources
 from mi_lcair.plugins.emission.emissivity import Emissivities
 from mi_lcair.plugins.emission.emitter_table import EmitterTable
 from mi_lcair.plugins.emission.hot_parts import darker
 from mi_lcair.plugins.emission.panels import Openings
+from mi_lcair.plugins.paths.kept_hits import KeptHits
 from mi_lcair.plugins.paths.launch import (
     Aim,
     FacetStarts,
@@ -331,10 +333,18 @@ class PathTracer(RBIntegrator):
             first_hit = FirstHit.of(scene, self.emitters)
             recorders = Recorders([first_hit, LastCounts.of(self.max_bounces)])
         replay = None if mode == dr.ADMode.Primal else Replay(mode, δL, state_in)
-        first = ray, nearest_hit(scene, self.emitters.sheets, ray, coherent=True, active=active)
+        kept, sheets = self.paths.kept, self.emitters.sheets
+        if kept is None:
+            pi = nearest_hit(scene, sheets, ray, coherent=True, active=active)
+        else:
+            if replay is None:
+                kept.begin(dr.width(ray))
+            pi = kept.nearest(scene, sheets, ray, mi.UInt32(0), active, active, coherent=True)
         (L, state), valid, recorders = self.paths.walk(
-            sampler, first, active, recorders, replay=replay
+            sampler, (ray, pi), active, recorders, replay=replay
         )
+        if kept is not None and replay is None:
+            kept.end(state)
         if self.closure == "tail":
             L += recorders.of(LastCounts).tail(recorders.of(FirstHit).of_model)[0]
         return L, valid, [], state
@@ -349,14 +359,20 @@ class PathTracer(RBIntegrator):
 
     @contextmanager
     def controlled(self, sensor, seed):
-        """Context manager in which replays have a control variate, and follow each first try."""
+        """Context manager in which replays have a control variate, and follow each first try.
+
+        They read the hits of the pass before, which they need where surfaces have gradients.
+        """
         sensor = self.scene.sensors()[sensor] if isinstance(sensor, int) else sensor
         openings, self.paths.openings = self.paths.openings, None
         try:
-            self.paths.control = control_of(self, sensor, int(mi.UInt32(seed)[0]))
+            surfaces = differentiated(nodes(self.scene))
+            self.paths.control = control_of(self, surfaces, sensor, int(mi.UInt32(seed)[0]))
+            if surfaces and not self.emitters.passes:
+                self.paths.kept = KeptHits(1 + len(self.emitters.tables), self.max_bounces)
             yield
         finally:
-            self.paths.control, self.paths.openings = None, openings
+            self.paths.control, self.paths.kept, self.paths.openings = None, None, openings
 
     def trace(
         self,

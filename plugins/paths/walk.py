@@ -5,6 +5,7 @@ know what they note.
 """
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import drjit as dr
 import mitsuba as mi
@@ -17,6 +18,7 @@ from mi_lcair.plugins.emission.emitter_table import MOST_PASSED, DrawnDirection,
 from mi_lcair.plugins.emission.hot_parts import SeenParts
 from mi_lcair.plugins.emission.panels import Openings
 from mi_lcair.plugins.emission.spherical_polygons import Receiver
+from mi_lcair.plugins.paths.kept_hits import KeptHits
 from mi_lcair.plugins.paths.launch import DIRECT, OTHER_THAN_DIRECT, WHOLE
 from mi_lcair.plugins.paths.sheets import nearest_hit
 from mi_lcair.plugins.recorders.recorder import Emission, Recorders, Reflection
@@ -143,6 +145,7 @@ class Walk:
         self.by_bin: ByBin | None = None
         self.openings: Openings | None = None
         self.control = None  # control variate of a replay, see `Control`
+        self.kept: KeptHits | None = None  # hits that a replay does not trace again
 
     @property
     def may_be_guided(self) -> bool:
@@ -378,15 +381,16 @@ class Walk:
             values += [(to, *bsdf.eval_pdf(ctx, si, to, hit.goes_on)) for to in later]
         brought, latent = mi.Spectrum(0), None if path.latent is None else mi.Spectrum(0)
         with_hit = recorders.needs_drawn_hit or self.by_bin is not None
-        for table, direction, value in zip(self.emitters.tables, drawn, values):
-            traced = draws
-            # No ray where nothing is emitted or reflected. A replay traces it even so, because a
-            # value of 0 may have a derivative.
-            if primal:
-                reflects = (dr.max(value[1]) != 0) | self.is_explored(hit)
-                traced = draws & direction.may_radiate & reflects
+        for number, (direction, value) in enumerate(zip(drawn, values)):
+            # No ray where nothing is reflected, or emitted. A replay traces it even so, because a
+            # radiance of 0 may have a derivative.
+            traced = draws & ((dr.max(dr.detach(value[1])) != 0) | self.is_explored(hit))
+            if primal and self.kept is None:
+                traced &= direction.may_radiate
+            nearest = partial(self.nearest, path, hit, 1 + number)
+            table = self.emitters.tables[number]
             with dr.resume_grad(when=not primal):
-                direct = self.emitters.trace(table, self.scene, si, direction, traced, with_hit)
+                direct = self.emitters.trace(table, nearest, si, direction, traced, with_hit)
                 part = self.bring(primal, path, hit, direct, value, recorders)
                 brought = brought + part[0]
             latent = None if latent is None else latent + part[1]
@@ -508,10 +512,18 @@ class Walk:
         if path.receiver is not None:
             receiver = self.emitters.receiver(si)
             path.receiver = dr.select(passes, path.receiver, receiver)
-        path.bounce += dr.select(passes, mi.UInt32(0), 1)
         # The offset from the surface is smaller than Mitsuba's in a small scene
         path.ray = self.emitters.spawn_ray(si, to)
-        path.pi = nearest_hit(self.scene, self.emitters.sheets, path.ray, active=active)
+        path.pi = self.nearest(path, hit, 0, path.ray, active)
+        path.bounce += dr.select(passes, mi.UInt32(0), 1)
+
+    def nearest(self, path: PathState, hit: Hit, kind: int, ray, active):
+        """What a ray from a vertex hits first, see `KeptHits`."""
+        scene, sheets = self.scene, self.emitters.sheets
+        if self.kept is None:
+            return nearest_hit(scene, sheets, ray, active=active)
+        slot = 1 + path.bounce * self.kept.kinds + kind
+        return self.kept.nearest(scene, sheets, ray, slot, hit.active, active)
 
 
 def roulette(path: PathState, si, scattering: Scattering) -> mi.Spectrum:

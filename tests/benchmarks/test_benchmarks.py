@@ -34,7 +34,7 @@ def test_asv_finds_the_figures(capsys):
 def test_ratio_is_one_of_times(monkeypatch):
     """The first call of each is not timed; the median of the others counts."""
     calls = []
-    monkeypatch.setattr(timing, "seconds", lambda run, seed: run(seed))
+    monkeypatch.setattr(timing, "seconds", lambda run, seed, clock: run(seed))
     one = lambda seed: calls.append(seed) or (6.0 if seed < 3 else 60.0)
     assert timing.ratio(one, lambda seed: 2.0, rounds=3) == 3.0
     assert calls == [0, 1, 2, 3]
