@@ -66,7 +66,7 @@ KINDS = {
         converted="fit", to=(".csv", ".json", ".xomp")),
     SOLUTION: Kind(json="mi_lcair solution", drawn="result",
         made_by="mi_lcair.knowing.inversion.solution:Solution", **TABLE),
-    CALIBRATION: Kind(json="calibration",
+    CALIBRATION: Kind(json="calibration", drawn="result",
         made_by="mi_lcair.knowing.twin.calibration:HeatCalibration", **TABLE),
     BUDGET: Kind(json="budget", drawn="result",
         made_by="mi_lcair.knowing.budgets.budget:Budget", **TABLE),

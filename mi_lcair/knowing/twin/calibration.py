@@ -81,6 +81,7 @@ class HeatCalibration(Result):
 
     kind = "calibration"
     heading = "Calibration"
+    drawn_by = "mi_lcair.show.pictures.temperatures:of_calibration"
     saved_by = {".toml": "mi_lcair.knowing.twin.calibration:write_toml"}
 
     def summary(self) -> str:

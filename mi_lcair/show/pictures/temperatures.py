@@ -1,4 +1,6 @@
-"""Pictures of temperatures: of an image with its budget, and of groups from a heat balance."""
+"""Pictures of temperatures: of an image with its budget, of groups, and of a calibration."""
+
+from itertools import cycle
 
 import numpy as np
 
@@ -90,5 +92,33 @@ def of_heat(heat):
 
 def hours(heat) -> np.ndarray:
     """Ticks of the hours: quarters of a day, or days."""
-    step = 6 if heat.hours[-1] <= 48 else 24
-    return np.arange(0, heat.hours[-1] + step, step)
+    step = 6 if max(heat.hours) <= 48 else 24
+    return np.arange(0, max(heat.hours) + step, step)
+
+
+# A series of measured temperatures, and what a calibrated balance predicts
+# -------------------------------------------------------------------------
+
+
+@styled
+def of_calibration(found):
+    """Figure of the measured and predicted temperatures, and of their differences."""
+    from matplotlib import colormaps
+
+    figure = new_figure((9, 3.8), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    labels, of = list(dict.fromkeys(found.of)), np.array(found.of)
+    colours = colormaps["tab20" if len(labels) > 10 else "tab10"].colors
+    for colour, label in zip(cycle(colours), labels):
+        mine = np.flatnonzero(of == label)
+        mine = mine[np.argsort(found.hours[mine], kind="stable")]
+        style = {"color": colour, "marker": "."}
+        left.plot(found.hours[mine], found.predicted[mine], color=colour, label=plain(label))
+        left.plot(found.hours[mine], found.measured[mine], linestyle="", **style)
+        right.plot(found.hours[mine], (found.measured - found.predicted)[mine], **style)
+    right.axhline(0, color="0.5", linewidth=0.8)
+    left.set(xlabel="hour", ylabel="measured (dots), predicted (K)", xticks=hours(found))
+    right.set(xlabel="hour", ylabel="measured - predicted (K)", xticks=hours(found))
+    figure.legend(loc="outside lower center", ncols=4, fontsize=8)
+    figure.suptitle(plain(found.summary()), fontsize=10)
+    return figure

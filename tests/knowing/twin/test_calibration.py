@@ -56,6 +56,10 @@ def test_truths_are_found_and_written(folder, tmp_path):
     for value, error, truth in zip(found.value, found.standard_error, TRUTH.values()):
         assert abs(value - truth) < 3 * error
     assert found.verdicts[0] == "determined"
+    left, right = found.plot().axes
+    np.testing.assert_allclose(left.lines[0].get_ydata(), found.predicted)
+    np.testing.assert_allclose(left.lines[1].get_ydata(), found.measured)
+    np.testing.assert_allclose(right.lines[0].get_ydata(), found.measured - found.predicted)
     found.save(tmp_path / "calibrated.toml")
     heat = mi_lcair.heat(tmp_path / "calibrated.toml")
     apart = heat.by_group()["terrain"].value - found.predicted
