@@ -15,14 +15,14 @@ import numpy as np
 
 from mi_lcair.coincident import SINGLE
 from mi_lcair.derivatives.attached import EDGES, MOST_PATHS, AttachedPaths, can_attach
-from mi_lcair.derivatives.motions.differences import velocities_of
+from mi_lcair.derivatives.motions.differences import velocities_before, velocities_of
 from mi_lcair.derivatives.shape import MovedMesh
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.emissivity import is_textured
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.paths.sheets import nearest_hit
 from mi_lcair.plugins.recorders.recorder import Recorders
-from mi_lcair.rendering.facets import radiances
+from mi_lcair.rendering.facets import meshes_of_model, radiances
 from mi_lcair.rendering.motions.motion import KINDS, matrix_of
 from mi_lcair.rendering.motions.pose import known_motions
 from mi_lcair.rendering.sampling import Sampling
@@ -208,7 +208,7 @@ class Frame:
     @staticmethod
     def of(scene, windows: Windows, tracer) -> "Frame | None":
         """The frame of a sensor; None if paths from fixed places of it cannot be attached."""
-        if windows.sensor.class_name() not in KINDS or not can_attach(scene, tracer):
+        if not can_attach(scene, tracer):
             return None
         try:
             surface = MovedMesh(scene, None)
@@ -343,15 +343,19 @@ def along_frame(
     Motions whose differences have less error are left out, and those for which there is no `Frame`.
     difference: gives the difference for a name and a sampling, (R, pixels).
     """
-    motions = known_motions(scene)
-    names = [name for name in names if motions[name].shapes]
+    if windows.sensor.class_name() not in KINDS or meshes_of_model(scene) is None:
+        return {}
+    velocities = {
+        name: rates
+        for name in names
+        if (rates := seen_velocities(scene, windows, name)) is not None
+    }
     few = replace(sampling, spp=-(-sampling.spp // FEWER), progress=None)
     with scene.prepared() as tracer:
-        frame = Frame.of(scene, windows, tracer) if names else None
+        frame = Frame.of(scene, windows, tracer) if velocities else None
         if frame is None:
             return {}
-        velocities = {name: velocities_of(scene, name) for name in names}
-        names = [name for name in names if not frame.paths.meets_itself(velocities[name])]
+        names = [name for name, of in velocities.items() if not frame.paths.meets_itself(of)]
         seed, points = sampling.seed, windows.points(few.spp)
         pilots = {}
         for name in names:
@@ -373,6 +377,15 @@ def along_frame(
         if changing:
             total += frame.interior(of, seed, points)
     return {name: total[:, k] for k, name in enumerate(names)}
+
+
+def seen_velocities(scene, windows: Windows, name: str) -> np.ndarray | None:
+    """Velocities of all vertices in a motion of meshes or of the sensor, (V, 3); None without."""
+    if known_motions(scene)[name].shapes:
+        return velocities_of(scene, name)
+    sky = scene.mi.environment()
+    is_even = sky is None or sky.class_name() == "ConstantBackgroundEmitter"
+    return velocities_before(scene, windows.sensor, name) if is_even else None
 
 
 def noise(images: np.ndarray) -> float:

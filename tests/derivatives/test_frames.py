@@ -115,6 +115,28 @@ def test_square_before_a_pinhole():
     assert found[2][SIZE // 2, column] == pytest.approx(L / pixel, rel=1e-6)
 
 
+def seen_from(name: str, value: float) -> np.ndarray:
+    """Place of the camera, which looks at the origin, after a motion of its own [m]."""
+    if name == "range_m":
+        return AT * (1 + value / np.linalg.norm(AT))
+    if name == "azimuth_deg":
+        return closed.turned(AT, value, "yaw_deg", np.zeros(3))
+    azimuth = np.degrees(np.arctan2(AT[1], AT[0]))
+    ahead = closed.turned(AT, -azimuth, "yaw_deg", np.zeros(3))
+    raised = closed.turned(ahead, value, "pitch_deg", np.zeros(3))
+    return closed.turned(raised, azimuth, "yaw_deg", np.zeros(3))
+
+
+def test_motions_of_the_camera():
+    names, h = ("azimuth_deg", "elevation_deg", "range_m"), 1e-5
+    scene = scene_of(convex_hull("cube", TURNED))
+    found, _ = derivative(scene, *map("observer.{}".format, names))
+    for of, name in zip(found, names):
+        ends = [covered(on_film(TURNED, seen_from(name, side * h))) for side in (1, -1)]
+        assert close(of, L * (ends[0] - ends[1]) / (2 * h))
+    derivative(scene, "observer.x_px", method=ON_FILM)
+
+
 def split(shape):
     """A mesh whose triangles share no vertex."""
     triangles = triangle_vertices(shape)

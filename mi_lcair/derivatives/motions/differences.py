@@ -16,13 +16,14 @@ import numpy as np
 from mi_lcair.derivatives.motions.kinks import AT_KINK, Kink, TurningFacets, turning_facets
 from mi_lcair.derivatives.shape import slope_along
 from mi_lcair.plugins.emission.draw_table import PREFERRED
+from mi_lcair.plugins.emission.triangles import vertex_positions
 from mi_lcair.plugins.integrators.bounce_path import AUTO
 from mi_lcair.plugins.paths import launch
 from mi_lcair.rendering.facets import in_view, meshes_of_model, mixed_choice, radiances, seen_shares
 from mi_lcair.rendering.loading.parsing import extent
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import aim_over_model, blurred, measure
-from mi_lcair.rendering.motions.motion import MODEL, OBSERVER, Motion
+from mi_lcair.rendering.motions.motion import MODEL, OBSERVER, Motion, matrix_of
 from mi_lcair.rendering.motions.pose import ScenePose, known_motions, moved, value_of
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene, changed
@@ -94,6 +95,7 @@ PIXELS = 25.0  # shift of an image that changes it by about as much as it is; a 
 TURN_STEP_DEG, SHIFT_STEP, SIZE_STEP = 0.5, 0.005, 0.02
 # In a kink the one-sided derivatives differ, and half the step leaves at least this share of it
 LASTING = 0.75
+STEP_OF_SENSOR = 1.1e-3  # of its transformation in Float64, in the unit of the motion
 # Smallest change of a derivative, as a fraction of it, that is a kink or depends on the step
 NOTICED = 0.05
 MOST_CHANGES = 4  # of the default step, by a factor of 2
@@ -196,6 +198,25 @@ def velocities_of(scene, name: str) -> np.ndarray:
         values = {**pose.values, name: end}
         ends.append(np.concatenate([pose.vertices(m, values) for m in meshes_of_model(scene)]))
     return (ends[0] - ends[1]) / (2 * step)
+
+
+def velocities_before(scene, sensor, name: str) -> np.ndarray | None:
+    """Velocities of the vertices, (V, 3), with which a sensor sees the same as in its own motion.
+
+    None if there are none: the sun moves, or the image over the film of a perspective sensor.
+    """
+    pose = ScenePose.of(scene)
+    if not name.startswith(f"{OBSERVER}.") or sensor not in pose.sensors:
+        return None
+    step, value = STEP_OF_SENSOR, value_of(scene, known_motions(scene)[name])
+    ends = [pose.settings_of(sensor, {**pose.values, name: value + x}) for x in (step, -step)]
+    pose.place_sensors()
+    vertices = np.concatenate([vertex_positions(mesh) for mesh in meshes_of_model(scene)])
+    now, turned = matrix_of(sensor), [np.linalg.inv(end["to_world"]) for end in ends]
+    if np.allclose(*turned, rtol=1e-12, atol=0):
+        return None
+    rate = now @ (turned[0] - turned[1]) / (2 * step)
+    return vertices @ rate[:3, :3].T + rate[:3, 3]
 
 
 @dataclass(eq=False)

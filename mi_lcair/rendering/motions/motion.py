@@ -228,12 +228,14 @@ def settings_of(sensor) -> dict:
 def set_sensor(sensor, settings: dict) -> None:
     parameters = mi.traverse(sensor)
     for name, value in settings.items():
+        if isinstance(value, np.ndarray):
+            value = type(parameters[name])(mi.Matrix4f(value.tolist()))
         parameters[name] = value
     parameters.update()
 
 
 def placed(sensor, loaded: dict, change: dict[str, float], rest: dict, origin) -> dict:
-    """The parameters of a sensor for values of the motions.
+    """The parameters of a sensor for values of the motions; the transformation in Float64.
 
     Parameters
     ----------
@@ -270,8 +272,7 @@ def placed(sensor, loaded: dict, change: dict[str, float], rest: dict, origin) -
     turn = toward(*ends) @ toward(azimuth, elevation).T
     matrix[:3, :3] = turn @ matrix[:3, :3]
     matrix[:3, 3] = turn @ (matrix[:3, 3] + origin) - origin
-    settings["to_world"] = type(loaded["to_world"])(mi.Matrix4f(matrix.tolist()))
-    return settings
+    return settings | {"to_world": matrix}
 
 
 def toward(azimuth_deg: float, elevation_deg: float) -> np.ndarray:

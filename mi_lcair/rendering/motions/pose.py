@@ -107,16 +107,20 @@ class ScenePose:
 
     def place_sensors(self) -> None:
         """Give the sensors the places of the present values; those at rest, bit for bit."""
+        for sensor in self.sensors:
+            motion.set_sensor(sensor, self.settings_of(sensor, self.values))
+
+    def settings_of(self, sensor, values: Mapping[str, float]) -> dict:
+        """The parameters of a sensor for values of motions that are not at rest."""
         motions = {n: m for n, m in self.motions.items() if n.startswith(f"{motion.OBSERVER}.")}
         rest = {name.partition(".")[2]: entry.rest for name, entry in motions.items()}
         change = {
-            name.partition(".")[2]: self.values.get(name, entry.rest) - entry.rest
+            name.partition(".")[2]: values.get(name, entry.rest) - entry.rest
             for name, entry in motions.items()
         }
-        for sensor, settings in self.sensors.items():
-            if any(change.values()):
-                settings = motion.placed(sensor, settings, change, rest, self.origin)
-            motion.set_sensor(sensor, settings)
+        if not any(change.values()):
+            return self.sensors[sensor]
+        return motion.placed(sensor, self.sensors[sensor], change, rest, self.origin)
 
 
 def declare(scene, motions: dict[str, Declared]) -> None:

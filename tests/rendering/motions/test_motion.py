@@ -105,9 +105,7 @@ def test_derivative_of_an_image():
         images = mi_lcair.derivative_images(scene, names, spp=256)
         expected = [derivative(scene, name).derivative for name in (names[0], names[2])]
     sums = images.derivative.sum(axis=(1, 2)) * 16 / 64  # area of a pixel [m^2]
-    error = np.sqrt(np.sum(images.derivative_error**2, axis=(1, 2))) * 16 / 64
-    assert abs(sums[[0, 2]] - expected) == pytest.approx(0, abs=5 * error[[0, 2]].max())
-    assert abs(sums[1]) < 5 * error[1]
+    assert sums == pytest.approx([expected[0], 0, expected[1]], rel=1e-3, abs=1e-3)
     assert np.abs(images.derivative[1]).max() > 50
 
 
@@ -179,7 +177,7 @@ def test_place_of_a_moved_scene():
     ):
         change = dict.fromkeys(names, 0.0) | {name: by}
         settings = placed(sensor, settings_of(sensor), change, rest, origin)
-        matrix = np.array(settings["to_world"].matrix, dtype=float).reshape(4, 4)
+        matrix = settings["to_world"]
         assert matrix[:3, 3] == pytest.approx(position, abs=1e-4)
         assert matrix[:3, 2] == pytest.approx(3 * np.array(axis), abs=1e-5)
         assert np.linalg.det(matrix[:3, :3]) == pytest.approx(12, rel=1e-5)
