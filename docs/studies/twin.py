@@ -170,6 +170,7 @@ def fields(content: dict) -> dict:
         "false": int(false.sum()),
         "seconds": f"{np.median([draw['processor_s'] for draw in draws]):.0f}",
         "rows": "\n".join(rows),
+        "area": AREA_M2,
         "ahead": len(ahead),
         "ahead_inside": f"{ahead.mean():.1%}",
         "ahead_count": ahead.size,
