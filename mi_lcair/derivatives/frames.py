@@ -8,6 +8,8 @@ turn, and as what they reflect moves. Paths from fixed places of the film are at
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import compress
 
 import drjit as dr
 import mitsuba as mi
@@ -19,6 +21,7 @@ from mi_lcair.derivatives.motions.differences import velocities_before, velociti
 from mi_lcair.derivatives.shape import MovedMesh
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.emissivity import is_textured
+from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 from mi_lcair.plugins.paths.launch import Launch
 from mi_lcair.plugins.paths.sheets import nearest_hit
 from mi_lcair.plugins.recorders.recorder import Recorders
@@ -71,7 +74,8 @@ class Film:
         """Positions and depths of points (..., 3) [m], (..., 3)."""
         place = (points - self.origin) @ np.linalg.inv(self.axes).T
         if self.is_central:
-            place[..., :2] /= place[..., 2:]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                place[..., :2] /= place[..., 2:]
         return place
 
     def speeds(self, seen: np.ndarray, velocities: np.ndarray) -> np.ndarray:
@@ -128,7 +132,7 @@ class MovingEdges:
     """Parts of edges that move over the film, each within one pixel.
 
     edge: number of the edge of each part, (n,). ends: positions and depths of the ends of the edge,
-    (n, 2, 3). speeds: velocities of these across the edge, times its length on the film, (K, n, 2)
+    (2, 3, n). speeds: velocities of these across the edge, times its length on the film, (K, 2, n)
     [pixels^2 per unit]. span: where the part begins and ends, in parts of the edge on the film, (2,
     n). pixel: (n,).
     """
@@ -143,47 +147,40 @@ class MovingEdges:
     def of(film: Film, vertices: np.ndarray, ends: np.ndarray, velocities) -> "MovingEdges":
         """Those of edges between vertices (E, 2), for velocities of all vertices, (K, V, 3)."""
         depth = film.seen(vertices[ends])[..., 2]
-        low, high = within(depth[:, 0], depth[:, 1] - depth[:, 0], *film.depths)
-        edge = np.flatnonzero(high > low)
-        t = np.stack([low, high], axis=1)[edge, :, None]
+        t = np.array(within(depth[:, 0], depth[:, 1] - depth[:, 0], *film.depths))
+        edge = np.flatnonzero(t[1] > t[0])
+        t = t.T[edge, :, None]
         points, moves = (
             of[..., :1, :] + t * (of[..., 1:, :] - of[..., :1, :])
             for of in (vertices[ends[edge]], velocities[:, ends[edge]])
         )
         seen = film.seen(points)
-        side = seen[:, 1, :2] - seen[:, 0, :2]
-        speeds = np.einsum("kntx,nx->knt", film.speeds(seen, moves), across(side))
+        side = (seen[:, 1] - seen[:, 0])[:, :2]
+        speeds = np.einsum("kntx,nx->ktn", film.speeds(seen, moves), across(side))
         line, *span, pixel = parts_in_pixels(seen[:, 0, :2], side, film.size)
-        moving = np.abs(speeds[:, line]).max(axis=(0, 2)) > 0
-        line = line[moving]
-        span = np.array(span)[:, moving]
-        return MovingEdges(edge[line], seen[line], speeds[:, line], span, pixel[moving])
+        parts = edge[line], seen.transpose(1, 2, 0)[..., line], speeds[..., line], np.array(span)
+        moving = np.abs(speeds[..., line]).max(axis=(0, 1)) > 0
+        return MovingEdges(*parts, pixel).some(moving)
+
+    def some(self, which) -> "MovingEdges":
+        return MovingEdges(*(of[..., which] for of in vars(self).values()))
 
     def strata(self, points: int) -> "MovingEdges":
         """Equal parts of the parts, as many as `points` for each pixel of length."""
-        side = np.linalg.norm(self.ends[:, 1, :2] - self.ends[:, 0, :2], axis=1)
+        side = np.linalg.norm((self.ends[1] - self.ends[0])[:2], axis=0)
         count = np.ceil(points * np.diff(self.span, axis=0)[0] * side).astype(int)
         number = np.repeat(np.arange(len(count)), count)
         k = np.arange(len(number)) - np.repeat(np.cumsum(count) - count, count)
         low, high = self.span[:, number]
-        each = (high - low) / count[number]
-        return replace(self.some(number), span=np.array([low + k * each, low + (k + 1) * each]))
-
-    def some(self, which) -> "MovingEdges":
-        return MovingEdges(
-            self.edge[which],
-            self.ends[which],
-            self.speeds[:, which],
-            self.span[:, which],
-            self.pixel[which],
-        )
+        ends = low + np.array([k, k + 1]) * (high - low) / count[number]
+        return replace(self.some(number), span=ends)
 
     @property
     def swept(self) -> np.ndarray:
         """Areas over which the parts move, (K, n) [pixels^2 per unit]; exact."""
-        low, high = self.span
-        middle = (low + high) / 2
-        return (high - low) * ((1 - middle) * self.speeds[..., 0] + middle * self.speeds[..., 1])
+        middle = self.span.mean(axis=0)
+        speed = (1 - middle) * self.speeds[:, 0] + middle * self.speeds[:, 1]
+        return np.diff(self.span, axis=0) * speed
 
 
 def across(side: np.ndarray) -> np.ndarray:
@@ -216,7 +213,7 @@ class Frame:
             return None
         varies = [is_textured(mesh.bsdf()) for mesh in surface.meshes]
         emitters = filter(None, (mesh.emitter() for mesh in surface.meshes))
-        varies += [emitter.facet_radiance() is None for emitter in emitters]
+        varies += [not is_thermal(of) or of.facet_radiance() is None for of in emitters]
         return None if any(varies) else Frame(surface, windows, tracer)
 
     # ------------------------------------------------------------------ Edges on the film
@@ -232,9 +229,9 @@ class Frame:
         total = np.zeros((R, len(velocities), self.windows.count))
         for first in range(0, len(strata.edge), MOST_RAYS // R):
             some = strata.some(slice(first, first + MOST_RAYS // R))
-            step = self.step_across(some, seed, first)
+            gained = self.step_across(some, seed, first)[:, None] * some.swept
             for r, k in np.ndindex(total.shape[:2]):
-                total[r, k] += np.bincount(some.pixel, step[r] * some.swept[k], self.windows.count)
+                total[r, k] += np.bincount(some.pixel, gained[r, k], self.windows.count)
         return total
 
     def step_across(self, edges: MovingEdges, seed: int, first: int) -> np.ndarray:
@@ -244,29 +241,23 @@ class Frame:
         """
         film, R, n = self.film, self.windows.randomisations, len(edges.edge)
         low, high = edges.span
-        random = np.random.default_rng([seed, first]).random((R, n))
-        s = (low + (high - low) * random).ravel()
-        (a, b), edge = np.tile(edges.ends, (R, 1, 1)).swapaxes(0, 1), np.tile(edges.edge, R)
-        pitch = np.linalg.norm(film.axes[:, 0])  # [m]
-        if film.is_central:
-            pitch = pitch * np.minimum(a[:, 2], b[:, 2])
+        s = (low + (high - low) * np.random.default_rng([seed, first]).random((R, n))).ravel()
+        (a, b), edge = np.tile(edges.ends, R).transpose(0, 2, 1), np.tile(edges.edge, R)
         rounding = ROUNDINGS * SINGLE * np.abs(self.surface.vertices).max()
-        aside, side = np.maximum(ASIDE, rounding / pitch), (b - a)[:, :2]
-        aside /= np.linalg.norm(side, axis=1)
+        pitch = np.linalg.norm(film.axes[:, 0])  # [m]
+        pitch = pitch * np.minimum(a[:, 2], b[:, 2]) if film.is_central else pitch
+        side = (b - a)[:, :2]
+        aside = np.maximum(ASIDE, rounding / pitch) / np.linalg.norm(side, axis=1)
         # Close to its ends, a ray beside an edge may meet the next triangle
-        margin = np.minimum(CLEAR * aside, 0.5)
-        s = np.clip(s, margin, 1 - margin)
-        depth = (1 - s) * a[:, 2] + s * b[:, 2]
-        if film.is_central:
-            depth = 1 / ((1 - s) / a[:, 2] + s / b[:, 2])
+        s = np.clip(s, np.minimum(CLEAR * aside, 0.5), np.maximum(1 - CLEAR * aside, 0.5))
+        power = -1 if film.is_central else 1
+        depth = ((1 - s) * a[:, 2] ** power + s * b[:, 2] ** power) ** power
         place, aside = a[:, :2] + s[:, None] * side, aside[:, None] * across(side)
-        radiance, is_own = zip(
-            *(
-                self.radiance(place + move, depth, edge, Launch(1, 1, seed ^ EDGES, R, n, first))
-                for move in (-aside, aside)
-            )
+        launch = Launch(1, 1, seed ^ EDGES, R, n, first)
+        (before, is_own), (behind, is_other) = (
+            self.radiance(place + move, depth, edge, launch) for move in (-aside, aside)
         )
-        return np.where(np.any(is_own, axis=0), radiance[0] - radiance[1], 0).reshape(R, n)
+        return np.where(is_own | is_other, before - behind, 0).reshape(R, n)
 
     def radiance(self, place, depth, edge, launch: Launch) -> tuple[np.ndarray, np.ndarray]:
         """Radiance at places of the film (n, 2), and whether a triangle at an edge is seen, (n,).
@@ -293,15 +284,35 @@ class Frame:
     def interior(self, velocities: np.ndarray, seed: int, points: int) -> np.ndarray:
         """What paths from fixed places of the film bring, (R, K, pixels)."""
         windows, bounces = self.windows, max(1, self.paths.walk.max_bounces)
-        total, every = 0.0, np.arange(windows.count)
-        step = max(1, MOST_PATHS // (bounces * windows.count * windows.randomisations))
+        total = np.zeros((windows.randomisations, len(velocities), windows.count))
+        step = max(1, MOST_PATHS // (bounces * max(len(self.shown), 1) * windows.randomisations))
         for first in range(0, points, step):
             some = min(step, points - first)
             rows = MOST_PATHS // bounces // some
-            launches = windows.launches(every, first, some, seed, None, rows)
-            parts = [self.along(velocities, launch) for launch in launches]
-            total += np.concatenate(parts, axis=-1)
+            for launch in windows.launches(self.shown, first, some, seed, None, rows):
+                total[..., launch.window_numbers] += self.along(velocities, launch)
         return total / points
+
+    @cached_property
+    def shown(self) -> np.ndarray:
+        """Numbers of the pixels in the boxes around triangles on the film; no others change."""
+        corners, size = (
+            self.film.seen(self.surface.vertices[self.surface.triangles]),
+            self.film.size,
+        )
+        is_before = (corners[..., 2] >= self.film.depths[0]).all(axis=1)[:, None]
+        ends = np.floor(np.where(is_before[..., None], corners[..., :2], 0))
+        first = np.clip(np.where(is_before, ends.min(axis=1), 0), 0, size).astype(int)
+        last = np.clip(np.where(is_before, ends.max(axis=1) + 1, size), 0, size).astype(int)
+        boxes = np.zeros(size[::-1] + 1, int)
+        for x, y, sign in (
+            (first, first, 1),
+            (last, first, -1),
+            (first, last, -1),
+            (last, last, 1),
+        ):
+            np.add.at(boxes, (y[:, 1], x[:, 0]), sign)
+        return np.flatnonzero(boxes.cumsum(axis=0).cumsum(axis=1)[:-1, :-1])
 
     def along(self, velocities: np.ndarray, launch: Launch) -> np.ndarray:
         """Sums of the derivatives along the paths of some pixels, (R, K, windows)."""
@@ -309,7 +320,10 @@ class Frame:
         paths.block, sums = mi.UInt32(0), []
         paths.positions = mi.Float(np.ravel(self.surface.vertices))
         dr.enable_grad(paths.positions)
-        sampler, column, row, position, *_ = launch.paths_from(sensor.sampler()).begin()
+        lanes = launch.paths_from(sensor.sampler())
+        _, column, row, position, *_ = lanes.begin()
+        # A few points of a lattice are less uniform in many dimensions than independent ones
+        sampler, *_ = replace(lanes, vector=None).begin()
         place = (mi.Point2f(column, row) + position) / mi.Point2f(self.film.size.tolist())
         ray, _ = sensor.sample_ray(0, 0, place, mi.Point2f(0.5))
         pi = nearest_hit(paths.scene, paths.emitters.sheets, ray)
@@ -345,38 +359,33 @@ def along_frame(
     """
     if windows.sensor.class_name() not in KINDS or meshes_of_model(scene) is None:
         return {}
-    velocities = {
-        name: rates
-        for name in names
-        if (rates := seen_velocities(scene, windows, name)) is not None
-    }
-    few = replace(sampling, spp=-(-sampling.spp // FEWER), progress=None)
-    with scene.prepared() as tracer:
-        frame = Frame.of(scene, windows, tracer) if velocities else None
-        if frame is None:
-            return {}
-        names = [name for name, of in velocities.items() if not frame.paths.meets_itself(of)]
-        seed, points = sampling.seed, windows.points(few.spp)
-        pilots = {}
-        for name in names:
-            of = velocities[name][None]
-            pilots[name] = frame.moving_edges(of, seed, points), frame.interior(of, seed, points)
-    changing = {name for name, (_, interior) in pilots.items() if interior.any()}
-    names = [
-        name
-        for name in names
-        if name not in changing or noise(sum(pilots[name])[:, 0]) < noise(difference(name, few))
-    ]
-    if not names:
-        return {}
-    of, changing = np.array([velocities[name] for name in names]), changing.intersection(names)
-    points = windows.points(sampling.spp)
+    rates = {name: seen_velocities(scene, windows, name) for name in names}
+    seed, few = sampling.seed, replace(sampling, spp=-(-sampling.spp // FEWER), progress=None)
     with scene.prepared() as tracer:
         frame = Frame.of(scene, windows, tracer)
-        total = frame.moving_edges(of, seed, points)
-        if changing:
-            total += frame.interior(of, seed, points)
-    return {name: total[:, k] for k, name in enumerate(names)}
+        if frame is None:
+            return {}
+        meets = frame.paths.meets_itself
+        names = [name for name, of in rates.items() if of is not None and not meets(of)]
+        if not names:
+            return {}
+        velocities, points = np.array([rates[name] for name in names]), windows.points(few.spp)
+        interior = frame.interior(velocities, seed, points)
+        pilot = frame.moving_edges(velocities, seed, points) + interior
+    changes = interior.any(axis=(0, 2))
+    is_better = [
+        not changes[k] or noise(pilot[:, k]) < noise(difference(name, few))
+        for k, name in enumerate(names)
+    ]
+    if not any(is_better):
+        return {}
+    velocities, points = velocities[is_better], windows.points(sampling.spp)
+    with scene.prepared() as tracer:
+        frame = Frame.of(scene, windows, tracer)
+        total = frame.moving_edges(velocities, seed, points)
+        if changes[is_better].any():
+            total += frame.interior(velocities, seed, points)
+    return dict(zip(compress(names, is_better), total.swapaxes(0, 1)))
 
 
 def seen_velocities(scene, windows: Windows, name: str) -> np.ndarray | None:

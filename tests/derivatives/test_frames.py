@@ -197,7 +197,7 @@ def test_plates_light_each_other():
     ends = [closed.light_of_plate(closed.GAP + side * h) for side in (1, -1)]
     error = means.std(ddof=1) / np.sqrt(len(means))
     assert means.mean() == pytest.approx((ends[0] - ends[1]) / (2 * h), abs=5 * error)
-    assert error < 0.2 * means.mean()
+    assert error < 0.3 * means.mean()
 
 
 def strip(begin: float):
@@ -241,8 +241,21 @@ def test_parts_in_pixels():
     assert (np.abs(end - start)[line] * (last - first)[:, None]).max() < 1 + 1e-9
 
 
-def test_a_texture_is_differentiated_by_differences():
-    """The place on a surface that a pixel shows moves over its texture."""
+def test_other_emission_is_differentiated_by_differences():
+    """The place on a surface that a pixel shows moves over a texture. So it may over a lamp."""
     image = {"type": "bitmap", "data": mi.TensorXf(np.ones((2, 2, 1)) / 2), "raw": True}
     shape = square(bsdf={"type": "diffuse", "reflectance": image})
     derivative(scene_of(shape), "square.y_m", method=ON_FILM)
+    lamp = mi.Mesh("lamp", 4, 2, properties(bsdf={"type": "diffuse"}, emitter={"type": "area"}))
+    buffers = mi.traverse(lamp)
+    buffers["vertex_positions"] = np.ravel(SQUARE + [0.5, 0, 0]).astype(np.float32)
+    buffers["faces"] = np.uint32([0, 1, 2, 0, 2, 3])
+    buffers.update()
+    derivative(scene_of(square(), lamp), "square.y_m", method=ON_FILM)
+
+
+def properties(**plugins) -> mi.Properties:
+    values = mi.Properties()
+    for name, plugin in plugins.items():
+        values[name] = mi.load_dict(plugin)
+    return values
