@@ -133,10 +133,13 @@ def lower_height(scenario: Scenario, unstated_m: float | None) -> float | None:
     upper, where = (observer.height_m, "[observer]") if height_m is None else (height_m, "[target]")
     height = lower_end(upper, abs(observer.elevation_deg), observer.range_m)
     if height < -0.5:
+        remedy = "choose a shorter range or a larger height"
+        if not observer.elevation_deg:
+            remedy = "the earth is curved: give height_m of [observer], or elevation_deg = 0.01"
         raise InputError(
             f"{where}: from height_m = {upper:g} the line of sight, "
             f"{abs(observer.elevation_deg):g} degrees downward, ends below the ground before "
-            f"range_m = {observer.range_m:g}; choose a shorter range or a larger height"
+            f"range_m = {observer.range_m:g}; {remedy}"
         )
     return max(height, 0.0)
 

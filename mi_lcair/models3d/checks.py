@@ -179,6 +179,7 @@ def _corners(model):
 # Figures that describe a facet model and its errors
 # --------------------------------------------------
 
+LONG_M = 500.0  # length of a model from which its unit is doubted
 COLD = 200.0  # lower temperatures, K, are remarked because they are rare on a surface
 
 
@@ -248,6 +249,11 @@ def remarkable(figures: dict, materials):
                 "only reflections; use a material that absorbs, such as blackbody, for facets "
                 "that should emit"
             )
+    if (longest := np.ptp(figures["bounding_box"], axis=0).max()) > LONG_M:
+        yield (
+            f"the model is {longest:.4g} m long; a file in millimetres needs --scale "
+            "0.001, one in feet 0.3048"
+        )
     if figures["temperature_min"] < COLD:
         yield f"the lowest temperature is {figures['temperature_min']:g} K"
     if count := figures["inward"]:

@@ -227,7 +227,7 @@ def window_area(sensor, name: str) -> float:
         raise InputError(
             f"{name}: an intensity needs an orthographic sensor, and this one is "
             f"{sensor.class_name()}; radiance times area is an intensity only where all rays are "
-            "parallel; a trend adds such sensors"
+            "parallel; a trend adds such sensors, and derivative_images differentiates images"
         )
     _, right, up, _ = window(sensor)
     return float(np.linalg.norm(np.cross(right, up)))

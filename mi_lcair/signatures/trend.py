@@ -12,7 +12,7 @@ import numpy as np
 from mi_lcair import formats
 from mi_lcair.charts import Curve, LineChart, LineCharts, label
 from mi_lcair.declared import percent
-from mi_lcair.errors import InputError, escaped
+from mi_lcair.errors import InputError, escaped, option
 from mi_lcair.extras import named, optional
 from mi_lcair.files import parse_json, read_text, replacing
 from mi_lcair.rendering.measurands import Measurands
@@ -187,9 +187,10 @@ class Trend(Result):
     def facts(self) -> Iterator[Any]:
         """Extremes by elevation, the accuracy, polar curves and the table."""
         yield (
-            f"Band {self.band or 'not stated'}. Azimuth 0° sees the nose, 90° the left side. "
-            "Shaded bands are 95 % intervals of the intensity; its parts have none in the table."
+            "Azimuth 0° sees the nose, 90° the left side. Shaded bands are 95 % intervals of the "
+            "intensity; its parts have none in the table."
         )
+        yield "band", self.band or "not stated"
         elevations = dict.fromkeys(np.asarray(self.table["elevation_deg"]).tolist())
         yield Table(COLUMNS, [extremes(self.at_elevation(angle), angle) for angle in elevations])
         if {"half_width_W_sr", "reached"} <= self.table.keys():
@@ -313,11 +314,13 @@ def accuracy(trend: Trend) -> tuple[str, str]:
     """Row about the widest 95 % interval, and about the tolerance if there is one."""
     views = len(trend.table["reached"])
     widest = f"+- {percent(trend.widest)}" if np.isfinite(trend.widest) else "as wide as it"
+    is_narrow = trend.tolerance is not None and trend.widest <= trend.tolerance
     return error_row(
         f"the widest 95 % interval is {widest} of the intensity",
         trend.tolerance,
         not trend.missed,
         where=f"in {trend.missed or views} of {views} views",
+        remedy=f"raise {option('max_bounces')}" if is_narrow and trend.left_out else "",
     )
 
 

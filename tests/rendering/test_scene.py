@@ -201,7 +201,7 @@ def test_no_warning_about_a_film_of_colours(tmp_path, caplog, given):
                 SENSOR,
             ],
             {},
-            "bounce_path: unknown property .bounces.; is max_bounces meant",
+            "unknown property of bounce_path 'bounces'; known: max_bounces",
         ),
     ],
 )

@@ -13,7 +13,7 @@ import mitsuba as mi
 import numpy as np
 
 from mi_lcair.declared import Bounds
-from mi_lcair.errors import InputError, option
+from mi_lcair.errors import InputError, option, unknown
 from mi_lcair.models3d.model import SIZES_AWAY
 from mi_lcair.physics.bands import band
 from mi_lcair.plugins import PLUGINS
@@ -117,7 +117,7 @@ def check_names(plugin: str, values: dict) -> None:
             continue
         near = get_close_matches(name, known - values.keys(), 1, 0.7)
         if near:
-            raise InputError(f"{plugin}: unknown property '{name}'; is {near[0]} meant?")
+            raise unknown(f"property of {plugin}", name, known)
 
 
 def numbers(value) -> np.ndarray:

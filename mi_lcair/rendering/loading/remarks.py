@@ -372,7 +372,7 @@ def remarks_on_view(scene: mi.Scene, emitters: EmitterTable) -> tuple[list[str],
     if lost > max(LEAST_SHARE * total, LEAST_REFLECTED * met):
         of_nothing = [
             f"{percent(lost / total)} of the target's reflections see nothing (0 K); add an "
-            "emitter sky, [surroundings] of a scenario, or sky and ground of an import"
+            "emitter sky to the scene, or [surroundings] to the scenario"
         ]
     if behind > MOST_BEHIND * met:
         backs = [

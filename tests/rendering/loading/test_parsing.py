@@ -333,19 +333,19 @@ def test_triangles_are_compared_once_for_each_state_of_the_scene(tmp_path, monke
         (
             '<emitter type="sun"> <float name="azimut_deg" value="1"/> '
             '<float name="elevation_deg" value="1"/> <string name="band" value="MWIR"/> </emitter>',
-            "sun: unknown property 'azimut_deg'; is azimuth_deg meant",
+            "unknown property of sun 'azimut_deg'; known: azimuth_deg",
         ),
         (
             shape(PAINT + THERMAL.replace('"temperature"', '"temperatur"')),
-            "thermal: unknown property 'temperatur'; is temperature meant",
+            "unknown property of thermal 'temperatur'; known: temperature",
         ),
         (
             shape('<bsdf type="material"> <string name="materal" value="blackbody"/> </bsdf>'),
-            "material: unknown property 'materal'; is material meant",
+            "unknown property of material 'materal'; known: material",
         ),
         (
             shape('<bsdf type="sandford_robertson"> <float name="epsilom" value="0.1"/> </bsdf>'),
-            "sandford_robertson: unknown property 'epsilom'; is epsilon meant",
+            "unknown property of sandford_robertson 'epsilom'; known: epsilon",
         ),
     ],
 )
