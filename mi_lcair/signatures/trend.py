@@ -190,9 +190,9 @@ class Trend(Result):
             "Azimuth 0° sees the nose, 90° the left side. Shaded bands are 95 % intervals of the "
             "intensity; its parts have none in the table."
         )
-        yield "band", self.band or "not stated"
         elevations = dict.fromkeys(np.asarray(self.table["elevation_deg"]).tolist())
         yield Table(COLUMNS, [extremes(self.at_elevation(angle), angle) for angle in elevations])
+        yield "band", self.band or "not stated"
         if {"half_width_W_sr", "reached"} <= self.table.keys():
             yield accuracy(self)
         if self.followed:

@@ -48,7 +48,8 @@ def test_trend(run, folder):
         "t.png",
     )
     assert result.exit_code == 0, result.output
-    *table, blank, error, followed = result.stdout.splitlines()
+    *table, blank, of_band, error, followed = result.stdout.splitlines()
+    assert of_band.split() == ["band", "LWIR", "8-12", "um"]
     assert [line.split()[:2] for line in table] == [["elevation", "views"], ["0", "4"], ["20", "4"]]
     assert not blank and error.startswith("error     the widest 95 % interval is +- ")
     assert followed.startswith("followed  ")
