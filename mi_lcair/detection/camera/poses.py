@@ -114,8 +114,7 @@ def solve(points: np.ndarray, places: np.ndarray, imager: Imager, sigma_px: floa
     best, *others = minima(points, places, imager)
     if best.rms_px > MISFIT_PX:
         # Seen through the camera's middle, points behind it are those in front of it, inverted
-        middle = points.mean(axis=0)
-        behind = minima(2 * middle - points, places, imager)[0]
+        behind = minima(-points, places, imager)[0]
         if BETTER * behind.rms_px < best.rms_px:
             raise InputError(
                 f"the points would be behind the camera: in front of it they miss their pixels by "
