@@ -25,7 +25,6 @@ from mi_lcair.sections import Table
 from mi_lcair.toml_table import text_of
 
 FEWEST = 4  # points; three have up to four poses
-OUTSIDE = 1.0  # of the frame, by which a place may lie outside it
 ON_A_LINE = 1e-4  # width of points that count as one line, relative to their length
 IN_A_PLANE = 0.05  # thickness of points that count as a plane for the first guess, likewise
 NEAREST = 1e-6  # smallest depth of a point during the search, relative to the points' extent
@@ -322,7 +321,7 @@ def camera_pose(
     if scenario.flight is not None:
         raise InputError("the scenario has a [flight]; a pose needs an [observer] in its place")
     places, size = points[:, 3:], np.array([imager.width, imager.height])
-    for k in np.flatnonzero((abs(places / size - 0.5) > 0.5 + OUTSIDE).any(axis=1)):
+    for k in np.flatnonzero(((places < -size) | (places > 2 * size)).any(axis=1)):
         raise InputError(
             f"point {k + 1}: column {places[k, 0]:g}, row {places[k, 1]:g} is far outside the "
             f"frame of {imager.width} x {imager.height} pixels; check [camera] and the columns"
