@@ -201,14 +201,20 @@ class AttachedPaths:
         Where they touch, they may come apart or pass through each other. With velocities of the
         vertices (V, 3), this counts only if they do, but so does what lies on an edge or a vertex.
         """
+        if velocities is not None:
+            apart = np.abs(velocities - velocities[weld(self.surface.vertices)]).max()
+            if apart > TURN * np.abs(velocities).max() or self.ends_within_edges():
+                return True
+        return any(self.meetings(velocities))
+
+    def meetings(self, velocities=None) -> tuple[bool, bool]:
+        """Whether an edge passes through a triangle of another part, and whether it touches one.
+
+        With velocities of the vertices (V, 3), only touches count that come apart or pass through.
+        """
         vertices, edges = self.surface.vertices, self.edges
         if not len(edges.ends):
-            return False
-        if velocities is not None:
-            slowest = TURN * np.abs(velocities).max()
-            together = np.abs(velocities - velocities[weld(vertices)]).max() <= slowest
-            if not together or self.ends_within_edges():
-                return True
+            return False, False
         a, b = (vertices[edges.ends[:, k]] for k in range(2))
         along, inset = (b - a) / edges.length[:, None], INSET * self.extent
         lengths = np.maximum(edges.length - 2 * inset, 0)
@@ -237,8 +243,8 @@ class AttachedPaths:
             corners = self.corners.numpy().reshape(-1, 3)[met]
             apart = of_edges - np.einsum("kn,nkx->nx", [1 - u - v, u, v], velocities[corners])
             apart = np.abs(np.sum(normals * apart, axis=1))
-            meets &= ~(apart <= slowest)  # NaN where an edge passes through
-        return bool(meets.any())
+            meets &= ~(apart <= TURN * np.abs(velocities).max())  # NaN where one passes through
+        return bool((meets & np.isnan(t)).any()), bool((meets & ~np.isnan(t)).any())
 
     def ends_within_edges(self) -> bool:
         """Whether an edge ends within another one, so that both are the edge of a surface."""

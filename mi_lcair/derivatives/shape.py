@@ -451,6 +451,16 @@ def slope_along(scene, sensor, velocities: np.ndarray, paths: int, seed: int):
     return np.append(by_block.mean(), deviations), float(np.linalg.norm(parts))
 
 
+def comes_apart(scene, sensor, velocities: np.ndarray) -> bool:
+    """Whether parts of a model that touch move apart or into each other at velocities (V, 3)."""
+    try:
+        surface = MovedMesh(scene, None)
+    except InputError:  # a triangle without area
+        return False
+    with scene.prepared() as tracer:
+        return AttachedPaths(surface, sensor, tracer, None).meetings(velocities)[1]
+
+
 def velocity_of_areas(surface: MovedMesh, sensor, velocities: np.ndarray) -> np.ndarray:
     """Derivatives of the visible areas of triangles, in parts of the window's area, (T,)."""
     step = 1e-6 * np.ptp(surface.vertices, axis=0).max() / max(abs(velocities).max(), 1e-300)

@@ -134,6 +134,8 @@ class Sensitivities(Result):
                 continue
             below, above = map(with_error, of.one_sided, of.one_sided_errors)
             where, which = f"within {of.step:.3g} of its value", "mean of both"
+            if of.touches:
+                where = "at its value, where parts of the model touch"
             if of.kink is not None:
                 where = (
                     f"at its value{f' {of.kink:+.3g}' * bool(of.kink)}, where facets turn edge-on"

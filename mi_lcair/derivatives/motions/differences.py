@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mi_lcair.derivatives.motions.kinks import AT_KINK, Kink, TurningFacets, turning_facets
-from mi_lcair.derivatives.shape import slope_along
+from mi_lcair.derivatives.shape import comes_apart, slope_along
 from mi_lcair.plugins.emission.draw_table import PREFERRED
 from mi_lcair.plugins.emission.triangles import vertex_positions
 from mi_lcair.plugins.integrators.bounce_path import AUTO
@@ -126,6 +126,7 @@ class Difference:
     and above the kink or else the present value, equal if they do not differ by more than noise.
     one_sided_errors: their standard errors. ends: the renders above and below. kink: distance from
     the present value at which facets turn edge-on, 0 for one at it; None without such a kink.
+    touches: whether parts of the model touch that come apart.
     """
 
     derivative: float
@@ -139,6 +140,7 @@ class Difference:
     one_sided_errors: tuple[float, float]
     ends: tuple[Totals, Totals]
     kink: float | None = None
+    touches: bool = False
 
     @property
     def error(self) -> float:
@@ -330,12 +332,17 @@ class Differences:
         verdict = pilot.verdict
         if step is None and verdict == "smooth" and (found := self.along_paths(pilot)):
             return found
-        offsets = [h, -h, *([0] if verdict == "kink" or self.turning else [])]
+        touches = step is None and self.comes_apart()
+        offsets = [h, -h, *([0] if verdict == "kink" or self.turning or touches else [])]
         ends = self.totals(offsets, kind, self.sampling.paths)
         high, low, *middle = map(self.rows, ends)
         slope, bend = (high - low) / (2 * h), np.append(pilot.jump, 0 * high[1:])
         if middle:
             bend = (high + low - 2 * middle[0]) / h
+        largest = max(abs(slope[0] - bend[0] / 2), abs(slope[0] + bend[0] / 2))
+        is_even = abs(bend[0]) + 2 * hypot(*bend[1:]) <= NOTICED * largest
+        if touches and verdict == "smooth" and not is_even:
+            verdict = "kink"
         scatter = float(np.sqrt(np.sum(slope[1:] ** 2)))
         floor = self.floor(ends[:2], kind, h)
         if any(total.lowest["target"][0] == 0 for total in ends):  # points of facets are hidden
@@ -351,7 +358,8 @@ class Differences:
             *(kink.unscattered for kink in kinks),
         ]
         present = slope + self.of_kinks(kinks, 0.0)
-        sides, named = (present - bend / 2, present + bend / 2), None
+        half = 0 * bend if touches and verdict == "smooth" else bend / 2
+        sides, named = (present - half, present + half), None
         if verdict != "kink" and kinks:
             sides, named = self.sides(slope, bend / h, kinks) or ((present, present), None)
             verdict = verdict if named is None else "kink"
@@ -369,6 +377,7 @@ class Differences:
             one_sided_errors=(below, above),
             ends=tuple(ends[:2]),
             kink=named,
+            touches=touches,
         )
 
     def along_paths(self, pilot: "Pilot") -> Difference | None:
@@ -399,6 +408,12 @@ class Differences:
         if result.error > expected:  # as where no path has begun on some triangles
             return None
         return replace(result, one_sided_errors=(result.error,) * 2)
+
+    def comes_apart(self) -> bool:
+        """Whether meshes that touch come apart or pass through each other."""
+        if not (self.can_attach and self.motion.shapes):
+            return False
+        return comes_apart(self.scene, self.camera, velocities_of(self.scene, self.name))
 
     def kink(self, facets: TurningFacets, reach: float, kind: DifferenceKind) -> Kink:
         """What facets that turn edge-on add, from renders of them alone beside the kink."""

@@ -7,6 +7,7 @@ import pytest
 
 import mi_lcair
 from mi_lcair.derivatives.motions.kinks import turning_facets
+from mi_lcair.plugins.emission.triangles import triangle_vertices
 from mi_lcair.rendering.parameters.values import changed
 from tests.derivatives.motions.test_differences import (
     CUBE,
@@ -14,6 +15,7 @@ from tests.derivatives.motions.test_differences import (
     convex_hull,
     derivative,
     facets_intensity,
+    mesh,
     scene_of,
 )
 
@@ -65,3 +67,26 @@ def test_facets_that_stay_edge_on_or_turn_elsewhere():
     assert [at.area(side * 0.5, side) for side in (-1, 1)] == pytest.approx(
         [np.sin(np.radians(0.5)) / 16] * 2, rel=1e-3
     )
+
+
+@pytest.mark.parametrize("reflectance", [0.0, 0.5])
+def test_a_box_that_stands_on_a_plate(reflectance):
+    """Lifted, it hides as much of the plate as before; pushed down, its sides become shorter."""
+    corners = np.array([[x, y, z] for x in (-0.3, 0.3) for y in (-0.3, 0.3) for z in (0, 0.5)])
+    box = mesh(
+        "box", corners, triangle_vertices(convex_hull("box", corners)), reflectance, kelvin=400.0
+    )
+    plate = np.array([[-3, -1, 0], [1, -1, 0], [1, 1, 0], [-3, 1, 0.0]])
+    plate = mesh("plate", plate, [[0, 1, 2], [0, 2, 3]], reflectance)
+    scene = scene_of(box, plate, max_bounces=int(2 * reflectance))
+    result = mi_lcair.sensitivities(scene, ["box.z_m"], paths=2**13)
+    found = result.differences["box.z_m"]
+    assert found.verdict == "kink" and found.touches
+    assert "at its value, where parts of the model touch" in result.kinks()[0]
+    if not reflectance:
+        below = 0.6 * np.cos(np.radians(20)) * ((400 / 300) ** 4 - 1) * L
+        errors = np.array(found.one_sided_errors)
+        assert (np.abs(np.subtract(found.one_sided, [below, 0])) < 4 * errors).all()
+        assert errors.max() < 0.1 * below
+        with changed(scene, {"box.z_m": 0.1}):
+            assert not mi_lcair.sensitivities(scene, ["box.z_m"], paths=2**12).kinks()
