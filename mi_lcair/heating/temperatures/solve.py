@@ -499,6 +499,7 @@ def temperatures(scene: Scene, description: HeatDescription) -> Heat:
     rows += model_errors(network, description.model_K)
     of_sigma += [WITHOUT_MODEL] if description.model_K == 0 else []
     of_sigma += remarks_on_emissivities(network, sigmas, solved.kelvin[0], traced is not None)
+    of_intensity = [f"intensity: {text}" for text in scene.of_nothing if traced]
     result = Heat(
         name=scene.name,
         facets=network.facets,
@@ -511,7 +512,7 @@ def temperatures(scene: Scene, description: HeatDescription) -> Heat:
         band="" if traced is None else traced[0].band.label,
         polygons=FacetPolygons.of(table.triangles, table.triangle_facet),
         scene_kelvin=table.temperature,
-        remarks=tuple(dict.fromkeys((*of_network, *of_sigma))),
+        remarks=tuple(dict.fromkeys((*of_network, *of_sigma, *of_intensity))),
     )
     return result if traced is None else replace(result, intensity=intensity(result, *traced))
 

@@ -76,6 +76,7 @@ def test_intensity_is_that_of_a_render_with_its_temperatures(day, folder):
         rendered.target.standard_error, day.intensity["noise of the rendering"].contribution[6]
     )
     assert abs(rendered.target.intensity - day.intensity.value[6]) < 4 * error
+    assert any(text.startswith("intensity: ") and "see nothing" in text for text in day.remarks)
 
 
 def test_intensity_has_what_the_model_reflects(folder, tmp_path):
@@ -88,6 +89,7 @@ def test_intensity_has_what_the_model_reflects(folder, tmp_path):
     run = {"signature": {"spp": 64}, "run": {"rays": 64}, "sigma": {}}
     heat = mi_lcair.heat({"target": {"scene": str(file)}, "weather": weather} | run)
     assert heat.is_steady and heat.days == 0
+    assert not any("see nothing" in text for text in heat.remarks)
     scene = mi_lcair.load(file)
     set_facets(scene, dict(zip(heat.facets.number.tolist(), heat.kelvin[0].tolist())))
     rendered = mi_lcair.signature(scene, spp=64).target
