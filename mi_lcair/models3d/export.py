@@ -13,10 +13,11 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from mi_lcair.errors import InputError, option
-from mi_lcair.files import LARGEST, filling, parse_json, read_bytes, read_text
+from mi_lcair.files import LARGEST, filling, parse_json, parse_toml, read_bytes, read_text
 from mi_lcair.models3d.model import Model
 from mi_lcair.models3d.modellers.naming import GROUPS, TYPES
 from mi_lcair.physics.materials import is_json
+from mi_lcair.toml_table import is_file
 
 if TYPE_CHECKING:
     from mi_lcair.physics.surroundings import Words
@@ -236,8 +237,10 @@ def export(
     # A comment in XML must not contain two hyphens in a row
     name = re.sub("--+", "-", _plain(folder.resolve().name)) or "model"
     sources = {}  # name in the folder: file to copy
+    table = None  # of the user's materials
     if materials:
         sources[Path(materials).name if is_json(materials) else "materials.toml"] = materials
+        table = None if is_json(materials) else _with_files(materials, sources)
         materials = next(iter(sources))
     short = _short_names(dict.fromkeys(label.material for label in model.labels), sources)
     if sky:
@@ -262,6 +265,8 @@ def export(
         for copy, source in sources.items()
         if not _is_same(folder / copy, source)
     }
+    if table is not None and materials in contents:
+        contents[materials] = table.encode()
     contents |= {file: text.encode() for file, text in model.files.items()}
     contents |= {file: content() for file, content in (also or {}).items()}
     labels = {stem: label for stem, (label, _) in parts.items()}
@@ -309,6 +314,20 @@ def _short_names(materials, sources):
         else:
             short[material] = material, material
     return short
+
+
+def _with_files(materials, sources) -> str:
+    """The text of a table of materials, whose spectra and fits are added to `sources`."""
+    text = read_text(materials, "materials")
+    values, folder = [parse_toml(text, f"materials '{materials}'")], Path(materials).parent
+    for value in values:
+        if isinstance(value, dict):
+            values += value.values()
+        elif isinstance(value, str) and is_file(folder, value):
+            _add(sources, folder / value)
+            for quote in "\"'":
+                text = text.replace(f"{quote}{value}{quote}", f"{quote}{Path(value).name}{quote}")
+    return text
 
 
 def _add(sources, path):

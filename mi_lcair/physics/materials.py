@@ -391,6 +391,7 @@ def _spectral(where, name, folder, keys, revisions):
     spectrum = spectral_parameters(where, dict(keys), folder, fit)
     first, last = spectrum.wavelengths_um[[0, -1]]
     weights = np.gradient(spectrum.wavelengths_um)
+    weights[[0, -1]] /= 2  # the trapezoidal rule
     values = spectrum.averaged(spectrum.wavelengths_um, weights)
     parameters = dict(zip(spectrum.model.names, values))
     band = f"{first:.12g}-{last:.12g}"

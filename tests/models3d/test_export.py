@@ -9,6 +9,7 @@ import pytest
 import mi_lcair
 from mi_lcair.errors import InputError
 from mi_lcair.models3d import export, read
+from mi_lcair.physics.materials import entries_of, over_hemisphere
 from tests.models3d.shapes import SIDES, SKY, cube, obj
 
 BOXES = (
@@ -179,6 +180,22 @@ def test_meshes_of_like_names_do_not_meet(tmp_path):
     files = export(read(tmp_path / "model.obj", materials=tmp_path / "own.toml"), tmp_path / "out")
     facets = [set(mesh(path)[2]) for path in files if path.suffix == ".ply"]
     assert sorted(map(min, facets)) == [0, 6, 12] and sum(map(len, facets)) == 18
+
+
+def test_spectra_of_a_table_of_materials_come_along(tmp_path):
+    """From another folder; the mean emissivity is that of the straight lines between the rows."""
+    (tmp_path / "lab").mkdir()
+    (tmp_path / "lab" / "glaze.csv").write_text("wavelength_um,emissivity\n8,0.5\n9,0.9\n12,0.7\n")
+    (tmp_path / "own.toml").write_text("[glaze.spectral]\nemissivity = 'lab/glaze.csv'\n")
+    (tmp_path / "model.obj").write_text(cube(label="f*glaze*300*"))
+    read_model = read(tmp_path / "model.obj", materials=tmp_path / "own.toml")
+    files = export(read_model, tmp_path / "out", materials=tmp_path / "own.toml")
+    assert {"glaze.csv", "materials.toml"} <= {file.name for file in files}
+    (tmp_path / "lab" / "glaze.csv").unlink()
+    mi_lcair.load(tmp_path / "out" / "scene.xml", band="8-12")
+    (glaze,) = entries_of(tmp_path / "out" / "materials.toml")
+    mean = (0.7 * 1 + 0.8 * 3) / 4
+    assert over_hemisphere(glaze) == pytest.approx(mean, abs=1e-9)
 
 
 @pytest.mark.parametrize("folder", ["with space", "a--b", "a&b", "b.c", "$x", "-"])
