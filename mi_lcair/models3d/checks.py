@@ -4,6 +4,7 @@ import numpy as np
 import scipy
 
 from mi_lcair.coincident import TOLERANCE, overlaps, unique_rows
+from mi_lcair.errors import option
 from mi_lcair.models3d.model import Model
 from mi_lcair.models3d.modellers.naming import TYPES
 
@@ -251,8 +252,8 @@ def remarkable(figures: dict, materials):
             )
     if (longest := np.ptp(figures["bounding_box"], axis=0).max()) > LONG_M:
         yield (
-            f"the model is {longest:.4g} m long; a file in millimetres needs --scale "
-            "0.001, one in feet 0.3048"
+            f"the model is {longest:.4g} m long; a file in millimetres needs "
+            f"{option('scale', 0.001)}"
         )
     if figures["temperature_min"] < COLD:
         yield f"the lowest temperature is {figures['temperature_min']:g} K"

@@ -40,6 +40,7 @@ OF_A_VIEW = (
         'angle_deg needs from = "normal" and no distance_m',
     ),
 )
+ROUNDED = 1e-3  # part of the depth that a profile may lack, because its last row is rounded
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -196,7 +197,7 @@ class CavityDescription:
     def check_profile(self) -> None:
         """Raise InputError for a profile that does not cover the cavity."""
         z, _ = self.profile()
-        if z[0] > 1e-9 or z[-1] < self.shape.depth * (1 - 1e-6):
+        if z[0] > 1e-9 or z[-1] < self.shape.depth * (1 - ROUNDED):
             raise InputError(
                 f"{self.folder / self.wall.profile}: covers z_m {z[0]:g}..{z[-1]:g}; the cavity "
                 f"needs 0..{self.shape.depth:g}"
