@@ -88,6 +88,7 @@ class Visit:
                 "return !tip.hidden && tip.textContent.startsWith(heading) }",
                 arg=heading,
                 timeout=PATIENCE,
+                polling=50,
             )
         except Exception as error:
             found = self.page.evaluate(text)
