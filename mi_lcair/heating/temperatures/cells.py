@@ -89,6 +89,11 @@ def layout(thicknesses: Sequence[complex], penetrations: Sequence[float]) -> lis
     return result
 
 
+def middles(dz):
+    """Depths of the middles of cells with these thicknesses, (N,)."""
+    return np.cumsum(dz) - dz / 2
+
+
 class Cells:
     """The cells of the facets of one group over the steps of a day.
 
@@ -108,7 +113,7 @@ class Cells:
 
     def go_on_from(self, other: "Cells") -> None:
         """Begin with the last state of other cells, at the same share of the depth."""
-        depths = [np.cumsum(cells.wall.dz) - cells.wall.dz / 2 for cells in (self, other)]
+        depths = [middles(cells.wall.dz) for cells in (self, other)]
         share, of_other = (np.real(depth) / np.real(depth[-1]) for depth in depths)
         to_new = np.array([np.interp(share, of_other, one) for one in np.eye(len(of_other))])
         self.states = [tuple(values @ to_new for values in state) for state in other.states]

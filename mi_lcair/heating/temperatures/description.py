@@ -18,7 +18,7 @@ from mi_lcair.estimate import Stated, parsed, relative, sigmas
 from mi_lcair.files import parse_toml, read_text
 from mi_lcair.heating.temperatures.air import SurfaceAir, plate_convection, rough_convection
 from mi_lcair.heating.temperatures.balance import DAY, DEEPEST, HeatWall
-from mi_lcair.heating.temperatures.cells import CellWall, layout
+from mi_lcair.heating.temperatures.cells import CellWall, layout, middles
 from mi_lcair.toml_table import check_tables, filled, table_of, tables_of
 
 # Standard uncertainty of the model itself: the rms of what is left of two measured cases, rounded
@@ -459,8 +459,7 @@ class GroupTable(Described, rules=BEHIND):
         is_top = np.diff(owner, prepend=-1) > 0
         values = {n: np.array([getattr(layer, n) for layer in layers])[owner] for n in names}
         if self.scale_depth_mm is not None:
-            depth = np.cumsum(dz) - dz / 2
-            near = np.exp(-depth / (self.scale_depth_mm / 1000))
+            near = np.exp(-middles(dz) / (self.scale_depth_mm / 1000))
             for name in ("conductivity", "density"):
                 deep = values[name]
                 values[name] = deep - (deep - getattr(self, f"surface_{name}")) * near

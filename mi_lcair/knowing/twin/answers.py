@@ -208,10 +208,10 @@ def expected(twin: Twin, course: TwinCourse, camera: Frames, hour: float, like=N
     block = camera.block(near, kelvin, np.zeros(len(camera.own)))
     changes = twin.times.at(hour, course.changes)
     row = twin.with_columns(course, block, (camera, number, near, kelvin), changes, ends)
-    instrument = np.zeros((len(block.weight), 0))
+    instrument = block.own[:, :0]
     if like is not None:
-        errors = camera.own_columns(near, camera.radiance(near, kelvin), like.table)
-        instrument = camera.cells(near, kelvin).mean @ errors
+        of_pixels = camera.own_columns(near, camera.radiance(near, kelvin), like.table)
+        instrument = camera.cells(near, kelvin).mean @ of_pixels
     drift = camera.table.drift_K * camera.kelvin_at_netd
     own = twin.places[f"errors of {number}"]
     matrix, variance, errors = [], [], []
