@@ -15,6 +15,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mi_lcair.coincident import unit_normals, weld
+from mi_lcair.plugins.emission.draw_table import PREFERENCE, DrawTable, is_mesh
+from mi_lcair.plugins.emission.spherical_polygons import LARGE
 from mi_lcair.plugins.emission.triangles import (
     Choice,
     numbers_of_triangles,
@@ -22,8 +24,9 @@ from mi_lcair.plugins.emission.triangles import (
 )
 from mi_lcair.plugins.paths.launch import FacetStarts, Launch, ParallelRays
 from mi_lcair.plugins.paths.sheets import nearest_hit
+from mi_lcair.plugins.paths.walk import mis_weight
 from mi_lcair.plugins.recorders.recorder import Recorders
-from mi_lcair.rendering.facets import meshes_of_model, radiances
+from mi_lcair.rendering.facets import meshes_of_model
 from mi_lcair.rendering.statistics import check_valid, edge_share
 from mi_lcair.rendering.window import RANDOMISATIONS, window, window_size
 
@@ -164,11 +167,21 @@ class AttachedPaths:
         self.ends = mi.UInt32(np.ravel(self.edges.ends).astype(np.uint32))
         self.opposite = mi.UInt32(np.ravel(self.edges.opposite).astype(np.int64) % 2**32)
         self.by_length = self.choice(self.edges.length) if len(self.edges.length) else None
-        areas = np.linalg.norm(surface.normals, axis=1) / 2
-        emitted = areas * radiances(surface.meshes)
-        self.emitting = Choice(emitted) if emitted.any() else None
-        density = np.zeros(1) if self.emitting is None else self.emitting.probability / areas
-        self.drawn_density = mi.Float(np.append(0.0, density))
+        # Of the model, the radiance of the sky stays where it is
+        self.drawing, known = copy(self.emitters), (self.emitters.bounds, self.emitters.brightest)
+        meshes = list(filter(is_mesh, self.emitters.emitters))
+        table = DrawTable(meshes, *known, PREFERENCE)
+        self.drawing.tables = [table] if table.panel_count else []
+        if table.panel_count:
+            panels, faces = (
+                table.panel_choice.panels,
+                [mesh.face_count() for mesh in surface.meshes],
+            )
+            of_mesh = dict(zip(surface.meshes, np.cumsum([0, *faces])))
+            before = np.cumsum([0, *panels.table.counts])
+            shift = [of_mesh[of.get_shape()] - first for of, first in zip(meshes, before)]
+            of_panels = panels.first + np.repeat(shift, panels.counts)
+            self.of_panels = mi.UInt32(of_panels.astype(np.uint32))
         if starts is not None:
             area, _ = surface.in_view(sensor, vertices)
             self.aim = FacetStarts.at(surface.meshes, vertices[surface.triangles], area, starts)
@@ -265,12 +278,16 @@ class AttachedPaths:
         first = 3 * (number + self.block * mi.UInt32(len(self.surface.vertices)))
         return mi.Point3f(*(dr.gather(mi.Float, self.positions, first + k) for k in range(3)))
 
+    def triangle(self, number) -> tuple:
+        """The vertices of a triangle."""
+        corners = (dr.gather(mi.UInt32, self.corners, 3 * number + k) for k in range(3))
+        return tuple(map(self.vertex, corners))
+
     def attach(self, si, pi, active) -> "AttachedPlace":
         """Where rays have hit triangles: point and frame with derivatives; others stay."""
         triangle = self.number.at(pi.shape, pi.prim_index, active & pi.is_valid())
         known = triangle > 0
-        first = 3 * (dr.maximum(triangle, 1) - 1)
-        a, b, c = (self.vertex(dr.gather(mi.UInt32, self.corners, first + k)) for k in range(3))
+        a, b, c = self.triangle(dr.maximum(triangle, 1) - 1)
         u, v = pi.prim_uv
         p = a + u * (b - a) + v * (c - a)
         n = dr.cross(b - a, c - a)
@@ -399,7 +416,7 @@ class AttachedPaths:
             change = dr.select(hits, of_area / dr.detach(of_area), 1)
             f = place.reflection(bsdf, toward, to, active)
             throughput = dr.select(active, throughput * f * change / bs.pdf, 0)
-            share = dr.select(hits, bs.pdf / (bs.pdf + density), 1)
+            share = dr.select(hits, mis_weight(bs.pdf, density), 1)
             place, toward = there, -to
             L += throughput * share * place.emission(self.scene, toward, active)
             dr.eval(L, throughput, place, toward, si, pi, ray, active, at_edge)
@@ -409,46 +426,86 @@ class AttachedPaths:
         return L
 
     def drawn(self, place, toward, bsdf, choice, point, active) -> mi.Float:
-        """What a drawn point of a triangle that emits brings, with its derivatives.
+        """What a direction drawn toward an emitting panel brings, with its derivatives.
 
-        It shares its radiance with the reflected rays that meet it.
+        The point that it meets keeps its place on its triangle. It shares its radiance with the
+        reflected rays that meet it.
         """
-        if self.emitting is None:
+        if not self.drawing.tables:
             return mi.Float(0)
-        triangle, _ = self.emitting.pick_and_rest(choice)
-        first = 3 * triangle
         with dr.suspend_grad():
-            a, b, c = (self.vertex(dr.gather(mi.UInt32, self.corners, first + k)) for k in range(3))
-            u, v = mi.warp.square_to_uniform_triangle(point)
-            x = dr.detach(place.p)
-            to = dr.normalize(a + u * (b - a) + v * (c - a) - x)
-            f = place.detached(bsdf, toward, to, active)
-            active = active & (f > 0)
-            ray = self.emitters.spawn_ray(place.si, to)
-            pi = nearest_hit(self.scene, self.emitters.sheets, ray, active=active)
-            active &= (
-                self.number.at(pi.shape, pi.prim_index, active & pi.is_valid()) == triangle + 1
-            )
-            si = pi.compute_surface_interaction(ray, mi.RayFlags.All, active)
-        there = self.attach(si, pi, active)
+            (table,) = self.drawing.tables
+            direction = self.drawing.draw(table, place.si, choice, point, active)
+            f = place.detached(bsdf, toward, direction.ds.d, active)
+            traced, sheets = active & (f > 0), self.emitters.sheets
+            nearest = lambda ray, on: nearest_hit(self.scene, sheets, ray, active=on)  # noqa: E731
+            direct = self.drawing.trace(table, nearest, place.si, direction, traced)
+        even = self.evenly(table, place, toward, bsdf, direction, active)
+        active = direct.counts
+        there = self.attach(direct.hit, direct.met, active)
         to, of_area = dr.normalize(there.p - place.p), there.facing(place)
-        density = dr.detach(self.density_of(there, place))
-        pdf = place.density(bsdf, toward, to, active)
+        share = mis_weight(direction.compared, place.density(bsdf, toward, to, active))
         f = place.reflection(bsdf, toward, to, active)
         emitted = f * there.emission(self.scene, -to, active)
-        weight = of_area / dr.detach(of_area) / (density + pdf)
-        return dr.select(active & (density > 0), emitted * weight, 0)
+        weight = share / direction.ds.pdf * of_area / dr.detach(of_area)
+        return dr.select(active, emitted * weight, 0) + even
+
+    def evenly(self, table, place, toward, bsdf, direction, active) -> mi.Float:
+        """0, with the derivative of what a whole panel brings, less that at the drawn point.
+
+        Its mean is 0. Where nothing hides the panel, and directions do not matter to what it emits
+        and the place reflects, it takes the noise of the point away.
+        """
+        panel, ds, panels = direction.index, direction.ds, table.panel_choice.panels
+        first, x = dr.gather(mi.UInt32, self.of_panels, panel), place.p
+        pairs = dr.gather(mi.UInt32, panels.kinds, panel) > 0
+        n = dr.mulsign(place.n, dr.detach(dr.dot(place.n, toward)))
+        whole, point, rest, above = mi.Float(0), mi.Float(0), mi.Bool(True), mi.Bool(False)
+        for number, counts in ((first, mi.Bool(True)), (first + 1, pairs)):
+            a, b, c = self.triangle(dr.select(counts, number, first))
+            corners, around = [dr.normalize(corner - x) for corner in (a, b, c)], mi.Float(0)
+            for d, e in zip(corners, corners[1:] + corners[:1]):  # Lambert's formula
+                normal = dr.cross(d, e)
+                sine = dr.sqrt(dr.maximum(dr.squared_norm(normal), 1e-12))
+                around += dr.dot(n, normal) * dr.atan2(sine, dr.dot(d, e)) / sine
+                height = dr.detach(dr.dot(n, d))
+                active, above = active & (height > -GRAZING), above | (height > GRAZING)
+            whole += dr.select(counts, dr.abs(around) / 2, 0)
+            N = dr.cross(b - a, c - a)
+            with dr.suspend_grad():
+                of, to = dr.detach(N) / dr.squared_norm(N), ds.p - dr.detach(a)
+                u = dr.dot(of, dr.cross(to, dr.detach(c - a)))
+                v = dr.dot(of, dr.cross(dr.detach(b - a), to))
+                here = rest & (
+                    ~pairs | (number != first) | (dr.minimum(dr.minimum(u, v), 1 - u - v) >= 0)
+                )
+                rest &= ~here
+            y = a + u * (b - a) + v * (c - a) - x
+            facing = dr.abs(dr.dot(N, y)) / (dr.squared_norm(y) * dr.norm(y))
+            moved = dr.dot(n, dr.normalize(y)) * facing / dr.maximum(dr.detach(facing), 1e-30)
+            point = dr.select(here, moved, point)
+        with dr.suspend_grad():
+            seen = panels.seen(panel, self.drawing.receiver(place.si), active)
+            probability = direction.compared / (table.preference * seen.along(ds.d, ds.dist))
+            active &= above & (dr.dot(ds.n, ds.d) < 0) & (seen.solid_angle > LARGE) & (ds.pdf > 0)
+            to = dr.normalize((a + b + c) / 3 - x)
+            f = place.detached(bsdf, toward, to, active) / dr.dot(to, n)
+            of_all = dr.select(active, f * direction.bound / probability, 0)
+            of_point = dr.select(active, f * direction.bound / ds.pdf, 0)
+        change = of_all * (whole - dr.detach(whole)) - of_point * (point - dr.detach(point))
+        return dr.select(active, change, 0)
 
     def density_of(self, there: "AttachedPlace", place: "AttachedPlace") -> mi.Float:
-        """Density with which the direction to a point of a triangle is drawn, without derivatives.
-
-        See `drawn` [1/sr].
-        """
-        if self.emitting is None:
+        """Density that `drawn` compares for the direction to a place; a constant [1/sr]."""
+        if not self.drawing.tables:
             return mi.Float(0)
-        of_area = dr.gather(mi.Float, self.drawn_density, there.triangle)
-        facing = dr.detach(there.facing(place)) / dr.detach(there.twice_area)
-        return dr.select(facing > 0, of_area / facing, 0)
+        with dr.suspend_grad():
+            receiver = self.drawing.receiver(place.si)
+            si, hits = there.si, there.triangle > 0
+            distance = dr.norm(si.p - receiver.p)
+            return self.drawing.pdf(
+                self.scene, receiver, distance, si, si.emitter(self.scene, hits), hits
+            )
 
     def beside_edges(self, visit: "Visit", sampler) -> mi.Float:
         """What silhouettes hide or uncover of what a place reflects; 0, with derivatives."""

@@ -133,6 +133,11 @@ class SeenPanel:
         """Projected solid angle [sr]."""
         return self.of_kind(lambda form: form.projected)
 
+    @property
+    def solid_angle(self) -> mi.Float:
+        """Solid angle [sr]."""
+        return self.of_kind(lambda form: form.solid_angle)
+
     def draw(self, sample) -> tuple[mi.Vector3f, mi.Float, mi.Float]:
         """See `SphericalPolygon.draw`."""
         return self.of_kind(lambda form: form.draw(sample))

@@ -18,12 +18,17 @@ from mi_lcair.rendering.parameters.values import changed
 from mi_lcair.rendering.sampling import Sampling
 from tests.derivatives.motions.test_differences import (
     CUBE,
+    GAP,
     VIEW,
+    WALL,
     L,
     box,
     convex_hull,
+    light_of_plate,
     mesh,
+    plates,
     scene_of,
+    view_of_wall,
 )
 
 
@@ -162,6 +167,22 @@ def test_equal_to_attached_differences():
     assert expected.derivative > 100
     assert error < 0.005 * expected.derivative
     assert abs(sum_ - expected.derivative) < 3.5 * np.hypot(error, expected.error)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", ["parallel plates", "wall on a floor"])
+def test_light_of_a_near_emitter(case):
+    """A hot plate moves away from a grey one, or a hot wall that stands on a floor grows."""
+    if case == "parallel plates":
+        scene, group, along = plates(), "plate", lambda p: 0 * p + [0, 0, 1.0]
+        of = lambda x: light_of_plate(GAP + x)  # noqa: E731
+    else:
+        scene, group, along = mi_lcair.load("open_box"), "wall", lambda p: p * [0, 0, 1.0]
+        factor = np.cos(np.pi / 4) * 0.5 * WALL
+        of = lambda x: factor * view_of_wall(0.1, 0.2, 0.1 * (1 + x))  # noqa: E731
+    exact = (of(1e-4) - of(-1e-4)) / 2e-4
+    sum_, error = derivatives(scene, group, along, 2**13)[1].total
+    assert abs(sum_ - exact) < 3.5 * error < 0.005 * abs(exact)
 
 
 @pytest.mark.slow
