@@ -8,6 +8,7 @@ sensor and as points of reflecting surfaces see them.
 
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import drjit as dr
 import mitsuba as mi
@@ -216,9 +217,13 @@ class AttachedPaths:
         """
         if velocities is not None:
             apart = np.abs(velocities - velocities[weld(self.surface.vertices)]).max()
-            if apart > TURN * np.abs(velocities).max() or self.ends_within_edges():
+            if apart > TURN * np.abs(velocities).max() or self.ends_within_edges:
                 return True
-        return any(self.meetings(velocities))
+        return self.touches and (velocities is None or any(self.meetings(velocities)))
+
+    @cached_property
+    def touches(self) -> bool:
+        return any(self.meetings())
 
     def meetings(self, velocities=None) -> tuple[bool, bool]:
         """Whether an edge passes through a triangle of another part, and whether it touches one.
@@ -259,6 +264,7 @@ class AttachedPaths:
             meets &= ~(apart <= TURN * np.abs(velocities).max())  # NaN where one passes through
         return bool((meets & np.isnan(t)).any()), bool((meets & ~np.isnan(t)).any())
 
+    @cached_property
     def ends_within_edges(self) -> bool:
         """Whether an edge ends within another one, so that both are the edge of a surface."""
         vertices, edges = self.surface.vertices, self.edges

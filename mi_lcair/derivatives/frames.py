@@ -20,6 +20,7 @@ from mi_lcair.derivatives.attached import EDGES, MOST_PATHS, AttachedPaths, can_
 from mi_lcair.derivatives.motions.differences import velocities_before, velocities_of
 from mi_lcair.derivatives.shape import MovedMesh
 from mi_lcair.errors import InputError
+from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
 from mi_lcair.plugins.emission.emissivity import is_textured
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
 from mi_lcair.plugins.paths.launch import Launch
@@ -28,6 +29,7 @@ from mi_lcair.plugins.recorders.recorder import Recorders
 from mi_lcair.rendering.facets import meshes_of_model, radiances
 from mi_lcair.rendering.motions.motion import KINDS, matrix_of
 from mi_lcair.rendering.motions.pose import known_motions
+from mi_lcair.rendering.parameters.entries import is_grey_diffuse
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.statistics import check_valid
 from mi_lcair.rendering.window import Windows
@@ -183,6 +185,14 @@ class MovingEdges:
         return np.diff(self.span, axis=0) * speed
 
 
+def is_black(bsdf) -> bool:
+    """Whether a surface is known to reflect and to transmit nothing."""
+    if is_reflection_bsdf(bsdf):
+        directions = mi.Vector3f([0, 0.8], [0, 0], [1, 0.6])
+        return not np.any(mi.Float(bsdf.HDR(directions)[0]).numpy())
+    return is_grey_diffuse(bsdf) and mi.traverse(bsdf)["reflectance.value"][0] == 0
+
+
 def across(side: np.ndarray) -> np.ndarray:
     """Vectors (n, 2) perpendicular to others, and as long."""
     return np.stack([-side[:, 1], side[:, 0]], axis=1)
@@ -200,7 +210,24 @@ class Frame:
         shown = np.stack([of_mesh, radiances(meshes)], axis=1)
         kinds = np.unique(shown, axis=0, return_inverse=True)[1].ravel()
         self.paths = AttachedPaths(surface, windows.sensor, tracer, None, kinds)
-        self.film, self.surface = Film.of(windows.sensor), surface
+        self.film, self.surface, self.kinds = Film.of(windows.sensor), surface, kinds
+        self.is_black = all(is_black(mesh.bsdf()) for mesh in meshes)
+
+    @cached_property
+    def may_step(self) -> np.ndarray:
+        """Whether the radiance may jump at edges, (E,).
+
+        It does not between two triangles that are turned alike and emit the same, if nothing
+        reflects.
+        """
+        beside, surface = self.paths.edges.beside, self.surface
+        if beside.shape[1] != 2 or not self.is_black:
+            return np.ones(len(beside), bool)
+        film, corners = self.film, surface.vertices[surface.triangles]
+        to = corners[:, 0] - film.origin if film.is_central else film.axes[:, 2]
+        side = np.sign(np.sum(surface.normals * to, axis=1))
+        shown = np.stack([self.kinds, side])[:, beside]
+        return (beside < 0).any(axis=1) | (shown[..., 0] != shown[..., 1]).any(axis=0)
 
     @staticmethod
     def of(scene, windows: Windows, tracer) -> "Frame | None":
@@ -225,6 +252,7 @@ class Frame:
         """
         vertices, R = self.surface.vertices, self.windows.randomisations
         edges = MovingEdges.of(self.film, vertices, self.paths.edges.ends, velocities)
+        edges = edges.some(self.may_step[edges.edge])
         strata = edges.strata(ALONG_EDGES * points)
         total = np.zeros((R, len(velocities), self.windows.count))
         for first in range(0, len(strata.edge), MOST_RAYS // R):
@@ -285,6 +313,8 @@ class Frame:
         """What paths from fixed places of the film bring, (R, K, pixels)."""
         windows, bounces = self.windows, max(1, self.paths.walk.max_bounces)
         total = np.zeros((windows.randomisations, len(velocities), windows.count))
+        if self.is_black:
+            return total
         step = max(1, MOST_PATHS // (bounces * max(len(self.shown), 1) * windows.randomisations))
         for first in range(0, points, step):
             some = min(step, points - first)

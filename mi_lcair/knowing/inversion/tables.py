@@ -56,9 +56,10 @@ class UnknownEntry(Described, rules=OF_AN_UNKNOWN):
         The unknown has a separate value for each of these: "band", "state", "data"; [] means one
         value in all data. By default temperatures have a value for each state, materials and
         emissivities for each band, radiances for each band and state, and motions for each image.
+        Control points have one value in all data.
     correlation_m : float, optional
         For the facets of a group: correlation length of their temperatures, m. `prior` gives the
-        standard deviation about the mean.
+        standard deviation about the mean. For control points: that of their displacements.
     correlation_um : float, optional
         The same for "MATERIAL.spectrum", in micrometres of wavelength.
     """

@@ -161,6 +161,7 @@ PRECISION = {
 }
 # The same of motions by their unit, and the width of the interval that is known beforehand
 OF_MOTIONS = {"deg": (0.1, 10.0), "pixel": (0.1, 10.0), "m": (0.01, 1.0), "1": (0.02, 0.5)}
+OF_SIZE = 0.01  # the half width of control points, as a fraction of the range of their values
 # Half widths of 95 % intervals of the weather, by unit, up to which it is determined
 OF_WEATHER = {"K": 1.0, "1": 0.05, "hPa": 10.0, "km": 2.0, "ppmv": 20.0}
 # Kinds of unknowns that are no parameters of a scene: how an image differs from the radiance
@@ -195,7 +196,7 @@ class Unknown:
     facet : int, optional
         Number of the facet.
     centre : tuple of float, optional
-        Centre of the facet, metres; wavelength of a spectrum's node, micrometres.
+        Centre of the facet, or control point, metres; wavelength of a spectrum's node, micrometres.
     correlation_m : float, optional
         Distance over which facets of the group, or nodes, are alike, in the unit of `centre`.
     span : float
@@ -225,7 +226,10 @@ class Unknown:
         if self.kind in ("radiance", "gain"):
             return min(2 * max(abs(self.start), 1e-30), self.upper - self.lower)
         if self.kind == "motion":
-            return min(OF_MOTIONS[self.unit][1], self.upper - self.lower)
+            known = OF_MOTIONS[self.unit][1] if self.centre is None else np.inf
+            if self.centre and self.prior:
+                known = 4 * self.prior[1]  # its 95 % interval
+            return min(known, self.upper - self.lower)
         return self.upper - self.lower
 
     def is_determined(self, value: float, half_width: float) -> bool:
@@ -233,6 +237,8 @@ class Unknown:
 
         A parameter of a reflection model has the limits that it has in a fit.
         """
+        if self.kind == "motion" and self.centre:
+            return half_width <= OF_SIZE * (self.upper - self.lower)
         if self.kind == "motion":
             return half_width <= OF_MOTIONS[self.unit][0]
         if self.kind == "scenario":
@@ -325,21 +331,28 @@ def unknowns(
 
 def base_name(listed: Unknown) -> str:
     owner, _, last = listed.name.rpartition(".")
-    if listed.kind == "spectrum" and last.startswith(AT):
-        return f"{owner}{SPECTRUM}"
+    if listed.centre and listed.kind in ("spectrum", "motion"):
+        return f"{owner}{SPECTRUM}" if listed.kind == "spectrum" else owner
     return f"{listed.name}{FACETS}" if listed.kind == "facet" else listed.name
 
 
-def nodes_of(name: str, where: Where) -> list[str]:
-    """Parameters that change the spectrum of a material at its nodes; name: ends in SPECTRUM."""
+def nodes_of(name: str, where: Where) -> dict[str, tuple[float, ...]]:
+    """The parameters, with their places, that one name stands for.
+
+    They change the spectrum of a material at its nodes, or move the control points of a surface.
+    """
+    if not name.endswith(SPECTRUM):
+        points = {known: of.place for known, of in where.parameters.items() if of.place}
+        return {known: place for known, place in points.items() if known.rpartition(".")[0] == name}
     first = f"{name.removesuffix(SPECTRUM)}.{AT}"
-    return [known for known in where.parameters if known.startswith(first)]
+    nodes = [known for known in where.parameters if known.startswith(first)]
+    return {known: (float(known.removeprefix(first).removesuffix("nm")) / 1000,) for known in nodes}
 
 
 def is_in(name: str, where: Where) -> bool:
     if name.endswith(FACETS):
         return name.removesuffix(FACETS) in where.facets
-    return name in where.parameters or (name.endswith(SPECTRUM) and bool(nodes_of(name, where)))
+    return name in where.parameters or bool(nodes_of(name, where))
 
 
 def check_name(name: str, of, data: list[Where]) -> None:
@@ -353,6 +366,9 @@ def check_name(name: str, of, data: list[Where]) -> None:
             )
         known = {known for where in data for known in where.parameters}
         known |= {f"{n.rpartition('.')[0]}{SPECTRUM}" for n in known if f".{AT}" in n}
+        known |= {
+            n.rpartition(".")[0] for where in data for n, of in where.parameters.items() if of.place
+        }
         known |= {f"{group}{FACETS}" for where in data for group in where.facets}
         raise unknown("parameter of the data's scenes", name, known)
     labels = {label for where in data for label in where.labels.values() if label}
@@ -363,21 +379,25 @@ def instances(
     name, of, entry: UnknownEntry, data: list[Where], affected: list[int], is_sought: bool
 ):
     """The unknowns of one entry: one for each band, state or datum that has its own."""
-    if name.endswith(SPECTRUM):
-        single = replace(entry, correlation_um=None)
-        for node in nodes_of(name, data[affected[0]]):
-            place = (float(node.rpartition(AT)[2].removesuffix("nm")) / 1000,)
+    if nodes := nodes_of(name, data[affected[0]]):
+        key = "correlation_um" if name.endswith(SPECTRUM) else "correlation_m"
+        single = replace(entry, **{key: None})
+        for node, place in nodes.items():
             for of_node in instances(node, of, single, data, affected, is_sought):
-                yield replace(of_node, centre=place, correlation_m=entry.correlation_um)
+                yield replace(of_node, centre=place, correlation_m=getattr(entry, key))
         return
     facets = name.endswith(FACETS)
     if entry.correlation_um:
         raise InputError(f"'{name}': correlation_um is of spectra, such as \"paint{SPECTRUM}\"")
     if entry.correlation_m and not facets:
-        raise InputError(f"'{name}': correlation_m is of facets, such as \"wing.facets\"")
+        raise InputError(
+            f"'{name}': correlation_m is of facets, such as \"wing.facets\", and of control points"
+        )
     group = name.removesuffix(FACETS)
     kind = "facet" if facets else data[affected[0]].parameters[name].kind
     per = VALUES_PER[kind] if entry.per is None else entry.per
+    if entry.per is None and not facets and data[affected[0]].parameters[name].place:
+        per = ()  # a body has one shape in all data
     by_label = {}
     for k in affected:
         key = tuple(data[k].labels[word] for word in per if data[k].labels[word])

@@ -29,6 +29,7 @@ from mi_lcair.errors import InputError, check_known
 from mi_lcair.files import check_file
 from mi_lcair.plugins.emission.triangles import is_faceted, triangle_vertices, vertex_positions
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal, one_sun
+from mi_lcair.rendering.facets import normals_of
 from mi_lcair.rendering.loading.files import survey_values
 from mi_lcair.rendering.motions.table import Declared
 from mi_lcair.rendering.views import model_shapes
@@ -48,7 +49,8 @@ class Motion:
 
     unit: "deg", "m" or "1". rest: its value in the loaded scene. lower, upper: its bounds. shapes:
     the meshes. moved: function of vertices (n, 3) [m] and of the value. displacement: instead, the
-    displacement of the vertices of each mesh for a value of 1, (n, 3) [m].
+    displacement of the vertices of each mesh for a value of 1, (n, 3) [m]. place: of a control
+    point in the axes of the model (3,) [m].
     """
 
     name: str
@@ -59,6 +61,7 @@ class Motion:
     shapes: tuple[mi.Shape, ...]
     moved: Callable[[np.ndarray, float], np.ndarray] | None = None
     displacement: dict[mi.Shape, np.ndarray] = field(default_factory=dict)
+    place: tuple[float, float, float] | None = None
 
     def vertices(self, shape: mi.Shape, before: np.ndarray, value: float) -> np.ndarray:
         """Vertices of a mesh [m], (n, 3), from those before the motion."""
@@ -286,8 +289,10 @@ def toward(azimuth_deg: float, elevation_deg: float) -> np.ndarray:
 # -------------------------------------------------
 # With `scale`, a vertex moves by value x scale x (vertex - middle), component by component. The
 # middle is that of the groups or, with `each`, of each connected part. With `displaced`, it moves
-# by value x (vertex of that file - vertex). Both are in the axes of the model.
+# by value x (vertex of that file - vertex). Both are in the axes of the model. With
+# `control_points`, there is a motion for each of these, see `control_points`.
 
+CANCELLED = 1e-3  # length of a mean normal, as a fraction of the area, that counts as 0
 LARGEST = 1e3  # bound of the value of a declared motion, which is 0 in the loaded scene
 
 
@@ -301,6 +306,9 @@ def declared_motions(scene, declared: dict[str, Declared], points: dict) -> list
     for name, motion in declared.items():
         check_known(f"group of meshes of {scene.name}", groups, *motion.groups)
         shapes = [shape for group in motion.groups for shape in groups[group]]
+        if motion.control_points:
+            motions += control_points(name, motion.control_points, shapes, points)
+            continue
         if motion.displaced:
             displacement = displaced(name, motion.displaced, shapes, points)
         else:
@@ -352,3 +360,70 @@ def displaced(name: str, file: str, shapes, points: dict) -> dict:
             "other vertices"
         )
     return {shapes[0]: vertex_positions(other).astype(float) - points[shapes[0]]}
+
+
+def control_points(name: str, count: int, shapes, points: dict) -> list[Motion]:
+    """Motions of control points of a surface along its outward normals [m].
+
+    The displacements at the control points, which are far from each other, are interpolated by
+    multiquadrics (Hardy 1971, 10.1029/JB076i008p01905) and a constant: with equal values, the whole
+    surface moves by this value. Raises InputError for too many points, and where the surface has no
+    outward normal.
+    """
+    vertices = np.concatenate([points[shape] for shape in shapes])
+    parts, places, normals = outward_normals(vertices, shapes)
+    if count > len(places):
+        raise InputError(
+            f"motion '{name}': control_points = {count}; must be at most the number of vertices, "
+            f"{len(places)}"
+        )
+    if not normals.any(axis=1).all():
+        raise InputError(
+            f"motion '{name}': {np.sum(~normals.any(axis=1))} vertices have no outward normal, as "
+            "those of a plate without thickness; name groups of closed bodies"
+        )
+    surface, sides = vertices[places], np.ptp(vertices, axis=0)
+    distance, chosen = np.linalg.norm(surface - surface.mean(axis=0), axis=1), []
+    for k in range(count):
+        # Rounded, so that among equally far ones the first is taken on every processor
+        chosen.append(int(np.argmax(np.round(distance / sides.max(), 6))))
+        new = np.linalg.norm(surface - surface[chosen[-1]], axis=1)
+        distance = np.minimum(distance, new) if k else new
+    near = scipy.spatial.cKDTree(surface[chosen]).query(surface[chosen], 2)[0][:, 1]
+    shares = scipy.interpolate.RBFInterpolator(
+        surface[chosen], np.eye(count), kernel="multiquadric", epsilon=1 / near.mean(), degree=0
+    )(surface)
+    # A vertex without a triangle moves with any other one
+    numbers = np.minimum(np.searchsorted(places, parts), len(places) - 1)
+    reach = sides.max() / 2
+    ends = np.cumsum([len(points[shape]) for shape in shapes])[:-1]
+    return [
+        Motion(
+            f"{name}.{k}",
+            "m",
+            *(0.0, -reach, reach),
+            tuple(shapes),
+            displacement=dict(zip(shapes, np.split((share[:, None] * normals)[numbers], ends))),
+            place=tuple(surface[chosen[k]].tolist()),
+        )
+        for k, share in enumerate(shares.T)
+    ]
+
+
+def outward_normals(vertices: np.ndarray, shapes) -> tuple[np.ndarray, ...]:
+    """The welded vertex of each vertex (V,) of meshes, these (n,), and their unit normals (n, 3).
+
+    A normal is the mean of those of the triangles, by area. It is 0 where they cancel.
+    """
+    welded, normals, areas = weld(vertices), np.zeros_like(vertices), np.zeros(len(vertices))
+    firsts = np.cumsum([0, *(shape.vertex_count() for shape in shapes)])
+    for shape, first in zip(shapes, firsts):
+        faces = welded[first + triangle_vertices(shape).astype(int)]
+        of_faces = normals_of(vertices[faces]) * (-1 if shape.has_flipped_normals() else 1)
+        np.add.at(normals, faces, of_faces[:, None])
+        np.add.at(areas, faces, np.linalg.norm(of_faces, axis=1)[:, None])
+    places = np.flatnonzero(areas > 0)
+    length = np.linalg.norm(normals[places], axis=1, keepdims=True)
+    is_known = length > CANCELLED * areas[places, None]
+    unit = np.divide(normals[places], length, out=np.zeros((len(places), 3)), where=is_known)
+    return welded, places, unit

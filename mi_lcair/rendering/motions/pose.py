@@ -8,7 +8,13 @@ import numpy as np
 
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.derivatives import held, own_memory, same_variables
-from mi_lcair.plugins.emission.triangles import is_faceted, points, set_vertices, vertex_buffer
+from mi_lcair.plugins.emission.triangles import (
+    is_faceted,
+    points,
+    set_vertices,
+    triangle_vertices,
+    vertex_buffer,
+)
 from mi_lcair.plugins.emitters.thermal_emitter import one_sun
 from mi_lcair.rendering.motions import motion
 from mi_lcair.rendering.motions.table import Declared
@@ -67,9 +73,25 @@ class ScenePose:
         """The vertices of a mesh for the present values; if all are at rest, those loaded."""
         if not any(mesh in self.motions[name].shapes for name in self.values):
             return self.loaded[mesh]
+        self.check_unfolded(mesh)
         array = mi.Float(np.ravel(self.vertices(mesh, self.values)))
         own_memory([array])
         return array
+
+    def check_unfolded(self, mesh) -> None:
+        """Raise InputError if the values of control points turn triangles of a mesh over."""
+        values = {n: x for n, x in self.values.items() if self.motions[n].place is not None}
+        if not values:
+            return
+        faces = triangle_vertices(mesh)
+        before, after = (motion.normals_of(self.vertices(mesh, of)[faces]) for of in ({}, values))
+        turned = ((before * after).sum(axis=1) <= 0) & before.any(axis=1)
+        if turned.any():
+            raise InputError(
+                f"the control points {', '.join(list(values)[:3])}{' ...' * (len(values) > 3)} "
+                f"turn {turned.sum()} triangles of the surface over; give smaller values, or "
+                "declare fewer points"
+            )
 
     def vertices(self, mesh, values: Mapping[str, float]) -> np.ndarray:
         """Vertices (n, 3) of a mesh for values of motions that are not at rest [m], Float64."""
@@ -153,8 +175,8 @@ def set_motions(scene, values: Mapping[str, float]) -> None:
     """Change the values of motions of a scene, and move its vertices.
 
     The vertices follow in Float64 from those of the loaded scene. Meshes whose motions are all at
-    rest get the loaded vertices back, bit for bit. Raises InputError if the sun cannot stand there;
-    the scene is then as before.
+    rest get the loaded vertices back, bit for bit. Raises InputError if the sun cannot stand there,
+    and for values of control points that fold a surface; the scene is then as before.
     """
     pose = ScenePose.of(scene)
     before = pose.values

@@ -3,6 +3,7 @@
     [motions]
     "exhaust.radius" = {groups = ["hot_parts"], scale = [0, 1, 1], each = true}
     "wing.flap" = {groups = ["self"], displaced = "flap_down.ply"}
+    "blob.shape" = {groups = ["self"], control_points = 60}
 
 A file of motions has this table alone. In scenarios, problems and uncertainties it is one of many.
 """
@@ -20,7 +21,7 @@ MOTIONS = "motions"  # the table; among the values of a scene's parameters, a fi
 
 
 @dataclass(frozen=True)
-class Declared(Described, rules=(one_of("scale", "displaced"),)):
+class Declared(Described, rules=(one_of("scale", "displaced", "control_points"),)):
     """A motion that a user declares, see `mi_lcair.rendering.motions.motion`.
 
     Attributes
@@ -33,12 +34,16 @@ class Declared(Described, rules=(one_of("scale", "displaced"),)):
         Whether each connected part is scaled about its own centre.
     displaced : str, optional
         PLY file, in place of scale.
+    control_points : int, optional
+        In place of scale: number of points of the surface, each of which has a motion NAME.0,
+        NAME.1 and so on, along the outward normal, in metres. The surface between them follows.
     """
 
     groups: tuple[str, ...]
     scale: tuple[float, float, float] | None = None
     each: bool = False
     displaced: str | None = entry(None, is_file=True)
+    control_points: int | None = entry(None, lower=4, upper=1000)
 
 
 def read_motions(file: str | Path) -> dict[str, Declared]:

@@ -47,6 +47,8 @@ class Parameter:
         A temperature must be above `lower`.
     sigma : float
         Standard deviation that its material states; 0 for none.
+    place : tuple of float, optional
+        Of a control point in the axes of the model, metres.
     """
 
     name: str
@@ -56,6 +58,7 @@ class Parameter:
     lower: float
     upper: float
     sigma: float = 0.0
+    place: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -167,6 +170,7 @@ class SingleNumber(StoredParameter):
     """An entry with one number of its own, such as a motion's: what it moves follows from it."""
 
     value: float
+    place: tuple[float, float, float] | None = None
     model = None
 
     def numbers(self) -> list[np.ndarray]:
@@ -176,8 +180,8 @@ class SingleNumber(StoredParameter):
         return float(numbers[0][0])
 
     def described(self) -> Parameter:
-        limits = self.lower, self.upper
-        return Parameter(self.name, self.kind, self.value, self.unit, *limits, self.sigma)
+        names = "name", "kind", "value", "unit", "lower", "upper", "sigma", "place"
+        return Parameter(*(getattr(self, name) for name in names))
 
 
 # ---------------------------------------------------------------- Where the numbers are
@@ -232,7 +236,9 @@ def stored_parameters(scene) -> dict[str, StoredParameter]:
             entry.stored.append(StoredNumbers(node, key, None, np.ones(1)))
     known |= {name: surfaces[name] for name in surfaces if name not in known}
     motions = {
-        name: SingleNumber(name, "motion", [], m.unit, m.upper, m.lower, value=value_of(scene, m))
+        name: SingleNumber(
+            name, "motion", [], m.unit, m.upper, m.lower, value=value_of(scene, m), place=m.place
+        )
         for name, m in known_motions(scene).items()
     }
     return known | {name: motions[name] for name in motions if name not in known}

@@ -279,7 +279,10 @@ def test_displaced(tmp_path):
     ("text", "message"),
     [
         ('"radius" = {groups = ["self"], scale = [1, 1, 1]}', "OWNER.NAME"),
-        ('"a.b" = {groups = ["self"]}', "scale and displaced are missing; give one of them"),
+        (
+            '"a.b" = {groups = ["self"]}',
+            "scale, displaced and control_points are missing; give one of them",
+        ),
         ('"a.b" = {groups = ["self"], scale = [1, 1]}', "give 3 numbers"),
         ('"a.b" = {groups = ["selv"], scale = [1, 1, 1]}', "unknown group of meshes"),
         ('"a.b" = {groups = ["self"], scale = [0, 0, 0]}', "moves no vertex"),

@@ -264,7 +264,7 @@ class Datum:
                     if names
                     else of_facets
                 )
-        kinds = {unknowns[k].kind: k for k in numbers}
+        kinds, own = {unknowns[k].kind: k for k in numbers}, [unknowns[k] for k in dense]
         linear_in_value = self.camera or self.is_spectral
         columns_of = np.array([*dense, *facets], dtype=int)
         return DatumBlock(
@@ -288,8 +288,8 @@ class Datum:
             paths=self._paths(sampling),
             is_image=self.is_image,
             spread=self._spread,
-            # One direction says little about the products of a temperature and many nodes
-            learns_curvature=self.spectrum is None,
+            # One direction says little about the products of many nodes or points
+            learns_curvature=self.spectrum is None and not any(u.centre for u in own),
             half_width=self.goal.value if self.goal is not None and self.goal.at_most else 0.0,
         )
 
