@@ -1,11 +1,15 @@
-"""Measure derivatives by `mi.render` and `dr.backward` against exact values.
+"""Measure derivatives by `mi.render` and `dr.backward`: exactness, recovery of parameters, time.
 
     python -m docs.studies.replay [PAGE]
 
-The script writes docs/validation/replay.md from replay.template.md. It takes about two minutes.
+The script writes docs/validation/replay.md from replay.template.md. It takes about fifteen minutes.
 """
 
+import re
 import sys
+import tempfile
+from pathlib import Path
+from time import process_time
 
 import drjit as dr
 import mitsuba as mi
@@ -13,7 +17,8 @@ import numpy as np
 from tqdm import tqdm
 
 import mi_lcair
-from benchmarks.speed import backward
+from benchmarks.speed import BACKWARD, backward
+from benchmarks.throughput import NEVER
 from docs.studies.page import write_page
 from mi_lcair.physics import reflection
 from mi_lcair.physics.bands import band
@@ -30,6 +35,17 @@ SURFACES = [
     ("broad", "microfacet", (0.3, 2.0, 3.0, 2.0, 0.2), 0.3),
     ("narrow", "microfacet", (0.01, 2.0, 3.0, 2.0, 0.2), 0.02),
 ]
+# True value, start, first step and bounds
+UNKNOWNS = {
+    "floor.emitter.temperature": (500.0, 450.0, 10.0, 200.0, 700.0),
+    "floor.bsdf.emissivity": (0.5, 0.7, 0.05, 0.02, 0.98),
+}
+ROUNDS = {
+    "open_box": 40,
+    "cavity": 40,
+    "furnace": 20,
+}  # of each integrator, for times and variances
+STEPS, RUNS, FIRST = 60, 20, 10**6  # steps of a loop, loops, and seed of the first image
 
 
 def B(kelvin, name="LWIR"):
@@ -152,9 +168,101 @@ def of_scenes() -> list[str]:
     return rows
 
 
+def loop():
+    """The function `recovered` of the page on Python."""
+    page = (Path(__file__).parents[1] / "howto" / "python.md").read_text(encoding="utf-8")
+    space = {"mi": mi, "dr": dr}
+    exec(re.search(r"```python\n(import numpy.*?)\n\n\nbox = ", page, re.DOTALL)[1], space)
+    return space["recovered"]
+
+
+def recoveries(folder: Path) -> np.ndarray:
+    """Values for images of 16 samples: loop, without weights, `invert`, its half-widths."""
+    recovered, found = loop(), []
+    scene = mi_lcair.load("open_box", band="LWIR", resolution=16, spp=16)
+    mi.traverse(scene).update({key: value[0] for key, value in UNKNOWNS.items()})
+    images = [np.array(mi.render(scene, seed=FIRST + run)) for run in range(RUNS)]
+    noise = np.std([mi.render(scene, seed=2 * FIRST + run) for run in range(64)], axis=0)
+    noise = np.maximum(noise, 1e-3 * np.max(images[0]))
+    np.save(folder / "noise.npy", noise[..., 0])
+    data = {"scene": "open_box", "parameters": {"band": "LWIR", "resolution": 16}}
+    data |= {"image": str(folder / "image.npy"), "sigma_image": str(folder / "noise.npy")}
+    data |= {"quantity": "radiance", "camera_sigma": "0", "model_sigma": "0"}
+    names = {"floor.temperature": {"start": 450.0}, "diffuse.emissivity": {"start": 0.7}}
+    unknowns = {key: value[1:] for key, value in UNKNOWNS.items()}
+    for run, image in enumerate(tqdm(images)):
+        np.save(folder / "image.npy", image[..., 0])
+        answers = mi_lcair.invert({"data": [data], "unknowns": names}, advise=False).answers
+        weighings = noise, np.full_like(noise, np.mean(noise))
+        loops = [
+            recovered(scene, *map(mi.TensorXf, (image, sigma)), unknowns, STEPS, seed=1 + run)
+            for sigma in weighings
+        ]
+        rows = [list(values.values()) for values in loops]
+        half = [(answer.upper - answer.lower) / 2 for answer in answers]
+        found.append([*rows, [answer.value for answer in answers], half])
+    return np.array(found)
+
+
+def of_recoveries(found: np.ndarray) -> list[str]:
+    """Rows of the loop, the loop without weights, and `invert`."""
+    truth, half, rows = [value[0] for value in UNKNOWNS.values()], found[:, 3], []
+    labels = "loop", "loop without weights", "`invert`"
+    for label, values in zip(labels, np.swapaxes(found[:, :3], 0, 1)):
+        off, cells = values - truth, []
+        from_invert = np.abs(values - found[:, 2]) / half
+        of_truth = np.sum(np.abs(off) < half, axis=0)
+        for k in range(2):
+            mean, spread = off[:, k].mean(), off[:, k].std(ddof=1)
+            cells += [f"{mean:.1g} ± {spread / len(off) ** 0.5:.1g}", f"{spread:.2g}"]
+            cells += [f"{from_invert[:, k].max():.2f}", f"{np.sum(from_invert[:, k] < 1)}"]
+            cells += [f"{of_truth[k]}"]
+        rows.append(f"| {label} | {' | '.join(cells)} |")
+    return rows
+
+
+def of_times() -> list[str]:
+    """Rows of time, variance, and both together, relative to `prb_basic` at equal reflections."""
+    rows = []
+    for name, rounds in tqdm(ROUNDS.items()):
+        parameters, spp, keys = BACKWARD[name]
+        loaded = mi_lcair.load(name, sampler="independent", **parameters).mi
+        most = loaded.integrator().max_bounces
+        plugins = [{"type": "prb_basic", "max_depth": most + 1, "rr_depth": NEVER}]
+        plugins += [
+            {"type": "bounce_path", "max_bounces": most, "emitter_sampling": draws}
+            for draws in (True, False)
+        ]
+        runs = [backward(loaded, mi.load_dict(plugin), keys, spp) for plugin in plugins]
+        times, found = np.empty((rounds, 3)), np.empty((rounds, 3, len(keys)))
+        for seed in range(-1, rounds):  # the first round compiles, and the last one takes its place
+            for number, run in enumerate(runs):
+                start = process_time()
+                values = run(seed + 1)
+                times[seed, number], found[seed, number] = process_time() - start, values
+        longer = np.median(times[:, 1:] / times[:, :1], axis=0)
+        variance = found.var(axis=0, ddof=1)
+        for k, key in enumerate(keys):
+            noisier = variance[1:, k] / variance[0, k]
+            numbers = np.transpose([longer, noisier, longer * noisier]).ravel()
+            cells = " | ".join(f"{number:.2g}" for number in numbers)
+            rows.append(f"| {name} | {key} | {cells} |")
+    return rows
+
+
 def main(page="docs/validation/replay.md") -> None:
-    rows = "\n".join(of_scenes() + of_surfaces())
-    write_page(page, "replay", rows=rows, seeds=SEEDS)
+    with tempfile.TemporaryDirectory() as folder:
+        recovered = recoveries(Path(folder))
+    write_page(
+        page,
+        "replay",
+        rows="\n".join(of_scenes() + of_surfaces()),
+        recovered="\n".join(of_recoveries(recovered)),
+        times="\n".join(of_times()),
+        seeds=SEEDS,
+        runs=RUNS,
+        steps=STEPS,
+    )
 
 
 if __name__ == "__main__":
