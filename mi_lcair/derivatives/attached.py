@@ -138,13 +138,17 @@ def mean_radiances(sums: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np
 
 @dataclass
 class EdgePoint:
-    """A point of an edge: the edge and its ends, position along it, and density [1/m]."""
+    """A point of an edge: the edge and its ends, position along it, and density [1/m].
+
+    side: 1 or -1, the side of a curve that is looked at.
+    """
 
     edge: mi.UInt32
     a: mi.UInt32
     b: mi.UInt32
     t: mi.Float
     density: mi.Float
+    side: mi.Float
 
 
 class AttachedPaths:
@@ -165,9 +169,23 @@ class AttachedPaths:
         self.corners = mi.UInt32(np.ravel(np.concatenate(order)).astype(np.uint32))
         self.extent = float(np.linalg.norm(np.ptp(vertices, axis=0)))
         self.edges = ModelEdges(vertices, surface.triangles, kinds)
-        self.ends = mi.UInt32(np.ravel(self.edges.ends).astype(np.uint32))
-        self.opposite = mi.UInt32(np.ravel(self.edges.opposite).astype(np.int64) % 2**32)
-        self.by_length = self.choice(self.edges.length) if len(self.edges.length) else None
+        self.curves = None if starts is None else self.crossings()
+        pierced, self.crossing = self.curves or (np.zeros((0, 2, 5), int), np.zeros((0, 2), int))
+        self.lines = self.edges.ends, vertices
+        if len(pierced):
+            p, q, a, b, c = np.moveaxis(vertices[pierced.reshape(-1, 5)], 1, 0)
+            normal = np.cross(b - a, c - a)
+            along = np.sum(normal * (a - p), axis=1) / np.sum(normal * (q - p), axis=1)
+            numbers = len(vertices) + np.arange(len(p)).reshape(-1, 2)
+            points = np.concatenate([vertices, p + along[:, None] * (q - p)])
+            self.lines = np.concatenate([self.edges.ends, numbers]), points
+        a, b = self.lines[1][self.lines[0]].swapaxes(0, 1)
+        self.length = np.linalg.norm(b - a, axis=1)
+        self.pierced, self.ends, self.opposite, self.sides = (
+            mi.UInt32(np.ravel(of).astype(np.int64) % 2**32)
+            for of in (pierced, self.lines[0], self.edges.opposite, self.crossing + 1)
+        )
+        self.by_length = self.choice(self.length) if len(self.length) else None
         # Of the model, the radiance of the sky stays where it is
         self.drawing, known = copy(self.emitters), (self.emitters.bounds, self.emitters.brightest)
         meshes = list(filter(is_mesh, self.emitters.emitters))
@@ -191,39 +209,44 @@ class AttachedPaths:
     def choice(self, lengths: np.ndarray) -> tuple:
         """What draws an edge by a length of each, (E,), and the density along each edge [1/m]."""
         choice = Choice(lengths)
-        return choice, mi.Float(choice.probability / np.maximum(self.edges.length, 1e-300))
+        density = choice.probability / np.maximum(self.length, 1e-300)
+        density[len(self.edges.ends) :] /= 2  # one side of a curve
+        return choice, mi.Float(density)
 
     def seen_by_sensor(self) -> tuple | None:
         """What draws an edge that the sensor may see as a silhouette, by its projected length."""
         direction = window(self.sensor)[-1]
-        vertices, edges = self.surface.vertices, self.edges
-        a, b = vertices[edges.ends].swapaxes(0, 1)
+        (ends, vertices), opposite = self.lines, self.edges.opposite
+        opposite = np.pad(opposite, [(0, len(self.crossing)), (0, 0)], constant_values=-1)
+        a, b = vertices[ends].swapaxes(0, 1)
         normal = np.cross(direction, b - a)
         length = np.linalg.norm(normal, axis=1)
-        side = np.einsum("ek,ejk->ej", normal, vertices[edges.opposite] - a[:, None])
+        side = np.einsum("ek,ejk->ej", normal, vertices[opposite] - a[:, None])
         flat = FLAT * self.extent * length[:, None]
-        some = edges.opposite >= 0
+        some = opposite >= 0
         one_side = ~((some & (side > flat)).any(axis=1) & (some & (side < -flat)).any(axis=1))
         if not (length * one_side).any():
             return None
         return self.choice(length * one_side)
 
     def meets_itself(self, velocities=None) -> bool:
-        """Whether an edge of the model passes through or touches a triangle of another part of it.
+        """Whether a part of the model touches another one, or passes through at unknown `curves`.
 
-        Where parts pass through each other, what is seen of them ends at a curve that is no edge.
-        Where they touch, they may come apart or pass through each other. With velocities of the
-        vertices (V, 3), this counts only if they do, but so does what lies on an edge or a vertex.
+        Where parts touch, they may come apart or pass through each other. With velocities of the
+        vertices (V, 3), this counts only if they do, but so does what lies on an edge or a vertex,
+        and what passes through.
         """
         if velocities is not None:
             apart = np.abs(velocities - velocities[weld(self.surface.vertices)]).max()
             if apart > TURN * np.abs(velocities).max() or self.ends_within_edges:
                 return True
-        return self.touches and (velocities is None or any(self.meetings(velocities)))
+        known = self.met if velocities is None or not any(self.met) else self.meetings(velocities)
+        passes, touches = known
+        return touches or (passes and self.curves is None)
 
     @cached_property
-    def touches(self) -> bool:
-        return any(self.meetings())
+    def met(self) -> tuple[bool, bool]:
+        return self.meetings()
 
     def meetings(self, velocities=None) -> tuple[bool, bool]:
         """Whether an edge passes through a triangle of another part, and whether it touches one.
@@ -264,6 +287,38 @@ class AttachedPaths:
             meets &= ~(apart <= TURN * np.abs(velocities).max())  # NaN where one passes through
         return bool((meets & np.isnan(t)).any()), bool((meets & ~np.isnan(t)).any())
 
+    def crossings(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """The straight curves in which two triangles pass through each other.
+
+        At both ends, an edge of one triangle meets the other one: their vertices, (n, 2, 5). Also
+        the numbers of the two triangles, (n, 2). None if not all ends are found.
+        """
+        vertices, triangles = self.surface.vertices, self.surface.triangles
+        edges = ModelEdges(vertices, triangles, np.arange(len(triangles)))
+        a, b = vertices[edges.ends].swapaxes(0, 1)
+        along, inset = (b - a) / edges.length[:, None], INSET * self.extent
+        edge, t, found = np.arange(len(a)), np.full(len(a), inset), [np.zeros((0, 2), int)]
+        while len(edge):
+            start, rest = a[edge] + t[:, None] * along[edge], edges.length[edge] - t - inset
+            ray = mi.Ray3f(mi.Point3f(start.T), mi.Vector3f(along[edge].T), mi.Float(rest), 0, [])
+            pi = self.scene.ray_intersect_preliminary(ray, active=mi.Bool(rest > 0))
+            met = self.number.at(pi.shape, pi.prim_index, pi.is_valid()).numpy().astype(int) - 1
+            on, t = met >= 0, t + pi.t.numpy() + inset
+            edge, t = edge[on], t[on]
+            found.append(np.stack([edge, met[on]], axis=1))
+        edge, met = np.concatenate(found).T
+        same = weld(vertices)
+        shares = (same[triangles[met]][:, :, None] == same[edges.ends[edge, None]]).any(axis=(1, 2))
+        edge, met = edge[~shares], met[~shares]
+        rows, k = np.nonzero(edges.beside[edge] >= 0)
+        pairs = np.sort(np.stack([edges.beside[edge[rows], k], met[rows]], axis=1), axis=1)
+        pairs, number, count = np.unique(pairs, axis=0, return_inverse=True, return_counts=True)
+        if (count != 2).any():
+            return None
+        rows = rows[np.argsort(number.ravel(), kind="stable")]
+        ends = np.concatenate([edges.ends[edge], triangles[met]], axis=1)[rows]
+        return ends.reshape(-1, 2, 5), pairs
+
     @cached_property
     def ends_within_edges(self) -> bool:
         """Whether an edge ends within another one, so that both are the edge of a surface."""
@@ -283,6 +338,20 @@ class AttachedPaths:
         """A vertex in the copy of the block of each path."""
         first = 3 * (number + self.block * mi.UInt32(len(self.surface.vertices)))
         return mi.Point3f(*(dr.gather(mi.Float, self.positions, first + k) for k in range(3)))
+
+    def end(self, number) -> mi.Point3f:
+        """An end of an edge, or of a curve: a point where an edge meets a triangle."""
+        count = len(self.surface.vertices)
+        if not len(self.crossing):
+            return self.vertex(number)
+        of_curve = number >= count
+        first = 5 * dr.select(of_curve, number - count, 0)
+        p, q, a, b, c = (
+            self.vertex(dr.gather(mi.UInt32, self.pierced, first + k)) for k in range(5)
+        )
+        normal = dr.cross(b - a, c - a)
+        point = p + dr.dot(normal, a - p) / dr.dot(normal, q - p) * (q - p)
+        return dr.select(of_curve, point, self.vertex(dr.select(of_curve, 0, number)))
 
     def triangle(self, number) -> tuple:
         """The vertices of a triangle."""
@@ -309,7 +378,11 @@ class AttachedPaths:
         draws, density = choice
         edge, rest = draws.pick_and_rest(sample)
         a, b = (dr.gather(mi.UInt32, self.ends, 2 * edge + k) for k in range(2))
-        return EdgePoint(edge, a, b, rest.x, dr.gather(mi.Float, density, edge))
+        # Both sides of a curve have evenly spaced points
+        twice, of_curve = 2 * rest.x, edge >= len(self.edges.ends)
+        side = dr.select(twice < 1, mi.Float(1), -1)
+        t = dr.select(of_curve, dr.select(twice < 1, twice, twice - 1), rest.x)
+        return EdgePoint(edge, a, b, t, dr.gather(mi.Float, density, edge), side)
 
     def outward(self, point: EdgePoint, normal) -> mi.Vector3f:
         """The unit normal of a plane through the edge, toward where none of its triangles is.
@@ -317,17 +390,29 @@ class AttachedPaths:
         It is 0 where the edge is no silhouette, and half as long where a triangle lies in the
         plane: the edge is one if that triangle turns to one side. normal: a normal of the plane.
         """
-        a, columns = self.vertex(point.a), self.edges.opposite.shape[1]
+        a, columns = self.end(point.a), self.edges.opposite.shape[1]
+        of_curve = point.edge >= len(self.edges.ends)
         above, below, within = mi.Bool(False), mi.Bool(False), mi.Bool(False)
         flat, normal = FLAT * self.extent, dr.normalize(normal)
         for k in range(columns):
-            third = dr.gather(mi.UInt32, self.opposite, columns * point.edge + k)
-            exists = third != 0xFFFFFFFF
+            third = dr.gather(mi.UInt32, self.opposite, columns * point.edge + k, ~of_curve)
+            exists = ~of_curve & (third != 0xFFFFFFFF)
             side = dr.dot(normal, self.vertex(dr.select(exists, third, 0)) - a)
             above, below = above | (exists & (side > flat)), below | (exists & (side < -flat))
             within |= exists & (dr.abs(side) <= flat)
         size = dr.select(above == below, 0.0, dr.select(within, 0.5, 1.0))
-        return dr.detach(normal * dr.select(above, -size, size))
+        size = dr.select(of_curve, point.side, dr.select(above, -size, size))
+        return dr.detach(normal * size)
+
+    def is_beside(self, edge, pi, active) -> mi.Bool:
+        """Whether rays have hit one of the two triangles that pass through each other there."""
+        if not len(self.crossing):
+            return mi.Bool(False)
+        first, count = 2 * (edge - len(self.edges.ends)), len(self.edges.ends)
+        active = active & (edge >= count)
+        met = self.number.at(pi.shape, pi.prim_index, active & pi.is_valid())
+        sides = (dr.gather(mi.UInt32, self.sides, first + k, active) for k in range(2))
+        return active & pi.is_valid() & (sum(mi.UInt32(met == side) for side in sides) > 0)
 
     # ------------------------------------------------------------------------ Paths
 
@@ -469,14 +554,10 @@ class AttachedPaths:
         whole, point, rest, above = mi.Float(0), mi.Float(0), mi.Bool(True), mi.Bool(False)
         for number, counts in ((first, mi.Bool(True)), (first + 1, pairs)):
             a, b, c = self.triangle(dr.select(counts, number, first))
-            corners, around = [dr.normalize(corner - x) for corner in (a, b, c)], mi.Float(0)
-            for d, e in zip(corners, corners[1:] + corners[:1]):  # Lambert's formula
-                normal = dr.cross(d, e)
-                sine = dr.sqrt(dr.maximum(dr.squared_norm(normal), 1e-12))
-                around += dr.dot(n, normal) * dr.atan2(sine, dr.dot(d, e)) / sine
-                height = dr.detach(dr.dot(n, d))
-                active, above = active & (height > -GRAZING), above | (height > GRAZING)
-            whole += dr.select(counts, dr.abs(around) / 2, 0)
+            corners = [corner - x for corner in (a, b, c)]
+            whole += dr.select(counts, cosines_above(n, corners), 0)
+            for corner in corners:
+                above |= dr.dot(n, dr.normalize(corner)) > GRAZING
             N = dr.cross(b - a, c - a)
             with dr.suspend_grad():
                 of, to = dr.detach(N) / dr.squared_norm(N), ds.p - dr.detach(a)
@@ -489,12 +570,14 @@ class AttachedPaths:
             y = a + u * (b - a) + v * (c - a) - x
             facing = dr.abs(dr.dot(N, y)) / (dr.squared_norm(y) * dr.norm(y))
             moved = dr.dot(n, dr.normalize(y)) * facing / dr.maximum(dr.detach(facing), 1e-30)
-            point = dr.select(here, moved, point)
+            point = dr.select(here & (dr.detach(moved) > 0), moved, point)
         with dr.suspend_grad():
             seen = panels.seen(panel, self.drawing.receiver(place.si), active)
             probability = direction.compared / (table.preference * seen.along(ds.d, ds.dist))
-            active &= above & (dr.dot(ds.n, ds.d) < 0) & (seen.solid_angle > LARGE) & (ds.pdf > 0)
+            active = active & above & (ds.pdf > 0) & (dr.dot(ds.n, ds.d) < 0)
+            active &= seen.solid_angle > LARGE
             to = dr.normalize((a + b + c) / 3 - x)
+            to = dr.select(dr.dot(to, n) > GRAZING, to, n)
             f = place.detached(bsdf, toward, to, active) / dr.dot(to, n)
             of_all = dr.select(active, f * direction.bound / probability, 0)
             of_point = dr.select(active, f * direction.bound / ds.pdf, 0)
@@ -517,18 +600,21 @@ class AttachedPaths:
         """What silhouettes hide or uncover of what a place reflects; 0, with derivatives."""
         place, toward, active = visit.place, visit.toward, mi.Bool(visit.active)
         edge = self.edge_point(self.by_length, sampler.next_2d())
-        a, b, x = self.vertex(edge.a), self.vertex(edge.b), place.p
+        a, b, x = self.end(edge.a), self.end(edge.b), place.p
         z = a + edge.t * (b - a)
         with dr.suspend_grad():
             x0, z0, side = dr.detach(x), dr.detach(z), dr.detach(b - a)
             n = self.outward(edge, dr.cross(z0 - x0, side))
             distance = dr.norm(z0 - x0)
-            to = dr.normalize(z0 + BESIDE * self.extent * n - x0)
-            f = place.detached(visit.bsdf, toward, to, active)
+            near = z0 + BESIDE * self.extent * n
+            to = dr.normalize(near - x0)
+            f = place.detached(visit.bsdf, toward, (z0 - x0) / distance, active)
             active &= (dr.squared_norm(n) > 0) & (f > 0) & (visit.throughput > 0)
-            ray = self.emitters.spawn_ray(place.si, to)
+            start = self.emitters.spawn_ray(place.si, to).o
+            ray = mi.Ray3f(start, dr.normalize(near - start))
             pi = nearest_hit(self.scene, self.emitters.sheets, ray, active=active)
-            active &= ~pi.is_valid() | (pi.t > distance - BESIDE * self.extent)
+            behind = ~pi.is_valid() | (pi.t > distance - BESIDE * self.extent)
+            active &= behind | self.is_beside(edge.edge, pi, active)
             si = pi.compute_surface_interaction(ray, mi.RayFlags.All, active)
             L = self.incoming(ray, pi, sampler, visit.bounces, active)
             of_length = dr.norm(dr.cross(side, to)) / dr.norm(side) / distance
@@ -552,7 +638,7 @@ class AttachedPaths:
         paths = launch.paths_from(self.sensor.sampler())
         sampler, column, row, *_ = paths.begin()
         edge = self.edge_point(self.silhouettes, sampler.next_2d())
-        a, b = self.vertex(edge.a), self.vertex(edge.b)
+        a, b = self.end(edge.a), self.end(edge.b)
         z = a + edge.t * (b - a)
         with dr.suspend_grad():
             z0, side, d = dr.detach(z), dr.detach(b - a), self.rays.direction
@@ -568,7 +654,8 @@ class AttachedPaths:
             )
             shorter = mi.Ray3f(begin, d, ray.maxt - before, 0, [])
             pi = nearest_hit(self.scene, self.emitters.sheets, shorter, active=active)
-            active &= pi.is_valid() & (pi.t > near - BESIDE * self.extent)
+            behind = pi.t > near - BESIDE * self.extent
+            active &= pi.is_valid() & (behind | self.is_beside(edge.edge, pi, active))
             active &= self.emitters.is_model(pi.shape.emitter())
             si = pi.compute_surface_interaction(shorter, mi.RayFlags.All, active)
             most = mi.UInt32(self.walk.max_bounces)
@@ -650,6 +737,32 @@ class AttachedPlace:
         value = lambda w: emitter.eval(self.at(w), active)[0]  # noqa: E731
         here = dr.select(self.si.is_valid(), slope(value, wi), 0)
         return value(dr.select(self.si.is_valid(), dr.detach(wi), self.si.wi)) + here
+
+
+def cosines_above(n, corners: list) -> mi.Float:
+    """Integral of the cosine to a normal over a triangle's directions above the horizon [sr]."""
+
+    def between(p, q):  # Lambert's formula
+        p, q = (v * dr.rsqrt(dr.maximum(dr.squared_norm(v), 1e-30)) for v in (p, q))
+        normal = dr.cross(p, q)
+        sine = dr.sqrt(dr.maximum(dr.squared_norm(normal), 1e-12))
+        return dr.dot(n, normal) * dr.atan2(sine, dr.dot(p, q)) / sine
+
+    total, sets, rises = mi.Float(0), mi.Vector3f(0, 0, 1), mi.Vector3f(0, 0, 1)
+    cut = mi.Bool(False)
+    for p, q in zip(corners, corners[1:] + corners[:1]):
+        from_p, from_q = dr.dot(n, p), dr.dot(n, q)
+        crosses = (from_p > 0) != (from_q > 0)
+        place = p + from_p / dr.select(crosses, from_p - from_q, 1) * (q - p)
+        total += dr.select(
+            (from_p > 0) | (from_q > 0),
+            between(dr.select(from_p > 0, p, place), dr.select(from_q > 0, q, place)),
+            0,
+        )
+        sets = dr.select(crosses & (from_p > 0), place, sets)
+        rises = dr.select(crosses & (from_q > 0), place, rises)
+        cut |= crosses
+    return dr.abs(total + dr.select(cut, between(sets, rises), 0)) / 2
 
 
 def slope(function, direction) -> mi.Float:
