@@ -325,6 +325,10 @@ def unknowns(
                     )
                 owner[name, k] = text
             result += instances(name, of, table[text], data, affected, is_sought)
+    named = [(u.name, u.facet, k) for u in result for k in u.data]
+    if len(named) > len(set(named)):
+        twice = next(one for one in named if named.count(one) > 1)
+        raise InputError(f"'{twice[0]}' is in several entries; keep one")
     order = {parts(text)[0]: k for k, text in enumerate([*sought, *nuisance])}
     return sorted(result, key=lambda listed: (not listed.is_sought, order[base_name(listed)]))
 

@@ -305,7 +305,9 @@ def declared_motions(scene, declared: dict[str, Declared], points: dict) -> list
     groups, motions = groups_of_meshes(scene), []
     for name, motion in declared.items():
         check_known(f"group of meshes of {scene.name}", groups, *motion.groups)
-        shapes = [shape for group in motion.groups for shape in groups[group]]
+        shapes = [shape for group in dict.fromkeys(motion.groups) for shape in groups[group]]
+        if not shapes:
+            raise InputError(f"motion '{name}': groups = []; name at least one group")
         if motion.control_points:
             motions += control_points(name, motion.control_points, shapes, points)
             continue

@@ -12,16 +12,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from mi_lcair.declared import Described, entry, one_of
+from mi_lcair.declared import Described, entry, excludes, one_of
 from mi_lcair.errors import InputError
 from mi_lcair.files import parse_toml, read_text
 from mi_lcair.toml_table import filled
 
 MOTIONS = "motions"  # the table; among the values of a scene's parameters, a file that has it
 
+RULES = (one_of("scale", "displaced", "control_points"), excludes("each", "control_points"))
+
 
 @dataclass(frozen=True)
-class Declared(Described, rules=(one_of("scale", "displaced", "control_points"),)):
+class Declared(Described, rules=RULES):
     """A motion that a user declares, see `mi_lcair.rendering.motions.motion`.
 
     Attributes

@@ -45,7 +45,7 @@ def problem(data, entry: dict, points: int = POINTS, name: str = "body.shape") -
     return {
         "data": data,
         "motions": {"body.shape": {"groups": ["self"], "control_points": points}},
-        "unknowns": {name: entry},
+        "unknowns": dict.fromkeys([name] if isinstance(name, str) else name, entry),
         "render": {"spp": 32},
     }
 
@@ -84,6 +84,7 @@ def test_what_no_view_shows_is_not_determined(scene):
         ({"correlation_m": 1.0}, "body.shape.0", "correlation_m is of facets"),
         ({}, "body.shape.6", "known: body.shape"),
         ({}, "body.shapes", "body.shape"),
+        ({}, ("body.shape", "body.shape.1"), "'body.shape.1' is in several entries"),
         ({"lower": 0.6}, "body.shape", "no value lies in its bounds"),
     ],
 )

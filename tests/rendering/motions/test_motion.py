@@ -289,6 +289,8 @@ def test_displaced(tmp_path):
         ('"self.size" = {groups = ["self"], scale = [1, 1, 1]}', "is a motion of a group"),
         ('"a.b" = {groups = ["self"], displaced = "FURNACE"}', "triangles"),
         ('"a.b" = {groups = ["self"], displaced = "no.ply"}', "no.ply"),
+        ('"a.b" = {groups = [], scale = [1, 1, 1]}', "name at least one group"),
+        ('"a.b" = {groups = ["self"], control_points = 9, each = true}', "cannot be combined"),
         ("a = 1\n[other]", "one table"),
     ],
 )
