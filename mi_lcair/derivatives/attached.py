@@ -188,7 +188,9 @@ class AttachedPaths:
         self.by_length = self.choice(self.length) if len(self.length) else None
         # Of the model, the radiance of the sky stays where it is
         self.drawing, known = copy(self.emitters), (self.emitters.bounds, self.emitters.brightest)
-        meshes = list(filter(is_mesh, self.emitters.emitters))
+        of_model = set(surface.meshes)
+        emitters = filter(is_mesh, self.emitters.emitters)
+        meshes = [of for of in emitters if of.get_shape() in of_model]
         table = DrawTable(meshes, *known, PREFERENCE)
         self.drawing.tables = [table] if table.panel_count else []
         if table.panel_count:
