@@ -194,10 +194,7 @@ class AttachedPaths:
         table = DrawTable(meshes, *known, PREFERENCE)
         self.drawing.tables = [table] if table.panel_count else []
         if table.panel_count:
-            panels, faces = (
-                table.panel_choice.panels,
-                [mesh.face_count() for mesh in surface.meshes],
-            )
+            panels, faces = table.panel_choice.panels, [m.face_count() for m in surface.meshes]
             of_mesh = dict(zip(surface.meshes, np.cumsum([0, *faces])))
             before = np.cumsum([0, *panels.table.counts])
             shift = [of_mesh[of.get_shape()] - first for of, first in zip(meshes, before)]
@@ -533,6 +530,7 @@ class AttachedPaths:
             traced, sheets = active & (f > 0), self.emitters.sheets
             nearest = lambda ray, on: nearest_hit(self.scene, sheets, ray, active=on)  # noqa: E731
             direct = self.drawing.trace(table, nearest, place.si, direction, traced)
+            dr.eval(direction, direct)  # so that the kernels of derivatives are smaller
         even = self.evenly(table, place, toward, bsdf, direction, active)
         active = direct.counts
         there = self.attach(direct.hit, direct.met, active)
@@ -554,7 +552,8 @@ class AttachedPaths:
         pairs = dr.gather(mi.UInt32, panels.kinds, panel) > 0
         n = dr.mulsign(place.n, dr.detach(dr.dot(place.n, toward)))
         whole, point, rest, above = mi.Float(0), mi.Float(0), mi.Bool(True), mi.Bool(False)
-        for number, counts in ((first, mi.Bool(True)), (first + 1, pairs)):
+        of_panel = [(first, mi.Bool(True)), (first + 1, pairs)]
+        for number, counts in of_panel[: 1 + panels.is_rectangle.any()]:
             a, b, c = self.triangle(dr.select(counts, number, first))
             corners = [corner - x for corner in (a, b, c)]
             whole += dr.select(counts, cosines_above(n, corners), 0)
@@ -583,6 +582,7 @@ class AttachedPaths:
             f = place.detached(bsdf, toward, to, active) / dr.dot(to, n)
             of_all = dr.select(active, f * direction.bound / probability, 0)
             of_point = dr.select(active, f * direction.bound / ds.pdf, 0)
+            dr.eval(of_all, of_point)
         change = of_all * (whole - dr.detach(whole)) - of_point * (point - dr.detach(point))
         return dr.select(active, change, 0)
 
@@ -594,9 +594,10 @@ class AttachedPaths:
             receiver = self.drawing.receiver(place.si)
             si, hits = there.si, there.triangle > 0
             distance = dr.norm(si.p - receiver.p)
-            return self.drawing.pdf(
-                self.scene, receiver, distance, si, si.emitter(self.scene, hits), hits
-            )
+            emitter = si.emitter(self.scene, hits)
+            density = self.drawing.pdf(self.scene, receiver, distance, si, emitter, hits)
+            dr.eval(density)
+            return density
 
     def beside_edges(self, visit: "Visit", sampler) -> mi.Float:
         """What silhouettes hide or uncover of what a place reflects; 0, with derivatives."""
