@@ -39,7 +39,7 @@ FEWER = 8  # samples per pixel of all, for each of the pilot that chooses it or 
 # Distance of a ray from an edge [pixels]; in roundings of a coordinate, the least one
 ASIDE, ROUNDINGS = 1e-4, 8
 CLEAR = 4  # distance of a ray from the ends of an edge, in its distance from the edge
-ALONG_EDGES = 8  # places along a pixel's length of an edge for each point of a pixel
+ALONG_EDGES = 16  # places along a pixel's length of an edge for each point of a pixel
 MOST_RAYS = 2**20  # of one pass beside edges
 
 
