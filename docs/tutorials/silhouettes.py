@@ -123,8 +123,11 @@ shown["truth"] = mi_lcair.load(truth, **VIEWS[2])
 figure, row = plt.subplots(1, 4, figsize=(9, 2.6), layout="constrained")
 for axes, (title, of) in zip(row, shown.items()):
     is_frame = isinstance(of, np.ndarray)
-    axes.imshow(of if is_frame else mi_lcair.render(of, spp=64).channels["Y"], cmap="inferno")
-    axes.set(title=title, xticks=[], yticks=[])
+    image = of if is_frame else mi_lcair.render(of, spp=64).channels["Y"]
+    drawn = axes.imshow(image, cmap="inferno", vmin=37, vmax=39)
+    axes.set(title=title, xlabel="column")
+row[0].set_ylabel("row")
+figure.colorbar(drawn, ax=row, label="radiance (W m$^{-2}$ sr$^{-1}$)", extend="both")
 
 # %% [markdown]
 # ## How near it is
@@ -158,7 +161,7 @@ number = np.arange(len(exact))
 axes.errorbar(number, 1e3 * displacement, 2e3 * errors, fmt="o", ms=3, label="found, 2 sigma")
 axes.plot(number, 1e3 * exact, "k_", label="truth")
 axes.set(xlabel="control point", ylabel="displacement (mm)")
-axes.legend()
+figure.legend(loc="outside upper right", ncols=2)
 inside = np.abs(displacement - exact) < 2 * errors
 print(f"{inside.mean():.0%} of the control points are within two standard errors")
 assert np.sqrt(np.mean((displacement - exact) ** 2)) < 0.005
