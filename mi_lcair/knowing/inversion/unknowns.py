@@ -335,7 +335,7 @@ def unknowns(
 
 def base_name(listed: Unknown) -> str:
     owner, _, last = listed.name.rpartition(".")
-    if listed.centre and listed.kind in ("spectrum", "motion"):
+    if listed.kind in ("spectrum", "motion") and listed.centre:
         return f"{owner}{SPECTRUM}" if listed.kind == "spectrum" else owner
     return f"{listed.name}{FACETS}" if listed.kind == "facet" else listed.name
 
