@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial import ConvexHull
 from tqdm import tqdm
 
 import mi_lcair
@@ -19,6 +18,7 @@ from docs.studies.page import write_page
 from mi_lcair import models3d
 from mi_lcair.knowing.inversion.least_squares.newton import matern
 from mi_lcair.plugins.emission.triangles import triangle_vertices, vertex_positions
+from tests.rendering.motions.test_control_points import ball
 
 PAGE = Path(__file__).parents[1] / "validation" / "shapes.md"
 RADIUS, POINTS, VERTICES, FINE = 0.5, 24, 800, 2000
@@ -40,20 +40,11 @@ CAMERA = f"""
 MOTIONS = {"blob.shape": {"groups": ["self"], "control_points": POINTS}}
 
 
-def directions(count: int) -> np.ndarray:
-    """Unit vectors (count, 3) that are spread evenly over the sphere."""
-    z, turn = 1 - (2 * np.arange(count) + 1) / count, np.pi * (3 - np.sqrt(5)) * np.arange(count)
-    ring = np.sqrt(1 - z**2)
-    return np.stack([ring * np.cos(turn), ring * np.sin(turn), z], axis=1)
-
-
-def written(folder: Path, unit: np.ndarray, radius) -> Path:
-    """The scene of a black body of 300 K with vertices in these directions."""
-    hull = ConvexHull(unit)
-    a, b, c = unit[hull.simplices].swapaxes(0, 1)
-    is_outward = np.einsum("tk,tk->t", np.cross(b - a, c - a), a + b + c) > 0
-    triangles = np.where(is_outward[:, None], hull.simplices, hull.simplices[:, ::-1])
-    lines = ["v {} {} {}".format(*point) for point in np.reshape(radius, (-1, 1)) * unit]
+def written(folder: Path, count: int, radius) -> Path:
+    """The scene of a black body of 300 K. radius: function of directions (n, 3) [m]."""
+    points, triangles = ball(count)
+    unit = unit_of(points)
+    lines = ["v {} {} {}".format(*point) for point in np.reshape(radius(unit), (-1, 1)) * unit]
     lines += ["o f*blackbody*300*blob", *("f {} {} {}".format(*t) for t in triangles + 1)]
     folder.with_suffix(".obj").write_text("\n".join(lines))
     models3d.export(models3d.read(folder.with_suffix(".obj")), folder)
@@ -146,7 +137,7 @@ def row(name: str, results: list[Found]) -> str:
 def main(page: Path) -> None:
     with tempfile.TemporaryDirectory() as name:
         folder, rows = Path(name), []
-        guess = written(folder / "guess", directions(VERTICES), RADIUS)
+        guess = written(folder / "guess", VERTICES, lambda unit: np.full(len(unit), RADIUS))
         (folder / "motions.toml").write_text(
             f'[motions]\n"blob.shape" = {{groups = ["self"], control_points = {POINTS}}}\n'
         )
@@ -164,8 +155,7 @@ def main(page: Path) -> None:
         results = []
         for seed in tqdm(range(SHAPES), "bumps"):
             exact = bumpy(np.random.default_rng(seed))
-            unit = directions(FINE)
-            true = written(folder / f"bumps_{seed}", unit, exact(unit))
+            true = written(folder / f"bumps_{seed}", FINE, exact)
             results.append(found(folder, guess, true, motions, 100 + seed, exact))
         rows.append(row("bumps and hollows", results))
     write_page(page, "shapes", rows="\n".join(rows), shapes=SHAPES)
